@@ -48,7 +48,17 @@ class KernelHook(BuildHookInterface):
             return
         root = Path(self.root)
         paths = os.pathsep.join([str(root / "src"), str(root / "cli"), *filter(None, sys.path)])
-        command = [sys.executable, "-m", "tdint_cli", "compile", "--all", "--target", self._targets, "-o", self._folder]
+        command = [
+            sys.executable,
+            "-m",
+            "tdint_cli",
+            "compile",
+            "--all",
+            "--target",
+            self._targets,
+            "-o",
+            self._folder,
+        ]
         subprocess.run(command, env={**os.environ, "PYTHONPATH": paths}, check=True)
         sys.path.insert(0, str(root / ".github"))
         from foreign_objects import check
@@ -60,10 +70,16 @@ class KernelHook(BuildHookInterface):
             check(code, about)
             place = f"tdint/kernels/prebuilt/{about['platform']}/{file.name}"
             build_data["force_include"][str(file)] = place
-            tags.add(TAGS.get((about["platform"], "x86-64" in about["target"])) if self._targets != "native" else None)
+            tags.add(
+                TAGS.get((about["platform"], "x86-64" in about["target"]))
+                if self._targets != "native"
+                else None
+            )
         if len(tags) != 1:
             raise ValueError(f"TDINT_WHEEL_TARGETS={self._targets}: a wheel is for one platform")
-        build_data["tag"] = f"py3-none-{tags.pop() or get_platform().replace('-', '_').replace('.', '_')}"
+        build_data["tag"] = (
+            f"py3-none-{tags.pop() or get_platform().replace('-', '_').replace('.', '_')}"
+        )
         build_data["pure_python"] = False
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:

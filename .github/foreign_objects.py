@@ -8,8 +8,37 @@ from typing import Any
 import lief
 
 LIBRARY = {
-    *("acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "cbrt", "cos", "cosh", "erf", "erfc", "exp", "exp2"),
-    *("expm1", "fmod", "hypot", "ldexp", "log", "log10", "log1p", "log2", "pow", "sin", "sinh", "tan", "tanh"),
+    *(
+        "acos",
+        "acosh",
+        "asin",
+        "asinh",
+        "atan",
+        "atan2",
+        "atanh",
+        "cbrt",
+        "cos",
+        "cosh",
+        "erf",
+        "erfc",
+        "exp",
+        "exp2",
+    ),
+    *(
+        "expm1",
+        "fmod",
+        "hypot",
+        "ldexp",
+        "log",
+        "log10",
+        "log1p",
+        "log2",
+        "pow",
+        "sin",
+        "sinh",
+        "tan",
+        "tanh",
+    ),
     *("ceil", "floor", "rint", "trunc", "memcpy", "memmove", "memset"),
 }
 """What the C libraries of all systems have."""
@@ -37,7 +66,9 @@ def check(code: bytes, about: Mapping[str, Any]) -> None:
     left, kinds = left_open(code, about["platform"])
     wrong = [*sorted(left - LIBRARY - FURTHER[about["platform"]]), *sorted(kinds & NEAR)]
     if wrong:
-        raise ValueError(f"{about['kernel']} for {about['target']} on {about['platform']}: {', '.join(wrong)}")
+        raise ValueError(
+            f"{about['kernel']} for {about['target']} on {about['platform']}: {', '.join(wrong)}"
+        )
 
 
 def left_open(code: bytes, platform: str) -> tuple[set[str], set[str]]:
@@ -45,11 +76,19 @@ def left_open(code: bytes, platform: str) -> tuple[set[str], set[str]]:
     if platform == "win32":
         coff = lief.COFF.parse(list(code))
         external = lief.COFF.Symbol.STORAGE_CLASS.EXTERNAL
-        left = {one.name for one in coff.symbols if not one.section_idx and one.storage_class == external}
+        left = {
+            one.name
+            for one in coff.symbols
+            if not one.section_idx and one.storage_class == external
+        }
         return left, _kinds(coff.sections)
     if platform == "darwin":
         macho = lief.MachO.parse(list(code)).at(0)
-        left = {one.name.removeprefix("_") for one in macho.symbols if one.raw_type & (_TYPE | _EXTERNAL) == _EXTERNAL}
+        left = {
+            one.name.removeprefix("_")
+            for one in macho.symbols
+            if one.raw_type & (_TYPE | _EXTERNAL) == _EXTERNAL
+        }
         return left, _kinds(macho.sections)
     elf = lief.ELF.parse(list(code))
     kinds = {one.type.name for one in elf.relocations}

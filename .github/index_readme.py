@@ -33,7 +33,9 @@ class ReadmeHook(MetadataHookInterface):
         source = (root / project["tool"]["hatch"]["version"]["path"]).read_text(encoding="utf-8")
         found = re.search(r'^__version__ = "(.+)"', source, re.MULTILINE)
         repository = project["tool"]["tdint"]["repository"].rstrip("/")
-        text = for_index((root / "README.md").read_text(encoding="utf-8"), repository, found[1] if found else "")
+        text = for_index(
+            (root / "README.md").read_text(encoding="utf-8"), repository, found[1] if found else ""
+        )
         metadata["readme"] = {"content-type": "text/markdown", "text": text}
         metadata["urls"] = urls(repository)
 
@@ -43,7 +45,12 @@ def urls(repository: str) -> dict[str, str]:
     if not repository:
         return {}
     changes = f"{repository}/blob/main/CHANGELOG.md"
-    return {"Homepage": repository, "Source": repository, "Issues": f"{repository}/issues", "Changelog": changes}
+    return {
+        "Homepage": repository,
+        "Source": repository,
+        "Issues": f"{repository}/issues",
+        "Changelog": changes,
+    }
 
 
 def for_index(text: str, repository: str = "", version: str = "") -> str:

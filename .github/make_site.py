@@ -53,7 +53,11 @@ BESIDE = "newmark-average"
 def readmes() -> list[Path]:
     """The pages that people write."""
     folders = (ROOT / name for name in ("cli", "configs", "records", "src", "tests"))
-    return [ROOT / "README.md", ROOT / "CHANGELOG.md", *(file for one in folders for file in sorted(one.rglob("*.md")))]
+    return [
+        ROOT / "README.md",
+        ROOT / "CHANGELOG.md",
+        *(file for one in folders for file in sorted(one.rglob("*.md"))),
+    ]
 
 
 def links(page: str, text: str) -> Iterator[str]:
@@ -94,7 +98,9 @@ def shown(name: str) -> str:
 
 def with_links_to_methods(text: str) -> str:
     """The table of methods with a link to each one's page, which has its parameters, in place of their column."""
-    begin, table, rest = re.split(r"^<!-- (?:generated: methods|end: methods) -->\n", text, flags=re.MULTILINE)
+    begin, table, rest = re.split(
+        r"^<!-- (?:generated: methods|end: methods) -->\n", text, flags=re.MULTILINE
+    )
     rows = [re.sub(r"^(\|[^|]*\|)[^|]*\|", r"\1", row) for row in table.splitlines()]
     rows = [re.sub(r"^\| `([\w-]+)` ", r"| [`\1`](\1.md) ", row) for row in rows]
     return begin + "\n".join(rows) + "\n" + rest
@@ -113,7 +119,9 @@ def escaped(text: str) -> str:
 def paragraphs(text: str) -> str:
     """A docstring as Markdown: its formulas, which are indented, as they stand, all else as prose."""
     blocks = re.split(r"\n\n+", inspect.cleandoc(text))
-    return "\n\n".join(block if block.startswith("    ") else escaped(" ".join(block.split())) for block in blocks)
+    return "\n\n".join(
+        block if block.startswith("    ") else escaped(" ".join(block.split())) for block in blocks
+    )
 
 
 def command_page(name: str) -> str:
@@ -121,16 +129,25 @@ def command_page(name: str) -> str:
     command = import_module(f"tdint_cli.commands.{COMMANDS[name][0]}").command
     assert isinstance(command, Command)
     context = click.Context(
-        command, parent=click.Context(cli, info_name="tdint", **cli.context_settings), info_name=name
+        command,
+        parent=click.Context(cli, info_name="tdint", **cli.context_settings),
+        info_name=name,
     )
     usage = " ".join([context.command_path, *command.collect_usage_pieces(context)])
     parts = [f"# tdint {name}", f"    {usage}", paragraphs(command.help or "")]
     parts += ["## Examples", "```sh\n" + "\n".join(command.examples) + "\n```"]
     for heading in ORDER:
-        options = [one for one in command.get_params(context) if getattr(one, "heading", GENERAL) == heading]
+        options = [
+            one
+            for one in command.get_params(context)
+            if getattr(one, "heading", GENERAL) == heading
+        ]
         records = [record for one in options if (record := one.get_help_record(context))]
         if records:
-            parts += [f"## {heading}", *(f"`{flags}`\n:   {escaped(text)}" for flags, text in records)]
+            parts += [
+                f"## {heading}",
+                *(f"`{flags}`\n:   {escaped(text)}" for flags, text in records),
+            ]
     if command.exits:
         parts += [
             "## Exit codes",
@@ -148,7 +165,9 @@ def method_page(name: str) -> str:
     parts = [f"# {name}", f"Source: {escaped(method.source)}.", facts(integrator)]
     parts += ["## Equations", *map(paragraphs, (module.__doc__ or "", step.__doc__ or ""))]
     parts += [coefficients(integrator, inspect.getsource(module))]
-    picture = f"![Spectral radius, period error and damping of {name} over dt/T]({picture_of(name)})"
+    picture = (
+        f"![Spectral radius, period error and damping of {name} over dt/T]({picture_of(name)})"
+    )
     parts += [
         "## Stability and accuracy",
         picture,
@@ -164,13 +183,22 @@ def facts(integrator: Integrator) -> str:
     """Parameters, order and limits, a line each; numbers at the defaults."""
     method = integrator.method
     named = zip(method.parameters, integrator.values, strict=True)
-    lines = [f"parameter `{one.name}`, in {one.range}: {value:.6g} unless said otherwise" for one, value in named]
+    lines = [
+        f"parameter `{one.name}`, in {one.range}: {value:.6g} unless said otherwise"
+        for one, value in named
+    ]
     limit = integrator.stability_limit
     lines += [f"order {integrator.order} for a smooth load"]
-    lines += ["stable at any step" if math.isinf(limit) else f"stable up to omega dt = {limit:.4g} without damping"]
+    lines += [
+        "stable at any step"
+        if math.isinf(limit)
+        else f"stable up to omega dt = {limit:.4g} without damping"
+    ]
     if not math.isnan(integrator.rho_inf):
         lines += [f"spectral radius of {integrator.rho_inf:.4g} at very large steps (rho_inf)"]
-    lines += ["implicit" if integrator.implicit else "explicit"] + ["for linear buildings"] * method.family.linear_only
+    lines += ["implicit" if integrator.implicit else "explicit"] + [
+        "for linear buildings"
+    ] * method.family.linear_only
     return "\n".join(f"- {escaped(line)}" for line in lines)
 
 
@@ -180,7 +208,9 @@ def coefficients(integrator: Integrator, source: str) -> str:
     values = integrator.method.coefficients(*integrator.values)
     if found is None or not values:
         return ""
-    places = {name: int(place) for name, place in re.findall(r"^(\w+) = (\d+)", found[1], re.MULTILINE)}
+    places = {
+        name: int(place) for name, place in re.findall(r"^(\w+) = (\d+)", found[1], re.MULTILINE)
+    }
     ends = [*list(places.values())[1:], len(values)]
     lines = [
         f"    {name} = {', '.join(f'{value:.10g}' for value in values[place:end])}"
@@ -219,7 +249,9 @@ def pages() -> dict[str, str]:
 def pictures() -> list[str]:
     """The pictures that READMEs show, as paths from the root."""
     texts = ((file.relative_to(ROOT).as_posix(), file.read_text("utf-8")) for file in readmes())
-    return sorted({one for page, text in texts for one in links(page, text) if Path(one).suffix in PICTURES})
+    return sorted(
+        {one for page, text in texts for one in links(page, text) if Path(one).suffix in PICTURES}
+    )
 
 
 def settings(names: Iterable[str]) -> dict[str, Any]:
@@ -259,7 +291,9 @@ def write(folder: Path) -> None:
     shutil.copyfile(STYLE, folder / "source" / STYLE.name)
     for name in catalogue():
         draw(name, folder / "source" / METHODS / picture_of(name))
-    (folder / SETTINGS.name).write_text(yaml.safe_dump(settings(texts), sort_keys=False), encoding="utf-8")
+    (folder / SETTINGS.name).write_text(
+        yaml.safe_dump(settings(texts), sort_keys=False), encoding="utf-8"
+    )
 
 
 def build(folder: Path) -> int:

@@ -35,9 +35,18 @@ def _agent(author: dict[str, str]) -> dict[str, str]:
     """An author of CITATION.cff, a person or an entity, as CodeMeta knows one."""
     if "name" in author:
         return {"type": "Organization", "name": author["name"]}
-    told = {"given-names": "givenName", "family-names": "familyName", "email": "email", "affiliation": "affiliation"}
+    told = {
+        "given-names": "givenName",
+        "family-names": "familyName",
+        "email": "email",
+        "affiliation": "affiliation",
+    }
     identity = {"id": author["orcid"]} if "orcid" in author else {}
-    return {"type": "Person"} | identity | {name: author[key] for key, name in told.items() if key in author}
+    return (
+        {"type": "Person"}
+        | identity
+        | {name: author[key] for key, name in told.items() if key in author}
+    )
 
 
 def _bibtex_name(author: dict[str, str]) -> str:
@@ -98,8 +107,12 @@ def bibtex(citation: dict[str, Any], project: dict[str, Any]) -> str:
 def faults(tag: str, day: str) -> list[str]:
     """What stands in the way of a release under a tag, of a commit of a day."""
     citation, project = read()
-    version = re.search(r'__version__ = "(.+)"', (ROOT / project["tool"]["hatch"]["version"]["path"]).read_text())
-    heading = re.search(r"^## (\S+) \((.+)\)$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    version = re.search(
+        r'__version__ = "(.+)"', (ROOT / project["tool"]["hatch"]["version"]["path"]).read_text()
+    )
+    heading = re.search(
+        r"^## (\S+) \((.+)\)$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
     versions = {
         "the tag": tag.removeprefix("v"),
         "src/tdint/system.py": version and version[1],
@@ -114,9 +127,14 @@ def faults(tag: str, day: str) -> list[str]:
     found = []
     for what, said in (("version", versions), ("date", days)):
         if len(set(said.values())) > 1:
-            found.append(f"one {what}, please: " + ", ".join(f"{value} in {place}" for place, value in said.items()))
+            found.append(
+                f"one {what}, please: "
+                + ", ".join(f"{value} in {place}" for place, value in said.items())
+            )
     found += [
-        f"pyproject.toml: [tool.tdint] {name} is empty" for name, value in project["tool"]["tdint"].items() if not value
+        f"pyproject.toml: [tool.tdint] {name} is empty"
+        for name, value in project["tool"]["tdint"].items()
+        if not value
     ]
     if not {"family-names", "name"} & citation["authors"][0].keys():
         found.append("CITATION.cff: the first author has neither family-names nor name")
@@ -125,9 +143,13 @@ def faults(tag: str, day: str) -> list[str]:
         if said is None or said[0] != contact(project):
             found.append(f".github/{file} does not tell the contact: run python .github/release.py")
     if CODEMETA.read_text(encoding="utf-8") != codemeta(citation, project):
-        found.append(".github/codemeta.json is not what CITATION.cff says: run python .github/release.py")
+        found.append(
+            ".github/codemeta.json is not what CITATION.cff says: run python .github/release.py"
+        )
     if bibtex(citation, project) not in README.read_text(encoding="utf-8"):
-        found.append("README.md: the BibTeX entry is not what CITATION.cff says: run python .github/release.py")
+        found.append(
+            "README.md: the BibTeX entry is not what CITATION.cff says: run python .github/release.py"
+        )
     return found
 
 
@@ -137,16 +159,22 @@ def owners() -> list[str]:
     told = project["tool"]["tdint"]
     recipe = (ROOT / ".github" / "conda" / "meta.yaml").read_text(encoding="utf-8")
     missing = {
-        "address of the repository: pyproject.toml, [tool.tdint] repository": not told["repository"],
+        "address of the repository: pyproject.toml, [tool.tdint] repository": not told[
+            "repository"
+        ],
         "e-mail: pyproject.toml, [tool.tdint] contact": not told["contact"],
         "persons: CITATION.cff, authors with family-names and given-names": all(
             "name" in a for a in citation["authors"]
         ),
-        "date of the release: CITATION.cff, date-released, and CHANGELOG.md": "date-released" not in citation,
-        "tag v" + citation["version"] + " on the commit of that day": "date-released" not in citation,
-        "authors and DOI of the paper of 2022: CITATION.cff, preferred-citation": "preferred-citation" not in citation,
+        "date of the release: CITATION.cff, date-released, and CHANGELOG.md": "date-released"
+        not in citation,
+        "tag v" + citation["version"] + " on the commit of that day": "date-released"
+        not in citation,
+        "authors and DOI of the paper of 2022: CITATION.cff, preferred-citation": "preferred-citation"
+        not in citation,
         "DOI of the archive, once there is one: CITATION.cff, doi": "doi" not in citation,
-        "maintainers of the conda recipe: .github/conda/meta.yaml, recipe-maintainers": "OWNER" in recipe,
+        "maintainers of the conda recipe: .github/conda/meta.yaml, recipe-maintainers": "OWNER"
+        in recipe,
         "on the index: an account, and this repository's release.yml as its trusted publisher": True,
         "on the repository: pages served by site.yml, the environment `pypi`": True,
     }
@@ -165,6 +193,8 @@ if __name__ == "__main__":
         README.write_text(_BIBTEX.sub(lambda _: bibtex(citation, project), text), encoding="utf-8")
         for file in TELLING:
             text = (CODEMETA.parent / file).read_text(encoding="utf-8")
-            (CODEMETA.parent / file).write_text(_CONTACT.sub(lambda _: contact(project), text), encoding="utf-8")
+            (CODEMETA.parent / file).write_text(
+                _CONTACT.sub(lambda _: contact(project), text), encoding="utf-8"
+            )
     print("The owner's:", *owners(), sep="\n  ")  # noqa: T201
     sys.exit(bool(found))

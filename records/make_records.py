@@ -53,7 +53,9 @@ class Envelope:
     def at(self, time: Array) -> Array:
         """The amplitude at `time` (s), between 0 and 1."""
         fading = np.exp(-self.decay * (time - self.hold))
-        return np.where(time < self.rise, (time / self.rise) ** 2, np.where(time < self.hold, 1.0, fading))
+        return np.where(
+            time < self.rise, (time / self.rise) ** 2, np.where(time < self.hold, 1.0, fading)
+        )
 
 
 FIRM = Soil(layer=15.0, layer_damping=0.6, high_pass=1.5, high_pass_damping=0.6)
@@ -91,7 +93,9 @@ def filtered_noise(time: Array, soil: Soil, envelope: Envelope, seed: int, peak:
     omega = 2 * np.pi * np.fft.rfftfreq(2 * n, dt)
     damping = 2j * soil.layer_damping * soil.layer * omega
     layer = (soil.layer**2 + damping) / (soil.layer**2 - omega**2 + damping)
-    high_pass = omega**2 / (soil.high_pass**2 - omega**2 + 2j * soil.high_pass_damping * soil.high_pass * omega)
+    high_pass = omega**2 / (
+        soil.high_pass**2 - omega**2 + 2j * soil.high_pass_damping * soil.high_pass * omega
+    )
     motion = np.fft.irfft(noise * layer * high_pass, 2 * n)[:n] * envelope.at(time)
     motion[0] = 0.0
     return motion * (peak / np.abs(motion).max())
@@ -154,7 +158,9 @@ def near_fault() -> list[Array]:
     for seed, peak, velocity in ((20240201, 0.25 * G, 1.25), (20240202, 0.22 * G, 0.2)):
         noise = filtered_noise(time, FIRM, envelope, seed, peak)
         noise = without_final_velocity(noise, envelope.at(time))
-        components.append(noise + pulse(time, period=2.0, cycles=2.0, velocity=velocity, center=7.0))
+        components.append(
+            noise + pulse(time, period=2.0, cycles=2.0, velocity=velocity, center=7.0)
+        )
     return components
 
 
@@ -168,7 +174,11 @@ def soft_soil() -> list[Array]:
     return components
 
 
-RECORDS = {"firm-soil": ("FIRM", firm_soil), "near-fault": ("FAULT", near_fault), "soft-soil": ("SOFT", soft_soil)}
+RECORDS = {
+    "firm-soil": ("FIRM", firm_soil),
+    "near-fault": ("FAULT", near_fault),
+    "soft-soil": ("SOFT", soft_soil),
+}
 """File name: station code and the function that makes its components HN1 and HN2, m/s^2 at 0.01 s."""
 
 
@@ -200,7 +210,10 @@ def write_records(folder: Path) -> None:
     """Write the artificial motions as MiniSEED files (64-bit floating-point numbers, m/s^2)."""
     for name, (station, make) in RECORDS.items():
         header = {"network": NETWORK, "station": station, "starttime": START, "delta": 0.01}
-        traces = [Trace(data, header | {"channel": f"HN{number}"}) for number, data in enumerate(make(), start=1)]
+        traces = [
+            Trace(data, header | {"channel": f"HN{number}"})
+            for number, data in enumerate(make(), start=1)
+        ]
         _write(traces, folder / f"{name}.mseed")
 
 

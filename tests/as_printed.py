@@ -34,8 +34,14 @@ def nonlinear_step(m, c, law, h, start, impulse, end, beta=BETA, iterations=50):
         )
         of_u, known = np.linalg.solve(a1, by_u), np.linalg.solve(a1, rest - impulse)
         # Velocity and acceleration at the end: parts in (u1 - u0), and the others.
-        v_u, v_known = 4.0 / h * np.eye(len(m)) - h**2 / 6.0 * of_u, -3.0 * v0 - a0 * h - h**2 / 6.0 * known
-        a_u, a_known = 12.0 / h**2 * np.eye(len(m)) - h * of_u, -12.0 / h * v0 - 5.0 * a0 - h * known
+        v_u, v_known = (
+            4.0 / h * np.eye(len(m)) - h**2 / 6.0 * of_u,
+            -3.0 * v0 - a0 * h - h**2 / 6.0 * known,
+        )
+        a_u, a_known = (
+            12.0 / h**2 * np.eye(len(m)) - h * of_u,
+            -12.0 / h * v0 - 5.0 * a0 - h * known,
+        )
         k_x = m @ a_u + c @ v_u + k
         p_x = end - m @ a_known - c @ v_known - (force_1 - k @ (u1 - u0))
         new = u0 + np.linalg.solve(k_x, p_x)
@@ -50,7 +56,16 @@ def matrix(w, xi, beta=BETA):
     """Eqs. 24 to 26: the amplification matrix of (u, v dt, a dt^2) of an oscillator, w = omega dt."""
     one = np.eye(1)
     columns = [
-        step(one, 2.0 * xi * w * one, w * w * one, 1.0, column[:, None], np.zeros(1), np.zeros(1), beta)
+        step(
+            one,
+            2.0 * xi * w * one,
+            w * w * one,
+            1.0,
+            column[:, None],
+            np.zeros(1),
+            np.zeros(1),
+            beta,
+        )
         for column in np.eye(3)
     ]
     return np.array(columns)[:, :, 0].T

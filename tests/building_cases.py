@@ -24,7 +24,9 @@ def story(mass, stiffness, law=LINEAR, height=3.5, dashpot=0.0):
     return Story(mass=mass, height=height, stiffness=stiffness, law=law, dashpot=dashpot)
 
 
-def model(stories, *, damping=None, forces=(), displacement=None, velocity=None, p_delta=False, **analysis):
+def model(
+    stories, *, damping=None, forces=(), displacement=None, velocity=None, p_delta=False, **analysis
+):
     """A model without a record."""
     n = len(stories)
     return Model(
@@ -50,7 +52,9 @@ def ten_bilinear(damping=FIVE_PERCENT):
     """Ten bilinear stories: hardening 3 %, base yield at 0.15 of the weight, triangular pattern above."""
     weights = np.arange(1, 11) / 55.0
     yields = 0.15 * 10 * 2e5 * 9.81 * np.cumsum(weights[::-1])[::-1]
-    return model([story(2e5, 3.5e8, Law("bilinear", (float(fy), 0.03))) for fy in yields], damping=damping)
+    return model(
+        [story(2e5, 3.5e8, Law("bilinear", (float(fy), 0.03))) for fy in yields], damping=damping
+    )
 
 
 def oscillator(omega, xi=0.0, **more):

@@ -13,7 +13,9 @@ import pytest
 from hypothesis import settings
 
 # Loops lie beside the cache of the user, whose own they would replace: by hashes of their sources, for all clones.
-os.environ.setdefault("TDINT_CACHE_DIR", str(platformdirs.user_cache_path("tdint-tests", appauthor=False)))
+os.environ.setdefault(
+    "TDINT_CACHE_DIR", str(platformdirs.user_cache_path("tdint-tests", appauthor=False))
+)
 
 # A run is compiled before it, whatever has been compiled.
 os.environ.setdefault("TDINT_COMPILE", "wait")
@@ -46,7 +48,9 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
     Side by side, each process has the files of its half of the suite, whose fixtures are then made once. The one that
     is done first takes tests from the other's end.
     """
-    of_scenes = _few(config) and all("::" in argument or "/cli/" in argument for argument in map(str, config.args))
+    of_scenes = _few(config) and all(
+        "::" in argument or "/cli/" in argument for argument in map(str, config.args)
+    )
     os.environ.setdefault("TDINT_KERNELS", "" if of_scenes else "whole")
     if config.getoption("numprocesses", None) and config.getoption("dist", "") == "no":
         config.option.dist = "worksteal"
@@ -89,7 +93,11 @@ _FEW_FILES = 3
 def _few(config: pytest.Config) -> bool:
     """Whether of so few files tests are named that what they need is compiled sooner than all loops."""
     files = {Path(str(argument).partition("::")[0]) for argument in config.args}
-    return not config.getoption("numprocesses", None) and len(files) <= _FEW_FILES and all(map(Path.is_file, files))
+    return (
+        not config.getoption("numprocesses", None)
+        and len(files) <= _FEW_FILES
+        and all(map(Path.is_file, files))
+    )
 
 
 def _of_something_else(record: logging.LogRecord) -> bool:

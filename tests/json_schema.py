@@ -17,14 +17,18 @@ TYPES: dict[str, Callable[[object], bool]] = {
     "string": lambda value: isinstance(value, str),
     "boolean": lambda value: isinstance(value, bool),
     "number": lambda value: isinstance(value, int | float) and not isinstance(value, bool),
-    "integer": lambda value: isinstance(value, int | float) and not isinstance(value, bool) and value == int(value),
+    "integer": lambda value: (
+        isinstance(value, int | float) and not isinstance(value, bool) and value == int(value)
+    ),
 }
 WORDS = ("$schema", "title", "description", "additionalProperties")
 
 
 def valid(value: Any, schema: dict[str, Any]) -> bool:
     """Whether a value is as the schema says."""
-    return all(_holds(word, told, value, schema) for word, told in schema.items() if word not in WORDS)
+    return all(
+        _holds(word, told, value, schema) for word, told in schema.items() if word not in WORDS
+    )
 
 
 def _holds(word: str, told: Any, value: Any, schema: dict[str, Any]) -> bool:
@@ -60,7 +64,9 @@ def _holds(word: str, told: Any, value: Any, schema: dict[str, Any]) -> bool:
             return not isinstance(value, dict) or all(name in value for name in told)
         case "properties":
             extra = schema.get("additionalProperties", True)
-            known = isinstance(value, dict) and {name: item for name, item in value.items() if name in told}
+            known = isinstance(value, dict) and {
+                name: item for name, item in value.items() if name in told
+            }
             return not isinstance(value, dict) or (
                 (extra is not False or len(value) == len(known))
                 and all(valid(item, told[name]) for name, item in known.items())
@@ -88,7 +94,11 @@ def wrong(kind: ValueKind) -> list[object]:
     """Values that a kind does not allow, made from what it declares."""
     if isinstance(kind, Bounds):
         outside = [kind.low - 1.0, kind.high + 1.0, kind.low * (not kind.low_allowed), kind.high]
-        return [[1], "abc", *(value for value in outside if abs(value) < 1e30 and not kind.allow(value))]
+        return [
+            [1],
+            "abc",
+            *(value for value in outside if abs(value) < 1e30 and not kind.allow(value)),
+        ]
     if isinstance(kind, Whole):
         return [kind.low - 1, kind.high + 1, kind.low + 0.5, "a"]
     if isinstance(kind, Choice):
@@ -113,7 +123,9 @@ def spoiled(model: dict[str, Any], keys: Keys) -> list[dict[str, Any]]:
             found += [{**model, key.name: value} for value in spoiled(model[key.name], inner[0])]
         if isinstance(key.kind, EntriesOf) and isinstance(key.kind.kind, Keys):
             first, *rest = model[key.name]
-            found += [{**model, key.name: [value, *rest]} for value in spoiled(first, key.kind.kind)]
+            found += [
+                {**model, key.name: [value, *rest]} for value in spoiled(first, key.kind.kind)
+            ]
         if key.needed:
             found.append({name: value for name, value in model.items() if name != key.name})
     return [*found, {**model, "no such key": 1}]

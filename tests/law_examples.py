@@ -17,7 +17,17 @@ def example(name, stiffness, strength):
     if name == "multilinear-pinching":
         points = [(1.0, 1.0), (4.0, 1.6), (9.0, 1.2), (20.0, 1.0)]
         side = [number for d, f in points for number in (d * drift, f * strength)]
-        return Law(name, (*side, *side, *2 * (0.5, 0.25, 0.05), math.inf, *3 * (0.0, 0.0, 1.0, 1.0, 0.0), math.inf))
+        return Law(
+            name,
+            (
+                *side,
+                *side,
+                *2 * (0.5, 0.25, 0.05),
+                math.inf,
+                *3 * (0.0, 0.0, 1.0, 1.0, 0.0),
+                math.inf,
+            ),
+        )
     for parameter in LAWS[name].parameters:
         if parameter.many:
             values += [stiffness, -0.1 * stiffness / drift, 0.05 * stiffness / drift**2]
@@ -26,5 +36,7 @@ def example(name, stiffness, strength):
             values.append(strength**parameter.force * drift**parameter.length)
         else:
             width = parameter.high - parameter.low
-            values.append(parameter.low + min(1.0, 0.1 * width) if math.isfinite(parameter.low) else 0.5)
+            values.append(
+                parameter.low + min(1.0, 0.1 * width) if math.isfinite(parameter.low) else 0.5
+            )
     return Law(name, tuple(values))

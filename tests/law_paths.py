@@ -10,7 +10,9 @@ from tdint.model.building import assemble
 from tdint.model.definition import CODES, simple_model, simple_story
 
 K, FY, HARDENING = 1000.0, 20.0, 0.05
-CYCLE = np.concatenate([np.linspace(a, b, 40)[1:] for a, b in ((0, 0.06), (0.06, -0.09), (-0.09, 0.05), (0.05, 0.1))])
+CYCLE = np.concatenate(
+    [np.linspace(a, b, 40)[1:] for a, b in ((0, 0.06), (0.06, -0.09), (-0.09, 0.05), (0.05, 0.1))]
+)
 
 
 def law_table(name, *parameters):
@@ -26,7 +28,11 @@ def follow(law_parameters, path):
     drifts = np.array([0.0, *path])
     result = np.zeros((drifts.size, law_state.RESULT_COLUMNS))
     law_state.follow.compiled(law_parameters, 0, drifts, spring_table(law_parameters), result)
-    return result[1:, law_state.SHEAR], result[-1, law_state.RECOVERABLE], result[-1, law_state.DISSIPATION]
+    return (
+        result[1:, law_state.SHEAR],
+        result[-1, law_state.RECOVERABLE],
+        result[-1, law_state.DISSIPATION],
+    )
 
 
 def along(law, drifts, **story):

@@ -10,22 +10,40 @@ from matplotlib.ticker import FixedLocator
 def check(figure: Figure) -> None:
     """AssertionError where a figure is not legible."""
     width, height = figure.get_size_inches()
-    panels = [axes for axes in figure.axes if axes.get_visible() and axes.axison and axes.get_subplotspec()]
+    panels = [
+        axes
+        for axes in figure.axes
+        if axes.get_visible() and axes.axison and axes.get_subplotspec()
+    ]
     columns = max((place.stop for *_, place in map(_place, panels)), default=1)
     assert width <= max(11.0, 5.0 * columns), "wider than a page on its side"
-    lines = [axes for axes in panels if not _has_names(axes.xaxis)]  # others are tables, read cell by cell
-    assert all(axes.get_position().width * width <= 6.3 for axes in lines), "a panel wider than the eye follows a line"
+    lines = [
+        axes for axes in panels if not _has_names(axes.xaxis)
+    ]  # others are tables, read cell by cell
+    assert all(axes.get_position().width * width <= 6.3 for axes in lines), (
+        "a panel wider than the eye follows a line"
+    )
     assert 0.25 * width <= height <= 1.4 * width and height <= 10.0, "no page is like that"
-    sizes = [text.get_fontsize() for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()]
+    sizes = [
+        text.get_fontsize()
+        for text in figure.findobj(Text)
+        if text.get_visible() and text.get_text().strip()
+    ]
     assert min(sizes) >= 6.0 and max(sizes) <= 11.0, "letters of another size than those of a page"
     # The lowest panel of each column says what is across, the first one of each row what is along it.
     for axes in panels:
         grid, rows, places = _place(axes)
         others = [(below, beside) for same, below, beside in map(_place, panels) if same is grid]
-        if not any(below.start >= rows.stop and set(places) & set(beside) for below, beside in others):
+        if not any(
+            below.start >= rows.stop and set(places) & set(beside) for below, beside in others
+        ):
             assert axes.get_xlabel() or _has_names(axes.xaxis), "nothing says what is across"
-        if not any(beside.stop <= places.start and set(rows) & set(below) for below, beside in others):
-            assert axes.get_ylabel() or axes.get_title() or _has_names(axes.yaxis), "nothing says what is along"
+        if not any(
+            beside.stop <= places.start and set(rows) & set(below) for below, beside in others
+        ):
+            assert axes.get_ylabel() or axes.get_title() or _has_names(axes.yaxis), (
+                "nothing says what is along"
+            )
 
 
 def _place(axes: Any) -> tuple[Any, range, range]:

@@ -50,7 +50,12 @@ class Domain:
         self.links[second - 1].append(self.materials[words[1]])
 
     def recorder(self, kind, form, file, word, *words):
-        assert (kind, form, word, words[:-1]) == ("Node", "-binary", "-node", (*range(1, self.nodes), "-dof", 1))
+        assert (kind, form, word, words[:-1]) == (
+            "Node",
+            "-binary",
+            "-node",
+            (*range(1, self.nodes), "-dof", 1),
+        )
         self.recorded[file] = []
 
     def rayleigh(self, mass, current, initial, committed):
@@ -61,12 +66,16 @@ class Domain:
         told = {word: words[i + 1 :] for i, word in enumerate(words) if isinstance(word, str)}
         if kind == "Path":
             values = np.array(told["-values"])
-            self.series[tag] = lambda t: np.interp(t, told["-dt"][0] * np.arange(values.size), values)
+            self.series[tag] = lambda t: np.interp(
+                t, told["-dt"][0] * np.arange(values.size), values
+            )
         elif kind == "Constant":
             self.series[tag] = lambda t: told["-factor"][0]
         else:
             (start, end, period), (size,), (shift,) = words[:3], told["-factor"][:1], told["-shift"]
-            self.series[tag] = lambda t: size * np.sin(2.0 * np.pi * (t - start) / period + shift) * (t <= end)
+            self.series[tag] = lambda t: (
+                size * np.sin(2.0 * np.pi * (t - start) / period + shift) * (t <= end)
+            )
 
     def pattern(self, kind, tag, *words):
         self.loading = words[0]
@@ -81,7 +90,9 @@ class Domain:
         """Of a node's motion `nodeDisp(node, 1)`, `setNodeVel(node, 1, value, "-commit")`, and so on."""
         row = next(i for i, kind in enumerate(("Disp", "Vel", "Accel")) if name.endswith(kind))
         if name.startswith("set"):
-            return lambda tag, direction, value, _: self.motion.__setitem__((row, tag - direction), value)
+            return lambda tag, direction, value, _: self.motion.__setitem__(
+                (row, tag - direction), value
+            )
         return lambda tag, direction: self.motion[row, tag - direction]
 
     def test(self, kind, tolerance, most):
@@ -105,15 +116,23 @@ class Domain:
         """All is said: matrices, and what of the springs has yielded at the start."""
         self.m = np.array([self.masses[tag] for tag in range(1, self.nodes)])
         self.drifts = np.eye(self.m.size) - np.eye(self.m.size, k=-1)
-        steel = [numbers if kind == "Steel01" else (np.inf, *numbers, 0.0) for (kind, *numbers), *_ in self.links]
+        steel = [
+            numbers if kind == "Steel01" else (np.inf, *numbers, 0.0)
+            for (kind, *numbers), *_ in self.links
+        ]
         self.yields, self.k, self.hardening = np.array(steel).T
         dashpots, beside = (
-            np.array([sum(size[0] for kind, *size in link[1:] if kind == wanted) for link in self.links])
+            np.array(
+                [sum(size[0] for kind, *size in link[1:] if kind == wanted) for link in self.links]
+            )
             for wanted in ("Viscous", "Elastic")
         )
         self.geometric = self.drifts.T @ np.diag(beside) @ self.drifts
         alpha, beta = self.proportions
-        self.c = alpha * np.diag(self.m) + self.drifts.T @ np.diag(dashpots + beta * self.k) @ self.drifts
+        self.c = (
+            alpha * np.diag(self.m)
+            + self.drifts.T @ np.diag(dashpots + beta * self.k) @ self.drifts
+        )
         self.inner = self.springs(self.drifts @ self.motion[0], 0.0 * self.m, 0.0 * self.m)[1]
 
     def springs(self, drift, before, inner):
@@ -121,7 +140,11 @@ class Domain:
         soft, most = (1.0 - self.hardening) * self.k, (1.0 - self.hardening) * self.yields
         tried = inner + soft * (drift - before)
         inner = np.clip(tried, -most, most)
-        return self.hardening * self.k * drift + inner, inner, self.hardening * self.k + soft * (abs(tried) < most)
+        return (
+            self.hardening * self.k * drift + inner,
+            inner,
+            self.hardening * self.k + soft * (abs(tried) < most),
+        )
 
     def analyze(self, count, h):
         return next((code for code in (self.step(h) for _ in range(count)) if code), 0)
@@ -138,8 +161,15 @@ class Domain:
         for solves in range(self.most + 1):
             a = (u - u0 - h * v0) / (beta * h * h) - (0.5 / beta - 1.0) * a0
             v = v0 + h * ((1.0 - gamma) * a0 + gamma * a)
-            shear, _, tangent = self.springs(self.drifts @ (u0 + rest * (u - u0)), before, self.inner)
-            out = load - self.m * (a0 + inertia * (a - a0)) - self.c @ (v0 + rest * (v - v0)) - self.drifts.T @ shear
+            shear, _, tangent = self.springs(
+                self.drifts @ (u0 + rest * (u - u0)), before, self.inner
+            )
+            out = (
+                load
+                - self.m * (a0 + inertia * (a - a0))
+                - self.c @ (v0 + rest * (v - v0))
+                - self.drifts.T @ shear
+            )
             out -= self.geometric @ (u0 + rest * (u - u0))
             if solves and (self.one_solve or np.linalg.norm(out) <= self.tolerance):
                 break
@@ -150,6 +180,8 @@ class Domain:
             return -3
         self.inner = self.springs(self.drifts @ u, before, self.inner)[1]
         self.motion, self.time, self.iterations = np.array([u, v, a]), self.time + h, solves
-        for file, row in zip(self.recorded, self.motion, strict=False):  # in the order of disp, vel, accel
+        for file, row in zip(
+            self.recorded, self.motion, strict=False
+        ):  # in the order of disp, vel, accel
             self.recorded[file].append(row)
         return 0

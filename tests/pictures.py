@@ -23,7 +23,9 @@ _IDA = "tdint ida configs/collapse-prone-frame.yaml records --units m/s^2 -q"
 _REGION = " && ".join(
     next(
         [command.replace("{", "{{").replace("}", "}}") for command, _ in session[:2]]
-        for session in readmes.sessions((readmes.ROOT / "src" / "tdint" / "campaign" / "README.md").read_text())
+        for session in readmes.sessions(
+            (readmes.ROOT / "src" / "tdint" / "campaign" / "README.md").read_text()
+        )
         if "region.yaml" in "".join(command for command, _ in session)
     )
 )
@@ -41,13 +43,16 @@ class Picture:
 
 
 PICTURES = {
-    "kaikoura-frame.png": Picture("tdint run configs/kaikoura-frame.yaml --method moment4 --plot={file}", "runs"),
+    "kaikoura-frame.png": Picture(
+        "tdint run configs/kaikoura-frame.yaml --method moment4 --plot={file}", "runs"
+    ),
     "three-story-concrete-loops.png": Picture(
         "tdint law configs/three-story-concrete.yaml --drift 1% --drift 2% --drift 3% --cycles 2 --plot={file}",
         "comparison",
     ),
     "design-spectrum.png": Picture(
-        "tdint scale records --units m/s^2 --target configs/design-spectrum.csv --range 0.2:2 --plot={file}", "collapse"
+        "tdint scale records --units m/s^2 --target configs/design-spectrum.csv --range 0.2:2 --plot={file}",
+        "collapse",
     ),
     "collapse-prone-frame-ida.png": Picture(f"{_IDA} --plot={{file}}", "collapse"),
     "collapse-prone-frame-fragility.png": Picture(
@@ -58,7 +63,9 @@ PICTURES = {
     ),
     "failures.png": Picture("tdint failures --plot={file}", "assessment", of_methods=True),
     "ten-story-bilinear-chart.png": Picture(
-        "tdint chart configs/ten-story-bilinear.yaml --peers --repeat 20 --plot={file}", "assessment", timed=True
+        "tdint chart configs/ten-story-bilinear.yaml --peers --repeat 20 --plot={file}",
+        "assessment",
+        timed=True,
     ),
     "chain-150-chart.png": Picture(
         "tdint chart configs/chain-150.yaml --repeat 5 --plot={file}", "assessment", timed=True
@@ -82,7 +89,11 @@ def _inputs(command: str) -> set[Path]:
     """The files that a command names; of a model its record, of a folder what records it holds, as well."""
     named = [readmes.ROOT / word for word in command.split() if (readmes.ROOT / word).exists()]
     files = {file for one in named for file in (one.glob("*.mseed") if one.is_dir() else [one])}
-    told = (re.findall(r"\.\./records/[\w./-]+", file.read_text()) for file in files if file.suffix == ".yaml")
+    told = (
+        re.findall(r"\.\./records/[\w./-]+", file.read_text())
+        for file in files
+        if file.suffix == ".yaml"
+    )
     return files | {readmes.ROOT / name.removeprefix("../") for names in told for name in names}
 
 
@@ -100,7 +111,11 @@ def digest(picture: Picture) -> str:
 def out_of_date() -> list[str]:
     """The pictures whose digest is another one than when they were drawn, or that are not there."""
     known = json.loads(DIGESTS.read_text()) if DIGESTS.exists() else {}
-    return [name for name, one in PICTURES.items() if known.get(name) != digest(one) or not (FOLDER / name).exists()]
+    return [
+        name
+        for name, one in PICTURES.items()
+        if known.get(name) != digest(one) or not (FOLDER / name).exists()
+    ]
 
 
 def draw(names: list[str]) -> None:
@@ -109,7 +124,9 @@ def draw(names: list[str]) -> None:
     for name in names:
         print(name, flush=True)
         with readmes.checkout() as (folder, environment):
-            code, _, said = readmes.shell(PICTURES[name].command.format(file=name), folder, environment)
+            code, _, said = readmes.shell(
+                PICTURES[name].command.format(file=name), folder, environment
+            )
             assert code == 0, said
             (FOLDER / name).write_bytes((folder / name).read_bytes())
         known[name] = digest(PICTURES[name])

@@ -30,9 +30,12 @@ CONSERVATIVE = {
     "linear": lambda rng, k: Law("linear", ()),
 }
 HYSTERETIC = {
-    "bilinear": lambda rng, k: Law("bilinear", (BEND * k * rng.uniform(0.2, 1.0), rng.uniform(0.0, 0.3))),
+    "bilinear": lambda rng, k: Law(
+        "bilinear", (BEND * k * rng.uniform(0.2, 1.0), rng.uniform(0.0, 0.3))
+    ),
     "peak-oriented": lambda rng, k: Law(
-        "peak-oriented", (BEND * k * rng.uniform(0.2, 1.0), rng.uniform(0.01, 0.3), rng.uniform(0.0, 0.9))
+        "peak-oriented",
+        (BEND * k * rng.uniform(0.2, 1.0), rng.uniform(0.01, 0.3), rng.uniform(0.0, 0.9)),
     ),
     "linear": lambda rng, k: Law("linear", ()),
 }
@@ -45,7 +48,10 @@ def random_building(rng, laws):
     masses = 1e5 * rng.uniform(0.5, 2.0, n)
     springs = 1e8 * rng.uniform(0.5, 2.0, n) * np.linspace(1.5, 0.7, n)
     names = rng.choice(list(laws), n)
-    stories = [story(m, k, laws[name](rng, k), height=3.0) for m, k, name in zip(masses, springs, names, strict=True)]
+    stories = [
+        story(m, k, laws[name](rng, k), height=3.0)
+        for m, k, name in zip(masses, springs, names, strict=True)
+    ]
     drifts = BEND * rng.uniform(-3.0, 3.0, n)
     rates = rng.uniform(-0.5, 0.5, n)
     built = model(
@@ -59,7 +65,11 @@ def random_building(rng, laws):
 
 def _imk(rng, k, strength):
     drift = strength / k
-    hardening = (drift * rng.uniform(2.0, 6.0), drift * rng.uniform(10.0, 30.0), rng.uniform(1.0, 1.3))
+    hardening = (
+        drift * rng.uniform(2.0, 6.0),
+        drift * rng.uniform(10.0, 30.0),
+        rng.uniform(1.0, 1.3),
+    )
     side = (strength, *hardening, rng.uniform(0.0, 0.4), 100.0 * drift, 1.0)
     pinching = rng.uniform(0.2, 0.8, 2) if rng.random() < 0.5 else (1.0, 1.0)
     capacity = drift * rng.uniform(20.0, 200.0) if rng.random() < 0.7 else np.inf
@@ -68,20 +78,28 @@ def _imk(rng, k, strength):
 
 def _trilinear(rng, k, strength):
     ultimate = (strength * rng.uniform(1.0, 2.0), strength / k * rng.uniform(4.0, 12.0))
-    return Law("trilinear-pinching", (strength, *ultimate, rng.uniform(0.2, 1.0), rng.uniform(0.0, 0.4)))
+    return Law(
+        "trilinear-pinching", (strength, *ultimate, rng.uniform(0.2, 1.0), rng.uniform(0.0, 0.4))
+    )
 
 
 PIECEWISE = {
     "bilinear": lambda rng, k, f: Law("bilinear", (f, rng.uniform(0.0, 0.3))),
-    "peak-oriented": lambda rng, k, f: Law("peak-oriented", (f, rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.5))),
-    "gap": lambda rng, k, f: Law("gap", (f / k * rng.uniform(0.5, 1.5), f / (f / k) * rng.uniform(1.0, 20.0))),
+    "peak-oriented": lambda rng, k, f: Law(
+        "peak-oriented", (f, rng.uniform(0.0, 0.2), rng.uniform(0.0, 0.5))
+    ),
+    "gap": lambda rng, k, f: Law(
+        "gap", (f / k * rng.uniform(0.5, 1.5), f / (f / k) * rng.uniform(1.0, 20.0))
+    ),
     "trilinear-pinching": _trilinear,
     "imk": _imk,
 }
 SMOOTH = {
     "linear": lambda rng, k, f: LINEAR,
     "tanh": lambda rng, k, f: Law("tanh", (1.5 * f,)),
-    "polynomial": lambda rng, k, f: Law("polynomial", (k, 0.0, rng.uniform(0.05, 0.5) * k * (k / f) ** 2)),
+    "polynomial": lambda rng, k, f: Law(
+        "polynomial", (k, 0.0, rng.uniform(0.05, 0.5) * k * (k / f) ** 2)
+    ),
     "bouc-wen": lambda rng, k, f: Law("bouc-wen", (f, rng.uniform(0.02, 0.2), 2.0, 0.5)),
 }
 """Of a story of stiffness k and about the strength f."""
@@ -91,7 +109,9 @@ def _frame(rng, n):
     """Masses and springs of n stories with a period as frames have it."""
     period = rng.uniform(0.1, 0.25) * n**0.75 + 0.1
     masses = 1e5 * rng.uniform(0.7, 1.4, n)
-    springs = (2.0 * np.pi / period) ** 2 * masses.mean() * (n + 1) ** 2 / 2.5 * np.linspace(1.5, 0.7, n)
+    springs = (
+        (2.0 * np.pi / period) ** 2 * masses.mean() * (n + 1) ** 2 / 2.5 * np.linspace(1.5, 0.7, n)
+    )
     return masses, springs * rng.uniform(0.8, 1.2, n)
 
 
@@ -99,7 +119,13 @@ def _shaken(rng, masses, springs, strengths, laws, samples):
     """Stories of laws drawn from `laws`, and a motion."""
     names = rng.choice(list(laws), len(springs))
     stories = [
-        story(m, k, laws[name](rng, k, f), height=3.2, dashpot=rng.uniform(0.01, 0.06) * np.sqrt(m * k))
+        story(
+            m,
+            k,
+            laws[name](rng, k, f),
+            height=3.2,
+            dashpot=rng.uniform(0.01, 0.06) * np.sqrt(m * k),
+        )
         for m, k, f, name in zip(masses, springs, strengths, names, strict=True)
     ]
     motion = noise(samples=samples, peak=rng.uniform(3.0, 8.0), seed=int(rng.integers(1 << 30)))
@@ -116,7 +142,9 @@ def piecewise_building(rng, samples=601):
     strengths = rng.uniform(0.08, 0.3) * 9.81 * above * rng.uniform(0.8, 1.2, n)
     if isolated:
         masses = np.append(1e5, masses)
-        springs = np.append((2.0 * np.pi / rng.uniform(0.8, 1.5)) ** 2 * masses.sum(), 5.0 * springs)
+        springs = np.append(
+            (2.0 * np.pi / rng.uniform(0.8, 1.5)) ** 2 * masses.sum(), 5.0 * springs
+        )
         strengths = np.append(rng.uniform(0.03, 0.08) * 9.81 * masses.sum(), 3.0 * strengths)
     built, motion = _shaken(rng, masses, springs, strengths, PIECEWISE, samples)
     return replace(built, p_delta=bool(rng.random() < 0.4)), motion
@@ -130,7 +158,16 @@ def shaken_building(rng, laws=tuple(SMOOTH), samples=601):
     return _shaken(rng, masses, springs, strengths, {name: SMOOTH[name] for name in laws}, samples)
 
 
-METHODS = ("impulse4", "newmark-average", "bathe", "generalized-alpha", "gauss4", "impulse", "park", "wilson")
+METHODS = (
+    "impulse4",
+    "newmark-average",
+    "bathe",
+    "generalized-alpha",
+    "gauss4",
+    "impulse",
+    "park",
+    "wilson",
+)
 LAWS = ("linear", "bilinear", "peak-oriented", "tanh", "polynomial", "bouc-wen")
 
 
@@ -140,9 +177,13 @@ def random_law(name, generator, stiffness, strength):
     return {
         "linear": LINEAR,
         "bilinear": Law("bilinear", (strength, hardening)),
-        "peak-oriented": Law("peak-oriented", (strength, hardening, float(generator.uniform(0.0, 0.5)))),
+        "peak-oriented": Law(
+            "peak-oriented", (strength, hardening, float(generator.uniform(0.0, 0.5)))
+        ),
         "tanh": Law("tanh", (1.5 * strength,)),
-        "polynomial": Law("polynomial", (stiffness, 0.0, float(generator.uniform(-5.0, 200.0)) * stiffness)),
+        "polynomial": Law(
+            "polynomial", (stiffness, 0.0, float(generator.uniform(-5.0, 200.0)) * stiffness)
+        ),
         "bouc-wen": Law("bouc-wen", (strength, hardening, 2.0, 0.5)),
     }[name]
 
@@ -166,10 +207,19 @@ def checked_building(seed, samples=501, step=0.01):
     damping = [RayleighCoefficients(0.3, 0.001), ModalDamping((0.05,)), None][seed % 3]
     record = noise(samples, step, seed=seed, peak=peak)
     if seed % 2:
-        rough = 0.3 * peak * generator.normal(size=samples) * np.sin(np.pi * np.linspace(0.0, 1.0, samples)) ** 2
+        rough = (
+            0.3
+            * peak
+            * generator.normal(size=samples)
+            * np.sin(np.pi * np.linspace(0.0, 1.0, samples)) ** 2
+        )
         record = replace(record, acceleration=record.acceleration + rough)
     method = "exact" if name == "linear" and seed % 14 == 0 else METHODS[seed % len(METHODS)]
-    return replace(model(stories, damping=damping, p_delta=seed % 5 == 0), collapse_drift=1e9), record, method
+    return (
+        replace(model(stories, damping=damping, p_delta=seed % 5 == 0), collapse_drift=1e9),
+        record,
+        method,
+    )
 
 
 ANY_LAW = (
@@ -188,7 +238,9 @@ def _shaking(rng, dt, duration, peak):
     amplitude = 1.0 / np.sqrt((1.0 - ratio**2) ** 2 + (0.8 * ratio) ** 2)
     phase = rng.uniform(0.0, 2.0 * np.pi, 200)
     motion = (amplitude * np.cos(2.0 * np.pi * frequency * t[:, None] + phase)).sum(axis=1)
-    motion *= np.minimum(1.0, t / (0.15 * duration)) * np.exp(-np.maximum(0.0, t - 0.5 * duration) / (0.2 * duration))
+    motion *= np.minimum(1.0, t / (0.15 * duration)) * np.exp(
+        -np.maximum(0.0, t - 0.5 * duration) / (0.2 * duration)
+    )
     return motion * peak / np.abs(motion).max()
 
 
@@ -208,7 +260,11 @@ def _law_to_drawn_strength(rng, name, strength, k):
     if name == "bilinear":
         return {"yield_force": strength, "hardening": of(0, 0.02, 0.05, 0.1)}
     if name == "bouc-wen":
-        curve = {"hardening": of(0, 0.03, 0.1), "exponent": of(1, 1.5, 2, 5), "beta": of(0.5, 0.7, 1.0)}
+        curve = {
+            "hardening": of(0, 0.03, 0.1),
+            "exponent": of(1, 1.5, 2, 5),
+            "beta": of(0.5, 0.7, 1.0),
+        }
         return {"yield_force": strength, **curve}
     if name == "tanh":
         return {"strength": 1.5 * strength}
@@ -217,13 +273,30 @@ def _law_to_drawn_strength(rng, name, strength, k):
     if name == "gap":
         return {"gap": 1.5 * drift, "stop_stiffness": 3.0 * k}
     if name == "peak-oriented":
-        return {"yield_force": strength, "hardening": of(0, 0.02, 0.05), "unloading": of(0, 0.3, 0.5)}
+        return {
+            "yield_force": strength,
+            "hardening": of(0, 0.02, 0.05),
+            "unloading": of(0, 0.3, 0.5),
+        }
     if name == "trilinear-pinching":
         backbone = {"ultimate_force": 1.5 * strength, "ultimate_drift": times_drift(4, 10)}
-        return {"yield_force": strength, **backbone, "pinching": of(0.2, 0.5, 0.8, 1), "unloading": of(0, 0.2, 0.4)}
+        return {
+            "yield_force": strength,
+            **backbone,
+            "pinching": of(0.2, 0.5, 0.8, 1),
+            "unloading": of(0, 0.2, 0.4),
+        }
     if name == "imk":
-        law = {"yield_force": strength, "plastic_drift": times_drift(4, 12), "post_capping_drift": times_drift(15, 40)}
-        law |= {"capping_ratio": between(1, 1.3), "residual_ratio": between(0.05, 0.4), "ultimate_drift": 100.0 * drift}
+        law = {
+            "yield_force": strength,
+            "plastic_drift": times_drift(4, 12),
+            "post_capping_drift": times_drift(15, 40),
+        }
+        law |= {
+            "capping_ratio": between(1, 1.3),
+            "residual_ratio": between(0.05, 0.4),
+            "ultimate_drift": 100.0 * drift,
+        }
         if rng.random() < 0.8:
             law["deterioration"] = times_drift(20, 200)
         if rng.random() < 0.6:
@@ -236,7 +309,11 @@ def _law_to_drawn_strength(rng, name, strength, k):
             for to, part in (((12, 20), (0.8, 1.1)), ((40, 60), (0.1, 0.4)))
         ]
         law = {"backbone": backbone}
-        law["pinching"] = {"drift": between(0.2, 0.8), "force": between(0.1, 0.6), "unloading": between(-0.1, 0.3)}
+        law["pinching"] = {
+            "drift": between(0.2, 0.8),
+            "force": between(0.1, 0.6),
+            "unloading": between(-0.1, 0.3),
+        }
         if rng.random() < 0.8:
             most = {
                 "stiffness": (0.5, 0.3, 0.1, 0.7),
@@ -244,7 +321,11 @@ def _law_to_drawn_strength(rng, name, strength, k):
                 "strength": (0.2, 0.1, 0.05, 0.3),
             }
             law["degradation"] = {
-                of_what: {"peak": between(0, peak), "work": between(0, work), "limit": between(low, high)}
+                of_what: {
+                    "peak": between(0, peak),
+                    "work": between(0, work),
+                    "limit": between(low, high),
+                }
                 for of_what, (peak, work, low, high) in most.items()
             } | {"capacity": between(5, 20)}
         return law
@@ -263,8 +344,14 @@ def any_building(seed, laws=None):
     masses, heights = rng.uniform(50e3, 300e3, n), rng.uniform(2.8, 4.5, n)
     springs = np.linspace(1.0, 0.5, n) * rng.uniform(0.7, 1.3, n)
     period = float(rng.uniform(0.08, 0.14) * n + 0.15)
-    matrix = np.diag(springs + np.append(springs[1:], 0.0)) - np.diag(springs[1:], 1) - np.diag(springs[1:], -1)
-    springs *= (2.0 * np.pi / period) ** 2 / np.linalg.eigvalsh(matrix / np.sqrt(np.outer(masses, masses)))[0]
+    matrix = (
+        np.diag(springs + np.append(springs[1:], 0.0))
+        - np.diag(springs[1:], 1)
+        - np.diag(springs[1:], -1)
+    )
+    springs *= (2.0 * np.pi / period) ** 2 / np.linalg.eigvalsh(
+        matrix / np.sqrt(np.outer(masses, masses))
+    )[0]
     weights = np.cumsum(masses[::-1])[::-1] * 9.80665
     dt = float(rng.choice([0.005, 0.01, 0.02, 0.0125, 0.004]))
     motion = _shaking(rng, dt, float(rng.uniform(8.0, 14.0)), float(rng.uniform(2.0, 6.0)))
@@ -273,7 +360,9 @@ def any_building(seed, laws=None):
     stories = []
     for i in range(n):
         name, k = str(rng.choice(laws)), float(springs[i])
-        strength = float(base * weights[i] * (1.0 + 0.5 * i / max(n - 1, 1)) * rng.uniform(0.8, 1.2))
+        strength = float(
+            base * weights[i] * (1.0 + 0.5 * i / max(n - 1, 1)) * rng.uniform(0.8, 1.2)
+        )
         law = _law_to_drawn_strength(rng, name, strength, k)
         one = {"mass": float(masses[i]), "height": float(heights[i]), "stiffness": k}
         if law:

@@ -28,7 +28,15 @@ from tdint.methods.catalogue import catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.damage_states import STATES, DamageStates
 from tdint.model.definition import LAWS
-from tdint.output.tables import buildings, campaign, damage_states, methods, responses, spectra, studies
+from tdint.output.tables import (
+    buildings,
+    campaign,
+    damage_states,
+    methods,
+    responses,
+    spectra,
+    studies,
+)
 from tdint.output.tables import table as shared
 from tdint.output.tables.table import columns_of
 from tdint_cli.main import GROUPS
@@ -62,7 +70,10 @@ def _parameters(integrator: Integrator):
 
 def method_table():
     """The catalogue as a table; numbers at the defaults."""
-    rows = ["| method | parameters | order | largest stable omega dt | rho_inf | source |", "|---|---|---|---|---|---|"]
+    rows = [
+        "| method | parameters | order | largest stable omega dt | rho_inf | source |",
+        "|---|---|---|---|---|---|",
+    ]
     for name in catalogue():
         method = parse(name)
         limit, rho = _number(method.stability_limit), _number(method.rho_inf)
@@ -77,8 +88,14 @@ def _dimension(parameter: LawParameter):
     if parameter.points:
         return "two to four points [length, force]"
     powers = {"force": parameter.force, "length": parameter.length}
-    above, below = ([name for name, power in powers.items() if power * sign > 0] for sign in (1, -1))
-    return (above[0] if above else "1") + "".join(f"/{name}" for name in below) if above or below else ""
+    above, below = (
+        [name for name, power in powers.items() if power * sign > 0] for sign in (1, -1)
+    )
+    return (
+        (above[0] if above else "1") + "".join(f"/{name}" for name in below)
+        if above or below
+        else ""
+    )
 
 
 def _range(parameter: LawParameter):
@@ -94,11 +111,21 @@ def _range(parameter: LawParameter):
 def _key(law: DriftLaw, parameter: LawParameter):
     """What a model file says of a parameter of a law, or of the group that it belongs to."""
     if parameter.group:
-        members = ", ".join(f"`{one.name}`" for one in law.parameters if one.group == parameter.group)
+        members = ", ".join(
+            f"`{one.name}`" for one in law.parameters if one.group == parameter.group
+        )
         needed = parameter.default is None and parameter.without is None
-        about = ("a number for all of " if parameter.shared else "") + members + ("" if needed else "; may be left out")
+        about = (
+            ("a number for all of " if parameter.shared else "")
+            + members
+            + ("" if needed else "; may be left out")
+        )
         return f"`{parameter.group}` ({about})"
-    default = "" if parameter.default is None or parameter.points else f"{parameter.default:g} where left out"
+    default = (
+        ""
+        if parameter.default is None or parameter.points
+        else f"{parameter.default:g} where left out"
+    )
     about = ", ".join(filter(None, (_dimension(parameter), _range(parameter), default)))
     return f"`{parameter.name}`" + f" ({about})" * bool(about)
 
@@ -117,7 +144,9 @@ def model_table():
     """The models of configs with the first sentence of their comments."""
     rows = ["| model | what it is |", "|---|---|"]
     for path in sorted((ROOT / "configs").glob("*.yaml")):
-        comment = "\n".join(line[1:].strip() for line in path.read_text().partition("\n\n")[0].splitlines())
+        comment = "\n".join(
+            line[1:].strip() for line in path.read_text().partition("\n\n")[0].splitlines()
+        )
         what, _, rest = comment.partition("\n\n")
         assert re.search(r"^Shows: ", rest, re.MULTILINE), f"{path.name} does not say what it shows"
         what = " ".join(what.split()).rstrip(".:").replace("|", "\\|")
@@ -145,12 +174,18 @@ def problem_table():
 def _first_sentence(path: Path):
     """Of a module's docstring: up to the first end of a sentence."""
     text = ast.get_docstring(ast.parse(path.read_text())) or ""
-    return " ".join(re.split(r"\.\s|\n\n", text, maxsplit=1)[0].split()).rstrip(".").replace("|", "\\|")
+    return (
+        " ".join(re.split(r"\.\s|\n\n", text, maxsplit=1)[0].split())
+        .rstrip(".")
+        .replace("|", "\\|")
+    )
 
 
 def layer_table():
     """The layers from the top, as the import contract has them, with what their modules say of themselves."""
-    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"][
+        "contracts"
+    ]
     rows = ["| layer | what it is |", "|---|---|"]
     for layer in next(contract["layers"] for contract in contracts if contract["type"] == "layers"):
         name = layer.strip("()").replace(".", "/")
@@ -164,7 +199,9 @@ def command_list():
     """A line per command, in the groups of the help."""
     parts = []
     for group, commands in GROUPS.items():
-        lines = [f"- `tdint {name}`: {says[0].lower()}{says[1:]}" for name, says in commands.items()]
+        lines = [
+            f"- `tdint {name}`: {says[0].lower()}{says[1:]}" for name, says in commands.items()
+        ]
         parts.append("\n".join([f"**{group}**", "", *lines, ""]))
     return "\n".join(parts)
 
@@ -199,7 +236,10 @@ def columns():
             *columns_of(Spectrum, "maxima", "interpolation")[-2:],
         ),
         "tdint spectrum --ductility": (*shared.OF_RECORD, *columns_of(InelasticSpectrum)),
-        "tdint spectrum --oscillator 1 --history": (*shared.OF_RECORD, *columns_of(OscillatorMotion)),
+        "tdint spectrum --oscillator 1 --history": (
+            *shared.OF_RECORD,
+            *columns_of(OscillatorMotion),
+        ),
         "tdint drift-spectrum": (*shared.OF_RECORD, *columns_of(DriftSpectrum)),
         "tdint run --scale 1,2": campaign.RUNS,
         "runs.csv of tdint campaign": campaign.RUNS,
@@ -213,7 +253,9 @@ def columns():
         "damage-types.csv of tdint campaign": damage_states.TYPES,
         "losses.csv of tdint campaign": damage_states.LOSSES,
         "floor-spectra-mean.csv of tdint campaign": campaign.FLOOR_SUITES,
-        "measures.csv of tdint campaign": campaign.measure_columns(list(map(run_measure, MEASURES))),
+        "measures.csv of tdint campaign": campaign.measure_columns(
+            list(map(run_measure, MEASURES))
+        ),
         "tdint scale": studies.FACTORS,
         "tdint ida": studies.CAPACITIES,
         "ida.csv of tdint ida": studies.IDA,
@@ -238,7 +280,10 @@ def column_tables():
             lines.append(f"- **{name}**: those of {same}")
             continue
         groups[tuple(cells)] = name
-        words = [f"`{head}`" + (f" ({meaning})" if (head, meaning) not in told else "") for head, meaning in cells]
+        words = [
+            f"`{head}`" + (f" ({meaning})" if (head, meaning) not in told else "")
+            for head, meaning in cells
+        ]
         lines.append(f"- **{name}**: {', '.join(words)}")
         told |= set(cells)
     return "\n".join(lines) + "\n"
@@ -264,8 +309,14 @@ def _told_name(name):
     thing = getattr(plugin, name)
     if not (inspect.isfunction(thing) or inspect.isclass(thing)):
         return ""
-    called = f"({', '.join(inspect.signature(thing).parameters)})" if not hasattr(thing, "__dataclass_fields__") else ""
-    text = " ".join(re.split(r"\.\s|\n\n|;\s", inspect.getdoc(thing) or "", maxsplit=1)[0].split()).rstrip(".")
+    called = (
+        f"({', '.join(inspect.signature(thing).parameters)})"
+        if not hasattr(thing, "__dataclass_fields__")
+        else ""
+    )
+    text = " ".join(
+        re.split(r"\.\s|\n\n|;\s", inspect.getdoc(thing) or "", maxsplit=1)[0].split()
+    ).rstrip(".")
     return f"- `{name}{called}`" + f": {text}" * bool(text)
 
 
@@ -288,7 +339,11 @@ def generated(text):
 
 def _unique(pattern):
     """What the only match of a pattern in all READMEs holds."""
-    found = [match for path in files() for match in re.findall(pattern, path.read_text(), re.DOTALL | re.MULTILINE)]
+    found = [
+        match
+        for path in files()
+        for match in re.findall(pattern, path.read_text(), re.DOTALL | re.MULTILINE)
+    ]
     assert len(found) == 1, f"{len(found)} places match {pattern!r}"
     return found[0]
 
@@ -324,8 +379,14 @@ def checkout():
 
 def shell(script, folder, environment):
     """A shell script's exit code, output and messages; the note on the first compilation is left out."""
-    done = subprocess.run(["bash", "-eu", "-c", script], cwd=folder, env=environment, capture_output=True, text=True)
-    said = [line for line in done.stderr.splitlines(keepends=True) if not line.startswith("note: compiling")]
+    done = subprocess.run(
+        ["bash", "-eu", "-c", script], cwd=folder, env=environment, capture_output=True, text=True
+    )
+    said = [
+        line
+        for line in done.stderr.splitlines(keepends=True)
+        if not line.startswith("note: compiling")
+    ]
     return done.returncode, done.stdout, "".join(said)
 
 
@@ -335,7 +396,8 @@ _SESSION = re.compile(r"(^<!-- session -->\n```console\n)(.*?)(^```)", re.DOTALL
 def sessions(text):
     """The sessions of a README: lists of (command, what it prints)."""
     return [
-        re.findall(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", inside, re.MULTILINE) for _, inside, _ in _SESSION.findall(text)
+        re.findall(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", inside, re.MULTILINE)
+        for _, inside, _ in _SESSION.findall(text)
     ]
 
 
@@ -350,7 +412,10 @@ def same(printed, shown):
     if _NUMBER.sub("#", printed) != _NUMBER.sub("#", shown):
         return False
     pairs = zip(_NUMBER.findall(printed), _NUMBER.findall(shown), strict=True)
-    return all(math.isclose(float(one), float(other), rel_tol=_open(other), abs_tol=1e-14) for one, other in pairs)
+    return all(
+        math.isclose(float(one), float(other), rel_tol=_open(other), abs_tol=1e-14)
+        for one, other in pairs
+    )
 
 
 def _open(number):
@@ -368,7 +433,9 @@ def played(text):
             for command, shown in sessions(match[0])[0]:
                 code, output, said = shell(command, folder, environment)
                 assert code == 0, said
-                lines.append(f"$ {command}\n{shown if same(output + said, shown) else output + said}")
+                lines.append(
+                    f"$ {command}\n{shown if same(output + said, shown) else output + said}"
+                )
         return match[1] + "".join(lines) + match[3]
 
     return _SESSION.sub(play, text)

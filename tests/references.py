@@ -42,7 +42,11 @@ def finer(record, parts):
     """The same motion with samples on the lines between."""
     samples = record.acceleration.size
     times = np.arange((samples - 1) * parts + 1) / parts
-    return replace(record, acceleration=np.interp(times, np.arange(samples), record.acceleration), dt=record.dt / parts)
+    return replace(
+        record,
+        acceleration=np.interp(times, np.arange(samples), record.acceleration),
+        dt=record.dt / parts,
+    )
 
 
 class OscillatorResponse:
@@ -54,11 +58,18 @@ class OscillatorResponse:
     def __init__(self, record, omega, xi):
         self.h, self.omega, self.xi = record.dt, omega, xi
         self.matrix = np.array(
-            [[0.0, 1.0, 0.0, 0.0], [-(omega**2), -2.0 * xi * omega, -1.0, 0.0], [0, 0, 0, 1.0], [0, 0, 0, 0]]
+            [
+                [0.0, 1.0, 0.0, 0.0],
+                [-(omega**2), -2.0 * xi * omega, -1.0, 0.0],
+                [0, 0, 0, 1.0],
+                [0, 0, 0, 0],
+            ]
         )
         ground = record.acceleration
         step = expm(self.matrix * self.h)
-        self.states = np.zeros((ground.size - 1, 4))  # u, v, ground and its slope at the start of each interval
+        self.states = np.zeros(
+            (ground.size - 1, 4)
+        )  # u, v, ground and its slope at the start of each interval
         self.states[:, 2], self.states[:, 3] = ground[:-1], np.diff(ground) / self.h
         forced = self.states[:, 2:] @ step[:2, 2:].T
         x = np.zeros(2)
@@ -78,14 +89,20 @@ class OscillatorResponse:
 
     def largest(self, parts=50):
         """Largest absolute values at any time, shape (3,): Brent's method at the highest of the sampled peaks."""
-        fine = np.stack([np.abs(self.at(k / parts)) for k in range(parts)], axis=2)  # quantity, interval, part
+        fine = np.stack(
+            [np.abs(self.at(k / parts)) for k in range(parts)], axis=2
+        )  # quantity, interval, part
         fine = np.append(fine.reshape(3, -1), np.abs(self._quantities(self.end)), axis=1)
         result = np.empty(3)
         for q, values in enumerate(fine):
-            around = np.pad(values, 1, constant_values=-1.0)  # the first and the last may have a peak beside them
+            around = np.pad(
+                values, 1, constant_values=-1.0
+            )  # the first and the last may have a peak beside them
             tops = np.flatnonzero((values >= around[:-2]) & (values >= around[2:]))
             tops = tops[values[tops] > 0.99 * np.max(values)]
-            result[q] = max([np.max(values), *(self._refined(q, top / parts, 1.0 / parts) for top in tops)])
+            result[q] = max(
+                [np.max(values), *(self._refined(q, top / parts, 1.0 / parts) for top in tops)]
+            )
         return result
 
     def _refined(self, quantity, place, width):
@@ -112,7 +129,9 @@ def smooth(acceleration, u0, v0, times, rtol=1e-13, max_step=0.02):
     def rate(t, y):
         return [y[1], acceleration(t, y[0], y[1])]
 
-    solution = solve_ivp(rate, (times[0], times[-1]), [u0, v0], method="DOP853", t_eval=times, **tolerances)
+    solution = solve_ivp(
+        rate, (times[0], times[-1]), [u0, v0], method="DOP853", t_eval=times, **tolerances
+    )
     assert solution.success
     return solution.y
 

@@ -48,7 +48,9 @@ def forgotten(monkeypatch):
 def true_motion(law):
     """What `order._true_motion` gives, by the compiled march."""
     story = simple_story(1.0, Law(law, order._YIELDING[law]), stiffness=1000.0, dashpot=1.0)
-    prepared = PreparedBuilding(assemble(simple_model(law, [story, story])), velocity=np.array([0.2, 0.3]))
+    prepared = PreparedBuilding(
+        assemble(simple_model(law, [story, story])), velocity=np.array([0.2, 0.3])
+    )
     ground = 9.0 * np.sin(14.0 * np.arange(SHORTER + 1) * order._H)
     steps = Steps(order._H / 16, 16 * SHORTER, 16)
     with pytest.MonkeyPatch.context() as patch:

@@ -6,7 +6,9 @@ from typing import Any
 from click.testing import CliRunner
 
 # click before 8.2 mixes standard error into standard output unless told not to.
-_APART: dict[str, Any] = {"mix_stderr": False} if "mix_stderr" in inspect.signature(CliRunner).parameters else {}
+_APART: dict[str, Any] = (
+    {"mix_stderr": False} if "mix_stderr" in inspect.signature(CliRunner).parameters else {}
+)
 
 
 def runner() -> CliRunner:

@@ -23,12 +23,24 @@ FORCE = Force(1, 3.0, 2.0, 5.0)
 def building(damping=None, nonlinear=False, **more):
     """Four unequal stories with P-delta, a dashpot and a floor force."""
     masses, springs = (2e5, 1.5e5, 1.8e5, 1e5), (3e8, 2.5e8, 2.5e8, 1.5e8)
-    laws = [Law("polynomial", (k, 0.0, 40.0 * k)) for k in springs] if nonlinear else [Law("linear", ())] * 4
-    stories = [story(m, k, law, height=3.0) for m, k, law in zip(masses, springs, laws, strict=True)]
+    laws = (
+        [Law("polynomial", (k, 0.0, 40.0 * k)) for k in springs]
+        if nonlinear
+        else [Law("linear", ())] * 4
+    )
+    stories = [
+        story(m, k, law, height=3.0) for m, k, law in zip(masses, springs, laws, strict=True)
+    ]
     if not isinstance(damping, ModalDamping):
         stories[2] = story(masses[2], springs[2], laws[2], height=3.0, dashpot=4e5)
         more |= {"p_delta": True, "forces": [Force(3, 2e5, -1e5, 9.0)]}
-    return model(stories, damping=damping, displacement=(0.01, 0.0, 0.02, 0.03), velocity=(0.3, 0.1, 0.0, 0.5), **more)
+    return model(
+        stories,
+        damping=damping,
+        displacement=(0.01, 0.0, 0.02, 0.03),
+        velocity=(0.3, 0.1, 0.0, 0.5),
+        **more,
+    )
 
 
 def matrices(model):
@@ -72,9 +84,13 @@ def superposed(method, model, ratio, record):
     total = 0.0
     for omega, shape in zip(np.sqrt(squares), shapes.T, strict=True):
         factor = shape @ M @ np.ones(shape.size)
-        u0, v0 = (shape @ M @ np.array([model.initial.displacement, model.initial.velocity]).T) / factor
+        u0, v0 = (
+            shape @ M @ np.array([model.initial.displacement, model.initial.velocity]).T
+        ) / factor
         start = {"displacement": (u0,), "velocity": (v0,)}
-        mode = run(oscillator(omega, ratio(omega), **start), record, method=method, history=True).history
+        mode = run(
+            oscillator(omega, ratio(omega), **start), record, method=method, history=True
+        ).history
         total = total + factor * mode.displacement * shape
     return total
 
@@ -88,7 +104,9 @@ def at_samples(building, record, method, parts):
 def refined(building, record, parts, method="impulse4", size=lambda u: np.max(np.abs(u))):
     """Runs with more and more steps between two samples, the displacements of the last one at the samples, and how far
     those of the others are off these, over their size."""
-    runs, displacements = zip(*(at_samples(building, record, method, part) for part in parts), strict=True)
+    runs, displacements = zip(
+        *(at_samples(building, record, method, part) for part in parts), strict=True
+    )
     finest = displacements[-1]
     return runs, finest, [size(coarse - finest) / size(finest) for coarse in displacements[:-1]]
 
@@ -115,7 +133,9 @@ class SingleSteps:
         """Take one step; returns its code."""
         no_forces = np.zeros((0, at.FORCE_COLUMNS))
         building, space = self.building, self.space
-        scene = Scene(building.linear_terms, building.modal, building.law_parameters, no_forces, space.flags)
+        scene = Scene(
+            building.linear_terms, building.modal, building.law_parameters, no_forces, space.flags
+        )
         code = self.integrator.family.step.compiled(
             self.integrator.coefficients(building, no_forces, 1.0),
             *scene,

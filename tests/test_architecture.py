@@ -16,7 +16,12 @@ LAYERS = ("kernels", "ground_motion", "model", "methods", "analysis", "campaign"
 
 NAMED_MORE_OFTEN = {"modes.py"}
 SKIPS = 10
-LONG_SIGNATURES = {"analysis": 3, "campaign": 2, "output": 2, "cli": 2}  # output: `plot`, declared twice
+LONG_SIGNATURES = {
+    "analysis": 3,
+    "campaign": 2,
+    "output": 2,
+    "cli": 2,
+}  # output: `plot`, declared twice
 
 
 @cache
@@ -28,14 +33,25 @@ def trees():
         for path in sorted((ROOT / home).rglob("*.py")):
             part = path.relative_to(ROOT / home).parts[1]
             layer = "cli" if home == "cli" else part if part in LAYERS else "ground"
-            found.append((layer, path.relative_to(ROOT).as_posix(), list(ast.walk(ast.parse(path.read_bytes())))))
+            found.append(
+                (
+                    layer,
+                    path.relative_to(ROOT).as_posix(),
+                    list(ast.walk(ast.parse(path.read_bytes()))),
+                )
+            )
     return found
 
 
 @cache
 def nodes(kind):
     """All nodes of a kind with their layer and path."""
-    return [(layer, path, node) for layer, path, parts in trees() for node in parts if isinstance(node, kind)]
+    return [
+        (layer, path, node)
+        for layer, path, parts in trees()
+        for node in parts
+        if isinstance(node, kind)
+    ]
 
 
 def test_no_class_name_stands_in_two_layers():
@@ -47,7 +63,9 @@ def test_no_class_name_stands_in_two_layers():
 
 def test_the_arrays_of_a_march_are_made_in_two_places():
     """For a march, and for the single steps of which an amplification matrix is made."""
-    calls = {path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "workspace"}
+    calls = {
+        path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "workspace"
+    }
     assert calls == {f"src/tdint/analysis/run/{name}.py" for name in ("prepared", "workspace")}
 
 
@@ -64,7 +82,16 @@ def test_no_result_is_declared_twice():
 def test_a_column_is_declared_in_one_place():
     """Columns are made where their tables are."""
     makers = {path for _, path, node in nodes(ast.Call) if getattr(node.func, "id", "") == "Column"}
-    subjects = {"buildings", "responses", "spectra", "methods", "campaign", "damage_states", "studies", "exports"}
+    subjects = {
+        "buildings",
+        "responses",
+        "spectra",
+        "methods",
+        "campaign",
+        "damage_states",
+        "studies",
+        "exports",
+    }
     assert makers == {f"src/tdint/output/tables/{name}.py" for name in subjects | {"table"}}
 
 
@@ -76,13 +103,21 @@ def modules():
 def test_modules_are_few_and_their_folders_flat():
     found = [module for module in modules() if module.name != "__init__.py"]
     assert len(modules()) <= 277
-    crowded = [folder.name for folder, count in Counter(module.parent for module in found).items() if count > 14]
+    crowded = [
+        folder.name
+        for folder, count in Counter(module.parent for module in found).items()
+        if count > 14
+    ]
     assert sorted(crowded) == ["campaign", "commands"]  # a command a file; a campaign has 17
-    assert [module for module in found if len(module.parts) > 5] == []  # the package and three folders
+    assert [
+        module for module in found if len(module.parts) > 5
+    ] == []  # the package and three folders
 
 
 def test_no_file_has_more_than_700_lines():
-    lengths = {path: (ROOT / path).read_text(encoding="utf-8").count("\n") for _, path, _ in trees()}
+    lengths = {
+        path: (ROOT / path).read_text(encoding="utf-8").count("\n") for _, path, _ in trees()
+    }
     assert {path: length for path, length in lengths.items() if length > 700} == {}
 
 
@@ -110,7 +145,9 @@ def test_no_module_needs_itself():
         named[".".join(names[:-1] if names[-1] == "__init__" else names)] = nodes_of_it
     known = set(named)
     order = TopologicalSorter({name: set(imported(parts, known)) for name, parts in named.items()})
-    assert len(tuple(order.static_order())) == len(known)  # a circle raises CycleError, which names it
+    assert len(tuple(order.static_order())) == len(
+        known
+    )  # a circle raises CycleError, which names it
 
 
 def test_what_is_imported_is_declared():
@@ -121,22 +158,36 @@ def test_what_is_imported_is_declared():
     names = {name.lower() for name in re.findall(r"(?:^| )([A-Za-z][\w-]*)", declared)}
     named = [alias.name for _, _, node in nodes(ast.Import) for alias in node.names]
     named += [node.module for _, _, node in nodes(ast.ImportFrom) if not node.level]
-    foreign = {name.partition(".")[0] for name in named} - {"tdint", "tdint_cli"} - set(sys.stdlib_module_names)
+    foreign = (
+        {name.partition(".")[0] for name in named}
+        - {"tdint", "tdint_cli"}
+        - set(sys.stdlib_module_names)
+    )
     assert {"numpy", "matplotlib", "yaml"} <= foreign
     assert {{"yaml": "pyyaml"}.get(name, name) for name in foreign} <= names
 
 
 def test_code_is_laid_out_by_the_formatter():
     """Where it is not, in src, a table reads as one."""
-    skips = [path for _, path, _ in trees() for _ in range((ROOT / path).read_text().count("# fmt: skip"))]
+    skips = [
+        path
+        for _, path, _ in trees()
+        for _ in range((ROOT / path).read_text().count("# fmt: skip"))
+    ]
     assert len([path for path in skips if path.startswith("src")]) <= SKIPS
 
 
 def is_bare(node):
     """A name bound to a number, or to a formula of numbers alone."""
     value = getattr(node, "value", None) if isinstance(node, ast.Assign | ast.AnnAssign) else None
-    parts = list(ast.walk(value)) if isinstance(value, ast.Constant | ast.UnaryOp | ast.BinOp) else []
-    numbers = [part for part in parts if isinstance(part, ast.Constant) and type(part.value) in (int, float)]
+    parts = (
+        list(ast.walk(value)) if isinstance(value, ast.Constant | ast.UnaryOp | ast.BinOp) else []
+    )
+    numbers = [
+        part
+        for part in parts
+        if isinstance(part, ast.Constant) and type(part.value) in (int, float)
+    ]
     return bool(numbers) and not any(isinstance(part, ast.Name | ast.Attribute) for part in parts)
 
 
@@ -180,7 +231,10 @@ def test_terms_of_the_field_are_said_where_shorter_words_are_used():
         "src/tdint/analysis/run/demands.py": ("Engineering demand parameters",),
     }
     assert [
-        (path, term) for path, terms in said.items() for term in terms if term not in (ROOT / path).read_text()
+        (path, term)
+        for path, terms in said.items()
+        for term in terms
+        if term not in (ROOT / path).read_text()
     ] == []
     assert [path for _, path, _ in trees() if "storey" in (ROOT / path).read_text().lower()] == []
 
@@ -204,23 +258,31 @@ def code_lines(parts):
     texts = {
         id(node.body[0].value)
         for node in parts
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node, clean=False)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+        and ast.get_docstring(node, clean=False)
     }
     return {
         line
         for node in parts
-        if isinstance(node, ast.stmt) and not (isinstance(node, ast.Expr) and id(node.value) in texts)
-        for line in range(node.lineno, (node.body[0].lineno if hasattr(node, "body") else node.end_lineno + 1))
+        if isinstance(node, ast.stmt)
+        and not (isinstance(node, ast.Expr) and id(node.value) in texts)
+        for line in range(
+            node.lineno, (node.body[0].lineno if hasattr(node, "body") else node.end_lineno + 1)
+        )
     }
 
 
 @pytest.mark.parametrize("layer", BUDGET)
 def test_a_layer_keeps_its_budget(layer):
     """Who adds a feature takes something away, or raises the number in the commit that says why."""
-    sizes = sorted(((len(code_lines(parts)), path) for of, path, parts in trees() if of == layer), reverse=True)
+    sizes = sorted(
+        ((len(code_lines(parts)), path) for of, path, parts in trees() if of == layer), reverse=True
+    )
     files, lines = len(sizes), sum(count for count, _ in sizes)
     most_files, most_lines = BUDGET[layer]
-    small = ", ".join(f"{path} ({count})" for count, path in sizes[-6:] if not path.endswith("__init__.py"))
+    small = ", ".join(
+        f"{path} ({count})" for count, path in sizes[-6:] if not path.endswith("__init__.py")
+    )
     assert files <= most_files and lines <= most_lines, (
         f"{layer}: {files} files and {lines} lines, the budget is {most_files} and {most_lines}. Before you raise it: "
         "is there a declaration that what you wrote could follow from (Quantity, Keys, METHODS, LAWS); is there a "

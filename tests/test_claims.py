@@ -34,8 +34,12 @@ class Below(float):
 
 def rows():
     """Of each row of the table: where in the paper, the words on what was measured, and the verdict."""
-    table = [line.strip("| ") for line in readmes.digest("claims").splitlines() if line.startswith("| ")]
-    lines = [re.split(r" *\| *", line) for line in table[1:]]  # the line of dashes has no blank behind its first bar
+    table = [
+        line.strip("| ") for line in readmes.digest("claims").splitlines() if line.startswith("| ")
+    ]
+    lines = [
+        re.split(r" *\| *", line) for line in table[1:]
+    ]  # the line of dashes has no blank behind its first bar
     return {cells[0]: (cells[2], cells[4]) for cells in lines}
 
 
@@ -61,16 +65,25 @@ def lagging_limit(xi):
 
 
 def order_of(method, load, law="linear"):
-    return observed_order(parse(method), order_problem(load, law, 0.5 if load == "harmonic" else math.nan, 1)).order(
-        "displacement"
-    )
+    return observed_order(
+        parse(method), order_problem(load, law, 0.5 if load == "harmonic" else math.nan, 1)
+    ).order("displacement")
 
 
 @cache
 def errors(number):
     """Of an example, over its largest displacement, against the finer reference: by method and variant."""
-    methods = ("impulse", "newmark-average", "newmark-linear", "central-difference", "rk5", "impulse4")
-    done = run_example(examples()[number], DT, [parse(method) for method in methods[: 6 if number < 3 else 1]])
+    methods = (
+        "impulse",
+        "newmark-average",
+        "newmark-linear",
+        "central-difference",
+        "rk5",
+        "impulse4",
+    )
+    done = run_example(
+        examples()[number], DT, [parse(method) for method in methods[: 6 if number < 3 else 1]]
+    )
     return {(one.method.partition(":")[0], one.variant): one for one in done}
 
 
@@ -94,7 +107,9 @@ def printed_apart(number, duration):
 
     def law(u):
         d = drifts @ u
-        return drifts.T @ (linear * d + square * d**2), drifts.T @ ((linear + 2.0 * square * d)[:, None] * drifts)
+        return drifts.T @ (linear * d + square * d**2), drifts.T @ (
+            (linear + 2.0 * square * d)[:, None] * drifts
+        )
 
     loads = np.zeros((round(duration / h) + 1, n))
     for force in model.excitation.forces:
@@ -116,7 +131,10 @@ def linear_apart():
         for w in (0.3, 2.0, 3.3, 5.0, 40.0):
             printed = matrix(w, xi)
             reduced = printed[:2, :2] + np.outer(printed[:2, 2], [-w * w, -2.0 * xi * w])
-            largest = max(largest, np.max(np.abs(reduced - pade(w, xi)) / np.maximum(1.0, np.abs(pade(w, xi)))))
+            largest = max(
+                largest,
+                np.max(np.abs(reduced - pade(w, xi)) / np.maximum(1.0, np.abs(pade(w, xi)))),
+            )
     return largest
 
 
@@ -150,7 +168,9 @@ def polynomial_apart():
 
 def spurious_root():
     """The least root of the compiled step that remembers an acceleration as well, over damping ratios and steps."""
-    return max(min(abs(np.linalg.eigvals(matrix(w, xi)))) for xi in DAMPINGS for w in (0.3, 2.0, 3.3, 5.0))
+    return max(
+        min(abs(np.linalg.eigvals(matrix(w, xi)))) for xi in DAMPINGS for w in (0.3, 2.0, 3.3, 5.0)
+    )
 
 
 def principal(method, dt_over_t):
@@ -162,12 +182,21 @@ def principal(method, dt_over_t):
 
 
 def eq_44(w, u, dt_v):
-    return u - (24.0 * u * w**3 + (72.0 * u + 12.0 * dt_v) * w**2 - 144.0 * dt_v) / (w * w + 6.0 * w + 12.0) ** 2
+    return (
+        u
+        - (24.0 * u * w**3 + (72.0 * u + 12.0 * dt_v) * w**2 - 144.0 * dt_v)
+        / (w * w + 6.0 * w + 12.0) ** 2
+    )
 
 
 def eq_45(w, u, dt_v, printed):
     """dt v1."""
-    of_w = 144.0 * u * w**3 + (864.0 * u + 72.0 * dt_v) * w**2 + (1728.0 * u + printed * dt_v) * w + 1728.0 * u
+    of_w = (
+        144.0 * u * w**3
+        + (864.0 * u + 72.0 * dt_v) * w**2
+        + (1728.0 * u + printed * dt_v) * w
+        + 1728.0 * u
+    )
     return 12.0 * u + dt_v - of_w / (w * w + 6.0 * w + 12.0) ** 2
 
 
@@ -176,7 +205,9 @@ def step_for_any_damping(w, xi, u, dt_v):
     d = w**4 + 12.0 * xi * w**3 + (12.0 + 48.0 * xi**2) * w**2 + 144.0 * xi * w + 144.0
     even = (48.0 * xi**2 - 60.0) * w**2
     u1 = u * (w**4 - 12.0 * xi * w**3 + even + 144.0 * xi * w + 144.0) + 12.0 * dt_v * (12.0 - w**2)
-    v1 = 12.0 * u * w**2 * (w**2 - 12.0) + dt_v * (w**4 + 12.0 * xi * w**3 + even - 144.0 * xi * w + 144.0)
+    v1 = 12.0 * u * w**2 * (w**2 - 12.0) + dt_v * (
+        w**4 + 12.0 * xi * w**3 + even - 144.0 * xi * w + 144.0
+    )
     return u1 / d, v1 / d
 
 
@@ -201,7 +232,9 @@ def far(xi):
 
 def powers(method, damping=0.0):
     motions = [overshoot(method, start, damping=damping) for start in STARTS]
-    return [power for motion in motions for power in (motion.displacement_power, motion.velocity_power)]
+    return [
+        power for motion in motions for power in (motion.displacement_power, motion.velocity_power)
+    ]
 
 
 def trial(method, name, dt):
@@ -214,7 +247,13 @@ def limits(*damping):
 
 
 def dispersion():
-    names = ("impulse", "newmark-average", "newmark-linear", "central-difference", "wilson:theta=1.4")
+    names = (
+        "impulse",
+        "newmark-average",
+        "newmark-linear",
+        "central-difference",
+        "wilson:theta=1.4",
+    )
     return [at_a_tenth(name, "period_error") for name in names]
 
 
@@ -352,7 +391,11 @@ def verdict_fits(verdict, true):
     if not any(true):
         return verdict.startswith(("does not hold", "do not hold", "open"))
     whole = verdict.startswith("hold")
-    return whole if all(true) else "first holds" in verdict or (whole and re.search(" (if|but for|alone)", verdict))
+    return (
+        whole
+        if all(true)
+        else "first holds" in verdict or (whole and re.search(" (if|but for|alone)", verdict))
+    )
 
 
 def denominator(w, xi):
@@ -398,7 +441,9 @@ def page(name):
 
 def table_row(name, *begin):
     """Numbers of the only row of a page's tables that begins so."""
-    (row,) = re.findall(rf"\| {re.escape(' | '.join(begin))} \|([^\n]*)", (readmes.ROOT / name).read_text())
+    (row,) = re.findall(
+        rf"\| {re.escape(' | '.join(begin))} \|([^\n]*)", (readmes.ROOT / name).read_text()
+    )
     return [float(number) for number in re.findall(r"[\d.]+(?:e-\d+)?", row)]
 
 
@@ -410,7 +455,9 @@ def said(name, pattern):
 
 def test_how_honest_told_errors_are_as_the_first_page_says():
     text = r"errors of drifts in random buildings ([\d.]+) % are less than a half"
-    assert said("README.md", text) == table_row("tests/README.md", "random: beyond 2 / 10 times")[:1]
+    assert (
+        said("README.md", text) == table_row("tests/README.md", "random: beyond 2 / 10 times")[:1]
+    )
 
 
 def test_the_default_is_the_fastest_as_often_as_the_methods_page_says():
@@ -424,22 +471,40 @@ def test_the_default_is_the_fastest_as_often_as_the_methods_page_says():
 def test_ratios_of_the_table_of_ten_yielding_stories():
     """How many times closer, and how the error falls per halving."""
     at_step, finer = (table_row("tests/README.md", "impulse4", dt) for dt in ("0.01", "0.0025"))
-    average, fine_average = (table_row("tests/README.md", "newmark-average", dt) for dt in ("0.01", "0.0025"))
-    assert said("tests/README.md", r"errs (\d+) times less than average") == [round(average[0] / at_step[0], -2)]
+    average, fine_average = (
+        table_row("tests/README.md", "newmark-average", dt) for dt in ("0.01", "0.0025")
+    )
+    assert said("tests/README.md", r"errs (\d+) times less than average") == [
+        round(average[0] / at_step[0], -2)
+    ]
     assert fine_average[1] / at_step[1] == pytest.approx(30.0, rel=0.05)  # "thirty times closer"
     assert at_step[-1] < 0.5 * 4.0 * fine_average[-1]  # "in less than half of the time"
     for method in ("impulse", "bathe", "gauss4", "newmark-average"):
         coarse, fine = (table_row("tests/README.md", method, dt)[0] for dt in ("0.01", "0.0025"))
         assert 1.85 <= math.log2(coarse / fine) / 2.0 <= 2.35
     assert math.log2(at_step[0] / finer[0]) / 2.0 > 3.7
-    quarter, half, whole = said("tests/README.md", r"\| moment4 \| (\S+) / \S+ \| (\S+) / \S+ \| (\S+) /")
-    fell = said("src/tdint/methods/README.md", r"falls (\d+) and (\d+) times per halving, that of `impulse4` (\d+)")
-    assert fell == [round(whole / half), round(half / quarter), round((at_step[0] / finer[0]) ** 0.5)]
+    quarter, half, whole = said(
+        "tests/README.md", r"\| moment4 \| (\S+) / \S+ \| (\S+) / \S+ \| (\S+) /"
+    )
+    fell = said(
+        "src/tdint/methods/README.md",
+        r"falls (\d+) and (\d+) times per halving, that of `impulse4` (\d+)",
+    )
+    assert fell == [
+        round(whole / half),
+        round(half / quarter),
+        round((at_step[0] / finer[0]) ** 0.5),
+    ]
 
 
 def test_what_equal_accuracy_costs_as_the_joss_paper_says():
-    row = re.findall(r"\(([\d.]+)\)", re.findall(r"\| 1e-5 \|(.*)", (readmes.ROOT / "tests/README.md").read_text())[0])
-    assert "a twentieth of the time of the average-acceleration method" in page(".github/paper/paper.md")
+    row = re.findall(
+        r"\(([\d.]+)\)",
+        re.findall(r"\| 1e-5 \|(.*)", (readmes.ROOT / "tests/README.md").read_text())[0],
+    )
+    assert "a twentieth of the time of the average-acceleration method" in page(
+        ".github/paper/paper.md"
+    )
     assert "a four-hundredth of that of OpenSeesPy" in page(".github/paper/paper.md")
     assert (float(row[4]), round(float(row[5]), -2)) == (20, 400)
 
@@ -450,7 +515,10 @@ def test_safe_side_of_target_displacements():
         for name in ("kaikoura-frame", "three-story-concrete", "ten-story-bilinear")
     ]
     over = [100.0 * (told / row[2] - 1.0) for row in rows_of_table for told in row[:2]]
-    assert said("configs/README.md", r"safe side here, by (\d+) to (\d+) %") == [round(min(over)), round(max(over))]
+    assert said("configs/README.md", r"safe side here, by (\d+) to (\d+) %") == [
+        round(min(over)),
+        round(max(over)),
+    ]
 
 
 def test_the_error_told_with_the_models_is_that_of_the_table():
@@ -461,11 +529,14 @@ def test_the_error_told_with_the_models_is_that_of_the_table():
 def test_what_samples_miss_of_rotd50():
     pair = read_horizontals(readmes.ROOT / "records/kaikoura/WTMC.mseed", units="m/s^2")
     least, whole = (
-        rotated_spectrum(pair, np.array([0.04]), percentiles=(50,), maxima=maxima).psa for maxima in ("samples", None)
+        rotated_spectrum(pair, np.array([0.04]), percentiles=(50,), maxima=maxima).psa
+        for maxima in ("samples", None)
     )
     missed = 100.0 * (1.0 - np.squeeze(least) / np.squeeze(whole))
     text = r"`--maxima samples` would miss up to (\d+) % of RotD50"
-    assert said("src/tdint/analysis/spectra/README.md", text) == [pytest.approx(float(missed), abs=0.5)]
+    assert said("src/tdint/analysis/spectra/README.md", text) == [
+        pytest.approx(float(missed), abs=0.5)
+    ]
 
 
 @pytest.mark.slow
@@ -473,10 +544,17 @@ def test_the_table_of_moment4_with_parts_that_no_step_resolves():
     """By its command, L2 alone."""
     command = [sys.executable, readmes.ROOT / "tests/benchmarks/moment4.py", "stiff"]
     printed = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    section = (readmes.ROOT / "tests/README.md").read_text().partition("(`stiff`), L2:")[2].partition("## ")[0]
+    section = (
+        (readmes.ROOT / "tests/README.md")
+        .read_text()
+        .partition("(`stiff`), L2:")[2]
+        .partition("## ")[0]
+    )
     lines = re.findall(r"^\| ([a-z]\S+) \| (\S+e-.*) \|$", section, re.MULTILINE)
     assert len(lines) == 5
     for method, numbers in lines:
         (line,) = re.findall(rf"^{re.escape(method)} +(.*)$", printed, re.MULTILINE)
         made = [float(cell.partition("/")[0]) for cell in line.split()]
-        assert made == pytest.approx([float(number) for number in numbers.split(" | ")], rel=0.05), method
+        assert made == pytest.approx(
+            [float(number) for number in numbers.split(" | ")], rel=0.05
+        ), method

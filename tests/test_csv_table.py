@@ -126,28 +126,73 @@ def ending_in(cell, reader):
 @pytest.mark.parametrize("reader", FULL)
 def test_cells_that_are_no_finite_numbers(tmp_path, reader, cell):
     last = FULL[reader][0].split(",")[-1]
-    raises(reader, tmp_path, ending_in(f'"{cell}"', reader), rf"t\.csv:2: {last}:? must be a .*, got '{cell}'")
+    raises(
+        reader,
+        tmp_path,
+        ending_in(f'"{cell}"', reader),
+        rf"t\.csv:2: {last}:? must be a .*, got '{cell}'",
+    )
 
 
 @pytest.mark.parametrize("cell", ["1e308", "-1e61", "5e-324"])
 @pytest.mark.parametrize("reader", FULL)
 def test_cells_out_of_all_proportion(tmp_path, reader, cell):
     """As in model files: the square of such a number is none."""
-    raises(reader, tmp_path, ending_in(cell, reader), rf"got '{cell}'; its size must lie between 1e-60 and 1e\+60")
+    raises(
+        reader,
+        tmp_path,
+        ending_in(cell, reader),
+        rf"got '{cell}'; its size must lie between 1e-60 and 1e\+60",
+    )
 
 
 @pytest.mark.parametrize(
     ("point", "motions", "error", "message"),
     [
-        ("site.csv,-122,90.5", "TH_file\nm\n", ModelError, r"grid\.csv:2: Latitude must be from -90 to 90 degrees"),
-        ("site.csv,37,-90.5", "TH_file\nm\n", ModelError, r"grid\.csv:2: Latitude must be .*, got '-90.5'"),
-        ("site.csv,361,37", "TH_file\nm\n", ModelError, r"grid\.csv:2: Longitude must be from -360 to 360 degrees"),
+        (
+            "site.csv,-122,90.5",
+            "TH_file\nm\n",
+            ModelError,
+            r"grid\.csv:2: Latitude must be from -90 to 90 degrees",
+        ),
+        (
+            "site.csv,37,-90.5",
+            "TH_file\nm\n",
+            ModelError,
+            r"grid\.csv:2: Latitude must be .*, got '-90.5'",
+        ),
+        (
+            "site.csv,361,37",
+            "TH_file\nm\n",
+            ModelError,
+            r"grid\.csv:2: Longitude must be from -360 to 360 degrees",
+        ),
         ("site.csv,,37", "TH_file\nm\n", ModelError, r"grid\.csv:2: Longitude is missing"),
         (",-122,37", "TH_file\nm\n", ModelError, r"grid\.csv:2: GP_file is missing"),
-        ("site.csv,-122,37", "TH_file,factor\n,2\n", ModelError, r"site\.csv:2: TH_file is missing"),
-        ("site.csv,-122,37", "TH_file,factor\nm,0\n", ModelError, r"site\.csv:2: factor must not be zero, got '0'"),
-        ("site.csv,-122,37", "TH_file,factor\nm,x\n", ModelError, r"site\.csv:2: factor must be a number, got 'x'"),
-        ("site.csv,-122,37", "TH-file,factor\nm,1\n", ModelError, "no column TH_file; did you mean it by 'th-file'"),
+        (
+            "site.csv,-122,37",
+            "TH_file,factor\n,2\n",
+            ModelError,
+            r"site\.csv:2: TH_file is missing",
+        ),
+        (
+            "site.csv,-122,37",
+            "TH_file,factor\nm,0\n",
+            ModelError,
+            r"site\.csv:2: factor must not be zero, got '0'",
+        ),
+        (
+            "site.csv,-122,37",
+            "TH_file,factor\nm,x\n",
+            ModelError,
+            r"site\.csv:2: factor must be a number, got 'x'",
+        ),
+        (
+            "site.csv,-122,37",
+            "TH-file,factor\nm,1\n",
+            ModelError,
+            "no column TH_file; did you mean it by 'th-file'",
+        ),
         ("site.csv,-122,37", "TH_file, factor\nm,\n", RecordError, r"m\.json: cannot be read"),
     ],
 )
@@ -161,7 +206,9 @@ def test_grids(tmp_path, point, motions, error, message):
 def test_cells(tmp_path):
     """Names in any case, blank lines, a byte-order mark, quoted commas and line breaks, cells that a row has not."""
     file = tmp_path / "t.csv"
-    file.write_text('\n A, b,Is,c\n"1, ""x""", 2, yes\n\n,-3e1,,5\n"two\nlines", "4"\n', encoding="utf-8-sig")
+    file.write_text(
+        '\n A, b,Is,c\n"1, ""x""", 2, yes\n\n,-3e1,,5\n"two\nlines", "4"\n', encoding="utf-8-sig"
+    )
     table = read_table(str(file), "a table is needed")
     assert table.has("a", "B") and not table.has("a", "d")
     assert table.texts("A") == ['1, "x"', "", "two\nlines"]
@@ -190,7 +237,13 @@ def test_standard_input(monkeypatch):
 
 
 @given(
-    st.lists(st.sampled_from(["", "1", " 2.5 ", "-3e5", "1e-320", "1e400", "nan", "inf", "1_0", "\u0661", "x", "0"]))
+    st.lists(
+        st.sampled_from(
+            ["", "1", " 2.5 ", "-3e5", "1e-320", "1e400", "nan", "inf", "1_0", "\u0661", "x", "0"]
+        )
+    )
 )
 def test_many_cells_are_the_numbers_of_each(texts: list[str]) -> None:
-    np.testing.assert_array_equal(csv_table.numbers_in(texts), [csv_table.number(text) for text in texts])
+    np.testing.assert_array_equal(
+        csv_table.numbers_in(texts), [csv_table.number(text) for text in texts]
+    )

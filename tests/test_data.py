@@ -53,9 +53,13 @@ OURS, THEIRS = classes(dataclass), classes(dataclasses.dataclass)
 @pytest.mark.parametrize("ours, theirs", list(zip(OURS, THEIRS, strict=True)))
 def test_fields_signature_and_text_are_those_of_dataclasses(ours, theirs):
     assert str(inspect.signature(ours)) == str(inspect.signature(theirs))
-    assert [field.name for field in dataclasses.fields(ours)] == [field.name for field in dataclasses.fields(theirs)]
+    assert [field.name for field in dataclasses.fields(ours)] == [
+        field.name for field in dataclasses.fields(theirs)
+    ]
     assert ours.__match_args__ == theirs.__match_args__
-    assert repr(ours(1)) == repr(theirs(1)) and dataclasses.asdict(ours(1)) == dataclasses.asdict(theirs(1))
+    assert repr(ours(1)) == repr(theirs(1)) and dataclasses.asdict(ours(1)) == dataclasses.asdict(
+        theirs(1)
+    )
     assert ours.__init__.__qualname__ == theirs.__init__.__qualname__
     assert ours.__init__.__module__ == ours.__module__
 
@@ -63,7 +67,11 @@ def test_fields_signature_and_text_are_those_of_dataclasses(ours, theirs):
 def test_equal_ones_are_equal_and_others_not():
     base, child, plain = OURS
     assert base(1.0, ("a",), {1: 2}) == base(1.0, ("a",)) != base(2.0, ("a",))
-    assert hash(child(1.0, unit="s")) == hash(child(1.0, unit="s", hidden=4)) != hash(child(1.0, unit="m"))
+    assert (
+        hash(child(1.0, unit="s"))
+        == hash(child(1.0, unit="s", hidden=4))
+        != hash(child(1.0, unit="m"))
+    )
     assert child(1.0) != base(1.0) and plain(1) == plain(1, 2) and plain.__hash__ is None
     assert dataclasses.replace(child(1.0, unit="s"), number=2.0) == child(2.0, unit="s")
 

@@ -46,7 +46,11 @@ def index_readme(monkeypatch):
 def test_the_first_run_of_an_index_needs_no_checkout(monkeypatch):
     text = index_readme(monkeypatch).for_index((ROOT / "README.md").read_text(encoding="utf-8"))
     begin = text[: text.index("\n## ")]
-    assert re.findall(r"^\$ (\w+ \w+)", begin, re.MULTILINE) == ["pip install", "tdint init", "tdint run"]
+    assert re.findall(r"^\$ (\w+ \w+)", begin, re.MULTILINE) == [
+        "pip install",
+        "tdint init",
+        "tdint run",
+    ]
     assert "checkout" not in begin
 
 
@@ -62,7 +66,9 @@ def test_the_source_archive_has_what_the_checkout_has():
 def test_what_is_told_of_the_software_is_told_alike():
     release = readmes.program("release")
     faults = release.faults("v0.0.1", "2026-01-01")
-    assert [one for one in faults if "release.py" in one] == []  # codemeta.json and the BibTeX entry are up to date
+    assert [
+        one for one in faults if "release.py" in one
+    ] == []  # codemeta.json and the BibTeX entry are up to date
     assert any("0.0.1 in the tag" in one for one in faults)
     assert any("2026-01-01 in the tagged commit" in one for one in faults)
     empty = [name for name, value in PROJECT["tool"]["tdint"].items() if not value]
@@ -70,7 +76,9 @@ def test_what_is_told_of_the_software_is_told_alike():
         f"pyproject.toml: [tool.tdint] {name} is empty" for name in empty
     ]
     recipe = (ROOT / ".github" / "conda" / "meta.yaml").read_text()
-    needed = re.search(r"run: \[python >=3.11, (.*)\]", recipe)[1].replace("matplotlib-base", "matplotlib")
+    needed = re.search(r"run: \[python >=3.11, (.*)\]", recipe)[1].replace(
+        "matplotlib-base", "matplotlib"
+    )
     assert needed.replace(" ", "").split(",") == PROJECT["project"]["dependencies"]
     assert f"version: {release.read()[0]['version']}\n" in recipe
 
@@ -90,7 +98,9 @@ def test_a_release_that_agrees_is_not_refused(tmp_path, monkeypatch):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
     for name in module.TELLING:
-        (tmp_path / name).write_text(f"Write to <!-- contact -->{module.contact(project)}<!-- end -->.")
+        (tmp_path / name).write_text(
+            f"Write to <!-- contact -->{module.contact(project)}<!-- end -->."
+        )
     monkeypatch.setattr(module, "ROOT", tmp_path)
     monkeypatch.setattr(module, "CODEMETA", tmp_path / "codemeta.json")
     monkeypatch.setattr(module, "README", tmp_path / "README.md")
@@ -102,7 +112,12 @@ def test_a_release_that_agrees_is_not_refused(tmp_path, monkeypatch):
 def test_persons_and_an_address_go_where_they_are_told():
     module = readmes.program("release")
     citation, project = module.read()
-    person = {"family-names": "Beck", "given-names": "Ada", "name-particle": "van", "orcid": "https://orcid.org/0"}
+    person = {
+        "family-names": "Beck",
+        "given-names": "Ada",
+        "name-particle": "van",
+        "orcid": "https://orcid.org/0",
+    }
     citation["authors"] = [person, {"name": "The others"}]
     project["tool"]["tdint"] = {"contact": "", "repository": "https://example.org/a/tdint"}
     assert "  author  = {van Beck, Ada and {The others}}," in module.bibtex(citation, project)
@@ -127,17 +142,28 @@ def test_links_of_an_index_lead_to_the_files_of_the_version(monkeypatch):
         f"See [this]({place}/blob/v1.2.3/cli/README.md#run), [that](https://x.org), [here](#x) and "
         f"![a picture]({place}/raw/v1.2.3/configs/a.png)."
     )
-    assert module.urls("") == {} and set(module.urls(place)) == {"Homepage", "Source", "Issues", "Changelog"}
+    assert module.urls("") == {} and set(module.urls(place)) == {
+        "Homepage",
+        "Source",
+        "Issues",
+        "Changelog",
+    }
 
 
 def test_the_licenses_are_told_apart():
     assert PROJECT["project"]["license"] == "BSD-3-Clause AND LicenseRef-CC-BY-3.0-NZ"
-    code, data = ((ROOT / name).read_text(encoding="utf-8") for name in PROJECT["project"]["license-files"])
-    assert code.startswith("BSD 3-Clause License") and code.rstrip().endswith("POSSIBILITY OF SUCH DAMAGE.")
+    code, data = (
+        (ROOT / name).read_text(encoding="utf-8") for name in PROJECT["project"]["license-files"]
+    )
+    assert code.startswith("BSD 3-Clause License") and code.rstrip().endswith(
+        "POSSIBILITY OF SUCH DAMAGE."
+    )
     assert "LicenseRef-CC-BY-3.0-NZ" in data and "GeoNet" in data
 
 
-@pytest.mark.parametrize("file", sorted((ROOT / ".github" / "workflows").iterdir()), ids=lambda file: file.stem)
+@pytest.mark.parametrize(
+    "file", sorted((ROOT / ".github" / "workflows").iterdir()), ids=lambda file: file.stem
+)
 def test_a_workflow_runs_what_it_was_checked_with(file):
     """Actions are named by hash, rights are the least, and no job runs for hours."""
     text = file.read_text(encoding="utf-8")
@@ -153,14 +179,22 @@ def test_a_workflow_runs_what_it_was_checked_with(file):
 
 
 def test_the_paper_is_short_and_what_it_cites_is_there():
-    head, _, body = (ROOT / ".github/paper/paper.md").read_text(encoding="utf-8").partition("\nbibliography")
+    head, _, body = (
+        (ROOT / ".github/paper/paper.md").read_text(encoding="utf-8").partition("\nbibliography")
+    )
     assert head.startswith("---\ntitle")
     assert 750 <= len(body.split()) <= 1750
     asked = "Summary|Statement of need|State of the field|Software design|Research impact statement|AI usage disclosure"
     assert len(re.findall(rf"\n# (?:{asked})", body)) == 6
-    entries = re.findall(r"@\w+\{(?:.|\n)*?\n\}", (ROOT / ".github/paper/paper.bib").read_text(encoding="utf-8"))
+    entries = re.findall(
+        r"@\w+\{(?:.|\n)*?\n\}", (ROOT / ".github/paper/paper.bib").read_text(encoding="utf-8")
+    )
     assert [entry for entry in entries if "  year = {" not in entry] == []
-    entries = set(re.findall(r"@\w+\{(\w+),", (ROOT / ".github/paper/paper.bib").read_text(encoding="utf-8")))
+    entries = set(
+        re.findall(r"@\w+\{(\w+),", (ROOT / ".github/paper/paper.bib").read_text(encoding="utf-8"))
+    )
     assert set(re.findall(r"\[@(\w+)", body)) == entries
     pictures = re.findall(r"!\[(.*?)\]\((.*?)\)", body, re.DOTALL)
-    assert pictures and all((ROOT / ".github/paper" / file).is_file() and "`" in text for text, file in pictures)
+    assert pictures and all(
+        (ROOT / ".github/paper" / file).is_file() and "`" in text for text, file in pictures
+    )

@@ -13,7 +13,9 @@ import pytest
 
 import tdint
 
-FUNCTIONS = sorted(name for name in tdint.__all__ if callable(getattr(tdint, name)) and name[0].islower())
+FUNCTIONS = sorted(
+    name for name in tdint.__all__ if callable(getattr(tdint, name)) and name[0].islower()
+)
 
 PROGRAM = '''
 import io
@@ -126,7 +128,9 @@ def test_nothing_of_python_is_shadowed():
 def test_all_names_that_a_checker_of_types_is_told_are_there():
     tree = ast.parse(Path(tdint.__file__).read_text(encoding="utf-8"))
     block = next(node for node in tree.body if isinstance(node, ast.If)).body
-    told = {alias.asname for node in block if isinstance(node, ast.ImportFrom) for alias in node.names}
+    told = {
+        alias.asname for node in block if isinstance(node, ast.ImportFrom) for alias in node.names
+    }
     names = {node.targets[0].id for node in block if isinstance(node, ast.Assign)}
     assert names == set(tdint._CALLED) == set(tdint._ELSEWHERE)
     assert told - {None} | names == set(tdint._homes())
@@ -139,14 +143,20 @@ def test_a_function_says_what_it_takes_gives_and_raises(name):
     if not inspect.isfunction(function):  # a package that is loaded, whose docstring is its own
         function = getattr(import_module(tdint._homes()[name]), tdint._CALLED.get(name, name))
     text = inspect.getdoc(function)
-    sections = [title for title in ("Parameters", "Returns", "Raises") if f"{title}\n{'-' * len(title)}\n" in text]
+    sections = [
+        title
+        for title in ("Parameters", "Returns", "Raises")
+        if f"{title}\n{'-' * len(title)}\n" in text
+    ]
     expected = ["Parameters"] * bool(signature.parameters) + ["Returns", "Raises"]
     assert sections == expected
     given = text.partition("Parameters\n")[2].partition("Returns\n")[0]
     heads = [line for line in given.splitlines()[1:] if line and not line.startswith(" ")]
     described = {one.strip(" *") for line in heads for one in line.partition(" : ")[0].split(",")}
     assert described == set(signature.parameters)
-    assert all(parameter.annotation is not parameter.empty for parameter in signature.parameters.values())
+    assert all(
+        parameter.annotation is not parameter.empty for parameter in signature.parameters.values()
+    )
     assert signature.return_annotation not in (signature.empty, "Any")
 
 
@@ -166,4 +176,6 @@ def test_a_program_of_all_functions_is_typed(tmp_path):
         capture_output=True, text=True, cwd=tmp_path, env={**os.environ, **told},
     )  # fmt: skip
     faults = [line for line in checked.stdout.splitlines() if line.startswith("program.py")]
-    assert len(faults) == 1 and 'Module has no attribute "nothing"' in faults[0], checked.stdout + checked.stderr
+    assert len(faults) == 1 and 'Module has no attribute "nothing"' in faults[0], (
+        checked.stdout + checked.stderr
+    )

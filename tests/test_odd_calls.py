@@ -43,10 +43,23 @@ def odd(call, *values):
 @pytest.mark.parametrize(
     "call",
     [
-        *odd(lambda r: tdint.order("newmark-average", frequency_ratio=r), math.nan, math.inf, 1e6, "x"),
+        *odd(
+            lambda r: tdint.order("newmark-average", frequency_ratio=r),
+            math.nan,
+            math.inf,
+            1e6,
+            "x",
+        ),
         *odd(lambda s: tdint.order("newmark-average", load="record", stride=s), 1.5),
         *odd(lambda d: tdint.overshoot("newmark-average", damping=d), math.nan, -1, "x"),
-        *odd(lambda h: tdint.overshoot("newmark-average", dt_over_t=h), -1, 0.0, math.nan, math.inf, "x"),
+        *odd(
+            lambda h: tdint.overshoot("newmark-average", dt_over_t=h),
+            -1,
+            0.0,
+            math.nan,
+            math.inf,
+            "x",
+        ),
         *odd(lambda n: tdint.overshoot("newmark-average", steps=n), 0),
         *odd(lambda d: tdint.stability("hht", [0.1], damping=d), -1, math.nan, "x"),
         *odd(lambda h: tdint.stability("hht", h), [], [-1.0], [math.nan], [1.0, 0.1], ["x"]),
@@ -63,7 +76,9 @@ def test_numbers_out_of_range_are_refused_in_words(call):
         call()
 
 
-@pytest.mark.parametrize("name", [name for name, function in FUNCTIONS.items() if required(function)])
+@pytest.mark.parametrize(
+    "name", [name for name, function in FUNCTIONS.items() if required(function)]
+)
 def test_odd_arguments_are_refused_in_words(name, tmp_path, monkeypatch):
     """All arguments of one odd kind, then each of two kinds."""
     monkeypatch.chdir(tmp_path)

@@ -29,7 +29,12 @@ def test_several_methods_give_what_each_does(call):
 
 def test_several_steps_and_records():
     runs = tdint.run(MODEL, RECORD, method=("impulse4", "hht"), dt=[0.02, 0.01], check=False)
-    assert [(run.method[:3], run.dt) for run in runs] == [("imp", 0.02), ("imp", 0.01), ("hht", 0.02), ("hht", 0.01)]
+    assert [(run.method[:3], run.dt) for run in runs] == [
+        ("imp", 0.02),
+        ("imp", 0.01),
+        ("hht", 0.02),
+        ("hht", 0.01),
+    ]
     spectra = tdint.spectrum([RECORD, RECORD.scaled(2.0)], np.array([0.5, 1.0]))
     np.testing.assert_allclose(spectra[1].psa, 2.0 * spectra[0].psa)
     assert len(tdint.spectrum(record=(RECORD,), periods=np.array([0.5]))) == 1
@@ -40,7 +45,9 @@ def test_what_arguments_were_called_is_taken_with_a_warning():
     with pytest.warns(DeprecationWarning, match="methods is method now"):
         (run,) = tdint.paper_examples([1], methods=["wilson"])
     assert run.method.startswith("wilson")
-    with pytest.warns(DeprecationWarning, match="register_law goes with the next release; load_plugin"):
+    with pytest.warns(
+        DeprecationWarning, match="register_law goes with the next release; load_plugin"
+    ):
         assert callable(tdint.register_law)
     assert "register_law" not in dir(tdint)
     with pytest.raises(tdint.TdintError, match="unexpected keyword argument 'methods'"):

@@ -30,7 +30,11 @@ RECORD = tdint.make_record(np.sin(0.1 * np.arange(100)), dt=0.01, units="m/s^2")
         ("methods", {"specifications": 0}, "specifications"),
         ("load_plugin", {"file": None}, "file"),
         ("fit_capacities", {"capacity": "x"}, "capacity"),
-        ("run", {"model": MODEL, "record": RECORD, "until_rest": np.array([1.0, 2.0])}, "until_rest"),
+        (
+            "run",
+            {"model": MODEL, "record": RECORD, "until_rest": np.array([1.0, 2.0])},
+            "until_rest",
+        ),
         ("run", {"model": MODEL, "record": RECORD, "dt": np.ones(2)}, "dt"),
         ("scale", {"motions": RECORD}, "motions"),
     ],

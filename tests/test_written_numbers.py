@@ -8,7 +8,14 @@ from tdint.written_numbers import MOST_POINTS, Grid, parse_grid, parse_ratio
 
 
 def test_a_ratio_is_a_number_or_a_percentage():
-    for text, ratio in (("0.05", 0.05), ("5%", 0.05), (" 5 % ", 0.05), ("1e-2", 0.01), ("-3%", -0.03), ("0", 0.0)):
+    for text, ratio in (
+        ("0.05", 0.05),
+        ("5%", 0.05),
+        (" 5 % ", 0.05),
+        ("1e-2", 0.01),
+        ("-3%", -0.03),
+        ("0", 0.0),
+    ):
         assert parse_ratio(text) == pytest.approx(ratio, rel=1e-15)
 
 
@@ -31,7 +38,21 @@ def test_a_grid_is_written_as_it_is_read():
 
 
 @pytest.mark.parametrize(
-    "text", ["", "1:2", "2:1:5", "0:1:5", "-1:1:5", "1:2:1", "a:b:c", "1:2:3:4", "1:inf:5", "nan", "0", "1:2:1e3"]
+    "text",
+    [
+        "",
+        "1:2",
+        "2:1:5",
+        "0:1:5",
+        "-1:1:5",
+        "1:2:1",
+        "a:b:c",
+        "1:2:3:4",
+        "1:inf:5",
+        "nan",
+        "0",
+        "1:2:1e3",
+    ],
 )
 def test_what_is_no_grid(text):
     with pytest.raises(UsageError, match="FIRST"):

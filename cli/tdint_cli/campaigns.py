@@ -47,7 +47,11 @@ class _DriftLimit(Ratio):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, str) and value.isdecimal() and ctx and ctx.command.name == "campaign":
-            self.fail(f"it is the drift limit, such as 2%; the number of runs is --max-runs {value}", param, ctx)
+            self.fail(
+                f"it is the drift limit, such as 2%; the number of runs is --max-runs {value}",
+                param,
+                ctx,
+            )
         return super().convert(value, param, ctx)
 
 
@@ -61,7 +65,9 @@ LIMIT = options.analysis.option(
 
 
 REQUIRE = options.analysis.option(
-    is_flag=True, needs="--limit", help="End with exit code 5 unless it does, all runs are done, and none collapsed."
+    is_flag=True,
+    needs="--limit",
+    help="End with exit code 5 unless it does, all runs are done, and none collapsed.",
 )
 """The option --require, behind it."""
 
@@ -99,7 +105,9 @@ class SuiteRequest:
             check_picture(Path(self.plot))
             return Path(self.plot)
         if folder is None:
-            raise UsageError("--plot alone puts the picture into the folder of -o: add -o DIR, or name it")
+            raise UsageError(
+                "--plot alone puts the picture into the folder of -o: add -o DIR, or name it"
+            )
         return folder / PICTURE
 
 
@@ -128,7 +136,9 @@ def set_looks(style: tuple[str, str], source: str, *, drawn: bool) -> None:
         return
     try:
         looks = parse_style(text, "style:")
-        looks = PRINTED.get().over(replace(looks, style=looks.style and str(Path(folder, looks.style))))
+        looks = PRINTED.get().over(
+            replace(looks, style=looks.style and str(Path(folder, looks.style)))
+        )
         if drawn:
             figures.style.check_print(looks)
     except UsageError as error:
@@ -172,7 +182,9 @@ class Profiles:
         from tdint.campaign.profiles import ratios
 
         self._need("--baseline")
-        return tables.campaign.ratio_table(self.store, ratios(self.found, self.request.baseline or ""), stories=stories)
+        return tables.campaign.ratio_table(
+            self.store, ratios(self.found, self.request.baseline or ""), stories=stories
+        )
 
     def draw(self, file: Path) -> Content:
         """The picture.
@@ -184,7 +196,9 @@ class Profiles:
         """
         self._need("--plot")
         limit, title = self.request.limit, self.store.meta("name")
-        draw = partial(figures.runs.profile_picture, self.found, self.units, limit=limit, title=title)
+        draw = partial(
+            figures.runs.profile_picture, self.found, self.units, limit=limit, title=title
+        )
         return figures.style.picture(file.suffix, draw)
 
     def _need(self, option: str) -> None:
@@ -199,20 +213,39 @@ class Profiles:
         from tdint.output.summary import files_read
 
         request, limit = self.request, self.request.limit
-        verdicts = [] if limit is None else [(profile, *_verdict(profile, limit)) for profile in self.found]
+        verdicts = (
+            []
+            if limit is None
+            else [(profile, *_verdict(profile, limit)) for profile in self.found]
+        )
         lost = [text for profile in self.found if (text := self._lost(profile))]
         # Units and head of the page: the models', as far as they agree.
         models = {profile.source: profile for profile in plan.models}.values()
-        units, heads = {profile.page_units for profile in models}, {profile.page_head for profile in models}
+        units, heads = (
+            {profile.page_units for profile in models},
+            {profile.page_head for profile in models},
+        )
         told = Told(
             warnings=[*(str(error) for error in plan.failures), *lost],
             head=request.report_head or (heads.pop() if len(heads) == 1 else ()),
             inputs=files_read(),
-            verdict=[(kept, kept_words(kept) + self._told(profile, text)) for profile, text, kept in verdicts],
+            verdict=[
+                (kept, kept_words(kept) + self._told(profile, text))
+                for profile, text, kept in verdicts
+            ],
         )
         ratios = self.ratios(stories=False) if request.baseline is not None else None
         shown = request.output_units or (units.pop() if len(units) == 1 else self.units)
-        return suite_page(plan, self.store, self.found, told, limit=limit, ratios=ratios, floors=floors, units=shown)
+        return suite_page(
+            plan,
+            self.store,
+            self.found,
+            told,
+            limit=limit,
+            ratios=ratios,
+            floors=floors,
+            units=shown,
+        )
 
     def _told(self, profile: Profile, text: str) -> str:
         name = _name(profile, self.found)
@@ -243,7 +276,9 @@ class Profiles:
         # Judged by some of the motions alone a building might pass that the others bring down.
         if left := unfinished(self.store):
             if limit is None:
-                note(f"{left}: what is of all motions (means, pictures, pages) comes with the last one")
+                note(
+                    f"{left}: what is of all motions (means, pictures, pages) comes with the last one"
+                )
                 return []
             text = f"the drift limit of {100.0 * limit:g} % is not judged: {left}"
             if self.request.require:
@@ -267,7 +302,11 @@ class Profiles:
         for kind, reasons in self.store.unused().items():
             beyond += [f"{how_many(len(reasons), kind)} could not be used"] if reasons else []
         if beyond and self.request.require:
-            return [AnalysisError(f"the drift limit of {100.0 * limit:g} % is not met: {'; '.join(beyond)}")]
+            return [
+                AnalysisError(
+                    f"the drift limit of {100.0 * limit:g} % is not met: {'; '.join(beyond)}"
+                )
+            ]
         return []
 
 
@@ -292,7 +331,10 @@ def _verdict(profile: Profile, limit: float) -> tuple[str, bool]:
     check = check_drift(profile, limit)
     lost = profile.collapsed + profile.failed
     if check is None:
-        return f"No motion of {profile.runs} came to its end, limit {100.0 * limit:g} %: beyond", False
+        return (
+            f"No motion of {profile.runs} came to its end, limit {100.0 * limit:g} %: beyond",
+            False,
+        )
     words = "within" if check.within else "beyond"
     if lost:
         words += f", for {lost} of {how_many(profile.runs, 'motion')} collapsed or failed"
@@ -343,7 +385,11 @@ def carry_out(
     from tdint.campaign.store import FILE, forget, open_store, remove
     from tdint.campaign.store_schema import UntrustedStoreError, locked, refuse_network
 
-    for option, asked in (("--plot", request.plot), ("--baseline", request.baseline), ("--limit", request.limit)):
+    for option, asked in (
+        ("--plot", request.plot),
+        ("--baseline", request.baseline),
+        ("--limit", request.limit),
+    ):
         if asked is not None and not plan.settings.keeps_stories:
             raise AnalysisError(f"{option}: {_NOT_KEPT}")
     if request.baseline is not None:
@@ -360,7 +406,19 @@ def carry_out(
             if not overwrite:
                 raise
             # Another campaign, or a store that cannot be used, goes with the tables that were made of it.
-            made = (RUNS, STORIES, SHOCKS, PROFILES, RATIOS, DAMAGE, TYPES, LOSSES, EXCEEDANCE, PICTURE, MEASURES)
+            made = (
+                RUNS,
+                STORIES,
+                SHOCKS,
+                PROFILES,
+                RATIOS,
+                DAMAGE,
+                TYPES,
+                LOSSES,
+                EXCEEDANCE,
+                PICTURE,
+                MEASURES,
+            )
             names = (*made, *OF_FLOORS, *PARQUET, SIMCENTER, GEOJSON, SUMMARY)
             refuse_kept(folder / name for name in names)
             forget(folder / FILE)
@@ -383,7 +441,9 @@ def carry_out(
             new = advance.done - advance.before
             if new:
                 before = f", {advance.before} before" if advance.before else ""
-                say(f"{how_many(new, 'run')} in {advance.seconds:.3g} s ({_rate(advance)}){before}.")
+                say(
+                    f"{how_many(new, 'run')} in {advance.seconds:.3g} s ({_rate(advance)}){before}."
+                )
             else:
                 say(f"{how_many(advance.done, 'run')} done before: nothing to do.")
             tell_outcomes(store)
@@ -414,7 +474,11 @@ def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
     from tdint.campaign.store import FILE
 
     replaced = request.overwrite or (folder is not None and (folder / FILE).exists())
-    pages = [file for file in (request.picture(folder), Path(request.report) if request.report else None) if file]
+    pages = [
+        file
+        for file in (request.picture(folder), Path(request.report) if request.report else None)
+        if file
+    ]
     asked_of = {RATIOS: request.baseline, MEASURES: request.im, SPECTRA: request.of_floors.floors}
     named = pages + ([folder / name for name, asked in asked_of.items() if asked] if folder else [])
     check_outputs(named, overwrite=replaced)
@@ -455,7 +519,12 @@ def refuse_foreign(folder: Path, stories: bool, profiles: bool, *, overwrite: bo
 
 
 def advance_with_bar(
-    plan: Plan, store: Store, engine: Engine, *, shard: Shard | None = None, max_runs: int | None = None
+    plan: Plan,
+    store: Store,
+    engine: Engine,
+    *,
+    shard: Shard | None = None,
+    max_runs: int | None = None,
 ) -> Advance:
     """Do what is left, with a bar that tells the rate."""
     from tdint.campaign.carry_out import carry_out
@@ -463,7 +532,9 @@ def advance_with_bar(
     with progress_bar(to_terminal=False) as progress:
 
         def tell(advance: Advance) -> None:
-            progress(f"{advance.done}/{advance.runs} runs, {_rate(advance)}", advance.done / advance.runs)
+            progress(
+                f"{advance.done}/{advance.runs} runs, {_rate(advance)}", advance.done / advance.runs
+            )
 
         return carry_out(plan, store, engine, shard=shard, max_runs=max_runs, tell=tell)
 
@@ -477,7 +548,9 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
     over all motions, summary.json; and what was exported of an earlier state anew."""
     from tdint.output.summary import files_read
 
-    ours = [name for name in (*PARQUET, SIMCENTER, GEOJSON) if profiles.store.is_ours(folder / name)]
+    ours = [
+        name for name in (*PARQUET, SIMCENTER, GEOJSON) if profiles.store.is_ours(folder / name)
+    ]
     again = _exports(profiles, ours)
     written = {name: writer for name, writer in again.items() if writer}
     contents = {**_of_suite(profiles, folder, plan), **written}
@@ -487,7 +560,9 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
             note(f"{folder / name}: written anew, as the campaign is now")
         else:
             (folder / name).unlink(missing_ok=True)
-            note(f"{folder / name}: removed, for it was of an earlier state and cannot be written here")
+            note(
+                f"{folder / name}: removed, for it was of an earlier state and cannot be written here"
+            )
 
 
 def _of_suite(profiles: Profiles, folder: Path, plan: Plan | None = None) -> dict[str, Content]:
@@ -498,7 +573,9 @@ def _of_suite(profiles: Profiles, folder: Path, plan: Plan | None = None) -> dic
     # Means, pictures and pages over some of the motions would be taken for those of all.
     if not is_complete(store):
         return {}
-    contents: dict[str, Content] = {str(picture.absolute()): profiles.draw(picture)} if picture else {}
+    contents: dict[str, Content] = (
+        {str(picture.absolute()): profiles.draw(picture)} if picture else {}
+    )
     if request.baseline is not None:
         contents[RATIOS] = profiles.ratios(stories=True).csv()
     if plan is None:
@@ -533,19 +610,26 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, geojson: bool) 
         from tdint.output.tables.exports import is_mapped
 
         if not is_mapped(store):
-            raise UsageError(f"{store.name}: a map needs an inventory with the columns Latitude and Longitude")
+            raise UsageError(
+                f"{store.name}: a map needs an inventory with the columns Latitude and Longitude"
+            )
         if not is_complete(store):
             raise UsageError(
                 f"{store.name}: not all runs are done; a map tells what the buildings do under all motions: call "
                 "`tdint campaign` again first"
             )
     asked = {SIMCENTER: simcenter, GEOJSON: geojson}
-    exported = {*PARQUET, *(name for name, is_asked in asked.items() if is_asked or store.is_ours(folder / name))}
+    exported = {
+        *PARQUET,
+        *(name for name, is_asked in asked.items() if is_asked or store.is_ours(folder / name)),
+    }
     others = {name: writer for name, writer in _exports(profiles, exported).items() if writer}
     # What is written of a store says how its runs were made, as the last call that could add some told it.
     before = told_of(folder / SUMMARY)
     made = {"arguments": before.get("arguments", []), "export": list(current().arguments)}
-    _write(profiles, folder, {**_of_suite(profiles, folder), **others}, before.get("inputs", ()), made)
+    _write(
+        profiles, folder, {**_of_suite(profiles, folder), **others}, before.get("inputs", ()), made
+    )
 
 
 def _exports(profiles: Profiles, names: Collection[str]) -> dict[str, Writer | None]:
@@ -559,15 +643,23 @@ def _exports(profiles: Profiles, names: Collection[str]) -> dict[str, Writer | N
     runs, stories, damage = PARQUET
     writers: dict[str, tuple[bool, Writer]] = {
         runs: (has_pyarrow, partial(exports.write_runs_parquet, store)),
-        stories: (has_pyarrow and store.parameters()["stories"], partial(exports.write_stories_parquet, store)),
-        damage: (has_pyarrow and bool(store.damage()), partial(exports.write_damage_parquet, store)),
+        stories: (
+            has_pyarrow and store.parameters()["stories"],
+            partial(exports.write_stories_parquet, store),
+        ),
+        damage: (
+            has_pyarrow and bool(store.damage()),
+            partial(exports.write_damage_parquet, store),
+        ),
         SIMCENTER: (True, partial(exports.write_simcenter, store)),
         GEOJSON: (
             is_complete(store) and exports.is_mapped(store),
             partial(exports.write_geojson, store, units=profiles.units),
         ),
     }
-    return {name: writer if can else None for name, (can, writer) in writers.items() if name in names}
+    return {
+        name: writer if can else None for name, (can, writer) in writers.items() if name in names
+    }
 
 
 def _write(
@@ -609,7 +701,12 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
     if not store.damage():
         return {}
     from tdint.campaign.fragility.runs import stored_states
-    from tdint.output.tables.damage_states import write_damage, write_exceedance, write_losses, write_types
+    from tdint.output.tables.damage_states import (
+        write_damage,
+        write_exceedance,
+        write_losses,
+        write_types,
+    )
 
     writers: dict[str, Content] = {}
     if store.writes("damage"):
@@ -636,13 +733,19 @@ def tell_outcomes(store: Store) -> None:
     # What has no result must be seen; a collapse is a result, of which a line is enough.
     if failed:
         listed = ", ".join(f"{count} {name}" for name, count in failed.items())
-        warn(f"no result of {how_many(sum(failed.values()), 'run')}: {listed}; their rows have empty cells")
+        warn(
+            f"no result of {how_many(sum(failed.values()), 'run')}: {listed}; their rows have empty cells"
+        )
     fell = {name: statuses[name] for name in FALLEN if name in statuses}
     if fell:
         say(", ".join(f"{how_many(count, 'run')} {name}" for name, count in fell.items()) + ".")
     if repeated := store.count("repeats > 0"):
         note(f"{how_many(repeated, 'run')} repeated with finer steps (column dt_s)")
     if unknown := without_error(store):
-        note(f"no estimated error of {how_many(unknown, 'run')}: what tells it failed or fell earlier; empty cells")
+        note(
+            f"no estimated error of {how_many(unknown, 'run')}: what tells it failed or fell earlier; empty cells"
+        )
     if moving := store.count("at_rest = 0"):
-        warn(f"{how_many(moving, 'run')} still moving when the time was over: residual drifts are not at rest")
+        warn(
+            f"{how_many(moving, 'run')} still moving when the time was over: residual drifts are not at rest"
+        )

@@ -66,7 +66,12 @@ def _errors_beside(table: Table) -> Table:
                 # Of zero, and of what is no number, there is no percentage.
                 value, error = cells[i], cells[errors[i]]
                 percent = None
-                if isinstance(error, float) and isinstance(value, float) and not math.isnan(error) and value:
+                if (
+                    isinstance(error, float)
+                    and isinstance(value, float)
+                    and not math.isnan(error)
+                    and value
+                ):
                     percent = float(f"{100.0 * error / abs(value):.2g}")
                 row.append(percent)
     return Table(tuple(names), list(map(tuple, rows)), table.meanings)
@@ -78,7 +83,10 @@ def emit_table(table: Table) -> None:
 
 
 def draw(
-    columns: Sequence[str], rows: Sequence[Sequence[object]], width: int, units: Mapping[str, str] | None = None
+    columns: Sequence[str],
+    rows: Sequence[Sequence[object]],
+    width: int,
+    units: Mapping[str, str] | None = None,
 ) -> str:
     """A table as text, lines of at most `width` characters if that can be done; `units` of the columns.
 
@@ -88,9 +96,17 @@ def draw(
     """
     cells = [[_cell(value) for value in row] for row in rows]
     filled = [i for i in range(len(columns)) if not rows or any(row[i] for row in cells)]
-    numeric = {i for i in filled if all(value is None or isinstance(value, (int, float)) for value in _at(rows, i))}
+    numeric = {
+        i
+        for i in filled
+        if all(value is None or isinstance(value, (int, float)) for value in _at(rows, i))
+    }
     # Said once, above: the text of all rows, but in the last column; the folder with its / that all files lie in.
-    common = [i for i in filled[:-1] if i not in numeric and len(rows) > 1 and len(set(_at(cells, i))) == 1]
+    common = [
+        i
+        for i in filled[:-1]
+        if i not in numeric and len(rows) > 1 and len(set(_at(cells, i))) == 1
+    ]
     above = "".join(f"{columns[i]}: {cells[0][i]}\n" for i in common)
     folders = ""
     shown = [i for i in filled if i not in common]
@@ -99,7 +115,12 @@ def draw(
             continue
         first, last = min(_at(cells, i)), max(_at(cells, i))  # what these begin with alike, all do
         same = next(
-            (k for k, (letter, other) in enumerate(zip(first, last, strict=False)) if letter != other), len(first)
+            (
+                k
+                for k, (letter, other) in enumerate(zip(first, last, strict=False))
+                if letter != other
+            ),
+            len(first),
         )
         if folder := first[: first.rfind(_FOLDER, 0, same) + 1]:
             folders += f"{columns[i]}: in {folder}\n"
@@ -107,19 +128,30 @@ def draw(
                 row[i] = row[i].removeprefix(folder)
     units = units or {}
     drawn = [
-        _column(columns[i], units.get(columns[i], "1"), _at(cells, i), right=i in numeric, limit=width // 2)
+        _column(
+            columns[i],
+            units.get(columns[i], "1"),
+            _at(cells, i),
+            right=i in numeric,
+            limit=width // 2,
+        )
         for i in shown
     ]
     # A few rows that are too wide: a line for each column, with its name and its values.
     whole = sum(len(column[0]) + len(_GAP) for column in drawn) - len(_GAP)
     if whole > width and 0 < len(rows) <= _FEW:
         longest = max(len(columns[i]) for i in filled)
-        room = max(8, (width - longest) // len(cells) - len(_GAP))  # for three letters and the dots of a cut
-        wides = [min(room, max(len(row[i]) for i in filled)) if len(cells) > 1 else None for row in cells]
+        room = max(
+            8, (width - longest) // len(cells) - len(_GAP)
+        )  # for three letters and the dots of a cut
+        wides = [
+            min(room, max(len(row[i]) for i in filled)) if len(cells) > 1 else None for row in cells
+        ]
         text = folders
         for i in filled:
             values = [
-                _shortened(row[i], wide).ljust(wide) if wide else row[i] for row, wide in zip(cells, wides, strict=True)
+                _shortened(row[i], wide).ljust(wide) if wide else row[i]
+                for row, wide in zip(cells, wides, strict=True)
             ]
             text += _GAP.join([columns[i].ljust(longest), *values]).rstrip() + "\n"
         return text
@@ -171,7 +203,9 @@ def _shortened(text: str, room: int) -> str:
     return text if len(text) <= room else text[: room - 3] + "..."
 
 
-def _side_by_side(columns: Sequence[list[str]], texts: Sequence[bool], errors: Collection[int], width: int) -> str:
+def _side_by_side(
+    columns: Sequence[list[str]], texts: Sequence[bool], errors: Collection[int], width: int
+) -> str:
     """Columns beside each other, in blocks that fit on the screen; `texts` are those of words."""
     widths = [len(column[0]) for column in columns]
     # The row is named by words at the start that leave most of the screen, but by one column at least: in every block.
@@ -193,7 +227,15 @@ def _side_by_side(columns: Sequence[list[str]], texts: Sequence[bool], errors: C
     # The rules of a block stand in one line, and the names above it end there.
     text = []
     for block in blocks:
-        rules = [next(k for k, line in enumerate(columns[i]) if line and not line.strip("-")) for i in block]
-        padded = [[" " * widths[i]] * (max(rules) - rule) + columns[i] for i, rule in zip(block, rules, strict=True)]
-        text.append("".join(f"{_GAP.join(cells).rstrip()}\n" for cells in zip(*padded, strict=True)))
+        rules = [
+            next(k for k, line in enumerate(columns[i]) if line and not line.strip("-"))
+            for i in block
+        ]
+        padded = [
+            [" " * widths[i]] * (max(rules) - rule) + columns[i]
+            for i, rule in zip(block, rules, strict=True)
+        ]
+        text.append(
+            "".join(f"{_GAP.join(cells).rstrip()}\n" for cells in zip(*padded, strict=True))
+        )
     return "\n".join(text)

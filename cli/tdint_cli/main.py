@@ -63,7 +63,11 @@ GROUPS = {
 }
 """The commands in the groups and the order of the help: of each the first sentence of its own help."""
 
-COMMANDS = {name: (name.replace("-", "_"), sentence) for group in GROUPS.values() for name, sentence in group.items()}
+COMMANDS = {
+    name: (name.replace("-", "_"), sentence)
+    for group in GROUPS.values()
+    for name, sentence in group.items()
+}
 """The commands of all groups: of each its module in `commands`, and the sentence."""
 
 
@@ -89,20 +93,26 @@ class LazyGroup(HelpAsData, click.Group):
             raise click.UsageError(f"No such command {name!r}{hint}", ctx)
         full, command, rest = super().resolve_command(ctx, args)
         if command:
-            ctx.ensure_object(Settings).options = frozenset(flag for option in command.params for flag in option.opts)
+            ctx.ensure_object(Settings).options = frozenset(
+                flag for option in command.params for flag in option.opts
+            )
         return full, command, rest
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         width = max(map(len, COMMANDS))
         for heading, commands in GROUPS.items():
             with formatter.section(heading):
-                formatter.write_dl([(name.ljust(width), sentence) for name, sentence in commands.items()])
+                formatter.write_dl(
+                    [(name.ljust(width), sentence) for name, sentence in commands.items()]
+                )
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         super().format_options(ctx, formatter)
         self.format_commands(ctx, formatter)
 
-    def main(self, args: Sequence[str] | None = None, prog_name: str | None = None, **extra: Any) -> NoReturn:  # type: ignore[override]
+    def main(
+        self, args: Sequence[str] | None = None, prog_name: str | None = None, **extra: Any
+    ) -> NoReturn:  # type: ignore[override]
         """Run a command line and exit; errors become one line each and an exit code, as `tdint_cli.terminal` tells."""
         extra.pop("standalone_mode", None)
         settings = extra.setdefault("obj", Settings())
@@ -141,7 +151,10 @@ def _version(_: click.Context) -> str:
 
 @click.group(
     cls=LazyGroup,
-    params=[*general(), flag(["--version"], shown_when_asked(_version), "Show the version and exit.")],
+    params=[
+        *general(),
+        flag(["--version"], shown_when_asked(_version), "Show the version and exit."),
+    ],
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
 def cli() -> None:

@@ -69,7 +69,9 @@ class Workers(Generic[Result]):
         while waiting or any(worker.place is not None for worker in self._workers):
             self._hand_out(waiting)
             busy = [worker for worker in self._workers if worker.place is not None]
-            ready = connection.wait([end for worker in busy for end in (worker.pipe, worker.process.sentinel)])
+            ready = connection.wait(
+                [end for worker in busy for end in (worker.pipe, worker.process.sentinel)]
+            )
             for worker in busy:
                 if worker.pipe not in ready and worker.process.sentinel not in ready:
                     continue
@@ -105,7 +107,9 @@ class Workers(Generic[Result]):
         with warnings.catch_warnings():
             # numpy's threads, which know how to be forked, are all there are.
             warnings.filterwarnings("ignore", ".*fork", DeprecationWarning)
-            process = self._context.Process(target=_work, args=(self._function, theirs, os.getpid()), daemon=True)
+            process = self._context.Process(
+                target=_work, args=(self._function, theirs, os.getpid()), daemon=True
+            )
             worker = _Worker(process, ours)
             # An exception in what Python does after a fork would be lost, and the signal with it.
             with held_back(ENDING):
@@ -171,7 +175,12 @@ class Task:
 
 @contextmanager
 def outcomes(
-    work: Callable[[Task], Result], tasks: Sequence[Task], *, jobs: int, label: str, to_terminal: bool
+    work: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    *,
+    jobs: int,
+    label: str,
+    to_terminal: bool,
 ) -> Iterator[Iterable[Result | TdintError]]:
     """Do the work on all tasks: of each its result, or why it failed (RecordError, AnalysisError).
 
@@ -194,7 +203,10 @@ def outcomes(
 
 
 def _outcomes(
-    attempt: Callable[[Task], Result | TdintError], tasks: Sequence[Task], jobs: int, stack: ExitStack
+    attempt: Callable[[Task], Result | TdintError],
+    tasks: Sequence[Task],
+    jobs: int,
+    stack: ExitStack,
 ) -> Iterator[Result | TdintError]:
     """In this process up to the first record that is done: what it loads or compiles is then there for the others."""
     for done, task in enumerate(tasks, start=1):
@@ -214,7 +226,9 @@ def _shared(
     workers: Workers[Result | TdintError],
 ) -> Iterator[Result | TdintError]:
     """The outcomes of processes in the order of the tasks; a process that is lost costs its own record only."""
-    from_stdin = [place for place, task in enumerate(tasks) if task.source == STDIN]  # Others have no standard input.
+    from_stdin = [
+        place for place, task in enumerate(tasks) if task.source == STDIN
+    ]  # Others have no standard input.
     shared = [place for place in range(len(tasks)) if place not in from_stdin]
     come = workers.outcomes([tasks[place] for place in shared])
     done: dict[int, Result | TdintError] = {}

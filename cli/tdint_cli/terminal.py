@@ -90,7 +90,9 @@ def emit(data: bytes) -> None:
         _discard_from_now_on()
     except OSError as error:
         _discard_from_now_on()
-        raise OutputError(f"standard output: cannot be written: {error.strerror or error}") from error
+        raise OutputError(
+            f"standard output: cannot be written: {error.strerror or error}"
+        ) from error
 
 
 def say(*lines: str) -> None:
@@ -122,7 +124,9 @@ def _of_a_kind(texts: Sequence[str]) -> list[str]:
         files.setdefault(words, []).append(file)
     many = {words: named for words, named in files.items() if len(named) > _FEW and all(named)}
     single = [text for text in texts if text.rpartition(": ")[2] not in many]
-    return single + [f"{named[0]} and {len(named) - 1} more: {words}" for words, named in many.items()]
+    return single + [
+        f"{named[0]} and {len(named) - 1} more: {words}" for words, named in many.items()
+    ]
 
 
 def complain(text: str, settings: Settings | None = None) -> None:
@@ -199,7 +203,9 @@ def progress_bar(to_terminal: bool) -> Iterator[Progress]:
 
 
 @contextmanager
-def counted(items: Iterable[Item], count: int, label: str, *, to_terminal: bool) -> Iterator[Iterable[Item]]:
+def counted(
+    items: Iterable[Item], count: int, label: str, *, to_terminal: bool
+) -> Iterator[Iterable[Item]]:
     """The items, with a bar that counts them if there are several."""
     if count < 2:
         yield items
@@ -235,14 +241,24 @@ def is_terminal(stream: object) -> bool:
 
 BUG = 1
 _PACKAGES = {"yaml": "pyyaml"} | {
-    name: name for name in ("llvmlite", "matplotlib", "numba", "numpy", "obspy", "platformdirs", "scipy")
+    name: name
+    for name in ("llvmlite", "matplotlib", "numba", "numpy", "obspy", "platformdirs", "scipy")
 }
 """What tdint imports and pip calls so: an installation without dependencies has left one out."""
 
 OUT_OF_MEMORY = 5
 ENDING = tuple(
     signal.Signals[name]
-    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU", "SIGQUIT", "SIGALRM", "SIGUSR1", "SIGUSR2")
+    for name in (
+        "SIGINT",
+        "SIGTERM",
+        "SIGHUP",
+        "SIGXCPU",
+        "SIGQUIT",
+        "SIGALRM",
+        "SIGUSR1",
+        "SIGUSR2",
+    )
     if name in signal.Signals.__members__
 )
 """Signals that end a command: Ctrl-C, `kill`, a terminal that is closed, processor time that is used up, what a
@@ -252,7 +268,9 @@ is what a shell reports of them, `AFTER_SIGNAL` and their number."""
 AFTER_SIGNAL = 128  # POSIX shells: 128 and the signal's number
 INTERRUPTED = AFTER_SIGNAL + signal.SIGINT
 
-_NO_MEMORY = re.compile(r"failed to map segment|annot allocate memory|can't start new thread|out of memory")
+_NO_MEMORY = re.compile(
+    r"failed to map segment|annot allocate memory|can't start new thread|out of memory"
+)
 """What loaders, threads and SQLite say where Python itself would raise MemoryError."""
 
 
@@ -291,7 +309,9 @@ def _reported(error: BaseException, settings: Settings) -> int:
     """Say what is wrong, and tell the exit code."""
     try:
         raise error
-    except getattr(click.exceptions, "NoArgsIsHelpError", ()) as error:  # `tdint` alone, since click 8.2
+    except getattr(
+        click.exceptions, "NoArgsIsHelpError", ()
+    ) as error:  # `tdint` alone, since click 8.2
         error.show()
         return int(error.exit_code)
     except click.ClickException as error:
@@ -309,12 +329,21 @@ def _reported(error: BaseException, settings: Settings) -> int:
         if isinstance(error, TdintError):
             lines, code = str(error).splitlines() or [type(error).__name__], error.exit_code
         elif _lacks_memory(error):
-            lines = ["not enough memory; leave out --history and --plot, or take fewer steps, stories or periods"]
+            lines = [
+                "not enough memory; leave out --history and --plot, or take fewer steps, stories or periods"
+            ]
             code = OUT_OF_MEMORY
-        elif isinstance(error, OSError) and error.errno == errno.ENOSPC:  # of what click writes itself
-            lines, code = [f"standard output: cannot be written: {error.strerror}"], OutputError.exit_code
+        elif (
+            isinstance(error, OSError) and error.errno == errno.ENOSPC
+        ):  # of what click writes itself
+            lines, code = (
+                [f"standard output: cannot be written: {error.strerror}"],
+                OutputError.exit_code,
+            )
         elif isinstance(error, ModuleNotFoundError) and error.name in _PACKAGES:
-            lines = [f"{error.name} is not installed, and this needs it: pip install {_PACKAGES[error.name]}"]
+            lines = [
+                f"{error.name} is not installed, and this needs it: pip install {_PACKAGES[error.name]}"
+            ]
             code = UsageError.exit_code
         else:
             text = " ".join(f"{type(error).__name__}: {error}".split())
@@ -331,7 +360,9 @@ def _lacks_memory(error: BaseException | None) -> bool:
     while error is not None:
         if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM:
             return True
-        if isinstance(error, ImportError | OSError | RuntimeError) and _NO_MEMORY.search(str(error)):
+        if isinstance(error, ImportError | OSError | RuntimeError) and _NO_MEMORY.search(
+            str(error)
+        ):
             return True
         error = error.__cause__ or error.__context__
     return False
@@ -343,7 +374,9 @@ def _signals_as_an_exception(came: list[int]) -> Iterator[None]:
 
     def end(number: int, _: Any) -> None:
         came.append(number)
-        sys.unraisablehook = lambda _: None  # Where nothing can be raised the watch ends the process, without a word.
+        sys.unraisablehook = lambda _: (
+            None
+        )  # Where nothing can be raised the watch ends the process, without a word.
         for ending in handled:
             signal.signal(ending, signal.SIG_IGN)
         raise Ended
@@ -351,7 +384,11 @@ def _signals_as_an_exception(came: list[int]) -> Iterator[None]:
     handled: dict[signal.Signals, Any] = {}
     hook = sys.unraisablehook
     if threading.current_thread() is threading.main_thread():  # Elsewhere Python sets no handlers.
-        handled = {ending: signal.getsignal(ending) for ending in ENDING if signal.getsignal(ending) in _NOBODY_S}
+        handled = {
+            ending: signal.getsignal(ending)
+            for ending in ENDING
+            if signal.getsignal(ending) in _NOBODY_S
+        }
     for ending in handled:
         signal.signal(ending, end)
     try:
@@ -435,7 +472,9 @@ def end_in_time() -> Callable[..., None]:
     # Python's own handlers would show a traceback, once the command has ended; others were meant.
     for number in ENDING:
         handler = signal.getsignal(number)
-        if handler in _NOBODY_S or getattr(handler, "__module__", "") == "tdint_cli":  # that of `tdint_cli.start`
+        if (
+            handler in _NOBODY_S or getattr(handler, "__module__", "") == "tdint_cli"
+        ):  # that of `tdint_cli.start`
             signal.signal(number, _left_to_the_watch)
     return ended
 

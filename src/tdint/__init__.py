@@ -133,7 +133,9 @@ _BEFORE = {
 }
 """What names of 0.1 are called now."""
 
-_GOING = dict.fromkeys(("register_law", "register_method"), "load_plugin takes what stands in a file")
+_GOING = dict.fromkeys(
+    ("register_law", "register_method"), "load_plugin takes what stands in a file"
+)
 """What nobody was seen to use, and what does its work; not among the names that are listed."""
 
 
@@ -151,7 +153,11 @@ if not TYPE_CHECKING:  # to a checker of types every name would be one of tdint'
         if name == "__all__":
             return __dir__()
         if name in _GOING:
-            warnings.warn(f"tdint.{name} goes with the next release; {_GOING[name]}", DeprecationWarning, stacklevel=2)
+            warnings.warn(
+                f"tdint.{name} goes with the next release; {_GOING[name]}",
+                DeprecationWarning,
+                stacklevel=2,
+            )
         if name not in _homes():
             now = f"; it is {_BEFORE[name]!r} now" if name in _BEFORE else ""
             raise AttributeError(f"module 'tdint' has no attribute {name!r}{now}")

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def halved(below: Callable[[float], bool], low: float, high: float, times: int) -> tuple[float, float]:
+def halved(
+    below: Callable[[float], bool], low: float, high: float, times: int
+) -> tuple[float, float]:
     """Both ends of the interval in which something ceases to hold, halved so many times or down to the last digit.
 
     Parameters

@@ -75,7 +75,9 @@ class CsvTable:
             near = nearest(missing[0], self.header)
             there = f"there are {', '.join(self.header)[:200]}; {self.needs}"
             hint = f"did you mean it by {near!r}?" if near else there
-            raise self.error(f"{self.source}:{self.header_line}: no column {', '.join(missing)}; {hint}")
+            raise self.error(
+                f"{self.source}:{self.header_line}: no column {', '.join(missing)}; {hint}"
+            )
 
     def texts(self, name: str, *, empty: bool = True) -> list[str]:
         """The cells of a column; without `empty` none of them may be."""
@@ -115,7 +117,9 @@ class CsvTable:
             return [False] * len(self.rows)
         for line, text in self.lines(name):
             if text.lower() not in (*_TRUE, *_FALSE):
-                raise self.error(f"{self.source}:{line}: {name} must be true or false, got {text[:40]!r}")
+                raise self.error(
+                    f"{self.source}:{line}: {name} must be true or false, got {text[:40]!r}"
+                )
         return [text.lower() in _TRUE for text in self.texts(name)]
 
     def only(self, name: str) -> str:
@@ -125,7 +129,9 @@ class CsvTable:
         values = list(dict.fromkeys(self.texts(name)))
         if len(values) > 1:
             several = ", ".join(values[:5])
-            raise self.error(f"{self.source}: column {name} has several values, {several}: leave the rows of one")
+            raise self.error(
+                f"{self.source}: column {name} has several values, {several}: leave the rows of one"
+            )
         return values[0]
 
     def check(self, name: str, sound: Iterable[bool], must: str) -> None:
@@ -157,7 +163,11 @@ def numbers_in(texts: Sequence[str]) -> Array:
     # Words are rare: of numbers alone many are read at once.
     with suppress(ValueError):
         if together.isascii() and "_" not in together:
-            values = np.array([float(text or math.nan) for text in texts] if "" in texts else list(map(float, texts)))
+            values = np.array(
+                [float(text or math.nan) for text in texts]
+                if "" in texts
+                else list(map(float, texts))
+            )
     if len(values) < len(texts):
         values = np.array([_float(text) for text in texts])
     size = np.abs(values)
@@ -168,7 +178,11 @@ def numbers_in(texts: Sequence[str]) -> Array:
 def no_number(text: str, expected: str) -> str:
     """What a cell must be that is no such number, as the end of a message."""
     # Only of a finite number the size can be what is wrong with it.
-    limits = f"; its size must lie between {SMALLEST:g} and {LARGEST:g}" if math.isfinite(_float(text)) else ""
+    limits = (
+        f"; its size must lie between {SMALLEST:g} and {LARGEST:g}"
+        if math.isfinite(_float(text))
+        else ""
+    )
     return f"must be {expected}, got {text[:40]!r}{limits if math.isnan(number(text)) else ''}"
 
 
@@ -205,7 +219,9 @@ def read_table(
     TdintError
         Of that type: it cannot be read, is no CSV file in UTF-8, is empty, or two columns have one name.
     """
-    table, rows = stream_table(source, needs, columns=columns, comment=comment, error=error, whole=True)
+    table, rows = stream_table(
+        source, needs, columns=columns, comment=comment, error=error, whole=True
+    )
     return replace(table, rows=tuple(rows))
 
 
@@ -258,12 +274,18 @@ def _streamed(source: str, error: type[TdintError]) -> Iterator[tuple[int, list[
             raise error(f"{source}: not UTF-8 text (byte 0x{byte:02x}); save it as UTF-8") from None
 
 
-def _rows(source: str, lines: Iterable[str], error: type[TdintError]) -> Iterator[tuple[int, list[str]]]:
+def _rows(
+    source: str, lines: Iterable[str], error: type[TdintError]
+) -> Iterator[tuple[int, list[str]]]:
     """The rows that are not blank, and their lines.
 
     A quotation mark that is never closed would take all rows below it into one cell: the last row tells.
     """
-    reader, above, closed = csv.reader(chain(lines, ("\n", f"{_END}\n")), skipinitialspace=True), 0, False
+    reader, above, closed = (
+        csv.reader(chain(lines, ("\n", f"{_END}\n")), skipinitialspace=True),
+        0,
+        False,
+    )
     last = 0
     try:
         for row in reader:
@@ -279,12 +301,16 @@ def _rows(source: str, lines: Iterable[str], error: type[TdintError]) -> Iterato
 
 def _text(source: str, needs: str, error: type[TdintError]) -> str:
     large = f"larger than {MOST_BYTES // 1024**2} MiB; {needs}"
-    data = read_whole(source, error, {FileNotFoundError: f"no such file; {needs}"}, large, MOST_BYTES)
+    data = read_whole(
+        source, error, {FileNotFoundError: f"no such file; {needs}"}, large, MOST_BYTES
+    )
     note_input(source, data)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as fault:
-        raise error(f"{source}: not UTF-8 text (byte 0x{data[fault.start]:02x}); save it as UTF-8") from None
+        raise error(
+            f"{source}: not UTF-8 text (byte 0x{data[fault.start]:02x}); save it as UTF-8"
+        ) from None
     if "\0" in text:
         line = text.count("\n", 0, text.index("\0")) + 1
         raise error(f"{source}:{line}: a null character; save it as UTF-8 text")

@@ -91,14 +91,24 @@ def _init(cls: Any, frozen: bool) -> Any:
         elif "=" not in parameter:
             continue
         else:
-            value = f"_default_{field.name}" if field.default is not MISSING else f"_make_{field.name}()"
-        lines.append(f"_set(self, {field.name!r}, {value})" if frozen else f"self.{field.name} = {value}")
+            value = (
+                f"_default_{field.name}"
+                if field.default is not MISSING
+                else f"_make_{field.name}()"
+            )
+        lines.append(
+            f"_set(self, {field.name!r}, {value})" if frozen else f"self.{field.name} = {value}"
+        )
     if hasattr(cls, "__post_init__"):
         lines.append("self.__post_init__()")
     if parameters[True]:
         parameters[True].insert(0, "*")
-    made = _compiled("__init__", ", ".join(parameters[False] + parameters[True]), lines or ["pass"], names)
-    made.__annotations__ = {field.name: field.type for field in fields(cls) if field.init} | {"return": None}
+    made = _compiled(
+        "__init__", ", ".join(parameters[False] + parameters[True]), lines or ["pass"], names
+    )
+    made.__annotations__ = {field.name: field.type for field in fields(cls) if field.init} | {
+        "return": None
+    }
     return made
 
 
@@ -116,7 +126,9 @@ def _hash(cls: Any, _: bool) -> Any:
 
 @recursive_repr()
 def _repr(self: Any) -> str:
-    told = ", ".join(f"{field.name}={getattr(self, field.name)!r}" for field in fields(self) if field.repr)
+    told = ", ".join(
+        f"{field.name}={getattr(self, field.name)!r}" for field in fields(self) if field.repr
+    )
     return f"{self.__class__.__qualname__}({told})"
 
 

@@ -88,7 +88,8 @@ def abridged(text: str) -> str:
     if len(text) <= _LONGEST:
         return text
     return "\n".join(
-        line if len(line) <= _LONGEST else f"{line[:_HEAD]} ... {line[-_TAIL:]}" for line in text.split("\n")
+        line if len(line) <= _LONGEST else f"{line[:_HEAD]} ... {line[-_TAIL:]}"
+        for line in text.split("\n")
     )
 
 
@@ -99,7 +100,11 @@ def nearest(name: str, names: Iterable[str], cutoff: float = 0.6) -> str | None:
     # Of a long text the first letters: the search takes the square of its length.
     by_lower = {candidate.lower(): candidate for candidate in names}
     return next(
-        (by_lower[match] for match in get_close_matches(name[:100].lower(), by_lower, n=1, cutoff=cutoff)), None
+        (
+            by_lower[match]
+            for match in get_close_matches(name[:100].lower(), by_lower, n=1, cutoff=cutoff)
+        ),
+        None,
     )
 
 

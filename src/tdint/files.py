@@ -40,7 +40,9 @@ def keep_input(source: str | Path) -> None:
     kept = KEPT.get()
     if kept is None:
         return
-    with suppress(OSError, ValueError, AttributeError):  # a name that is no file's, an input that is none
+    with suppress(
+        OSError, ValueError, AttributeError
+    ):  # a name that is no file's, an input that is none
         status = os.fstat(sys.stdin.fileno()) if str(source) == STDIN else Path(source).stat()
         if stat.S_ISREG(status.st_mode):
             kept[status.st_dev, status.st_ino] = str(source)
@@ -88,7 +90,9 @@ def read_at_most(source: str | Path, most: int, error: type[TdintError]) -> byte
     """
     if str(source) != STDIN:
         if is_named_pipe(source):
-            raise error(f"{source}: is a named pipe, which may never end; read from it with - and <")
+            raise error(
+                f"{source}: is a named pipe, which may never end; read from it with - and <"
+            )
         keep_input(source)
         with Path(source).open("rb") as file:
             return _read(file, most)
@@ -99,7 +103,11 @@ def read_at_most(source: str | Path, most: int, error: type[TdintError]) -> byte
 
 
 def read_whole(
-    source: str | Path, error: type[TdintError], told: Mapping[type[Exception], str], large: str, most: int
+    source: str | Path,
+    error: type[TdintError],
+    told: Mapping[type[Exception], str],
+    large: str,
+    most: int,
 ) -> bytes:
     """Read a file that must not be larger than `most`; as `read_at_most`, but all that the system says becomes an
     `error`, in the words of `told` where it has some for the kind; `large` is what to say of a larger file."""
@@ -279,7 +287,12 @@ def write_files(
     finally:
         _unfinished.difference_update(temporaries.values())
     for file, digest in (stale or {}).items() if overwrite else ():
-        if file not in temporaries and not file.is_symlink() and file.is_file() and not is_kept(file):
+        if (
+            file not in temporaries
+            and not file.is_symlink()
+            and file.is_file()
+            and not is_kept(file)
+        ):
             with _in_words(file):
                 if digest_of(file) == digest:
                     file.unlink(missing_ok=True)
@@ -310,14 +323,18 @@ def _write(file: Path, content: Content, stream: BinaryIO) -> None:
         return
     import gzip
 
-    with gzip.GzipFile(filename="", mode="wb", compresslevel=_PACKED, fileobj=stream, mtime=0) as packed:
+    with gzip.GzipFile(
+        filename="", mode="wb", compresslevel=_PACKED, fileobj=stream, mtime=0
+    ) as packed:
         writer(packed)  # type: ignore[arg-type]
 
 
 def _temporary_name() -> str:
     """The name of a new temporary file of this process."""
     process = os.getpid()
-    return _TEMPORARY.format(f"{this_host()}-{process}-{process_start(process)}-{os.urandom(8).hex()}")
+    return _TEMPORARY.format(
+        f"{this_host()}-{process}-{process_start(process)}-{os.urandom(8).hex()}"
+    )
 
 
 def remove_abandoned(folder: Path) -> None:
@@ -330,7 +347,10 @@ def remove_abandoned(folder: Path) -> None:
                 if not is_running(int(writer["process"]), int(writer["start"])):
                     temporary.unlink()
             elif time.time() - temporary.stat().st_mtime > _WEEK:
-                _log.info("%s: a temporary file, older than a week; remove it if no tdint writes it", temporary)
+                _log.info(
+                    "%s: a temporary file, older than a week; remove it if no tdint writes it",
+                    temporary,
+                )
 
 
 def remove_unfinished() -> None:

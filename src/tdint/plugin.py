@@ -46,7 +46,9 @@ HOMES["at"] = "tdint.kernels.layout"  # the module itself
 
 def __getattr__(name: str) -> Any:
     if name not in HOMES:
-        raise AttributeError(f"module 'tdint.plugin' has no attribute {name!r}{did_you_mean(name, HOMES)}")
+        raise AttributeError(
+            f"module 'tdint.plugin' has no attribute {name!r}{did_you_mean(name, HOMES)}"
+        )
     module = import_module(HOMES[name])
     return module if name == "at" else getattr(module, name)
 

@@ -77,7 +77,9 @@ def load() -> float | None:
 def processor() -> str:
     """What the system calls this machine's processor."""
     with suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines():
+        for line in (
+            Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+        ):
             name, _, value = line.partition(":")
             if name.strip() == "model name":
                 return " ".join(value.split())
@@ -333,9 +335,15 @@ def start_apart(arguments: list[str], folder: Path) -> None:
     path = os.pathsep.join(filter(None, sys.path))
     silent: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
     if sys.platform == "win32":
-        silent["creationflags"] = subprocess.BELOW_NORMAL_PRIORITY_CLASS | subprocess.DETACHED_PROCESS
+        silent["creationflags"] = (
+            subprocess.BELOW_NORMAL_PRIORITY_CLASS | subprocess.DETACHED_PROCESS
+        )
     process = subprocess.Popen(
-        arguments, cwd=folder, env={**os.environ, "PYTHONPATH": path}, start_new_session=True, **silent
+        arguments,
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": path},
+        start_new_session=True,
+        **silent,
     )
     with suppress(OSError, AttributeError):
         os.setpriority(os.PRIO_PROCESS, process.pid, _LOW)
@@ -379,13 +387,17 @@ def available_memory() -> float:
     """Bytes of memory that this process may still take, as far as the system tells; inf if it does not."""
     limits = []
     with suppress(OSError, ValueError, IndexError), Path("/proc/meminfo").open() as lines:
-        limits += [1024.0 * float(line.split()[1]) for line in lines if line.startswith("MemAvailable")]
+        limits += [
+            1024.0 * float(line.split()[1]) for line in lines if line.startswith("MemAvailable")
+        ]
     try:
         import resource
     except ImportError:
         return min(limits, default=math.inf)
     soft, _ = resource.getrlimit(resource.RLIMIT_AS)
-    return min([*limits, *([float(soft)] if soft != resource.RLIM_INFINITY else [])], default=math.inf)
+    return min(
+        [*limits, *([float(soft)] if soft != resource.RLIM_INFINITY else [])], default=math.inf
+    )
 
 
 @contextmanager
@@ -419,7 +431,9 @@ _AHEAD = 2
 """Items that each thread has, the one that it is at among them: none waits for who writes the results."""
 
 
-def on_threads(work: Callable[[Item], Result], items: Iterable[Item], jobs: int) -> Iterator[Result]:
+def on_threads(
+    work: Callable[[Item], Result], items: Iterable[Item], jobs: int
+) -> Iterator[Result]:
     """What `work` makes of each item, in the order in which they are done; what it raises is raised here.
 
     No more than a few items are under way or waiting to be taken.
@@ -459,15 +473,21 @@ def version_of_sources() -> tuple[str, str]:
     from importlib.metadata import PackageNotFoundError, distribution
 
     folder = Path(__file__).parent
-    digests = {file.relative_to(folder).as_posix(): sha256(file.read_bytes()) for file in folder.rglob("*.py")}
-    of_all = sha256("".join(f"{name} {digests[name].hexdigest()}\n" for name in sorted(digests)).encode()).hexdigest()
+    digests = {
+        file.relative_to(folder).as_posix(): sha256(file.read_bytes())
+        for file in folder.rglob("*.py")
+    }
+    of_all = sha256(
+        "".join(f"{name} {digests[name].hexdigest()}\n" for name in sorted(digests)).encode()
+    ).hexdigest()
     try:
         files = distribution("tdint").files or ()
     except PackageNotFoundError:  # Imported from a folder, not installed.
         files = ()
     packed = {file.as_posix(): file.hash.value for file in files if file.hash}
     released = all(
-        packed.get(f"{folder.name}/{name}") == urlsafe_b64encode(digest.digest()).rstrip(b"=").decode()
+        packed.get(f"{folder.name}/{name}")
+        == urlsafe_b64encode(digest.digest()).rstrip(b"=").decode()
         for name, digest in digests.items()
     )
     return (__version__ if released else f"{__version__}+sources.{of_all[:8]}"), of_all[:16]

@@ -53,7 +53,11 @@ def asked_rightly(function: Callable[..., Any], name: str) -> Callable[..., Any]
     @functools.wraps(function)
     def asked(*given: Any, **named: Any) -> Any:
         for before, now in _RENAMED.items():
-            if before in named and before not in (known := inspect.signature(function).parameters) and now in known:
+            if (
+                before in named
+                and before not in (known := inspect.signature(function).parameters)
+                and now in known
+            ):
                 warnings.warn(f"{name}: {before} is {now} now", DeprecationWarning, stacklevel=2)
                 named[now] = named.pop(before)
         try:
@@ -68,7 +72,11 @@ def asked_rightly(function: Callable[..., Any], name: str) -> Callable[..., Any]
             # Without an argument to blame the fault is ours.
             raise _fault(name, arguments) or error from error
 
-    asked.__module__, asked.__qualname__, asked.__name__ = "tdint", name, name  # where pickle finds it
+    asked.__module__, asked.__qualname__, asked.__name__ = (
+        "tdint",
+        name,
+        name,
+    )  # where pickle finds it
     return asked
 
 
@@ -82,14 +90,20 @@ def _fault(function: str, arguments: inspect.BoundArguments) -> UsageError | Non
         value = arguments.arguments[parameter.name]
         of_one = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
         annotation = parameter.annotation
-        written = annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
+        written = (
+            annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
+        )
         kind = ast.parse(written, mode="eval").body
-        values = value.values() if isinstance(value, dict) and of_one else value if of_one else (value,)
+        values = (
+            value.values() if isinstance(value, dict) and of_one else value if of_one else (value,)
+        )
         got = reprlib.repr(value)
         if not all(_is_of(item, kind) for item in values):
             return UsageError(f"{function}: {parameter.name} must be {_in_words(kind)}, got {got}")
         if anything is None and any(_is_open(part) for part in ast.walk(kind)):
-            anything = UsageError(f"{function}: {parameter.name} cannot be used as it is, got {got}")
+            anything = UsageError(
+                f"{function}: {parameter.name} cannot be used as it is, got {got}"
+            )
     return anything
 
 
@@ -106,14 +120,20 @@ def _is_of(value: Any, kind: ast.expr) -> bool:
         case ast.Constant():
             return value is kind.value
         case ast.Subscript(value=ast.Name(id="tuple"), slice=ast.Tuple(elts=kinds)):
-            return isinstance(value, tuple) and len(value) == len(kinds) and all(map(_is_of, value, kinds))
+            return (
+                isinstance(value, tuple)
+                and len(value) == len(kinds)
+                and all(map(_is_of, value, kinds))
+            )
         case ast.Subscript(value=ast.Name(id="Mapping")):
             return isinstance(value, Mapping)
         case ast.Subscript(value=ast.Name(id="Sequence" | "Iterable"), slice=member):
             # A text is a sequence to Python; a generator would be used up by a look at its members.
             several = isinstance(value, Iterable) and not isinstance(value, str | bytes | Mapping)
             several = several and getattr(value, "ndim", 1) > 0
-            return several and (not hasattr(value, "__len__") or all(_is_of(item, member) for item in value))
+            return several and (
+                not hasattr(value, "__len__") or all(_is_of(item, member) for item in value)
+            )
         case ast.Subscript(value=ast.Name(id="NDArray")):
             return getattr(value, "ndim", 0) == 1
         case ast.Name(id="Array"):
@@ -125,7 +145,11 @@ def _is_of(value: Any, kind: ast.expr) -> bool:
             return truth if name == "bool" else isinstance(value, _KINDS[name][0]) and not truth
         case ast.Name(id=name):
             # By the name, as annotations of types are not loaded at run time.
-            return _is_open(kind) or callable(value) or name in [item.__name__ for item in type(value).__mro__]
+            return (
+                _is_open(kind)
+                or callable(value)
+                or name in [item.__name__ for item in type(value).__mro__]
+            )
     return True
 
 
@@ -161,7 +185,9 @@ def optional(package: str, purpose: str, extra: str = "notebook") -> Any:
     try:
         return import_module(package)
     except ImportError:
-        raise UsageError(f"{purpose} needs {package.partition('.')[0]}: pip install 'tdint[{extra}]'") from None
+        raise UsageError(
+            f"{purpose} needs {package.partition('.')[0]}: pip install 'tdint[{extra}]'"
+        ) from None
 
 
 @contextmanager
@@ -181,7 +207,9 @@ def told_progress(asked: bool | Progress, count: int, unit: str) -> Iterator[Pro
     if not asked:
         yield lambda done, of: None
         return
-    with warnings.catch_warnings():  # a notebook without ipywidgets has a bar of letters, which is none of its faults
+    with (
+        warnings.catch_warnings()
+    ):  # a notebook without ipywidgets has a bar of letters, which is none of its faults
         warnings.simplefilter("ignore")
         try:
             tqdm = optional("tqdm.auto", "progress=True")
@@ -190,7 +218,9 @@ def told_progress(asked: bool | Progress, count: int, unit: str) -> Iterator[Pro
             yield lambda done, of: None
             return
     # A bar that is not told otherwise draws itself on terminals alone; a notebook is none.
-    with tqdm.tqdm(total=count, unit=unit, disable=False if "ipykernel" in sys.modules else None) as bar:
+    with tqdm.tqdm(
+        total=count, unit=unit, disable=False if "ipykernel" in sys.modules else None
+    ) as bar:
 
         def show(done: int, of: int) -> None:
             bar.update(done - bar.n)
@@ -335,7 +365,9 @@ class Several(Tabular, Generic[Member]):
         return hash(self.members)
 
     def _headline(self) -> str:
-        return f"{len(self.members)} of {type(self.members[0]).__name__}" if self.members else "none"
+        return (
+            f"{len(self.members)} of {type(self.members[0]).__name__}" if self.members else "none"
+        )
 
 
 def each_of(function: Callable[P, Result]) -> Callable[P, Result]:

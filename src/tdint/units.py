@@ -88,7 +88,9 @@ def parse_units(text: str) -> Units:
         # Accelerations alone are offered: that is what most records are.
         hint = did_you_mean(unit, ACCELERATION, cutoff=0.75)
         allowed = ", ".join(ACCELERATION)
-        raise UsageError(f"units {words[:40]!r}: use one of {allowed}, with a factor before it for counts{hint}")
+        raise UsageError(
+            f"units {words[:40]!r}: use one of {allowed}, with a factor before it for counts{hint}"
+        )
     if not (isfinite(factor) and factor > 0.0):
         raise UsageError(f"units {words[:40]!r}: the factor must be a positive number")
     return Units(words, factor * GROUND_MOTION[quantity][unit], number is not None, quantity)
@@ -148,7 +150,14 @@ def parse_drift(text: str) -> DriftSize:
 
 def canonical(name: str) -> str:
     """The spelling that `GROUND_MOTION` uses, if there is one."""
-    plain = "".join(name.split()).lower().lstrip("*").replace("²", "^2").replace("sec", "s").replace("**", "^")
+    plain = (
+        "".join(name.split())
+        .lower()
+        .lstrip("*")
+        .replace("²", "^2")
+        .replace("sec", "s")
+        .replace("**", "^")
+    )
     plain = re.sub(r"/(s/s|s2|\(s\^2\))$", "/s^2", plain)
     return "gal" if plain == "gals" else plain
 
@@ -171,7 +180,9 @@ def parse_with_unit(text: str, quantity: str, example: str, key: str = "") -> fl
     except UsageError:
         units = None
     if units is None or not units.has_factor or units.quantity != quantity:
-        raise UsageError(f"{key} must be a number with its unit, such as {example}, got {text[:40]!r}".lstrip())
+        raise UsageError(
+            f"{key} must be a number with its unit, such as {example}, got {text[:40]!r}".lstrip()
+        )
     return units.scale
 
 
@@ -232,7 +243,9 @@ def quantities(declaring: type) -> tuple[Quantity, ...]:
         place |= vars(sys.modules[base.__module__])
     hints |= get_type_hints(declaring, place, include_extras=True)
     for name, member in vars(declaring).items():
-        if isinstance(member, property) and "Quantity" in str(member.fget.__annotations__.get("return", "")):
+        if isinstance(member, property) and "Quantity" in str(
+            member.fget.__annotations__.get("return", "")
+        ):
             hints[name] = get_type_hints(member.fget, place, include_extras=True)["return"]
     declared = []
     for name in getattr(declaring, "columns", hints):
@@ -240,13 +253,21 @@ def quantities(declaring: type) -> tuple[Quantity, ...]:
         for stated in getattr(hint, "__metadata__", ()):
             if isinstance(stated, Quantity):
                 kind = (*get_args(hint.__origin__), hint.__origin__)[0]
-                declared.append(replace(stated, name=name, kind=kind if kind in (int, str) else stated.kind))
+                declared.append(
+                    replace(stated, name=name, kind=kind if kind in (int, str) else stated.kind)
+                )
     return tuple(declared)
 
 
 # ---- Units that results are written in, in place of SI: how names of columns and keys, and numbers, change with them
 
-_QUANTITIES = {"length": LENGTH, "force": FORCE, "mass": MASS, "velocity": VELOCITY, "acceleration": ACCELERATION}
+_QUANTITIES = {
+    "length": LENGTH,
+    "force": FORCE,
+    "mass": MASS,
+    "velocity": VELOCITY,
+    "acceleration": ACCELERATION,
+}
 _UNITS = {unit: quantity for quantity, units in _QUANTITIES.items() for unit in units}
 
 
@@ -264,7 +285,9 @@ class OutputUnits:
     acceleration: str = ""
 
     def __str__(self) -> str:
-        return ",".join(filter(None, (self.force, self.length, self.mass, self.velocity, self.acceleration)))
+        return ",".join(
+            filter(None, (self.force, self.length, self.mass, self.velocity, self.acceleration))
+        )
 
     def unit(self, si: str) -> tuple[str, float]:
         """The unit that stands for an SI unit, and its value in SI: `unit("m/s^2")` is `("g", 9.80665)`."""
@@ -272,7 +295,10 @@ class OutputUnits:
         chosen = {
             "m": (self.length, length),
             "m/s": (self.velocity or f"{self.length}/s", VELOCITY.get(self.velocity, length)),
-            "m/s^2": (self.acceleration or f"{self.length}/s^2", ACCELERATION.get(self.acceleration, length)),
+            "m/s^2": (
+                self.acceleration or f"{self.length}/s^2",
+                ACCELERATION.get(self.acceleration, length),
+            ),
             "N": (self.force, force),
             "kg": (self.mass, MASS[self.mass]),
             "N/m": (f"{self.force}/{self.length}", force / length),
@@ -336,5 +362,7 @@ def parse_output_units(text: str, others: OutputUnits = SI) -> OutputUnits:
             raise UsageError(f"output units {text[:60]!r}: unknown unit {word[:40]!r}{hint}")
         quantity = _UNITS[unit]
         if units.setdefault(quantity, unit) != unit:
-            raise UsageError(f"output units {text[:60]!r}: two units of {quantity}, {units[quantity]} and {unit}")
+            raise UsageError(
+                f"output units {text[:60]!r}: two units of {quantity}, {units[quantity]} and {unit}"
+            )
     return replace(others, **units)

@@ -86,7 +86,9 @@ def cases_of(
         computed, formula = answers[case["name"]]
         published = tuple(case.pop("published", ())) or formula
         quantities = tuple(case.pop("quantities"))
-        cases.append(ValidationCase(**case, published=published, quantities=quantities, computed=computed))
+        cases.append(
+            ValidationCase(**case, published=published, quantities=quantities, computed=computed)
+        )
     return tuple(cases)
 
 
@@ -130,7 +132,9 @@ def carry_out(case: ValidationCase) -> ValidationResult:
     if computed.shape != published.shape:
         raise ValueError(f"{case.name}: {computed.size} numbers for {published.size}")
     differences = computed - published
-    return ValidationResult(case, computed, differences / np.abs(published) if case.relative else differences)
+    return ValidationResult(
+        case, computed, differences / np.abs(published) if case.relative else differences
+    )
 
 
 # ---- Cases
@@ -149,7 +153,9 @@ def _history(model: Mapping[str, Any], *record: Record, method: str | None = Non
 def _oscillator(method: str, dt: float, duration: float, **said: Any) -> History:
     """Motion of an oscillator of 1 kg, of period 1 s unless it has another law."""
     story = {"mass": 1.0} | (said.pop("story", None) or {"stiffness": _OMEGA**2})
-    return _history({"stories": [story], "analysis": {"method": method, "dt": dt, "duration": duration}} | said)
+    return _history(
+        {"stories": [story], "analysis": {"method": method, "dt": dt, "duration": duration}} | said
+    )
 
 
 def _last(history: History) -> float:
@@ -165,8 +171,12 @@ def _free_vibration() -> Array:
 
 def _resonance() -> Array:
     """Displacement at 4.9 s under a force of 1 N at the natural frequency, from rest, without damping."""
-    force = {"excitation": {"forces": [{"floor": 1, "amplitude": 1.0, "omega": _OMEGA, "phase": "sin"}]}}
-    return np.array([_last(_oscillator(method, 0.01, 4.9, **force)) for method in ("moment4", "impulse4")])
+    force = {
+        "excitation": {"forces": [{"floor": 1, "amplitude": 1.0, "omega": _OMEGA, "phase": "sin"}]}
+    }
+    return np.array(
+        [_last(_oscillator(method, 0.01, 4.9, **force)) for method in ("moment4", "impulse4")]
+    )
 
 
 def _sudden_step() -> Array:
@@ -175,7 +185,10 @@ def _sudden_step() -> Array:
     return np.asarray(spectrum(record, np.array([0.3, 1.0, 3.0]), damping=0.0).sd).ravel()
 
 
-_DUFFING = {"type": "polynomial", "coefficients": [100.0, 0.0, 1000.0]}  # u'' + 100 u + 1000 u^3 = 0 from 1.5 m
+_DUFFING = {
+    "type": "polynomial",
+    "coefficients": [100.0, 0.0, 1000.0],
+}  # u'' + 100 u + 1000 u^3 = 0 from 1.5 m
 
 
 def _duffing_frequency() -> tuple[float, float]:
@@ -190,7 +203,10 @@ def _duffing() -> Array:
     period = 4.0 * float(ellipk(m)) / omega
     start = {"story": {"law": _DUFFING}, "initial": {"displacement": [1.5], "velocity": [0.0]}}
     return np.array(
-        [_last(_oscillator(method, period / 300.0, 13.3 * period, **start)) for method in ("moment4", "impulse4")]
+        [
+            _last(_oscillator(method, period / 300.0, 13.3 * period, **start))
+            for method in ("moment4", "impulse4")
+        ]
     )
 
 
@@ -254,7 +270,11 @@ def _bathe(method: str) -> Array:
     """Both displacements at 3.36 s of Bathe's two masses between walls, 12 steps of 0.28 s."""
     model = {
         # The spring from the second mass to the wall is a story under a mass that stays where it is.
-        "stories": [{"mass": 2, "stiffness": 4}, {"mass": 1, "stiffness": 2}, {"mass": 1e12, "stiffness": 2}],
+        "stories": [
+            {"mass": 2, "stiffness": 4},
+            {"mass": 1, "stiffness": 2},
+            {"mass": 1e12, "stiffness": 2},
+        ],
         "excitation": {"forces": [{"floor": 2, "amplitude": 10, "omega": 0, "phase": "cos"}]},
         "analysis": {"dt": 0.28, "duration": 3.36},
     }
@@ -279,7 +299,11 @@ def _circular_frequencies(*stories: dict[str, Any]) -> Array:
 
 
 def _eigenvalues_of_three_masses() -> Array:
-    stories = ({"mass": 11.1, "stiffness": 30}, {"mass": 22.2, "stiffness": 20}, {"mass": 33.3, "stiffness": 10})
+    stories = (
+        {"mass": 11.1, "stiffness": 30},
+        {"mass": 22.2, "stiffness": 20},
+        {"mass": 33.3, "stiffness": 10},
+    )
     return _circular_frequencies(*stories) ** 2
 
 
@@ -296,11 +320,18 @@ def _forced_by_a_sine() -> Array:
         "excitation": {"forces": [{"floor": 1, "amplitude": 1, "omega": 1, "phase": "sin"}]},
         "analysis": {"dt": 0.05, "duration": 1},
     }
-    return np.array([modes(load_model(model)).omega[0] / (2.0 * math.pi), _last(_history(model, method="impulse4"))])
+    return np.array(
+        [
+            modes(load_model(model)).omega[0] / (2.0 * math.pi),
+            _last(_history(model, method="impulse4")),
+        ]
+    )
 
 
 def _stripes() -> Array:
-    fit = fit_stripes([0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0], [0, 0, 0, 4, 6, 13, 12, 16], [40] * 8)
+    fit = fit_stripes(
+        [0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9, 1.0], [0, 0, 0, 4, 6, 13, 12, 16], [40] * 8
+    )
     return np.array([fit.theta, fit.beta])
 
 
@@ -318,7 +349,9 @@ _TEXTBOOKS: dict[str, Callable[[], Array]] = {
     "bathe-9.7": partial(_bathe, "exact"),
     "structdyn-16.4": _five_yielding_stories,
     "opensees-eigen": _eigenvalues_of_three_masses,
-    "chopra-10.4": partial(_circular_frequencies, {"mass": 2, "stiffness": 2}, {"mass": 1, "stiffness": 1}),
+    "chopra-10.4": partial(
+        _circular_frequencies, {"mass": 2, "stiffness": 2}, {"mass": 1, "stiffness": 1}
+    ),
     "code-aster-sdld02": _frequencies_of_eight_masses,
     "code-aster-sdld106": _forced_by_a_sine,
     "baker-2015": _stripes,

@@ -41,7 +41,9 @@ def parse_head(text: str) -> tuple[tuple[str, str], ...]:
     """
     parts = [part.partition(":") for part in text.split(";") if part.strip()]
     if not parts or not all(name.strip() and told.strip() for name, _, told in parts):
-        raise UsageError(f"{text[:60]!r}: write NAME: TEXT; NAME: TEXT, such as 'Project: Bridge 7; Author: A. B.'")
+        raise UsageError(
+            f"{text[:60]!r}: write NAME: TEXT; NAME: TEXT, such as 'Project: Bridge 7; Author: A. B.'"
+        )
     return tuple((name.strip(), told.strip()) for name, _, told in parts)
 
 
@@ -117,15 +119,21 @@ def parse_grid(text: str) -> Grid:
         last, count = more or (first, "1")
         grid = Grid(float(first), float(last), int(count))
     except ValueError:
-        raise UsageError(f"{text!r} is neither FIRST:LAST:COUNT, such as 0.01:10:200, nor a number") from None
+        raise UsageError(
+            f"{text!r} is neither FIRST:LAST:COUNT, such as 0.01:10:200, nor a number"
+        ) from None
     if not 0.0 < grid.first <= grid.last < math.inf:
-        raise UsageError(f"{text!r}: FIRST and LAST must be positive numbers, FIRST the smaller one")
+        raise UsageError(
+            f"{text!r}: FIRST and LAST must be positive numbers, FIRST the smaller one"
+        )
     if more and not (grid.first < grid.last and 2 <= grid.count <= MOST_POINTS):
         raise UsageError(f"{text!r}: FIRST must be below LAST, COUNT between 2 and {MOST_POINTS}")
     return grid
 
 
-def parse_named(name: str, words: str, parameters: Mapping[str, bool], example: str) -> dict[str, str]:
+def parse_named(
+    name: str, words: str, parameters: Mapping[str, bool], example: str
+) -> dict[str, str]:
     """The parameters of something named, `key=value` with commas between them: texts by their keys.
 
     Parameters

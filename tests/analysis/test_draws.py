@@ -10,16 +10,29 @@ from tdint.errors import TdintError, UsageError
 
 DRAWS = 9
 SOURCE = np.random.default_rng(5)
-RECORD = tdint.make_record(4.0 * np.sin(7.0 * np.arange(200) * 0.01), dt=0.01, units="m/s^2", name="wave")
-SHORT = tdint.make_record(3.0 * np.cos(4.0 * np.arange(150) * 0.01), dt=0.01, units="m/s^2", name="short")
+RECORD = tdint.make_record(
+    4.0 * np.sin(7.0 * np.arange(200) * 0.01), dt=0.01, units="m/s^2", name="wave"
+)
+SHORT = tdint.make_record(
+    3.0 * np.cos(4.0 * np.arange(150) * 0.01), dt=0.01, units="m/s^2", name="short"
+)
 STORY = {"mass": 2e5, "height": 3.5, "stiffness": 3e8}
 BILINEAR = {"type": "bilinear", "yield_force": 1.5e6, "hardening": 0.03}
-BACKBONE = {"type": "multilinear-pinching", "backbone": [[0.005, 1.5e6], [0.02, 2e6], [0.06, 2.2e6], [0.1, 1e6]]}
-PINCHED = {**BACKBONE, "pinching": {"drift": 0.5, "force": 0.3, "unloading": 0.0}, "degradation": {"capacity": 50.0}}
+BACKBONE = {
+    "type": "multilinear-pinching",
+    "backbone": [[0.005, 1.5e6], [0.02, 2e6], [0.06, 2.2e6], [0.1, 1e6]],
+}
+PINCHED = {
+    **BACKBONE,
+    "pinching": {"drift": 0.5, "force": 0.3, "unloading": 0.0},
+    "degradation": {"capacity": 50.0},
+}
 
 
 def model(law, **more):
-    return tdint.load_model({"stories": [{**STORY, "repeat": 3, "law": law}], "damping": "5%", **more})
+    return tdint.load_model(
+        {"stories": [{**STORY, "repeat": 3, "law": law}], "damping": "5%", **more}
+    )
 
 
 def near(value, part=0.1):
@@ -83,14 +96,22 @@ def same(many, ones):
 
 
 def by_themselves(building, values):
-    return [building.replace(**{name: float(column[d]) for name, column in values.items()}) for d in range(DRAWS)]
+    return [
+        building.replace(**{name: float(column[d]) for name, column in values.items()})
+        for d in range(DRAWS)
+    ]
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_draw_is_the_building_that_replace_makes(name):
     building, values = CASES[name]
     drawn = tdint.run_many(building, RECORD, vary=values, scales=[0.5, 2.0], method="impulse4")
-    same(drawn, tdint.run_many(by_themselves(building, values), RECORD, scales=[0.5, 2.0], method="impulse4"))
+    same(
+        drawn,
+        tdint.run_many(
+            by_themselves(building, values), RECORD, scales=[0.5, 2.0], method="impulse4"
+        ),
+    )
     assert len({*drawn.stories.peak_drift[:, 0].tolist()}) >= 6  # what is varied does something
     for key, column in values.items():
         np.testing.assert_array_equal(drawn.varied[key], np.repeat(column, 2))
@@ -98,7 +119,11 @@ def test_a_draw_is_the_building_that_replace_makes(name):
 
 @pytest.mark.parametrize(
     ("method", "more"),
-    [("moment4", {"check": True}), ("newmark-average", {"history": "drift"}), ("central-difference", {"dt": 0.005})],
+    [
+        ("moment4", {"check": True}),
+        ("newmark-average", {"history": "drift"}),
+        ("central-difference", {"dt": 0.005}),
+    ],
 )
 def test_what_hangs_on_the_building_is_found_for_each(method, more):
     building, values = CASES["bilinear, Rayleigh"]
@@ -114,11 +139,17 @@ def test_what_hangs_on_the_building_is_found_for_each(method, more):
 def test_scales_products_and_pairs():
     building = model(BILINEAR)
     grid = tdint.run_many(
-        building, RECORD, vary={"damping": [0.02, 0.05], "record.scale": [1.0, 2.0, 3.0]}, product=True
+        building,
+        RECORD,
+        vary={"damping": [0.02, 0.05], "record.scale": [1.0, 2.0, 3.0]},
+        product=True,
     )
     columns = grid.to_dict()
     assert columns["damping"].tolist() == [0.02] * 3 + [0.05] * 3
-    assert columns["record.scale"].tolist() == [1.0, 2.0, 3.0] * 2 and grid.scale.tolist() == [1.0, 2.0, 3.0] * 2
+    assert (
+        columns["record.scale"].tolist() == [1.0, 2.0, 3.0] * 2
+        and grid.scale.tolist() == [1.0, 2.0, 3.0] * 2
+    )
     single = tdint.run(building.replace(damping=0.05), RECORD.scaled(2.0))
     np.testing.assert_array_equal(grid.stories.peak_drift[4], single.stories.peak_drift)
     pairs = tdint.run_many(building, [RECORD, SHORT], vary={"damping": [0.02, 0.05]}, paired=True)
@@ -136,7 +167,10 @@ def test_a_draw_that_collapses_is_told_as_alone():
 @pytest.mark.parametrize(
     ("vary", "words"),
     [
-        ({"stories[2].law.hardning": [0.1]}, r"stories\[2\]\.law\.hardning.*did you mean 'law\.hardening'"),
+        (
+            {"stories[2].law.hardning": [0.1]},
+            r"stories\[2\]\.law\.hardning.*did you mean 'law\.hardening'",
+        ),
         ({"stories[4].mass": [1.0]}, "has 3 stories"),
         ({"storeys[2].mass": [1.0]}, "no parameter"),
         ({"stories[2].mas": [1.0]}, r"did you mean 'stories\[2\]\.mass'"),
@@ -144,7 +178,10 @@ def test_a_draw_that_collapses_is_told_as_alone():
         ({"stories.mass": [1e5, -1e5]}, "positive"),
         ({"stories.mass": [1e5, np.nan]}, "must be"),
         ({"damping": [0.1, 1.2]}, "damping"),
-        ({"damping": [0.1, 0.2], "stories.mass": [1e5, 2e5, 3e5]}, "2 of damping, 3 of stories.mass"),
+        (
+            {"damping": [0.1, 0.2], "stories.mass": [1e5, 2e5, 3e5]},
+            "2 of damping, 3 of stories.mass",
+        ),
         ({"damping": []}, "0 of damping"),
         ({"record.scale": [0.0]}, "other than zero"),
         ({"stories[1].law.coefficients[1]": [1.0]}, "law.coefficients"),
@@ -159,7 +196,12 @@ def test_what_cannot_be_varied_is_told_before_the_first_run(vary, words):
 
 def test_progress_is_told_and_bars_stay_out_of_pipes(capfd):
     told = []
-    tdint.run_many(model(BILINEAR), RECORD, scales=np.linspace(0.1, 1.0, 130), progress=lambda *one: told.append(one))
+    tdint.run_many(
+        model(BILINEAR),
+        RECORD,
+        scales=np.linspace(0.1, 1.0, 130),
+        progress=lambda *one: told.append(one),
+    )
     assert told[-1] == (130, 130) and [done for done, _ in told] == sorted(done for done, _ in told)
     pytest.importorskip("tqdm")
     tdint.run_many(model(BILINEAR), RECORD, progress=True)
@@ -174,7 +216,10 @@ def test_an_interrupt_gives_what_is_done():
     runs = tdint.run_many(building, RECORD, scales=scales, jobs=1, progress=interrupt, partial=True)
     done = runs.status == "done"
     assert 64 <= done.sum() < 640 and set(runs.status.tolist()) == {"done", "interrupted"}
-    assert np.isfinite(runs.stories.peak_drift[done]).all() and np.isnan(runs.stories.peak_drift[~done]).all()
+    assert (
+        np.isfinite(runs.stories.peak_drift[done]).all()
+        and np.isnan(runs.stories.peak_drift[~done]).all()
+    )
     whole = tdint.run_many(building, RECORD, scales=scales)
     np.testing.assert_array_equal(runs.stories.peak_drift[done], whole.stories.peak_drift[done])
     assert len(runs.failures) == 640 - done.sum()

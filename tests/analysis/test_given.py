@@ -21,7 +21,9 @@ def record(component: str = "HNE", factor: float = 1.0) -> Any:
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     path = tmp_path / "motion.csv"
-    path.write_text("# dt = 0.01 s, units = m/s^2, samples = 300\n" + "".join(f"{x:.17g}\n" for x in SAMPLES))
+    path.write_text(
+        "# dt = 0.01 s, units = m/s^2, samples = 300\n" + "".join(f"{x:.17g}\n" for x in SAMPLES)
+    )
     return path
 
 
@@ -31,7 +33,10 @@ def test_paths_stand_for_what_they_name(file: Path) -> None:
     for given in (str(file), file):
         np.testing.assert_array_equal(tdint.run(model, given).stories.peak_drift, wanted)
         np.testing.assert_array_equal(tdint.run(MODEL, given).stories.peak_drift, wanted)
-        assert tdint.spectrum(given, np.array([1.0])).psa == tdint.spectrum(record(), np.array([1.0])).psa
+        assert (
+            tdint.spectrum(given, np.array([1.0])).psa
+            == tdint.spectrum(record(), np.array([1.0])).psa
+        )
     np.testing.assert_array_equal(tdint.modes(MODEL).omega, tdint.modes(model).omega)  # type: ignore[arg-type]
 
 
@@ -39,12 +44,17 @@ def test_two_records_are_a_pair() -> None:
     pair = record(), record("HNN", 2.0)
     found = tdint.rotated_spectrum(pair, np.array([1.0]))
     assert found.motion.first.component == "HNN"
-    assert found.psa[-1, 0] == pytest.approx(np.sqrt(5.0) * tdint.spectrum(pair[0], np.array([1.0])).psa[0], rel=1e-4)
+    assert found.psa[-1, 0] == pytest.approx(
+        np.sqrt(5.0) * tdint.spectrum(pair[0], np.array([1.0])).psa[0], rel=1e-4
+    )
 
 
 def test_texts_that_mean_numbers() -> None:
     model = tdint.load_model(MODEL)
-    assert tdint.run(model, record(), tolerance="1%").dt == tdint.run(model, record(), tolerance=0.01).dt
+    assert (
+        tdint.run(model, record(), tolerance="1%").dt
+        == tdint.run(model, record(), tolerance=0.01).dt
+    )
     assert tdint.spectrum(record(), np.array([1.0]), "5%").damping == 0.05  # type: ignore[arg-type]
     assert np.array_equal(*(tdint.pushover(model, size, points=9).drift for size in (0.02, "2%")))
     halves = [tdint.cyclic_test(model, 1, [given], points=9).path.drift for given in (0.02, "2%")]
@@ -62,7 +72,10 @@ WRONG: list[tuple[type[Exception], Callable[[Any], Any]]] = [
     (UsageError, lambda model: tdint.run(model, record(), dt="x")),  # type: ignore[arg-type]
     (UsageError, lambda model: tdint.run(model, record(), duration=[1])),  # type: ignore[arg-type]
     (UsageError, lambda model: tdint.run(model, record(), method=5)),  # type: ignore[arg-type]
-    (UsageError, lambda model: tdint.floor_spectra(tdint.run(model, record()), ["roof"], np.array([1.0]))),
+    (
+        UsageError,
+        lambda model: tdint.floor_spectra(tdint.run(model, record()), ["roof"], np.array([1.0])),
+    ),
     (UsageError, lambda model: tdint.spectrum(record(), ["x"])),  # type: ignore[arg-type]
     (UsageError, lambda model: tdint.spectrum(record(), [1.0], None)),  # type: ignore[arg-type]
     (RecordError, lambda model: tdint.rotated_spectrum((record(), 5), np.array([1.0]))),  # type: ignore[arg-type]
@@ -81,6 +94,8 @@ WRONG: list[tuple[type[Exception], Callable[[Any], Any]]] = [
 
 
 @pytest.mark.parametrize(("kind", "call"), WRONG)
-def test_what_is_meant_by_nothing_is_refused_in_words(kind: type[Exception], call: Callable[[Any], Any]) -> None:
+def test_what_is_meant_by_nothing_is_refused_in_words(
+    kind: type[Exception], call: Callable[[Any], Any]
+) -> None:
     with pytest.raises(kind):
         call(tdint.load_model(MODEL))

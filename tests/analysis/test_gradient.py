@@ -11,7 +11,13 @@ from tdint.errors import UsageError
 from tdint.model.definition import Law, ModalDamping
 
 RECORD = tdint.make_record(5.0 * np.sin(6.0 * np.arange(300) * 0.01), dt=0.01, units="m/s^2")
-NAMES = ("stories[2].stiffness", "stories[1].law.yield_force", "mass_factor", "damping", "record.scale")
+NAMES = (
+    "stories[2].stiffness",
+    "stories[1].law.yield_force",
+    "mass_factor",
+    "damping",
+    "record.scale",
+)
 PEAKS = ("peak_drift", "peak_acceleration", "peak_shear", "peak_velocity", "residual_drift")
 
 
@@ -26,7 +32,9 @@ def test_what_is_in_proportion_has_that_derivative():
     np.testing.assert_allclose(by["record.scale"] + by["strength_factor"], drift, rtol=1e-6)
     together = by["mass_factor"] + by["stiffness_factor"] + by["strength_factor"]
     np.testing.assert_allclose(together, 0.0, atol=1e-5 * drift.max())
-    linear = tdint.run(model([story(1e5, 1e7)], damping=ModalDamping((0.05,))), RECORD, gradient="record.scale")
+    linear = tdint.run(
+        model([story(1e5, 1e7)], damping=ModalDamping((0.05,))), RECORD, gradient="record.scale"
+    )
     np.testing.assert_allclose(linear.gradient.peak_drift[0], linear.stories.peak_drift, rtol=1e-10)
     assert linear.gradient.by and linear.gradient.parameters == ("record.scale",)
 
@@ -64,7 +72,9 @@ def test_other_sizes_of_differences_agree(method):
         found = response.gradient.history["drift"][number]
         room = 1e-3 if method == "impulse4" else 0.05
         np.testing.assert_allclose(found, wanted, atol=room * np.max(np.abs(wanted)))
-    runs = tdint.run_many(building, [RECORD, RECORD], method=method, scales=[0.5, 1.0], gradient=NAMES)
+    runs = tdint.run_many(
+        building, [RECORD, RECORD], method=method, scales=[0.5, 1.0], gradient=NAMES
+    )
     assert runs.gradient.peak_drift.shape == (4, len(NAMES), 10)
     np.testing.assert_array_equal(runs.gradient.peak_drift[3], response.gradient.peak_drift)
 
@@ -79,10 +89,17 @@ def test_each_draw_has_derivatives_of_its_own():
     for name in names:
         number = names.index(name)
         value = drawn.gradient.values[1, number]
-        near = [{**{key: values[1] for key, values in vary.items()}, name: value * (1.0 + d)} for d in (-1e-5, 1e-5)]
-        one, other = (tdint.run(building.replace(**changes), RECORD).stories.peak_drift for changes in near)
+        near = [
+            {**{key: values[1] for key, values in vary.items()}, name: value * (1.0 + d)}
+            for d in (-1e-5, 1e-5)
+        ]
+        one, other = (
+            tdint.run(building.replace(**changes), RECORD).stories.peak_drift for changes in near
+        )
         wanted = (other - one) / (2e-5 * value)
-        np.testing.assert_allclose(drawn.gradient.peak_drift[1, number], wanted, atol=1e-3 * np.max(np.abs(wanted)))
+        np.testing.assert_allclose(
+            drawn.gradient.peak_drift[1, number], wanted, atol=1e-3 * np.max(np.abs(wanted))
+        )
 
 
 def test_a_kink_is_doubted():
@@ -99,7 +116,9 @@ def test_a_kink_is_doubted():
         equal, above = (equal, middle) if peak(middle) > 0.02 else (middle, above)
     slope = equal * (peak(equal + 1e-4) - 0.02) / 1e-4
     for factor, derivative, doubt in ((1.0, 0.5, 0.5), (1.01, 1.0, 0.0), (0.8, 0.0, 0.0)):
-        gradient = tdint.run(building, RECORD.scaled(factor * equal), gradient="record.scale").gradient
+        gradient = tdint.run(
+            building, RECORD.scaled(factor * equal), gradient="record.scale"
+        ).gradient
         assert gradient.peak_drift[0, 0] / slope == pytest.approx(derivative, abs=0.02)
         assert gradient.doubt.peak_drift[0, 0] / slope == pytest.approx(doubt, abs=1e-2)
 
@@ -107,7 +126,9 @@ def test_a_kink_is_doubted():
 def test_at_the_end_of_a_range_neighbors_stand_on_one_side():
     """The derivative by a hardening of 0 is that of the parabola through 0, s and 2 s."""
     building = model([story(1e5, 1e7, Law("bilinear", (1e5, 0.0)))], damping=ModalDamping((0.05,)))
-    gradient = tdint.run(building, RECORD, gradient=["stories[1].law.hardening", "stories[1].dashpot"]).gradient
+    gradient = tdint.run(
+        building, RECORD, gradient=["stories[1].law.hardening", "stories[1].dashpot"]
+    ).gradient
     runs = tdint.run_many(building, RECORD, vary={"stories[1].law.hardening": [0.0, 1e-5]})
     wanted = (runs.stories.peak_drift[1] - runs.stories.peak_drift[0]) / 1e-5
     np.testing.assert_allclose(gradient.peak_drift[0], wanted, rtol=1e-3)
@@ -133,15 +154,25 @@ def test_what_has_no_derivative_is_told(name, words):
 def test_a_draw_out_of_range_keeps_its_row():
     """Where that is asked for; the other runs are those without it."""
     building = ten_bilinear(ModalDamping((0.05,)))
-    vary = {"damping": [0.02, 1.5, 0.03], "stories[1].stiffness": [1e8, 1e8, -1.0], "record.scale": [1.0, 1.0, 0.0]}
-    with pytest.raises(UsageError, match=r"damping must be a ratio|stiffness must be a positive number"):
+    vary = {
+        "damping": [0.02, 1.5, 0.03],
+        "stories[1].stiffness": [1e8, 1e8, -1.0],
+        "record.scale": [1.0, 1.0, 0.0],
+    }
+    with pytest.raises(
+        UsageError, match=r"damping must be a ratio|stiffness must be a positive number"
+    ):
         tdint.run_many(building, RECORD, vary=vary)
     runs = tdint.run_many(building, RECORD, vary=vary, errors="keep", gradient="damping")
     assert runs.status.tolist() == ["done", "out-of-range", "out-of-range"]
     assert "got 1.5" in runs.failures[1] and "got -1.0" in runs.failures[2]
-    alone = tdint.run_many(building, RECORD, vary={name: values[:1] for name, values in vary.items()})
+    alone = tdint.run_many(
+        building, RECORD, vary={name: values[:1] for name, values in vary.items()}
+    )
     np.testing.assert_array_equal(runs.stories.peak_drift[0], alone.stories.peak_drift[0])
-    assert np.isnan(runs.stories.peak_drift[1:]).all() and np.isnan(runs.gradient.peak_drift[1:]).all()
+    assert (
+        np.isnan(runs.stories.peak_drift[1:]).all() and np.isnan(runs.gradient.peak_drift[1:]).all()
+    )
     assert np.isfinite(runs.gradient.peak_drift[0]).all()
     with pytest.raises(UsageError, match="'raise' or 'keep'"):
         tdint.run_many(building, RECORD, errors="ignore")

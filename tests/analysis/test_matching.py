@@ -34,7 +34,9 @@ def matched(motion):
 @pytest.fixture(scope="module")
 def pair(motion):
     """With a second component of its own."""
-    rough = np.random.default_rng(4).normal(size=801) * np.sin(np.pi * np.linspace(0.0, 1.0, 801)) ** 2
+    rough = (
+        np.random.default_rng(4).normal(size=801) * np.sin(np.pi * np.linspace(0.0, 1.0, 801)) ** 2
+    )
     second = replace(motion, acceleration=rough + 0.5 * motion.acceleration[::-1], component="HN2")
     return Horizontals(replace(motion, component="HN1"), second)
 
@@ -66,14 +68,19 @@ def test_derivatives_of_extremes_are_their_differences(request, of):
     found, largest = problem.extremes(samples, 0.99 * problem.wanted)
     places = largest[1].astype(int)
     values = found[VALUE:, places]
-    rows = problem.rows(found[WHO, places].astype(int), found[WHEN, places], values / np.linalg.norm(values, axis=0))
+    rows = problem.rows(
+        found[WHO, places].astype(int), found[WHEN, places], values / np.linalg.norm(values, axis=0)
+    )
     change = 1e-5 * np.random.default_rng(1).normal(size=samples.shape)
     change[:, :300] = 0.0
     after, before = (
-        problem.extremes(samples + part * problem.filtered(change), 0.9 * problem.wanted)[1][0] for part in (1.0, -1.0)
+        problem.extremes(samples + part * problem.filtered(change), 0.9 * problem.wanted)[1][0]
+        for part in (1.0, -1.0)
     )
     told = problem.wanted * (rows @ change.ravel())
-    np.testing.assert_allclose(told, 0.5 * (after - before), rtol=2e-3, atol=1e-7)  # rows are of single precision
+    np.testing.assert_allclose(
+        told, 0.5 * (after - before), rtol=2e-3, atol=1e-7
+    )  # rows are of single precision
 
 
 def test_the_program_is_that_of_scipy():
@@ -109,32 +116,57 @@ def test_a_motion_is_matched(motion, matched):
     assert matched.record.dt == motion.dt and "matched to" in matched.record.processing[-1]
     assert matched.factor * motion.acceleration == pytest.approx(matched.before.acceleration)
     columns = matched.to_dict()
-    assert columns["largest_misfit"][0] == matched.largest_misfit and columns["change"][0] == matched.change
+    assert (
+        columns["largest_misfit"][0] == matched.largest_misfit
+        and columns["change"][0] == matched.change
+    )
     figure = matched.plot()
-    assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == ["target", "scaled seed", "matched"]
+    assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == [
+        "target",
+        "scaled seed",
+        "matched",
+    ]
 
 
 def test_a_pair_is_matched_in_rotd100(pair):
     """By the spectrum of all directions at periods of its own; both components have one factor."""
     matched = tdint.match(pair, TARGET, periods=(0.1, 2.0))
     periods = np.geomspace(0.11, 1.9, 77)
-    off = tdint.rotated_spectrum(matched.record, periods, percentiles=[100]).psa[0] / matched.target.at(periods) - 1.0
+    off = (
+        tdint.rotated_spectrum(matched.record, periods, percentiles=[100]).psa[0]
+        / matched.target.at(periods)
+        - 1.0
+    )
     assert np.max(np.abs(off)) < 0.02
     assert [part.after.component for part in matched.parts] == ["HN1", "HN2"]
-    assert matched.parts[1].before.acceleration == pytest.approx(matched.factor * pair.second.acceleration)
+    assert matched.parts[1].before.acceleration == pytest.approx(
+        matched.factor * pair.second.acceleration
+    )
     (ratio, _), (before, correlation) = matched.directions
     assert 1.0 < ratio < np.sqrt(2.0) and 1.0 < before < np.sqrt(2.0)
-    assert correlation == pytest.approx(np.corrcoef(pair.first.acceleration, pair.second.acceleration)[0, 1])
+    assert correlation == pytest.approx(
+        np.corrcoef(pair.first.acceleration, pair.second.acceleration)[0, 1]
+    )
     assert matched.to_dict()["component"] == ["HN1", "HN2"]
 
 
 def test_the_mean_of_a_suite_is_matched_and_its_scatter_kept(motion, pair):
     """Each motion by its own share of the target."""
-    motions = [motion, pair.second, replace(motion, acceleration=pair.second.acceleration[::-1] * 3.0)]
+    motions = [
+        motion,
+        pair.second,
+        replace(motion, acceleration=pair.second.acceleration[::-1] * 3.0),
+    ]
     matches = tdint.match_suite(motions, TARGET, periods=(0.1, 2.0))
-    after, before = (np.array([getattr(match, name) for match in matches]) for name in ("psa", "seed_psa"))
+    after, before = (
+        np.array([getattr(match, name) for match in matches]) for name in ("psa", "seed_psa")
+    )
     off = np.mean(after, axis=0) / read_target(TARGET).at(matches[0].periods) - 1.0
-    assert np.mean(np.abs(off)) < 0.005 < np.mean(np.abs(np.mean(before, axis=0) / np.mean(after, axis=0) - 1.0))
+    assert (
+        np.mean(np.abs(off))
+        < 0.005
+        < np.mean(np.abs(np.mean(before, axis=0) / np.mean(after, axis=0) - 1.0))
+    )
     scatter = [np.mean(np.std(np.log(psa), axis=0, ddof=1)) for psa in (after, before)]
     assert scatter[0] == pytest.approx(scatter[1], abs=0.01)
 

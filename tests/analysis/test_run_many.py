@@ -27,7 +27,9 @@ def small(**more):
 def falling():
     """A story whose P-delta outweighs its stiffness after yielding."""
     stiffness = 2.0 * STANDARD_GRAVITY / 3.0
-    return model([story(1.0, stiffness, Law("bilinear", (0.05 * stiffness, 0.0)), height=3.0)], p_delta=True)
+    return model(
+        [story(1.0, stiffness, Law("bilinear", (0.05 * stiffness, 0.0)), height=3.0)], p_delta=True
+    )
 
 
 MODELS = [ten_bilinear(), small(), ten_linear()]
@@ -37,30 +39,49 @@ RECORDS = [noise(samples=150), noise(samples=90, seed=8)]
 def test_histories_that_the_memory_cannot_hold_are_refused_with_their_size(monkeypatch):
     """Three runs of 150 rows of 2 stories, 8 bytes a number."""
     monkeypatch.setattr("tdint.analysis.run.run_many.available_memory", lambda: 1e3)
-    with pytest.raises(AnalysisError, match=r"the histories of 3 runs take 7\.2e-06 GB of memory, 1e-06 GB are free"):
-        tdint.run_many(small(), RECORDS[0], scales=(0.1, 0.2, 0.3), method="newmark-average", history="drift")
+    with pytest.raises(
+        AnalysisError,
+        match=r"the histories of 3 runs take 7\.2e-06 GB of memory, 1e-06 GB are free",
+    ):
+        tdint.run_many(
+            small(), RECORDS[0], scales=(0.1, 0.2, 0.3), method="newmark-average", history="drift"
+        )
 
 
 @pytest.fixture(scope="module")
 def runs():
-    return tdint.run_many(MODELS, RECORDS, scales=SCALES, method="newmark-average", history=tuple(KEPT), jobs=2)
+    return tdint.run_many(
+        MODELS, RECORDS, scales=SCALES, method="newmark-average", history=tuple(KEPT), jobs=2
+    )
 
 
 def test_each_run_is_the_single_one(runs):
     assert runs.model.tolist() == np.repeat([0, 1, 2], 6).tolist()
     assert runs.record.tolist() == [0, 0, 0, 1, 1, 1] * 3
     assert runs.scale.tolist() == [*SCALES] * 6
-    for i, (building, record, scale) in enumerate(zip(runs.model, runs.record, runs.scale, strict=True)):
+    for i, (building, record, scale) in enumerate(
+        zip(runs.model, runs.record, runs.scale, strict=True)
+    ):
         n = len(MODELS[building].stories)
-        single = tdint.run(MODELS[building], RECORDS[record].scaled(scale), method="newmark-average", history=True)
-        assert (runs.status[i], runs.steps[i], runs.dt[i]) == (single.status, single.steps, single.dt)
+        single = tdint.run(
+            MODELS[building], RECORDS[record].scaled(scale), method="newmark-average", history=True
+        )
+        assert (runs.status[i], runs.steps[i], runs.dt[i]) == (
+            single.status,
+            single.steps,
+            single.dt,
+        )
         assert runs.energy_error[i] == single.energy.error
         for one in STORY:
-            np.testing.assert_array_equal(getattr(runs.stories, one.name)[i, :n], getattr(single.stories, one.name))
+            np.testing.assert_array_equal(
+                getattr(runs.stories, one.name)[i, :n], getattr(single.stories, one.name)
+            )
             assert np.isnan(getattr(runs.stories, one.name)[i, n:]).all()
         for name, attribute in KEPT.items():
             expected = getattr(single.history, attribute)
-            np.testing.assert_array_equal(runs.history[name][i, : len(expected), :n], expected, err_msg=name)
+            np.testing.assert_array_equal(
+                runs.history[name][i, : len(expected), :n], expected, err_msg=name
+            )
             assert np.isnan(runs.history[name][i, len(expected) :]).all()
             assert np.isnan(runs.history[name][i, :, n:]).all()
     np.testing.assert_array_equal(runs.time[0, : len(single.history.time)], single.history.time)
@@ -82,14 +103,20 @@ def test_neither_jobs_nor_what_is_kept_change_a_run(method):
 def test_how_runs_end():
     """Fallen, diverged and refused runs have the status of single ones, and do not keep the others from being done."""
     record = noise(samples=300)
-    found = tdint.run_many(falling(), record, scales=(1e-3, 5.0), method="newmark-average", history="drift", jobs=1)
+    found = tdint.run_many(
+        falling(), record, scales=(1e-3, 5.0), method="newmark-average", history="drift", jobs=1
+    )
     assert found.status.tolist() == ["done", "collapsed"]
     single = tdint.run(falling(), record.scaled(5.0), method="newmark-average", history=True)
     assert single.status == "collapsed" and found.steps[1] == single.steps
     np.testing.assert_array_equal(found.stories.peak_drift[1], single.stories.peak_drift)
-    np.testing.assert_array_equal(found.history["drift"][1, : single.steps + 1], single.history.drift)
+    np.testing.assert_array_equal(
+        found.history["drift"][1, : single.steps + 1], single.history.drift
+    )
     stiff = model([story(1.0, 1e6)])
-    refused = tdint.run_many([stiff, ten_linear()], record, method="central-difference", dt=0.01, history="drift")
+    refused = tdint.run_many(
+        [stiff, ten_linear()], record, method="central-difference", dt=0.01, history="drift"
+    )
     ends = []
     for building in (stiff, ten_linear()):
         try:
@@ -123,16 +150,25 @@ def test_a_story_that_runs_away():
 
 def test_histories_go_where_they_are_asked_to(tmp_path, runs):
     whole = runs.history["drift"][6:12, :, :2]
-    file = np.lib.format.open_memmap(tmp_path / "drift.npy", mode="w+", shape=(6, 50, 2), dtype=np.float32)
+    file = np.lib.format.open_memmap(
+        tmp_path / "drift.npy", mode="w+", shape=(6, 50, 2), dtype=np.float32
+    )
     file[...] = 7.0
-    given = {"records": RECORDS, "scales": SCALES, "method": "newmark-average", "history": "drift", "every": 3}
+    given = {
+        "records": RECORDS,
+        "scales": SCALES,
+        "method": "newmark-average",
+        "history": "drift",
+        "every": 3,
+    }
     found = tdint.run_many(small(), **given, out=file)
     assert found.history["drift"] is file
     thinned = whole[:, : 3 * 50 : 3]
     np.testing.assert_array_equal(np.load(tmp_path / "drift.npy"), thinned.astype(np.float32))
     assert found.time.shape == (1, 50) and found.time[0, -1] == pytest.approx(1.47)
     with pytest.raises(
-        UsageError, match=r"out of drift must be an array .* shape \(6, 50, 2\), got float64 \(6, 51, 2\)"
+        UsageError,
+        match=r"out of drift must be an array .* shape \(6, 50, 2\), got float64 \(6, 51, 2\)",
     ):
         tdint.run_many(small(), **given, out={"drift": np.zeros((6, 51, 2))})
     with pytest.raises(UsageError, match="an array for each quantity of the history: drift, shear"):
@@ -140,8 +176,14 @@ def test_histories_go_where_they_are_asked_to(tmp_path, runs):
 
 
 def test_pairs_of_a_model_a_record_and_a_scale(runs):
-    found = tdint.run_many([MODELS[1], MODELS[0]], RECORDS, scales=2.0, paired=True, method="newmark-average")
-    assert (found.model.tolist(), found.record.tolist(), found.scale.tolist()) == ([0, 1], [0, 1], [2.0, 2.0])
+    found = tdint.run_many(
+        [MODELS[1], MODELS[0]], RECORDS, scales=2.0, paired=True, method="newmark-average"
+    )
+    assert (found.model.tolist(), found.record.tolist(), found.scale.tolist()) == (
+        [0, 1],
+        [0, 1],
+        [2.0, 2.0],
+    )
     single = tdint.run(MODELS[0], RECORDS[1].scaled(2.0), method="newmark-average")
     np.testing.assert_array_equal(found.stories.peak_drift[1], single.stories.peak_drift)
     with pytest.raises(UsageError, match="paired: 2 records beside 3"):
@@ -155,8 +197,12 @@ def test_the_columns_are_those_of_a_campaign(runs):
     assert found["peak_drift_m"][8] == np.max(single.stories.peak_drift)
     assert found["peak_roof_displacement_m"][8] == single.stories.peak_displacement[-1]
     assert found["peak_drift_ratio"].shape == (18,) and found["scale"][8] == -2.0
-    assert runs.to_dict("kip,in,g")["peak_drift_in"][8] * 0.0254 == pytest.approx(found["peak_drift_m"][8])
-    assert repr(runs).startswith("<Runs 18 of 3 buildings under 2 records, histories of displacement, velocity")
+    assert runs.to_dict("kip,in,g")["peak_drift_in"][8] * 0.0254 == pytest.approx(
+        found["peak_drift_m"][8]
+    )
+    assert repr(runs).startswith(
+        "<Runs 18 of 3 buildings under 2 records, histories of displacement, velocity"
+    )
     again = pickle.loads(pickle.dumps(runs))
     np.testing.assert_array_equal(again.history["shear"], runs.history["shear"])
 
@@ -185,7 +231,10 @@ def test_errors_are_those_of_single_runs(method):
     """With the peaks of the run that tells them."""
     found = tdint.run_many(MODELS[:2], RECORDS[:1], method=method, check=True, history="drift")
     for i, building in enumerate(MODELS[:2]):
-        n, single = len(building.stories), tdint.run(building, RECORDS[0], method=method, check=True, history=True)
+        n, single = (
+            len(building.stories),
+            tdint.run(building, RECORDS[0], method=method, check=True, history=True),
+        )
         for one in STORY:
             np.testing.assert_array_equal(
                 getattr(found.errors, one.name)[i, :n], getattr(single.check.errors, one.name)

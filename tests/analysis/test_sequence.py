@@ -13,7 +13,9 @@ from tdint.errors import UsageError
 from tdint.ground_motion.record import JoinedRecord, Record, one_after_another
 from tdint.model.definition import Law
 
-NAMES = [field.name for field in fields(StoryPeaks) if field.name not in ("height", "residual_drift")]
+NAMES = [
+    field.name for field in fields(StoryPeaks) if field.name not in ("height", "residual_drift")
+]
 
 
 def shock(seed, peak, *, dt=0.01, samples=600, source="main"):
@@ -35,12 +37,18 @@ def case(method="impulse4", model=None):
 def test_it_is_the_record_put_together_by_hand_to_the_last_digit(method):
     found = run_sequence(case(method), [MAIN, AFTER], rest=20.0, history=True)
     by_hand = np.concatenate([MAIN.acceleration, np.zeros(1999), AFTER.acceleration])
-    alone = tdint.run(ten_bilinear(), replace(MAIN, acceleration=by_hand), method=method, history=True)
+    alone = tdint.run(
+        ten_bilinear(), replace(MAIN, acceleration=by_hand), method=method, history=True
+    )
     for name in (*NAMES, "residual_drift"):
-        assert np.array_equal(getattr(found.stories, name), getattr(alone.stories, name), equal_nan=True), name
+        assert np.array_equal(
+            getattr(found.stories, name), getattr(alone.stories, name), equal_nan=True
+        ), name
     assert np.array_equal(found.history.displacement, alone.history.displacement)
     assert found.energy == alone.energy
-    assert [one.start for one in found.shocks] == pytest.approx([0.0, (MAIN.acceleration.size - 1) * 0.01 + 20.0])
+    assert [one.start for one in found.shocks] == pytest.approx(
+        [0.0, (MAIN.acceleration.size - 1) * 0.01 + 20.0]
+    )
 
 
 def test_peaks_over_all_are_the_largest_of_the_shocks():
@@ -57,7 +65,9 @@ def test_the_first_shock_is_the_run_of_its_record_until_rest():
     first, second = found.shocks
     assert second.start == pytest.approx(alone.rest_time + 0.01)
     for name in (*NAMES, "residual_drift"):
-        assert np.array_equal(getattr(first.stories, name), getattr(alone.stories, name), equal_nan=True), name
+        assert np.array_equal(
+            getattr(first.stories, name), getattr(alone.stories, name), equal_nan=True
+        ), name
 
 
 def test_each_shock_has_its_errors():
@@ -85,14 +95,19 @@ def test_a_shock_begins_with_the_first_step_after_the_rest(dt, stride):
     """599 samples lie before the last one of the first shock; then 1.01 s of rest are 101."""
     joined = sequence_of(case(), [MAIN, AFTER], rest=1.01, dt=dt)
     assert joined.starts == (0, 700 + -700 % stride)
-    alone = tdint.run(ten_bilinear(), one_after_another([MAIN, AFTER], joined.starts), method="impulse4", dt=dt)
+    alone = tdint.run(
+        ten_bilinear(), one_after_another([MAIN, AFTER], joined.starts), method="impulse4", dt=dt
+    )
     found = run_sequence(case(), [MAIN, AFTER], rest=1.01, dt=dt)
     assert np.array_equal(found.stories.peak_drift, alone.stories.peak_drift)
     assert len(found.shocks) == 2
 
 
 def test_the_whole_has_what_its_shocks_have_in_common():
-    one, other = replace(MAIN, units="g", id="A"), replace(AFTER, units="g", id="B", component="HNN")
+    one, other = (
+        replace(MAIN, units="g", id="A"),
+        replace(AFTER, units="g", id="B", component="HNN"),
+    )
     whole = one_after_another([one.scaled(2.0), other.scaled(2.0)], [0, 900])
     assert (whole.scale, whole.units, whole.id) == (2.0, "g", "")
     assert (whole.component, whole.source) == ("HNE + HNN", "main + after")

@@ -13,7 +13,15 @@ from tdint import load_model, run
 
 MODEL = load_model(ROOT / "configs" / "ten-story-bilinear.yaml")
 DT = 0.01
-METHODS = ("newmark-average", "generalized-alpha", "bathe", "impulse", "gauss4", "impulse4:rho_inf=0.5", "impulse4")
+METHODS = (
+    "newmark-average",
+    "generalized-alpha",
+    "bathe",
+    "impulse",
+    "gauss4",
+    "impulse4:rho_inf=0.5",
+    "impulse4",
+)
 PARTS = (1, 2, 4)
 REPEATS = 9
 
@@ -39,14 +47,18 @@ def main():
     print(f"gap between the references {gap:.1e}, events {response.events}\n")
     cases = list(product(METHODS, PARTS))
     times = np.min([[seconds_per_step(*case) for case in cases] for _ in range(REPEATS)], axis=0)
-    print("| method | dt (s) | L2 error | largest error of a peak drift | energy error | us per step |")
+    print(
+        "| method | dt (s) | L2 error | largest error of a peak drift | energy error | us per step |"
+    )
     print("|---|---|---|---|---|---|")
     for (method, parts), seconds in zip(cases, times, strict=True):
         u, response = displacement(method, parts)
         l2 = np.linalg.norm(u - reference) / size
         drift = np.max(np.abs(response.stories.peak_drift / peak - 1.0))
         energy = abs(response.energy.error)
-        print(f"| {method} | {DT / parts:g} | {l2:.1e} | {drift:.1e} | {energy:.1e} | {seconds * 1e6:.2f} |")
+        print(
+            f"| {method} | {DT / parts:g} | {l2:.1e} | {drift:.1e} | {energy:.1e} | {seconds * 1e6:.2f} |"
+        )
 
 
 if __name__ == "__main__":

@@ -67,19 +67,33 @@ def study(method: str) -> None:
             list(pool.map(kernel, [cases[i::8] for i in range(8)]))
         return time.perf_counter() - began, time.process_time() - used
 
-    print(f"{method}: {plan.runs} runs in {plan.chunks} chunks; least of three, wall and processor time, s")
+    print(
+        f"{method}: {plan.runs} runs in {plan.chunks} chunks; least of three, wall and processor time, s"
+    )
     for name, work in (("kernels, two threads", alone), ("engine, one job", lambda: engine(1)),
                        ("engine, two jobs", lambda: engine(2))):  # fmt: skip
         times = [work() for _ in range(3)]
-        print(f"{name:<22} {min(wall for wall, _ in times):.3f} {min(used for _, used in times):.3f}")
+        print(
+            f"{name:<22} {min(wall for wall, _ in times):.3f} {min(used for _, used in times):.3f}"
+        )
     with TemporaryDirectory() as folder:
         scales = ",".join(f"{scale:g}" for scale in SCALES)
         began = time.perf_counter()
-        command = ["tdint", "-q", "run", "configs/ten-story-bilinear.yaml", "records/", "--units", "m/s^2"]
+        command = [
+            "tdint",
+            "-q",
+            "run",
+            "configs/ten-story-bilinear.yaml",
+            "records/",
+            "--units",
+            "m/s^2",
+        ]
         command += ["--scale", scales, "--method", method, "-o", folder]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         each = (time.perf_counter() - began) / (6 * len(SCALES))
-    print(f"the command, 120 runs: {1e3 * each:.3g} ms a run, a shell loop {SHELL_LOOP / each:.0f} times that")
+    print(
+        f"the command, 120 runs: {1e3 * each:.3g} ms a run, a shell loop {SHELL_LOOP / each:.0f} times that"
+    )
 
 
 def inventory(buildings: int, method: str) -> None:
@@ -98,30 +112,45 @@ def inventory(buildings: int, method: str) -> None:
             f"analysis: {{method: {method}}}\n"
         )
         began = time.perf_counter()
-        process = subprocess.Popen(["tdint", "campaign", str(folder / "campaign.yaml"), "-o", str(folder / "out")])
+        process = subprocess.Popen(
+            ["tdint", "campaign", str(folder / "campaign.yaml"), "-o", str(folder / "out")]
+        )
         _, status, usage = os.wait4(process.pid, 0)
         wall, used = time.perf_counter() - began, usage.ru_utime + usage.ru_stime
         assert status == 0
     runs = 2 * buildings
-    print(f"{method}: {runs} runs of 3000 steps, all of the command: {wall:.3g} s, {used:.3g} s of processor time")
-    print(f"{3.6e-3 * runs / wall:.3g} M runs an hour, {7.2e-3 * runs / used:.3g} M on two processors of one's own")
+    print(
+        f"{method}: {runs} runs of 3000 steps, all of the command: {wall:.3g} s, {used:.3g} s of processor time"
+    )
+    print(
+        f"{3.6e-3 * runs / wall:.3g} M runs an hour, {7.2e-3 * runs / used:.3g} M on two processors of one's own"
+    )
     print(f"largest resident memory {usage.ru_maxrss / 1024:.0f} MB")
 
 
 def part(buildings: int, parts: int) -> None:
     """The part in the middle: 100 events at a site for each 100 buildings, factors on two motions."""
     kinds, types, sites = random.Random(1), ["W1", "C1", "S1", "RM1", "URM"], buildings // 100
-    degrees = [(f"{-122.5 + 0.01 * (i % 100):.4f}", f"{37.3 + 0.01 * (i // 100):.4f}") for i in range(sites)]
+    degrees = [
+        (f"{-122.5 + 0.01 * (i % 100):.4f}", f"{37.3 + 0.01 * (i // 100):.4f}")
+        for i in range(sites)
+    ]
     tables = {"sites": ["site,longitude,latitude"], "fields": ["event,site,record,factor"]}
     tables["buildings"] = ["id,NumberOfStories,YearBuilt,StructureType,PlanArea,Longitude,Latitude"]
     tables["sites"] += [f"s{i},{','.join(degrees[i])}" for i in range(sites)]
     motions = [Path(f"records/{name}.mseed").resolve() for name in ("soft-soil", "firm-soil")]
     for event in range(100):
         tables["fields"] += [
-            f"E{event},s{i},{kinds.choice(motions)},{kinds.uniform(0.2, 1.5):.4f}" for i in range(sites)
+            f"E{event},s{i},{kinds.choice(motions)},{kinds.uniform(0.2, 1.5):.4f}"
+            for i in range(sites)
         ]
     for i in range(buildings):
-        about = kinds.randint(1, 3), kinds.randint(1920, 2015), kinds.choice(types), kinds.randint(100, 900)
+        about = (
+            kinds.randint(1, 3),
+            kinds.randint(1920, 2015),
+            kinds.choice(types),
+            kinds.randint(100, 900),
+        )
         tables["buildings"].append(",".join(map(str, (f"b{i}", *about, *kinds.choice(degrees)))))
     with TemporaryDirectory() as name:
         for table, lines in tables.items():
@@ -140,7 +169,9 @@ def part(buildings: int, parts: int) -> None:
         with store:
             runs = carry_out(plan, store, threads(1), shard=shard).done
             work = store.seconds()
-    print(f"part {shard.text}: {len(kept)} of {buildings} buildings, {runs} of {plan.runs} runs; processor time")
+    print(
+        f"part {shard.text}: {len(kept)} of {buildings} buildings, {runs} of {plan.runs} runs; processor time"
+    )
     print(f"reading {reading:.3g} s, runs {work:.4g} s: {reading / work:.1%}")
 
 

@@ -11,7 +11,9 @@ from tdint import read_horizontals
 from tdint.ground_motion.record import Record
 
 ROOT = Path(__file__).parents[2]
-sys.path.append(str(ROOT / "tests"))  # the scripts that import this one first share modules with the tests
+sys.path.append(
+    str(ROOT / "tests")
+)  # the scripts that import this one first share modules with the tests
 NAMES = ("firm-soil", "near-fault", "soft-soil")
 
 
@@ -30,9 +32,13 @@ def turned(count):
     shipped, result = pairs(), []
     for i in range(count):
         pair, angle = shipped[i % len(shipped)], math.radians(23.0 * i)
-        samples = math.cos(angle) * pair.first.acceleration + math.sin(angle) * pair.second.acceleration
+        samples = (
+            math.cos(angle) * pair.first.acceleration + math.sin(angle) * pair.second.acceleration
+        )
         shifted = np.concatenate([np.zeros(7 * i), samples]) * (0.7 + 0.03 * i)
-        result.append(Record(shifted, pair.first.dt, "", "", f"{(23 * i) % 360:03d}", f"{NAMES[i % 3]}-{i}"))
+        result.append(
+            Record(shifted, pair.first.dt, "", "", f"{(23 * i) % 360:03d}", f"{NAMES[i % 3]}-{i}")
+        )
     return result
 
 

@@ -49,17 +49,26 @@ def drawn(count):
         n = int(rng.integers(2, 16))
         masses, share = 2e5 * rng.uniform(0.7, 1.3, n), np.linspace(1.0, rng.uniform(0.4, 1.0), n)
         bare = assemble(model([story(m, 1e8 * s) for m, s in zip(masses, share, strict=True)]))
-        stiffness = 1e8 * share * (bare.modes().omega[0] * n * rng.uniform(0.05, 0.16) / (2.0 * np.pi)) ** -2
+        stiffness = (
+            1e8
+            * share
+            * (bare.modes().omega[0] * n * rng.uniform(0.05, 0.16) / (2.0 * np.pi)) ** -2
+        )
         strength = 9.81 * rng.uniform(0.1, 0.4) * np.cumsum(masses[::-1])[::-1]
         laws = {
             0: lambda force: LINEAR,
             1: lambda force: Law("bilinear", (force, 0.03)),
             2: lambda force: Law("peak-oriented", (force, 0.03, 0.3)),
         }
-        stories = [story(m, k, laws[seed % 3](f)) for m, k, f in zip(masses, stiffness, strength, strict=True)]
+        stories = [
+            story(m, k, laws[seed % 3](f))
+            for m, k, f in zip(masses, stiffness, strength, strict=True)
+        ]
         omega = assemble(model(stories)).modes().omega[[0, 1]]
         ratio = rng.uniform(0.02, 0.05)
-        damping = RayleighCoefficients(*(2.0 * ratio / np.sum(omega) * np.array([np.prod(omega), 1.0])))
+        damping = RayleighCoefficients(
+            *(2.0 * ratio / np.sum(omega) * np.array([np.prod(omega), 1.0]))
+        )
         record = records[seed % len(records)]
         part = replace(record, acceleration=record.acceleration[: round(SECONDS / record.dt)])
         yield f"random {seed}", model(stories, damping=damping), part
@@ -84,7 +93,10 @@ def times(building, record):
         except TdintError:  # not for such dampers or laws
             continue
     cases = {name: case for name, case in cases.items() if linear or name != "exact"}
-    truth, other = (marched(cases[name], record.dt / FINE).stories.peak_drift for name in ("impulse4", "moment4"))
+    truth, other = (
+        marched(cases[name], record.dt / FINE).stories.peak_drift
+        for name in ("impulse4", "moment4")
+    )
     gap = np.max(np.abs(other / truth - 1.0))
     errors, seconds = {}, {}
     for repeat in range(REPEATS):
@@ -99,7 +111,9 @@ def times(building, record):
                 if not repeat:
                     errors[key] = np.max(np.abs(response.stories.peak_drift / truth - 1.0))
     limits = [limit for limit in LIMITS if gap <= 0.1 * limit]
-    return {limit: {name: least(limit, name, errors, seconds) for name in cases} for limit in limits}
+    return {
+        limit: {name: least(limit, name, errors, seconds) for name in cases} for limit in limits
+    }
 
 
 def least(limit, name, errors, seconds):
@@ -116,7 +130,9 @@ def main():
     """Print the table."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     yielding = {}
-    print("| building | error | fastest | ms | impulse4 over it | the others over it |\n|---|---|---|---|---|---|")
+    print(
+        "| building | error | fastest | ms | impulse4 over it | the others over it |\n|---|---|---|---|---|---|"
+    )
     for source in (shipped(), drawn(count)):
         for name, building, record in source:
             for limit, found in times(building, record).items():
@@ -126,15 +142,26 @@ def main():
                     yielding.setdefault(limit, []).append(over)
                 others = sorted((m for m in over if m not in (best, "impulse4")), key=over.get)
                 cells = ", ".join(f"{m} {over[m]:.2f}" for m in others if over[m] < np.inf)
-                row = (name, f"{100.0 * limit:g} %", best, f"{1e3 * found[best]:.2f}", f"{over['impulse4']:.2f}", cells)
+                row = (
+                    name,
+                    f"{100.0 * limit:g} %",
+                    best,
+                    f"{1e3 * found[best]:.2f}",
+                    f"{over['impulse4']:.2f}",
+                    cells,
+                )
                 print("| " + " | ".join(row) + " |", flush=True)
     for limit, cases in yielding.items():
-        print(f"\nYielding, {100.0 * limit:g} %, {len(cases)} buildings: geometric mean over the fastest, fastest of")
+        print(
+            f"\nYielding, {100.0 * limit:g} %, {len(cases)} buildings: geometric mean over the fastest, fastest of"
+        )
         for method in METHODS[:-1]:
             own = np.array([over.get(method, np.inf) for over in cases])
             solved = own[own < np.inf]
             mean = np.exp(np.mean(np.log(solved))) if solved.size else np.inf
-            print(f"  {method}: {mean:.2f}, {np.sum(own <= 1.0)}, not within any step {np.sum(own == np.inf)}")
+            print(
+                f"  {method}: {mean:.2f}, {np.sum(own <= 1.0)}, not within any step {np.sum(own == np.inf)}"
+            )
 
 
 if __name__ == "__main__":

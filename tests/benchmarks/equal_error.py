@@ -29,7 +29,9 @@ def cost(points, limit):
 
     `<`: already the first point errs less; `~`: beyond the last point, with the slope of the last two.
     """
-    places = [(math.log(point.errors.drift), math.log(point.fastest)) for point in points if point.errors]
+    places = [
+        (math.log(point.errors.drift), math.log(point.fastest)) for point in points if point.errors
+    ]
     wanted = math.log(limit)
     if places[0][0] <= wanted:
         return points[0].fastest, "<"
@@ -50,7 +52,9 @@ def main():
     lines = {}
     for point in (*chart.points, *peers):
         lines.setdefault(point.line, []).append(point)
-    lines.pop("openseespy/generalized-alpha", None)  # its error does not fall with order 2: nothing to extrapolate
+    lines.pop(
+        "openseespy/generalized-alpha", None
+    )  # its error does not fall with order 2: nothing to extrapolate
     print("| error of the drifts | " + " | ".join(lines) + " |")
     print("|---" * (len(lines) + 1) + "|")
     for limit in LIMITS:

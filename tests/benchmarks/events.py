@@ -25,8 +25,13 @@ def main(count=200, first=0):
         if found.worst > 2.0:
             laws = " ".join(story.law.name for story in found.building.stories)
             errors = " ".join(f"{error:.0e}" for error in found.errors)
-            print(f"{seed:4d} worst {found.worst:7.1e} times {found.growth:7.1e} {errors} {laws}", flush=True)
-    print(f"{outliers} of {count} buildings stand out; {chaotic} more enlarge a small change ten thousand times")
+            print(
+                f"{seed:4d} worst {found.worst:7.1e} times {found.growth:7.1e} {errors} {laws}",
+                flush=True,
+            )
+    print(
+        f"{outliers} of {count} buildings stand out; {chaotic} more enlarge a small change ten thousand times"
+    )
 
 
 if __name__ == "__main__":

@@ -42,7 +42,9 @@ def main():
     table = np.genfromtxt(io.BytesIO(stream.getvalue()), delimiter=",", skip_header=1)
     ours = fastest(lambda: write_history(history, io.BytesIO()))
     numpys = fastest(lambda: np.savetxt(io.BytesIO(), table, fmt="%.12g", delimiter=","))
-    print(f"{len(history.time)} rows, {len(columns)} columns: {ours:.2f} s, numpy.savetxt {numpys:.2f} s")
+    print(
+        f"{len(history.time)} rows, {len(columns)} columns: {ours:.2f} s, numpy.savetxt {numpys:.2f} s"
+    )
     with TemporaryDirectory() as folder:
         file = Path(folder) / "history.csv.gz"
         packed = fastest(lambda: write_file(file, partial(write_history, history), overwrite=True))

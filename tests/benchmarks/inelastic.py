@@ -58,7 +58,9 @@ def plain_search(record, periods):
             low, high = 0.0, elastic
             while high - low > 1e-4 * high:
                 middle = 0.5 * (low + high)
-                ductile = omega**2 * plain_peak(ground, record.dt, omega, 0.05, middle) / middle > target
+                ductile = (
+                    omega**2 * plain_peak(ground, record.dt, omega, 0.05, middle) / middle > target
+                )
                 low, high = (middle, high) if ductile else (low, middle)
             result[j, i] = 0.5 * (low + high)
     return result
@@ -66,7 +68,9 @@ def plain_search(record, periods):
 
 def exact_search(record, periods):
     """Strengths over mass; shape (ductilities, periods)."""
-    return np.array([s.yield_acceleration for s in constant_ductility(record, periods, DUCTILITIES)])
+    return np.array(
+        [s.yield_acceleration for s in constant_ductility(record, periods, DUCTILITIES)]
+    )
 
 
 def main():

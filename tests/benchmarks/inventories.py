@@ -53,7 +53,9 @@ def _multilinear(text: str) -> str:
             first, last, drift = (float(one) for one in found.groups())
             points = f"[[{first / stiffness!r}, {first!r}], [{drift!r}, {last!r}]]"
             pinching = "{drift: 0.5, force: 0.25, unloading: 0.05}"
-            lines[number] = f"    law: {{type: multilinear-pinching, backbone: {points}, pinching: {pinching}}}"
+            lines[number] = (
+                f"    law: {{type: multilinear-pinching, backbone: {points}, pinching: {pinching}}}"
+            )
     return "\n".join(lines) + "\n"
 
 
@@ -66,7 +68,10 @@ def campaign(subjects: Sequence[Subject], suite: Motions, dt: float) -> np.ndarr
     """Peak drift ratios of all runs; nan where a building has collapsed."""
     runs, drifts = [Run(motion, scale) for motion in suite.records for scale in SCALES], []
     for subject in subjects:
-        spectral = {n: spectral_accelerations(record, [subject.period])[0] for n, record in suite.records.items()}
+        spectral = {
+            n: spectral_accelerations(record, [subject.period])[0]
+            for n, record in suite.records.items()
+        }
         rows = Batch(0, subject, suite, spectral, RunSettings(dt=dt)).results(runs).runs
         found = {row[1:3]: row.peak_drift_ratio if row.status == "done" else np.nan for row in rows}
         drifts.append([found[run.motion, run.scale] for run in runs])
@@ -83,7 +88,9 @@ def methods(suite: Motions, step: float) -> None:
             for method in METHODS:
                 drifts = campaign([Subject(model, method) for model in models], suite, step * part)
                 errors = np.abs(drifts / exact - 1.0)
-                within = " | ".join(f"{100 * one:.2g} %" for one in np.nanquantile(errors, [0.5, 0.9, 0.99]))
+                within = " | ".join(
+                    f"{100 * one:.2g} %" for one in np.nanquantile(errors, [0.5, 0.9, 0.99])
+                )
                 print(f"| {part:g} | {method} | {within} |")
 
 

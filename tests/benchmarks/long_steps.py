@@ -24,7 +24,10 @@ from tdint.analysis.run.workspace import choose_steps
 from tdint.campaign.batch import Batch, Run, RunSettings, building_step
 from tdint.methods.catalogue import catalogue, parse
 
-MODELS = {name: load_model(ROOT / "configs" / f"{name}.yaml") for name in ("ten-story", "ten-story-bilinear")}
+MODELS = {
+    name: load_model(ROOT / "configs" / f"{name}.yaml")
+    for name in ("ten-story", "ten-story-bilinear")
+}
 SAMPLES = (1, 2, 4, 8)
 REPEATS = 25
 PEAK_DRIFT = [one.name for one in STORY].index("peak_drift")
@@ -36,8 +39,14 @@ def motion():
     for name, building in MODELS.items():
         truth, other = (reference(building, method, 64) for method in ("impulse4", "gauss4"))
         sure = difference(other[0], truth[0])
-        print(f"{name}: L2 error / largest error of a peak drift; gauss4 at dt/64 differs by {sure:.0e}")
-        methods = [text for text, method in catalogue().items() if name == "ten-story" or not method.family.linear_only]
+        print(
+            f"{name}: L2 error / largest error of a peak drift; gauss4 at dt/64 differs by {sure:.0e}"
+        )
+        methods = [
+            text
+            for text, method in catalogue().items()
+            if name == "ten-story" or not method.family.linear_only
+        ]
         table(building, methods, truth, SAMPLES)
         print()
 
@@ -50,7 +59,10 @@ def random_bilinear(rng):
     weights = np.cumsum(np.arange(1, n + 1)[::-1])[::-1] * 2.0 / (n * (n + 1))
     yields = rng.uniform(0.08, 0.25) * masses.sum() * 9.81 * weights * rng.uniform(0.85, 1.15, n)
     laws = (Law("bilinear", (float(force), rng.uniform(0.01, 0.1))) for force in yields)
-    return model([story(m, k, law) for m, k, law in zip(masses, springs, laws, strict=True)], damping=FIVE_PERCENT)
+    return model(
+        [story(m, k, law) for m, k, law in zip(masses, springs, laws, strict=True)],
+        damping=FIVE_PERCENT,
+    )
 
 
 def peaks():
@@ -70,7 +82,10 @@ def peaks():
                 got = run(building, motion_of, method=method, dt=dt).stories
                 errors.append([largest(getattr(got, name), truth[name]) for name in PEAKS])
             cells = (f"{np.median(one):.1e} {np.max(one):.1e}" for one in np.transpose(errors))
-            print(f"{method:18s}{motion_of.dt:8.2f}{dt:6.2f}" + "".join(f"{cell:>20s}" for cell in cells))
+            print(
+                f"{method:18s}{motion_of.dt:8.2f}{dt:6.2f}"
+                + "".join(f"{cell:>20s}" for cell in cells)
+            )
 
 
 _TRUTHS: dict = {}
@@ -100,9 +115,15 @@ def speed():
         works = []
         for k in SAMPLES:
             steps = choose_steps(k * record.dt, None, record.dt, record.duration)
-            works.append(partial(five_times, prepared, integrator, steps, record.acceleration.copy()))
+            works.append(
+                partial(five_times, prepared, integrator, steps, record.acceleration.copy())
+            )
         times = [seconds / 5 for seconds in least(works, REPEATS)]
-        print(f"{name:20s}" + "".join(f"{each / times[0]:8.3f}" for each in times) + f"{1e3 * times[0]:10.3f}")
+        print(
+            f"{name:20s}"
+            + "".join(f"{each / times[0]:8.3f}" for each in times)
+            + f"{1e3 * times[0]:10.3f}"
+        )
 
 
 def tolerance():
@@ -116,11 +137,17 @@ def tolerance():
     buildings = [random_bilinear(rng) for _ in range(12)]
 
     def drifts(building, method, step):
-        batch = Batch(0, Subject(building, method), motions, dict.fromkeys(records), RunSettings(stories=True))
-        return np.array([row.values[PEAK_DRIFT] for row in batch.results(runs, step).stories]).reshape(len(runs), -1)
+        batch = Batch(
+            0, Subject(building, method), motions, dict.fromkeys(records), RunSettings(stories=True)
+        )
+        return np.array(
+            [row.values[PEAK_DRIFT] for row in batch.results(runs, step).stories]
+        ).reshape(len(runs), -1)
 
     truths = [drifts(building, "impulse4", 0.01 / 16) for building in buildings]
-    print("runs beyond the tolerance, % / largest error of a peak drift / processor time of choice and runs, s")
+    print(
+        "runs beyond the tolerance, % / largest error of a peak drift / processor time of choice and runs, s"
+    )
     print(f"{'':30s}{'the strongest':>28s}{'spread':>28s}")
     for method in ("impulse4", "moment4", "newmark-average"):
         for within in (0.01, 0.001):
@@ -130,15 +157,23 @@ def tolerance():
                 for building, truth in zip(buildings, truths, strict=True):
                     begin = time.process_time()
                     subject = Subject(building, method)
-                    steps = (building_step(subject, records, part, RunSettings(), within) for part in parts)
+                    steps = (
+                        building_step(subject, records, part, RunSettings(), within)
+                        for part in parts
+                    )
                     step = next(step for step in steps if step is not None)
                     chosen = time.process_time()
                     found = drifts(building, method, step)
-                    choosing, running = choosing + chosen - begin, running + time.process_time() - chosen
+                    choosing, running = (
+                        choosing + chosen - begin,
+                        running + time.process_time() - chosen,
+                    )
                     errors += list(np.max(np.abs(found / truth - 1.0), axis=1))
                 beyond = 100.0 * np.mean(np.array(errors) > within)
                 cells.append(f"{beyond:.1f} / {max(errors):.1e} / {choosing:.1f} + {running:.1f}")
-            print(f"{method:20s}{100.0 * within:8.1f} %" + "".join(f"{cell:>28s}" for cell in cells))
+            print(
+                f"{method:20s}{100.0 * within:8.1f} %" + "".join(f"{cell:>28s}" for cell in cells)
+            )
 
 
 TABLES = {one.__name__: one for one in (motion, peaks, speed, tolerance)}

@@ -37,7 +37,9 @@ that what fails is repeated."""
 ALIKE = 1.2
 """What a law may cost over the bilinear one where neither yields: a look at the branch in place of a closed form, and
 what clocks do not tell apart. A copy of all rows of a story made it 2 to 4."""
-TOO_STRONG = 1e3  # times the yield forces of the model, whose stories yield up to 6 times their yield drift
+TOO_STRONG = (
+    1e3  # times the yield forces of the model, whose stories yield up to 6 times their yield drift
+)
 MODEL = ROOT / "configs" / "ten-story-bilinear.yaml"
 
 
@@ -69,7 +71,9 @@ def plain_loop(m, k, strength, hardening, floor, damper, ground, h, roof):
                 coupling[i] = -spring
                 below_u, below_v = u1[i], v1[i]
             for i in range(n):
-                residual[i] = -m[i] * (ground[s] + a1[i]) - floor[i] * v1[i] - force[i] + force[i + 1]
+                residual[i] = (
+                    -m[i] * (ground[s] + a1[i]) - floor[i] * v1[i] - force[i] + force[i + 1]
+                )
                 if i < n - 1:
                     diagonal[i] -= coupling[i + 1]
             for i in range(1, n):
@@ -152,8 +156,12 @@ class March:
         """March once more."""
         integrator = parse(self.method)
         steps = choose_steps(None, None, record.dt, record.duration)
-        marched = PreparedBuilding(self.building).march(integrator, steps, record.acceleration.copy())
-        self.seconds = min(self.seconds, marched.seconds / steps.count) if marched.code == 0 else np.nan
+        marched = PreparedBuilding(self.building).march(
+            integrator, steps, record.acceleration.copy()
+        )
+        self.seconds = (
+            min(self.seconds, marched.seconds / steps.count) if marched.code == 0 else np.nan
+        )
         self.events = int(marched.space.report[at.EVENTS])
         self.solves = marched.space.totals[at.ITERATIONS] / steps.count
 
@@ -164,8 +172,14 @@ def law_marches(model, record):
     marches = {}
     for name in LAWS:
         building = assemble(with_law(model, name))
-        unbranched = Unbranched(**{field.name: getattr(building, field.name) for field in fields(building)})
-        marches[name] = March(building, "newmark-average"), March(building, "impulse4"), March(unbranched, "impulse4")
+        unbranched = Unbranched(
+            **{field.name: getattr(building, field.name) for field in fields(building)}
+        )
+        marches[name] = (
+            March(building, "newmark-average"),
+            March(building, "impulse4"),
+            March(unbranched, "impulse4"),
+        )
     for _ in range(REPEATS):
         for march in (march for group in marches.values() for march in group):
             march.repeat(record)
@@ -181,12 +195,18 @@ def with_law(model, name, strength=1.0):
 
 def guard(model, record):
     """Print what laws cost that keep to their first branch, over the bilinear one; returns whether all are alike."""
-    names = [name for name, law in LAWS.items() if law.kinked and (own := law.functions()).keep and not own.settle]
+    names = [
+        name
+        for name, law in LAWS.items()
+        if law.kinked and (own := law.functions()).keep and not own.settle
+    ]
     families = {}
     for text in catalogue():
         families.setdefault(parse(text).family.name, text)
     methods = os.environ.get("TDINT_GUARD_METHODS", "").split(",")
-    methods = [text for text in methods if text] or [t for t in families.values() if not parse(t).family.linear_only]
+    methods = [text for text in methods if text] or [
+        t for t in families.values() if not parse(t).family.linear_only
+    ]
     buildings = {name: assemble(with_law(model, name, TOO_STRONG)) for name in ("bilinear", *names)}
     worst = 0.0
     print(f"{'over bilinear stories':22s}" + "".join(f"{name:>22s}" for name in names))
@@ -207,7 +227,9 @@ def guard(model, record):
 def print_laws(model, record):
     """The table of laws."""
     print("ten stories of one law: us per step, solves per step, changes of branch")
-    print(f"{'':15s} {'newmark-average':>18s} {'impulse4':>25s} {'without events':>18s} {'with/without':>13s}")
+    print(
+        f"{'':15s} {'newmark-average':>18s} {'impulse4':>25s} {'without events':>18s} {'with/without':>13s}"
+    )
     for name, (average, events, newton) in law_marches(model, record).items():
         print(
             f"{name:15s} {average.seconds * 1e6:9.3f} ({average.solves:4.2f}) {events.seconds * 1e6:10.3f} "
@@ -235,7 +257,9 @@ def main():
     for count in (1, 3, 10, 30, 100, 300, 1000):
         seconds = march_times(stretched(model, count), record, ["impulse4"])["impulse4"]
         ratio = seconds / times["impulse4"]
-        print(f"impulse4 {count:5d} stories {seconds * 1e6:9.3f} us per step   {ratio:7.2f} of ten stories")
+        print(
+            f"impulse4 {count:5d} stories {seconds * 1e6:9.3f} us per step   {ratio:7.2f} of ten stories"
+        )
 
 
 if __name__ == "__main__":

@@ -15,14 +15,19 @@ import tdint
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 
 RECORDS = ROOT / "records"
-COMPONENTS = [(name, "HN1") for name in ("near-fault", "firm-soil", "soft-soil", "kaikoura/WTMC", "kaikoura/HSES")]
+COMPONENTS = [
+    (name, "HN1")
+    for name in ("near-fault", "firm-soil", "soft-soil", "kaikoura/WTMC", "kaikoura/HSES")
+]
 COMPONENTS.insert(4, ("kaikoura/WTMC", "HN2"))
 
 
 def targets():
     """A code's spectra and a smooth one, as of uniform hazard: largest at .22 s."""
     t = np.geomspace(0.01, 10.0, 400)
-    smooth = 9.80665 * (0.9 * np.exp(-0.5 * (np.log(t / 0.22) / 0.95) ** 2) + 0.12 * t / (1.0 + t**2.2))
+    smooth = 9.80665 * (
+        0.9 * np.exp(-0.5 * (np.log(t / 0.22) / 0.95) ** 2) + 0.12 * t / (1.0 + t**2.2)
+    )
     yield "asce7", read_target("asce7:sds=1,sd1=0.6,tl=8")
     yield "ec8", read_target("ec8:type=1,soil=B,ag=0.3g")
     yield "smooth", TargetSpectrum("smooth", t, smooth)
@@ -59,16 +64,25 @@ def main():
             for title, target in targets():
                 told(f"{name} {title}", *timed(tdint.match, pair, target))
         return
-    records = [tdint.read_record(RECORDS / f"{name}.mseed", component=c, units="m/s^2") for name, c in COMPONENTS]
+    records = [
+        tdint.read_record(RECORDS / f"{name}.mseed", component=c, units="m/s^2")
+        for name, c in COMPONENTS
+    ]
     tdint.match(records[0], next(targets())[1], periods=(0.5, 1.0))  # what is compiled and imported
     if asked.suite:
         for title, target in targets():
             matches, seconds = timed(tdint.match_suite, records, target)
-            after, before = (np.array([getattr(match, name) for match in matches]) for name in ("psa", "seed_psa"))
+            after, before = (
+                np.array([getattr(match, name) for match in matches])
+                for name in ("psa", "seed_psa")
+            )
             off = np.mean(after, axis=0) / target.at(matches[0].periods) - 1.0
             scatter = [np.std(np.log(psa), axis=0, ddof=1) for psa in (before, after)]
             off, (wide, after) = 100.0 * np.abs(off), np.mean(scatter, axis=1)
-            print(f"{title:8s} mean off by {np.max(off):.2f} % at most, {np.mean(off):.2f} % in the mean;", end=" ")
+            print(
+                f"{title:8s} mean off by {np.max(off):.2f} % at most, {np.mean(off):.2f} % in the mean;",
+                end=" ",
+            )
             print(f"scatter {wide:.3f} before, {after:.3f} after; {seconds:.1f} s", flush=True)
         return
     figures = []

@@ -35,12 +35,18 @@ def energy():
                 for rho_inf in (1.0, 0.8, 0.5, 0.2, 0.0):
                     method = f"moment4:rho_inf={rho_inf}"
                     history = run(
-                        problem.model, method=method, dt=times * dt, duration=steps * dt, history=True
+                        problem.model,
+                        method=method,
+                        dt=times * dt,
+                        duration=steps * dt,
+                        history=True,
                     ).history
                     ratio = problem.energy(history) / problem.energy_scale
                     rise = np.max(np.diff(ratio))
                     span = f"{np.min(ratio) - 1.0:9.1e} {np.max(ratio) - 1.0:9.1e}"
-                    print(f"{name:10s} dt {times * dt:6.3f}  rho_inf {rho_inf:3.1f}  {span} {rise:9.1e}")
+                    print(
+                        f"{name:10s} dt {times * dt:6.3f}  rho_inf {rho_inf:3.1f}  {span} {rise:9.1e}"
+                    )
 
 
 def _study(laws, seed, cases=200):
@@ -53,7 +59,9 @@ def _study(laws, seed, cases=200):
         response = run(building, method="moment4", dt=step, duration=20.0 * period, history=True)
         parts = response.history.energy
         total = (parts.kinetic + parts.recoverable) / (parts.kinetic + parts.recoverable)[0]
-        drifts[any(one.law.name == "tanh" for one in building.stories)].append(np.max(np.abs(total - 1.0)))
+        drifts[any(one.law.name == "tanh" for one in building.stories)].append(
+            np.max(np.abs(total - 1.0))
+        )
         rises.append(np.max(np.diff(total)))
         balances.append(np.max(np.abs(parts.error)))
         halved += response.halvings > 0
@@ -63,9 +71,13 @@ def _study(laws, seed, cases=200):
 def random():
     """Free vibration of 200 random buildings of either kind."""
     drifts, rise, _, halved = _study(CONSERVATIVE, 0)
-    print(f"conservative: drift {max(drifts[False]):.1e}, with tanh stories {max(drifts[True]):.1e}; {halved} halved")
+    print(
+        f"conservative: drift {max(drifts[False]):.1e}, with tanh stories {max(drifts[True]):.1e}; {halved} halved"
+    )
     _, rise, balance, halved = _study(HYSTERETIC, 1)
-    print(f"hysteretic: largest rise in a step {rise:.1e}, balance {balance:.1e}; {halved} with a halved step")
+    print(
+        f"hysteretic: largest rise in a step {rise:.1e}, balance {balance:.1e}; {halved} with a halved step"
+    )
 
 
 def errors(model, method, samples, reference):
@@ -106,7 +118,12 @@ def laws():
     models = {name: with_law(MODEL, name) for name in LAWS}
     for name, model in models.items():
         print(f"{name}: L2 error / largest error of a peak drift")
-        table(model, METHODS, reference(model, "gauss4" if LAWS[name].curved else "impulse4"), (0.5, 1, 2, 4))
+        table(
+            model,
+            METHODS,
+            reference(model, "gauss4" if LAWS[name].curved else "impulse4"),
+            (0.5, 1, 2, 4),
+        )
 
 
 def stiff():
@@ -117,7 +134,12 @@ def stiff():
     )
     model = replace(MODEL, stories=stories)
     print("L2 error / largest error of a peak drift")
-    dissipative = ("moment4:rho_inf=0.8", "moment4:rho_inf=0.5", "moment4:rho_inf=0", "impulse4:rho_inf=0.5")
+    dissipative = (
+        "moment4:rho_inf=0.8",
+        "moment4:rho_inf=0.5",
+        "moment4:rho_inf=0",
+        "impulse4:rho_inf=0.5",
+    )
     table(model, (*METHODS, *dissipative, "bathe"), reference(model), (0.5, 1, 2, 4))
 
 

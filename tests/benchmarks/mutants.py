@@ -57,7 +57,9 @@ def mutant(source: str, place: int) -> tuple[int, str]:
     elif isinstance(node, ast.Compare):
         node.ops[0] = OTHER[type(node.ops[0])]()
     elif isinstance(node, ast.Constant):
-        node.value = 2 * node.value if isinstance(node.value, float) and node.value else node.value + 1
+        node.value = (
+            2 * node.value if isinstance(node.value, float) and node.value else node.value + 1
+        )
     return node.lineno, ast.unparse(tree)
 
 
@@ -66,12 +68,18 @@ def survives(package: Path, module: Path, text: str, tests: list[str]) -> bool:
     file = package / "tdint" / module.relative_to(ROOT / "src" / "tdint")
     before = file.read_text(encoding="utf-8")
     file.write_text(text, encoding="utf-8")
-    environment = {**os.environ, "PYTHONPATH": str(package), "PYTHONPYCACHEPREFIX": str(package / "bytecode")}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(package),
+        "PYTHONPYCACHEPREFIX": str(package / "bytecode"),
+    }
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     hangs = ("-o", f"faulthandler_timeout={SECONDS}", "-o", "faulthandler_exit_on_timeout=true")
     command = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *hangs, *tests]
     try:
-        return not subprocess.run(command, cwd=ROOT, env=environment, capture_output=True).returncode
+        return not subprocess.run(
+            command, cwd=ROOT, env=environment, capture_output=True
+        ).returncode
     finally:
         file.write_text(before, encoding="utf-8")
 
@@ -96,19 +104,28 @@ class Reach:
         of_module = set[str]().union(*by_line.values())
         # hypothesis has functions that are called test, too.
         ours = [context for context in of_module if context.startswith("tests.")]
-        return [_node(test) for test in sorted(ours, key=lambda test: (test not in of_line, self._lines[test]))]
+        return [
+            _node(test)
+            for test in sorted(ours, key=lambda test: (test not in of_line, self._lines[test]))
+        ]
 
 
 def _node(context: str) -> str:
     """pytest's name of a test that coverage calls `tests.folder.test_file.Class.function`; all of a file for one that
     hypothesis has wrapped, which is called `accept.<locals>.function`."""
     parts = context.partition(".accept.<locals>")[0].split(".")
-    size = next(i for i in range(1, len(parts) + 1) if (ROOT / Path(*parts[:i]).with_suffix(".py")).is_file())
+    size = next(
+        i
+        for i in range(1, len(parts) + 1)
+        if (ROOT / Path(*parts[:i]).with_suffix(".py")).is_file()
+    )
     return "::".join([f"{Path(*parts[:size])}.py", *parts[size:]])
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--reached", type=Path)
@@ -119,13 +136,21 @@ def main() -> None:
     if bool(tests) == bool(given.reached):
         parser.error("give either tests, behind --, or the data of --reached")
     reach = Reach(given.reached) if given.reached else None
-    every = [(one.resolve(), place) for one in given.modules for place in places(one.read_text(encoding="utf-8"))]
+    every = [
+        (one.resolve(), place)
+        for one in given.modules
+        for place in places(one.read_text(encoding="utf-8"))
+    ]
     chosen = random.Random(given.seed).sample(every, min(given.count, len(every)))
-    mutants = [(module, *mutant(module.read_text(encoding="utf-8"), place)) for module, place in chosen]
+    mutants = [
+        (module, *mutant(module.read_text(encoding="utf-8"), place)) for module, place in chosen
+    ]
     killed = 0
     with tempfile.TemporaryDirectory() as name:
         package = Path(name)
-        shutil.copytree(ROOT / "src" / "tdint", package / "tdint", ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(
+            ROOT / "src" / "tdint", package / "tdint", ignore=shutil.ignore_patterns("__pycache__")
+        )
         # Tests that fail, or are not there, would be counted as noticing everything.
         plain = given.modules[0].resolve()
         asked = [reach.tests(module, line) if reach else tests for module, line, _ in mutants]
@@ -139,9 +164,17 @@ def main() -> None:
             if lives:
                 was = module.read_text(encoding="utf-8").splitlines()[line - 1].strip()
                 here = next(
-                    (new for old, new in zip(_plain(module), text.splitlines(), strict=False) if old != new), ""
+                    (
+                        new
+                        for old, new in zip(_plain(module), text.splitlines(), strict=False)
+                        if old != new
+                    ),
+                    "",
                 )
-                print(f"survives: {module.relative_to(ROOT)}:{line}: {was}\n    as {here.strip()}", flush=True)
+                print(
+                    f"survives: {module.relative_to(ROOT)}:{line}: {was}\n    as {here.strip()}",
+                    flush=True,
+                )
     print(f"{killed} of {len(mutants)} killed")
 
 

@@ -29,7 +29,9 @@ def opensees(ops, integrator, h, *, yields, algorithm):
         ops.node(node, 0.0)
     ops.fix(0, 1)
     ops.mass(1, 1.0)
-    ops.uniaxialMaterial(*(("Steel01", 1, YIELD, STIFFNESS, HARDENING) if yields else ("Elastic", 1, STIFFNESS)))
+    ops.uniaxialMaterial(
+        *(("Steel01", 1, YIELD, STIFFNESS, HARDENING) if yields else ("Elastic", 1, STIFFNESS))
+    )
     ops.element("zeroLength", 1, 0, 1, "-mat", 1, "-dir", 1)
     ops.timeSeries("Trig", 1, 0.0, 1e9, 2.0 * math.pi / OMEGA, "-factor", FORCE)
     ops.pattern("Plain", 1, 1)
@@ -86,8 +88,12 @@ def spring(u, offset, yields):
 def main():
     ops = load()
     average, alpha = ("Newmark", 0.5, 0.25), ("GeneralizedAlpha", OF_MASS, OF_FORCE)
-    print(f"rho_inf {RHO:g}: (1 - alpha_m) / alpha_m = {(1.0 - OF_MASS) / OF_MASS:.3g}, the rate of its iterations")
-    print("| spring | algorithm | dt (s) | iterations a step | error | off generalized-alpha | off the other scheme |")
+    print(
+        f"rho_inf {RHO:g}: (1 - alpha_m) / alpha_m = {(1.0 - OF_MASS) / OF_MASS:.3g}, the rate of its iterations"
+    )
+    print(
+        "| spring | algorithm | dt (s) | iterations a step | error | off generalized-alpha | off the other scheme |"
+    )
     print("|---|---|---|---|---|---|---|")
     for yields, algorithm in ((False, "Linear"), (False, "Newton"), (True, "Newton")):
         run = partial(opensees, ops, yields=yields, algorithm=algorithm)
@@ -101,7 +107,9 @@ def main():
             )
             errors = [np.max(np.abs(u - other)) / largest for other in others]
             words = " | ".join(f"{error:.1e}" for error in errors)
-            print(f"| {'Steel01' if yields else 'Elastic'} | {algorithm} | {h:g} | {iterations:.1f} | {words} |")
+            print(
+                f"| {'Steel01' if yields else 'Elastic'} | {algorithm} | {h:g} | {iterations:.1f} | {words} |"
+            )
 
 
 if __name__ == "__main__":

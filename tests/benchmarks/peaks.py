@@ -40,14 +40,21 @@ class Truth:
         other = run(building, record, method="gauss4", dt=record.dt / FINE).stories
         self.done = fine.status == "done"
         self.peaks = {one: getattr(fine.stories, f"peak_{one}") for one in QUANTITIES}
-        self.doubt = max(np.max(np.abs(getattr(other, f"peak_{one}") / self.peaks[one] - 1.0)) for one in QUANTITIES)
-        self.history = {one: getattr(fine.history, one)[:: FINE // max(PARTS)].copy() for one in QUANTITIES}
+        self.doubt = max(
+            np.max(np.abs(getattr(other, f"peak_{one}") / self.peaks[one] - 1.0))
+            for one in QUANTITIES
+        )
+        self.history = {
+            one: getattr(fine.history, one)[:: FINE // max(PARTS)].copy() for one in QUANTITIES
+        }
 
     def errors(self, method, parts):
         """For each quantity three arrays over the stories: errors of the reported peak, of the largest value at the
         steps, and of the history; None where the method does not run."""
         try:
-            response = run(self.building, self.record, method=method, dt=self.record.dt / parts, history=True)
+            response = run(
+                self.building, self.record, method=method, dt=self.record.dt / parts, history=True
+            )
         except (FailedRun, AnalysisError):
             return None
         if response.status != "done":
@@ -56,7 +63,9 @@ class Truth:
         for one in QUANTITIES:
             history = getattr(response.history, one)
             peak = self.peaks[one]
-            far = np.max(np.abs(history - self.history[one][:: max(PARTS) // parts][: len(history)]), axis=0)
+            far = np.max(
+                np.abs(history - self.history[one][:: max(PARTS) // parts][: len(history)]), axis=0
+            )
             at_steps = np.max(np.abs(history), axis=0)
             reported = getattr(response.stories, f"peak_{one}")
             found[one] = np.abs(reported - peak) / peak, np.abs(at_steps - peak) / peak, far / peak
@@ -87,7 +96,9 @@ def measure():
             for parts in PARTS:
                 errors = truth.errors(method, parts)
                 if errors is not None:
-                    found |= {(truth.name, method, parts, one): value for one, value in errors.items()}
+                    found |= {
+                        (truth.name, method, parts, one): value for one, value in errors.items()
+                    }
     return found
 
 
@@ -100,22 +111,35 @@ def within(errors):
 def group(name, method):
     """Which line of the table a run belongs to."""
     order = parse(method).order
-    kind = "linear" if name == "ten-story" else "smooth" if name.startswith(("smooth", "fluid")) else "kinks"
+    kind = (
+        "linear"
+        if name == "ten-story"
+        else "smooth"
+        if name.startswith(("smooth", "fluid"))
+        else "kinks"
+    )
     return f"{'4, 5, exact' if order > 3 or method == 'exact' else order}, {kind}"
 
 
 def _runs(found):
     groups = defaultdict(lambda: defaultdict(list))
     for (name, method, parts, one), errors in found.items():
-        groups[group(name, method)][one, parts].append((np.max(errors[0]), np.max(errors[1]), within(errors)))
-    print("errors at dt (of the largest value at the steps), order from dt to dt/8; geometric means\n")
+        groups[group(name, method)][one, parts].append(
+            (np.max(errors[0]), np.max(errors[1]), within(errors))
+        )
+    print(
+        "errors at dt (of the largest value at the steps), order from dt to dt/8; geometric means\n"
+    )
     print(f"| order, building | {' | '.join(QUANTITIES)} | within |")
     print("|---|" + "---|" * (len(QUANTITIES) + 1))
     for name in sorted(groups):
         runs, cells = groups[name], []
         for one in QUANTITIES:
             (coarse, at_steps), (fine, _) = (
-                np.exp(np.mean(np.log(np.maximum([run[:2] for run in runs[one, k]], 1e-12)), axis=0)) for k in (1, 8)
+                np.exp(
+                    np.mean(np.log(np.maximum([run[:2] for run in runs[one, k]], 1e-12)), axis=0)
+                )
+                for k in (1, 8)
             )
             cells.append(f"{coarse:.1e} ({at_steps:.1e}), {np.log2(coarse / fine) / 3.0:.1f}")
         every = [run[2] for part in runs.values() for run in part]
@@ -130,7 +154,9 @@ def _beyond(found):
             limit = 1.1 * np.maximum(errors[1], errors[2]) + 1e-4
             i = int(np.argmax(errors[0] / limit))
             sizes = ", ".join(f"{error[i]:.2e}" for error in errors)
-            print(f"{name}, {method}, dt/{parts}, {one} {i + 1}: {sizes} ({errors[0][i] / limit[i]:.2f} of the limit)")
+            print(
+                f"{name}, {method}, dt/{parts}, {one} {i + 1}: {sizes} ({errors[0][i] / limit[i]:.2f} of the limit)"
+            )
 
 
 if __name__ == "__main__":

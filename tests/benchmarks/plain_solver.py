@@ -10,7 +10,13 @@ from numba import njit
 
 KINDS = ("linear", "bilinear", "peak-oriented", "gap", "tanh", "polynomial")
 GRAVITY = 9.80665
-PEAKS = ("peak_drift", "peak_acceleration", "peak_total_shear", "peak_damper_force", "residual_drift")
+PEAKS = (
+    "peak_drift",
+    "peak_acceleration",
+    "peak_total_shear",
+    "peak_damper_force",
+    "residual_drift",
+)
 
 
 @njit
@@ -60,7 +66,9 @@ def spring(kind, p, s, d):
             far_drift = abs(s[2] if of_side > 0.0 else s[4])
             part = strength / (k * far_drift)
             slope = k * max(
-                part**exponent, hardening + (1.0 - hardening) * part, min(hardening / (1.0 - 0.5 * exponent), 1.0)
+                part**exponent,
+                hardening + (1.0 - hardening) * part,
+                min(hardening / (1.0 - 0.5 * exponent), 1.0),
             )
             # Down to zero force; up again to where it was left.
             end = s[0] - s[1] / slope if side == -of_side else s[7]
@@ -100,7 +108,21 @@ def accelerations(mass, heavy, shear, dampers, alpha, beta_k, v, load, a, total)
 
 
 @njit
-def march(kinds, parameters, mass, geometric, dampers, alpha, beta_k, start, forces, ground, dt, parts, samples):
+def march(
+    kinds,
+    parameters,
+    mass,
+    geometric,
+    dampers,
+    alpha,
+    beta_k,
+    start,
+    forces,
+    ground,
+    dt,
+    parts,
+    samples,
+):
     """Peaks over the stories: rows of `PEAKS`."""
     n = len(mass)
     h = dt / parts
@@ -108,7 +130,12 @@ def march(kinds, parameters, mass, geometric, dampers, alpha, beta_k, start, for
     for i in range(n):
         k, strength = parameters[i, 0], parameters[i, 1]
         if kinds[i] == 2:
-            state[i, 2], state[i, 3], state[i, 4], state[i, 5] = strength / k, strength, -strength / k, -strength
+            state[i, 2], state[i, 3], state[i, 4], state[i, 5] = (
+                strength / k,
+                strength,
+                -strength / k,
+                -strength,
+            )
     u, v, a = start[0].copy(), start[1].copy(), np.zeros(n)
     shear, device, total, load = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     half, peaks = np.zeros(n), np.zeros((5, n))
@@ -151,7 +178,11 @@ def peaks(model, record, parts, duration):
     """Peaks of a model as a file says it (`damping` none or Rayleigh by two coefficients), by name."""
     stories = model["stories"]
     mass = np.array([one["mass"] for one in stories])
-    kinds, parameters, dampers = np.zeros(len(mass), np.int64), np.zeros((len(mass), 4)), np.zeros((len(mass), 4))
+    kinds, parameters, dampers = (
+        np.zeros(len(mass), np.int64),
+        np.zeros((len(mass), 4)),
+        np.zeros((len(mass), 4)),
+    )
     for i, one in enumerate(stories):
         law = one.get("law", {"type": "linear"})
         kinds[i] = KINDS.index(law["type"])
@@ -178,10 +209,20 @@ def peaks(model, record, parts, duration):
     for row, name in enumerate(("displacement", "velocity")):
         start[row] = model.get("initial", {}).get(name, 0.0)
     loads = [
-        (one["floor"] - 1, one["amplitude"], one["omega"]) for one in model.get("excitation", {}).get("forces", ())
+        (one["floor"] - 1, one["amplitude"], one["omega"])
+        for one in model.get("excitation", {}).get("forces", ())
     ]
     found = march(
-        *(kinds, parameters, mass, geometric, dampers, rayleigh["mass"], rayleigh["stiffness"] * initial, start),
+        *(
+            kinds,
+            parameters,
+            mass,
+            geometric,
+            dampers,
+            rayleigh["mass"],
+            rayleigh["stiffness"] * initial,
+            start,
+        ),
         *(np.array(loads).reshape(-1, 3), np.append(record.acceleration, 0.0), record.dt, parts),
         round(duration / record.dt),
     )

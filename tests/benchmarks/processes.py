@@ -32,7 +32,14 @@ COMMANDS = {
     "spectrum near-fault.mseed": ("spectrum", *NEAR_FAULT),
     "methods": ("methods",),
     "modes ten-story.yaml": ("modes", CONFIGS / "ten-story.yaml"),
-    "law ten-story-bilinear.yaml": ("law", CONFIGS / "ten-story-bilinear.yaml", "--story", "1", "--drift", "0.05"),
+    "law ten-story-bilinear.yaml": (
+        "law",
+        CONFIGS / "ten-story-bilinear.yaml",
+        "--story",
+        "1",
+        "--drift",
+        "0.05",
+    ),
     "--help": ("--help",),
 }
 FIRST = ("run ten-story.yaml", "run ten-story-bilinear.yaml", "spectrum near-fault.mseed")
@@ -41,7 +48,9 @@ FIRST = ("run ten-story.yaml", "run ten-story-bilinear.yaml", "spectrum near-fau
 def measured(command, **environment):
     """Wall and processor time of a process and its children, s."""
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    subprocess.run(list(map(str, command)), check=True, capture_output=True, env={**os.environ, **environment})
+    subprocess.run(
+        list(map(str, command)), check=True, capture_output=True, env={**os.environ, **environment}
+    )
     wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
     return np.array([wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime])
 
@@ -59,12 +68,20 @@ def print_commands(commands, turns=15):
     """The table of commands, given by name, whose kernels are compiled before a clock starts."""
     for command in commands.values():
         measured((*TDINT, *command))
-    imports, *times = shortest([IMPORTS, *((*TDINT, *command) for command in commands.values())], turns)
-    print("| process | wall ms | processor ms | over the imports, wall | processor |\n|---|---|---|---|---|")
-    print(f"| import numpy, click, yaml | {imports[0] * 1e3:.0f} | {imports[1] * 1e3:.0f} | 1 | 1 |")
+    imports, *times = shortest(
+        [IMPORTS, *((*TDINT, *command) for command in commands.values())], turns
+    )
+    print(
+        "| process | wall ms | processor ms | over the imports, wall | processor |\n|---|---|---|---|---|"
+    )
+    print(
+        f"| import numpy, click, yaml | {imports[0] * 1e3:.0f} | {imports[1] * 1e3:.0f} | 1 | 1 |"
+    )
     for name, both in zip(commands, times, strict=True):
         ratio = both / imports
-        print(f"| {name} | {both[0] * 1e3:.0f} | {both[1] * 1e3:.0f} | {ratio[0]:.2f} | {ratio[1]:.2f} |")
+        print(
+            f"| {name} | {both[0] * 1e3:.0f} | {both[1] * 1e3:.0f} | {ratio[0]:.2f} | {ratio[1]:.2f} |"
+        )
 
 
 def print_first(targets=FIRST):
@@ -72,7 +89,9 @@ def print_first(targets=FIRST):
     print("| first run | wall s | processor s |\n|---|---|---|")
     for name in targets:
         with tempfile.TemporaryDirectory() as folder:
-            wall, processor = measured((*TDINT, *COMMANDS[name]), TDINT_CACHE_DIR=folder, TDINT_KERNELS_DIR="")
+            wall, processor = measured(
+                (*TDINT, *COMMANDS[name]), TDINT_CACHE_DIR=folder, TDINT_KERNELS_DIR=""
+            )
         print(f"| {name} | {wall:.1f} | {processor:.1f} |", flush=True)
 
 
@@ -101,13 +120,18 @@ def print_setting_up(file, samples):
 
     model = timed(load_model, file)
     record = model_record(model)
-    few, many = (replace(record, acceleration=record.acceleration[: count + 1]) for count in (1, samples + 1))
+    few, many = (
+        replace(record, acceleration=record.acceleration[: count + 1]) for count in (1, samples + 1)
+    )
     case = timed(prepare, model, few)
     timed(run_case, case)
     setting_up = sum(times)
     timed(run_case, case.under(many))
     march = (times[-1] - times[-2]) * (record.acceleration.size - 1) / samples
-    print(f"{file.stem}: set-up {setting_up:.2f} s, march {march:.1f} s, {setting_up / march:.3f} of it", flush=True)
+    print(
+        f"{file.stem}: set-up {setting_up:.2f} s, march {march:.1f} s, {setting_up / march:.3f} of it",
+        flush=True,
+    )
 
 
 def main():

@@ -88,7 +88,9 @@ def journal(methods: Sequence[str], peers: bool) -> Path:
         Path(module.__file__).read_text(encoding="utf-8")
         for module in (profiles, work_precision, peers_module, opensees_worker)
     ]
-    program = (version("openseespy") if find_spec("openseespy") else "missing") if peers else "without"
+    program = (
+        (version("openseespy") if find_spec("openseespy") else "missing") if peers else "without"
+    )
     told = (*methods, program, digest_of_all(), *sources)
     digest = hashlib.sha256("\n".join(told).encode()).hexdigest()[:16]
     folder = system.cache_subfolder(f"benchmarks-{digest}")
@@ -100,7 +102,12 @@ def journal(methods: Sequence[str], peers: bool) -> Path:
 def place(folder: Path, problem: FieldProblem) -> Path:
     """The file of a problem: of its names and of what it is."""
     posed = problem.posed
-    tables = (posed.building.linear_terms, posed.building.law_parameters, posed.building.modal, posed.ground)
+    tables = (
+        posed.building.linear_terms,
+        posed.building.law_parameters,
+        posed.building.modal,
+        posed.ground,
+    )
     digest = hashlib.sha256(b"".join(table.tobytes() for table in tables)).hexdigest()[:12]
     return folder / f"{problem.name}-{problem.motion}-{digest}.pickle"
 
@@ -144,7 +151,10 @@ def whole_chart(entries: Sequence[Entry]) -> FieldChart:
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A table."""
-    return "\n".join("|" + "|".join(line) + "|" for line in (heads, ["---"] * len(heads), *rows)) + "\n"
+    return (
+        "\n".join("|" + "|".join(line) + "|" for line in (heads, ["---"] * len(heads), *rows))
+        + "\n"
+    )
 
 
 def percent(tolerance: float) -> str:
@@ -168,11 +178,18 @@ def tables_of_profiles(chart: FieldChart) -> str:
     text = ""
     for quantity in PEAKS:
         judged = {
-            tolerance: max(p.problems for p in chart.profiles if (p.quantity, p.tolerance) == (quantity, tolerance))
+            tolerance: max(
+                p.problems
+                for p in chart.profiles
+                if (p.quantity, p.tolerance) == (quantity, tolerance)
+            )
             for tolerance in TOLERANCES
             if any((p.quantity, p.tolerance) == (quantity, tolerance) for p in chart.profiles)
         }
-        heads = ["method", *(f"{percent(tolerance)} ({count})" for tolerance, count in judged.items())]
+        heads = [
+            "method",
+            *(f"{percent(tolerance)} ({count})" for tolerance, count in judged.items()),
+        ]
         rows = [
             [
                 f"`{line}`{chart.named(line).removeprefix(line)}",
@@ -268,14 +285,25 @@ def problems(chart: FieldChart) -> str:
         ductility = f"{one.ductility:.1f}" if one.ductility == one.ductility else "-"
         gaps = "/".join(f"{one.gap.of(name):.0e}" for name in PEAKS)
         rows.append([one.name, one.motion, str(one.stories), ductility, str(one.changes), gaps])
-    reasons = "\n".join(f"- **{one.name}**: {one.reason}." for one in {m.name: m for m in chart.measured}.values())
-    heads = ["building", "motion", "stories", "ductility", "changes of branch", "reference known to"]
+    reasons = "\n".join(
+        f"- **{one.name}**: {one.reason}." for one in {m.name: m for m in chart.measured}.values()
+    )
+    heads = [
+        "building",
+        "motion",
+        "stories",
+        "ductility",
+        "changes of branch",
+        "reference known to",
+    ]
     return f"{reasons}\n\n{table(heads, rows)}"
 
 
 def chart_of(one: Measured, whole: FieldChart) -> Chart:
     """The points of one problem as `tdint chart` has them."""
-    usual = next(p for p in one.points if p.line == "newmark-average" and abs(p.dt - one.interval) < 1e-9)
+    usual = next(
+        p for p in one.points if p.line == "newmark-average" and abs(p.dt - one.interval) < 1e-9
+    )
     reference = Reference("impulse4", one.interval / 32, one.confirmed_by, one.gap, NO_MOTION)  # type: ignore[arg-type]
     return Chart(one.stories, one.interval, True, one.points, reference, usual, whole.timing)
 
@@ -292,11 +320,16 @@ def draw(chart: FieldChart) -> list[tuple[str, str]]:
         write(HERE / file, figure)
         shown.append((file, f"Performance profiles, errors of {WORDS[quantity]}"))
     for name, motion in CHARTS:
-        one = next((one for one in chart.measured if (one.name, one.motion) == (name, motion)), None)
+        one = next(
+            (one for one in chart.measured if (one.name, one.motion) == (name, motion)), None
+        )
         if one is not None:
             file = f"chart-{name}.png"
             title = f"{name}, {motion}"
-            write(HERE / file, partial(chart_picture, chart_of(one, chart), name=title, target="peak-drift"))
+            write(
+                HERE / file,
+                partial(chart_picture, chart_of(one, chart), name=title, target="peak-drift"),
+            )
             shown.append((file, f"Time over error of the peak drifts: {title}"))
     return shown
 
@@ -320,7 +353,9 @@ def machine(entries: Sequence[Entry], chart: FieldChart) -> str:
     load = f"load {min(loads):.1f} to {max(loads):.1f}" if loads else "load unknown"
     counts = sorted(chart.timing.repeats)
     # A step that cannot be the cheapest for any tolerance is timed once.
-    repeats = f"the least of {counts[-1]} times where a step may be the cheapest, else of {counts[0]}"
+    repeats = (
+        f"the least of {counts[-1]} times where a step may be the cheapest, else of {counts[0]}"
+    )
     return (
         f"{', '.join(versions)}; {chart.timing.processor}, {system.processors()} processors, {platform.system()}; "
         f"{' to '.join(dict.fromkeys((days[0], days[-1])))}; {system.CLOCKS[chart.timing.clock]}, {repeats}, "
@@ -332,16 +367,30 @@ def peers_said(chart: FieldChart) -> str:
     """What of other programs is on this page."""
     if chart.peers:
         named = "; ".join(f"{peer.name} {peer.version}: {peer.settings}" for peer in chart.peers)
-        given = [one for one in chart.measured if any(profiles.PEER in point.line for point in one.points)]
+        given = [
+            one
+            for one in chart.measured
+            if any(profiles.PEER in point.line for point in one.points)
+        ]
         motions = list(dict.fromkeys(one.motion for one in chart.measured))
         gap = {(one.name, one.motion): one.peer_gap for one in chart.measured}
-        left_out = {one.name: one.peer_note.removeprefix("left out: ") for one in chart.measured if one not in given}
+        left_out = {
+            one.name: one.peer_note.removeprefix("left out: ")
+            for one in chart.measured
+            if one not in given
+        }
         rows = [
-            [name, *(f"{gap.get((name, motion), math.nan):.1e}" for motion in motions), left_out.get(name, "-")]
+            [
+                name,
+                *(f"{gap.get((name, motion), math.nan):.1e}" for motion in motions),
+                left_out.get(name, "-"),
+            ]
             for name in dict.fromkeys(one.name for one in chart.measured)
         ]
         gaps = table(["from the reference", *motions, "why left out"], rows).replace("|nan", "|-")
-        late = sum(int(count) for one in given for count in re.findall(r"(\d+) of \d+ runs", one.peer_note))
+        late = sum(
+            int(count) for one in given for count in re.findall(r"(\d+) of \d+ runs", one.peer_note)
+        )
         return (
             f"OpenSees runs on {len(given)} of {len(chart.measured)} problems: those whose laws it has, shown by its "
             "average acceleration, extrapolated to dt 0: its histories of drift and absolute acceleration (L2) are "
@@ -371,7 +420,10 @@ def page(entries: Sequence[Entry], whole: int, pictures: Sequence[tuple[str, str
     images = [f"![{text}]({file})\n" for file, text in pictures]
     sections = {
         "Performance profiles": PROFILES + "\n" + "\n".join(images[: len(PEAKS)]),
-        "Tables": TABLES + "\n" + tables_of_profiles(chart) + f"### Where `impulse4` costs most\n\n{dearest(chart)}",
+        "Tables": TABLES
+        + "\n"
+        + tables_of_profiles(chart)
+        + f"### Where `impulse4` costs most\n\n{dearest(chart)}",
         "Time over error on three of them": "\n".join(images[len(PEAKS) :]),
         "Where methods fail": FAILURES + "\n" + failures(chart) + MATRIX,
         "Other programs": peers_said(chart),
@@ -452,12 +504,22 @@ A problem or a method more on this page is an entry there, or a name in `METHODS
 
 def main() -> int:
     """The command."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=MINUTES, help="no problem is begun after so many (20)")
-    parser.add_argument("--processes", type=int, default=min(2, system.processors()), help="at a time (2)")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--minutes", type=float, default=MINUTES, help="no problem is begun after so many (20)"
+    )
+    parser.add_argument(
+        "--processes", type=int, default=min(2, system.processors()), help="at a time (2)"
+    )
     parser.add_argument("--method", default=",".join(METHODS), help="methods, with commas")
-    parser.add_argument("--no-peers", action="store_true", help="without OpenSeesPy, which runs if it is installed")
-    parser.add_argument("--page", action="store_true", help="measure nothing: the page of what is finished")
+    parser.add_argument(
+        "--no-peers", action="store_true", help="without OpenSeesPy, which runs if it is installed"
+    )
+    parser.add_argument(
+        "--page", action="store_true", help="measure nothing: the page of what is finished"
+    )
     asked = parser.parse_args()
     methods = asked.method.split(",")
     folder = journal(methods, not asked.no_peers)

@@ -35,7 +35,9 @@ def main():
 
     def loops(part):
         marched = (
-            prepared.march(integrator, steps, scale * one.acceleration, rows=STEPS) for one in part for scale in scales
+            prepared.march(integrator, steps, scale * one.acceleration, rows=STEPS)
+            for one in part
+            for scale in scales
         )
         return sum(one.seconds for one in marched)
 
@@ -58,7 +60,9 @@ def main():
     found = np.min([[work() for work in works.values()] for _ in range(TURNS)], axis=0)
     for name, seconds in zip(works, found, strict=True):
         each = 1e3 * seconds / (len(scales) * RECORDS)
-        print(f"{name:20s} {seconds:6.2f} s, {each:.3f} ms a run, {seconds / found[0]:.2f} times the loops")
+        print(
+            f"{name:20s} {seconds:6.2f} s, {each:.3f} ms a run, {seconds / found[0]:.2f} times the loops"
+        )
 
 
 if __name__ == "__main__":

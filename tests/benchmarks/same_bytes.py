@@ -44,7 +44,14 @@ MASKS = (
     (re.compile(r"(?<=runs in )[\d.]+ m?s\b.*"), "TIME"),
     (re.compile(r"\b0\.\d+\.\d+(?:\+\w+)?\b"), "VERSION"),
 )
-MASKED_KEYS = {"wall_time_s", "time_loop_s", "processor_time_s", "timing", "versions", "tdint_version"}
+MASKED_KEYS = {
+    "wall_time_s",
+    "time_loop_s",
+    "processor_time_s",
+    "timing",
+    "versions",
+    "tdint_version",
+}
 MASKED_COLUMNS = {"seconds"}
 """Of a store."""
 
@@ -64,7 +71,10 @@ for line in json.loads(sys.argv[1]):
 """Runs command lines in one process: those that do no more than help or refuse."""
 
 CALLS = "same_bytes_arrays.py"
-ARRAYS = {f"arrays-runs-{name}": ["runs", name] for name in ("ten-story", "ten-story-bilinear", "collapse-prone-frame")}
+ARRAYS = {
+    f"arrays-runs-{name}": ["runs", name]
+    for name in ("ten-story", "ten-story-bilinear", "collapse-prone-frame")
+}
 ARRAYS |= {f"arrays-{name}": [name] for name in ("spectra", "statics", "studies")}
 """Its arguments."""
 
@@ -77,8 +87,15 @@ def cases() -> dict[str, list[str]]:
     found = {name: ["bash", "-c", script] for name, script in said["scripts"].items()}
     for readme in readmes.files():
         for i, session in enumerate(readmes.sessions(readme.read_text(encoding="utf-8"))):
-            name = str(readme.relative_to(readmes.ROOT).parent).replace("/", "-").strip(".") or "first-page"
-            found[f"session-{name}-{i + 1}"] = ["bash", "-c", "\n".join(command for command, _ in session)]
+            name = (
+                str(readme.relative_to(readmes.ROOT).parent).replace("/", "-").strip(".")
+                or "first-page"
+            )
+            found[f"session-{name}-{i + 1}"] = [
+                "bash",
+                "-c",
+                "\n".join(command for command, _ in session),
+            ]
     for block in ("shell", "law", "elastic", "inelastic", "drift", "batch", "first"):
         found[f"script-{block}"] = ["bash", "-eu", "-c", readmes.block(block)]
     helps = [*([name, "--help"] for name in said["sound"]), ["--help"]]
@@ -102,8 +119,14 @@ def bin_folder(tree: Path) -> Path:
 
 def outcome(place: Path, inputs: Path, arguments: list[str]) -> Outcome:
     """What comes of a case in a copy of the inputs, by the tree of a bin folder."""
-    environment = {key: value for key, value in os.environ.items() if not key.startswith(("TDINT_", "PYTHON"))}
-    environment |= {"PATH": f"{place}{os.pathsep}{os.environ['PATH']}", "TDINT_KERNELS": "whole", "COLUMNS": "100"}
+    environment = {
+        key: value for key, value in os.environ.items() if not key.startswith(("TDINT_", "PYTHON"))
+    }
+    environment |= {
+        "PATH": f"{place}{os.pathsep}{os.environ['PATH']}",
+        "TDINT_KERNELS": "whole",
+        "COLUMNS": "100",
+    }
     environment |= {"SOURCE_DATE_EPOCH": "0"}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "case"
@@ -111,7 +134,11 @@ def outcome(place: Path, inputs: Path, arguments: list[str]) -> Outcome:
         before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
         program = str(place / "python") if arguments[0] == "python" else arguments[0]
         done = subprocess.run(
-            [program, *arguments[1:]], cwd=folder, env=environment, capture_output=True, timeout=580.0
+            [program, *arguments[1:]],
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+            timeout=580.0,
         )
         said = _masked(done.stderr.decode(errors="replace"), name)
         found = {
@@ -152,23 +179,40 @@ def _lines(path: Path) -> list[str]:
 
 def _without_times(content):
     if isinstance(content, dict):
-        return {key: _without_times(value) for key, value in content.items() if key not in MASKED_KEYS}
+        return {
+            key: _without_times(value) for key, value in content.items() if key not in MASKED_KEYS
+        }
     return [_without_times(value) for value in content] if isinstance(content, list) else content
 
 
 def _rows(path: Path) -> list[str]:
     """The rows of a store, floats to the last bit; without versions and digests."""
     with closing(sqlite3.connect(path)) as store:
-        names = [row[0] for row in store.execute("SELECT name FROM sqlite_master WHERE type='table' ORDER BY name")]
-        kept = {name: [row[1] for row in store.execute(f"PRAGMA table_info({name})")] for name in names}
+        names = [
+            row[0]
+            for row in store.execute(
+                "SELECT name FROM sqlite_master WHERE type='table' ORDER BY name"
+            )
+        ]
+        kept = {
+            name: [row[1] for row in store.execute(f"PRAGMA table_info({name})")] for name in names
+        }
         rows = [
             (name, row)
             for name, columns in kept.items()
-            for row in store.execute(f"SELECT {', '.join(c for c in columns if c not in MASKED_COLUMNS)} FROM {name}")
+            for row in store.execute(
+                f"SELECT {', '.join(c for c in columns if c not in MASKED_COLUMNS)} FROM {name}"
+            )
         ]
-    shown = (f"{name} {[value.hex() if isinstance(value, float) else value for value in row]}" for name, row in rows)
+    shown = (
+        f"{name} {[value.hex() if isinstance(value, float) else value for value in row]}"
+        for name, row in rows
+    )
     return sorted(
-        line for row in shown for line in _masked(row, str(path.parent)) if not re.search(r"[0-9a-f]{32}|VERSION", line)
+        line
+        for row in shown
+        for line in _masked(row, str(path.parent))
+        if not re.search(r"[0-9a-f]{32}|VERSION", line)
     )
 
 
@@ -183,12 +227,18 @@ def shared(one: list[str], other: list[str]) -> tuple[list[str], list[str]]:
     if all(len(table[0]) > 2 and len({len(row) for row in table}) == 1 for table in tables):
         common = [name for name in tables[0][0] if name in tables[1][0]]
         places = [[table[0].index(name) for name in common] for table in tables]
-        kept = [[",".join(row[i] for i in at) for row in table] for table, at in zip(tables, places, strict=True)]
+        kept = [
+            [",".join(row[i] for i in at) for row in table]
+            for table, at in zip(tables, places, strict=True)
+        ]
         return kept[0], kept[1]
     if all(any(" float64 " in line for line in text) for text in (one, other)):
         names = [[re.split(r" \(\d|\s\S+$", line)[0] for line in text] for text in (one, other)]
         pairs = zip((one, other), names, (set(names[1]), set(names[0])), strict=True)
-        kept = [[line for line, name in zip(text, own, strict=True) if name in both] for text, own, both in pairs]
+        kept = [
+            [line for line, name in zip(text, own, strict=True) if name in both]
+            for text, own, both in pairs
+        ]
         return kept[0], kept[1]
     return one, other
 
@@ -196,7 +246,9 @@ def shared(one: list[str], other: list[str]) -> tuple[list[str], list[str]]:
 def _shared_keys(one, other):
     if isinstance(one, dict) and isinstance(other, dict):
         pairs = {key: _shared_keys(one[key], other[key]) for key in one if key in other}
-        return {key: pair[0] for key, pair in pairs.items()}, {key: pair[1] for key, pair in pairs.items()}
+        return {key: pair[0] for key, pair in pairs.items()}, {
+            key: pair[1] for key, pair in pairs.items()
+        }
     if isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
         pairs = [_shared_keys(*pair) for pair in zip(one, other, strict=True)]
         return [pair[0] for pair in pairs], [pair[1] for pair in pairs]
@@ -219,9 +271,14 @@ def told(before: Outcome, after: Outcome, of_both: bool = False) -> list[str]:
         unequal = [(i + 1, *pair) for i, pair in enumerate(pairs) if pair[0] != pair[1]]
         lines.append(f"  {part}: {len(unequal)} of {len(one)} lines differ")
         for i, was, now in unequal[:SHOWN]:
-            same = next((j for j, pair in enumerate(zip(was, now, strict=False)) if pair[0] != pair[1]), 0)
+            same = next(
+                (j for j, pair in enumerate(zip(was, now, strict=False)) if pair[0] != pair[1]), 0
+            )
             start = max(0, same - 40)
-            lines += [f"    {i} - {was[start : start + 160]}", f"    {i} + {now[start : start + 160]}"]
+            lines += [
+                f"    {i} - {was[start : start + 160]}",
+                f"    {i} + {now[start : start + 160]}",
+            ]
     return lines
 
 
@@ -237,14 +294,22 @@ def inputs_in(folder: Path) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("before", type=Path)
     parser.add_argument("after", type=Path)
     parser.add_argument("names", nargs="*", metavar="NAME")
-    parser.add_argument("--kept", type=Path, metavar="FILE.json", help="outcomes of BEFORE, kept for the next time")
+    parser.add_argument(
+        "--kept", type=Path, metavar="FILE.json", help="outcomes of BEFORE, kept for the next time"
+    )
     parser.add_argument("--shared", action="store_true", help="compare what both have alone")
     given = parser.parse_args()
-    chosen = {name: case for name, case in cases().items() if not given.names or name.startswith(tuple(given.names))}
+    chosen = {
+        name: case
+        for name, case in cases().items()
+        if not given.names or name.startswith(tuple(given.names))
+    }
     kept = json.loads(given.kept.read_text()) if given.kept and given.kept.exists() else {}
     places = bin_folder(given.before), bin_folder(given.after)
     differ = 0
@@ -263,7 +328,12 @@ def main() -> int:
             kept[name] = [chosen[name], before]
             lines = told(before, after, given.shared)
             differ += bool(lines)
-            print(f"{name}: {'differs' if lines else 'same'} ({len(before)} parts)", *lines, sep="\n", flush=True)
+            print(
+                f"{name}: {'differs' if lines else 'same'} ({len(before)} parts)",
+                *lines,
+                sep="\n",
+                flush=True,
+            )
             if given.kept:
                 given.kept.write_text(json.dumps(kept), encoding="utf-8")
     print(f"{differ} of {len(chosen)} cases differ")

@@ -53,11 +53,18 @@ def record():
 
 def runs(name):
     """All methods on a model."""
-    listed = subprocess.run([sys.executable, "-c", MAIN, "methods"], capture_output=True, text=True, check=True).stdout
+    listed = subprocess.run(
+        [sys.executable, "-c", MAIN, "methods"], capture_output=True, text=True, check=True
+    ).stdout
     names = dict.fromkeys(row["method"] for row in csv.DictReader(io.StringIO(listed)))
     motion, building = record(), model(name)
     for method in [*names, "impulse4:rho_inf=0", "moment4:rho_inf=0.5"]:
-        tried(method, lambda at=method: tdint.run(building, motion, method=at, dt=0.01, duration=8.0, history=True))
+        tried(
+            method,
+            lambda at=method: tdint.run(
+                building, motion, method=at, dt=0.01, duration=8.0, history=True
+            ),
+        )
 
 
 def spectra():
@@ -73,13 +80,24 @@ def spectra():
 
 
 def statics():
-    for name in ("ten-story", "ten-story-bilinear", "collapse-prone-frame", "three-story-concrete", "base-isolated"):
+    for name in (
+        "ten-story",
+        "ten-story-bilinear",
+        "collapse-prone-frame",
+        "three-story-concrete",
+        "base-isolated",
+    ):
         building = model(name)
         tried(f"{name} modes", lambda of=building: tdint.modes(of))
         tried(f"{name} pushover", lambda of=building: tdint.pushover(of, "2%"))
-        tried(f"{name} cyclic", lambda of=building: tdint.cyclic_test(of, 1, ["1%", "4%"], points=50))
+        tried(
+            f"{name} cyclic", lambda of=building: tdint.cyclic_test(of, 1, ["1%", "4%"], points=50)
+        )
     for method in ("impulse4", "moment4", "newmark-average", "bathe", "houbolt"):
-        tried(method, lambda at=method: tdint.stability(at, np.geomspace(0.01, 10.0, 30), damping=0.05))
+        tried(
+            method,
+            lambda at=method: tdint.stability(at, np.geomspace(0.01, 10.0, 30), damping=0.05),
+        )
 
 
 def studies():
@@ -94,4 +112,6 @@ def studies():
 
 
 if __name__ == "__main__":
-    {"runs": runs, "spectra": spectra, "statics": statics, "studies": studies}[sys.argv[1]](*sys.argv[2:])
+    {"runs": runs, "spectra": spectra, "statics": statics, "studies": studies}[sys.argv[1]](
+        *sys.argv[2:]
+    )

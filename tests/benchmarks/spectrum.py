@@ -38,7 +38,9 @@ def pyrotd(record, periods):
         return None
     module = import_module("pyrotd")
     module.processes = 1
-    return lambda: module.calc_spec_accels(record.dt, record.acceleration, 1.0 / periods, DAMPING).spec_accel
+    return lambda: (
+        module.calc_spec_accels(record.dt, record.acceleration, 1.0 / periods, DAMPING).spec_accel
+    )
 
 
 def pyrotd_rotated(first, second, periods):
@@ -50,7 +52,12 @@ def pyrotd_rotated(first, second, periods):
 
     def work():
         found = module.calc_rotated_spec_accels(
-            record_dt, first.acceleration, second.acceleration, 1.0 / periods, DAMPING, percentiles=[0, 50, 100]
+            record_dt,
+            first.acceleration,
+            second.acceleration,
+            1.0 / periods,
+            DAMPING,
+            percentiles=[0, 50, 100],
         )
         return np.array([found[found.percentile == p].spec_accel for p in (0, 50, 100)])
 
@@ -67,7 +74,9 @@ def fastest(works: dict[str, Callable | None], repeats):
 
 def show(times, errors, base):
     for name, seconds in times.items():
-        print(f"{name:34s} {seconds * 1e3:9.3f} ms {seconds / times[base]:8.2f} x   worst error of PSA {errors[name]}")
+        print(
+            f"{name:34s} {seconds * 1e3:9.3f} ms {seconds / times[base]:8.2f} x   worst error of PSA {errors[name]}"
+        )
 
 
 def main():
@@ -97,7 +106,8 @@ def main():
         7,
     )
     errors = {
-        name: ", ".join(f"{error:.1e}" for error in np.max(np.abs(psa / exact - 1.0), axis=1)) + " (RotD0, 50, 100)"
+        name: ", ".join(f"{error:.1e}" for error in np.max(np.abs(psa / exact - 1.0), axis=1))
+        + " (RotD0, 50, 100)"
         for name, psa in results.items()
     }
     show(times, errors, "tdint --rotd 0,50,100")

@@ -44,7 +44,18 @@ def rows(file: Path) -> list[dict[str, str]]:
 def functions_of(folder: Path, fit: str) -> dict[str, list[tuple[float, float]]]:
     """Median and dispersion of each class, from the lightest state."""
     file = folder / f"{fit}.csv"
-    tdint("fragility", str(folder / "out"), "--by", "type", "--im", "pga", "--fit", fit, "-o", str(file))
+    tdint(
+        "fragility",
+        str(folder / "out"),
+        "--by",
+        "type",
+        "--im",
+        "pga",
+        "--fit",
+        fit,
+        "-o",
+        str(file),
+    )
     found = defaultdict(list)
     for row in rows(file):
         found[row["type"]].append((float(row["theta"]), float(row["beta"])))
@@ -72,7 +83,10 @@ def region(folder: Path) -> None:
     steps = np.diff([0.0, *LOSSES.values()])
     for fit, functions in both.items():
         told = {
-            name: [float(steps @ [ndtr(np.log(im / theta) / beta) for theta, beta in functions[name]]) for im in of]
+            name: [
+                float(steps @ [ndtr(np.log(im / theta) / beta) for theta, beta in functions[name]])
+                for im in of
+            ]
             for name, of in direct.items()
         }
         by_class = {name: sum(told[name]) / sum(direct[name].values()) for name in CLASSES}

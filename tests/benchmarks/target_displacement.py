@@ -25,9 +25,13 @@ def matched(seed):
     frequencies = np.fft.rfftfreq(time.size, DT)
     periods = np.log(1.0 / np.maximum(frequencies, 0.1))
     for _ in range(PASSES):
-        spectrum = tdint.spectrum(tdint.make_record(samples, dt=DT, units="m/s^2"), PERIODS, damping=0.05)
+        spectrum = tdint.spectrum(
+            tdint.make_record(samples, dt=DT, units="m/s^2"), PERIODS, damping=0.05
+        )
         ratio = np.log(read_target(TARGET).at(PERIODS) / spectrum.psa)
-        samples = np.fft.irfft(np.fft.rfft(samples) * np.exp(np.interp(periods, np.log(PERIODS), ratio)), time.size)
+        samples = np.fft.irfft(
+            np.fft.rfft(samples) * np.exp(np.interp(periods, np.log(PERIODS), ratio)), time.size
+        )
         samples *= np.minimum(1.0, 50.0 * envelope)
     return tdint.make_record(samples, dt=DT, units="m/s^2")
 
@@ -38,8 +42,15 @@ def main(models):
     for name in models:
         model = tdint.load_model(name)
         n2, coefficients = tdint.target_displacements(tdint.pushover(model, "4%"), TARGET)
-        runs = [tdint.run(model, motion, method="impulse4").stories.peak_displacement[-1] for motion in motions]
-        figures = n2.roof_displacement, coefficients.roof_displacement, *np.percentile(runs, [50.0, 16.0, 84.0])
+        runs = [
+            tdint.run(model, motion, method="impulse4").stories.peak_displacement[-1]
+            for motion in motions
+        ]
+        figures = (
+            n2.roof_displacement,
+            coefficients.roof_displacement,
+            *np.percentile(runs, [50.0, 16.0, 84.0]),
+        )
         print(name, *(f"{figure:.3f}" for figure in figures), sep=",")
 
 

@@ -9,7 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from tdint.analysis.chart.profiles import PARTS, PEAKS, STANDARD, Measured, PeakErrors, read_problems
+from tdint.analysis.chart.profiles import (
+    PARTS,
+    PEAKS,
+    STANDARD,
+    Measured,
+    PeakErrors,
+    read_problems,
+)
 from tdint.analysis.chart.work_precision import Point
 
 HERE = Path(__file__).parent
@@ -36,7 +43,19 @@ def made_up(name="linear", motion="near-fault", lines=("impulse4", "newmark-aver
         for line in lines
         for part in PARTS
     ]
-    return Measured(name, motion, "why", 3, 0.01, 9.0, 4.2, 7, "moment4", PeakErrors(1e-9, 1e-9, 1e-9), tuple(points))
+    return Measured(
+        name,
+        motion,
+        "why",
+        3,
+        0.01,
+        9.0,
+        4.2,
+        7,
+        "moment4",
+        PeakErrors(1e-9, 1e-9, 1e-9),
+        tuple(points),
+    )
 
 
 def headings(page):
@@ -53,7 +72,10 @@ def test_the_page_has_the_sections_and_the_words_of_its_program():
         assert text.strip() in PAGE
     assert "|`impulse4`|1/1.00/1.0/0|" in page  # as dear as the other one at each tolerance
     assert "load 0.5 to 0.5" in page
-    assert "|peak total shear, 3 %|linear, near-fault|1.0|1|1 %|2.0|5.00|`impulse4`|1|1 %|2.0|5.00|" in page
+    assert (
+        "|peak total shear, 3 %|linear, near-fault|1.0|1|1 %|2.0|5.00|`impulse4`|1|1 %|2.0|5.00|"
+        in page
+    )
 
 
 def test_every_problem_and_method_stands_on_the_page():
@@ -61,7 +83,10 @@ def test_every_problem_and_method_stands_on_the_page():
         assert f"- **{problem.name}**: {problem.reason}.\n" in PAGE
         assert f"|{problem.name}|{problem.motion}|{problem.posed.building.stories}|" in PAGE
     for method in run.METHODS:
-        assert len(re.findall(rf"^\|`{method}`( \(\d+ of \d+\))?\|", PAGE, re.MULTILINE)) == len(PEAKS) + 1, method
+        assert (
+            len(re.findall(rf"^\|`{method}`( \(\d+ of \d+\))?\|", PAGE, re.MULTILINE))
+            == len(PEAKS) + 1
+        ), method
 
 
 def test_every_picture_of_the_page_is_there_and_small():

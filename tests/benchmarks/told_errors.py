@@ -26,7 +26,13 @@ from tdint import load_model, run
 from tdint.analysis.run.outcome import FailedRun
 from tdint.ground_motion.reading.read import read_records
 
-NAMES = ("peak_drift", "peak_acceleration", "peak_total_shear", "peak_damper_force", "residual_drift")
+NAMES = (
+    "peak_drift",
+    "peak_acceleration",
+    "peak_total_shear",
+    "peak_damper_force",
+    "residual_drift",
+)
 METHODS = (
     *("impulse4", "moment4", "gauss4", "newmark-average"),
     *("bathe", "central-difference", "hht:alpha=-0.1", "generalized-alpha:rho_inf=0.8"),
@@ -71,7 +77,9 @@ def case_of(name, laws=None):
         model, record = any_building(int(others[0]), laws)
         if laws:
             rng = np.random.default_rng(int(others[0]))
-            model["damping"] = {"rayleigh": {"mass": rng.uniform(0.0, 0.6), "stiffness": rng.uniform(0.0, 2e-3)}}
+            model["damping"] = {
+                "rayleigh": {"mass": rng.uniform(0.0, 0.6), "stiffness": rng.uniform(0.0, 2e-3)}
+            }
     else:
         model, record = frames()[first], motions()[" ".join(others[:2])].scaled(float(others[2]))
     longest = 4.0 * record.dt
@@ -91,8 +99,15 @@ def truths(model, record, duration):
     """Two opinions on the true peaks by name; None where one of them has none."""
     power = any(isinstance(story.dashpot, dict) or story.power_dashpot for story in model.stories)
     names = ("impulse4", "moment4" if power else "gauss4")
-    fine = [attempt(model, record, method=one, dt=record.dt / FINE, duration=duration, check=False) for one in names]
-    return None if None in fine else [{name: getattr(one.stories, name) for name in NAMES} for one in fine]
+    fine = [
+        attempt(model, record, method=one, dt=record.dt / FINE, duration=duration, check=False)
+        for one in names
+    ]
+    return (
+        None
+        if None in fine
+        else [{name: getattr(one.stories, name) for name in NAMES} for one in fine]
+    )
 
 
 def judged(name, outside=False):
@@ -127,7 +142,13 @@ def share(part):
 def honesty(found):
     """A table of all columns for frames and random buildings, and one line for each method and step."""
     groups = {"frames": False, "random buildings": True}
-    heads = ("beyond 2, %", "beyond 10, %", "told over true", "10 times too large, %", "corrected worse, %")
+    heads = (
+        "beyond 2, %",
+        "beyond 10, %",
+        "told over true",
+        "10 times too large, %",
+        "corrected worse, %",
+    )
     print(f"| cases | column | judged | {' | '.join(heads)} |")
     lines = defaultdict(list)
     for (group, is_random), column in product(groups.items(), NAMES):
@@ -140,10 +161,16 @@ def honesty(found):
                         lines[group, method, samples, column].append(values)
         if values := [one for one in kept if len(one)]:
             true, told, left = np.concatenate(values).T
-            cells = [share(true > times * told) for times in (2.0, 10.0)] + [f"{np.median(told / true):.2f}"]
+            cells = [share(true > times * told) for times in (2.0, 10.0)] + [
+                f"{np.median(told / true):.2f}"
+            ]
             cells += share(told > 10.0 * true), share(left > true)
             print(f"| {group} | {column} | {len(true)} | {' | '.join(cells)} |")
-    print("\n| cases | method | samples | " + " | ".join(f"{name}: beyond 2, % (median)" for name in NAMES) + " |")
+    print(
+        "\n| cases | method | samples | "
+        + " | ".join(f"{name}: beyond 2, % (median)" for name in NAMES)
+        + " |"
+    )
     for group, method, samples in product(groups, METHODS, SAMPLES):
         cells = []
         for column in NAMES:
@@ -172,7 +199,12 @@ def within(name, methods):
 
 def tolerances(found, methods):
     for method, tolerance in product(methods, TOLERANCES):
-        rows = [(name, *row[2:]) for name, of_case in found for row in of_case if row[:2] == (method, tolerance)]
+        rows = [
+            (name, *row[2:])
+            for name, of_case in found
+            for row in of_case
+            if row[:2] == (method, tolerance)
+        ]
         parts = np.array([row[1] for row in rows])
         print(
             f"{method}, {100.0 * tolerance:g} %: {np.sum(parts > 1.0)} of {len(rows)} beyond, "
@@ -185,14 +217,18 @@ def tolerances(found, methods):
 
 def main():
     parser = argparse.ArgumentParser()
-    parser.add_argument("table", nargs="?", choices=["honesty", "tolerance", "outside"], default="honesty")
+    parser.add_argument(
+        "table", nargs="?", choices=["honesty", "tolerance", "outside"], default="honesty"
+    )
     parser.add_argument("--seed", type=int, default=1_000_000)
     parser.add_argument("--buildings", type=int, default=300)
     parser.add_argument("--scales", type=int, default=1)
     parser.add_argument("--method", default="impulse4,newmark-average")
     parser.add_argument("--processes", type=int, default=2)
     given = parser.parse_args()
-    names = list(names_of(given.seed, given.buildings, given.scales if given.table == "honesty" else 0))
+    names = list(
+        names_of(given.seed, given.buildings, given.scales if given.table == "honesty" else 0)
+    )
     methods = given.method.split(",")
     with ProcessPoolExecutor(given.processes) as pool:
         if given.table == "tolerance":

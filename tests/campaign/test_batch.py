@@ -29,7 +29,9 @@ def batch(model: str, method: str, **settings: bool | float) -> Batch:
 
 
 def single(of: Batch, run: Run, **wishes: float) -> tdint.analysis.run.outcome.Response:
-    case = tdint.prepare(of.subject.model, RECORDS[run.motion].scaled(run.scale), method=of.subject.method)
+    case = tdint.prepare(
+        of.subject.model, RECORDS[run.motion].scaled(run.scale), method=of.subject.method
+    )
     return tdint.run_case(case, **wishes)
 
 
@@ -40,7 +42,8 @@ def rows_by_run(rows: list[RunRow]) -> dict[Run, RunRow]:
 
 
 @pytest.mark.parametrize(
-    ("model", "method"), [("ten-story-bilinear", "impulse4"), ("collapse-prone-frame", "newmark-average")]
+    ("model", "method"),
+    [("ten-story-bilinear", "impulse4"), ("collapse-prone-frame", "newmark-average")],
 )
 def test_rows_are_those_of_single_runs(model: str, method: str) -> None:
     """Runs to the end, collapses, and collapses from which the motion runs away."""
@@ -51,15 +54,30 @@ def test_rows_are_those_of_single_runs(model: str, method: str) -> None:
     for run in RUNS:
         response, row = single(of, run), rows[run]
         found = demands(response.stories)
-        assert (row.status, row.steps, row.energy_error) == (response.status, response.steps, response.energy.error)
+        assert (row.status, row.steps, row.energy_error) == (
+            response.status,
+            response.steps,
+            response.energy.error,
+        )
         assert (row.peak_drift_ratio, row.peak_drift_story) == found.drift_ratio
         assert (row.peak_acceleration, row.peak_acceleration_floor) == found.acceleration
-        assert (row.peak_drift, row.residual_drift_ratio) == (found.drift.value, found.residual_drift_ratio.value)
-        assert (row.peak_roof_displacement, row.peak_base_shear) == (found.roof_displacement[0], found.base_shear[0])
+        assert (row.peak_drift, row.residual_drift_ratio) == (
+            found.drift.value,
+            found.residual_drift_ratio.value,
+        )
+        assert (row.peak_roof_displacement, row.peak_base_shear) == (
+            found.roof_displacement[0],
+            found.base_shear[0],
+        )
         assert row.pga == RECORDS[run.motion].pga * abs(run.scale)
         if response.collapse:
-            assert (row.collapse_time, row.collapse_story) == (response.collapse.time, response.collapse.story)
-        stories = [one for one in results.stories if (one.motion, one.scale) == (run.motion, run.scale)]
+            assert (row.collapse_time, row.collapse_story) == (
+                response.collapse.time,
+                response.collapse.story,
+            )
+        stories = [
+            one for one in results.stories if (one.motion, one.scale) == (run.motion, run.scale)
+        ]
         assert [one.story for one in stories] == list(range(1, len(of.subject.model.stories) + 1))
         for place, quantity in enumerate(STORY):
             of_stories = getattr(response.stories, quantity.name)
@@ -77,23 +95,36 @@ def test_rows_are_those_of_single_runs(model: str, method: str) -> None:
         ("collapse-prone-frame", "moment4", RUNS[1:4], True),
     ],
 )
-def test_errors_are_those_of_single_runs(model: str, method: str, runs: list[Run], rest: bool) -> None:
+def test_errors_are_those_of_single_runs(
+    model: str, method: str, runs: list[Run], rest: bool
+) -> None:
     """Of every demand and story, collapsed or not. The runs themselves are those without errors."""
     results = batch(model, method, stories=True, check=True, until_rest=rest).results(runs)
     plain = batch(model, method, stories=True, until_rest=rest).results(runs)
     assert [row._replace(errors=()).but(at_rest=0) for row in results.runs] == [
-        row.but(at_rest=0) for row in sorted(plain.runs, key=lambda row: runs.index(Run(row.motion, row.scale)))
+        row.but(at_rest=0)
+        for row in sorted(plain.runs, key=lambda row: runs.index(Run(row.motion, row.scale)))
     ]
     for row in results.runs:
         run = Run(row.motion, row.scale)
-        stories = [one for one in results.stories if (one.motion, one.scale) == (row.motion, row.scale)]
+        stories = [
+            one for one in results.stories if (one.motion, one.scale) == (row.motion, row.scale)
+        ]
         response = single(batch(model, method), run, check=True, until_rest=rest)
         own = {one.name: one.error(response.stories, response.check.errors) for one in DEMANDS}
-        named = ("drift_ratio", "drift", "residual_drift_ratio", "acceleration", "roof_displacement", "base_shear")
+        named = (
+            "drift_ratio",
+            "drift",
+            "residual_drift_ratio",
+            "acceleration",
+            "roof_displacement",
+            "base_shear",
+        )
         assert row.errors == tuple(own[name] for name in named)
         for number, quantity in enumerate(STORY):
             np.testing.assert_array_equal(
-                [one.errors[number] for one in stories], getattr(response.check.errors, quantity.name)
+                [one.errors[number] for one in stories],
+                getattr(response.check.errors, quantity.name),
             )
     assert "collapsed" in {row.status for row in results.runs} or method == "impulse4"
 
@@ -101,17 +132,25 @@ def test_errors_are_those_of_single_runs(model: str, method: str, runs: list[Run
 @pytest.mark.parametrize("fixed", [0, 1])
 def test_errors_of_shocks_one_after_the_other(fixed: int) -> None:
     """Of the whole, or of the last one alone where the first is the state that the building is in."""
-    short = [replace(record, acceleration=record.acceleration[:1500]) for record in RECORDS.values()]
+    short = [
+        replace(record, acceleration=record.acceleration[:1500]) for record in RECORDS.values()
+    ]
     joined = JoinedRecord.of(short, 5.0, fixed=fixed)
     subject = Subject(tdint.load_model("configs/ten-story-bilinear.yaml"), "moment4")
-    (row,) = Batch(0, subject, Motions({0: joined}), {0: None}, RunSettings(check=True)).results([Run(0, 1.0)]).runs
+    (row,) = (
+        Batch(0, subject, Motions({0: joined}), {0: None}, RunSettings(check=True))
+        .results([Run(0, 1.0)])
+        .runs
+    )
     case = tdint.prepare(subject.model, short[0], method="moment4")
     whole = run_sequence(case, short, rest=5.0, check=True)
     stories, errors = whole.stories, whole.check.errors
     if fixed:
         stories, errors = whole.shocks[-1].stories, whole.shocks[-1].errors
     assert row.peak_drift == np.max(stories.peak_drift)
-    assert row.errors == demand_errors(stories, errors) and all(error >= 0.0 for error in row.errors)
+    assert row.errors == demand_errors(stories, errors) and all(
+        error >= 0.0 for error in row.errors
+    )
 
 
 def test_a_run_does_not_depend_on_the_others() -> None:
@@ -126,7 +165,9 @@ def test_what_fails_is_repeated_with_finer_steps() -> None:
     noise = Record(5.0 * np.random.default_rng(1).standard_normal(400), 0.1, "", "", "", "noise")
     model = tdint.load_model("configs/hardening.yaml")
     subject = Subject(model, "newmark-linear")
-    of = Batch(0, subject, Motions({0: noise}), {0: None}, RunSettings(dt=0.1, duration=noise.duration))
+    of = Batch(
+        0, subject, Motions({0: noise}), {0: None}, RunSettings(dt=0.1, duration=noise.duration)
+    )
     (row,) = of.results([Run(0, 3.0)]).runs
     case = tdint.prepare(model, noise.scaled(3.0), method="newmark-linear")
     for repeats in range(REPEATS + 1):
@@ -161,7 +202,8 @@ def test_steps_that_are_chosen_and_steps_that_are_not_within_a_tolerance() -> No
 
 
 @pytest.mark.parametrize(
-    ("status", "expected"), [("diverged", REPEATS), ("not-converged", REPEATS), ("unstable-step", 0)]
+    ("status", "expected"),
+    [("diverged", REPEATS), ("not-converged", REPEATS), ("unstable-step", 0)],
 )
 def test_a_run_that_always_fails_is_repeated_so_often(
     status: str, expected: int, monkeypatch: pytest.MonkeyPatch
@@ -171,7 +213,10 @@ def test_a_run_that_always_fails_is_repeated_so_often(
 
     def failing(subject: Subject, motions: Motions, runs: list[Any], **named: Any) -> Outcomes:
         steps.extend(run[2].h for run in runs)
-        return replace(run_together(subject, motions, runs, **named), failures={0: FailedRun("", status, "", 0.1)})
+        return replace(
+            run_together(subject, motions, runs, **named),
+            failures={0: FailedRun("", status, "", 0.1)},
+        )
 
     monkeypatch.setattr("tdint.campaign.batch.run_together", failing)
     (row,) = of.results([RUNS[0]]).runs

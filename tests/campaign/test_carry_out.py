@@ -43,8 +43,12 @@ def nothing_to_compile(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("shard", [None, Shard(1, 3), Shard(2, 3), Shard(3, 3)])
 @pytest.mark.parametrize("ready", [(), (0, 1, 5), tuple(range(CHUNKS))])
 @pytest.mark.parametrize("max_runs", [None, 1, 8, 9, 1000])
-def test_what_is_left_is_done_chunk_by_chunk(shard: Shard | None, ready: tuple[int, ...], max_runs: int | None) -> None:
-    of_shard = [number for number in range(CHUNKS) if shard is None or number % 3 + 1 == shard.number]
+def test_what_is_left_is_done_chunk_by_chunk(
+    shard: Shard | None, ready: tuple[int, ...], max_runs: int | None
+) -> None:
+    of_shard = [
+        number for number in range(CHUNKS) if shard is None or number % 3 + 1 == shard.number
+    ]
     wanted: list[int] = []
     for number in of_shard:
         if number not in ready and (max_runs is None or sum(map(size, wanted)) < max_runs):
@@ -52,10 +56,17 @@ def test_what_is_left_is_done_chunk_by_chunk(shard: Shard | None, ready: tuple[i
     before = sum(size(number) for number in of_shard if number in ready)
     store, told = Kept(*ready), list[Advance]()
     last = carry_out(
-        SimpleNamespace(chunks=CHUNKS, size=size), store, engine, shard=shard, max_runs=max_runs, tell=told.append
+        SimpleNamespace(chunks=CHUNKS, size=size),
+        store,
+        engine,
+        shard=shard,
+        max_runs=max_runs,
+        tell=told.append,
     )
     assert store.added == wanted
-    assert [one.done for one in told] == [before + sum(map(size, wanted[: i + 1])) for i in range(len(wanted))]
+    assert [one.done for one in told] == [
+        before + sum(map(size, wanted[: i + 1])) for i in range(len(wanted))
+    ]
     for one in (*told, last):
         assert (one.runs, one.before) == (before + sum(map(size, wanted)), before)
         assert 0.0 <= one.seconds < 60.0

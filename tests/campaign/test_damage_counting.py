@@ -16,7 +16,13 @@ from tdint.campaign.profiles import SuiteRules
 from tdint.model.building import assemble
 from tdint.model.damage_states import DONE, FALLEN, DamageStates
 
-STATES = DamageStates("drift_ratio", ("slight", "moderate", "severe"), (0.004, 0.012, 0.04), 0.5, (0.02, 0.2, 0.7, 1.0))
+STATES = DamageStates(
+    "drift_ratio",
+    ("slight", "moderate", "severe"),
+    (0.004, 0.012, 0.04),
+    0.5,
+    (0.02, 0.2, 0.7, 1.0),
+)
 ENDS = (DONE, DONE, FALLEN[0], "diverged", DONE, FALLEN[-1], DONE, "not-converged", DONE, DONE)
 DEMANDS = np.array([0.001, 0.004, 0.3, math.nan, 0.012, 0.2, 0.0119, math.nan, 0.0, 0.5])
 KEYS = [Run(motion, 1.0, 0) for motion in (1, 1, 2, 2, 3, 3, 3, 4, 5, 5)]
@@ -26,7 +32,18 @@ def damage(states: DamageStates = STATES) -> BuildingDamage:
     probability = probabilities(states, DEMANDS, ENDS)
     nothing = np.full(len(ENDS), math.nan)
     return BuildingDamage(
-        1, "a", "a", 1.0, states, KEYS, np.zeros(len(ENDS), int), list(ENDS), DEMANDS, probability, nothing, nothing
+        1,
+        "a",
+        "a",
+        1.0,
+        states,
+        KEYS,
+        np.zeros(len(ENDS), int),
+        list(ENDS),
+        DEMANDS,
+        probability,
+        nothing,
+        nothing,
     )
 
 
@@ -39,7 +56,11 @@ def by_hand(states: DamageStates) -> list[list[float]]:
         elif end != DONE:
             rows.append([math.nan] * (4 + len(FALLEN)))
         else:
-            beyond = [1.0, *(norm.cdf(math.log(max(demand, 1e-300) / one) / 0.5) for one in states.medians), 0.0]
+            beyond = [
+                1.0,
+                *(norm.cdf(math.log(max(demand, 1e-300) / one) / 0.5) for one in states.medians),
+                0.0,
+            ]
             if states.dispersion == 0.0:
                 beyond = [1.0, *(float(demand >= one) for one in states.medians), 0.0]
             rows.append([one - other for one, other in pairwise(beyond)] + [0.0] * len(FALLEN))
@@ -52,7 +73,9 @@ def test_outcomes_of_runs(dispersion: float) -> None:
     of, expected = damage(states), by_hand(states)
     np.testing.assert_allclose(of.probability, expected, atol=1e-15)
     losses = [0.0, 0.02, 0.2, 0.7, *[1.0] * len(FALLEN)]
-    np.testing.assert_allclose(of.loss, [math.fsum(p * one for p, one in zip(row, losses)) for row in expected])  # noqa: B905
+    np.testing.assert_allclose(
+        of.loss, [math.fsum(p * one for p, one in zip(row, losses)) for row in expected]
+    )  # noqa: B905
     np.testing.assert_allclose(
         of.squared_loss,
         [math.fsum(p * one**2 for p, one in zip(row, losses)) for row in expected],  # noqa: B905
@@ -75,13 +98,20 @@ def test_damage_of_a_group_is_the_mean_of_its_runs() -> None:
     for _ in range(2):
         group.add(of, chosen, motions)
     found = group.damage("type", "building", "event", 0.3)
-    assert (found.type, found.building, found.event, found.level) == ("type", "building", "event", 0.3)
+    assert (found.type, found.building, found.event, found.level) == (
+        "type",
+        "building",
+        "event",
+        0.3,
+    )
     assert (found.buildings, found.runs, found.failed) == (2, 18, 4)
     known = [i for i in range(9) if ENDS[i] == DONE or ENDS[i] in FALLEN]
     np.testing.assert_allclose(found.probability.value, expected[known].mean(axis=0))
     loss = of.loss[known]
     np.testing.assert_allclose(found.loss.value, loss.mean())
-    assert found.loss_sd == pytest.approx(math.sqrt(of.squared_loss[known].mean() - loss.mean() ** 2))
+    assert found.loss_sd == pytest.approx(
+        math.sqrt(of.squared_loss[known].mean() - loss.mean() ** 2)
+    )
     groups = [[i for i in known if motions[i] == motion] for motion in (1, 2, 3, 5)]
     left = [np.mean([of.loss[i] for i in known if i not in group]) for group in groups]
     np.testing.assert_allclose(found.loss.error, math.sqrt(3.0 * float(np.var(left))))
@@ -89,34 +119,52 @@ def test_damage_of_a_group_is_the_mean_of_its_runs() -> None:
 
 def test_a_group_without_results() -> None:
     group = _Group(STATES)
-    group.add(damage(), np.array([end == "diverged" for end in ENDS]), np.array([key.motion for key in KEYS]))
+    group.add(
+        damage(),
+        np.array([end == "diverged" for end in ENDS]),
+        np.array([key.motion for key in KEYS]),
+    )
     found = group.damage("type", "", "", 1.0)
     assert (found.buildings, found.runs, found.failed) == (1, 1, 1)
     assert found.probability.value.shape == found.probability.error.shape == (len(STATES.outcomes),)
-    assert np.isnan([*found.probability.value, *found.probability.error, *found.loss.value, found.loss_sd]).all()
+    assert np.isnan(
+        [*found.probability.value, *found.probability.error, *found.loss.value, found.loss_sd]
+    ).all()
 
 
 def test_levels_count_motions_not_runs() -> None:
     """A pair has failed or fallen where one of its two runs has; a motion that failed has not fallen."""
-    rules = SuiteRules({1: 1, 2: 1, 3: 3, 4: 3, 5: 5, 6: 5, 7: 7, 8: 8}, [0.1, 0.4], True, ("pga", "m/s^2"))
+    rules = SuiteRules(
+        {1: 1, 2: 1, 3: 3, 4: 3, 5: 5, 6: 5, 7: 7, 8: 8}, [0.1, 0.4], True, ("pga", "m/s^2")
+    )
     small = dict.fromkeys((Run(motion, 0.5, 0) for motion in range(1, 9)), DONE)
     large = {Run(motion, -2.0, 0): DONE for motion in range(1, 9)}
     large |= {Run(2, -2.0, 0): FALLEN[0], Run(3, -2.0, 0): "diverged", Run(4, -2.0, 0): FALLEN[0]}
     large |= {Run(7, -2.0, 0): FALLEN[-1], Run(8, -2.0, 0): "not-converged"}
     first, second = rules.levels(small | large)
     assert [len(one) for one in first.stood] == [2, 2, 2, 1, 1]
-    assert [(one.pairs, one.collapsed, one.failed) for one in (first, second)] == [(3, 0, 0), (3, 2, 2)]
+    assert [(one.pairs, one.collapsed, one.failed) for one in (first, second)] == [
+        (3, 0, 0),
+        (3, 2, 2),
+    ]
     assert second.stood == [[Run(5, -2.0, 0), Run(6, -2.0, 0)]]
     assert (first.level, second.level) == (0.1, 0.4) and math.isnan(first.scale)
-    (one,) = SuiteRules({1: 1, 2: 2}, [], False, ("", "")).levels({Run(1, 0.5, 0): DONE, Run(2, 0.5, 0): DONE})
+    (one,) = SuiteRules({1: 1, 2: 2}, [], False, ("", "")).levels(
+        {Run(1, 0.5, 0): DONE, Run(2, 0.5, 0): DONE}
+    )
     assert one.scale == 0.5 and math.isnan(one.level)
     ranked = [
-        level.level for level in SuiteRules({1: 1}, [], True, ("", "")).levels({Run(1, s, 0): DONE for s in (3.0, 1.0)})
+        level.level
+        for level in SuiteRules({1: 1}, [], True, ("", "")).levels(
+            {Run(1, s, 0): DONE for s in (3.0, 1.0)}
+        )
     ]
     assert ranked == [1.0, 2.0]
 
 
-@pytest.mark.parametrize(("yield_force", "share"), [(10.0, 0.7 * 10.0 / 800.0 / 3.0), (1e9, 0.1 * 0.06)])
+@pytest.mark.parametrize(
+    ("yield_force", "share"), [(10.0, 0.7 * 10.0 / 800.0 / 3.0), (1e9, 0.1 * 0.06)]
+)
 def test_an_elastic_scale_of_one_story(yield_force: float, share: float) -> None:
     """Before the first yielding, and a tenth of the collapse drift, by a run of the story that does not yield."""
     record = noise(samples=300)

@@ -34,9 +34,13 @@ def test_values_of_codes():
         value = float(target.at(np.array([period]))[0])
         assert period > 0.0 or value == target.zero
         if row["sa_g"]:
-            assert value / STANDARD_GRAVITY == pytest.approx(float(row["sa_g"]), abs=tolerance + 1e-9), row
+            assert value / STANDARD_GRAVITY == pytest.approx(
+                float(row["sa_g"]), abs=tolerance + 1e-9
+            ), row
         if row["sd_m"] and period > 0.0:
-            assert value * (period / (2.0 * np.pi)) ** 2 == pytest.approx(float(row["sd_m"]), rel=1e-8), row
+            assert value * (period / (2.0 * np.pi)) ** 2 == pytest.approx(
+                float(row["sd_m"]), rel=1e-8
+            ), row
 
 
 @pytest.mark.parametrize("text", EXAMPLES.values())
@@ -65,8 +69,13 @@ def test_a_national_annex_and_damping():
     assert greece.at([2.0]) == pytest.approx(recommended.at([2.0]))
     assert greece.at([3.0]) / recommended.at([3.0]) == pytest.approx(1.25)
     # eta = sqrt(10/(5 + xi)) is not below 0.55, which it reaches at 28.06 %.
-    plateaus = [read_target(f"ec8:type=1,soil=A,ag=1g,damping={xi}%").at([0.3])[0] for xi in (5, 10, 28.1, 40)]
-    assert np.array(plateaus) / STANDARD_GRAVITY == pytest.approx([2.5, 2.5 * (10 / 15) ** 0.5, 1.375, 1.375])
+    plateaus = [
+        read_target(f"ec8:type=1,soil=A,ag=1g,damping={xi}%").at([0.3])[0]
+        for xi in (5, 10, 28.1, 40)
+    ]
+    assert np.array(plateaus) / STANDARD_GRAVITY == pytest.approx(
+        [2.5, 2.5 * (10 / 15) ** 0.5, 1.375, 1.375]
+    )
 
 
 @pytest.mark.parametrize("damping", [5, 20])
@@ -78,8 +87,12 @@ def test_ec8_beyond_four_seconds(damping):
     plateau = 2.5 * (10.0 / (5.0 + damping)) ** 0.5 if damping < 28 else 1.375
     periods = np.array([6.0 * (1.0 + 1e-12), 8.0, 10.0])
     displacement = target.at(periods) * (periods / (2.0 * np.pi)) ** 2
-    assert displacement == pytest.approx(ground * np.array([plateau, 0.5 * (plateau + 1.0), 1.0]), rel=1e-9)
-    assert target.at([6.0]) / target.at(periods[:1]) == pytest.approx(40.0 / np.pi**2 / 4.0, rel=1e-9)
+    assert displacement == pytest.approx(
+        ground * np.array([plateau, 0.5 * (plateau + 1.0), 1.0]), rel=1e-9
+    )
+    assert target.at([6.0]) / target.at(periods[:1]) == pytest.approx(
+        40.0 / np.pi**2 / 4.0, rel=1e-9
+    )
     assert target.at([5.0]) == pytest.approx(target.at([2.5]) / 4.0)
     assert target.periods[-1] == pytest.approx(10.0)
     with pytest.raises(UsageError, match="from 0 to 4 s"):
@@ -109,7 +122,9 @@ def test_wrong_names_and_parameters(text, said):
         read_target(text)
 
 
-@pytest.mark.parametrize("header", ["T (s),Sa (g)", "Period [s],PSA [g]", "period_s,sa_g", "T,psa_g"])
+@pytest.mark.parametrize(
+    "header", ["T (s),Sa (g)", "Period [s],PSA [g]", "period_s,sa_g", "T,psa_g"]
+)
 def test_tables_with_headings(tmp_path, header):
     file = tmp_path / "target.csv"
     file.write_text(f"{header}\n0,0.4\n0.5,1\n1,0.6\n")

@@ -15,7 +15,9 @@ from tdint.errors import AnalysisError, UsageError
 LEVELS = np.array([0.5, 1.0, 2.0, 4.0])
 MOTIONS = 12
 RANDOM = np.random.default_rng(7)
-DRIFT = 0.004 * LEVELS[:, None] ** 0.9 * np.exp(0.5 * RANDOM.standard_normal((LEVELS.size, MOTIONS)))
+DRIFT = (
+    0.004 * LEVELS[:, None] ** 0.9 * np.exp(0.5 * RANDOM.standard_normal((LEVELS.size, MOTIONS)))
+)
 STATUS = np.where(DRIFT > 0.02, "collapsed", "done")
 OVER = 0.008
 
@@ -24,7 +26,9 @@ def table(folder: Path, im: np.ndarray, status: np.ndarray = STATUS) -> str:
     file = folder / "runs.csv"
     rows = [
         f"a,{end},{'' if end == 'diverged' else repr(float(drift))},{intensity!r},pga,m/s^2"
-        for end, drift, intensity in zip(status.ravel(), DRIFT.ravel(), im.ravel().tolist(), strict=True)
+        for end, drift, intensity in zip(
+            status.ravel(), DRIFT.ravel(), im.ravel().tolist(), strict=True
+        )
     ]
     file.write_text("\n".join(["building,status,peak_drift_ratio,im,im_name,unit", *rows]) + "\n")
     return str(file)
@@ -37,12 +41,16 @@ def test_runs_at_common_levels_are_stripes(tmp_path: Path) -> None:
     (found,) = fit_table(table(tmp_path, im), FragilityRequest(thresholds=(OVER,))).functions
     same = fit_stripes(LEVELS, over.sum(axis=1), [MOTIONS] * LEVELS.size)
     assert (found.fit, found.failed, found.bounds) == ("stripes", 0, (None, None))
-    assert (found.theta, found.beta, found.records) == pytest.approx((same.theta, same.beta, same.records))
+    assert (found.theta, found.beta, found.records) == pytest.approx(
+        (same.theta, same.beta, same.records)
+    )
     lost = STATUS.copy()
     lost[2, :2] = lost[1, 5] = "diverged"
     result = fit_table(table(tmp_path, im, lost), FragilityRequest(thresholds=(OVER,)))
     (warning,) = result.warnings
-    assert warning.startswith(f"{tmp_path / 'runs.csv'}: 3 of 48 runs have no result and are left out, which leans")
+    assert warning.startswith(
+        f"{tmp_path / 'runs.csv'}: 3 of 48 runs have no result and are left out, which leans"
+    )
     known = lost != "diverged"
     (found,) = result.functions
     for one, hits, total in (
@@ -60,8 +68,14 @@ def test_runs_at_levels_of_their_own_are_a_cloud(tmp_path: Path) -> None:
     (found,) = fit_table(table(tmp_path, im), FragilityRequest(thresholds=(OVER,))).functions
     fell = STATUS == "collapsed"
     (same,) = fit_cloud(im.ravel(), np.where(fell, OVER, DRIFT).ravel(), (OVER,), fell.ravel())
-    assert (found.fit, found.theta, found.beta) == ("cloud", pytest.approx(same.theta), pytest.approx(same.beta))
-    with pytest.raises(UsageError, match="the runs do not stand at common levels of intensity; use --fit cloud"):
+    assert (found.fit, found.theta, found.beta) == (
+        "cloud",
+        pytest.approx(same.theta),
+        pytest.approx(same.beta),
+    )
+    with pytest.raises(
+        UsageError, match="the runs do not stand at common levels of intensity; use --fit cloud"
+    ):
         fit_table(table(tmp_path, im), FragilityRequest("stripes", (OVER,)))
     # Three runs make a level, two do not.
     whole = np.repeat(LEVELS[:, None], MOTIONS, axis=1)
@@ -72,13 +86,17 @@ def test_runs_at_levels_of_their_own_are_a_cloud(tmp_path: Path) -> None:
         whole[0] = LEVELS[0]
 
 
-def test_of_a_collapse_it_counts_that_it_was_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_a_collapse_it_counts_that_it_was_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Wherever the runaway stopped, a thousand times further or below the threshold, all fits and counts are the same;
     and the counts are those of each sixth of the runs, by hand."""
     im = LEVELS[:, None] * np.exp(0.2 * RANDOM.standard_normal((LEVELS.size, MOTIONS)))
     (first,) = fit_table(table(tmp_path, im), FragilityRequest(thresholds=(OVER,))).functions
     for factor in (1e3, 1e-3):
-        monkeypatch.setattr(sys.modules[__name__], "DRIFT", np.where(STATUS == "collapsed", factor * DRIFT, DRIFT))
+        monkeypatch.setattr(
+            sys.modules[__name__], "DRIFT", np.where(STATUS == "collapsed", factor * DRIFT, DRIFT)
+        )
         (found,) = fit_table(table(tmp_path, im), FragilityRequest(thresholds=(OVER,))).functions
         assert (found.theta, found.beta) == (first.theta, first.beta)
         assert found.counted is not None and first.counted is not None
@@ -88,7 +106,9 @@ def test_of_a_collapse_it_counts_that_it_was_one(tmp_path: Path, monkeypatch: py
         over = (DRIFT.ravel()[sixth] > OVER) | (STATUS.ravel()[sixth] == "collapsed")
         assert first.counted.share[place] == pytest.approx(np.mean(over), abs=1e-12)
         assert first.counted.runs[place] == 8
-        assert first.counted.im[place] == pytest.approx(math.exp(np.mean(np.log(im.ravel()[sixth]))))
+        assert first.counted.im[place] == pytest.approx(
+            math.exp(np.mean(np.log(im.ravel()[sixth])))
+        )
 
 
 def test_a_function_that_does_not_meet_its_runs_is_named(tmp_path: Path) -> None:
@@ -122,13 +142,23 @@ def scattered(folder: Path, event: bool) -> tuple[np.ndarray, np.ndarray, np.nda
     random = np.random.default_rng(11)
     motion = np.repeat(np.arange(14), 8)
     im = np.tile(np.repeat(LEVELS, 2), 14) * np.exp(0.2 * random.standard_normal(motion.size))
-    edp = 0.004 * im**0.9 * np.exp(0.4 * random.standard_normal(14)[motion] + 0.2 * random.standard_normal(motion.size))
+    edp = (
+        0.004
+        * im**0.9
+        * np.exp(
+            0.4 * random.standard_normal(14)[motion] + 0.2 * random.standard_normal(motion.size)
+        )
+    )
     for name, head in (("runs.csv", "im,peak_drift_ratio"), ("cloud.csv", "im,edp")):
         lines = [f"building,status,im_name,unit,record,component,{head}{',event' * event}"]
-        for place, (k, x, d) in enumerate(zip(motion.tolist(), im.tolist(), edp.tolist(), strict=True)):
+        for place, (k, x, d) in enumerate(
+            zip(motion.tolist(), im.tolist(), edp.tolist(), strict=True)
+        ):
             # With events records have names of their own, and the event says what errs alike.
             record = f"r{place}" if event else f"r{k}.mseed"
-            lines.append(f"a,done,pga,m/s^2,{record},{'HNE' if place % 2 else 'HNN'},{x!r},{d!r}{f',M{k}' * event}")
+            lines.append(
+                f"a,done,pga,m/s^2,{record},{'HNE' if place % 2 else 'HNN'},{x!r},{d!r}{f',M{k}' * event}"
+            )
         (folder / name).write_text("\n".join(lines) + "\n")
     return motion, im, edp
 
@@ -149,7 +179,9 @@ def test_errors_are_those_of_leaving_out_motions(tmp_path: Path, event: bool) ->
         error = math.sqrt(13.0 * float(np.var(values)))
         assert [getattr(fit, name) for fit in functions] == pytest.approx([error, error], rel=1e-6)
     assert functions[0].theta_error > 1.5 * alone.theta_error
-    slopes = [np.polyfit(np.log(im[motion != k]), np.log(edp[motion != k]), 1)[0] for k in range(14)]
+    slopes = [
+        np.polyfit(np.log(im[motion != k]), np.log(edp[motion != k]), 1)[0] for k in range(14)
+    ]
     found = line(np.log(im), np.log(edp), {}, motion=motion)
     assert found.slope_error == pytest.approx(math.sqrt(13.0 * float(np.var(slopes))), rel=1e-9)
 
@@ -161,7 +193,9 @@ def test_capacities_of_one_record_err_alike(tmp_path: Path) -> None:
     errors = {}
     for name, of in (("single", rows), ("twins", rows + rows)):
         (tmp_path / f"{name}.csv").write_text("\n".join(["capacity,record", *of]))
-        errors[name] = fit_table(str(tmp_path / f"{name}.csv"), FragilityRequest()).functions[0].theta_error
+        errors[name] = (
+            fit_table(str(tmp_path / f"{name}.csv"), FragilityRequest()).functions[0].theta_error
+        )
     assert errors["single"] == pytest.approx(np.std(np.log(capacity), ddof=1) / 3.0)
     assert errors["twins"] == pytest.approx(errors["single"])
 
@@ -177,18 +211,24 @@ def test_few_runs_beyond_tell_no_median(tmp_path: Path) -> None:
         f"less than 10 % of the runs are beyond threshold {high:g}: the median is extrapolated"
     ]
     low = im < float(np.quantile(im, 0.2))
-    cells = "\n".join(f"{x!r},{d!r}" for x, d in zip(im[low].tolist(), edp[low].tolist(), strict=True))
+    cells = "\n".join(
+        f"{x!r},{d!r}" for x, d in zip(im[low].tolist(), edp[low].tolist(), strict=True)
+    )
     (tmp_path / "low.csv").write_text(f"im,edp\n{cells}\n")
     eighth = float(np.quantile(edp[low], 0.88))
     result = fit_table(str(tmp_path / "low.csv"), FragilityRequest("cloud", (eighth,)))
-    assert result.functions[0].theta > np.max(im[low]) and math.isnan(result.functions[0].theta_error)
+    assert result.functions[0].theta > np.max(im[low]) and math.isnan(
+        result.functions[0].theta_error
+    )
     assert result.disagreements == [
         f"every intensity lies below the median of threshold {eighth:g}: the median is extrapolated"
     ]
 
 
 def test_what_cannot_be_fitted_is_told_where_nothing_can(tmp_path: Path) -> None:
-    file = table(tmp_path, np.repeat(LEVELS[:, None], MOTIONS, axis=1), np.full_like(STATUS, "done"))
+    file = table(
+        tmp_path, np.repeat(LEVELS[:, None], MOTIONS, axis=1), np.full_like(STATUS, "done")
+    )
     with pytest.raises(AnalysisError, match="threshold 10: "):
         fragility(file, 10.0)
     both = fragility(file, (OVER, 10.0))

@@ -7,7 +7,14 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import binom, norm
 
-from tdint.campaign.fragility.fits import Fragility, Points, empirical, fit_capacities, fit_cloud, fit_stripes
+from tdint.campaign.fragility.fits import (
+    Fragility,
+    Points,
+    empirical,
+    fit_capacities,
+    fit_cloud,
+    fit_stripes,
+)
 from tdint.errors import AnalysisError, UsageError
 from tdint.units import OutputUnits
 
@@ -50,7 +57,13 @@ def information(negative, at, h=1e-4):
     steps = h * np.eye(len(at))
     hessian = [
         [
-            (negative(at + a + b) - negative(at + a - b) - negative(at - a + b) + negative(at - a - b)) / (4 * h * h)
+            (
+                negative(at + a + b)
+                - negative(at + a - b)
+                - negative(at - a + b)
+                + negative(at - a - b)
+            )
+            / (4 * h * h)
             for b in steps
         ]
         for a in steps
@@ -73,7 +86,9 @@ def truncated_likelihood(p):
     ids=["stripes", "truncated"],
 )
 def test_maximum_and_information_by_a_second_route(likelihood, found):
-    best = minimize(likelihood, [0.0, 0.5], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12})
+    best = minimize(
+        likelihood, [0.0, 0.5], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12}
+    )
     assert best.x == pytest.approx([math.log(found.theta), found.beta], abs=1e-6)
     assert found.covariance == pytest.approx(information(likelihood, best.x), rel=1e-4)
 
@@ -90,7 +105,9 @@ def test_a_cloud_without_censoring_is_least_squares():
     slope, intercept = np.polyfit(np.log(im), np.log(edp), 1)
     sigma = np.sqrt(np.mean((np.log(edp) - intercept - slope * np.log(im)) ** 2))
     for found in fit_cloud(im, edp, [0.01, 0.03]):
-        assert math.log(found.theta) == pytest.approx((math.log(found.threshold) - intercept) / slope, rel=1e-9)
+        assert math.log(found.theta) == pytest.approx(
+            (math.log(found.threshold) - intercept) / slope, rel=1e-9
+        )
         assert found.beta == pytest.approx(sigma / slope, rel=1e-9)
 
 
@@ -118,7 +135,9 @@ def test_a_cloud_that_bends_below_the_lightest_state():
         z = (np.maximum(y, math.log(0.01)) - p[0] - p[1] * x) / p[2]
         return -np.sum(np.where(low, norm.logcdf(z), norm.logpdf(z) - math.log(p[2])))
 
-    best = minimize(likelihood, [-4.6, 2.0, 0.3], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-11})
+    best = minimize(
+        likelihood, [-4.6, 2.0, 0.3], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-11}
+    )
     cloud = found[0].cloud
     assert best.x == pytest.approx([cloud.intercept, cloud.slope, cloud.sigma], abs=1e-5)
     # Where too few are above, all of them count as they are.
@@ -136,18 +155,27 @@ def test_a_censored_cloud_by_a_second_route():
         return -np.sum(np.where(above, norm.logsf(z), norm.logpdf(z) - math.log(p[2])))
 
     best = minimize(
-        likelihood, [-4.6, 1.0, 0.4], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12, "maxiter": 4000}
+        likelihood,
+        [-4.6, 1.0, 0.4],
+        method="Nelder-Mead",
+        options={"xatol": 1e-9, "fatol": 1e-12, "maxiter": 4000},
     )
     (found,) = fit_cloud(im, edp, [0.015], above)
     b0, b1, sigma = best.x
     assert math.log(found.theta) == pytest.approx((math.log(0.015) - b0) / b1, abs=1e-6)
     assert found.beta == pytest.approx(sigma / b1, abs=1e-6)
-    jacobian = np.array([[-1 / b1, -(math.log(0.015) - b0) / b1**2, 0.0], [0.0, -sigma / b1**2, 1 / b1]])
-    assert found.covariance == pytest.approx(jacobian @ information(likelihood, best.x) @ jacobian.T, rel=1e-3)
+    jacobian = np.array(
+        [[-1 / b1, -(math.log(0.015) - b0) / b1**2, 0.0], [0.0, -sigma / b1**2, 1 / b1]]
+    )
+    assert found.covariance == pytest.approx(
+        jacobian @ information(likelihood, best.x) @ jacobian.T, rel=1e-3
+    )
 
 
 def test_a_change_of_unit_changes_theta_alone():
-    one, other = (fit_stripes(np.array(LEVELS) * unit, COLLAPSES, [40] * 8) for unit in (1.0, 9.80665))
+    one, other = (
+        fit_stripes(np.array(LEVELS) * unit, COLLAPSES, [40] * 8) for unit in (1.0, 9.80665)
+    )
     assert other.theta == pytest.approx(9.80665 * one.theta, rel=1e-10)
     assert (other.beta, other.theta_error) == pytest.approx((one.beta, one.theta_error), rel=1e-8)
 
@@ -170,12 +198,18 @@ def test_band_and_total():
     found = fit_capacities(CAPACITIES)
     im = np.array([0.5, found.theta, 2.0])
     low, high = found.band(im)
-    assert np.all((low > 0.0) & (low < found.probability(im)) & (found.probability(im) < high) & (high < 1.0))
+    assert np.all(
+        (low > 0.0) & (low < found.probability(im)) & (found.probability(im) < high) & (high < 1.0)
+    )
     # At the median only the error of theta counts: Phi(+-1.96 / sqrt n).
-    assert (low[1], high[1]) == pytest.approx(tuple(norm.cdf([-1.959964 / math.sqrt(37), 1.959964 / math.sqrt(37)])))
+    assert (low[1], high[1]) == pytest.approx(
+        tuple(norm.cdf([-1.959964 / math.sqrt(37), 1.959964 / math.sqrt(37)]))
+    )
     from dataclasses import replace
 
-    assert replace(found, beta_model=0.3).beta_total == pytest.approx(math.sqrt(found.beta**2 + 0.09))
+    assert replace(found, beta_model=0.3).beta_total == pytest.approx(
+        math.sqrt(found.beta**2 + 0.09)
+    )
 
 
 SURE = Fragility("cloud", 1.0, 0.5, np.zeros((2, 2)), 12)
@@ -184,7 +218,9 @@ SURE = Fragility("cloud", 1.0, 0.5, np.zeros((2, 2)), 12)
 
 def test_counts_of_few_levels_are_those_of_each():
     """Two levels in any order, of three and two runs; of the three two are beyond the state."""
-    counted = SURE.beside_counts(np.array([2.0, 1.0, 2.0, 1.0, 2.0]), np.array([1.0, 0.0, 1.0, 1.0, 0.0])).counted
+    counted = SURE.beside_counts(
+        np.array([2.0, 1.0, 2.0, 1.0, 2.0]), np.array([1.0, 0.0, 1.0, 1.0, 0.0])
+    ).counted
     assert counted.im == pytest.approx([1.0, 2.0])
     assert counted.runs.tolist() == [2.0, 3.0]
     assert counted.share == pytest.approx([1 / 2, 2 / 3])
@@ -210,7 +246,9 @@ def test_the_error_of_the_fit_counts_beside_the_scatter():
     im, beyond = np.array([1.5] * 4), np.array([1.0, 1.0, 0.0, 1.0])
     z = math.log(1.5) / 0.5
     scatter = SURE.beside_counts(im, beyond).counted.error
-    assert unsure.beside_counts(im, beyond).counted.error == pytest.approx(np.hypot(scatter, norm.pdf(z) * 0.2 / 0.5))
+    assert unsure.beside_counts(im, beyond).counted.error == pytest.approx(
+        np.hypot(scatter, norm.pdf(z) * 0.2 / 0.5)
+    )
 
 
 def test_what_parts_most_from_the_counts_is_told():
@@ -220,7 +258,9 @@ def test_what_parts_most_from_the_counts_is_told():
     assert beside.counted.apart == pytest.approx([(0.5 - 0.005) / 0.05, 0.0])
     text = "at im 1 100 % of 100 runs are beyond, the cloud function has 50 %: more apart than their scatter allows"
     assert beside.disagreement == text
-    assert beside.named(0.02, "Sa", "g").disagreement == "threshold 0.02: " + text.replace("im 1", "Sa 1 g")
+    assert beside.named(0.02, "Sa", "g").disagreement == "threshold 0.02: " + text.replace(
+        "im 1", "Sa 1 g"
+    )
     # 3 standard errors of 5 % and half a motion: 65.5 of 100 are not told, 66 are.
     for beyond, told in ((65, False), (66, True)):
         share = np.concatenate([np.arange(100) < beyond, np.ones(100)])
@@ -240,13 +280,18 @@ def test_observations_go_along_into_other_units():
     assert moved.counted.im == pytest.approx(factor * fit.counted.im)
     demand = [line.intercept + line.slope * np.log(line.im) for line in (fit.cloud, moved.cloud)]
     assert demand[1] == pytest.approx(demand[0], rel=1e-12)
-    points = Fragility("ida", 0.5, 0.4, np.zeros((2, 2)), 3, unit="g", points=Points(im, np.linspace(0, 1, 4)))
+    points = Fragility(
+        "ida", 0.5, 0.4, np.zeros((2, 2)), 3, unit="g", points=Points(im, np.linspace(0, 1, 4))
+    )
     assert points.in_units(OutputUnits(length="cm")).points.im == pytest.approx(980.665 * im)
 
 
 def test_empirical_points_are_the_middles_of_steps():
     points = empirical(np.array([1.0, 3.0, 2.0]), np.zeros(3, bool))
-    assert (points.im.tolist(), points.part.tolist()) == ([1.0, 2.0, 3.0], pytest.approx([1 / 6, 1 / 2, 5 / 6]))
+    assert (points.im.tolist(), points.part.tolist()) == (
+        [1.0, 2.0, 3.0],
+        pytest.approx([1 / 6, 1 / 2, 5 / 6]),
+    )
     # Of two that are left behind a censored one each step is half of what is left: 2/3, then 1/3.
     points = empirical(np.array([1.0, 2.0, 3.0]), np.array([True, False, False]))
     assert points.part == pytest.approx([0.25, 0.75])
@@ -286,7 +331,9 @@ def test_clouds_that_tell_nothing():
         fit_cloud([1.0, 1.0, 2.0], [1.0, 2.0, 3.0], [2.0])
     with pytest.raises(AnalysisError, match="on one line"):
         fit_cloud([1.0, 2.0, 4.0], [1.0, 2.0, 4.0], [2.0])
-    with pytest.raises(AnalysisError, match=r"do not tell the median: it is exp\(.* \+- .*\), with a dispersion of"):
+    with pytest.raises(
+        AnalysisError, match=r"do not tell the median: it is exp\(.* \+- .*\), with a dispersion of"
+    ):
         fit_cloud([1.0, 2.0, 4.0, 8.0], [1.0, 3.0, 1.0, 2.2], [1e-9])  # a slope of 0.18, by chance
 
 

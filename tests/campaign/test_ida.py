@@ -14,7 +14,14 @@ from tdint import load_model, spectrum
 from tdint.analysis.run.demands import RUN
 from tdint.campaign.batch import Batch, RunRow
 from tdint.campaign.ida import IdaSettings, ida
-from tdint.campaign.ida_curve import IdaCurve, IdaRun, LevelSearch, Mainshock, below_collapse, fractiles
+from tdint.campaign.ida_curve import (
+    IdaCurve,
+    IdaRun,
+    LevelSearch,
+    Mainshock,
+    below_collapse,
+    fractiles,
+)
 from tdint.campaign.intensity import pga, sa
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
@@ -51,7 +58,12 @@ def study(frame):
 def curve(*runs, collapse_drift=0.1):
     """A curve of runs given as (im, drift ratio), inf for collapse and nan for no result."""
     made = [
-        IdaRun(im, im, "collapsed" if math.isinf(d) else "not-converged" if math.isnan(d) else "done", min(d, 0.11))
+        IdaRun(
+            im,
+            im,
+            "collapsed" if math.isinf(d) else "not-converged" if math.isnan(d) else "done",
+            min(d, 0.11),
+        )
         for im, d in runs
     ]
     return IdaCurve(motion(), tuple(made), collapse_drift)
@@ -60,7 +72,9 @@ def curve(*runs, collapse_drift=0.1):
 def test_a_linear_building_has_a_straight_line():
     """One story: the drift ratio is Sa / (omega^2 h) at every level, with the spectrum's exact Sa."""
     omega, height = 2.0 * math.pi / 0.8, 3.0
-    building = model([story(1.0, omega**2, dashpot=2.0 * 0.05 * omega, height=height)], method="exact")
+    building = model(
+        [story(1.0, omega**2, dashpot=2.0 * 0.05 * omega, height=height)], method="exact"
+    )
     found = ida(building, [motion(1)])
     (one,) = found.curves
     assert found.measure.name == "sa(0.8)"
@@ -68,7 +82,9 @@ def test_a_linear_building_has_a_straight_line():
     for run in one.stable:
         # The run finds its peaks on a cubic between steps of T/40, the spectrum where they are.
         assert run.drift_ratio == pytest.approx(run.im / (omega**2 * height), rel=1e-5)
-        assert run.scale * spectrum(one.record, np.array([0.8]), 0.05).psa[0] == pytest.approx(run.im, rel=1e-12)
+        assert run.scale * spectrum(one.record, np.array([0.8]), 0.05).psa[0] == pytest.approx(
+            run.im, rel=1e-12
+        )
     capacity = 0.1 * omega**2 * height
     assert one.collapse.lower <= capacity * (1 + 1e-5)
     assert one.collapse.upper >= capacity * (1 - 1e-5)
@@ -128,7 +144,12 @@ def test_the_largest_intensity_censors(frame):
             (2.0 ** (math.log(2.0) / math.log(3.0)), 1.0, 2.0),
         ),
     ],
-    ids=["straight on logarithmic axes", "below the first run", "not to one that ran away", "the first counts"],
+    ids=[
+        "straight on logarithmic axes",
+        "below the first run",
+        "not to one that ran away",
+        "the first counts",
+    ],
 )
 def test_crossings(runs, threshold, found):
     crossing = curve(*runs).capacity(threshold)
@@ -204,7 +225,9 @@ def test_levels_go_down_to_the_lowest_threshold(drift, part):
 
 
 def test_levels_go_down_from_a_start_that_is_too_high():
-    runs = drive(LevelSearch(8.0), lambda im: ("collapsed", 0.1) if im > 1.0 else ("done", 0.05 * im))
+    runs = drive(
+        LevelSearch(8.0), lambda im: ("collapsed", 0.1) if im > 1.0 else ("done", 0.05 * im)
+    )
     stable = [run.im for run in below_collapse(runs)]
     assert 0.95 <= stable[-1] <= 1.0
 
@@ -232,7 +255,9 @@ def test_what_the_engine_says_of_repeated_runs(frame, monkeypatch):
 
     monkeypatch.setattr(Batch, "results", results)
     (one,) = ida(frame, [motion(0)], pga()).curves
-    mended, lost = ([run for run in one.runs if low < run.im < high] for low, high in ((1.0, 1.3), (2.0, 2.2)))
+    mended, lost = (
+        [run for run in one.runs if low < run.im < high] for low, high in ((1.0, 1.3), (2.0, 2.2))
+    )
     assert mended
     assert all(run.stable and run.finer == 2 for run in mended)
     assert lost
@@ -245,12 +270,15 @@ def test_until_rest(frame):
     settings = IdaSettings(max_im=1.5, thresholds=())
     short = replace(motion(0), acceleration=motion(0).acceleration[:260])
     cut, rested = (
-        ida(frame, [short], pga(), replace(settings, until_rest=rest)).curves[0].runs[-1] for rest in (False, True)
+        ida(frame, [short], pga(), replace(settings, until_rest=rest)).curves[0].runs[-1]
+        for rest in (False, True)
     )
     assert cut.im == rested.im
     assert rested.drift_ratio >= cut.drift_ratio
     single = tdint.run(frame, short.scaled(rested.scale), until_rest=True).stories
-    assert rested.residual_drift_ratio == pytest.approx(np.max(np.abs(single.residual_drift) / single.height))
+    assert rested.residual_drift_ratio == pytest.approx(
+        np.max(np.abs(single.residual_drift) / single.height)
+    )
     assert abs(cut.residual_drift_ratio - rested.residual_drift_ratio) > 0.05 * rested.drift_ratio
 
 
@@ -265,12 +293,18 @@ def test_fractiles_of_one_and_of_three():
 def test_a_pair_is_run_by_its_components_at_levels_of_both(frame):
     one, other = motion(0), replace(motion(1), component="HN2")
     pair = Horizontals(one, other)
-    single, both = (ida(frame, motions, pga(), pair="rotd100") for motions in ([one, other], [pair]))
+    single, both = (
+        ida(frame, motions, pga(), pair="rotd100") for motions in ([one, other], [pair])
+    )
     assert (single.im_name, both.im_name) == ("pga", "rotd100-pga")
     for apart, together in zip(single.curves, both.curves, strict=True):
         ratio = pga().of(pair, "rotd100") / apart.record.pga
-        assert together.collapse.capacity == pytest.approx(ratio * apart.collapse.capacity, rel=0.05)
-        assert all(run.im == pytest.approx(run.scale * pga().of(pair, "rotd100")) for run in together.runs)
+        assert together.collapse.capacity == pytest.approx(
+            ratio * apart.collapse.capacity, rel=0.05
+        )
+        assert all(
+            run.im == pytest.approx(run.scale * pga().of(pair, "rotd100")) for run in together.runs
+        )
 
 
 def test_runs_at_levels_that_are_no_longer_chosen_are_done_again(tmp_path, frame, monkeypatch):
@@ -287,7 +321,9 @@ def test_runs_at_levels_that_are_no_longer_chosen_are_done_again(tmp_path, frame
 
 def same_runs(one, other):
     """Whether two studies have the same runs to the last bit; an error that is not estimated is nan in both."""
-    return repr([curve.runs for curve in one.curves]) == repr([curve.runs for curve in other.curves])
+    return repr([curve.runs for curve in one.curves]) == repr(
+        [curve.runs for curve in other.curves]
+    )
 
 
 def test_what_makes_no_sense(frame):
@@ -312,7 +348,9 @@ def test_a_larger_collapse_drift_is_not_smaller_a_capacity(frame, study):
     (wide,) = ida(frame, [motion(0)], settings=IdaSettings(collapse_drift=0.2)).curves
     assert wide.collapse.upper >= study.curves[0].collapse.lower
     (other,) = ida(frame, [motion(0)], sa(0.3)).curves
-    assert [run.scale for run in other.runs] == pytest.approx([run.scale for run in study.curves[0].runs], rel=1e-9)
+    assert [run.scale for run in other.runs] == pytest.approx(
+        [run.scale for run in study.curves[0].runs], rel=1e-9
+    )
 
 
 def test_a_mainshock_has_the_component_of_the_record_or_one_for_all():
@@ -320,5 +358,7 @@ def test_a_mainshock_has_the_component_of_the_record_or_one_for_all():
     record = replace(motion(0), component="HNN")
     assert Mainshock((east, north), (0.01,)).before(record) is north
     assert Mainshock((east,), (0.01,)).before(record) is east
-    with pytest.raises(UsageError, match=r"no component HNZ to go with 0\.m.*it has HNE, HNN: name one"):
+    with pytest.raises(
+        UsageError, match=r"no component HNZ to go with 0\.m.*it has HNE, HNN: name one"
+    ):
         Mainshock((east, north), (0.01,)).before(replace(record, component="HNZ"))

@@ -22,7 +22,9 @@ from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 
 HEIGHTS = (4.0, 3.0, 3.5)
-BUILDING = model([story(1.0 + i, 500.0 - 40.0 * i, height=height) for i, height in enumerate(HEIGHTS)])
+BUILDING = model(
+    [story(1.0 + i, 500.0 - 40.0 * i, height=height) for i, height in enumerate(HEIGHTS)]
+)
 WITHOUT = replace(BUILDING, stories=tuple(replace(one, height=None) for one in BUILDING.stories))
 HALF = replace(BUILDING, stories=(*BUILDING.stories[:2], WITHOUT.stories[2]))
 
@@ -35,7 +37,9 @@ def test_what_a_campaign_says_of_all_buildings_is_theirs() -> None:
     both = adapted(BUILDING, AnalysisWishes(collapse_drift=0.04, p_delta=True))
     assert both == replace(BUILDING, collapse_drift=0.04, p_delta=True)
     for bare in (WITHOUT, HALF):
-        with pytest.raises(ModelError, match="test: p_delta of the campaign needs the heights of all stories"):
+        with pytest.raises(
+            ModelError, match="test: p_delta of the campaign needs the heights of all stories"
+        ):
             adapted(bare, AnalysisWishes(p_delta=True))
 
 
@@ -43,7 +47,12 @@ def test_what_damage_is_told_by_is_of_the_first_mode_and_the_height() -> None:
     """The same chain in matrices: participation for a mode that is 1 at the roof."""
     masses = np.array([one.mass for one in BUILDING.stories])
     springs = [one.stiffness for one in BUILDING.stories]
-    stiffness = np.diag(springs) + np.diag([*springs[1:], 0.0]) - np.diag(springs[1:], 1) - np.diag(springs[1:], -1)
+    stiffness = (
+        np.diag(springs)
+        + np.diag([*springs[1:], 0.0])
+        - np.diag(springs[1:], 1)
+        - np.diag(springs[1:], -1)
+    )
     values, vectors = eigh(stiffness, np.diag(masses))
     first = vectors[:, 0]
     first = first / first[-1]
@@ -55,8 +64,14 @@ def test_what_damage_is_told_by_is_of_the_first_mode_and_the_height() -> None:
     for demand, divisor in divisors.items():
         assert type_of_model(BUILDING, demand) == pytest.approx((divisor, period), rel=1e-9)
     assert type_of_model(HALF, "drift_ratio")[1] == pytest.approx(period)
-    for bare, demand in ((WITHOUT, "drift_ratio"), (WITHOUT, "roof_drift_ratio"), (HALF, "roof_drift_ratio")):
-        with pytest.raises(ModelError, match=f"test: damage by {demand} needs the heights of the stories"):
+    for bare, demand in (
+        (WITHOUT, "drift_ratio"),
+        (WITHOUT, "roof_drift_ratio"),
+        (HALF, "roof_drift_ratio"),
+    ):
+        with pytest.raises(
+            ModelError, match=f"test: damage by {demand} needs the heights of the stories"
+        ):
             type_of_model(bare, demand)
 
 
@@ -69,12 +84,16 @@ def test_an_inventory_without_a_building(tmp_path: Path) -> None:
 
 def test_what_differs_is_told_up_to_eight_times_of_a_kind() -> None:
     known = {"store": "the store", "given": "a.yaml"}
-    assert differences({"a": "1", "b": "2", "c": "3"}, {"b": "9", "c": "3", "d": "4"}, kind="setting", **known) == [
+    assert differences(
+        {"a": "1", "b": "2", "c": "3"}, {"b": "9", "c": "3", "d": "4"}, kind="setting", **known
+    ) == [
         "setting a: in the store alone",
         "setting b: 2 in the store, 9 in a.yaml",
         "setting d: in a.yaml alone",
     ]
-    assert differences({"a": "1f"}, {"a": "2f"}, kind="building", **known) == ["building a: differs"]
+    assert differences({"a": "1f"}, {"a": "2f"}, kind="building", **known) == [
+        "building a: differs"
+    ]
     for count in (8, 9, 20):
         one, other = ({f"r{i}": value for i in range(count)} for value in ("1", "2"))
         found = differences(one, other, kind="record", **known)
@@ -109,7 +128,10 @@ def test_levels_are_ranked_motion_by_motion() -> None:
 def pairs() -> list[Horizontals]:
     return [
         Horizontals(
-            *(replace(noise(samples=100, seed=seed + i), component=name) for i, name in enumerate(("HNE", "HNN")))
+            *(
+                replace(noise(samples=100, seed=seed + i), component=name)
+                for i, name in enumerate(("HNE", "HNN"))
+            )
         )
         for seed in (1, 5, 9)
     ]
@@ -123,9 +145,14 @@ def test_scaling_by_a_rule_is_that_rule(pairs: list[Horizontals]) -> None:
         np.testing.assert_array_equal(one.factors, other.factors)
 
     same(scale(pairs, rule="p695"), scale_p695(pairs))
-    same(scale(pairs, "sa(0.7)", 3.0, rule="p695", damping=0.03), scale_p695(pairs, 0.7, 3.0, damping=0.03))
+    same(
+        scale(pairs, "sa(0.7)", 3.0, rule="p695", damping=0.03),
+        scale_p695(pairs, 0.7, 3.0, damping=0.03),
+    )
     for measure in ("pga", "pgv", "sa-avg(1)"):
-        with pytest.raises(UsageError, match="the rule p695 scales a set on to a value of") as caught:
+        with pytest.raises(
+            UsageError, match="the rule p695 scales a set on to a value of"
+        ) as caught:
             scale(pairs, measure, 3.0, rule="p695")
         assert str(caught.value).endswith(f"got {measure}")
     target = TargetSpectrum("table", np.array([0.5, 0.7, 1.0]), np.array([5.0, 4.0, 2.0]))
@@ -138,7 +165,9 @@ def test_scaling_by_a_rule_is_that_rule(pairs: list[Horizontals]) -> None:
     for wrong in ({"measure": "pga"}, {"value": 3.0}):
         with pytest.raises(UsageError, match="a target and a value are given"):
             scale(pairs, target=target, **wrong)
-    with pytest.raises(UsageError, match="unknown rule 'p695'; known for a target: mean, asce7, ec8"):
+    with pytest.raises(
+        UsageError, match="unknown rule 'p695'; known for a target: mean, asce7, ec8"
+    ):
         scale(pairs, target=target, rule="p695")
 
 
@@ -148,7 +177,11 @@ def test_targets_travel_to_other_processes() -> None:
         read_target("asce7:sds=1.0,sd1=0.6,tl=8"),
     ):
         other = pickle.loads(pickle.dumps(target))
-        assert (other.source, other.zero, other.damping) == (target.source, target.zero, target.damping)
+        assert (other.source, other.zero, other.damping) == (
+            target.source,
+            target.zero,
+            target.damping,
+        )
         assert (other.curve is None) == (target.curve is None)
         np.testing.assert_array_equal(other.psa, target.psa)
         np.testing.assert_allclose(target.sd, target.psa / (2.0 * math.pi / target.periods) ** 2)

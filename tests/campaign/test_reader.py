@@ -25,10 +25,16 @@ analysis: {%s}
         ("levels: [1e308 g]", "", ":3:36: intensity.levels[1]: must be from 1e-06 to 1e+06"),
         ("levels: [1e-320 g]", "", ":3:36: intensity.levels[1]: must be"),
         ("levels: [0.1 g]", "tolerance: 0", ":4:23: analysis.tolerance: must be"),
-        ("levels: [0.1 g], pair: rotd50", "", "intensity.pair: has nothing to act on without `pairs: true`"),
+        (
+            "levels: [0.1 g], pair: rotd50",
+            "",
+            "intensity.pair: has nothing to act on without `pairs: true`",
+        ),
     ],
 )
-def test_numbers_and_words_without_a_meaning(tmp_path: Path, intensity: str, analysis: str, said: str) -> None:
+def test_numbers_and_words_without_a_meaning(
+    tmp_path: Path, intensity: str, analysis: str, said: str
+) -> None:
     file = tmp_path / "study.yaml"
     file.write_text(STUDY % (intensity, analysis))
     with pytest.raises(ModelError) as caught:
@@ -38,11 +44,19 @@ def test_numbers_and_words_without_a_meaning(tmp_path: Path, intensity: str, ana
 
 def test_how_the_files_of_pairs_are_named(tmp_path: Path) -> None:
     file = tmp_path / "study.yaml"
-    for written, read in (("true", USUAL), ("false", None), ("'{}_a.csv,{}_b.csv'", PairNames("{}_a.csv", "{}_b.csv"))):
-        file.write_text(f"buildings: {{models: [model.yaml]}}\nrecords: {{files: [a.csv], pairs: {written}}}\n")
+    for written, read in (
+        ("true", USUAL),
+        ("false", None),
+        ("'{}_a.csv,{}_b.csv'", PairNames("{}_a.csv", "{}_b.csv")),
+    ):
+        file.write_text(
+            f"buildings: {{models: [model.yaml]}}\nrecords: {{files: [a.csv], pairs: {written}}}\n"
+        )
         records = load_campaign(file).records
         assert isinstance(records, RecordFiles) and records.pairs == read
-    file.write_text("buildings: {models: [model.yaml]}\nrecords: {files: [a.csv], pairs: '{}_a.csv'}\n")
+    file.write_text(
+        "buildings: {models: [model.yaml]}\nrecords: {files: [a.csv], pairs: '{}_a.csv'}\n"
+    )
     with pytest.raises(ModelError, match=r":2:\d+: records.pairs: .*write two names"):
         load_campaign(file)
 
@@ -117,13 +131,23 @@ VALUES = {
         ("intensity", "factors: f.csv", "period damping levels pair", "belongs to a `measure`"),
     ],
 )  # fmt: skip
-def test_keys_that_belong_to_others(tmp_path: Path, section: str, given: str, refused: str, said: str) -> None:
+def test_keys_that_belong_to_others(
+    tmp_path: Path, section: str, given: str, refused: str, said: str
+) -> None:
     """Each of them is refused where it stands; what is given without them is not."""
-    whole = {"buildings": "models: [model.yaml]", "records": "files: [a.csv]", "intensity": "scales: [1]"}
+    whole = {
+        "buildings": "models: [model.yaml]",
+        "records": "files: [a.csv]",
+        "intensity": "scales: [1]",
+    }
     file = tmp_path / "study.yaml"
 
     def faults(text: str) -> str:
-        file.write_text("".join(f"{name}: {{{text if name == section else of}}}\n" for name, of in whole.items()))
+        file.write_text(
+            "".join(
+                f"{name}: {{{text if name == section else of}}}\n" for name, of in whole.items()
+            )
+        )
         try:
             load_campaign(file)
         except ModelError as error:
@@ -139,13 +163,22 @@ def test_keys_that_belong_to_others(tmp_path: Path, section: str, given: str, re
 @pytest.mark.parametrize("source", ["files: [a.csv]", "fields: f.csv"])
 def test_pairs_or_a_component(tmp_path: Path, source: str) -> None:
     file = tmp_path / "study.yaml"
-    sound_ones = ("", ", pairs: true", ", component: HNE", ", pairs: false", ", pairs: false, component: HNE")
+    sound_ones = (
+        "",
+        ", pairs: true",
+        ", component: HNE",
+        ", pairs: false",
+        ", pairs: false, component: HNE",
+    )
     for more in (*sound_ones, ", pairs: true, component: HNE"):
-        file.write_text(f"buildings: {{models: [a.yaml]}}\nrecords: {{{source}{more}}}\nintensity: {{scales: [1]}}\n")
+        file.write_text(
+            f"buildings: {{models: [a.yaml]}}\nrecords: {{{source}{more}}}\nintensity: {{scales: [1]}}\n"
+        )
         if more in sound_ones:
             load_campaign(file)
         else:
             with pytest.raises(
-                ModelError, match=r"records\.component: pairs have both horizontal components; leave one"
+                ModelError,
+                match=r"records\.component: pairs have both horizontal components; leave one",
             ):
                 load_campaign(file)

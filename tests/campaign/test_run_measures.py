@@ -18,7 +18,9 @@ from tdint.units import STANDARD_GRAVITY
 
 
 def noise(seed=0, samples=400, dt=0.02, peak=2.0):
-    values = np.random.default_rng(seed).standard_normal(samples) * np.sin(np.linspace(0.0, math.pi, samples))
+    values = np.random.default_rng(seed).standard_normal(samples) * np.sin(
+        np.linspace(0.0, math.pi, samples)
+    )
     return Record(peak * values / np.abs(values).max(), dt, "", "", "HN1", f"{seed}.mseed")
 
 
@@ -40,16 +42,34 @@ def test_cav_above_a_threshold_by_a_fine_grid(threshold):
     expected = np.sum(values[values >= threshold]) * record.dt / fine
     found = cumulative_absolute_velocity_above(record, threshold)
     assert found == pytest.approx(expected, rel=1e-4)
-    assert cumulative_absolute_velocity_above(record, 0.0) == pytest.approx(measure(record).cav, rel=1e-12)
+    assert cumulative_absolute_velocity_above(record, 0.0) == pytest.approx(
+        measure(record).cav, rel=1e-12
+    )
 
 
 @pytest.mark.parametrize(
-    "name", ["pga", "pgv", "pgd", "arias", "cav", "cav5", "d5-75", "d5-95", "sa", "sa:0.5", "sa-avg", "sa-avg:0.2:2:9"]
+    "name",
+    [
+        "pga",
+        "pgv",
+        "pgd",
+        "arias",
+        "cav",
+        "cav5",
+        "d5-75",
+        "d5-95",
+        "sa",
+        "sa:0.5",
+        "sa-avg",
+        "sa-avg:0.2:2:9",
+    ],
 )
 def test_a_factor_on_the_motion(name):
     """What grows with a power of it is what the motion times the factor has."""
     record, wanted = noise(2), run_measure(name)
-    assert wanted.of(record, -1.7, 0.8) == pytest.approx(wanted.of(record.scaled(1.7), 1.0, 0.8), rel=1e-9)
+    assert wanted.of(record, -1.7, 0.8) == pytest.approx(
+        wanted.of(record.scaled(1.7), 1.0, 0.8), rel=1e-9
+    )
 
 
 def test_spectral_measures_are_those_of_spectra():
@@ -58,7 +78,9 @@ def test_spectral_measures_are_those_of_spectra():
     psa = spectrum(record, np.array([0.5, 0.8]), 0.05).psa
     assert run_measure("sa:0.5").of(record, 2.0, 0.8) == pytest.approx(2.0 * psa[0])
     assert (
-        run_measure("sa").of(record, 2.0, 0.8) == run_measure("sa:T1").of(record, 2.0, 0.8) == pytest.approx(2 * psa[1])
+        run_measure("sa").of(record, 2.0, 0.8)
+        == run_measure("sa:T1").of(record, 2.0, 0.8)
+        == pytest.approx(2 * psa[1])
     )
     average = np.prod(spectrum(record, periods, 0.05).psa) ** (1.0 / 50.0)
     assert run_measure("sa-avg:0.2:2").of(record, 1.0, 0.8) == pytest.approx(average, rel=1e-9)
@@ -151,21 +173,31 @@ def folder_of(tmp_path: Path, buildings=("a",)) -> Path:
     """Runs whose drift is pgv^1.5 exactly, the last one collapsed."""
     rng = np.random.default_rng(7)
     header = ["building", "record", "component", "scale", "sample"]
-    runs, measures = [[*header, "status", "peak_drift_ratio", "sa_t1_m_s2"]], [[*header, "pgv_cm_s"]]
+    runs, measures = (
+        [[*header, "status", "peak_drift_ratio", "sa_t1_m_s2"]],
+        [[*header, "pgv_cm_s"]],
+    )
     for building in buildings:
         for i in range(12):
             pgv, scale = 10.0 + 90.0 * rng.random(), 1.0 + i % 2
             status = "collapsed" if i == 11 else "done"
-            runs.append([building, f"{i}.csv", "X", scale, 0, status, pgv**1.5 * 1e-4, 1.0 + rng.random()])
+            runs.append(
+                [building, f"{i}.csv", "X", scale, 0, status, pgv**1.5 * 1e-4, 1.0 + rng.random()]
+            )
             measures.append([building, f"{i}.csv", "X", scale, 0, pgv])
-    for name, rows in (("runs.csv", runs), ("measures.csv", [measures[0], *reversed(measures[1:])])):
+    for name, rows in (
+        ("runs.csv", runs),
+        ("measures.csv", [measures[0], *reversed(measures[1:])]),
+    ):
         with (tmp_path / name).open("w", newline="") as stream:
             csv.writer(stream).writerows(rows)
     return tmp_path
 
 
 def test_the_best_measure_comes_first(tmp_path):
-    (tmp_path / "events.csv").write_text("record,magnitude\n" + "".join(f"{i}.csv,{6 + i % 3}\n" for i in range(12)))
+    (tmp_path / "events.csv").write_text(
+        "record,magnitude\n" + "".join(f"{i}.csv,{6 + i % 3}\n" for i in range(12))
+    )
     best, other = compare_measures(folder_of(tmp_path), ["sa", "pgv"], tmp_path / "events.csv")
     assert (best.im, best.unit, best.runs, best.left_out) == ("pgv", "cm/s", 11, 1)
     assert (best.slope, best.beta) == pytest.approx((1.5, 0.0), abs=1e-9)

@@ -10,7 +10,13 @@ from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.campaign.intensity import MotionIntensity, pga, pseudo_accelerations, sa, sa_average
-from tdint.campaign.scaling import scale_asce7, scale_ec8, scale_p695, scale_to_target, scale_to_value
+from tdint.campaign.scaling import (
+    scale_asce7,
+    scale_ec8,
+    scale_p695,
+    scale_to_target,
+    scale_to_value,
+)
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import Horizontals
@@ -21,7 +27,9 @@ from tdint.ground_motion.record import Record
 from tdint.written_numbers import Grid
 
 ROOT = Path(__file__).parents[2]
-FILES = [str(ROOT / "records" / f"{name}.mseed") for name in ("firm-soil", "near-fault", "soft-soil")]
+FILES = [
+    str(ROOT / "records" / f"{name}.mseed") for name in ("firm-soil", "near-fault", "soft-soil")
+]
 PERIODS = np.array([0.3, 1.0])
 GROUND = {"pgv": 1, "arias": 2, "cav": 1}
 
@@ -61,13 +69,22 @@ def test_measures_of_a_component():
         assert MotionIntensity(name).of(one) == value
     grid = Grid(0.5, 2.0, 3)
     values = [sa(period, 0.02).of(one) for period in (0.4, 0.8, 1.6)]
-    assert sa_average(0.8, 0.02, grid).of(one) == pytest.approx(np.prod(values) ** (1 / 3), rel=1e-12)
-    assert {measured.damping for measured in (sa(0.7), sa_average(0.7))} == {0.05}  # as ground motion models have it
+    assert sa_average(0.8, 0.02, grid).of(one) == pytest.approx(
+        np.prod(values) ** (1 / 3), rel=1e-12
+    )
+    assert {measured.damping for measured in (sa(0.7), sa_average(0.7))} == {
+        0.05
+    }  # as ground motion models have it
 
 
 @pytest.mark.parametrize(
     ("measured", "power"),
-    [(pga(), 1), (sa(0.7), 1), (sa_average(0.7), 1), *((MotionIntensity(name), n) for name, n in GROUND.items())],
+    [
+        (pga(), 1),
+        (sa(0.7), 1),
+        (sa_average(0.7), 1),
+        *((MotionIntensity(name), n) for name, n in GROUND.items()),
+    ],
 )
 def test_measures_grow_with_the_motion(measured, power):
     """By a power of the factor, which factors that bring a motion to a value know."""
@@ -81,10 +98,14 @@ def test_measures_of_a_pair():
     (pair,) = pairs(1)
     one, other = pair.first, pair.second
     for measured in (pga(), MotionIntensity("pgv"), sa(0.7)):
-        assert measured.of(pair) == pytest.approx(math.sqrt(measured.of(one) * measured.of(other)), rel=1e-12)
+        assert measured.of(pair) == pytest.approx(
+            math.sqrt(measured.of(one) * measured.of(other)), rel=1e-12
+        )
     for measured in (pga(), *map(MotionIntensity, GROUND)):
         for name, percentile in (("rotd50", 50), ("rotd100", 100)):
-            assert measured.of(pair, name) == pytest.approx(turned(pair, measured, percentile), rel=1e-9)
+            assert measured.of(pair, name) == pytest.approx(
+                turned(pair, measured, percentile), rel=1e-9
+            )
 
 
 def test_measures_that_are_none():
@@ -124,7 +145,10 @@ def test_vertical_components_are_left_out_unless_they_are_named(tmp_path):
         from obspy import Stream, Trace
     samples = np.sin(np.arange(200.0))
     for name, channels in (("both", ("HNE", "HNN", "HNZ")), ("up", ("HNZ",)), ("flat", ("HNE",))):
-        traces = [Trace(samples * i, {"channel": one, "delta": 0.01}) for i, one in enumerate(channels, start=1)]
+        traces = [
+            Trace(samples * i, {"channel": one, "delta": 0.01})
+            for i, one in enumerate(channels, start=1)
+        ]
         Stream(traces).write(str(tmp_path / f"{name}.mseed"), format="MSEED")
     files = [str(tmp_path / f"{name}.mseed") for name in ("both", "up", "flat")]
     suite = read_components(files, RecordChoice(units="m/s^2"))
@@ -132,7 +156,9 @@ def test_vertical_components_are_left_out_unless_they_are_named(tmp_path):
     assert [str(failure).partition(": ")[2] for failure in suite.failures] == [
         "has no horizontal component; name one to take it all the same"
     ]
-    assert [note for note in suite.notes if "vertical" in note] == [f"{files[0]}: vertical, left out: HNZ"]
+    assert [note for note in suite.notes if "vertical" in note] == [
+        f"{files[0]}: vertical, left out: HNZ"
+    ]
     named = read_components(files[1:2], RecordChoice(component="HNZ", units="m/s^2"))
     assert [record.component for record in named.records] == ["HNZ"]
 
@@ -171,16 +197,22 @@ def test_asce7():
     at_grid = np.isin(dense, grid)
     fitted = np.exp(np.mean(np.log(whole[at_grid] / spectra[:, at_grid]), axis=1))
     average = np.mean(fitted[:, None] * spectra[:, at_grid], axis=0) / whole[at_grid]
-    assert scaling.factors / fitted == pytest.approx(np.full(11, scaling.factors[0] / fitted[0]), rel=1e-9)
+    assert scaling.factors / fitted == pytest.approx(
+        np.full(11, scaling.factors[0] / fitted[0]), rel=1e-9
+    )
     assert least >= 0.9 * (1.0 - 1e-9)
     assert scaling.least[0] == pytest.approx(least, rel=1e-9)
-    assert scaling.factors[0] / fitted[0] > 0.9 / average.min()  # between the periods of the fit it is lower
+    assert (
+        scaling.factors[0] / fitted[0] > 0.9 / average.min()
+    )  # between the periods of the fit it is lower
 
 
 def test_asce7_raises_a_set_that_is_too_low():
     """A target with a peak that no motion has: the average touches 90 % of it, at the peak."""
     grid = np.geomspace(0.2, 2.0, 9)
-    peaked = TargetSpectrum("peak.csv", np.array([0.1, 0.6, 0.63, 0.66, 2.5]), np.array([1.0, 1.0, 30.0, 1.0, 1.0]))
+    peaked = TargetSpectrum(
+        "peak.csv", np.array([0.1, 0.6, 0.63, 0.66, 2.5]), np.array([1.0, 1.0, 30.0, 1.0, 1.0])
+    )
     scaling = scale_asce7(pairs(11), peaked, grid, damping=0.2)
     dense = np.append(np.geomspace(0.2, 2.0, 500), 0.63)  # the peak is at no period of the fit
     average = np.mean(scaling.spectra(dense), axis=0) / peaked.at(dense)
@@ -191,8 +223,13 @@ def test_asce7_raises_a_set_that_is_too_low():
 @pytest.mark.parametrize("period", [0.4, 1.1])
 def test_the_floor_holds_between_the_periods_of_the_fit(period):
     """However few these are: at 5000 others the mean is not lower, and somewhere it is just that."""
-    target, grid = read_target("ec8:type=1,soil=B,ag=0.1g"), np.geomspace(0.2 * period, 2.0 * period, 5)
-    scaling = scale_ec8([one for pair in pairs(3) for one in (pair.first, pair.second)], target, grid)
+    target, grid = (
+        read_target("ec8:type=1,soil=B,ag=0.1g"),
+        np.geomspace(0.2 * period, 2.0 * period, 5),
+    )
+    scaling = scale_ec8(
+        [one for pair in pairs(3) for one in (pair.first, pair.second)], target, grid
+    )
     dense = np.append(np.geomspace(0.2 * period, 2.0 * period, 5000), scaling.least[1])
     average = np.mean(scaling.spectra(dense), axis=0) / target.at(dense)
     assert average.min() == pytest.approx(scaling.least[0], rel=1e-5)
@@ -232,7 +269,9 @@ def test_targets_that_are_read(tmp_path):
     found = read_target(str(file))
     assert found.periods.tolist() == [0.5, 2.0]
     assert found.psa == pytest.approx([9.80665, 0.5 * 9.80665])
-    file.write_text("record,damping,period_s,sd_m,psa_m_s2,sa_m_s2\na,0.05,1,1,2,3\na,0.05,2,1,4,3\n")
+    file.write_text(
+        "record,damping,period_s,sd_m,psa_m_s2,sa_m_s2\na,0.05,1,1,2,3\na,0.05,2,1,4,3\n"
+    )
     assert read_target(str(file)).psa.tolist() == [2.0, 4.0]
 
 

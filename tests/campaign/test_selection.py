@@ -18,7 +18,11 @@ TARGET = "asce7:sds=1,sd1=0.6,tl=8"
 def score(off, wanted=None):
     """Of a choice: mean of ln Sa over the target, and half of what the scatter is off."""
     result = np.mean(off.mean(axis=0) ** 2)
-    return result if wanted is None else result + 0.5 * np.mean((off.std(axis=0, ddof=1) - wanted) ** 2)
+    return (
+        result
+        if wanted is None
+        else result + 0.5 * np.mean((off.std(axis=0, ddof=1) - wanted) ** 2)
+    )
 
 
 @pytest.mark.parametrize("scatter", [None, 0.35])
@@ -27,7 +31,11 @@ def test_the_best_choice_of_small_pools_is_found(scatter, per_event):
     """Of all choices of four of twelve, in 19 of 20 pools at least; none is better than the best."""
     rng, events = np.random.default_rng(58), np.arange(12) // 2
     wanted = None if scatter is None else np.full(15, scatter)
-    choices = [c for c in map(list, itertools.combinations(range(12), 4)) if np.bincount(events[c]).max() <= per_event]
+    choices = [
+        c
+        for c in map(list, itertools.combinations(range(12), 4))
+        if np.bincount(events[c]).max() <= per_event
+    ]
     found = 0
     for _ in range(20):
         off = 0.3 * rng.normal(0.0, 0.4, (12, 15)).cumsum(axis=1) + rng.normal(0.0, 0.2, (12, 1))
@@ -63,8 +71,12 @@ def test_the_chosen_fit_the_target_together(pool):
 
 
 def test_a_scatter_that_is_asked_for_is_nearer(pool):
-    narrow, wide = (tdint.select(pool, TARGET, 5, periods=PERIODS, scatter=asked) for asked in (0.0, 0.8))
-    narrow, wide = (np.std(np.log(chosen.spectra(PERIODS)), axis=0, ddof=1).mean() for chosen in (narrow, wide))
+    narrow, wide = (
+        tdint.select(pool, TARGET, 5, periods=PERIODS, scatter=asked) for asked in (0.0, 0.8)
+    )
+    narrow, wide = (
+        np.std(np.log(chosen.spectra(PERIODS)), axis=0, ddof=1).mean() for chosen in (narrow, wide)
+    )
     assert narrow < 0.9 * wide
 
 
@@ -93,6 +105,12 @@ def test_what_makes_no_sense_is_refused(pool, wishes, message):
 
 
 def test_motions_that_begin_together_are_of_one_earthquake():
-    starts = ["2016-11-13T11:02:50", "2016-11-13T11:03:40", "2016-11-13T11:33:00", "", "1970-01-01T00:00:00"]
+    starts = [
+        "2016-11-13T11:02:50",
+        "2016-11-13T11:03:40",
+        "2016-11-13T11:33:00",
+        "",
+        "1970-01-01T00:00:00",
+    ]
     events = begin_together([replace(noise(), start=start) for start in starts])
     assert events[0] == events[1] and len(set(events)) == 4

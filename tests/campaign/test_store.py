@@ -32,7 +32,9 @@ MOUNTS = """\
 
 
 @pytest.mark.parametrize("kind", ["nfs4", "lustre", "cifs", "fuse.sshfs"])
-def test_a_network_file_system_is_refused(tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_network_file_system_is_refused(
+    tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Also for a folder that does not exist yet; a local disk mounted below it is none, nor is a folder beside it."""
     mounts = tmp_path / "mountinfo"
     home = tmp_path / "home"
@@ -46,11 +48,17 @@ def test_a_network_file_system_is_refused(tmp_path: Path, kind: str, monkeypatch
     refuse_network(home)
 
 
-def plan_of(motions: dict[str, Any], factors: Sequence[int], buildings: int = 1, **settings: float) -> Plan:
+def plan_of(
+    motions: dict[str, Any], factors: Sequence[int], buildings: int = 1, **settings: float
+) -> Plan:
     """Buildings alike under motions (samples by component), each times 1, 2, ... up to its number of factors."""
     model = load_model("configs/two-story-polynomial.yaml")
-    suite = suite_motions([Record(samples, 0.01, "", "", name, "r") for name, samples in motions.items()])
-    levels = GivenFactors({i: tuple(float(f + 1) for f in range(factors[i])) for i in range(len(motions))})
+    suite = suite_motions(
+        [Record(samples, 0.01, "", "", name, "r") for name, samples in motions.items()]
+    )
+    levels = GivenFactors(
+        {i: tuple(float(f + 1) for f in range(factors[i])) for i in range(len(motions))}
+    )
     given_ones = given_buildings([Subject(model, "newmark-average")] * buildings)
     return Plan("", given_ones, suite, EveryMotion(len(motions)), levels, RunSettings(**settings))
 
@@ -61,15 +69,26 @@ def plan_of(motions: dict[str, Any], factors: Sequence[int], buildings: int = 1,
     factors=st.lists(st.integers(1, 40), min_size=6, max_size=6),
     buildings=st.integers(1, 4),
 )
-def test_chunks_hold_every_run_once_in_order(sizes: list[int], factors: list[int], buildings: int) -> None:
+def test_chunks_hold_every_run_once_in_order(
+    sizes: list[int], factors: list[int], buildings: int
+) -> None:
     plan = plan_of({f"c{i}": np.ones(size) for i, size in enumerate(sizes)}, factors, buildings)
     found = [
-        (one.number, run) for number in range(plan.chunks) for one in plan.chunk(number).buildings for run in one.runs
+        (one.number, run)
+        for number in range(plan.chunks)
+        for one in plan.chunk(number).buildings
+        for run in one.runs
     ]
-    wanted = [(b, (m, f, 0)) for b in range(buildings) for m in range(len(sizes)) for f in range(1, factors[m] + 1)]
+    wanted = [
+        (b, (m, f, 0))
+        for b in range(buildings)
+        for m in range(len(sizes))
+        for f in range(1, factors[m] + 1)
+    ]
     assert found == wanted and len(found) == plan.runs
     assert [plan.size(number) for number in range(plan.chunks)] == [
-        sum(len(part.runs) for part in plan.chunk(number).buildings) for number in range(plan.chunks)
+        sum(len(part.runs) for part in plan.chunk(number).buildings)
+        for number in range(plan.chunks)
     ]
 
 
@@ -88,7 +107,9 @@ def test_chunks_of_equal_runs_are_of_equal_length() -> None:
         ({}, {"peak": 2.0}, "record"),
     ],
 )
-def test_parts_of_different_campaigns_are_not_merged(tmp_path: Path, one: Any, other: Any, words: str) -> None:
+def test_parts_of_different_campaigns_are_not_merged(
+    tmp_path: Path, one: Any, other: Any, words: str
+) -> None:
     """And what differs is said: that alone."""
     for name, changed in (("one", one), ("other", other)):
         (tmp_path / name).mkdir()
@@ -111,7 +132,9 @@ def test_parts_that_divide_a_campaign_in_other_ways_are_not_merged(tmp_path: Pat
         merge([tmp_path / "one", tmp_path / "other"], tmp_path)
 
 
-def small_plan(names: tuple[str, ...] = ("a", "b"), peak: float = 1.0, duration: float = 0.3) -> Plan:
+def small_plan(
+    names: tuple[str, ...] = ("a", "b"), peak: float = 1.0, duration: float = 0.3
+) -> Plan:
     """Two short motions, the first of which has a peak, on one building."""
     peaks = {"a": peak, "b": 3.0}
     return plan_of({name: np.full(30, peaks[name]) for name in names}, [2, 2], duration=duration)

@@ -47,7 +47,8 @@ def model():
 def records():
     t = np.arange(600) * 0.01
     return [
-        tdint.make_record(a * np.sin(w * t) * np.exp(-0.3 * t), dt=0.01, units="m/s^2") for a, w in ((4, 9), (3, 14))
+        tdint.make_record(a * np.sin(w * t) * np.exp(-0.3 * t), dt=0.01, units="m/s^2")
+        for a, w in ((4, 9), (3, 14))
     ]
 
 
@@ -55,7 +56,9 @@ def stored(models, records, scales=(1.0,)):
     """An open store with the runs of some models."""
     motions = suite_motions(records)
     files = ModelFiles(()), RecordFiles((), RecordChoice())
-    campaign = CampaignFile("sweep", "sweep", *files, Scales(scales), AnalysisWishes(), RunSettings(profiles=True))
+    campaign = CampaignFile(
+        "sweep", "sweep", *files, Scales(scales), AnalysisWishes(), RunSettings(profiles=True)
+    )
     plan = make_plan(campaign, Inputs(tuple(models), motions=FoundMotions(motions)))
     store, _ = open_store(None, plan)
     carry_out(plan, store, threads(1))
@@ -86,7 +89,12 @@ def test_factors_and_ratios_do_what_they_say(model):
 
 def test_numbers_that_make_no_law_together_are_told_with_their_story(records):
     """Each is in range; the ultimate force is less than that at yield."""
-    law = {"type": "trilinear-pinching", "yield_force": 3e4, "ultimate_force": 5e4, "ultimate_drift": 0.05}
+    law = {
+        "type": "trilinear-pinching",
+        "yield_force": 3e4,
+        "ultimate_force": 5e4,
+        "ultimate_drift": 0.05,
+    }
     law |= {"pinching": 0.5, "unloading": 0.0}
     model = tdint.load_model(MODEL | {"stories": [{**STORY, "law": law, "repeat": 2}]})
     name, told = "stories[2].law.yield_force", "frame: story 2 cannot be varied so: "
@@ -98,12 +106,17 @@ def test_numbers_that_make_no_law_together_are_told_with_their_story(records):
 
 def test_nothing_to_act_on_is_told():
     plain = tdint.load_model({"stories": [{"mass": 1.0, "stiffness": 1.0}]})
-    for change, message in (("damping", "damping has no ratio to vary"), ("strength_factor", "has nothing to act on")):
+    for change, message in (
+        ("damping", "damping has no ratio to vary"),
+        ("strength_factor", "has nothing to act on"),
+    ):
         with pytest.raises(UsageError, match=message):
             plain.replace(**{change: 0.5})
 
 
-@pytest.mark.parametrize(("change", "stiffness"), [("coefficients[1]", 300.0), ("coefficients[2]", 100.0)])
+@pytest.mark.parametrize(
+    ("change", "stiffness"), [("coefficients[1]", 300.0), ("coefficients[2]", 100.0)]
+)
 def test_the_stiffness_of_a_law_follows_its_numbers(change, stiffness):
     """That of a polynomial is its first coefficient; a factor on it multiplies all of them, in the law and in the
     story."""
@@ -117,7 +130,10 @@ def test_the_stiffness_of_a_law_follows_its_numbers(change, stiffness):
 
 def test_a_latin_hypercube_has_one_draw_in_each_part():
     """Of 40 draws one lies in each fortieth of a distribution, whatever it is, and a seed gives them again."""
-    random = {"stiffness_factor": Distribution("lognormal", 1.1, 0.2), "mass_factor": Distribution("uniform", 0.8, 1.2)}
+    random = {
+        "stiffness_factor": Distribution("lognormal", 1.1, 0.2),
+        "mass_factor": Distribution("uniform", 0.8, 1.2),
+    }
     changes = ParameterSweep(random=random, samples=40, seed=3).changes()
     stiffness, mass = (np.array([one[name] for one in changes]) for name in random)
     parts = (np.log(stiffness / 1.1) / 0.2, (mass - 0.8) / 0.4)
@@ -132,7 +148,8 @@ def test_a_latin_hypercube_has_one_draw_in_each_part():
 
 def test_each_variation_is_the_run_of_the_varied_model(tmp_path, model, records):
     sweep = ParameterSweep(
-        {"damping": (0.02, 0.05), "story 1.strength_factor": (0.8, 1.0)}, methods=("newmark-average", "bathe")
+        {"damping": (0.02, 0.05), "story 1.strength_factor": (0.8, 1.0)},
+        methods=("newmark-average", "bathe"),
     )
     with stored(sweep.of([model]), records, (0.5, 1.0)) as store:
         found = rows(store, tmp_path / "runs.csv")
@@ -140,7 +157,10 @@ def test_each_variation_is_the_run_of_the_varied_model(tmp_path, model, records)
     assert list(found[0])[-2:] == ["damping", "story_1_strength_factor"]
     assert len({row["building"] for row in found}) == 8
     for row in found[:: len(found) // 5]:
-        changes = {"damping": float(row["damping"]), "story 1.strength_factor": float(row["story_1_strength_factor"])}
+        changes = {
+            "damping": float(row["damping"]),
+            "story 1.strength_factor": float(row["story_1_strength_factor"]),
+        }
         peaks = [
             tdint.run(
                 model.replace(**changes), one.scaled(float(row["scale"])), method=row["method"]
@@ -198,22 +218,34 @@ def test_swings_are_those_of_runs_and_come_in_their_order(model, records):
 
 def test_variations_are_called_by_their_values_and_the_number_of_their_draw(model):
     random = {"mass_factor": Distribution("uniform", 0.9, 1.1)}
-    sweep = ParameterSweep({"damping": (0.02, 0.05)}, random, samples=2, seed=1, methods=("bathe",), steps=(0.01,))
+    sweep = ParameterSweep(
+        {"damping": (0.02, 0.05)}, random, samples=2, seed=1, methods=("bathe",), steps=(0.01,)
+    )
     labels = [varied.label for varied in sweep.of([model])]
-    assert labels == [f"damping={ratio}, draw {draw}, bathe, dt=0.01" for ratio in (0.02, 0.05) for draw in (1, 2)]
+    assert labels == [
+        f"damping={ratio}, draw {draw}, bathe, dt=0.01" for ratio in (0.02, 0.05) for draw in (1, 2)
+    ]
 
 
 def test_ranks_of_a_monotonic_response(records):
     """The static part of a soft, strong story: its drift falls with its stiffness, in every draw."""
     stiff = tdint.load_model(
-        {"name": "stiff", "stories": [{"mass": 1.0, "height": 1.0, "stiffness": 1e6}], "damping": "5%"}
+        {
+            "name": "stiff",
+            "stories": [{"mass": 1.0, "height": 1.0, "stiffness": 1e6}],
+            "damping": "5%",
+        }
     )
-    sweep = ParameterSweep(random={"stiffness_factor": Distribution("uniform", 0.5, 2.0)}, samples=12, seed=1)
+    sweep = ParameterSweep(
+        random={"stiffness_factor": Distribution("uniform", 0.5, 2.0)}, samples=12, seed=1
+    )
     with stored(sweep.of([stiff]), records) as store:
         found = {one.quantity.name: one for one in rank_correlations(store)}
     assert math.isclose(found["peak_drift_ratio"].coefficient, -1.0)
     assert found["peak_drift_ratio"].draws == 12
-    assert {one.building for one in found.values()} == {"stiff"}  # whose draws they are, without the numbers of each
+    assert {one.building for one in found.values()} == {
+        "stiff"
+    }  # whose draws they are, without the numbers of each
     with stored([stiff], records) as store, pytest.raises(UsageError, match="has no sweep"):
         rank_correlations(store)
 

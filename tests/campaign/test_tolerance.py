@@ -21,7 +21,11 @@ def first_part(name: str, component: str, samples: int = 1601) -> Record:
     return replace(record, acceleration=record.acceleration[:samples].copy())
 
 
-SHIPPED = [first_part(name, component) for name in ("firm-soil", "near-fault") for component in ("HN1", "HN2")]
+SHIPPED = [
+    first_part(name, component)
+    for name in ("firm-soil", "near-fault")
+    for component in ("HN1", "HN2")
+]
 FINE = replace(first_part("firm-soil", "HN1", 2001), dt=0.004)
 RECORDS = dict(enumerate([*SHIPPED, FINE]))
 RUNS = [Run(motion, scale) for motion in RECORDS for scale in (0.3, 1.0, 2.0)]
@@ -43,7 +47,9 @@ def fine() -> Rows:
 
 
 @pytest.mark.parametrize(("method", "beyond"), [("impulse4", 0.0099), ("newmark-average", 0.0)])
-def test_drifts_of_all_runs_are_within_the_tolerance(fine: Rows, method: str, beyond: float) -> None:
+def test_drifts_of_all_runs_are_within_the_tolerance(
+    fine: Rows, method: str, beyond: float
+) -> None:
     """Under motions sampled at 0.01 and 0.004 s, of which each takes the largest step of its own within the chosen
     one: impulse4 goes over samples of the finer one, average acceleration below the record's step."""
     subject = Subject(OFFICE, method)
@@ -52,7 +58,8 @@ def test_drifts_of_all_runs_are_within_the_tolerance(fine: Rows, method: str, be
     assert step > beyond if beyond else step < 0.01
     coarse = results(subject, RUNS, step)
     drifts, true = (
-        {(row.motion, row.scale, row.story): row.values[PEAK_DRIFT] for row in rows.stories} for rows in (coarse, fine)
+        {(row.motion, row.scale, row.story): row.values[PEAK_DRIFT] for row in rows.stories}
+        for rows in (coarse, fine)
     )
     assert len(drifts) == 10 * len(RUNS)
     assert max(abs(drifts[key] / true[key] - 1.0) for key in true) < 0.01
@@ -65,7 +72,10 @@ def test_the_step_is_the_smallest_of_those_of_the_runs() -> None:
     """Of four runs, all of which are looked at; and with a step that is asked for it is the largest one."""
     subject = Subject(OFFICE, "newmark-average")
     runs = [Run(motion, 1.0) for motion in range(4)]
-    cases = [Case(subject.model, subject.prepared, RECORDS[run.motion], subject.integrator) for run in runs]
+    cases = [
+        Case(subject.model, subject.prepared, RECORDS[run.motion], subject.integrator)
+        for run in runs
+    ]
     single = [choose_step(case, 0.05).dt for case in cases]
     assert len(set(single)) > 1
     assert building_step(subject, RECORDS, runs, RunSettings(), 0.05) == min(single)

@@ -75,7 +75,9 @@ def write_record(file: str | Path, *channels: str, **shape: Any) -> None:
 
 
 @functools.cache
-def decaying_sine(*channels: str, peak: float = 3.0, samples: int = 300, integer: bool = False) -> bytes:
+def decaying_sine(
+    *channels: str, peak: float = 3.0, samples: int = 300, integer: bool = False
+) -> bytes:
     """MiniSEED, FLOAT64 in m/s^2 or INT32 counts, sampled at 0.01 s."""
     with quiet_import():
         from obspy import Stream, Trace
@@ -85,7 +87,9 @@ def decaying_sine(*channels: str, peak: float = 3.0, samples: int = 300, integer
     wave = peak * (wave - wave.mean())
     data = (1000.0 * wave).astype(np.int32) if integer else wave
     header: dict[str, Any] = {"network": "TD", "station": "TEST", "delta": 0.01}
-    traces = [Trace(data * (i + 1), {**header, "channel": channel}) for i, channel in enumerate(channels)]
+    traces = [
+        Trace(data * (i + 1), {**header, "channel": channel}) for i, channel in enumerate(channels)
+    ]
     stream = io.BytesIO()
     Stream(traces).write(stream, format="MSEED")
     return stream.getvalue()
@@ -109,7 +113,9 @@ def check_parquet(file: str, table: list[dict[str, str]]) -> Any:
             if isinstance(cell, float) and not np.isnan(cell):
                 assert float(told[name]) == pytest.approx(cell, rel=1e-11, abs=0.0)
             else:
-                assert ("" if cell is None or cell != cell else str(cell)).lower() == told[name].lower()
+                assert ("" if cell is None or cell != cell else str(cell)).lower() == told[
+                    name
+                ].lower()
     return found
 
 
@@ -137,7 +143,9 @@ class Command:
     store. That a kernel is compiled is said, too (tests/kernels/test_compiling.py), but not here.
     """
 
-    def __call__(self, *arguments: object, stdin: bytes | None = None, code: int | None = None) -> Result:
+    def __call__(
+        self, *arguments: object, stdin: bytes | None = None, code: int | None = None
+    ) -> Result:
         """What comes of it; `code` is what it has to end with."""
         words = [str(argument) for argument in arguments]
         result = runner().invoke(cli, words, input=stdin, prog_name="tdint")
@@ -145,7 +153,9 @@ class Command:
         assert code is None or result.exit_code == code, result.stderr
         return result
 
-    def refused(self, message: str, *arguments: object, stdin: bytes | None = None, code: int = 2) -> Result:
+    def refused(
+        self, message: str, *arguments: object, stdin: bytes | None = None, code: int = 2
+    ) -> Result:
         """What comes of bad input: a message, a code, nothing on standard output, and no file or folder that was not
         there."""
         before = {*Path().iterdir(), *map(Path, ("__pycache__", ".hypothesis", ".pytest_cache"))}
@@ -169,7 +179,9 @@ def at_a_terminal(line: str, to_terminal: bool = True) -> tuple[bytes, int]:
 
     ours, theirs = pty.openpty()
     command = [sys.executable, "-c", "from tdint_cli.main import main; main()", *line.split()]
-    process = subprocess.Popen(command, stdout=theirs if to_terminal else subprocess.DEVNULL, stderr=theirs)
+    process = subprocess.Popen(
+        command, stdout=theirs if to_terminal else subprocess.DEVNULL, stderr=theirs
+    )
     os.close(theirs)
     shown = b""
     with suppress(OSError):  # The end of a terminal is an error on Linux.
@@ -189,7 +201,9 @@ def drawn() -> None:
 
 
 @pytest.fixture(autouse=True)
-def _pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, not_laid_out: None) -> None:
+def _pictures(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, not_laid_out: None
+) -> None:
     """Figures are made, but unless a test takes `drawn` or `laid_out`, files get but the beginning of their format and
     the words of the figure: drawn are figures of all kinds in tests/output/test_plots.py."""
     from matplotlib.figure import Figure
@@ -200,12 +214,19 @@ def _pictures(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, n
     def write(self: Figure, stream: BinaryIO, *, format: str, **_: object) -> None:
         legible.check(self)
         panels = [panel for whole in self.axes for panel in (whole, *whole.child_axes)]
-        texts = [*self.texts, *(axis.label for panel in panels for axis in (panel.xaxis, panel.yaxis))]
-        texts += [child for panel in panels for child in panel.get_children() if isinstance(child, Text)]
+        texts = [
+            *self.texts,
+            *(axis.label for panel in panels for axis in (panel.xaxis, panel.yaxis)),
+        ]
+        texts += [
+            child for panel in panels for child in panel.get_children() if isinstance(child, Text)
+        ]
         legends = [*self.legends, *filter(None, (panel.get_legend() for panel in panels))]
         texts += [text for legend in legends for text in legend.get_texts()]
         words = [escape(text.get_text(), quote=False) for text in texts if text.get_visible()]
-        stream.write(BEGINNINGS[format] + "".join(f"<text>{word}</text>\n" for word in words).encode())
+        stream.write(
+            BEGINNINGS[format] + "".join(f"<text>{word}</text>\n" for word in words).encode()
+        )
 
     if not {"drawn", "laid_out"} & set(request.fixturenames):
         monkeypatch.setattr(Figure, "savefig", write)

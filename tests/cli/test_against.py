@@ -25,7 +25,11 @@ def publish(text):
 
 def test_a_spectrum_differs_from_itself_by_nothing(spectra, tdint):
     """To the twelve digits of a table; its column `damping` tells the ratios apart."""
-    found = rows(tdint(*OPTIONS, "--against", "own.csv", "--against-column", "psa_m_s2", "--damping", "5%,2%").stdout)
+    found = rows(
+        tdint(
+            *OPTIONS, "--against", "own.csv", "--against-column", "psa_m_s2", "--damping", "5%,2%"
+        ).stdout
+    )
     assert list(found[0]) == [
         "record", "component", "damping", "period_s", "psa_m_s2", "published_psa_m_s2", "relative_difference",
     ]  # fmt: skip
@@ -45,7 +49,10 @@ def test_a_spectrum_differs_from_itself_by_nothing(spectra, tdint):
 def test_units_are_those_of_the_columns_name(spectra, tdint, header, name, factor):
     """The file says a tenth more than the truth, and the longest period first."""
     of_time = 1000.0 if "ms" in header.partition(",")[0] else 1.0
-    lines = [f"{of_time * float(row['period_s'])},{1.1 * factor * float(row[name])}" for row in spectra[7:3:-1]]
+    lines = [
+        f"{of_time * float(row['period_s'])},{1.1 * factor * float(row[name])}"
+        for row in spectra[7:3:-1]
+    ]
     found = rows(tdint(*OPTIONS, *publish("\n".join([header, *lines]))).stdout)
     assert [float(row["period_s"]) for row in found] == pytest.approx([0.1, 0.2, 0.4, 0.8])
     for row, own in zip(found, spectra[4:], strict=True):
@@ -65,7 +72,10 @@ def test_interpolation_only_if_said(spectra, tdint):
 
 def test_picture_summary_and_what_is_said(spectra, tdint, drawn):
     values = [1.1, 0.9, 1.0, 1.0]
-    lines = [f"{row['period_s']},{x * float(row['psa_m_s2'])}\n" for row, x in zip(spectra[4:], values, strict=True)]
+    lines = [
+        f"{row['period_s']},{x * float(row['psa_m_s2'])}\n"
+        for row, x in zip(spectra[4:], values, strict=True)
+    ]
     published = publish("period_s,psa_m_s2\n" + "".join(lines))
     result = tdint(*OPTIONS, *published, "-o", "difference.csv", "--plot", code=0)
     assert "largest difference of psa to published.csv +11.1 % at 0.2 s" in result.stderr
@@ -89,7 +99,12 @@ def test_picture_summary_and_what_is_said(spectra, tdint, drawn):
         ("period_s,psa_g\n0,1\n1,-1\n", (), 4, "are not negative"),
         ("period_s,psa_g\n1,one\n2,1\n", (), 4, "line 2: psa_g: 'one' is no finite number"),
         ("period_s,psa_g\n1,1,2\n2,1\n", (), 4, "line 2: 3 cells, its first line names 2 columns"),
-        ("period_s,damping,psa_g\n1,0.1,1\n2,0.1,1\n", (), 4, "has no damping ratio 0.05; it has 0.1"),
+        (
+            "period_s,damping,psa_g\n1,0.1,1\n2,0.1,1\n",
+            (),
+            4,
+            "has no damping ratio 0.05; it has 0.1",
+        ),
         ("period_s,psa_g\n1,1\n2,1\n", ("--against-column", "psa"), 4, "did you mean 'psa_g'?"),
     ],
 )

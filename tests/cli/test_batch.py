@@ -48,7 +48,10 @@ def test_a_folder_stands_for_its_records(many, tdint):
     rest = result.stderr.splitlines()
     rest.remove(note)
     assert rest == one_by_one.stderr.splitlines()
-    assert [line.split(": ")[1] for line in rest if line.startswith("Error")] == [names[0], names[3]]
+    assert [line.split(": ")[1] for line in rest if line.startswith("Error")] == [
+        names[0],
+        names[3],
+    ]
     tdint("spectrum", "many", *PERIODS, "-o", "all.csv", code=4)
     summary = json.loads((many.parent / "all.json").read_text())
     assert [(record["file"], record["component"]) for record in summary["records"]] == [
@@ -90,7 +93,12 @@ def test_a_bad_record_does_not_stop_the_good_ones(folder, tdint, make_record, co
     assert [line.split(":")[1].strip() for line in errors] == bad
     good = tdint(*command, "motion.mseed", "other.mseed").stdout
     if into == "out/":
-        assert sorted(contents(folder / "out")) == ["motion.csv", "motion.json", "other.csv", "other.json"]
+        assert sorted(contents(folder / "out")) == [
+            "motion.csv",
+            "motion.json",
+            "other.csv",
+            "other.json",
+        ]
     else:
         assert (result.stdout if into is None else (folder / "all.csv").read_text()) == good
 
@@ -101,7 +109,9 @@ def test_records_of_one_stem_keep_their_suffix(folder, tdint):
         (folder / f"x.{suffix}").write_bytes((folder / "other.mseed").read_bytes())
     tdint("spectrum", "x.EW", "other.mseed", "x.NS", *PERIODS, "-o", "out/", "--plot", code=0)
     assert sorted(contents(folder / "out")) == [
-        f"{stem}.{suffix}" for stem in ("other", "x.EW", "x.NS") for suffix in ("csv", "json", "png")
+        f"{stem}.{suffix}"
+        for stem in ("other", "x.EW", "x.NS")
+        for suffix in ("csv", "json", "png")
     ]
 
 
@@ -133,7 +143,9 @@ def test_the_outputs_do_not_depend_on_the_number_of_processes(many, tdint, comma
         options = ["-o", *f"{jobs}/{into}".split()] if into else []
         result = tdint(*command.split(), "many", "other.mseed", *PERIODS, "--jobs", jobs, *options)
         results.append((result.exit_code, result.stdout, result.stderr))
-        written.append({file.name: file.read_bytes() for file in place.rglob("*") if file.is_file()})
+        written.append(
+            {file.name: file.read_bytes() for file in place.rglob("*") if file.is_file()}
+        )
     assert results[0] == results[1]
     assert results[0][0] == 4
     typed, others = b'"-o", "1/', b'"-o", "3/'
@@ -143,7 +155,9 @@ def test_the_outputs_do_not_depend_on_the_number_of_processes(many, tdint, comma
 def test_standard_input_is_read_where_it_is(folder, tdint):
     order = ("motion.mseed", "other.mseed", "-", "other.mseed", "motion.mseed")
     stdin = (folder / "other.mseed").read_bytes()
-    one, three = (tdint("spectrum", *order, *PERIODS, "--jobs", jobs, stdin=stdin) for jobs in (1, 3))
+    one, three = (
+        tdint("spectrum", *order, *PERIODS, "--jobs", jobs, stdin=stdin) for jobs in (1, 3)
+    )
     assert (one.exit_code, one.stdout) == (0, three.stdout)
     assert [line.split(",")[0] for line in one.stdout.splitlines()[1::2]] == [
         "motion.mseed", "motion.mseed", "other.mseed", "-", "other.mseed", "motion.mseed", "motion.mseed",
@@ -154,14 +168,30 @@ def test_what_a_table_came_from(folder, tdint):
     words = ("--units", "gal", "--damping", "0.02", "--periods", "0.1:1:5", "--component", "HNN")
     tdint("spectrum", "motion.mseed", "-o", "one.csv", *words, code=0)
     summary = json.loads((folder / "one.json").read_text())
-    settings = {"units": "gal", "component": "HNN", "inventory": None, "damping": [0.02], "periods": "0.1:1:5"}
-    assert settings.items() <= summary["settings"].items() and summary["settings"]["method"] == "exact"
+    settings = {
+        "units": "gal",
+        "component": "HNN",
+        "inventory": None,
+        "damping": [0.02],
+        "periods": "0.1:1:5",
+    }
+    assert (
+        settings.items() <= summary["settings"].items() and summary["settings"]["method"] == "exact"
+    )
     (record,) = summary["records"]
     digest = hashlib.sha256((folder / "motion.mseed").read_bytes()).hexdigest()
     identity = {"file": "motion.mseed", "id": "TD.TEST..HNN", "component": "HNN", "start": ""}
     samples = {"dt_s": 0.01, "samples": 300, "duration_s": 2.99, "notes": []}
-    assert {**identity, **samples, "inputs": [{"file": "motion.mseed", "sha256": digest}]}.items() <= record.items()
-    assert (record["units"], record["units_from"], record["quantity"]) == ("gal", "given", "acceleration")
+    assert {
+        **identity,
+        **samples,
+        "inputs": [{"file": "motion.mseed", "sha256": digest}],
+    }.items() <= record.items()
+    assert (record["units"], record["units_from"], record["quantity"]) == (
+        "gal",
+        "given",
+        "acceleration",
+    )
     assert (record["warnings"], record["compared_with_file"]) == ([], ["number of samples"])
 
 
@@ -213,14 +243,20 @@ def test_what_a_process_raises_is_raised():
 
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals")
 def test_a_bar_is_drawn_on_a_terminal(folder):
-    said, code = at_a_terminal("spectrum motion.mseed other.mseed --period 1 -o out/ --jobs 2", False)
+    said, code = at_a_terminal(
+        "spectrum motion.mseed other.mseed --period 1 -o out/ --jobs 2", False
+    )
     assert (code, b"2/2" in said, b"##" in said) == (0, True, True)
 
 
 def test_one_record_has_no_bar_nor_has_a_terminal_where_data_go(folder, tdint, monkeypatch):
     monkeypatch.setattr(terminal, "is_terminal", lambda stream: stream in (sys.stdout, sys.stderr))
     two = ["motion.mseed", "other.mseed"]
-    for words, bar in ((["motion.mseed", "-o", "one.csv"], False), ([*two, "-o", "two.csv"], True), (two, False)):
+    for words, bar in (
+        (["motion.mseed", "-o", "one.csv"], False),
+        ([*two, "-o", "two.csv"], True),
+        (two, False),
+    ):
         assert ("2/2" in tdint("info", *words, code=0).stderr) == bar
 
 

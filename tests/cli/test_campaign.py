@@ -63,19 +63,41 @@ def test_a_check_adds_an_error_beside_each_demand(study: Path, tdint: Command) -
     assert list(plain[0]) == COLUMNS
     assert list(found[0]) == [*plain[0], *(f"{name}_error" for name in named)]
     own = list(rows("out/stories.csv")[0])
-    told = [name for name in own if name not in ("building", "record", "component", "scale", "story", "height_m")]
+    told = [
+        name
+        for name in own
+        if name not in ("building", "record", "component", "scale", "story", "height_m")
+    ]
     assert list(rows("checked/stories.csv")[0]) == [*own, *(f"{name}_error" for name in told)]
-    alone = ("run", "shaken.yaml", "motion.mseed", "--units", "m/s^2", "--component", "HNN", "--method", "moment4")
+    alone = (
+        "run",
+        "shaken.yaml",
+        "motion.mseed",
+        "--units",
+        "m/s^2",
+        "--component",
+        "HNN",
+        "--method",
+        "moment4",
+    )
     tdint(*alone, "--scale", "0.25", "-o", "alone", code=0)
     errors = json.loads(Path("alone/summary.json").read_text())["check"]["errors"]
     run = found[3]
     assert (run["component"], run["scale"]) == ("HNN", "0.25")
     assert float(run["peak_drift_m_error"]) == pytest.approx(errors["drift_m_error"], rel=1e-11)
-    assert float(run["peak_base_shear_N_error"]) == pytest.approx(errors["base_shear_N_error"], rel=1e-11)
-    stories = [row for row in rows("checked/stories.csv") if list(row.values())[:4] == list(run.values())[:4]]
+    assert float(run["peak_base_shear_N_error"]) == pytest.approx(
+        errors["base_shear_N_error"], rel=1e-11
+    )
+    stories = [
+        row
+        for row in rows("checked/stories.csv")
+        if list(row.values())[:4] == list(run.values())[:4]
+    ]
     of_alone = rows("alone/stories.csv")
     for name in ("peak_shear_N_error", "peak_drift_ratio_error"):
-        assert [row[name] for row in stories] == [row[name] for row in of_alone] and of_alone[0][name]
+        assert [row[name] for row in stories] == [row[name] for row in of_alone] and of_alone[0][
+            name
+        ]
     summary = json.loads(Path("checked/summary.json").read_text())
     unknown = [row for row in found if row["peak_drift_m"] and not row["peak_drift_m_error"]]
     assert summary["without_an_error"] == len(unknown) and summary["settings"]["check"] is True
@@ -95,7 +117,11 @@ def test_the_summary_tells_which_model_files(study: Path, tdint: Command) -> Non
     def there() -> dict[str, str]:
         return {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in files}
 
-    change("study.yaml", ("outputs:", "vary: {stiffness_factor: [1, 1.1]}\noutputs:"), ("0.25, 1, 2.5", "1"))
+    change(
+        "study.yaml",
+        ("outputs:", "vary: {stiffness_factor: [1, 1.1]}\noutputs:"),
+        ("0.25, 1, 2.5", "1"),
+    )
     tdint("campaign", "study.yaml", "-o", "varied", code=0)
     before = told()
     assert before == there()
@@ -115,18 +141,40 @@ def test_a_row_for_each_run(study: Path, tdint: Command) -> None:
     assert [(row["building"], row["record"], row["component"], row["scale"]) for row in table] == [
         (building, record, component, scale)
         for building in ("shaken", "stiff")
-        for record, component in (("motion.mseed", "HNE"), ("motion.mseed", "HNN"), ("other.mseed", "HNE"))
+        for record, component in (
+            ("motion.mseed", "HNE"),
+            ("motion.mseed", "HNN"),
+            ("other.mseed", "HNE"),
+        )
         for scale in ("0.25", "1", "2.5")
     ]
-    assert {(row["method"], row["dt_s"], row["status"], row["steps"], row["sample"]) for row in table} == {
-        ("newmark-average", "0.01", "done", "2399", "0")
-    }
-    tdint("run", "shaken.yaml", "--component", "HNN", "--scale", "2.5", "--units", "m/s^2", "--no-check", "-o", "one")
+    assert {
+        (row["method"], row["dt_s"], row["status"], row["steps"], row["sample"]) for row in table
+    } == {("newmark-average", "0.01", "done", "2399", "0")}
+    tdint(
+        "run",
+        "shaken.yaml",
+        "--component",
+        "HNN",
+        "--scale",
+        "2.5",
+        "--units",
+        "m/s^2",
+        "--no-check",
+        "-o",
+        "one",
+    )
     one, stories = json.loads(Path("one/summary.json").read_text()), rows("one/stories.csv")
     row = table[5]
     assert np.isclose(float(row["sa_t1_m_s2"]), one["building"]["sa_t1_m_s2"], rtol=1e-11)
-    assert float(row["peak_drift_ratio"]) == max(float(story["peak_drift_ratio"]) for story in stories)
-    kept = [story for story in rows("out/stories.csv") if list(story.values())[:4] == list(row.values())[:4]]
+    assert float(row["peak_drift_ratio"]) == max(
+        float(story["peak_drift_ratio"]) for story in stories
+    )
+    kept = [
+        story
+        for story in rows("out/stories.csv")
+        if list(story.values())[:4] == list(row.values())[:4]
+    ]
     assert [{name: story[name] for name in stories[0]} for story in kept] == stories
 
 
@@ -147,9 +195,13 @@ def test_the_same_bytes_whoever_does_the_runs(study: Path, tdint: Command) -> No
     result = tdint("campaign", "merge", *parts[:2], "-o", "half", "--partial", code=0)
     assert "runs are in none of them" in result.stderr
     shutil.copytree("half", "added")
-    assert tdint("campaign", "merge", "part-2", "-o", "added").exit_code == 0  # with what is there already
+    assert (
+        tdint("campaign", "merge", "part-2", "-o", "added").exit_code == 0
+    )  # with what is there already
     assert tdint("campaign", "merge", *parts, "part-3", "-o", "all").exit_code == 0
-    assert tdint("campaign", "study.yaml", "-o", "half").exit_code == 0  # does what the two parts left
+    assert (
+        tdint("campaign", "study.yaml", "-o", "half").exit_code == 0
+    )  # does what the two parts left
     for place in ("one", "three", "all", "added", "half"):
         assert [(Path(place) / name).read_bytes() for name in names] == wanted, place
 
@@ -159,7 +211,10 @@ def test_a_campaign_goes_on_where_it_stopped(study: Path, tdint: Command) -> Non
     first = tdint("campaign", "study.yaml", "-o", "part", "--max-runs", "4", code=0)
     done = len(rows("part/runs.csv"))
     assert 4 <= done < RUNS
-    told, asked = f"{done} of {RUNS} runs are done", (["campaign", "export"], ["fragility"], ["sensitivity"])
+    told, asked = (
+        f"{done} of {RUNS} runs are done",
+        (["campaign", "export"], ["fragility"], ["sensitivity"]),
+    )
     assert told in first.stderr and all(told in tdint(*command, "part").stderr for command in asked)
     status = tdint("campaign", "status", "part")
     assert status.stdout == f"status,runs\ndone,{done}\nleft,{RUNS - done}\n"
@@ -190,7 +245,10 @@ def test_a_folder_holds_one_campaign(study: Path, tdint: Command) -> None:
     assert "motion.mseed" not in result.stderr
     change("study.yaml", ("name: study", "name: other"))
     tdint("campaign", "study.yaml", "-o", "new")
-    assert "of different campaigns" in tdint("campaign", "merge", "out", "new", "-o", "all", code=2).stderr
+    assert (
+        "of different campaigns"
+        in tdint("campaign", "merge", "out", "new", "-o", "all", code=2).stderr
+    )
     assert not Path("all", FILE).exists()
 
 
@@ -204,8 +262,13 @@ def test_all_faults_of_a_file_are_told_at_once(study: Path, tdint: Command) -> N
     )
     result = tdint.refused("did you mean 'files'?", "campaign", "bad.yaml", "-o", "new", code=3)
     assert "newmark" in result.stderr
-    found = [line.removeprefix("Error: bad.yaml:").split(": ", 2)[:2] for line in result.stderr.splitlines()]
-    assert [place for place, _ in found] == sorted((place for place, _ in found), key=lambda text: text.split(":"))
+    found = [
+        line.removeprefix("Error: bad.yaml:").split(": ", 2)[:2]
+        for line in result.stderr.splitlines()
+    ]
+    assert [place for place, _ in found] == sorted(
+        (place for place, _ in found), key=lambda text: text.split(":")
+    )
     assert [key for _, key in found] == [
         "buildings.units", "records.file", "records.pairs", "intensity.period", "intensity.levels[1]",
         "intensity.levels[2]", "analysis.method", "analysis.dt", "outputs.stories",
@@ -216,15 +279,24 @@ def test_all_faults_of_a_file_are_told_at_once(study: Path, tdint: Command) -> N
     ("content", "said"),
     [
         ("", "the campaign file is empty; it needs at least `buildings` and `records`"),
-        ("buildings: {models: []}\nrecords: {files: [motion.mseed]}\n", "is empty; give at least one model file"),
+        (
+            "buildings: {models: []}\nrecords: {files: [motion.mseed]}\n",
+            "is empty; give at least one model file",
+        ),
         ("buildings: {models: [a.yaml]}\n", "records: is missing; give `files` or a `grid`"),
         ("buildings: {inventory: a.csv}\nrecords: {files: [b]}\n", "buildings.units: is missing"),
-        ("buildings: {models: [nowhere.yaml]}\nrecords: {files: [motion.mseed]}\n", "nowhere.yaml: no such file"),
+        (
+            "buildings: {models: [nowhere.yaml]}\nrecords: {files: [motion.mseed]}\n",
+            "nowhere.yaml: no such file",
+        ),
         (
             STUDY.replace("scales: [0.25, 1, 2.5]", "measure: d5-95, levels: [0.1 m/s]"),
             "d5-95: a duration does not change with a factor; no level can be asked of it",
         ),
-        (STUDY.replace("scales: [0.25, 1, 2.5]", "factors: bad.csv"), "bad.csv:2: factor: must be a number"),
+        (
+            STUDY.replace("scales: [0.25, 1, 2.5]", "factors: bad.csv"),
+            "bad.csv:2: factor: must be a number",
+        ),
     ],
 )
 def test_files_that_cannot_be(study: Path, tdint: Command, content: str, said: str) -> None:
@@ -233,7 +305,9 @@ def test_files_that_cannot_be(study: Path, tdint: Command, content: str, said: s
     tdint.refused(said, "campaign", "bad.yaml", "-o", "new", code=3)
 
 
-def test_records_that_cannot_be_read_are_named_and_the_others_done(study: Path, tdint: Command) -> None:
+def test_records_that_cannot_be_read_are_named_and_the_others_done(
+    study: Path, tdint: Command
+) -> None:
     """They are listed and counted in summary.json and by `status`, as they are at the last call."""
     Path("broken.mseed").write_bytes(b"no record at all")
     change("study.yaml", ("other.mseed]", "broken.mseed, nowhere.mseed, other.mseed]"))
@@ -263,33 +337,52 @@ def test_failed_runs_are_rows_with_their_status(study: Path, tdint: Command) -> 
     assert "no result of 9 runs: 9 unstable-step" in result.stderr
     table = rows("failed/runs.csv")
     assert [row["status"] for row in table] == 9 * ["done"] + 9 * ["unstable-step"]
-    assert all(row["peak_drift_m"] == "" and row["steps"] == "" and row["pga_m_s2"] for row in table[9:])
+    assert all(
+        row["peak_drift_m"] == "" and row["steps"] == "" and row["pga_m_s2"] for row in table[9:]
+    )
     tdint("campaign", "export", "failed", "--output-units", "kN,mm", code=0)
     assert [row["peak_drift_mm"] for row in rows("failed/runs.csv")[9:]] == 9 * [""]
 
 
-def test_a_step_that_fits_no_record_is_refused_before_anything_is_made(study: Path, tdint: Command) -> None:
+def test_a_step_that_fits_no_record_is_refused_before_anything_is_made(
+    study: Path, tdint: Command
+) -> None:
     change("study.yaml", ("method: newmark-average", "dt: 0.007"))
-    tdint.refused("motion.mseed HNE: dt 0.007 s does not fit", "campaign", "study.yaml", "-o", "new")
+    tdint.refused(
+        "motion.mseed HNE: dt 0.007 s does not fit", "campaign", "study.yaml", "-o", "new"
+    )
 
 
 def test_one_writer_at_a_time(study: Path, tdint: Command) -> None:
     Path("new").mkdir()
     with locked(Path("new")):
-        tdint.refused("another tdint is at work on it", "campaign", "study.yaml", "-o", "new", code=6)
+        tdint.refused(
+            "another tdint is at work on it", "campaign", "study.yaml", "-o", "new", code=6
+        )
     assert not Path("new", FILE).exists()
 
 
 @pytest.mark.parametrize("port_of", [lambda server: 1, lambda server: server.getsockname()[1]])
 def test_a_scheduler_that_does_not_answer(
-    study: Path, tdint: Command, monkeypatch: pytest.MonkeyPatch, port_of: Callable[[socket.socket], int]
+    study: Path,
+    tdint: Command,
+    monkeypatch: pytest.MonkeyPatch,
+    port_of: Callable[[socket.socket], int],
 ) -> None:
     """Where nothing listens, and where something does that says nothing."""
     pytest.importorskip("distributed")
     monkeypatch.setattr("tdint.campaign.cluster._SILENT", 0.1)
     monkeypatch.setattr("tdint.campaign.cluster._PATIENCE", 0.6)
     with socket.create_server(("127.0.0.1", 0)) as server:
-        result = tdint("campaign", "study.yaml", "-o", "new", "--dask", f"tcp://127.0.0.1:{port_of(server)}", code=2)
+        result = tdint(
+            "campaign",
+            "study.yaml",
+            "-o",
+            "new",
+            "--dask",
+            f"tcp://127.0.0.1:{port_of(server)}",
+            code=2,
+        )
     assert "no scheduler answers yet; waiting" in result.stderr
     assert "no scheduler answers: " in result.stderr.splitlines()[-1]
     assert "Traceback" not in result.stderr
@@ -306,11 +399,23 @@ def test_a_scheduler_that_does_not_answer(
         (["study.yaml", "-o", "new", "--baseline", "shakn"], "there is no building 'shakn'"),
         (["merge", "-o", "all"], "give the folders to merge"),
         (["merge", "nowhere", "-o", "all"], "holds no campaign"),
-        (["study.yaml", "-o", "new", "--dask", "tcp://far.example:8786"], "the connection must be encrypted"),
-        (["study.yaml", "-o", "new", "--dask", "tls://far.example:8786"], "give --tls-ca, --tls-cert and --tls-key"),
+        (
+            ["study.yaml", "-o", "new", "--dask", "tcp://far.example:8786"],
+            "the connection must be encrypted",
+        ),
+        (
+            ["study.yaml", "-o", "new", "--dask", "tls://far.example:8786"],
+            "give --tls-ca, --tls-cert and --tls-key",
+        ),
         (["study.yaml", "-o", "new", "--dask", "far.example"], "is no address of a scheduler"),
-        (["study.yaml", "-o", "new", "--dask", "tcp://localhost:8786/../x"], "is no address of a scheduler"),
-        (["study.yaml", "-o", "new", "--dask", "tcp://me:secret@localhost:8786"], "is no address of a scheduler"),
+        (
+            ["study.yaml", "-o", "new", "--dask", "tcp://localhost:8786/../x"],
+            "is no address of a scheduler",
+        ),
+        (
+            ["study.yaml", "-o", "new", "--dask", "tcp://me:secret@localhost:8786"],
+            "is no address of a scheduler",
+        ),
     ],
 )
 def test_usage(study: Path, tdint: Command, arguments: list[str], said: str) -> None:
@@ -320,11 +425,26 @@ def test_usage(study: Path, tdint: Command, arguments: list[str], said: str) -> 
 def test_a_tolerance_chooses_the_step_of_each_building(study: Path, tdint: Command) -> None:
     """One step for all runs of a building; with several jobs, too. `tdint run` chooses no smaller one for a run that
     has been looked at."""
-    change("study.yaml", ("method: newmark-average", "method: newmark-average, tolerance: 0.1%"), ("0.25, 1, 2.5", "1"))
+    change(
+        "study.yaml",
+        ("method: newmark-average", "method: newmark-average, tolerance: 0.1%"),
+        ("0.25, 1, 2.5", "1"),
+    )
     tdint("campaign", "study.yaml", "-o", "steps", "--jobs", "2", code=0)
     steps = {(row["building"], row["dt_s"]) for row in rows("steps/runs.csv")}
     assert len(steps) == 2 and min(float(dt) for _, dt in steps) < 0.01
-    run = ("run", "shaken.yaml", "--record", "motion.mseed", "--units", "m/s^2", "--component", "HNN", "--scale", "1")
+    run = (
+        "run",
+        "shaken.yaml",
+        "--record",
+        "motion.mseed",
+        "--units",
+        "m/s^2",
+        "--component",
+        "HNN",
+        "--scale",
+        "1",
+    )
     tdint(*run, "--tolerance", "0.1%", "-o", "one", code=0)
     assert float(dict(steps)["shaken"]) <= json.loads(Path("one/summary.json").read_text())["dt_s"]
 
@@ -332,11 +452,17 @@ def test_a_tolerance_chooses_the_step_of_each_building(study: Path, tdint: Comma
 def test_levels_of_an_intensity_measure(study: Path, tdint: Command) -> None:
     """Sa(T1) of each building takes the levels; of a pair both components have one factor, and the geometric mean of
     their PGA takes them."""
-    change("study.yaml", ("scales: [0.25, 1, 2.5]", "measure: sa, period: T1, levels: [0.1 g, 250 cm/s^2]"))
+    change(
+        "study.yaml",
+        ("scales: [0.25, 1, 2.5]", "measure: sa, period: T1, levels: [0.1 g, 250 cm/s^2]"),
+    )
     tdint("campaign", "study.yaml", "-o", "sa", code=0)
     found = np.array([float(row["sa_t1_m_s2"]) for row in rows("sa/runs.csv")]).reshape(-1, 2)
     np.testing.assert_allclose(np.sort(found, axis=1), np.tile([0.980665, 2.5], (6, 1)), rtol=1e-11)
-    change("study.yaml", ("measure: sa, period: T1, levels: [0.1 g, 250 cm/s^2]", "measure: pga, levels: [2 m/s^2]"))
+    change(
+        "study.yaml",
+        ("measure: sa, period: T1, levels: [0.1 g, 250 cm/s^2]", "measure: pga, levels: [2 m/s^2]"),
+    )
     change("study.yaml", ("[motion.mseed, other.mseed], ", "[motion.mseed], pairs: true, "))
     tdint("campaign", "study.yaml", "-o", "pga", code=0)
     first, second = rows("pga/runs.csv")[:2]
@@ -355,7 +481,9 @@ def test_factors_of_a_file(study: Path, tdint: Command) -> None:
 
 def test_exports_are_written_anew(study: Path, tdint: Command) -> None:
     """SimCenter's names: floor 0 is the ground, and both directions of a pair stand in one row."""
-    change("study.yaml", ("files: [motion.mseed, other.mseed]", "files: [motion.mseed], pairs: true"))
+    change(
+        "study.yaml", ("files: [motion.mseed, other.mseed]", "files: [motion.mseed], pairs: true")
+    )
     tdint("campaign", "study.yaml", "-o", "pairs")
     kept = Path("pairs/runs.csv").read_bytes()
     Path("pairs/runs.csv").unlink()
@@ -371,10 +499,16 @@ def test_exports_are_written_anew(study: Path, tdint: Command) -> None:
     runs, stories = rows("pairs/runs.csv"), rows("pairs/stories.csv")
     for direction, component in (("1", "HNN"), ("2", "HNE")):
         run = next(row for row in runs if row["component"] == component)
-        peaks = [row for row in stories if row["component"] == component and row["scale"] == "0.25"][:2]
+        peaks = [
+            row for row in stories if row["component"] == component and row["scale"] == "0.25"
+        ][:2]
         assert first[f"1-PFA-0-{direction}"] == run["pga_m_s2"]
-        assert [first[f"1-PID-{i}-{direction}"] for i in (1, 2)] == [row["peak_drift_ratio"] for row in peaks]
-        assert [first[f"1-PFD-{i}-{direction}"] for i in (1, 2)] == [row["peak_displacement_m"] for row in peaks]
+        assert [first[f"1-PID-{i}-{direction}"] for i in (1, 2)] == [
+            row["peak_drift_ratio"] for row in peaks
+        ]
+        assert [first[f"1-PFD-{i}-{direction}"] for i in (1, 2)] == [
+            row["peak_displacement_m"] for row in peaks
+        ]
         roof = float(peaks[1]["peak_displacement_m"]) / 6.0
         assert np.isclose(float(first[f"1-PRD-1-{direction}"]), roof, rtol=1e-11)
     assert table[3]["1-PID-2-1"] == table[3]["1-PFD-2-2"] == ""  # a building of one story
@@ -405,7 +539,9 @@ def test_run_with_several_records_or_scales(study: Path, tdint: Command) -> None
     assert list(rows(shown.stdout)[0]) == COLUMNS
     kept = tdint(*several, "--scale", "2.5,0.25", "-o", "kept")
     assert kept.stdout == shown.stdout == Path("kept/runs.csv").read_text()
-    of_campaign = [row for row in rows("out/runs.csv") if row["building"] == "shaken" and row["scale"] != "1"]
+    of_campaign = [
+        row for row in rows("out/runs.csv") if row["building"] == "shaken" and row["scale"] != "1"
+    ]
     assert rows("kept/runs.csv") == of_campaign
     of_model = ("run", "shaken.yaml", "--units", "m/s^2", "--scale", "1,3")
     assert [row["component"] for row in rows(tdint(*of_model).stdout)] == ["HNE", "HNE"]
@@ -416,17 +552,33 @@ def test_run_with_several_records_or_scales(study: Path, tdint: Command) -> None
         tdint.refused("for one record and one scale", *of_model, *option, "-o", "new")
 
 
-def test_rows_of_an_inventory_that_could_not_be_used_are_counted_by_building(study: Path, tdint: Command) -> None:
-    change("study.yaml", ("{models: [shaken.yaml, stiff.yaml]}", "{inventory: rows.csv, units: {length: m}}"))
+def test_rows_of_an_inventory_that_could_not_be_used_are_counted_by_building(
+    study: Path, tdint: Command
+) -> None:
+    change(
+        "study.yaml",
+        ("{models: [shaken.yaml, stiff.yaml]}", "{inventory: rows.csv, units: {length: m}}"),
+    )
     Path("rows.csv").write_text(
         "id,NumberOfStories,YearBuilt,StructureType,PlanArea\na,2,1968,C1,900\nb,0,1968,X9,900\nc,2,x,C1,900\n"
     )
     tdint("campaign", "study.yaml", "-o", "new", code=3)
     summary = json.loads(Path("new/summary.json").read_text())
-    assert [one["file"] for one in summary["inputs"]] == ["motion.mseed", "other.mseed", "rows.csv", "study.yaml"]
+    assert [one["file"] for one in summary["inputs"]] == [
+        "motion.mseed",
+        "other.mseed",
+        "rows.csv",
+        "study.yaml",
+    ]
     unused = summary["not_used"]
-    assert (unused["records"]["count"], unused["buildings"]["count"]) == (0, 2)  # b has two faults, and is one building
-    assert "rows.csv:3" in unused["buildings"]["reasons"][0] and "X9" in unused["buildings"]["reasons"][0]
+    assert (unused["records"]["count"], unused["buildings"]["count"]) == (
+        0,
+        2,
+    )  # b has two faults, and is one building
+    assert (
+        "rows.csv:3" in unused["buildings"]["reasons"][0]
+        and "X9" in unused["buildings"]["reasons"][0]
+    )
 
 
 def test_exports_of_an_earlier_state_do_not_stay(study: Path, tdint: Command) -> None:
@@ -441,7 +593,8 @@ def test_exports_of_an_earlier_state_do_not_stay(study: Path, tdint: Command) ->
     # Components that are no pairs stand in rows of their own.
     names = ("building", "record", "component", "scale", "sample")
     rows_of, runs = (
-        [tuple(row[name] for name in names) for row in rows(f"part/{file}.csv")] for file in ("simcenter", "runs")
+        [tuple(row[name] for name in names) for row in rows(f"part/{file}.csv")]
+        for file in ("simcenter", "runs")
     )
     assert rows_of == runs and len(set(runs)) == RUNS
 
@@ -460,7 +613,9 @@ def test_a_campaign_writes_in_the_units_of_its_models(study: Path, tdint: Comman
     assert list(rows("new/runs.csv")[0]) == COLUMNS
     tdint("campaign", "export", "new")
     tdint("campaign", "merge", "new", "-o", "all")
-    assert Path("all/runs.csv").read_bytes() == Path("new/runs.csv").read_bytes() == kips["runs.csv"]
+    assert (
+        Path("all/runs.csv").read_bytes() == Path("new/runs.csv").read_bytes() == kips["runs.csv"]
+    )
     change("stiff.yaml", ("output_units: kip, in, g", "output_units: kN"))
     assert "different units" in tdint("campaign", "study.yaml", "-o", "new").stderr
     assert list(rows("new/runs.csv")[0]) == COLUMNS

@@ -37,7 +37,16 @@ stories:
 damping: {rayleigh: {ratio: 0.05, modes: [1, 2]}}
 analysis: {method: newmark-average}
 """
-RECORDS = ("ida", "frame.yaml", "motion.mseed", "other.mseed", "--units", "m/s^2", "--precision", "10%")
+RECORDS = (
+    "ida",
+    "frame.yaml",
+    "motion.mseed",
+    "other.mseed",
+    "--units",
+    "m/s^2",
+    "--precision",
+    "10%",
+)
 AFTERSHOCKS = (*RECORDS, "--after", "other.mseed")
 
 
@@ -75,17 +84,29 @@ def test_rows_are_those_of_single_runs():
         peaks = demands(found.stories)
         assert float(row["scale"]) == scale
         assert float(row["peak_drift_m"]) == pytest.approx(peaks.drift.value, rel=1e-11)
-        assert float(row["residual_drift_ratio"]) == pytest.approx(peaks.residual_drift_ratio.value, rel=1e-11)
-        assert float(row["pga_m_s2"]) == pytest.approx(max(shock.record.pga for shock in found.shocks))
-        parts = [part for part in shocks if part["record"] == "three" and float(part["scale"]) == scale]
+        assert float(row["residual_drift_ratio"]) == pytest.approx(
+            peaks.residual_drift_ratio.value, rel=1e-11
+        )
+        assert float(row["pga_m_s2"]) == pytest.approx(
+            max(shock.record.pga for shock in found.shocks)
+        )
+        parts = [
+            part for part in shocks if part["record"] == "three" and float(part["scale"]) == scale
+        ]
         for part, shock in zip(parts, found.shocks, strict=True):
             assert float(part["start_s"]) == pytest.approx(shock.start)
             assert float(part["pga_m_s2"]) == pytest.approx(shock.record.pga)
-            assert float(part["peak_drift_m"]) == pytest.approx(demands(shock.stories).drift.value, rel=1e-11)
+            assert float(part["peak_drift_m"]) == pytest.approx(
+                demands(shock.stories).drift.value, rel=1e-11
+            )
 
 
 def test_the_same_bytes_for_any_threads_and_shards(study, tdint):
-    for where, options in (("two", ("--jobs", 2)), ("a", ("--shard", "1/2")), ("b", ("--shard", "2/2"))):
+    for where, options in (
+        ("two", ("--jobs", 2)),
+        ("a", ("--shard", "1/2")),
+        ("b", ("--shard", "2/2")),
+    ):
         tdint("campaign", "study.yaml", "-o", where, *options, code=0)
     tdint("campaign", "merge", "a", "b", "-o", "both", code=0)
     for name in ("runs.csv", "shocks.csv"):
@@ -95,12 +116,18 @@ def test_the_same_bytes_for_any_threads_and_shards(study, tdint):
 
 def test_a_given_rest_and_levels_of_the_first_shock(study, tdint):
     change(
-        "study.yaml", ("pairs.csv,", "pairs.csv, rest: 7,"), ("scales: [0.5, 1.5]", "measure: pga, levels: [2 m/s^2]")
+        "study.yaml",
+        ("pairs.csv,", "pairs.csv, rest: 7,"),
+        ("scales: [0.5, 1.5]", "measure: pga, levels: [2 m/s^2]"),
     )
     tdint("campaign", "study.yaml", "-o", "new", code=0)
     shocks = rows("new/shocks.csv")
-    assert [float(row["start_s"]) for row in shocks if row["record"] == "three"] == pytest.approx([0.0, 9.99, 19.98])
-    assert [float(row["pga_m_s2"]) for row in shocks if row["shock"] == "1"] == pytest.approx([2.0, 2.0])
+    assert [float(row["start_s"]) for row in shocks if row["record"] == "three"] == pytest.approx(
+        [0.0, 9.99, 19.98]
+    )
+    assert [float(row["pga_m_s2"]) for row in shocks if row["shock"] == "1"] == pytest.approx(
+        [2.0, 2.0]
+    )
 
 
 def test_a_shock_that_was_changed_in_the_store_is_done_again(study, tdint):
@@ -121,11 +148,26 @@ def test_a_sequence_that_cannot_be_read_leaves_the_others(study, tdint):
 @pytest.mark.parametrize(
     ("file", "before", "after", "text"),
     [
-        ("study.yaml", "pairs.csv,", "pairs.csv, pairs: true,", "pairs: has no part in `sequences`"),
+        (
+            "study.yaml",
+            "pairs.csv,",
+            "pairs.csv, pairs: true,",
+            "pairs: has no part in `sequences`",
+        ),
         ("study.yaml", "pairs.csv,", "pairs.csv, neighbors: 4,", "neighbors: belongs to a `grid`"),
-        ("study.yaml", "sequences: pairs.csv", "files: [motion.mseed], rest: 3", "rest: belongs to `sequences`"),
+        (
+            "study.yaml",
+            "sequences: pairs.csv",
+            "files: [motion.mseed], rest: 3",
+            "rest: belongs to `sequences`",
+        ),
         ("study.yaml", "pairs.csv,", "pairs.csv, rest: -1,", "rest"),
-        ("study.yaml", "newmark-average", "newmark-average, duration: 3", "duration: is not for `sequences`"),
+        (
+            "study.yaml",
+            "newmark-average",
+            "newmark-average, duration: 3",
+            "duration: is not for `sequences`",
+        ),
         ("pairs.csv", "HNE,0.5", "HNE,0", "pairs.csv:3: factor"),
         ("pairs.csv", "HNE,0.5", "HNE,much", "pairs.csv:3: factor"),
         ("pairs.csv", "sequence,record", "sequence,file", "no column record"),
@@ -163,14 +205,18 @@ def test_aftershocks_find_the_building_that_the_mainshock_has_damaged(tdint):
     assert sooner == [True] * 3
 
     # A level is the run of the sequence put together by hand.
-    level = next(row for row in rows("ida/ida.csv") if row["damage"] == "0.02" and row["status"] == "done")
+    level = next(
+        row for row in rows("ida/ida.csv") if row["damage"] == "0.02" and row["status"] == "done"
+    )
     model = library.load_model("frame.yaml")
     main = library.read_record("other.mseed", component="HNE", units="m/s^2")
     record = library.read_record("motion.mseed", component="HNE", units="m/s^2")
     case = library.prepare(model, main, method="newmark-average")
 
     def reached(factor: float) -> float:
-        return demands(library.run(model, main.scaled(factor), method="newmark-average").stories).drift_ratio.value
+        return demands(
+            library.run(model, main.scaled(factor), method="newmark-average").stories
+        ).drift_ratio.value
 
     low, high = 0.0, 1.0
     while reached(high) < 0.02:
@@ -181,9 +227,13 @@ def test_aftershocks_find_the_building_that_the_mainshock_has_damaged(tdint):
     found = run_sequence(case, [main.scaled(high), record.scaled(float(level["scale"]))])
     assert demands(found.shocks[0].stories).drift_ratio.value == pytest.approx(0.02, rel=2e-4)
     drift = demands(found.shocks[1].stories).drift_ratio.value
-    assert float(level["peak_drift_ratio"]) == pytest.approx(drift, rel=1e-2)  # the scale is found to 1e-4
+    assert float(level["peak_drift_ratio"]) == pytest.approx(
+        drift, rel=1e-2
+    )  # the scale is found to 1e-4
 
-    again = tdint(*AFTERSHOCKS, "--damage", "2%", "-o", "ida", "--threshold", "0.1%,5%", "--plot", code=0)
+    again = tdint(
+        *AFTERSHOCKS, "--damage", "2%", "-o", "ida", "--threshold", "0.1%,5%", "--plot", code=0
+    )
     assert "nothing to do" in again.stderr
     tdint(*AFTERSHOCKS, "--damage", "1%", "-o", "ida", "--threshold", "0.1%,5%", code=2)
 
@@ -210,7 +260,12 @@ IMK = (
 @pytest.mark.parametrize(
     ("law", "options", "code", "text"),
     [
-        ("bilinear, yield_force: 50, hardening: 0.1", ("--damage", "20%"), 2, "below the collapse drift"),
+        (
+            "bilinear, yield_force: 50, hardening: 0.1",
+            ("--damage", "20%"),
+            2,
+            "below the collapse drift",
+        ),
         (IMK, ("--damage", "3%"), 5, "does not reach a drift of 3 %"),
     ],
     ids=["collapse", "no damage"],
@@ -222,7 +277,12 @@ def test_refusals_of_aftershocks(study, tdint, law, options, code, text):
 
 def test_units_of_each_shock(study, tdint):
     """A column of the table, for some rows alone, does what the key does for all."""
-    change("pairs.csv", ("factor\n", "factor,units\n"), ("HNE,0.5", "HNE,0.5,100 cm/s^2"), ("HNE,1\n", "HNE,1,m/s^2\n"))
+    change(
+        "pairs.csv",
+        ("factor\n", "factor,units\n"),
+        ("HNE,0.5", "HNE,0.5,100 cm/s^2"),
+        ("HNE,1\n", "HNE,1,m/s^2\n"),
+    )
     tdint("campaign", "study.yaml", "-o", "rows", code=0)
     assert rows("rows/runs.csv") == rows("out/runs.csv")
     change("pairs.csv", ("100 cm/s^2", "cm/s^2"))

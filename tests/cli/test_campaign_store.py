@@ -68,7 +68,9 @@ def test_a_chunk_that_is_not_as_it_was_written_is_done_again(
 ) -> None:
     sql(statement)
     for action in ("status", "export"):
-        tdint.refused("chunks of runs are not as they were written; call", "campaign", action, "out", code=6)
+        tdint.refused(
+            "chunks of runs are not as they were written; call", "campaign", action, "out", code=6
+        )
     assert tables("out") == done
     assert "they are done again" in tdint("campaign", "study.yaml", "-o", "out", code=0).stderr
     assert tables("out") == done
@@ -78,7 +80,9 @@ def test_a_chunk_that_is_not_as_it_was_written_is_done_again(
 def test_a_merge_leaves_out_what_is_damaged(done: dict[str, bytes], tdint: Command) -> None:
     shutil.copytree("out", "good")
     sql("DELETE FROM run_rows WHERE scale = 0.5")
-    assert "and are left out" in tdint("campaign", "merge", "out", "good", "-o", "all", code=0).stderr
+    assert (
+        "and are left out" in tdint("campaign", "merge", "out", "good", "-o", "all", code=0).stderr
+    )
     assert tables("all") == done
     tdint("campaign", "merge", "out", "-o", "part", code=5)
     assert not Path("part/campaign.sqlite").exists()
@@ -109,7 +113,12 @@ def test_a_store_that_cannot_be_trusted_is_refused_with_a_way_out(
 ) -> None:
     sql(statement)
     before = Path("out", FILE).read_bytes()
-    for arguments in (["study.yaml", "-o", "out"], ["status", "out"], ["export", "out"], ["merge", "out", "-o", "new"]):
+    for arguments in (
+        ["study.yaml", "-o", "out"],
+        ["status", "out"],
+        ["export", "out"],
+        ["merge", "out", "-o", "new"],
+    ):
         (line,) = tdint("campaign", *arguments, code=6).stderr.splitlines()
         assert "cannot be trusted" in line
     assert Path("out", FILE).read_bytes() == before
@@ -134,7 +143,9 @@ def test_every_damaged_page_is_found(done: dict[str, bytes], tdint: Command) -> 
     assert 6 in ends
 
 
-@pytest.mark.parametrize("make", [lambda path: path.write_text("hello\n" * 200), os.mkfifo, Path.mkdir])
+@pytest.mark.parametrize(
+    "make", [lambda path: path.write_text("hello\n" * 200), os.mkfifo, Path.mkdir]
+)
 @pytest.mark.parametrize("name", [LOCK, FILE])
 def test_what_is_no_file_of_ours_in_its_place(
     done: dict[str, bytes], tdint: Command, name: str, make: Callable[[Path], None]
@@ -189,14 +200,20 @@ def test_a_store_is_closed_without_waiting_for_others(
 
 
 @pytest.mark.usefixtures("impatient")
-def test_waiting_is_said_and_ends(done: dict[str, bytes], tdint: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_waiting_is_said_and_ends(
+    done: dict[str, bytes], tdint: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The other program ends when it hears of it, or never."""
     sql("DELETE FROM run_rows WHERE scale = 0.5")
     with locked_by_another():
-        tdint.refused("another program keeps it locked", "campaign", "study.yaml", "-o", "out", code=6)
+        tdint.refused(
+            "another program keeps it locked", "campaign", "study.yaml", "-o", "out", code=6
+        )
     say = store_schema._log.info
     with locked_by_another() as other:
-        monkeypatch.setattr(store_schema._log, "info", lambda *words: (other.rollback(), say(*words)))
+        monkeypatch.setattr(
+            store_schema._log, "info", lambda *words: (other.rollback(), say(*words))
+        )
         result = tdint("campaign", "study.yaml", "-o", "out", code=0)
     assert "locked it; waiting for ten seconds at most" in result.stderr
     assert tables("out") == done
@@ -210,7 +227,9 @@ def test_tables_of_another_command_are_not_replaced(done: dict[str, bytes], tdin
     into_one = [("campaign", "study.yaml", "-o", "one"), ("campaign", "merge", "out", "-o", "one")]
     for words in (*into_one, (*one_run, "--scale", "0.5,1")):
         tdint.refused("exists already", *words, code=6)
-        assert {path.name: path.read_bytes() for path in Path("one").iterdir() if path.name != LOCK} == kept
+        assert {
+            path.name: path.read_bytes() for path in Path("one").iterdir() if path.name != LOCK
+        } == kept
     Path("out/runs.csv").write_text("mine\n")
     for words in (["study.yaml", "-o", "out"], ["export", "out"], ["merge", "out", "-o", "out"]):
         tdint.refused("out/runs.csv: exists already", "campaign", *words, code=6)
@@ -220,7 +239,9 @@ def test_tables_of_another_command_are_not_replaced(done: dict[str, bytes], tdin
     assert tables("out") == tables("one") == done
 
 
-def test_overwrite_begins_no_campaign_anew_that_is_the_same(done: dict[str, bytes], tdint: Command) -> None:
+def test_overwrite_begins_no_campaign_anew_that_is_the_same(
+    done: dict[str, bytes], tdint: Command
+) -> None:
     assert "nothing to do" in tdint("campaign", "study.yaml", "-o", "out", "--overwrite").stderr
     change("study.yaml", ("2.5", "3"))
     tdint("campaign", "study.yaml", "-o", "out", code=2)

@@ -16,7 +16,16 @@ from tdint.system import version_of_sources
 from tdint_cli import terminal
 from tdint_cli.commands import chart
 
-QUICK = ("--method", "impulse4", "--method", "newmark-average", "--dt", "0.02,0.01", "--repeat", "2")
+QUICK = (
+    "--method",
+    "impulse4",
+    "--method",
+    "newmark-average",
+    "--dt",
+    "0.02,0.01",
+    "--repeat",
+    "2",
+)
 
 
 @pytest.fixture(scope="module")
@@ -45,12 +54,13 @@ def test_table_words_and_files(folder, tdint, drawn):
     assumed, *lines = result.stderr.splitlines()
     assert assumed.startswith("Warning: motion.mseed: ")
     assert lines[0].startswith("2 stories: the reference is impulse4 with dt ")
-    told = re.search(r"impulse4 with dt (\S+) s.* newmark-average extrapolated from dt (\S+) and (\S+) s", lines[0])
+    told = re.search(
+        r"impulse4 with dt (\S+) s.* newmark-average extrapolated from dt (\S+) and (\S+) s",
+        lines[0],
+    )
     assert [float(told[1]) / float(told[i]) for i in (2, 3)] == pytest.approx([4.0, 8.0], rel=1e-3)
     for line, limit in zip(lines[1:3], ("1", "0.1"), strict=True):
-        best = (
-            rf"For {limit} % \(peak-drift\): (\S+) with dt (\S+) s, .* ms, error \S+ %, told (\S+) % of the peak drifts"
-        )
+        best = rf"For {limit} % \(peak-drift\): (\S+) with dt (\S+) s, .* ms, error \S+ %, told (\S+) % of the peak drifts"
         others = r"(; next best: \S+ with dt \S+ s, \S+ times as long, error \S+ %)?"
         usual = r"(; newmark-average with dt 0.01 s, \S+ times as long, error \S+ %)?"
         stated = re.fullmatch(f"{best}{others}{usual}\\.", line)
@@ -65,8 +75,15 @@ def test_table_words_and_files(folder, tdint, drawn):
     summary = json.loads((folder / "x.json").read_text())
     assert summary["interval_s"] == 0.01
     assert [one["limit"] for one in summary["recommended"]] == [0.01, 0.001]
-    assert all(0.0 < one["error"] <= one["limit"] and one["told_error"] > 0.0 for one in summary["recommended"])
-    assert all(one["next_best"]["method"] != one["method"] for one in summary["recommended"] if one["next_best"])
+    assert all(
+        0.0 < one["error"] <= one["limit"] and one["told_error"] > 0.0
+        for one in summary["recommended"]
+    )
+    assert all(
+        one["next_best"]["method"] != one["method"]
+        for one in summary["recommended"]
+        if one["next_best"]
+    )
     assert (summary["model"]["file"], summary["record"]["component"]) == ("shaken.yaml", "HNE")
     (reference,) = summary["references"]
     assert reference["method"] == "impulse4"
@@ -74,21 +91,41 @@ def test_table_words_and_files(folder, tdint, drawn):
     assert all(0.0 < gap < 1e-6 for gap in reference["gap"].values())
     assert (summary["usual"]["method"], summary["peers"]) == ("newmark-average", [])
     (timing,) = summary["timing"]
-    assert 2 <= timing["repeats"][0] <= timing["repeats"][1] <= 8 and timing["processors"] >= 1 and timing["processor"]
+    assert (
+        2 <= timing["repeats"][0] <= timing["repeats"][1] <= 8
+        and timing["processors"] >= 1
+        and timing["processor"]
+    )
     assert timing["clock"] in ("processor time of the thread", "wall time")
 
 
 def test_lines_by_tolerance(folder, tdint):
     """They stand behind the others, with the error of peak drifts alone, and are not recommended: they have no dt."""
     result = tdint(
-        "chart", "shaken.yaml", *QUICK, "--duration", "1.5", "--tolerance", "5%,1%", "--plot", "x.svg", code=0
+        "chart",
+        "shaken.yaml",
+        *QUICK,
+        "--duration",
+        "1.5",
+        "--tolerance",
+        "5%,1%",
+        "--plot",
+        "x.svg",
+        code=0,
     )
     chosen = rows(result.stdout)[4:]
     assert [row["method"] for row in chosen] == [
-        f"{parse(name).label} within {tolerance}" for name in ("moment4", "impulse4") for tolerance in ("0.05", "0.01")
+        f"{parse(name).label} within {tolerance}"
+        for name in ("moment4", "impulse4")
+        for tolerance in ("0.05", "0.01")
     ]
     for row in chosen:
-        assert (row["dt_s"], row["steps"], row["drift_error"], row["outcome"]) == ("", "", "", "done")
+        assert (row["dt_s"], row["steps"], row["drift_error"], row["outcome"]) == (
+            "",
+            "",
+            "",
+            "done",
+        )
         assert 0.0 < float(row["peak_drift_error"]) <= float(row["method"].rpartition(" ")[2])
     assert "by tolerance" not in result.stderr and "nan" not in result.stderr
     picture = (folder / "x.svg").read_text(encoding="utf-8")
@@ -109,7 +146,11 @@ def test_lines_by_tolerance(folder, tdint):
         ),
         (
             ("--target", "drift", "--versus", "dt"),
-            ["error of the drifts (L2 of the history)", "time step (s)", "vertical line: the record's own step"],
+            [
+                "error of the drifts (L2 of the history)",
+                "time step (s)",
+                "vertical line: the record's own step",
+            ],
         ),
         (("--versus", "solves"), ["solves of the equations", version_of_sources()[0]]),
         (("--versus", "steps"), [">time steps<", "steps against accuracy"]),
@@ -126,8 +167,16 @@ def test_the_picture_names_what_it_shows(folder, tdint, options, words):
 @pytest.mark.parametrize(
     ("words", "steps", "usual"),
     [
-        (("--method", "exact", "--target", "displacement"), ["100", "200"] * 3, "with the model's dt 0.02 s"),
-        (("--record", "other.mseed", "--duration", "1"), ["50", "100"] * 2, "with the record's dt 0.01 s"),
+        (
+            ("--method", "exact", "--target", "displacement"),
+            ["100", "200"] * 3,
+            "with the model's dt 0.02 s",
+        ),
+        (
+            ("--record", "other.mseed", "--duration", "1"),
+            ["50", "100"] * 2,
+            "with the record's dt 0.01 s",
+        ),
     ],
     ids=["forces alone", "a record of the command line"],
 )
@@ -147,13 +196,25 @@ def test_the_default_methods(folder, tdint):
 
 
 def test_unstable_steps_stay_in_the_table(folder, tdint):
-    words = ("--method", "central-difference", "--dt", "0.2,0.02", "--repeat", "1", "--plot", "x.svg")
+    words = (
+        "--method",
+        "central-difference",
+        "--dt",
+        "0.2,0.02",
+        "--repeat",
+        "1",
+        "--plot",
+        "x.svg",
+    )
     result = tdint("chart", "shaken.yaml", *words, code=0)
     first, second = rows(result.stdout)
     assert (first["outcome"], second["outcome"]) == ("unstable-step", "done")
     assert [name for name, cell in first.items() if cell] == ["method", "dt_s", "steps", "outcome"]
     assert "note: central-difference: unstable-step with dt 0.2 s" in result.stderr
-    assert "For 0.1 % (peak-drift): none of these methods and steps; add smaller steps" in result.stderr
+    assert (
+        "For 0.1 % (peak-drift): none of these methods and steps; add smaller steps"
+        in result.stderr
+    )
 
 
 def test_peaks_that_are_there_from_the_start_recommend_nothing(folder, tdint):
@@ -162,7 +223,9 @@ def test_peaks_that_are_there_from_the_start_recommend_nothing(folder, tdint):
         encoding="utf-8",
     )
     result = tdint("chart", "free.yaml", *QUICK, "-o", "x.csv")
-    assert "note: the largest drifts are those at the start, which no method misses" in result.stderr
+    assert (
+        "note: the largest drifts are those at the start, which no method misses" in result.stderr
+    )
     assert "For 1 %" not in result.stderr
     assert json.loads((folder / "x.json").read_text())["recommended"] == []
     assert "For 1 % (drift)" in tdint("chart", "free.yaml", *QUICK, "--target", "drift").stderr
@@ -176,25 +239,42 @@ def test_over_the_number_of_stories(folder, tdint, drawn):
         ("2", "0.01"),
         ("4", "0.01"),
     ]
-    assert [line.split(":")[0] for line in result.stderr.splitlines()[1:4]] == ["1 story", "2 stories", "4 stories"]
+    assert [line.split(":")[0] for line in result.stderr.splitlines()[1:4]] == [
+        "1 story",
+        "2 stories",
+        "4 stories",
+    ]
     assert "time per step (us)" in (folder / "x.svg").read_text(encoding="utf-8")
-    assert [one["stories"] for one in json.loads((folder / "x.json").read_text())["references"]] == [1, 2, 4]
+    assert [
+        one["stories"] for one in json.loads((folder / "x.json").read_text())["references"]
+    ] == [1, 2, 4]
 
 
 def test_peers_in_the_chart(folder, tdint, monkeypatch):
     monkeypatch.setattr(peers, "TOLERANCES", (1e-3,))
-    result = tdint("chart", "shaken.yaml", *QUICK, "--peers", "--plot", "x.svg", "--duration", "1", code=0)
+    result = tdint(
+        "chart", "shaken.yaml", *QUICK, "--peers", "--plot", "x.svg", "--duration", "1", code=0
+    )
     table = rows(result.stdout)
-    assert [row["method"] for row in table[:4:2]] == [parse(name).label for name in ("impulse4", "newmark-average")]
+    assert [row["method"] for row in table[:4:2]] == [
+        parse(name).label for name in ("impulse4", "newmark-average")
+    ]
     others = {row["method"]: row for row in table[4:]}
     assert {f"scipy/{name}:rtol=0.001" for name in peers.METHODS} <= set(others)
-    assert (others["scipy/RK45:rtol=0.001"]["dt_s"], others["scipy/RK45:rtol=0.001"]["outcome"]) == ("", "done")
-    assert any("openseespy" in name for name in others) == ("openseespy is left out" not in result.stderr)
+    assert (
+        others["scipy/RK45:rtol=0.001"]["dt_s"],
+        others["scipy/RK45:rtol=0.001"]["outcome"],
+    ) == ("", "done")
+    assert any("openseespy" in name for name in others) == (
+        "openseespy is left out" not in result.stderr
+    )
     picture = (folder / "x.svg").read_text(encoding="utf-8")
     assert "scipy/RK45" in picture and f"scipy {version('scipy')}" in picture
     assert "scipy: in solve_ivp" in picture  # on the axis, which says what is timed
     assert f"note: scipy {version('scipy')}: solve_ivp, atol = rtol times" in result.stderr
-    assert not any("scipy" in line or "openseespy" in line for line in result.stderr.splitlines()[:4])
+    assert not any(
+        "scipy" in line or "openseespy" in line for line in result.stderr.splitlines()[:4]
+    )
 
 
 def test_the_reference_is_kept_between_calls(folder, tdint, monkeypatch):
@@ -212,7 +292,9 @@ def test_interrupted_work_leaves_no_file(folder, tdint, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(work_precision, "errors", interrupt)
-    tdint.refused("Interrupted", "chart", "shaken.yaml", *QUICK, "-o", "x.csv", "--plot", "x.png", code=130)
+    tdint.refused(
+        "Interrupted", "chart", "shaken.yaml", *QUICK, "-o", "x.csv", "--plot", "x.png", code=130
+    )
 
 
 def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch):
@@ -236,7 +318,11 @@ def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch):
         (["--halvings", "-1"], 2, "Invalid value for '--halvings'"),
         (["--repeat", "0"], 2, "Invalid value for '--repeat'"),
         (["--target", "force"], 2, "Invalid value for '--target'"),
-        (["--highlight", "hht", "--plot", "y.png", *QUICK], 2, "is not among the methods: impulse4, newmark-average"),
+        (
+            ["--highlight", "hht", "--plot", "y.png", *QUICK],
+            2,
+            "is not among the methods: impulse4, newmark-average",
+        ),
         (["--highlight", "impulse4"], 2, "--plot"),
         (["--method", "newmrk"], 2, "unknown method 'newmrk'"),
         (["--method", "exact"], 2, "exact integrates linear buildings only"),
@@ -244,7 +330,11 @@ def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch):
         (["--duration", "-1"], 2, "duration must be a positive number of seconds"),
         (["--record", "missing.mseed"], 4, "missing.mseed"),
         (["-o", "x.json"], 6, "x.json: two outputs would have this name"),
-        (["--record", "motion.mseed", "-o", "motion.mseed", "--overwrite"], 6, "is read by this command"),
+        (
+            ["--record", "motion.mseed", "-o", "motion.mseed", "--overwrite"],
+            6,
+            "is read by this command",
+        ),
     ],
 )
 def test_what_is_refused(folder, tdint, arguments, code, message):
@@ -290,7 +380,10 @@ def test_profiles_of_several_motions(folder, tdint, make_record, drawn):
     assert len(table) == 3 * 6 * 2
     assert {row["problems"] for row in table} <= {"1", "2"}
     assert all(int(row["within_2"]) <= int(row["within_10"]) <= int(row["solved"]) for row in table)
-    assert re.search(r"2 problems\. Best overall .*: (impulse4|newmark-average); for errors of 3 %", result.stderr)
+    assert re.search(
+        r"2 problems\. Best overall .*: (impulse4|newmark-average); for errors of 3 %",
+        result.stderr,
+    )
     summary = json.loads((folder / "x.json").read_text())
     assert [one["motion"] for one in summary["problems"]] == ["motion HNE", "other HNE"]
     assert len(summary["points"]) == len(summary["problems"][0]["points"][0])
@@ -300,15 +393,34 @@ def test_profiles_of_several_motions(folder, tdint, make_record, drawn):
 
 def test_a_file_of_problems_and_its_picture(folder, tdint):
     (folder / "mine.yaml").write_text(PROBLEMS.replace(", far: 1", ""))
-    words = ("chart", "--problems", "mine.yaml", *LINES, "--repeat", "1", "--plot", "x.svg", "--target")
+    words = (
+        "chart",
+        "--problems",
+        "mine.yaml",
+        *LINES,
+        "--repeat",
+        "1",
+        "--plot",
+        "x.svg",
+        "--target",
+    )
     result = tdint(*words, "peak-acceleration", "--peers", "--tolerance", "1%", code=0)
     assert re.search(
         r"two stories, near: openseespy: (left out: it is not installed|\S+ from the reference, extrapolated)",
         result.stderr,
     )
-    assert {row["method"] for row in rows(result.stdout)} >= {"newmark-average", "impulse4", "impulse4 by tolerance"}
+    assert {row["method"] for row in rows(result.stdout)} >= {
+        "newmark-average",
+        "impulse4",
+        "impulse4 by tolerance",
+    }
     picture = (folder / "x.svg").read_text(encoding="utf-8")
-    for word in ("Performance profiles over 1 problem", "peak absolute acceleration", "error within 0.1 %", "impulse4"):
+    for word in (
+        "Performance profiles over 1 problem",
+        "peak absolute acceleration",
+        "error within 0.1 %",
+        "impulse4",
+    ):
         assert word in picture
 
 
@@ -316,10 +428,22 @@ def test_a_file_of_problems_and_its_picture(folder, tdint):
     ("options", "code", "words"),
     [
         ((), 2, "give MODEL.yaml"),
-        (("shaken.yaml", "--problems", "standard"), 2, "MODEL.yaml has nothing to act on with --problems"),
-        (("--problems", "standard", "--record", "motion.mseed"), 2, "--record has nothing to act on"),
+        (
+            ("shaken.yaml", "--problems", "standard"),
+            2,
+            "MODEL.yaml has nothing to act on with --problems",
+        ),
+        (
+            ("--problems", "standard", "--record", "motion.mseed"),
+            2,
+            "--record has nothing to act on",
+        ),
         (("--problems", "standard", "--target", "drift"), 2, "--target drift is of one problem"),
-        (("shaken.yaml", "--target", "peak-total-shear"), 2, "--target peak-total-shear is of many problems"),
+        (
+            ("shaken.yaml", "--target", "peak-total-shear"),
+            2,
+            "--target peak-total-shear is of many problems",
+        ),
         (("--problems", "bad.yaml"), 3, "bad.yaml:7:23: problems[1].scales.far: unknown key"),
         (("--problems", "none.yaml"), 3, "none.yaml: no such file; give a file of problems"),
     ],

@@ -67,21 +67,43 @@ def write_recorded(folder):
 def test_table_files_and_requirements(recorded, tdint, tmp_path, drawn):
     out = tmp_path / "deep" / "out"
     files = (recorded / "model.yaml", "--recorded", recorded / "recorded.yaml")
-    tdint("compare", *files, "-o", out, "--plot", "--require", "correlation=0.95,peak_ratio=0.8", code=0)
+    tdint(
+        "compare",
+        *files,
+        "-o",
+        out,
+        "--plot",
+        "--require",
+        "correlation=0.95,peak_ratio=0.8",
+        code=0,
+    )
     names = ["comparison.csv", "comparison.png", "spectra.csv", "summary.json"]
     assert sorted(file.name for file in out.iterdir()) == names
     first, roof = rows(out / "comparison.csv")
     assert list(first) == ["floor", "quantity", "correlation", "peak_ratio", "rms_difference"]
-    assert (first["quantity"], roof["floor"], roof["quantity"]) == ("displacement", "2", "acceleration")
+    assert (first["quantity"], roof["floor"], roof["quantity"]) == (
+        "displacement",
+        "2",
+        "acceleration",
+    )
     assert float(first["correlation"]) > 0.999 > float(roof["correlation"]) > 0.95
-    assert list(rows(out / "spectra.csv")[0]) == ["floor", "period_s", "computed_sa_m_s2", "recorded_sa_m_s2"]
+    assert list(rows(out / "spectra.csv")[0]) == [
+        "floor",
+        "period_s",
+        "computed_sa_m_s2",
+        "recorded_sa_m_s2",
+    ]
     summary = json.loads((out / "summary.json").read_text())
     assert summary["schema"] == {"name": "tdint compare", "version": 1}
-    assert summary["events"][0]["floors"][1]["correlation"] == pytest.approx(float(roof["correlation"]))
+    assert summary["events"][0]["floors"][1]["correlation"] == pytest.approx(
+        float(roof["correlation"])
+    )
     inputs = [str(recorded / name) for name in ("model.yaml", "recorded.yaml", "recorded.csv")]
     assert [one["file"] for one in summary["inputs"]] == inputs
     again = tdint("compare", *files, "--require", "correlation=0.999", code=5)
-    assert f"floor 2: correlation is {roof['correlation']}, required is at least 0.999" in again.stderr
+    assert (
+        f"floor 2: correlation is {roof['correlation']}, required is at least 0.999" in again.stderr
+    )
     assert again.stdout == (out / "comparison.csv").read_text()
 
 
@@ -93,24 +115,46 @@ def test_fitted_and_blind(recorded):
     assert (first["floor"], first["recorded"]) == ("1", "blind.yaml")
     assert float(first["correlation"]) > 0.99
     fitted = rows(si / "table-fit.csv")
-    assert [(row["parameter"], row["place"]) for row in fitted] == [("stiffness_N_m", "1"), ("stiffness_N_m", "2")]
+    assert [(row["parameter"], row["place"]) for row in fitted] == [
+        ("stiffness_N_m", "1"),
+        ("stiffness_N_m", "2"),
+    ]
     assert [float(row["start"]) for row in fitted] == [1100.0, 600.0]
     assert [float(row["fitted"]) for row in fitted] == pytest.approx([900.0, 700.0], rel=0.01)
-    written = {"table.csv", "table-spectra.csv", "table-fit.csv", "table-fitted.yaml", "table-summary.json"}
+    written = {
+        "table.csv",
+        "table-spectra.csv",
+        "table-fit.csv",
+        "table-fitted.yaml",
+        "table-summary.json",
+    }
     assert {file.name for file in si.iterdir()} == written
 
 
 def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, monkeypatch):
     """It runs from where it lies, has the numbers of fit.csv and compares as the fit does; nothing else is changed."""
-    entries = "  # from the ground up\n  - {repeat: 2, mass: 1.0, stiffness: 800}  # equal at first\n"
+    entries = (
+        "  # from the ground up\n  - {repeat: 2, mass: 1.0, stiffness: 800}  # equal at first\n"
+    )
     model = re.sub("  - .*\n  - .*\n", entries, MODEL)
     model = re.sub("damping: .*", "damping: {modal: 4%}  # d", model)
     (recorded / "equal.yaml").write_text(model)
     monkeypatch.chdir(recorded)
-    floor = [line for line in RECORDED.splitlines() if not line.startswith(("  roof:", "band:"))]  # has no noise
+    floor = [
+        line for line in RECORDED.splitlines() if not line.startswith(("  roof:", "band:"))
+    ]  # has no noise
     Path("first.yaml").write_text("\n".join(floor))
     asked = ("--recorded", "first.yaml")
-    tdint("compare", "equal.yaml", *asked, "--fit", "stiffness,damping", "-o", tmp_path / "out", code=0)
+    tdint(
+        "compare",
+        "equal.yaml",
+        *asked,
+        "--fit",
+        "stiffness,damping",
+        "-o",
+        tmp_path / "out",
+        code=0,
+    )
     file = tmp_path / "out" / "fitted.yaml"
     written = load_model(file)
     fitted = [float(one["fitted"]) for one in rows(tmp_path / "out" / "fit.csv")]
@@ -119,12 +163,20 @@ def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, 
     assert Path(written.excitation.record.file).samefile("base.txt")
     text = file.read_text()
     assert text.startswith("# equal.yaml with stiffness,damping fitted to first.yaml\n")
-    assert all(comment in text for comment in ("# from the ground up\n", "# equal at first\n", "# d\n"))
+    assert all(
+        comment in text for comment in ("# from the ground up\n", "# equal at first\n", "# d\n")
+    )
     tdint("compare", file, *asked, "-o", tmp_path / "again", code=0)
-    pairs = zip(*(rows(tmp_path / name / "comparison.csv") for name in ("again", "out")), strict=True)
+    pairs = zip(
+        *(rows(tmp_path / name / "comparison.csv") for name in ("again", "out")), strict=True
+    )
     for one, other in pairs:
-        assert float(one["rms_difference"]) == pytest.approx(float(other["rms_difference"]), rel=1e-8)
-    plain = [line for line in model.splitlines() if "stiffness" not in line and "damping" not in line]
+        assert float(one["rms_difference"]) == pytest.approx(
+            float(other["rms_difference"]), rel=1e-8
+        )
+    plain = [
+        line for line in model.splitlines() if "stiffness" not in line and "damping" not in line
+    ]
     assert [line for line in plain if "base.txt" not in line] == [
         line for line in text.splitlines() if line in plain and "base.txt" not in line
     ]
@@ -148,12 +200,20 @@ def test_units_of_the_command_line_and_of_the_model(recorded, tdint, tmp_path, m
                 changed = float(other[column.replace("_m_s2", "_g")])
                 assert changed * factor == pytest.approx(float(row[column]), rel=1e-10)
     assert [row["parameter"] for row in us] == ["stiffness_kip_in"] * 2
-    told, plain = (json.loads((folder / "table-summary.json").read_text()) for folder in (tmp_path, recorded / "si"))
-    assert told["events"][0]["base"]["pga_g"] * 9.80665 == pytest.approx(plain["events"][0]["base"]["pga_m_s2"])
+    told, plain = (
+        json.loads((folder / "table-summary.json").read_text())
+        for folder in (tmp_path, recorded / "si")
+    )
+    assert told["events"][0]["base"]["pga_g"] * 9.80665 == pytest.approx(
+        plain["events"][0]["base"]["pga_m_s2"]
+    )
     assert [one["parameter"] for one in told["fit"]["values"]] == ["stiffness_kip_in"] * 2
     given = ("--recorded", "recorded.yaml", "--output-units", "kip,in,g", "-o", tmp_path / "given")
     tdint("compare", "model.yaml", *given, code=0)
-    assert list(rows(tmp_path / "given" / "spectra.csv")[0])[2:] == ["computed_sa_g", "recorded_sa_g"]
+    assert list(rows(tmp_path / "given" / "spectra.csv")[0])[2:] == [
+        "computed_sa_g",
+        "recorded_sa_g",
+    ]
 
 
 def test_every_fault_of_the_file_in_one_go(recorded, tdint):
@@ -174,7 +234,12 @@ def test_every_fault_of_the_file_in_one_go(recorded, tdint):
         "1:1 bas", "2:25 base.column", "2:52 base.quantity", "4:22 floors.2.sign", "5:9 floors.roof",
         "5:10 floors.roof.fil", "6:6 floors.7", "6:23 floors.7.units", "7:7 band", "8:9 window", "9:8 shift",
     ]  # fmt: skip
-    for told in ("did you mean 'base'?", "did you mean 'displacement'?", "floor 2 is given twice", "from 1 to 2"):
+    for told in (
+        "did you mean 'base'?",
+        "did you mean 'displacement'?",
+        "floor 2 is given twice",
+        "from 1 to 2",
+    ):
         assert told in result.stderr
 
 
@@ -200,11 +265,16 @@ def test_wrong_use(recorded, tdint, arguments, code, message):
         ("", "the file of recordings is empty; it needs at least `base` and `floors`"),
         ("base: x.csv\n", "floors: is missing; give the floors"),
         ("base: []\nfloors: {}\n", "base: must name at least one file"),
-        ("base: x.csv\nfloors: [x.csv]\n", "floors: must be a mapping from floors (numbers from 1, or roof)"),
+        (
+            "base: x.csv\nfloors: [x.csv]\n",
+            "floors: must be a mapping from floors (numbers from 1, or roof)",
+        ),
         (None, "no such file; give a file of recordings (YAML)"),
     ],
 )
 def test_files_without_recordings(recorded, tdint, tmp_path, text, message):
     if text is not None:
         (tmp_path / "other.yaml").write_text(text)
-    tdint.refused(message, "compare", recorded / "model.yaml", "--recorded", tmp_path / "other.yaml", code=3)
+    tdint.refused(
+        message, "compare", recorded / "model.yaml", "--recorded", tmp_path / "other.yaml", code=3
+    )

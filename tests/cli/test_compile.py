@@ -21,16 +21,25 @@ def only_a_small_kernel(monkeypatch):
 
 def test_everything_is_compiled_once_for_each_processor(tdint, folder, monkeypatch):
     """Which objects are used is shown, and they are removed."""
-    result = tdint("compile", "--all", "--target", "native,x86-64-v2", "-o", "shared/kernels", code=0)
+    result = tdint(
+        "compile", "--all", "--target", "native,x86-64-v2", "-o", "shared/kernels", code=0
+    )
     goal = f"shared/kernels/{store.folder_name()}"
     assert result.stderr.splitlines()[-1] == f"2 time loops compiled, in {goal}"
-    names = [store.file_name(scaled.name, EVERYTHING.text, named(target)) for target in ("native", "x86-64-v2")]
+    names = [
+        store.file_name(scaled.name, EVERYTHING.text, named(target))
+        for target in ("native", "x86-64-v2")
+    ]
     assert {file.name for file in (folder / goal).iterdir()} == set(names)
     again = tdint("compile", "--all", "-o", "shared/kernels")
     assert (again.exit_code, again.stderr) == (0, "All of it is compiled already.\n")
 
     monkeypatch.setenv("TDINT_CACHE_DIR", str(folder / "cache"))
-    assert tdint("compile", "--all", "--show").stdout.splitlines()[1].endswith(f"{scaled.name},{EVERYTHING.text},,")
+    assert (
+        tdint("compile", "--all", "--show")
+        .stdout.splitlines()[1]
+        .endswith(f"{scaled.name},{EVERYTHING.text},,")
+    )
     (folder / "cache").mkdir(mode=0o700)
     (folder / goal).rename(folder / "cache" / store.folder_name())
     (folder / "cache" / store.folder_name() / names[1]).unlink()

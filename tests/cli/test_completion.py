@@ -54,13 +54,19 @@ def test_the_shell_asks_without_loading_more_than_click():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stderr.splitlines() == ["[]"] * 3
     *told, rest = re.split("asked by .*\n", done.stdout)
-    assert rest == "" and [all(name in names for name in ("spectrum", "stability")) for names in told] == [True] * 3
+    assert (
+        rest == ""
+        and [all(name in names for name in ("spectrum", "stability")) for names in told]
+        == [True] * 3
+    )
 
 
 def test_the_line_for_bash_switches_it_on():
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     script = 'eval "$(_TDINT_COMPLETE=bash_source tdint)"; complete -p tdint'
-    done = subprocess.run(["bash", "-c", script], env={**os.environ, "PATH": path}, capture_output=True, text=True)
+    done = subprocess.run(
+        ["bash", "-c", script], env={**os.environ, "PATH": path}, capture_output=True, text=True
+    )
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.endswith(" tdint\n")
 
@@ -70,5 +76,7 @@ def test_a_full_disk_behind_a_completion(monkeypatch):
     command = [sys.executable, "-c", "from tdint_cli.main import main; main()"]
     with Path("/dev/full").open("w") as full:
         environment = os.environ | {"_TDINT_COMPLETE": "bash_source"}
-        done = subprocess.run(command, env=environment, stdout=full, stderr=subprocess.PIPE, text=True)
+        done = subprocess.run(
+            command, env=environment, stdout=full, stderr=subprocess.PIPE, text=True
+        )
     assert (done.returncode, "standard output: cannot be written" in done.stderr) == (6, True)

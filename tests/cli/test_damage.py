@@ -42,7 +42,10 @@ def drifts(scale: float) -> list[float]:
     """The largest drift ratio of shaken.yaml under each component, to the last digit."""
     model = package.load_model("shaken.yaml")
     files = (("motion.mseed", "HNE"), ("motion.mseed", "HNN"), ("other.mseed", "HNE"))
-    records = [package.read_record(file, component=name, units="m/s^2").scaled(scale) for file, name in files]
+    records = [
+        package.read_record(file, component=name, units="m/s^2").scaled(scale)
+        for file, name in files
+    ]
     responses = [package.run(model, record, method="newmark-average") for record in records]
     return [float(response.stories.peak_drift_ratio.max()) for response in responses]
 
@@ -77,7 +80,9 @@ def test_states_probabilities_and_losses_of_runs(folder: Path, tdint: Command) -
     those of all outcomes make 1; the mean loss is the sum of probability times loss. A run that collapses is collapsed
     with certainty, and costs what a collapse does. Means over runs: tests/campaign/test_damage_counting.py."""
     low, median, high = sorted(drifts(1.0))
-    text = STUDY.replace("newmark-average", f"newmark-average, collapse_drift: {math.sqrt(median * high)!r}")
+    text = STUDY.replace(
+        "newmark-average", f"newmark-average, collapse_drift: {math.sqrt(median * high)!r}"
+    )
     (folder / "study.yaml").write_text(text + DAMAGE % (median, 2.0 * high, 0.35))
     tdint("campaign", "study.yaml", "-o", "out", code=0)
     table = rows("out/damage.csv")
@@ -88,27 +93,45 @@ def test_states_probabilities_and_losses_of_runs(folder: Path, tdint: Command) -
     assert exceeded == pytest.approx([ndtr(math.log(low / median) / 0.35), 0.5], rel=1e-9)
     assert [row["state"] for row in at] == ["none", "slight"]
     (fallen,) = (row for row in table if row["status"] == "collapsed")
-    assert (fallen["state"], probabilities(fallen)["collapsed"], fallen["loss_ratio"]) == ("collapsed", 1.0, "1")
+    assert (fallen["state"], probabilities(fallen)["collapsed"], fallen["loss_ratio"]) == (
+        "collapsed",
+        1.0,
+        "1",
+    )
     for row in table:
         told = probabilities(row)
         assert sum(told.values()) == pytest.approx(1.0, abs=1e-11)
         loss = 0.1 * told["slight"] + 0.8 * told["complete"] + told["collapsed"]
         assert float(row["loss_ratio"]) == pytest.approx(loss, rel=1e-9)
     of_type = [row for row in rows("out/damage-types.csv") if row["level"] == "1"]
-    assert [row["state"] for row in of_type] == ["none", "slight", "complete", "collapsed", "failed-story"]
+    assert [row["state"] for row in of_type] == [
+        "none",
+        "slight",
+        "complete",
+        "collapsed",
+        "failed-story",
+    ]
     groups = {(row["type"], row["building"]) for row in rows("out/losses.csv")}
     assert groups == {("shaken", ""), ("shaken", "shaken")}
 
 
 def test_runs_without_a_result_have_no_state(folder: Path, tdint: Command) -> None:
     """And no part in any mean, but a place among those that failed."""
-    (folder / "stiff.yaml").write_text("{name: stiff, stories: [{mass: 1, height: 3, stiffness: 1e8}], damping: 0}\n")
-    failing = STUDY.replace("shaken.yaml", "stiff.yaml").replace("newmark-average", "central-difference")
+    (folder / "stiff.yaml").write_text(
+        "{name: stiff, stories: [{mass: 1, height: 3, stiffness: 1e8}], damping: 0}\n"
+    )
+    failing = STUDY.replace("shaken.yaml", "stiff.yaml").replace(
+        "newmark-average", "central-difference"
+    )
     (folder / "failing.yaml").write_text(failing + DAMAGE % (0.01, 0.02, 0.4))
     tdint("campaign", "failing.yaml", "-o", "out", code=0)
-    told = {(row["status"], row["state"], row["probability_none"]) for row in rows("out/damage.csv")}
+    told = {
+        (row["status"], row["state"], row["probability_none"]) for row in rows("out/damage.csv")
+    }
     assert told == {("unstable-step", "", "")}
-    of_type = {(row["runs"], row["failed"], row["probability"]) for row in rows("out/damage-types.csv")}
+    of_type = {
+        (row["runs"], row["failed"], row["probability"]) for row in rows("out/damage-types.csv")
+    }
     assert of_type == {("3", "3", "")}
     assert {row["loss_ratio"] for row in rows("out/losses.csv")} == {""}
 
@@ -127,10 +150,16 @@ def test_the_demand_of_capacity_curves() -> None:
     stories = {"one": 1, "two": 3}
     curve = CapacityCurve((0.004, 0.02, 0.06), (0.15, 0.25, 0.2))
     for row, run in zip(rows("out/damage.csv"), rows("out/runs.csv"), strict=True):
-        assert (row["building"], row["scale"], row["status"]) == (run["building"], run["scale"], run["status"])
+        assert (row["building"], row["scale"], row["status"]) == (
+            run["building"],
+            run["scale"],
+            run["status"],
+        )
         if row["type"] != "A":
             continue
-        participation = derive_capacity(CapacityFacts(curve, stories[row["building"]])).participation
+        participation = derive_capacity(
+            CapacityFacts(curve, stories[row["building"]])
+        ).participation
         demand = float(run["peak_roof_displacement_m"]) / participation
         assert float(row["spectral_displacement_m"]) == pytest.approx(demand, rel=1e-10)
         if row["status"] == "done":
@@ -139,7 +168,9 @@ def test_the_demand_of_capacity_curves() -> None:
 
 
 def test_exports_and_merges_tell_the_same_damage(region: Path, tdint: Command) -> None:
-    written = {name: (region / "out" / name).read_bytes() for name in ("damage.csv", "damage-types.csv")}
+    written = {
+        name: (region / "out" / name).read_bytes() for name in ("damage.csv", "damage-types.csv")
+    }
     tdint("campaign", "merge", "out", "-o", "all", code=0)
     for name in written:
         (region / "out" / name).unlink()
@@ -149,18 +180,26 @@ def test_exports_and_merges_tell_the_same_damage(region: Path, tdint: Command) -
 
 
 def test_a_table_of_thresholds_and_losses_by_class(region: Path, tdint: Command) -> None:
-    (region / "losses.csv").write_text("class,slight,moderate,extensive,complete\nA,.1,.2,.5,.9\nB,0,.1,.4,1\n")
-    damage = "damage: {demand: spectral_displacement, thresholds: classes.csv, losses: losses.csv}\n"
+    (region / "losses.csv").write_text(
+        "class,slight,moderate,extensive,complete\nA,.1,.2,.5,.9\nB,0,.1,.4,1\n"
+    )
+    damage = (
+        "damage: {demand: spectral_displacement, thresholds: classes.csv, losses: losses.csv}\n"
+    )
     (region / "study.yaml").write_text(REGION + damage)
     result = tdint("campaign", "study.yaml", "-o", "out", code=0)
-    assert "nothing to do" in result.stderr  # other thresholds change the tables, and no run is done anew
+    assert (
+        "nothing to do" in result.stderr
+    )  # other thresholds change the tables, and no run is done anew
     medians = {"A": (0.003, 0.4), "B": (0.004, 0.5)}
     for row in rows("out/damage.csv"):
         median, beta = medians[row["type"]]
         if row["status"] == "done":
             exceeded = ndtr(math.log(float(row["spectral_displacement_m"]) / median) / beta)
             assert probabilities(row)["none"] == pytest.approx(1.0 - exceeded, rel=1e-6, abs=1e-11)
-    assert [row["type"] for row in rows("out/losses.csv") if not row["building"]] == ["A"] * 3 + ["B"] * 3
+    assert [row["type"] for row in rows("out/losses.csv") if not row["building"]] == ["A"] * 3 + [
+        "B"
+    ] * 3
 
 
 def test_thresholds_of_hazus(folder: Path, tdint: Command) -> None:
@@ -174,16 +213,26 @@ def test_thresholds_of_hazus(folder: Path, tdint: Command) -> None:
     assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 0
     (row,), (run,) = rows("out/damage.csv"), rows("out/runs.csv")
     demand = float(run["peak_roof_displacement_m"]) / 15.0
-    assert (row["type"], float(row["roof_drift_ratio"])) == ("C1M-high", pytest.approx(demand, rel=1e-10))
+    assert (row["type"], float(row["roof_drift_ratio"])) == (
+        "C1M-high",
+        pytest.approx(demand, rel=1e-10),
+    )
     edges = [ndtr(math.log(demand / median) / 0.4) for median in (0.0033, 0.0067, 0.02, 0.0533)]
-    expected = [1.0 - edges[0], *(one - other for one, other in zip(edges, [*edges[1:], 0.0], strict=True)), 0.0, 0.0]
+    expected = [
+        1.0 - edges[0],
+        *(one - other for one, other in zip(edges, [*edges[1:], 0.0], strict=True)),
+        0.0,
+        0.0,
+    ]
     assert list(probabilities(row).values()) == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
 def test_states_of_the_models_themselves(folder: Path, tdint: Command) -> None:
     """`damage` of a model, by accelerations with their unit."""
     with Path("shaken.yaml").open("a") as file:
-        file.write("damage: {demand: acceleration, thresholds: {dented: 0.1 g, gone: 5 m/s^2}, dispersion: 0.5}\n")
+        file.write(
+            "damage: {demand: acceleration, thresholds: {dented: 0.1 g, gone: 5 m/s^2}, dispersion: 0.5}\n"
+        )
     (folder / "study.yaml").write_text(STUDY)
     tdint("campaign", "study.yaml", "-o", "out", "--output-units", "g", code=0)
     row = rows("out/damage.csv")[0]
@@ -198,7 +247,11 @@ LEVELS = "intensity: {measure: pga, levels: [0.3 m/s^2, 1 m/s^2, 2.5 m/s^2]}"
 def test_fragility_of_each_type_and_state(region: Path, tdint: Command, drawn: None) -> None:
     """Stripes: the fit of the sums of probabilities at each level, falls among them; its errors are those of leaving
     out one motion after the other: variance (g - 1)/g sum (theta_i - mean)^2."""
-    change("study.yaml", ("intensity: {scales: [0.2, 0.5, 1]}", LEVELS), (", pairs: true", ", component: HNE"))
+    change(
+        "study.yaml",
+        ("intensity: {scales: [0.2, 0.5, 1]}", LEVELS),
+        (", pairs: true", ", component: HNE"),
+    )
     tdint("campaign", "study.yaml", "-o", "levels", code=0)
     by_type = ("fragility", "levels", "--by", "type", "--im")
     tdint.refused("no measure pgv", *by_type, "pgv")
@@ -217,12 +270,21 @@ def test_fragility_of_each_type_and_state(region: Path, tdint: Command, drawn: N
         for record, pga, exceeded in runs:
             if record != left_out:
                 levels.setdefault(pga, []).append(exceeded)
-        return fit_stripes(list(levels), [sum(one) for one in levels.values()], [len(one) for one in levels.values()])
+        return fit_stripes(
+            list(levels),
+            [sum(one) for one in levels.values()],
+            [len(one) for one in levels.values()],
+        )
 
     whole, parts = fit(""), [fit(motion) for motion in sorted({record for record, *_ in runs})]
     row = found["A", "slight"]
-    assert (float(row["theta"]), float(row["beta"])) == pytest.approx((whole.theta, whole.beta), rel=1e-6)
-    for name, values in (("theta", [math.log(one.theta) for one in parts]), ("beta", [one.beta for one in parts])):
+    assert (float(row["theta"]), float(row["beta"])) == pytest.approx(
+        (whole.theta, whole.beta), rel=1e-6
+    )
+    for name, values in (
+        ("theta", [math.log(one.theta) for one in parts]),
+        ("beta", [one.beta for one in parts]),
+    ):
         mean, count = sum(values) / len(values), len(values)
         error = math.sqrt((count - 1) / count * sum((value - mean) ** 2 for value in values))
         assert float(row[f"{name}_error"]) == pytest.approx(error, rel=1e-4)
@@ -251,23 +313,55 @@ def dispersed_cloud(im: list[float], demand: list[float], fell: list[bool]) -> l
         ((".",), "holds no campaign"),
     ],
 )
-def test_refusals_of_functions_by_type(region: Path, tdint: Command, arguments: tuple[str, ...], said: str) -> None:
+def test_refusals_of_functions_by_type(
+    region: Path, tdint: Command, arguments: tuple[str, ...], said: str
+) -> None:
     tdint.refused(said, "fragility", *arguments, "--by", "type")
 
 
 @pytest.mark.parametrize(
     ("damage", "said"),
     [
-        ("{dispersion: 0.3}", "damage.thresholds: is missing; give the demand of each state, hazus, capacity"),
-        ("{thresholds: {slight: 1%}}", "damage.dispersion: is missing; give 0 for thresholds that are exact"),
-        ("{thresholds: {slight: 1%, worse: 0.5%}, dispersion: 0}", "damage.thresholds: the thresholds of damage"),
-        ("{demand: drift, thresholds: {slight: 1%}, dispersion: 0}", "damage.demand: unknown demand 'drift'"),
-        ("{demand: acceleration, thresholds: {slight: 1}, dispersion: 0}", "number with its unit, such as 0.3 g, got"),
-        ("{thresholds: hazus}", "hazus has thresholds of buildings of an inventory by the rules mdof-lu"),
-        ("{thresholds: other.csv, dispersion: 0}", "damage.demand: is missing; give one of drift_ratio"),
-        ("{thresholds: {slight: 1%}, dispersion: 0, losses: {complete: 1}}", "damage.losses: no loss ratio of slight"),
-        ("{thresholds: {slight: 1%}, dispersion: 0, losses: {slight: 2}}", "losses.slight: must be a number"),
-        ("{demand: drift_ratio, states: [a, a], thresholds: t.csv, dispersion: 0}", "damage.states: must be names"),
+        (
+            "{dispersion: 0.3}",
+            "damage.thresholds: is missing; give the demand of each state, hazus, capacity",
+        ),
+        (
+            "{thresholds: {slight: 1%}}",
+            "damage.dispersion: is missing; give 0 for thresholds that are exact",
+        ),
+        (
+            "{thresholds: {slight: 1%, worse: 0.5%}, dispersion: 0}",
+            "damage.thresholds: the thresholds of damage",
+        ),
+        (
+            "{demand: drift, thresholds: {slight: 1%}, dispersion: 0}",
+            "damage.demand: unknown demand 'drift'",
+        ),
+        (
+            "{demand: acceleration, thresholds: {slight: 1}, dispersion: 0}",
+            "number with its unit, such as 0.3 g, got",
+        ),
+        (
+            "{thresholds: hazus}",
+            "hazus has thresholds of buildings of an inventory by the rules mdof-lu",
+        ),
+        (
+            "{thresholds: other.csv, dispersion: 0}",
+            "damage.demand: is missing; give one of drift_ratio",
+        ),
+        (
+            "{thresholds: {slight: 1%}, dispersion: 0, losses: {complete: 1}}",
+            "damage.losses: no loss ratio of slight",
+        ),
+        (
+            "{thresholds: {slight: 1%}, dispersion: 0, losses: {slight: 2}}",
+            "losses.slight: must be a number",
+        ),
+        (
+            "{demand: drift_ratio, states: [a, a], thresholds: t.csv, dispersion: 0}",
+            "damage.states: must be names",
+        ),
     ],
 )
 def test_faults_of_the_file(folder: Path, tdint: Command, damage: str, said: str) -> None:
@@ -282,25 +376,39 @@ def test_faults_of_the_file(folder: Path, tdint: Command, damage: str, said: str
         ("class,slight_m\nA,0.1\n", "no column moderate_m"),
         (CLASSES.replace("B,", "C,"), "has no damage thresholds of the class 'B'"),
         (CLASSES.replace("0.003,", "0.02,"), "class A: the thresholds of damage states rise"),
-        (CLASSES.replace("0.003,", "x,"), "table.csv:2: slight_m must be zero or a positive number, got 'x'"),
+        (
+            CLASSES.replace("0.003,", "x,"),
+            "table.csv:2: slight_m must be zero or a positive number, got 'x'",
+        ),
         (CLASSES.replace(",0.4\n", ",\n"), "table.csv:2: beta is missing"),
-        (CLASSES.replace("A,0.02,0.25,,,,,", "A,0.02,0.25,1,2,3,4,1"), "class A has other numbers in a row above"),
+        (
+            CLASSES.replace("A,0.02,0.25,,,,,", "A,0.02,0.25,1,2,3,4,1"),
+            "class A has other numbers in a row above",
+        ),
     ],
 )
-def test_faults_of_a_table_of_thresholds(region: Path, tdint: Command, classes: str, said: str) -> None:
+def test_faults_of_a_table_of_thresholds(
+    region: Path, tdint: Command, classes: str, said: str
+) -> None:
     (region / "table.csv").write_text(classes)
-    (region / "study.yaml").write_text(REGION + "damage: {demand: spectral_displacement, thresholds: table.csv}\n")
+    (region / "study.yaml").write_text(
+        REGION + "damage: {demand: spectral_displacement, thresholds: table.csv}\n"
+    )
     result = tdint.refused(said, "campaign", "study.yaml", "-o", "new", code=3)
     assert len(result.stderr.splitlines()) == 1
 
 
-@pytest.mark.parametrize("words", [("campaign", "study.yaml"), ("run", "own.yaml", "motion.mseed", "--units", "m/s^2")])
+@pytest.mark.parametrize(
+    "words", [("campaign", "study.yaml"), ("run", "own.yaml", "motion.mseed", "--units", "m/s^2")]
+)
 def test_drift_ratios_need_heights(folder: Path, tdint: Command, words: tuple[str, ...]) -> None:
     change("shaken.yaml", ("height: 3, ", ""))
     damage = DAMAGE % (0.01, 0.02, 0.0)
     Path("own.yaml").write_text(Path("shaken.yaml").read_text() + damage)
     Path("study.yaml").write_text(STUDY + damage)
-    tdint.refused("damage by drift_ratio needs the heights of the stories", *words, "-o", "out", code=3)
+    tdint.refused(
+        "damage by drift_ratio needs the heights of the stories", *words, "-o", "out", code=3
+    )
 
 
 @pytest.mark.parametrize(
@@ -317,18 +425,28 @@ def test_a_single_run_tells_the_damage_of_its_model(
     """In summary.json and in a line, with the numbers of a campaign of that run; nothing without damage states."""
     call = ("run", "shaken.yaml", "motion.mseed", "--component", "HNN", "--units", "m/s^2", "-o")
     result = tdint(*call, "plain", code=0)
-    assert "damage" not in json.loads(Path("plain/summary.json").read_text()) and "Damage" not in result.stderr
+    assert (
+        "damage" not in json.loads(Path("plain/summary.json").read_text())
+        and "Damage" not in result.stderr
+    )
     thresholds = f"{{slight: {slight}, complete: {complete}}}"
     losses = "losses: {slight: 0.1, complete: 1}"
     with Path("shaken.yaml").open("a") as file:
-        file.write(f"damage: {{demand: {demand}, thresholds: {thresholds}, dispersion: 0.5, {losses}}}\n")
+        file.write(
+            f"damage: {{demand: {demand}, thresholds: {thresholds}, dispersion: 0.5, {losses}}}\n"
+        )
     result = tdint(*call, "out", code=0)
     told = json.loads(Path("out/summary.json").read_text())["damage"]
     assert "Damage by " in result.stderr and ": slight (" in result.stderr
     Path("study.yaml").write_text(STUDY)
     tdint("campaign", "study.yaml", "-o", "many", code=0)
-    (row,) = (row for row in rows("many/damage.csv") if (row["component"], row["scale"]) == ("HNN", "1"))
-    assert f"{told[demand + unit]:.12g}" == row[demand + unit] and told["state"] == row["state"] == "slight"
+    (row,) = (
+        row for row in rows("many/damage.csv") if (row["component"], row["scale"]) == ("HNN", "1")
+    )
+    assert (
+        f"{told[demand + unit]:.12g}" == row[demand + unit]
+        and told["state"] == row["state"] == "slight"
+    )
     for outcome in told["outcomes"]:
         name = f"probability_{outcome['outcome'].replace('-', '_')}"
         assert outcome["probability"] == pytest.approx(float(row[name]), rel=1e-11, abs=1e-300)
@@ -339,8 +457,21 @@ def test_an_ida_asks_for_the_medians_of_the_damage_states(folder: Path, tdint: C
     """Where no thresholds are asked for; of other demands than drift ratios it tells nothing."""
     with Path("shaken.yaml").open("a") as file:
         file.write(DAMAGE % (0.003, 0.012, 0.4))
-    call = ("ida", "shaken.yaml", "other.mseed", "--units", "m/s^2", "--im", "pga", "--precision", "50%")
-    for more, thresholds in (((), ["0.003", "0.012", "0.1"]), (("--threshold", "2%"), ["0.02", "0.1"])):
+    call = (
+        "ida",
+        "shaken.yaml",
+        "other.mseed",
+        "--units",
+        "m/s^2",
+        "--im",
+        "pga",
+        "--precision",
+        "50%",
+    )
+    for more, thresholds in (
+        ((), ["0.003", "0.012", "0.1"]),
+        (("--threshold", "2%"), ["0.02", "0.1"]),
+    ):
         assert [row["threshold"] for row in rows(tdint(*call, *more).stdout)] == thresholds
 
 
@@ -362,7 +493,20 @@ def test_the_measure_that_was_asked_for_of_the_pair(
     through the demands of all runs, falls known only to be above the heaviest state, those below the lightest one only
     to be below, and counted; each is seen with three thresholds, so that beta has their dispersion. Sa is at the period
     of the class's curve."""
-    call = ("fragility", "out", "--by", "type", "--im", im, "--fit", "cloud", "-o", "f.csv", "--openquake", "f.xml")
+    call = (
+        "fragility",
+        "out",
+        "--by",
+        "type",
+        "--im",
+        im,
+        "--fit",
+        "cloud",
+        "-o",
+        "f.csv",
+        "--openquake",
+        "f.xml",
+    )
     result = tdint(*call, code=0)
     runs, damage, measures = (rows(f"out/{name}.csv") for name in ("runs", "damage", "measures"))
     values: dict[tuple[str, ...], list[float]] = {}
@@ -378,7 +522,9 @@ def test_the_measure_that_was_asked_for_of_the_pair(
             y.append(0.06 if fell[-1] else float(row["spectral_displacement_m"]))
     (line,) = dispersed_cloud(x, y, fell)
     row = next(row for row in rows("f.csv") if (row["type"], row["state"]) == ("A", "slight"))
-    assert (float(row["theta"]), float(row["beta"])) == pytest.approx((line.theta, line.beta), rel=1e-6)
+    assert (float(row["theta"]), float(row["beta"])) == pytest.approx(
+        (line.theta, line.beta), rel=1e-6
+    )
     assert int(row["below"]) == sum(demand < 0.015 for demand in y) > 0
     assert (int(row["records"]), int(row["censored"])) == (len(x), sum(fell))
     if im == "sa":
@@ -388,8 +534,12 @@ def test_the_measure_that_was_asked_for_of_the_pair(
 
     # The same without types, of one building.
     table = Path("out/runs.csv").read_text().splitlines()
-    Path("out/runs.csv").write_text("".join(f"{row}\n" for row in table if row.startswith(("building,", "one,"))))
-    (told,) = rows(tdint("fragility", "out", "--im", im, "--fit", "cloud", "--threshold", "1%", code=0).stdout)
+    Path("out/runs.csv").write_text(
+        "".join(f"{row}\n" for row in table if row.startswith(("building,", "one,")))
+    )
+    (told,) = rows(
+        tdint("fragility", "out", "--im", im, "--fit", "cloud", "--threshold", "1%", code=0).stdout
+    )
     mine = [run for run in runs if run["building"] == "one"]
     x = [mean["one", run["record"], run["scale"]] for run in mine]
     fell = [run["status"] != "done" for run in mine]
@@ -400,36 +550,67 @@ def test_the_measure_that_was_asked_for_of_the_pair(
 
 def test_the_levels_of_a_pair_are_the_measure(region: Path, tdint: Command) -> None:
     """Where a campaign has brought pairs to levels, their measure is known without measures.csv, of any direction."""
-    levels = "intensity: {measure: sa, period: 0.6, levels: [0.5 m/s^2, 2 m/s^2, 6 m/s^2], pair: rotd50}"
+    levels = (
+        "intensity: {measure: sa, period: 0.6, levels: [0.5 m/s^2, 2 m/s^2, 6 m/s^2], pair: rotd50}"
+    )
     change("study.yaml", ("intensity: {scales: [0.2, 0.5, 1]}", levels))
     tdint("campaign", "study.yaml", "-o", "levels", code=0)
     tdint("fragility", "levels", "--by", "type", "--im", "sa:0.6", "-o", "f.csv", code=0)
     (row,) = (row for row in rows("f.csv") if (row["type"], row["state"]) == ("A", "slight"))
     assert [float(row[f"bin_{place}_im"]) for place in (1, 2, 3)] == pytest.approx([0.5, 2.0, 6.0])
     assert (row["fit"], row["im"], row["bin_1_runs"]) == ("stripes", "sa(0.6)", "16")
-    below = [float(row["probability_none"]) for row in rows("levels/damage.csv") if row["type"] == "A"]
+    below = [
+        float(row["probability_none"]) for row in rows("levels/damage.csv") if row["type"] == "A"
+    ]
     shares = [1.0 - sum(below[place::3]) / len(below[place::3]) for place in range(3)]
-    assert [float(row[f"bin_{place}_share"]) for place in (1, 2, 3)] == pytest.approx(shares, rel=1e-9, abs=1e-12)
+    assert [float(row[f"bin_{place}_share"]) for place in (1, 2, 3)] == pytest.approx(
+        shares, rel=1e-9, abs=1e-12
+    )
 
 
 def test_functions_of_each_building(region: Path, tdint: Command) -> None:
     """Of two models by thresholds of the drift ratio, each over Sa at its own period, which the file for OpenQuake has;
     the numbers are those of a campaign of one of them."""
     shaken = Path("shaken.yaml").read_text()
-    Path("soft.yaml").write_text(shaken.replace("name: ", "name: soft ").replace("stiffness: 8000", "stiffness: 4000"))
+    Path("soft.yaml").write_text(
+        shaken.replace("name: ", "name: soft ").replace("stiffness: 8000", "stiffness: 4000")
+    )
     lines = REGION.partition("\n")[2].replace(", pairs: true", "")
     for name, models in (("both", "[shaken.yaml, soft.yaml]"), ("alone", "[soft.yaml]")):
         (region / f"{name}.yaml").write_text(f"buildings: {{models: {models}}}\n{lines}")
         tdint("campaign", f"{name}.yaml", "-o", name, code=0)
-    tdint.refused("fit functions of each with --by building", "fragility", "both", "--threshold", "0.5%", code=3)
+    tdint.refused(
+        "fit functions of each with --by building",
+        "fragility",
+        "both",
+        "--threshold",
+        "0.5%",
+        code=3,
+    )
     tdint.refused("says nothing of damage", "fragility", "both", "--by", "type")
-    call = ("--threshold", "0.5%,1%", "-o", "f.csv", "--overwrite", "--states", "light,heavy", "--openquake", "f.xml")
+    call = (
+        "--threshold",
+        "0.5%,1%",
+        "-o",
+        "f.csv",
+        "--overwrite",
+        "--states",
+        "light,heavy",
+        "--openquake",
+        "f.xml",
+    )
     tdint("fragility", "both", "--by", "building", *call, code=0)
     found = rows("f.csv")
-    assert [row["state"] for row in found] == ["light", "heavy"] * 2 and len({row["building"] for row in found}) == 2
-    assert len({row["im"] for row in found}) == 2 and all(row["im"].startswith("sa(0.") for row in found)
+    assert [row["state"] for row in found] == ["light", "heavy"] * 2 and len(
+        {row["building"] for row in found}
+    ) == 2
+    assert len({row["im"] for row in found}) == 2 and all(
+        row["im"].startswith("sa(0.") for row in found
+    )
     (own,) = rows(tdint("fragility", "alone", "--threshold", "1%", "--fit", "cloud").stdout)
-    (same,) = (row for row in found if row["building"].startswith("soft") and row["state"] == "heavy")
+    (same,) = (
+        row for row in found if row["building"].startswith("soft") and row["state"] == "heavy"
+    )
     numbers = [[float(row[name]) for name in ("theta", "beta")] for row in (same, own)]
     assert numbers[0] == pytest.approx(numbers[1], rel=1e-9) and same["im"] == own["im"]
     assert f'imt="SA({own["im"][3:-1]})"' in Path("f.xml").read_text()

@@ -77,10 +77,18 @@ def test_units_other_than_si_stay_whole_in_the_heads():
 
 
 def test_the_folder_of_all_files_stands_above_once():
-    rows = [(f"motions/{name}", 1.0 + i) for i, name in enumerate(("a/x.at2", "a/y.at2", "b/x.at2", "b/z.at2"))]
+    rows = [
+        (f"motions/{name}", 1.0 + i)
+        for i, name in enumerate(("a/x.at2", "a/y.at2", "b/x.at2", "b/z.at2"))
+    ]
     text = draw(("record", "pga"), rows, 40)
     assert text.splitlines()[0] == "record: in motions/"
-    assert [line.split()[0] for line in text.splitlines()[3:]] == ["a/x.at2", "a/y.at2", "b/x.at2", "b/z.at2"]
+    assert [line.split()[0] for line in text.splitlines()[3:]] == [
+        "a/x.at2",
+        "a/y.at2",
+        "b/x.at2",
+        "b/z.at2",
+    ]
     apart = [("here/x.at2", 1.0), ("there/x.at2", 2.0), ("x.at2", 3.0), ("y.at2", 4.0)]
     assert "in " not in draw(("record", "pga"), apart, 40)
 
@@ -95,19 +103,25 @@ def test_a_few_rows_drawn_as_columns_keep_the_folder():
 def test_errors_stand_in_percent_beside_what_they_are_errors_of():
     columns = ("story", "drift_m", "shear_N", "drift_m_error", "shear_N_error", "energy_error")
     rows = [(1, 0.2, -50.0, 0.001, 0.5, 1e-9), (2, 0.0, 40.0, 0.001, math.nan, 1e-9)]
-    about = {name: {"meaning": "", "unit": unit} for name, unit in zip(columns, "1mNmN1", strict=True)}
+    about = {
+        name: {"meaning": "", "unit": unit} for name, unit in zip(columns, "1mNmN1", strict=True)
+    }
     lines = table_bytes(Table(columns, rows, about), 80).decode().splitlines()
     assert lines[-2].split() == ["1", "0.2", "0.5", "-50", "1", "1e-09"]
     assert lines[-1].split() == ["2", "0", "40", "1e-09"]
     for width in range(20, 60):  # in blocks, too, an error stands behind its column
         heads = [
-            line for line in table_bytes(Table(columns, rows, about), width).decode().splitlines() if "error" in line
+            line
+            for line in table_bytes(Table(columns, rows, about), width).decode().splitlines()
+            if "error" in line
         ]
         assert not any(line.split()[:2] == ["story", "error"] for line in heads), width
 
 
 def test_units_and_notes_are_no_paths():
     text = draw(
-        ("units", "notes", "x"), [("m/s^2 (file)", "m/s^2 is assumed", 1.0), ("m/s (file)", "m/s was", 2.0)], 90
+        ("units", "notes", "x"),
+        [("m/s^2 (file)", "m/s^2 is assumed", 1.0), ("m/s (file)", "m/s was", 2.0)],
+        90,
     )
     assert "in m/" not in text and "m/s^2 (file)" in text

@@ -26,7 +26,12 @@ def test_what_a_table_came_from_and_its_picture(folder, tdint, drawn):
     tdint("drift-spectrum", "motion.mseed", *PERIODS, "-o", "out/", "--plot", code=0)
     assert (folder / "out" / "motion.png").read_bytes().startswith(b"\x89PNG")
     settings = json.loads((folder / "out" / "motion.json").read_text())["settings"]
-    buildings = {"stories": None, "story_height": 3.5, "height_period": "0.0731,0.75", "beam": False}
+    buildings = {
+        "stories": None,
+        "story_height": 3.5,
+        "height_period": "0.0731,0.75",
+        "beam": False,
+    }
     assert {"damping": [0.05], "periods": [0.5, 2.0], **buildings}.items() <= settings.items()
 
 
@@ -35,13 +40,19 @@ def test_what_a_table_came_from_and_its_picture(folder, tdint, drawn):
     [
         (["--periods", "0.1:1"], "neither FIRST:LAST:COUNT"),
         (["--period", "0"], "--period"),
-        (["--period", "100"], "a building of 4339 stories, 15186 m high, is asked for; 1 to 1000 are taken"),
+        (
+            ["--period", "100"],
+            "a building of 4339 stories, 15186 m high, is asked for; 1 to 1000 are taken",
+        ),
         (["--stories", "0"], "--stories"),
         (["--stories", "1001"], "a building of 1001 stories"),
         (["--stories", "3", "--story-height", "3"], "--stories and --story-height are given"),
         (["--story-height", "nan"], "--story-height"),
         (["--beam", "--stories", "3"], "--beam has no stories"),
-        (["--height-period", "0.07"], "must be two positive numbers, such as 0.0731,0.75, got '0.07'"),
+        (
+            ["--height-period", "0.07"],
+            "must be two positive numbers, such as 0.0731,0.75, got '0.07'",
+        ),
         (["--damping", "1"], "--damping"),
         (["--plot"], "--plot alone puts the picture beside the output: add -o"),
         (["-", "-"], "standard input (-) can be read only once"),

@@ -27,16 +27,36 @@ def raises(error: BaseException):
         (errors.RecordError("no"), 4, "Error: no\n"),
         (errors.AnalysisError("no"), 5, "Error: no\n"),
         (errors.OutputError("no"), 6, "Error: no\n"),
-        (Failures([errors.AnalysisError("one"), errors.RecordError("two")]), 4, "Error: one\nError: two\n"),
+        (
+            Failures([errors.AnalysisError("one"), errors.RecordError("two")]),
+            4,
+            "Error: one\nError: two\n",
+        ),
         (
             errors.ModelError([errors.ModelFault("a.yaml", i, 1, "k", "bad") for i in (1, 2)]),
             3,
             "Error: a.yaml:1:1: k: bad\nError: a.yaml:2:1: k: bad\n",
         ),
-        (ModuleNotFoundError(name="yaml"), 2, "Error: yaml is not installed, and this needs it: pip install pyyaml\n"),
-        (KeyError("x"), 1, "Error: internal error (a bug): KeyError: 'x'; run again with --debug\n"),
-        (RuntimeError("two\nlines"), 1, "Error: internal error (a bug): RuntimeError: two lines; run again"),
-        (MemoryError(), 5, "Error: not enough memory; leave out --history and --plot, or take fewer steps"),
+        (
+            ModuleNotFoundError(name="yaml"),
+            2,
+            "Error: yaml is not installed, and this needs it: pip install pyyaml\n",
+        ),
+        (
+            KeyError("x"),
+            1,
+            "Error: internal error (a bug): KeyError: 'x'; run again with --debug\n",
+        ),
+        (
+            RuntimeError("two\nlines"),
+            1,
+            "Error: internal error (a bug): RuntimeError: two lines; run again",
+        ),
+        (
+            MemoryError(),
+            5,
+            "Error: not enough memory; leave out --history and --plot, or take fewer steps",
+        ),
         (KeyboardInterrupt(), 130, "Interrupted\n"),
         (click.Abort(), 130, "Interrupted\n"),
         (click.UsageError("no"), 2, "Error: no\n"),
@@ -53,9 +73,13 @@ def test_an_error_is_a_line_and_a_code(capsys, error, code, text):
 def test_the_library_s_words_become_options_where_the_command_has_them(tdint, folder):
     """A key that a model or campaign file may have is no option, though one of the same name exists elsewhere."""
     (folder / "motion.csv").write_text("0 0\n0.01 1\n0.02 3\n")
-    (folder / "campaign.yaml").write_text("buildings: {models: [frame.yaml]}\nrecords: {files: [motion.csv]}\n")
+    (folder / "campaign.yaml").write_text(
+        "buildings: {models: [frame.yaml]}\nrecords: {files: [motion.csv]}\n"
+    )
     (folder / "frame.yaml").write_text("stories: [{mass: 1, height: 3, stiffness: 1}]\n")
-    (folder / "feet.yaml").write_text("units: {length: ft, force: kip}\n" + (folder / "frame.yaml").read_text())
+    (folder / "feet.yaml").write_text(
+        "units: {length: ft, force: kip}\n" + (folder / "frame.yaml").read_text()
+    )
     (folder / "empty.yaml").write_text("name: none\n")
     for words, code, said in (
         ("info motion.csv", 4, "with --units g, cm/s^2 or m/s^2"),

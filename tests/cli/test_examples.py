@@ -13,8 +13,20 @@ from tdint_cli.commands import examples as commands
 
 FILES = {
     "1": ["example-1-errors.csv", "example-1-errors.json", "figure-07.png", "figure-08.png"],
-    "2": ["example-2-errors.csv", "example-2-errors.json", "figure-10.png", "figure-11.png", "figure-12.png"],
-    "3": ["example-3-errors.csv", "example-3-errors.json", "figure-14.png", "figure-15.png", "figure-16.png"],
+    "2": [
+        "example-2-errors.csv",
+        "example-2-errors.json",
+        "figure-10.png",
+        "figure-11.png",
+        "figure-12.png",
+    ],
+    "3": [
+        "example-3-errors.csv",
+        "example-3-errors.json",
+        "figure-14.png",
+        "figure-15.png",
+        "figure-16.png",
+    ],
 }
 NUMBERED = re.compile(r"Figure (\d+)(:|, our drawing:) ")
 CAPTIONS = (
@@ -38,51 +50,92 @@ def test_examples_with_their_figures(here, tdint, numbers, drawn):
     for number in asked:
         name, _, *figures = FILES[number]
         assert rows(here / "paper" / name) == [row for row in table if row["example"] == number]
-        assert all((here / "paper" / figure).read_bytes().startswith(b"\x89PNG") for figure in figures)
-    ranked = sorted((row for row in table if row["rank"] and row["example"] == "1"), key=lambda row: int(row["rank"]))
+        assert all(
+            (here / "paper" / figure).read_bytes().startswith(b"\x89PNG") for figure in figures
+        )
+    ranked = sorted(
+        (row for row in table if row["rank"] and row["example"] == "1"),
+        key=lambda row: int(row["rank"]),
+    )
     errors = [float(row["displacement_m_error"]) for row in ranked]
     assert [row["rank"] for row in ranked] == list("1234567") and errors == sorted(errors)
-    assert "The paper: the proposed method errs least, the central difference most." in result.stderr
+    assert (
+        "The paper: the proposed method errs least, the central difference most." in result.stderr
+    )
     if "3" in asked:
-        assert "The paper's exact motion, newmark-linear, dt 0.002 s, is off by 4.3e-05 m" in result.stderr
+        assert (
+            "The paper's exact motion, newmark-linear, dt 0.002 s, is off by 4.3e-05 m"
+            in result.stderr
+        )
 
 
 def test_all_sixteen_figures(here, tdint, monkeypatch):
     """Those of methods and buildings, too: titles and curves of what is drawn. No other floor, no velocity, no variant;
     errors as |u - u_exact|; a building shows its masses and forces."""
-    monkeypatch.setattr(commands, "_RATIOS", parse_grid("0.5:2:2"))  # of 15; stability needs its 600 steps
+    monkeypatch.setattr(
+        commands, "_RATIOS", parse_grid("0.5:2:2")
+    )  # of 15; stability needs its 600 steps
     drawn = []
     save = Figure.savefig
-    monkeypatch.setattr(Figure, "savefig", lambda one, *given, **more: drawn.append(one) or save(one, *given, **more))
+    monkeypatch.setattr(
+        Figure,
+        "savefig",
+        lambda one, *given, **more: drawn.append(one) or save(one, *given, **more),
+    )
     result = tdint("examples", "2", "-o", "paper", "--figures", "--reference", "finer", code=0)
     assert "Its data stand in a drawing that we do not have" in " ".join(result.stderr.split())
     names = [path.name for path in sorted((here / "paper").iterdir()) if path.suffix == ".png"]
-    assert names == ["beta-scan.png", *(f"figure-{number:02d}.png" for number in (*range(1, 7), *range(9, 13)))]
-    titles = {int(found[1]): figure for figure in drawn if (found := NUMBERED.match(figure.get_suptitle()))}
+    assert names == [
+        "beta-scan.png",
+        *(f"figure-{number:02d}.png" for number in (*range(1, 7), *range(9, 13))),
+    ]
+    titles = {
+        int(found[1]): figure
+        for figure in drawn
+        if (found := NUMBERED.match(figure.get_suptitle()))
+    }
     assert sorted(titles) == [*range(1, 7), *range(9, 13)]
     for number, caption in enumerate(CAPTIONS, start=1):
         assert caption in titles[number].get_suptitle()
-        labels = [text.get_text().strip().partition(":")[0] for text in titles[number].legends[0].get_texts()]
+        labels = [
+            text.get_text().strip().partition(":")[0]
+            for text in titles[number].legends[0].get_texts()
+        ]
         five = ["impulse", "central-difference", "newmark-linear", "newmark-average", "wilson"]
         assert sorted(labels) == sorted([*five, "impulse4", "moment4"])
         lines = titles[number].axes[0].get_lines()[:7]
-        assert max(line.get_linewidth() for line in lines[5:]) < min(line.get_linewidth() for line in lines[:5])
+        assert max(line.get_linewidth() for line in lines[5:]) < min(
+            line.get_linewidth() for line in lines[:5]
+        )
     assert "our drawing" in titles[9].get_suptitle()
-    assert min(len(line.split()) for figure in drawn for line in figure.get_suptitle().splitlines()) > 1
+    assert (
+        min(len(line.split()) for figure in drawn for line in figure.get_suptitle().splitlines())
+        > 1
+    )
     (scan,) = (figure for figure in drawn if "Not in the paper" in figure.get_suptitle())
     beta = scan.axes[0].get_lines()
-    assert [float(line.get_ydata().max()) > 1.0 + 1e-6 for line in beta[:5]] == [True, True, False, True, True]
+    assert [float(line.get_ydata().max()) > 1.0 + 1e-6 for line in beta[:5]] == [
+        True,
+        True,
+        False,
+        True,
+        True,
+    ]
     words = [text.get_text() for text in titles[9].axes[0].texts]
     assert {"10 kg", "8 kg", "150 cos 6t N", "100 sin 4t N"} <= set(words)
 
     of_example = [titles[number] for number in (10, 11, 12)]
-    suptitles = [" ".join(figure.get_suptitle().split()) for figure in of_example]  # however their lines are broken
+    suptitles = [
+        " ".join(figure.get_suptitle().split()) for figure in of_example
+    ]  # however their lines are broken
     assert [title.rpartition(") ")[2] for title in suptitles] == [
         "displacement u, floor 1, dt 0.02 s",
         "displacement u, floor 2, dt 0.02 s",
         "|u - u_exact|, floor 2, dt 0.02 s; u_exact: rk5, dt 0.0025 s",
     ]
-    second, errors = ([line.get_ydata() for line in figure.axes[0].get_lines()] for figure in of_example[1:])
+    second, errors = (
+        [line.get_ydata() for line in figure.axes[0].get_lines()] for figure in of_example[1:]
+    )
     exact, *methods, _ = second  # the last one marks the peak
     assert len(methods) == 7
     for found, error in zip(methods, errors, strict=False):
@@ -94,7 +147,11 @@ def test_ranks(tdint):
     table = rows(tdint("examples", "1", "--reference", "finer").stdout)
     ranked = sorted((row for row in table if row["rank"]), key=lambda row: int(row["rank"]))
     assert [(row["rank"], row["variant"]) for row in ranked] == [(place, "") for place in "1234567"]
-    assert [row["method"].partition(":")[0] for row in ranked[:3]] == ["rk5", "impulse", "central-difference"]
+    assert [row["method"].partition(":")[0] for row in ranked[:3]] == [
+        "rk5",
+        "impulse",
+        "central-difference",
+    ]
     errors = [float(row["finer_displacement_m_error"]) for row in ranked]
     assert errors == sorted(errors)
     assert {row["variant"] for row in table if not row["rank"]} == {

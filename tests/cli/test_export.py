@@ -17,7 +17,9 @@ DONE_HERE = Processing(baseline="linear", pad=(1.0, 1.0), highpass=0.2)
 
 
 def motion(component: str) -> library.Record:
-    return processed(library.read_record("motion.mseed", units="m/s^2", component=component), DONE_HERE)
+    return processed(
+        library.read_record("motion.mseed", units="m/s^2", component=component), DONE_HERE
+    )
 
 
 def test_miniseed_is_the_motion_to_the_bit(folder, tdint) -> None:
@@ -25,14 +27,20 @@ def test_miniseed_is_the_motion_to_the_bit(folder, tdint) -> None:
     assert rows(table.stdout) == rows(tdint("info", "motion.mseed", *UNITS, *DONE).stdout)
     told = json.loads((folder / "new" / "out.json").read_text())
     for component, summary in zip(("HNE", "HNN"), told["records"], strict=True):
-        record, expected = library.read_record("new/out.mseed", component=component), motion(component)
+        record, expected = (
+            library.read_record("new/out.mseed", component=component),
+            motion(component),
+        )
         assert record.acceleration.tobytes() == expected.acceleration.tobytes()
         assert (record.dt, record.start) == (expected.dt, expected.start)
         assert (record.units, record.units_from, record.warnings) == ("m/s^2", "file", ())
         assert summary["processing"] == list(expected.processing)
         assert summary["exported_as"] == record.id
         assert summary["inputs"][0]["file"] == "motion.mseed"
-    assert [row["component"] for row in rows(tdint("info", "new/out.mseed").stdout)] == ["HNE", "HNN"]
+    assert [row["component"] for row in rows(tdint("info", "new/out.mseed").stdout)] == [
+        "HNE",
+        "HNN",
+    ]
 
 
 def test_velocity_and_displacement_stand_beside_it(folder, tdint) -> None:
@@ -50,12 +58,24 @@ def test_velocity_and_displacement_stand_beside_it(folder, tdint) -> None:
     velocity = library.read_record("out.mseed", component=f"{first[0]}.{first[1]}.SV.HNE")
     assert (velocity.quantity, velocity.units) == ("velocity", "m/s")
     a = motion("HNE").acceleration
-    np.testing.assert_allclose(velocity.acceleration[1:-1], 0.25 * (a[:-2] + 2.0 * a[1:-1] + a[2:]), atol=1e-12)
+    np.testing.assert_allclose(
+        velocity.acceleration[1:-1], 0.25 * (a[:-2] + 2.0 * a[1:-1] + a[2:]), atol=1e-12
+    )
 
 
 @pytest.mark.parametrize(("units", "names"), [((), "m_s2"), (("--output-units", "cm,g"), "g")])
 def test_csv_is_the_motion_to_its_digits(folder, tdint, units, names) -> None:
-    wanted = ("info", "motion.mseed", *UNITS, "--component", "HNN", *DONE, *units, "--export", "out.csv")
+    wanted = (
+        "info",
+        "motion.mseed",
+        *UNITS,
+        "--component",
+        "HNN",
+        *DONE,
+        *units,
+        "--export",
+        "out.csv",
+    )
     assert tdint(*wanted).exit_code == 0
     table, expected = rows(folder / "out.csv"), motion("HNN")
     assert f"acceleration_{names}" in table[0]
@@ -72,20 +92,33 @@ def test_csv_is_the_motion_to_its_digits(folder, tdint, units, names) -> None:
 
 def test_records_of_one_code_become_stations(folder, tdint) -> None:
     for name in ("a", "b"):
-        (folder / f"{name}.txt").write_text(f"# dt = 0.02 s, units = g\n0\n0.{'ab'.index(name) + 1}\n0\n")
+        (folder / f"{name}.txt").write_text(
+            f"# dt = 0.02 s, units = g\n0\n0.{'ab'.index(name) + 1}\n0\n"
+        )
     assert tdint("info", "a.txt", "b.txt", "--export", "out.mseed").exit_code == 0
     told = json.loads((folder / "out.json").read_text())["records"]
-    assert [(one["file"], one["exported_as"]) for one in told] == [("a.txt", ".R01.SI.HN1"), ("b.txt", ".R02.SI.HN1")]
+    assert [(one["file"], one["exported_as"]) for one in told] == [
+        ("a.txt", ".R01.SI.HN1"),
+        ("b.txt", ".R02.SI.HN1"),
+    ]
     assert library.read_record("out.mseed", component="R02").pga == pytest.approx(0.2 * 9.80665)
 
 
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (("motion.mseed", "--export", "out.csv"), 2, "a CSV file has one component, there are 2: choose one"),
+        (
+            ("motion.mseed", "--export", "out.csv"),
+            2,
+            "a CSV file has one component, there are 2: choose one",
+        ),
         (("motion.mseed", "--export", "out.txt"), 2, "the name ends with .mseed or .csv"),
         (("motion.mseed", "--export", "motion.mseed"), 6, "motion.mseed"),
-        (("motion.mseed", "--export", "out.mseed", "-o", "out.csv"), 6, "two outputs would have this name"),
+        (
+            ("motion.mseed", "--export", "out.mseed", "-o", "out.csv"),
+            6,
+            "two outputs would have this name",
+        ),
         (("motion.mseed", "slow.txt", "--export", "out.mseed"), 2, "different sampling intervals"),
     ],
 )

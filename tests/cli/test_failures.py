@@ -7,7 +7,9 @@ from tdint.analysis.assessment.failures import problems, usual_methods
 from tdint_cli.commands.failures import command
 
 
-@pytest.mark.parametrize("named", ["large-step", pytest.param("", marks=pytest.mark.slow)], ids=["one", "all"])
+@pytest.mark.parametrize(
+    "named", ["large-step", pytest.param("", marks=pytest.mark.slow)], ids=["one", "all"]
+)
 def test_problems_with_the_usual_methods(here, tdint, named, drawn):
     words = ("--problem", named) if named else ()
     result = tdint("failures", "--plot", "who.png", "-o", "who.csv", *words, code=0)
@@ -27,21 +29,42 @@ def test_problems_with_the_usual_methods(here, tdint, named, drawn):
 
 
 def test_chosen_methods_and_problems(here, tdint):
-    chosen = ("--problem", "hardening", "--problem", "sqrt-12", "--method", "impulse", "--method", "exact")
+    chosen = (
+        "--problem",
+        "hardening",
+        "--problem",
+        "sqrt-12",
+        "--method",
+        "impulse",
+        "--method",
+        "exact",
+    )
     table = rows(tdint("failures", *chosen, "--plot", "x.pdf", code=0).stdout)
     assert (here / "x.pdf").read_bytes().startswith(b"%PDF")
     assert [(row["problem"], row["dt_s"]) for row in table if row["method"] == "exact"] == [
         ("hardening", "0.005"), ("hardening", "0.02"), ("hardening", "0.05"), ("sqrt-12", "3.46410161514"),
     ]  # fmt: skip
     refused = table[3]
-    assert (refused["method"], refused["outcome"], refused["verdict"]) == ("exact", "refused", "refused")
-    assert (refused["energy_ratio_min"], refused["energy_ratio_max"], refused["error"]) == ("", "", "")
+    assert (refused["method"], refused["outcome"], refused["verdict"]) == (
+        "exact",
+        "refused",
+        "refused",
+    )
+    assert (refused["energy_ratio_min"], refused["energy_ratio_max"], refused["error"]) == (
+        "",
+        "",
+        "",
+    )
 
 
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["--problem", "hardning"], 2, "unknown problem 'hardning'; did you mean 'hardening'? (known: hardening, "),
+        (
+            ["--problem", "hardning"],
+            2,
+            "unknown problem 'hardning'; did you mean 'hardening'? (known: hardening, ",
+        ),
         (["--problem", "x"], 2, "unknown problem 'x' (known: "),
         (["--method", "newmrk"], 2, "did you mean 'newmark'?"),
         (["--plot", "x.jpg"], 2, "not .jpg"),

@@ -52,7 +52,12 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
     def make(folder: Path) -> None:
         write_record(folder / "firm.mseed", "HN1", "HN2", samples=400)
         write_record(folder / "soft.mseed", "HN1", "HN2", samples=300, peak=4.0)
-        files = {"campaign.yaml": CAMPAIGN, "buildings.csv": BUILDINGS, "fields.csv": FIELDS, "sites.csv": SITES}
+        files = {
+            "campaign.yaml": CAMPAIGN,
+            "buildings.csv": BUILDINGS,
+            "fields.csv": FIELDS,
+            "sites.csv": SITES,
+        }
         for name, text in files.items():
             Path(name).write_text(text)
         Command()("campaign", "campaign.yaml", "-o", "out", code=0)
@@ -69,10 +74,14 @@ def done_with_losses(done: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
     def make(folder: Path) -> None:
         shutil.copytree(done, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("out"))
-        lines = [f"{line},{more}\n" for line, more in zip(BUILDINGS.splitlines(), COSTS, strict=True)]
+        lines = [
+            f"{line},{more}\n" for line, more in zip(BUILDINGS.splitlines(), COSTS, strict=True)
+        ]
         Path("buildings.csv").write_text("".join(lines))
         Path("rates.csv").write_text("event,rate\nM7-1,0.002\nM7-2,0.004\nM6,0.05\nM5,1\n")
-        Path("campaign.yaml").write_text(CAMPAIGN.replace("pairs: true", "pairs: true, rates: rates.csv") + DAMAGE)
+        Path("campaign.yaml").write_text(
+            CAMPAIGN.replace("pairs: true", "pairs: true, rates: rates.csv") + DAMAGE
+        )
         Command()("campaign", "campaign.yaml", "-o", "out", "--by", "District", code=0)
 
     return made_once(tmp_path_factory, make)
@@ -97,7 +106,9 @@ def test_runs_are_those_listed_by_hand(region: Path, tdint: Command) -> None:
     for place, row in enumerate(rows("fields.csv")):
         files = f"files: [{row['record']}]"
         scales = f"intensity: {{scales: [{row['factor'] or 1}]}}\n"
-        Path("one.yaml").write_text(CAMPAIGN.replace("fields: fields.csv, sites: sites.csv", files) + scales)
+        Path("one.yaml").write_text(
+            CAMPAIGN.replace("fields: fields.csv, sites: sites.csv", files) + scales
+        )
         tdint("campaign", "one.yaml", "-o", f"one-{place}", code=0)
         by_hand += [
             run | {"event": row["event"], "sample": numbers[row["event"]]}
@@ -118,7 +129,9 @@ def test_the_site_is_the_nearest_or_named(region: Path, tdint: Command) -> None:
     """With a column `site` no places are needed; without sites in the table all buildings have all events."""
     change("campaign.yaml", (" sites: sites.csv,", ""))
     tdint("campaign", "campaign.yaml", "-o", "named", code=0)
-    named, nearest = ([outcome(row, but=()) for row in rows(f"{out}/runs.csv")] for out in ("named", "out"))
+    named, nearest = (
+        [outcome(row, but=()) for row in rows(f"{out}/runs.csv")] for out in ("named", "out")
+    )
     assert named == nearest
     Path("fields.csv").write_text("event,record\nA,firm.mseed\nB,soft.mseed\n")
     tdint("campaign", "campaign.yaml", "-o", "all", code=0)
@@ -132,7 +145,11 @@ def test_distances_in_degrees_are_not_those_on_the_earth(region: Path, tdint: Co
     Path("buildings.csv").write_text(BUILDINGS.splitlines()[0] + "\na,1,1968,W1,1500,60,10,\n")
     Path("sites.csv").write_text("site,longitude,latitude\nwest,10.15,60\neast,10,60.1\n")
     Path("fields.csv").write_text("event,site,record\n1,west,firm.mseed\n1,east,soft.mseed\n")
-    for option, record in (("", "firm"), (", distance: km", "firm"), (", distance: degrees", "soft")):
+    for option, record in (
+        ("", "firm"),
+        (", distance: km", "firm"),
+        (", distance: degrees", "soft"),
+    ):
         Path("campaign.yaml").write_text(CAMPAIGN.replace("pairs: true", f"pairs: true{option}"))
         assert tdint("campaign", "campaign.yaml", "-o", "out", "--overwrite").exit_code == 0
         assert {row["record"] for row in rows("out/runs.csv")} == {f"{record}.mseed"}
@@ -142,14 +159,18 @@ def test_tables_of_openquake(region: Path, tdint: Command) -> None:
     """Their names of the columns, and the line above the header."""
     above = "#,,,\"generated_by='OpenQuake engine 3.26.2', start_date='2026-01-01T00:00:00'\"\n"
     Path("fields.csv").write_text(above + FIELDS.replace("event,site", "event_id,site_id"))
-    Path("sites.csv").write_text(above + SITES.replace("site,longitude,latitude", "site_id,lon,lat"))
+    Path("sites.csv").write_text(
+        above + SITES.replace("site,longitude,latitude", "site_id,lon,lat")
+    )
     tdint("campaign", "campaign.yaml", "-o", "theirs", code=0)
     assert Path("theirs/runs.csv").read_bytes() == Path("out/runs.csv").read_bytes()
 
 
 @pytest.mark.parametrize(("column", "measure", "unit"), [("gmv_PGA", "pga", "g"), ("gmv_SA(0.6)", "sa", "g"),
                                                          ("gmv_PGV", "pgv", "m/s")])  # fmt: skip
-def test_intensities_of_openquake(region: Path, tdint: Command, column: str, measure: str, unit: str) -> None:
+def test_intensities_of_openquake(
+    region: Path, tdint: Command, column: str, measure: str, unit: str
+) -> None:
     """A record has the value of its row: what levels of the measure do, to the last digit."""
     value = "0.31" if unit == "g" else "31"
     Path("fields.csv").write_text(f"event_id,site_id,{column},record\n0,west,{value},firm.mseed\n")
@@ -161,7 +182,9 @@ def test_intensities_of_openquake(region: Path, tdint: Command, column: str, mea
         + f"intensity: {{measure: {measure}{period}, levels: [0.31 {unit}]}}\n"
     )
     tdint("campaign", "campaign.yaml", "-o", "levels", code=0)
-    theirs, levels = ([outcome(row) for row in rows(f"{out}/runs.csv")] for out in ("theirs", "levels"))
+    theirs, levels = (
+        [outcome(row) for row in rows(f"{out}/runs.csv")] for out in ("theirs", "levels")
+    )
     assert theirs == levels
 
 
@@ -172,11 +195,15 @@ def test_rows_of_simcenters_files_are_events(region: Path, tdint: Command) -> No
     for name in ("m1", "m2", "m3"):
         data = {key: (0.1 * random.standard_normal(300)).tolist() for key in ("data_x", "data_y")}
         Path(f"{name}.json").write_text(json.dumps({"name": name, "dT": 0.01, **data}))
-    Path("EventGrid.csv").write_text("GP_file,Longitude,Latitude\np1.csv,-122.27,37.8\np2.csv,-122.25,37.81\n")
+    Path("EventGrid.csv").write_text(
+        "GP_file,Longitude,Latitude\np1.csv,-122.27,37.8\np2.csv,-122.25,37.81\n"
+    )
     Path("p1.csv").write_text("TH_file,factor\nm1,1\nm2,0.5\n")
     Path("p2.csv").write_text("TH_file,factor\nm3,2\nm1,1.5\n")
     buildings = CAMPAIGN.splitlines()[0]
-    Path("grid.yaml").write_text(f"{buildings}\nrecords: {{grid: EventGrid.csv, units: g, events: true}}\n")
+    Path("grid.yaml").write_text(
+        f"{buildings}\nrecords: {{grid: EventGrid.csv, units: g, events: true}}\n"
+    )
     tdint("campaign", "grid.yaml", "-o", "grid", code=0)
     Path("fields.csv").write_text(
         "event,site,record,factor\n1,west,m1.json,1\n2,west,m2.json,.5\n1,east,m3.json,2\n2,east,m1.json,1.5\n"
@@ -184,12 +211,19 @@ def test_rows_of_simcenters_files_are_events(region: Path, tdint: Command) -> No
     change("campaign.yaml", ("m/s^2", "g"))
     tdint("campaign", "campaign.yaml", "-o", "fields", code=0)
     grid, fields = (
-        sorted(rows(f"{out}/runs.csv"), key=lambda row: (row["building"], row["event"], row["component"]))
+        sorted(
+            rows(f"{out}/runs.csv"),
+            key=lambda row: (row["building"], row["event"], row["component"]),
+        )
         for out in ("grid", "fields")
     )
-    assert [outcome(row, but=("record",)) for row in grid] == [outcome(row, but=("record",)) for row in fields]
+    assert [outcome(row, but=("record",)) for row in grid] == [
+        outcome(row, but=("record",)) for row in fields
+    ]
     Path("p2.csv").write_text("TH_file\nm3\n")
-    tdint.refused("p2.csv: 1 motions, where p1.csv has 2", "campaign", "grid.yaml", "-o", "other", code=3)
+    tdint.refused(
+        "p2.csv: 1 motions, where p1.csv has 2", "campaign", "grid.yaml", "-o", "other", code=3
+    )
 
 
 def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
@@ -198,14 +232,24 @@ def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
         stream.write("damage: {thresholds: {slight: 0.4%}, dispersion: 0.3}\n")
     assert "nothing to do" in tdint("campaign", "campaign.yaml", "-o", "out", code=0).stderr
     tdint("campaign", "export", "out", "--geojson", code=0)
-    features = [one["properties"] for one in json.loads(Path("out/buildings.geojson").read_text())["features"]]
+    features = [
+        one["properties"]
+        for one in json.loads(Path("out/buildings.geojson").read_text())["features"]
+    ]
     assert [(one["building"], one["event"], one["runs"]) for one in features] == [
-        (name, event, 1) for name in "abc" for event in ("M7-1", "M7-2", "M6") if (name, event) != ("a", "M6")
+        (name, event, 1)
+        for name in "abc"
+        for event in ("M7-1", "M7-2", "M6")
+        if (name, event) != ("a", "M6")
     ]
     damage = rows("out/damage.csv")
     for feature in features:
         place = (feature["building"], feature["event"])
-        slight = [float(row["probability_slight"]) for row in damage if (row["building"], row["event"]) == place]
+        slight = [
+            float(row["probability_slight"])
+            for row in damage
+            if (row["building"], row["event"]) == place
+        ]
         assert feature["probability_slight"] == pytest.approx(sum(slight) / 2, rel=1e-10, abs=1e-12)
 
 
@@ -237,7 +281,9 @@ def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
          "has no part in events, whose factors are given; `scales` multiply them"),
     ],
 )  # fmt: skip
-def test_faults(region: Path, tdint: Command, file: str, before: str, after: str, code: int, message: str) -> None:
+def test_faults(
+    region: Path, tdint: Command, file: str, before: str, after: str, code: int, message: str
+) -> None:
     """One line, with the file and the line in it, and nothing written."""
     text = Path(file).read_text()
     assert before in text
@@ -247,18 +293,35 @@ def test_faults(region: Path, tdint: Command, file: str, before: str, after: str
 
 
 def test_faults_of_a_table_all_at_once(region: Path, tdint: Command) -> None:
-    changes = (("-1.25", "0"), ("M7-2,west", ",west"), ("M7-2,east", "M7-2,north"), ("M6,east", "M7-1,west"))
+    changes = (
+        ("-1.25", "0"),
+        ("M7-2,west", ",west"),
+        ("M7-2,east", "M7-2,north"),
+        ("M6,east", "M7-1,west"),
+    )
     change("fields.csv", *changes)
     result = tdint("campaign", "campaign.yaml", "-o", "new", code=3)
-    said = ("3: factor must not be zero", "4: event is missing", "5: site 'north' is not in", "6: event 'M7-1' at site")
+    said = (
+        "3: factor must not be zero",
+        "4: event is missing",
+        "5: site 'north' is not in",
+        "6: event 'M7-1' at site",
+    )
     told = [line.partition("fields.csv:")[2] for line in result.stderr.splitlines()]
-    assert len(told) == 4 and all(line.startswith(words) for line, words in zip(told, said, strict=True))
+    assert len(told) == 4 and all(
+        line.startswith(words) for line, words in zip(told, said, strict=True)
+    )
     Path("fields.csv").write_text("event,site,record\n" + ",east,firm.mseed\n" * 1050)
     result = tdint("campaign", "campaign.yaml", "-o", "new")
-    assert result.stderr.splitlines()[-1].endswith("and at least 990 more faults") and result.stderr.count("\n") == 11
+    assert (
+        result.stderr.splitlines()[-1].endswith("and at least 990 more faults")
+        and result.stderr.count("\n") == 11
+    )
 
 
-def test_buildings_far_away_or_without_a_place_are_left_out_alone(region: Path, tdint: Command) -> None:
+def test_buildings_far_away_or_without_a_place_are_left_out_alone(
+    region: Path, tdint: Command
+) -> None:
     """The distance is that of the haversine formula; one on the other hemisphere gets nothing, one without a place is a
     bad row, and what the others do is the same to the last digit."""
     first = rows("out/runs.csv")
@@ -277,13 +340,17 @@ def test_buildings_far_away_or_without_a_place_are_left_out_alone(region: Path, 
         here, there = np.radians(place), np.radians(site)
         half = np.sin((here - there) / 2.0) ** 2
         haversine = half[0] + math.cos(here[0]) * math.cos(there[0]) * half[1]
-        assert away[building] == pytest.approx(2 * 6371.0 * math.asin(math.sqrt(haversine)), rel=1e-4, abs=1e-6)
+        assert away[building] == pytest.approx(
+            2 * 6371.0 * math.asin(math.sqrt(haversine)), rel=1e-4, abs=1e-6
+        )
     told = json.loads(Path("far/summary.json").read_text())["not_used"]["buildings"]
     (reason,) = told["reasons"]
     assert told["count"] == 1 and "buildings.csv:5:" in reason and "max_distance is 15 km" in reason
     change("campaign.yaml", ("pairs: true", "pairs: true, max_distance: 900 m"))
     tdint("campaign", "campaign.yaml", "-o", "near", code=4)
-    assert {row["building"] for row in rows("near/runs.csv")} == {name for name in away if away[name] <= 0.9}
+    assert {row["building"] for row in rows("near/runs.csv")} == {
+        name for name in away if away[name] <= 0.9
+    }
     Path("campaign.yaml").write_text(CAMPAIGN)
     Path("buildings.csv").write_text(BUILDINGS.replace("37.805,-122.25", "37.805,"))
     result = tdint("campaign", "campaign.yaml", "-o", "lost", "-q", code=3)
@@ -296,7 +363,10 @@ def test_what_a_row_of_a_field_takes(here: Path) -> None:
     write_record(here / "firm.mseed", "HN1")
 
     def read(count: int) -> FoundMotions:
-        lines = (f"M{row % 400},s{row // 400},firm.mseed,{1.0 + 1e-3 * row:.4f}\n" for row in range(count))
+        lines = (
+            f"M{row % 400},s{row // 400},firm.mseed,{1.0 + 1e-3 * row:.4f}\n"
+            for row in range(count)
+        )
         Path("fields.csv").write_text("event,site,record,factor\n" + "".join(lines))
         return read_field(FieldFile("fields.csv", RecordChoice(units="m/s^2")))
 
@@ -309,16 +379,30 @@ def test_what_a_row_of_a_field_takes(here: Path) -> None:
     assert isinstance(found.places, FieldMotions) and peak < 100 * count + 1_000_000
     draws = found.places.draws(7)
     assert [draw.sample for draw in draws] == list(range(1, 401))
-    assert [draw.factor for draw in draws] == pytest.approx([1.0 + 1e-3 * (2800 + place) for place in range(400)])
+    assert [draw.factor for draw in draws] == pytest.approx(
+        [1.0 + 1e-3 * (2800 + place) for place in range(400)]
+    )
 
 
-def test_a_shard_tells_of_its_own_buildings_and_all_of_them_of_the_whole(region: Path, tdint: Command) -> None:
+def test_a_shard_tells_of_its_own_buildings_and_all_of_them_of_the_whole(
+    region: Path, tdint: Command
+) -> None:
     """30 buildings, ten of them at a site without an event; parts are merged where hardly a file more may be opened."""
-    rng, sites = np.random.default_rng(7), [("west", -122.27, 37.8), ("east", -122.25, 37.81), ("none", -122.2, 37.85)]
-    lines = [f"b{i},{rng.integers(1, 4)},1968,C1,{1000 + i},{sites[i % 3][2]},{sites[i % 3][1]}" for i in range(30)]
+    rng, sites = (
+        np.random.default_rng(7),
+        [("west", -122.27, 37.8), ("east", -122.25, 37.81), ("none", -122.2, 37.85)],
+    )
+    lines = [
+        f"b{i},{rng.integers(1, 4)},1968,C1,{1000 + i},{sites[i % 3][2]},{sites[i % 3][1]}"
+        for i in range(30)
+    ]
     lines[4] = lines[4].replace("1968", "soon")
-    Path("buildings.csv").write_text("\n".join([BUILDINGS.splitlines()[0].removesuffix(",site"), *lines, ""]))
-    Path("sites.csv").write_text("site,longitude,latitude\n" + "".join(f"{a},{b},{c}\n" for a, b, c in sites))
+    Path("buildings.csv").write_text(
+        "\n".join([BUILDINGS.splitlines()[0].removesuffix(",site"), *lines, ""])
+    )
+    Path("sites.csv").write_text(
+        "site,longitude,latitude\n" + "".join(f"{a},{b},{c}\n" for a, b, c in sites)
+    )
     Path("campaign.yaml").write_text(CAMPAIGN + DAMAGE)
     tdint("campaign", "campaign.yaml", "-o", "whole", code=3)
     parts = [f"part-{k}" for k in range(1, 11)]
@@ -327,7 +411,9 @@ def test_a_shard_tells_of_its_own_buildings_and_all_of_them_of_the_whole(region:
         told, run = (tables(part)[name] for name in ("buildings", "run_rows"))
         assert {row[0] for row in run} <= {row[0] for row in told} and len(told) < 20
     before = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (len(list(Path("/proc/self/fd").iterdir())) + 12, before[1]))
+    resource.setrlimit(
+        resource.RLIMIT_NOFILE, (len(list(Path("/proc/self/fd").iterdir())) + 12, before[1])
+    )
     try:
         tdint("campaign", "merge", *reversed(parts), "-o", "all", code=0)
     finally:
@@ -353,7 +439,9 @@ def tables(folder: str) -> dict[str, list[tuple[Any, ...]]]:
         names = ("buildings", "records", "inventory", "building_types", "run_rows", "unused")
         found = {name: store.execute(f"SELECT * FROM {name}").fetchall() for name in names}
         found["chunks"] = store.execute("SELECT id, runs FROM chunks ORDER BY id").fetchall()
-        found["meta"] = store.execute("SELECT * FROM meta WHERE key NOT IN ('seal', 'shards') ORDER BY key").fetchall()
+        found["meta"] = store.execute(
+            "SELECT * FROM meta WHERE key NOT IN ('seal', 'shards') ORDER BY key"
+        ).fetchall()
     return found
 
 
@@ -361,7 +449,9 @@ def test_a_building_that_names_no_site(region: Path, tdint: Command) -> None:
     change("campaign.yaml", (" sites: sites.csv,", ""))
     change("buildings.csv", ("-122.26,east", "-122.26,nowhere"))
     result = tdint("campaign", "campaign.yaml", "-o", "new", code=3)
-    assert result.stderr == ("Error: buildings.csv:4:8: site: 'nowhere' is not in fields.csv; known: west, east\n")
+    assert result.stderr == (
+        "Error: buildings.csv:4:8: site: 'nowhere' is not in fields.csv; known: west, east\n"
+    )
 
 
 def test_a_record_that_is_missing_leaves_its_rows_out(region: Path, tdint: Command) -> None:
@@ -380,13 +470,21 @@ def test_damage_of_each_event() -> None:
     assert {row["event"] for row in types} == {"M7-1", "M7-2", "M6"}
     for row in types:
         column = f"probability_{row['state'].replace('-', '_')}"
-        told = [float(run[column]) for run in runs if (run["type"], run["event"]) == (row["type"], row["event"])]
+        told = [
+            float(run[column])
+            for run in runs
+            if (run["type"], run["event"]) == (row["type"], row["event"])
+        ]
         assert int(row["runs"]) == len(told) > 0
         assert float(row["probability"]) == pytest.approx(sum(told) / len(told), abs=1e-11)
     for row in losses:
         if row["building"]:
             names = ("type", "event", "building")
-            told = [float(run["loss_ratio"]) for run in runs if all(run[name] == row[name] for name in names)]
+            told = [
+                float(run["loss_ratio"])
+                for run in runs
+                if all(run[name] == row[name] for name in names)
+            ]
             assert float(row["loss_ratio"]) == pytest.approx(sum(told) / len(told), rel=1e-9)
 
 
@@ -407,7 +505,10 @@ def test_money_is_the_sum_of_what_each_building_loses(losing: Path, tdint: Comma
             and row["District"] in ("", district[run["building"]])
         ]
         names = {run["building"] for run in mine}
-        each = {name: [float(run["loss_ratio"]) for run in mine if run["building"] == name] for name in names}
+        each = {
+            name: [float(run["loss_ratio"]) for run in mine if run["building"] == name]
+            for name in names
+        }
         expected = sum(value[name] * sum(of) / len(of) for name, of in each.items())
         assert float(row["value"]) == pytest.approx(sum(value[name] for name in names), rel=1e-12)
         assert float(row["loss"]) == pytest.approx(expected, rel=1e-9)
@@ -422,8 +523,12 @@ def test_money_is_the_sum_of_what_each_building_loses(losing: Path, tdint: Comma
             under[run["record"]][0] += share
             under[run["record"]][1] += share * float(run["loss_ratio"])
         one, other = (lost / worth for worth, lost in under.values())
-        assert float(row["loss_error"]) == pytest.approx(0.5 * float(row["value"]) * abs(one - other), rel=1e-7)
-    assert groups == 3 + 8 + 6 and len(found) == groups + 8  # events; types, districts, buildings in events
+        assert float(row["loss_error"]) == pytest.approx(
+            0.5 * float(row["value"]) * abs(one - other), rel=1e-7
+        )
+    assert (
+        groups == 3 + 8 + 6 and len(found) == groups + 8
+    )  # events; types, districts, buildings in events
     again = tdint("campaign", "campaign.yaml", "-o", "out", "--by", "county", code=2)
     assert "--by county: the inventory has no such column; it has" in again.stderr
     change("buildings.csv", ("1.5e6", "much"))
@@ -460,18 +565,27 @@ def test_pairs_of_files_with_one_component_each(region: Path, tdint: Command) ->
     )
     tdint("campaign", "campaign.yaml", "-o", "new", code=0)
     told = {(row["building"], row["record"], row["component"]): row for row in rows("new/runs.csv")}
-    assert len(told) == 6 and {name for _, name, _ in told} == set(files)  # a at west, b and c at east
+    assert len(told) == 6 and {name for _, name, _ in told} == set(
+        files
+    )  # a at west, b and c at east
     study = CAMPAIGN.replace("fields: fields.csv, sites: sites.csv", f"files: [{', '.join(files)}]")
     Path("plain.yaml").write_text(study.replace(", pairs: true", ""))
     tdint("campaign", "plain.yaml", "-o", "plain", code=0)
-    plain = {(row["building"], row["record"], row["component"]): row for row in rows("plain/runs.csv")}
+    plain = {
+        (row["building"], row["record"], row["component"]): row for row in rows("plain/runs.csv")
+    }
     for key, row in told.items():
         assert row["peak_drift_ratio"] == plain[key]["peak_drift_ratio"]
     Path("NZ.WTMC.20.HNE.mseed").unlink()
     said = tdint("campaign", "campaign.yaml", "-o", "again", code=4).stderr
-    assert "fields.csv:3: NZ.WTMC.20.HNN.mseed+" in said and "has a single horizontal component" in said
+    assert (
+        "fields.csv:3: NZ.WTMC.20.HNN.mseed+" in said
+        and "has a single horizontal component" in said
+    )
     change("campaign.yaml", (", pairs: true", ""))
-    tdint.refused("fields.csv:1: record_2 is of pairs", "campaign", "campaign.yaml", "-o", "single", code=3)
+    tdint.refused(
+        "fields.csv:1: record_2 is of pairs", "campaign", "campaign.yaml", "-o", "single", code=3
+    )
 
 
 def test_how_often_a_loss_comes_in_a_year(losing: Path, tdint: Command) -> None:
@@ -486,7 +600,9 @@ def test_how_often_a_loss_comes_in_a_year(losing: Path, tdint: Command) -> None:
         assert [row["event"] for row in told] == sorted(mine, key=lambda event: -mine[event])
         for row in told:
             as_large = [event for event in mine if mine[event] >= mine[row["event"]]]
-            assert float(row["exceedance_rate"]) == pytest.approx(sum(rates[event] for event in as_large), rel=1e-10)
+            assert float(row["exceedance_rate"]) == pytest.approx(
+                sum(rates[event] for event in as_large), rel=1e-10
+            )
         annual = sum(rates[event] * mine[event] for event in mine)
         assert sum(float(row["annual_loss"]) for row in told) == pytest.approx(annual, rel=1e-10)
         assert float(told[-1]["cumulative_annual_loss"]) == pytest.approx(annual, rel=1e-10)
@@ -498,7 +614,9 @@ def test_how_often_a_loss_comes_in_a_year(losing: Path, tdint: Command) -> None:
             ]  # fmt: skip
             spread = [float(of["value"]) * float(of["loss_ratio_sd"]) for of in alone]
             alike = [float({"a": 3, "b": 1, "c": 10}[of["building"]]) for of in alone]
-            together = math.sqrt(sum(sd**2 / number for sd, number in zip(spread, alike, strict=True)))
+            together = math.sqrt(
+                sum(sd**2 / number for sd, number in zip(spread, alike, strict=True))
+            )
             assert float(row["loss_sd_independent"]) == pytest.approx(together, rel=1e-9)
             assert float(row["loss_sd_correlated"]) == pytest.approx(sum(spread), rel=1e-9)
         # How often a loss as large comes, by beta distributions.
@@ -509,7 +627,9 @@ def test_how_often_a_loss_comes_in_a_year(losing: Path, tdint: Command) -> None:
                     cost = worth[part, other["event"]]
                     mean, sd = float(other["loss"]) / cost, float(other[f"loss_sd_{name}"]) / cost
                     k = mean * (1.0 - mean) / sd**2 - 1.0
-                    rate += float(other["rate"]) * float(beta.sf(loss / cost, mean * k, (1.0 - mean) * k))
+                    rate += float(other["rate"]) * float(
+                        beta.sf(loss / cost, mean * k, (1.0 - mean) * k)
+                    )
                 assert float(row[f"exceedance_rate_{name}"]) == pytest.approx(rate, rel=1e-6)
     Path("rates.csv").write_text("event,rate\nM7-1,0.002\n")
     said = "rates.csv: has no rate of 2 events of the fields, such as 'M7-2'"

@@ -46,7 +46,10 @@ WRITING = {
         "compare shaken.yaml --recorded recorded.yaml -o out --plot",
         "out/comparison.csv out/spectra.csv out/summary.json out/comparison.png",
     ),
-    "inventory": ("inventory town.csv --units ft -o models.csv --models models", "models.csv models/house.yaml"),
+    "inventory": (
+        "inventory town.csv --units ft -o models.csv --models models",
+        "models.csv models/house.yaml",
+    ),
     "info": ("info MOTION -o i.csv --plot", "i.csv i.png"),
     "spectrum": ("spectrum MOTION --period 0.2,1 -o s.csv --plot=other.pdf", "s.csv other.pdf"),
     "drift-spectrum": ("drift-spectrum MOTION --period 0.2,1 -o d.csv --plot", "d.csv d.png"),
@@ -56,18 +59,30 @@ WRITING = {
         f"match motion.mseed UNITS --component HNE --target {ASCE7} --range 0.2:1 -o out --plot",
         "out/matched.csv out/matched.json out/matched.png out/motion-HNE.mseed",
     ),
-    "scale": ("scale motion.mseed UNITS --target target.csv --range 0.2:1 -o f.csv --plot", "f.csv f.json f.png"),
+    "scale": (
+        "scale motion.mseed UNITS --target target.csv --range 0.2:1 -o f.csv --plot",
+        "f.csv f.json f.png",
+    ),
     "ida": (
         "ida shaken.yaml MOTION --precision 40% --max-im 1g -o out --plot",
         "out/ida.csv out/capacities.csv out/ida.json out/ida.png",
     ),
-    "sensitivity": ("sensitivity shaken.yaml MOTION --vary mass_factor=0.9:1.1 -o s.csv --plot", "s.csv s.png"),
+    "sensitivity": (
+        "sensitivity shaken.yaml MOTION --vary mass_factor=0.9:1.1 -o s.csv --plot",
+        "s.csv s.png",
+    ),
     "fragility": ("fragility stripes.csv -o f.csv --plot", "f.csv f.png"),
     "stability": ("stability --method wilson --dt-over-t 0.1:1:3 -o s.csv --plot", "s.csv s.png"),
     "overshoot": ("overshoot --method wilson --steps 3 -o s.csv --plot", "s.csv s.png"),
     "order": ("order --method newmark-average --load free -o o.csv --plot", "o.csv o.png"),
-    "failures": ("failures --problem stiff-node --method newmark-average -o f.csv --plot", "f.csv f.png"),
-    "examples": ("examples 1 --method newmark-average -o out", "out/example-1-errors.csv out/figure-07.png"),
+    "failures": (
+        "failures --problem stiff-node --method newmark-average -o f.csv --plot",
+        "f.csv f.png",
+    ),
+    "examples": (
+        "examples 1 --method newmark-average -o out",
+        "out/example-1-errors.csv out/figure-07.png",
+    ),
     "chart": (
         "chart shaken.yaml --method newmark-average --dt 0.02 --repeat 1 --duration 1 -o c.csv --plot",
         "c.csv c.png c.json",
@@ -87,7 +102,8 @@ def study(folder: Path) -> Path:
         "stripes.csv": "im,collapses,records\n0.2,1,40\n0.6,4,40\n0.8,13,40\n1,16,40\n",
         "recorded.yaml": "base: {file: motion.mseed, component: HNE, units: m/s^2}\n"
         "floors: {2: {file: motion.mseed, component: HNN, units: m/s^2}}\n",
-        "curves.csv": "story,drift_m,shear_N\n" + "".join(f"1,{0.01 * i:g},{1e5 + 1e3 * i:g}\n" for i in range(1, 9)),
+        "curves.csv": "story,drift_m,shear_N\n"
+        + "".join(f"1,{0.01 * i:g},{1e5 + 1e3 * i:g}\n" for i in range(1, 9)),
         "path.csv": "drift_m\n0.01\n-0.01\n",
         "target.csv": "period_s,sa_g\n0.1,1\n2,0.5\n",
         "own.py": "METHODS = ()\n",
@@ -108,7 +124,9 @@ def files_in(folder: Path) -> dict[str, bytes]:
 def words_of(line: str, **names: object) -> list[str]:
     """The words of a command line of the tables here, where MOTION, RECORD and UNITS stand for what many have."""
     record = MOTION.replace("motion.mseed", "{read}")
-    line = line.replace("MOTION", MOTION).replace("RECORD", record).replace("UNITS", "--units m/s^2")
+    line = (
+        line.replace("MOTION", MOTION).replace("RECORD", record).replace("UNITS", "--units m/s^2")
+    )
     return line.format(**names).split()
 
 
@@ -120,24 +138,39 @@ def parameters_of(name: str) -> list[click.Parameter]:
 def writing_commands() -> set[str]:
     """Commands that have an output, a picture or a file to write among their options."""
     names = cli.list_commands(click.Context(cli))
-    return {name for name in names if {"output", "plot", "overwrite"} & {one.name for one in parameters_of(name)}}
+    return {
+        name
+        for name in names
+        if {"output", "plot", "overwrite"} & {one.name for one in parameters_of(name)}
+    }
 
 
 def test_every_command_that_writes_or_takes_files_is_here() -> None:
     """But for `compile`, whose files are named by a hash of what is in them, and `rerun`, which writes into an empty
     folder alone; and among those that read `pushover`, whose model is read as that of modes."""
-    assert writing_commands() - {"compile", "rerun"} == {line.split()[0] for line, _ in WRITING.values()}
+    assert writing_commands() - {"compile", "rerun"} == {
+        line.split()[0] for line, _ in WRITING.values()
+    }
     names = cli.list_commands(click.Context(cli))
-    takes_files = {name for name in names if any(isinstance(one.type, FileName) for one in parameters_of(name))}
+    takes_files = {
+        name for name in names if any(isinstance(one.type, FileName) for one in parameters_of(name))
+    }
     assert takes_files <= {line.split()[0] for line, _ in READING.values()} | {"pushover"}
 
 
-def check_what_is_told(tdint: Command, words: list[str], read: dict[str, bytes], written: dict[str, bytes]) -> None:
+def check_what_is_told(
+    tdint: Command, words: list[str], read: dict[str, bytes], written: dict[str, bytes]
+) -> None:
     """What was read and by which sources, the options, what each column means, and no path but those that were typed;
     `rerun` finds the same cells in all tables beside it, from another working directory, and changes nothing."""
-    (file,) = (name for name, data in written.items() if name.endswith(".json") and b'"arguments"' in data)
+    (file,) = (
+        name for name, data in written.items() if name.endswith(".json") and b'"arguments"' in data
+    )
     about = json.loads(written[file])
-    assert about["schema"]["name"] in (f"tdint {words[0]}", "tdint campaign") and about["arguments"] == words
+    assert (
+        about["schema"]["name"] in (f"tdint {words[0]}", "tdint campaign")
+        and about["arguments"] == words
+    )
     inputs = {one["file"]: one["sha256"] for one in about["inputs"]}
     assert inputs == {name: sha256(read[name]).hexdigest() for name in inputs}
     assert read.keys() & words <= inputs.keys()
@@ -152,7 +185,9 @@ def check_what_is_told(tdint: Command, words: list[str], read: dict[str, bytes],
 
 
 @pytest.mark.parametrize("name", WRITING)
-def test_what_a_command_did_not_write_it_does_not_replace(study: Path, tdint: Command, name: str) -> None:
+def test_what_a_command_did_not_write_it_does_not_replace(
+    study: Path, tdint: Command, name: str
+) -> None:
     """And what it wrote it tells, and writes again to the byte, but for times."""
     line, named = WRITING[name]
     arguments, files = words_of(line), named.split()
@@ -177,7 +212,10 @@ def test_what_a_command_did_not_write_it_does_not_replace(study: Path, tdint: Co
     for file in written:
         (study / file).write_bytes(b"mine")
         result = tdint(*arguments)
-        assert (result.exit_code, (study / file).read_bytes()) == (6, b"mine"), (file, result.output)
+        assert (result.exit_code, (study / file).read_bytes()) == (6, b"mine"), (
+            file,
+            result.output,
+        )
         (study / file).write_bytes(written[file])
     (study / files[0]).write_bytes(b"mine")
     tdint(*arguments, "--overwrite", code=0)
@@ -255,7 +293,9 @@ def not_longer_than(seconds: float) -> Iterator[None]:
 def test_a_named_pipe_is_not_waited_for(study: Path, tdint: Command, name: str) -> None:
     line, code = READING[name]
     arguments = words_of(line)
-    (study / "piped.yaml").write_text((study / "shaken.yaml").read_text().replace("motion.mseed", "FIFO"))
+    (study / "piped.yaml").write_text(
+        (study / "shaken.yaml").read_text().replace("motion.mseed", "FIFO")
+    )
     for pipe in {word.rpartition("=")[2] for word in arguments if "FIFO" in word} | {"FIFO"}:
         os.mkfifo(study / pipe)
     with not_longer_than(60.0):
@@ -291,25 +331,45 @@ KEPT_SAFE = {
     "run RECORD": ("motion.mseed", ".png", "run shaken.yaml RECORD --plot={written}"),
     "run, the model's record": ("motion.mseed", ".png", "run own.yaml --plot={written}"),
     "runs --plot": ("shaken.yaml", ".png", "run {read} MOTION --scale 1,2 --plot={written}"),
-    "runs --report": ("shaken.yaml", ".html", "run {read} MOTION --scale 1,2 -o o --report {written}"),
+    "runs --report": (
+        "shaken.yaml",
+        ".html",
+        "run {read} MOTION --scale 1,2 -o o --report {written}",
+    ),
     "modes -o": ("shaken.yaml", ".csv", "modes {read} -o {written}"),
     "modes -o of the summary": ("shaken.yaml", ".json", "modes {read} -o {beside}.csv"),
-    "modes --report": ("shaken.yaml", ".html", "modes {read} --target asce7:sds=1,sd1=0.6,tl=8 --report {written}"),
-    "compare --report": ("shaken.yaml", ".html", "compare {read} --recorded recorded.yaml --report {written}"),
+    "modes --report": (
+        "shaken.yaml",
+        ".html",
+        "modes {read} --target asce7:sds=1,sd1=0.6,tl=8 --report {written}",
+    ),
+    "compare --report": (
+        "shaken.yaml",
+        ".html",
+        "compare {read} --recorded recorded.yaml --report {written}",
+    ),
     "pushover --report": ("shaken.yaml", ".html", "pushover {read} --report {written}"),
     "modes --plot": ("shaken.yaml", ".png", "modes {read} -o m.csv --plot={written}"),
     "law -o": ("shaken.yaml", ".csv", "law {read} --drift 1% -o {written}"),
     "law --path": ("path.csv", ".csv", "law shaken.yaml --path {read} -o {written}"),
     "pushover -o": ("shaken.yaml", ".csv", "pushover {read} -o {written}"),
     "compare -o": ("recorded.yaml", ".csv", "compare shaken.yaml --recorded {read} -o {written}"),
-    "compare --plot": ("shaken.yaml", ".png", "compare {read} --recorded recorded.yaml --plot={written}"),
+    "compare --plot": (
+        "shaken.yaml",
+        ".png",
+        "compare {read} --recorded recorded.yaml --plot={written}",
+    ),
     "inventory -o": ("town.csv", ".csv", "inventory {read} --units ft -o {written}"),
     "inventory --models": ("town.csv", ".yaml", "inventory {read} --units ft --models . -o t.csv"),
     "info -o": ("motion.mseed", ".csv", "info RECORD -o {written}"),
     "info --export": ("motion.mseed", ".mseed", "info RECORD --export {written}"),
     "info DIR": ("motion.mseed", ".mseed", "info many UNITS -o {written}"),
     "spectrum -o": ("motion.mseed", ".csv", "spectrum RECORD --period 1 -o {written}"),
-    "spectrum --jobs": ("motion.mseed", ".mseed", "spectrum many UNITS --period 1 --jobs 2 -o {written}"),
+    "spectrum --jobs": (
+        "motion.mseed",
+        ".mseed",
+        "spectrum many UNITS --period 1 --jobs 2 -o {written}",
+    ),
     "spectrum --against": ("target.csv", ".csv", "spectrum MOTION --against {read} -o {written}"),
     "spectrum --target": ("target.csv", ".csv", "spectrum --target {read} -o {written}"),
     "drift-spectrum -o": ("motion.mseed", ".csv", "drift-spectrum RECORD --period 1 -o {written}"),
@@ -328,7 +388,11 @@ KEPT_SAFE = {
     "fragility -o": ("stripes.csv", ".csv", "fragility {read} -o {written}"),
     "fragility --openquake": ("stripes.csv", ".xml", "fragility {read} --openquake {written}"),
     "chart -o": ("shaken.yaml", ".csv", "chart {read} --method newmark-average -o {written}"),
-    "stability --plugin": ("own.py", ".py", "stability --plugin {read} --method wilson -o {written}"),
+    "stability --plugin": (
+        "own.py",
+        ".py",
+        "stability --plugin {read} --method wilson -o {written}",
+    ),
     "order --style": (
         "own.mplstyle",
         ".png",
@@ -348,7 +412,14 @@ def test_every_file_option_that_is_written_is_tried() -> None:
             if is_written and option.opts[0] not in ("--plot", "-o"):
                 assert (name, option.opts[0]) in tried | {("init", "file")}, name
     reading = {words[0] for words in lines}
-    assert writing_commands() - reading == {"overshoot", "failures", "examples", "validate", "compile", "rerun"}
+    assert writing_commands() - reading == {
+        "overshoot",
+        "failures",
+        "examples",
+        "validate",
+        "compile",
+        "rerun",
+    }
 
 
 def lay_out(study: Path, file: str, read: Path, of: str = "") -> None:
@@ -358,14 +429,21 @@ def lay_out(study: Path, file: str, read: Path, of: str = "") -> None:
     text = (study / "shaken.yaml").read_text().partition("excitation:")[0]
     record = f"{{file: {of or 'motion.mseed'}, units: m/s^2, component: HNE}}"
     (study / "own.yaml").write_text(f"{text}excitation: {{record: {record}}}\n")
-    (study / "of-it.yaml").write_text((study / "study.yaml").read_text().replace("shaken.yaml", of or "shaken.yaml"))
+    (study / "of-it.yaml").write_text(
+        (study / "study.yaml").read_text().replace("shaken.yaml", of or "shaken.yaml")
+    )
 
 
 @pytest.mark.parametrize(
     ("name", "link"),
-    [*((name, "") for name in KEPT_SAFE), *itertools.product(("modes -o", "run RECORD"), ("symbolic", "hard"))],
+    [
+        *((name, "") for name in KEPT_SAFE),
+        *itertools.product(("modes -o", "run RECORD"), ("symbolic", "hard")),
+    ],
 )
-def test_what_a_command_reads_it_never_replaces(study: Path, tdint: Command, name: str, link: str) -> None:
+def test_what_a_command_reads_it_never_replaces(
+    study: Path, tdint: Command, name: str, link: str
+) -> None:
     file, suffix, line = KEPT_SAFE[name]
     folder = {"campaign -o": "runs", "inventory --models": "house"}.get(name, "kept")
     read = Path("many", f"a{suffix}") if "many" in line else Path(f"{folder}{suffix}")
@@ -385,9 +463,16 @@ def test_what_a_command_reads_it_never_replaces(study: Path, tdint: Command, nam
 
 @pytest.mark.parametrize("where", ["exists already", "is a file, not a folder"])
 @pytest.mark.parametrize(
-    "name", [name for name, (file, _, line) in KEPT_SAFE.items() if "{written}" in line and file != "own.py"]
+    "name",
+    [
+        name
+        for name, (file, _, line) in KEPT_SAFE.items()
+        if "{written}" in line and file != "own.py"
+    ],
 )
-def test_what_cannot_be_written_is_known_before_the_work(study: Path, tdint: Command, name: str, where: str) -> None:
+def test_what_cannot_be_written_is_known_before_the_work(
+    study: Path, tdint: Command, name: str, where: str
+) -> None:
     """One code, 6, for every output of every command; nothing is done."""
     file, suffix, line = KEPT_SAFE[name]
     lay_out(study, file, Path("many", f"a{Path(file).suffix}"))
@@ -395,7 +480,9 @@ def test_what_cannot_be_written_is_known_before_the_work(study: Path, tdint: Com
     if "exists" in where:
         (study / written).write_bytes(b"mine")
     before = files_in(study)
-    result = tdint(*words_of(line, read=file, written=written, beside="", folder=".").copy(), code=6)
+    result = tdint(
+        *words_of(line, read=file, written=written, beside="", folder=".").copy(), code=6
+    )
     assert where in result.stderr and result.stdout == ""
     assert files_in(study) == before
 
@@ -409,9 +496,13 @@ def test_what_comes_by_standard_input_is_not_replaced(study: Path) -> None:
     assert (study / "shaken.yaml").read_bytes() == before
 
 
-def test_a_run_removes_what_an_earlier_one_wrote_and_nothing_else(study: Path, tdint: Command) -> None:
+def test_a_run_removes_what_an_earlier_one_wrote_and_nothing_else(
+    study: Path, tdint: Command
+) -> None:
     whole = words_of("run shaken.yaml MOTION -o out --overwrite")
-    tdint(*whole, "--history", "--plot", "--floor-spectra", "roof", "--export-floors", "mseed", code=0)
+    tdint(
+        *whole, "--history", "--plot", "--floor-spectra", "roof", "--export-floors", "mseed", code=0
+    )
     first = files_in(study / "out")
     listed = json.loads(first["summary.json"])["files"]
     assert {one["file"]: one["sha256"] for one in listed} == {
@@ -420,7 +511,9 @@ def test_a_run_removes_what_an_earlier_one_wrote_and_nothing_else(study: Path, t
     mine = {"history.csv": b"mine", "response.png": b"mine", "notes.txt": b"mine"}
     for name, data in mine.items():
         (study / "out" / name).write_bytes(data)
-    assert "history.csv, response.png: not as an earlier run wrote it" in tdint(*whole, code=0).stderr
+    assert (
+        "history.csv, response.png: not as an earlier run wrote it" in tdint(*whole, code=0).stderr
+    )
     left = files_in(study / "out")
     assert set(left) == {"stories.csv", "summary.json", *mine}
     assert {name: left[name] for name in mine} == mine
@@ -446,13 +539,24 @@ def test_names_are_looked_at_before_the_runs(
     for name in ("mine.png", "mine.html", "many"):
         (study / name).write_bytes(b"mine")
     before = files_in(study)
-    tdint.refused(said, *words_of(of), "-o", "out", *words, code=6 if "many" in words[-1] or "exists" in said else 2)
+    tdint.refused(
+        said,
+        *words_of(of),
+        "-o",
+        "out",
+        *words,
+        code=6 if "many" in words[-1] or "exists" in said else 2,
+    )
     assert files_in(study) == before and not (study / "out" / "campaign.sqlite").exists()
 
 
 def test_a_dash_is_standard_output(study: Path, tdint: Command) -> None:
     before = files_in(study)
-    for line in ("modes shaken.yaml", "spectrum MOTION --period 1", "stability --method wilson --dt-over-t 0.1"):
+    for line in (
+        "modes shaken.yaml",
+        "spectrum MOTION --period 1",
+        "stability --method wilson --dt-over-t 0.1",
+    ):
         words = words_of(line)
         assert tdint(*words, "-o", "-").stdout == tdint(*words).stdout != ""
     tdint.refused("this command writes a folder", *words_of("run shaken.yaml MOTION -o -"))
@@ -482,7 +586,9 @@ def test_a_single_table_is_written_as_parquet(folder, tdint, line):
         assert known["meaning"] and known.get("unit") == told[name].get("unit")
 
 
-@pytest.mark.parametrize("line", ["spectrum motion.mseed", "run shaken.yaml", "ida shaken.yaml motion.mseed"])
+@pytest.mark.parametrize(
+    "line", ["spectrum motion.mseed", "run shaken.yaml", "ida shaken.yaml motion.mseed"]
+)
 def test_what_is_no_single_table_is_not_written_as_parquet(folder, tdint, line):
     result = tdint(*line.split(), "-o", "a.parquet", code=2)
     assert result.stderr.splitlines() == [
@@ -493,4 +599,6 @@ def test_what_is_no_single_table_is_not_written_as_parquet(folder, tdint, line):
 def test_parquet_without_pyarrow_is_refused_before_the_work(folder, tdint, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     result = tdint("modes", "none.yaml", "-o", "a.parquet", code=2)
-    assert result.stderr.splitlines() == ["Error: a Parquet file needs pyarrow: pip install 'tdint[parquet]'"]
+    assert result.stderr.splitlines() == [
+        "Error: a Parquet file needs pyarrow: pip install 'tdint[parquet]'"
+    ]

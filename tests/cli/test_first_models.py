@@ -15,10 +15,22 @@ from tdint.units import STANDARD_GRAVITY
 @pytest.mark.parametrize(("units", "newton"), [("si", 1e3), ("us", 4448.2216152605)])
 def test_weights_and_the_period_make_a_building(folder, tdint, units, newton):
     """By the eigenvalues of dense matrices; the first mode is a straight line."""
-    tdint("init", "f.yaml", "--period", "1.1", "--weights", "4200, 3x3900,3400", "--units", units, code=0)
+    tdint(
+        "init",
+        "f.yaml",
+        "--period",
+        "1.1",
+        "--weights",
+        "4200, 3x3900,3400",
+        "--units",
+        units,
+        code=0,
+    )
     model = load_model("f.yaml")
     masses = np.array([story.mass for story in model.stories])
-    assert masses == pytest.approx(np.array([4200, 3900, 3900, 3900, 3400]) * newton / STANDARD_GRAVITY, rel=1e-9)
+    assert masses == pytest.approx(
+        np.array([4200, 3900, 3900, 3900, 3400]) * newton / STANDARD_GRAVITY, rel=1e-9
+    )
     k = np.array([story.stiffness for story in model.stories] + [0.0])
     matrix = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
     values, vectors = np.linalg.eigh(matrix / np.sqrt(np.outer(masses, masses)))
@@ -33,7 +45,10 @@ FROM_CURVES = ("init", "b.yaml", "--weights")
 def curves(file: str, *stories: tuple[list[float], list[float]]) -> None:
     lines = ["story,drift_mm,shear_kN"]
     for number, (drift, shear) in enumerate(stories, start=1):
-        lines += [f"{number},{d!r},{np.interp(d, drift, shear).item()!r}" for d in np.linspace(0.0, 80.0, 41).tolist()]
+        lines += [
+            f"{number},{d!r},{np.interp(d, drift, shear).item()!r}"
+            for d in np.linspace(0.0, 80.0, 41).tolist()
+        ]
     Path(file).write_text("\n".join(lines) + "\n")
 
 
@@ -41,11 +56,24 @@ def test_laws_come_out_of_curves_that_they_drew(folder, tdint):
     curves("two.csv", ([0, 12, 80], [0, 600, 940]), ([0, 8, 80], [0, 480, 912]))
     result = tdint(*FROM_CURVES, "4000,3500", "--from-pushover", "two.csv", code=0)
     assert "Misfit of the stories" in result.stderr
-    for story, stiffness, strength in zip(load_model("b.yaml").stories, (5e7, 6e7), (6e5, 4.8e5), strict=True):
-        assert (story.stiffness, story.law.parameters[0]) == pytest.approx((stiffness, strength), rel=1e-5)
+    for story, stiffness, strength in zip(
+        load_model("b.yaml").stories, (5e7, 6e7), (6e5, 4.8e5), strict=True
+    ):
+        assert (story.stiffness, story.law.parameters[0]) == pytest.approx(
+            (stiffness, strength), rel=1e-5
+        )
         assert story.law.parameters[1] == pytest.approx(0.1, rel=1e-4)
     curves("three.csv", ([0, 10, 40, 80], [0, 1000, 1400, 1400]))
-    tdint(*FROM_CURVES, "4000", "--from-pushover", "three.csv", "--law", "trilinear", "--overwrite", code=0)
+    tdint(
+        *FROM_CURVES,
+        "4000",
+        "--from-pushover",
+        "three.csv",
+        "--law",
+        "trilinear",
+        "--overwrite",
+        code=0,
+    )
     (story,) = load_model("b.yaml").stories
     assert story.stiffness == pytest.approx(1e8, rel=1e-5)
     assert story.law.parameters[:3] == pytest.approx((1e6, 1.4e6, 0.04), rel=1e-4)
@@ -88,7 +116,11 @@ BAD_CURVES = {
         ("--weights 4000 --from-pushover units.csv", 3, "drift_m"),
         ("--motion saw:pga=1g", 2, "no motion 'saw'"),
         ("--motion sine:frequency=1.5,duration=20,pga=0.1", 2, "with its unit"),
-        ("--motion sine:frequency=-1,duration=20,pga=0.1g", 2, "frequency must be a positive number"),
+        (
+            "--motion sine:frequency=-1,duration=20,pga=0.1g",
+            2,
+            "frequency must be a positive number",
+        ),
         ("--motion sine:frequency=1", 2, "sine needs duration, pga"),
         ("--motion pulse:period=1,velocity=1,pga=2g", 2, "pulse has no parameter 'pga'"),
         ("--weights 1,2y", 2, "2y"),
@@ -118,7 +150,11 @@ def test_motions_for_teaching(folder, tdint, motion, ends, phase):
     record = read_record("f-motion.txt")
     t = record.dt * np.arange(record.acceleration.size)
     assert t[-1] == pytest.approx(ends)
-    wave = np.where(t <= float(motion.partition("duration=")[2].partition(",")[0]), np.sin(np.pi * phase(t)), 0.0)
+    wave = np.where(
+        t <= float(motion.partition("duration=")[2].partition(",")[0]),
+        np.sin(np.pi * phase(t)),
+        0.0,
+    )
     assert record.acceleration == pytest.approx(0.1 * STANDARD_GRAVITY * wave, abs=1e-6)
     tdint("run", "f.yaml", "-q", code=0)
 
@@ -134,7 +170,9 @@ def test_shapes_of_modes(folder, tdint, drawn):
         name = f"floor_{floor}_shape"
         assert sum(float(row[name]) for row in by_participation) == pytest.approx(1.0)
         for one, other in zip(by_roof, by_participation, strict=True):
-            assert float(other[name]) == pytest.approx(float(one["participation"]) * float(one[name]), abs=1e-9)
+            assert float(other[name]) == pytest.approx(
+                float(one["participation"]) * float(one[name]), abs=1e-9
+            )
 
 
 def test_modes_have_damping_with_p_delta(folder, tdint):

@@ -26,7 +26,16 @@ def test_floor_spectra_are_those_of_the_exported_motion(run, tdint, drawn):
     """By the file, to 1e-9: the table's digits. A rigid oscillator feels the largest of the history's samples (peaks of
     stories.csv lie between them, too). Stations say the floors."""
     options = ("--damping", "2%,5%", "--period", "0,0.05,0.5")
-    run("--floor-spectra", "1,roof", *options, "--export-floors", "mseed", "--history", "--plot", code=0)
+    run(
+        "--floor-spectra",
+        "1,roof",
+        *options,
+        "--export-floors",
+        "mseed",
+        "--history",
+        "--plot",
+        code=0,
+    )
     assert Path("out/floor-spectra.png").stat().st_size > 10_000
     ours = written("floor-spectra.csv")
     cases = [("1", "0.02"), ("1", "0.05"), ("2", "0.02"), ("2", "0.05")]
@@ -81,7 +90,11 @@ def test_floors_of_several_runs_have_their_mean_and_envelope(run, tdint, drawn):
     every, means = written("floor-spectra.csv"), written("floor-spectra-mean.csv")
     assert (Path("out") / "floor-spectra.png").stat().st_size > 10_000
     alone = {}
-    for record, component in (("motion.mseed", "HNE"), ("motion.mseed", "HNN"), ("other.mseed", "HNE")):
+    for record, component in (
+        ("motion.mseed", "HNE"),
+        ("motion.mseed", "HNN"),
+        ("other.mseed", "HNE"),
+    ):
         folder = f"{record}-{component}"
         tdint("run", "shaken.yaml", record, "--component", component, *options, "-o", folder)
         ours = [row for row in every if (row["record"], row["component"]) == (record, component)]
@@ -91,5 +104,9 @@ def test_floors_of_several_runs_have_their_mean_and_envelope(run, tdint, drawn):
     pair = np.maximum(alone["motion.mseed", "HNE"], alone["motion.mseed", "HNN"])
     other = np.array(alone["other.mseed", "HNE"])
     assert [row["runs"] for row in means] == ["2"] * 4
-    assert [float(row["mean_psa_m_s2"]) for row in means] == pytest.approx((pair + other) / 2.0, rel=1e-10)
-    assert [float(row["max_psa_m_s2"]) for row in means] == pytest.approx(np.maximum(pair, other), rel=1e-10)
+    assert [float(row["mean_psa_m_s2"]) for row in means] == pytest.approx(
+        (pair + other) / 2.0, rel=1e-10
+    )
+    assert [float(row["max_psa_m_s2"]) for row in means] == pytest.approx(
+        np.maximum(pair, other), rel=1e-10
+    )

@@ -15,7 +15,11 @@ CONFIGS = Path(__file__).parents[2] / "configs"
     [
         ("capacity,unit\n0.2,g\n0.3,g\n0.5,g\n", "capacity", ()),
         ("im,collapses,records,unit\n0.2,1,9,g\n0.4,4,9,g\n0.8,8,9,g\n", "im", ()),
-        ("im,edp,unit\n0.1,0.004,g\n0.2,0.007,g\n0.4,0.019,g\n0.6,0.021,g\n", "im", ("--threshold", "1%")),
+        (
+            "im,edp,unit\n0.1,0.004,g\n0.2,0.007,g\n0.4,0.019,g\n0.6,0.021,g\n",
+            "im",
+            ("--threshold", "1%"),
+        ),
     ],
     ids=["capacities", "stripes", "cloud"],
 )
@@ -24,8 +28,12 @@ def test_fragility_in_other_units(folder, tdint, text, name, arguments):
     (folder / "g.csv").write_text(text)
     table = [row | {name: repr(9.80665 * float(row[name])), "unit": "m/s^2"} for row in rows(text)]
     lines = [",".join(table[0]), *(",".join(row.values()) for row in table)]
-    given = tdint("fragility", "g.csv", *arguments, "--output-units", "m", "--plot=given.svg", code=0)
-    direct = tdint("fragility", "-", *arguments, "--plot=direct.svg", stdin="\n".join(lines).encode())
+    given = tdint(
+        "fragility", "g.csv", *arguments, "--output-units", "m", "--plot=given.svg", code=0
+    )
+    direct = tdint(
+        "fragility", "-", *arguments, "--plot=direct.svg", stdin="\n".join(lines).encode()
+    )
     assert given.stderr == direct.stderr
     for row, other in zip(rows(given.stdout), rows(direct.stdout), strict=True):
         assert row["unit"] == other["unit"] == "m/s^2"
@@ -37,7 +45,9 @@ def test_fragility_in_other_units(folder, tdint, text, name, arguments):
 
 
 def test_an_intensity_without_a_unit_is_not_converted(folder, tdint):
-    tdint.refused("give the table a column unit", "fragility", CONFIGS / "stripes.csv", "--output-units", "g")
+    tdint.refused(
+        "give the table a column unit", "fragility", CONFIGS / "stripes.csv", "--output-units", "g"
+    )
 
 
 def test_a_folder_of_a_study(folder, tdint, make_record):
@@ -59,16 +69,27 @@ def test_runs_of_a_campaign(folder, tdint):
     header = "building,record,status,peak_drift_ratio,sa_t1_m_s2"
     lines = [
         f"a,{record},{'collapsed' if drift == 0.05 else 'done'},{drift},{level}"
-        for level, drifts in ((1.0, (0.01, 0.01, 0.02)), (2.0, (0.01, 0.05, 0.02)), (3.0, (0.04, 0.05, 0.02)))
+        for level, drifts in (
+            (1.0, (0.01, 0.01, 0.02)),
+            (2.0, (0.01, 0.05, 0.02)),
+            (3.0, (0.04, 0.05, 0.02)),
+        )
         for record, drift in enumerate(drifts)
     ]
     (folder / "runs.csv").write_text("\n".join([header, *lines, "a,9,not-converged,,1.0"]) + "\n")
     result = tdint("fragility", ".", "--threshold", "3%")
     (row,) = rows(result.stdout)
-    assert (row["fit"], row["im"], row["unit"], row["records"]) == ("stripes", "sa(T1)", "m/s^2", "3")
+    assert (row["fit"], row["im"], row["unit"], row["records"]) == (
+        "stripes",
+        "sa(T1)",
+        "m/s^2",
+        "3",
+    )
     assert "1 of 10 runs have no result and are left out" in result.stderr
     assert row["failed"] == "1" and "counted as exceeding, and as not" in result.stderr
-    assert float(row["theta_failed_exceed"]) < float(row["theta"]) < float(row["theta_failed_stand"])
+    assert (
+        float(row["theta_failed_exceed"]) < float(row["theta"]) < float(row["theta_failed_stand"])
+    )
 
 
 @pytest.mark.parametrize(
@@ -81,7 +102,12 @@ def test_runs_of_a_campaign(folder, tdint):
             "runs.csv: column building has several values, a, b: leave the rows of one",
         ),
         ("building,status,peak_drift_ratio\na,done,0.1\n", (), 3, "no column sa_t1_m_s2"),
-        ("building,status,peak_drift_ratio\na,done,0.1\n", ("--im", "pgv"), 2, "the runs have no measure pgv"),
+        (
+            "building,status,peak_drift_ratio\na,done,0.1\n",
+            ("--im", "pgv"),
+            2,
+            "the runs have no measure pgv",
+        ),
         (None, (), 3, "this folder has no capacities.csv and no runs.csv"),
     ],
 )
@@ -108,23 +134,78 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
     ("text", "arguments", "code", "message"),
     [
         ("im,collapses,records\n1,0,3\nx,1,3\n", (), 3, "t.csv:3: im must be a number, got 'x'"),
-        ("im,collapses,records\n1,0,3\n2,1.5,3\n", (), 3, "t.csv:3: collapses must be a whole number"),
-        ("capacity,im,edp\n1,1,1\n2,2,2\n", (), 2, "t.csv:1: this is a table of capacity and of im,edp; say which is"),
-        ("capacity\n1\n2\n3\n", ("--beta-model", "1e308"), 2, "'--beta-model': 1e+308 is not in the range"),
-        ("im,collapses,records\n1,0,3\n2,4,3\n", (), 3, "t.csv:3: collapses must be from 0 to the number of records"),
+        (
+            "im,collapses,records\n1,0,3\n2,1.5,3\n",
+            (),
+            3,
+            "t.csv:3: collapses must be a whole number",
+        ),
+        (
+            "capacity,im,edp\n1,1,1\n2,2,2\n",
+            (),
+            2,
+            "t.csv:1: this is a table of capacity and of im,edp; say which is",
+        ),
+        (
+            "capacity\n1\n2\n3\n",
+            ("--beta-model", "1e308"),
+            2,
+            "'--beta-model': 1e+308 is not in the range",
+        ),
+        (
+            "im,collapses,records\n1,0,3\n2,4,3\n",
+            (),
+            3,
+            "t.csv:3: collapses must be from 0 to the number of records",
+        ),
         ("im,collapses,records\n0,0,3\n2,3,3\n", (), 3, "t.csv:2: im must be positive, got '0'"),
         ("im,collapses,records\n1,0,3\n2,0,3\n", (), 5, "no record exceeds at any level"),
-        ("im,collapse,records\n1,0,3\n", (), 3, "t.csv:1: a table has the columns im,collapses,records (stripes)"),
-        ("capacity,censored\n1,perhaps\n", (), 3, "t.csv:2: censored must be true or false, got 'perhaps'"),
+        (
+            "im,collapse,records\n1,0,3\n",
+            (),
+            3,
+            "t.csv:1: a table has the columns im,collapses,records (stripes)",
+        ),
+        (
+            "capacity,censored\n1,perhaps\n",
+            (),
+            3,
+            "t.csv:2: censored must be true or false, got 'perhaps'",
+        ),
         ("capacity\n1\n-2\n", (), 3, "t.csv:3: capacity must be a positive number, got '-2'"),
         ("capacity\n1\n2\n", ("--fit", "cloud"), 2, "this table is for --fit ida, not cloud"),
-        ("capacity\n1\n2\n", ("--threshold", "1%,2%"), 2, "has no column threshold: one --threshold at most"),
-        ("threshold,capacity\n0.1,1\n0.1,2\n", ("--threshold", "2%"), 2, "has no threshold 0.02; there are 0.1"),
+        (
+            "capacity\n1\n2\n",
+            ("--threshold", "1%,2%"),
+            2,
+            "has no column threshold: one --threshold at most",
+        ),
+        (
+            "threshold,capacity\n0.1,1\n0.1,2\n",
+            ("--threshold", "2%"),
+            2,
+            "has no threshold 0.02; there are 0.1",
+        ),
         ("capacity,im_name\n1,pga\n2,pgv\n", (), 3, "column im_name has several values, pga, pgv"),
         ("im,edp\n1,2\n2,3\n3,4\n", (), 2, "which demands are exceeded? Give --threshold"),
-        ("im,edp\n1,2\n2,3\n3,5\n", ("--threshold", "3", "--edp-range", "3:2"), 2, "LOW must be below HIGH"),
-        ("im,edp\n1,2\n", ("--fit", "stripes", "--edp-range", "2:"), 2, "--edp-range is for --fit cloud"),
-        ("capacity,threshold\n1,\n2\n", (), 3, "t.csv: no row has a threshold; fill the column in or leave it out"),
+        (
+            "im,edp\n1,2\n2,3\n3,5\n",
+            ("--threshold", "3", "--edp-range", "3:2"),
+            2,
+            "LOW must be below HIGH",
+        ),
+        (
+            "im,edp\n1,2\n",
+            ("--fit", "stripes", "--edp-range", "2:"),
+            2,
+            "--edp-range is for --fit cloud",
+        ),
+        (
+            "capacity,threshold\n1,\n2\n",
+            (),
+            3,
+            "t.csv: no row has a threshold; fill the column in or leave it out",
+        ),
         ("", (), 3, "t.csv: is empty"),
         ("im,im,edp\n1,2,3\n", (), 3, "t.csv:1: the column im is there twice"),
     ],

@@ -18,9 +18,21 @@ from tdint_cli.options.grammar import BESIDE, with_named_files
 @pytest.mark.parametrize(
     ("line", "count", "values"),
     [
-        ("spectrum other.mseed --damping 2%,5% --period 0.2,1", 4, {"damping": [0.02, 0.05], "period_s": [0.2, 1.0]}),
-        ("spectrum other.mseed --damping 0.02 --damping 5% --period 0.2 --period 1", 4, {"damping": [0.02, 0.05]}),
-        ("spectrum other.mseed --damping 0.02,0.05,2% --period 0.2,1,0.2", 4, {"period_s": [0.2, 1.0]}),
+        (
+            "spectrum other.mseed --damping 2%,5% --period 0.2,1",
+            4,
+            {"damping": [0.02, 0.05], "period_s": [0.2, 1.0]},
+        ),
+        (
+            "spectrum other.mseed --damping 0.02 --damping 5% --period 0.2 --period 1",
+            4,
+            {"damping": [0.02, 0.05]},
+        ),
+        (
+            "spectrum other.mseed --damping 0.02,0.05,2% --period 0.2,1,0.2",
+            4,
+            {"period_s": [0.2, 1.0]},
+        ),
         ("spectrum other.mseed --periods 0.5", 1, {"period_s": [0.5]}),
         ("spectrum other.mseed --period 0.1:0.4:3,2", 4, {"period_s": [0.1, 0.2, 0.4, 2.0]}),
         # One amplitude after the other, the first one again at the end.
@@ -46,8 +58,14 @@ def test_a_list_takes_commas_and_an_option_may_be_repeated(folder, tdint, line, 
 
 
 def test_a_comma_separates_methods_where_it_does_not_separate_parameters():
-    texts = ("newmark:beta=0.25,gamma=0.5,newmark:beta=0.25:gamma=0.5,hht", "impulse4", "exact,bathe:gamma=0.5")
-    found = "newmark:beta=0.25,gamma=0.5 newmark:beta=0.25:gamma=0.5 hht impulse4 exact bathe:gamma=0.5"
+    texts = (
+        "newmark:beta=0.25,gamma=0.5,newmark:beta=0.25:gamma=0.5,hht",
+        "impulse4",
+        "exact,bathe:gamma=0.5",
+    )
+    found = (
+        "newmark:beta=0.25,gamma=0.5 newmark:beta=0.25:gamma=0.5 hht impulse4 exact bathe:gamma=0.5"
+    )
     assert " ".join(_specifications(None, None, texts)) == found
 
 
@@ -55,7 +73,10 @@ def test_a_comma_separates_methods_where_it_does_not_separate_parameters():
     ("arguments", "message"),
     [
         (["--damping", "5"], "did you mean 5%?"),
-        (["--damping", "5%,abc"], "'abc' is neither a ratio such as 0.05 nor a percentage such as 5%"),
+        (
+            ["--damping", "5%,abc"],
+            "'abc' is neither a ratio such as 0.05 nor a percentage such as 5%",
+        ),
         (["--damping", "0.05,"], "'' is neither a ratio"),
         (["--damping", "nan"], "neither a ratio"),
         (["--damping", "100%"], "1.0 is not in the range 0.0<=x<1.0"),
@@ -94,7 +115,10 @@ def test_the_word_behind_plot_is_its_file_if_it_names_a_picture(line, expected):
 
 def test_an_empty_word_behind_plot_is_a_name_that_is_missing(tdint):
     assert with_named_files(["--plot", "", "a"]) == ["--plot=", "a"]
-    assert tdint("info", "--plot", "", "other.mseed", code=2).stderr == "Error: --plot is empty; give a name\n"
+    assert (
+        tdint("info", "--plot", "", "other.mseed", code=2).stderr
+        == "Error: --plot is empty; give a name\n"
+    )
 
 
 def test_a_picture_lies_beside_the_output_or_where_it_is_named(folder, tdint):
@@ -107,36 +131,72 @@ def test_a_picture_lies_beside_the_output_or_where_it_is_named(folder, tdint):
         "run forced.yaml --plot=e/f.pdf",
     ):
         tdint(*line.split(), code=0)
-    assert sorted(path.name for path in (folder / "a").iterdir()) == ["info.csv", "info.json", "info.png"]
+    assert sorted(path.name for path in (folder / "a").iterdir()) == [
+        "info.csv",
+        "info.json",
+        "info.png",
+    ]
     assert (folder / "d/deep/summary.json").is_file()
     pictures = {
         path.relative_to(folder).as_posix(): path.read_bytes()
         for suffix in ("png", "svg", "pdf")
         for path in folder.rglob(f"*.{suffix}")
     }
-    names = ["a/info.png", "b/all.svg", "c/motion.png", "c/other.png", "d/deep/response.png", "e/f.pdf"]
+    names = [
+        "a/info.png",
+        "b/all.svg",
+        "c/motion.png",
+        "c/other.png",
+        "d/deep/response.png",
+        "e/f.pdf",
+    ]
     assert sorted(pictures) == names
-    assert all(data.startswith(BEGINNINGS[name.rpartition(".")[2]]) for name, data in pictures.items())
+    assert all(
+        data.startswith(BEGINNINGS[name.rpartition(".")[2]]) for name, data in pictures.items()
+    )
 
 
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["info", "other.mseed", "--plot"], 2, "--plot alone puts the picture beside the output: add -o"),
-        (["spectrum", "other.mseed", "--plot"], 2, "--plot alone puts the picture beside the output: add -o"),
-        (["run", "forced.yaml", "--plot"], 2, "--plot alone puts the picture beside the output: add -o"),
-        (["spectrum", "other.mseed", "--plot=x.png", "-o", "out/"], 2, "--plot=FILE is one picture of all records"),
-        (["spectrum", "other.mseed", "--plot", "x.jpg"], 2, "a picture is written as .png, .pdf or .svg, not .jpg"),
+        (
+            ["info", "other.mseed", "--plot"],
+            2,
+            "--plot alone puts the picture beside the output: add -o",
+        ),
+        (
+            ["spectrum", "other.mseed", "--plot"],
+            2,
+            "--plot alone puts the picture beside the output: add -o",
+        ),
+        (
+            ["run", "forced.yaml", "--plot"],
+            2,
+            "--plot alone puts the picture beside the output: add -o",
+        ),
+        (
+            ["spectrum", "other.mseed", "--plot=x.png", "-o", "out/"],
+            2,
+            "--plot=FILE is one picture of all records",
+        ),
+        (
+            ["spectrum", "other.mseed", "--plot", "x.jpg"],
+            2,
+            "a picture is written as .png, .pdf or .svg, not .jpg",
+        ),
         (["run", "forced.yaml", "--plot=x"], 2, "a picture is written as .png, .pdf or .svg"),
         (["info", "other.mseed", "--plot", "-o", "x.png"], 6, "two outputs would have this name"),
     ],
 )
-def test_a_picture_that_cannot_be_is_refused_before_the_work(folder, tdint, arguments, code, message):
+def test_a_picture_that_cannot_be_is_refused_before_the_work(
+    folder, tdint, arguments, code, message
+):
     tdint.refused(message, *arguments, code=code)
 
 
 PARAMETERS = {
-    name: import_module(f"tdint_cli.commands.{module}").command.params for name, (module, _) in COMMANDS.items()
+    name: import_module(f"tdint_cli.commands.{module}").command.params
+    for name, (module, _) in COMMANDS.items()
 }
 TABLES = [
     name
@@ -151,7 +211,9 @@ def test_a_table_is_a_file_with_a_suffix(here, tdint, name):
     """`-o sp` was a folder of `tdint run` and a file named sp of `tdint spectrum`."""
     words = [*WORDS.get(name, ["x.csv"]), *REQUIRED.get(name, [])] if name != "validate" else []
     folder = "; sp/ is a folder" if "spectrum" in name else ""
-    expected = f"Error: -o sp: a table is a file, sp.csv or sp.csv.gz{folder}; -o - is standard output"
+    expected = (
+        f"Error: -o sp: a table is a file, sp.csv or sp.csv.gz{folder}; -o - is standard output"
+    )
     assert tdint(name, *words, "-o", "sp", code=2).stderr.partition(" (see")[0].strip() == expected
     assert not list(here.iterdir())
 
@@ -161,8 +223,14 @@ def test_model_or_record_stand_in_their_places_or_come_by_standard_input(folder,
     expected = tdint("run", "shaken.yaml", "other.mseed", code=0).stdout
     assert tdint("run", "shaken.yaml", "--record", "other.mseed").stdout == expected
     assert tdint("run", "shaken.yaml").stdout != expected
-    assert tdint("run", "shaken.yaml", "-", stdin=(folder / "other.mseed").read_bytes()).stdout == expected
-    assert tdint("run", "-", "other.mseed", stdin=(folder / "shaken.yaml").read_bytes()).stdout == expected
+    assert (
+        tdint("run", "shaken.yaml", "-", stdin=(folder / "other.mseed").read_bytes()).stdout
+        == expected
+    )
+    assert (
+        tdint("run", "-", "other.mseed", stdin=(folder / "shaken.yaml").read_bytes()).stdout
+        == expected
+    )
     tdint.refused("standard input already holds the model", "run", "-", "-", stdin=b"")
 
 
@@ -179,10 +247,18 @@ def test_quiet_silences_words_and_neither_data_nor_errors(folder, tdint):
 def test_options_stand_under_headings(name, tdint):
     """What several commands have stands under the same one."""
     text = tdint(name, "--help-all").stdout
-    places = [text.index(f"\n{heading}:\n") for heading in grammar.ORDER if f"\n{heading}:\n" in text]
+    places = [
+        text.index(f"\n{heading}:\n") for heading in grammar.ORDER if f"\n{heading}:\n" in text
+    ]
     assert places == sorted(places)
     assert "\nGeneral:\n" in text
-    shared = {"component": "Record", "inventory": "Record", "output": "Output", "plot": "Output", "overwrite": "Output"}
+    shared = {
+        "component": "Record",
+        "inventory": "Record",
+        "output": "Output",
+        "plot": "Output",
+        "overwrite": "Output",
+    }
     for option in PARAMETERS[name]:
         if isinstance(option, click.Option):
             assert isinstance(option, grammar.HeadedOption)
@@ -192,7 +268,10 @@ def test_options_stand_under_headings(name, tdint):
 # ---- Options that act on what another one asks for
 
 NEEDY = [
-    (name, option) for name, parameters in PARAMETERS.items() for option in parameters if getattr(option, "needs", "")
+    (name, option)
+    for name, parameters in PARAMETERS.items()
+    for option in parameters
+    if getattr(option, "needs", "")
 ]
 WORDS = {
     "compile": ["--all"], "ida": ["x", "y"], "failures": [], "stability": [], "examples": [], "overshoot": [],
@@ -226,7 +305,11 @@ def test_an_option_with_nothing_to_act_on_is_refused(here, tdint, name, paramete
     option = max(parameter.opts, key=len)
     inputs = [] if parameter.needs == "RECORD" else WORDS.get(name, ["x.csv"])
     words = [name, *inputs, *REQUIRED.get(name, [])]
-    words += {"--period": ["--im", "pga"], "--damping": ["--im", "pga"]}.get(option, []) if name == "ida" else []
+    words += (
+        {"--period": ["--im", "pga"], "--damping": ["--im", "pga"]}.get(option, [])
+        if name == "ida"
+        else []
+    )
     words += ["--load", "free"] if option == "--frequency-ratio" else []
     value = {
         "--period": "1", "--range": "0.3:3:9", "--rule": "mean", "--year": "1985", "--damping": "0.1",
@@ -314,19 +397,34 @@ VALUES = {
 def idle_options():
     for name, modes in MODES.items():
         taken = frozenset().union(*(mode.takes for mode in modes))
-        choosing = {word for mode in modes for word in ASKED[name, mode.words].split() if word.startswith("--")}
+        choosing = {
+            word
+            for mode in modes
+            for word in ASKED[name, mode.words].split()
+            if word.startswith("--")
+        }
         for mode in modes:
             words = ASKED[name, mode.words].split()
             for parameter in PARAMETERS[name]:
                 option = max(parameter.opts, key=len)
-                is_idle = parameter.name in taken - mode.takes and isinstance(parameter, click.Option)
+                is_idle = parameter.name in taken - mode.takes and isinstance(
+                    parameter, click.Option
+                )
                 asks_for_another = option in choosing and not choosing.intersection(words)
                 if is_idle and option not in words and not asks_for_another:
-                    yield pytest.param(name, mode, parameter, option in choosing, id=f"{name} {mode.words} {option}")
+                    yield pytest.param(
+                        name,
+                        mode,
+                        parameter,
+                        option in choosing,
+                        id=f"{name} {mode.words} {option}",
+                    )
 
 
 @pytest.mark.parametrize(("name", "mode", "parameter", "chooses"), list(idle_options()))
-def test_an_option_that_a_mode_does_not_take_is_refused(here, tdint, name, mode, parameter, chooses):
+def test_an_option_that_a_mode_does_not_take_is_refused(
+    here, tdint, name, mode, parameter, chooses
+):
     """Before any work. `tdint chart --problems standard --highpass 0.1` and `tdint campaign status DIR --baseline A`
     were passed over in silence."""
     (here / "folder").mkdir()
@@ -347,8 +445,14 @@ def test_an_option_that_a_mode_does_not_take_is_refused(here, tdint, name, mode,
 @pytest.mark.parametrize("name", MODES)
 def test_modes_name_parameters_of_their_command(name):
     parameters = {parameter.name for parameter in PARAMETERS[name]}
-    assert [mode.words for mode in MODES[name] if not parameters.issuperset(mode.takes | set(mode.advice))] == []
-    assert {words for command, words in ASKED if command == name} == {mode.words for mode in MODES[name]}
+    assert [
+        mode.words
+        for mode in MODES[name]
+        if not parameters.issuperset(mode.takes | set(mode.advice))
+    ] == []
+    assert {words for command, words in ASKED if command == name} == {
+        mode.words for mode in MODES[name]
+    }
 
 
 def test_an_option_is_not_taken_for_the_value_of_another(folder, tdint):
@@ -368,6 +472,8 @@ def test_options_of_before_name_what_does_their_work(name, tdint):
         assert (f"{before} is now {now}: {now} " in said[0]) == (now in own), said
 
 
-@pytest.mark.parametrize(("now", "example"), [one for one in grammar._FORMER.values() if one[0] == "--style"])
+@pytest.mark.parametrize(
+    ("now", "example"), [one for one in grammar._FORMER.values() if one[0] == "--style"]
+)
 def test_what_does_their_work_is_a_style(now, example):
     assert parse_style(shlex.split(example)[0]) != ON_SCREEN

@@ -43,13 +43,18 @@ def test_help_has_one_screen_and_help_all_and_completion_everything(name):
     options = [option for option in command.params if isinstance(option, click.Option)]
     assert len(short.splitlines()) <= LINES and sum(option.common for option in options) <= COMMON
     assert short.startswith(f"Usage: tdint {name} [OPTIONS]")
-    completed = {item.value for item in ShellComplete(cli, {}, "tdint", "").get_completions([name], "--")}
+    completed = {
+        item.value for item in ShellComplete(cli, {}, "tdint", "").get_completions([name], "--")
+    }
     for option in options:
         flag = max(option.opts, key=len)
         assert f"{flag} " in long or f"{flag}\n" in long
         assert (f"  {flag}" in short or f", {flag}" in short) == option.common, flag
         assert {flag for flag in option.opts if flag.startswith("--")} <= completed
-    assert short.splitlines()[-1] == f"  All options, and more of what it does: tdint {name} --help-all"
+    assert (
+        short.splitlines()[-1]
+        == f"  All options, and more of what it does: tdint {name} --help-all"
+    )
     assert len(command.examples) == 2 and all(example in short for example in command.examples)
     assert all(f"\n  {code}  {meaning}" in short for code, meaning in command.exits.items())
     # The whole is no less than it was: every paragraph of what the command does.
@@ -68,7 +73,8 @@ def office(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "examples")) for name in COMMANDS]
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name == "examples")) for name in COMMANDS],
 )
 def test_examples_run(name, office, monkeypatch, tdint):
     """Of `tdint examples` test_examples.py runs nearly the same lines."""
@@ -79,7 +85,9 @@ def test_examples_run(name, office, monkeypatch, tdint):
     motion.write_text("".join(motion.read_text().splitlines(keepends=True)[:600]))
     if not Path("recorded").exists():
         tdint("run", "office.yaml", "-o", "recorded", "--export-floors", "mseed", code=0)
-    for written in Path().glob("loop.*") if name == "law" else ():  # by what is there for `rerun`, in whatever order
+    for written in (
+        Path().glob("loop.*") if name == "law" else ()
+    ):  # by what is there for `rerun`, in whatever order
         written.unlink()
     if name == "rerun" and not Path("loop.json").exists():
         tdint("law", "office.yaml", "--drift", "2%", "-o", "loop.csv", code=0)
@@ -87,11 +95,15 @@ def test_examples_run(name, office, monkeypatch, tdint):
     for example in command_of(name).examples:
         _, *words = shlex.split(example)
         assert words[0] == name
-        more = {"init": ["--overwrite"], "pushover": ["--points", "20"]}.get(name, [])  # a tenth of the steps
+        more = {"init": ["--overwrite"], "pushover": ["--points", "20"]}.get(
+            name, []
+        )  # a tenth of the steps
         result = tdint(*words, *more, code=0)
         # Every table can be split at its commas: no label has one, nor quotes for it.
         tables = [result.stdout] if "," in result.stdout.partition("\n")[0] else []
-        tables += [path.read_text() for path in Path().rglob("*.csv") if path.stat().st_mtime >= began]
+        tables += [
+            path.read_text() for path in Path().rglob("*.csv") if path.stat().st_mtime >= began
+        ]
         for table in filter(None, tables):
             head, *rows = (line.split(",") for line in table.splitlines())
             assert {len(row) for row in rows} <= {len(head)}, example

@@ -67,7 +67,16 @@ def written(out):
 
 def test_an_ida_with_the_errors_of_its_runs(folder, tdint):
     """Beside each demand, of a collapse, too; the runs, and what follows, are the same. The errors are kept, too."""
-    call = ("ida", "shaken.yaml", "motion.mseed", *UNITS, "--component", "HNN", "--method", "moment4")
+    call = (
+        "ida",
+        "shaken.yaml",
+        "motion.mseed",
+        *UNITS,
+        "--component",
+        "HNN",
+        "--method",
+        "moment4",
+    )
     tdint(*call, "-o", "plain", code=0)
     tdint(*call, "--check", "-o", "out", code=0)
     plain, checked = (rows(folder / name / "ida.csv") for name in ("plain", "out"))
@@ -77,10 +86,16 @@ def test_an_ida_with_the_errors_of_its_runs(folder, tdint):
     assert [{name: row[name] for name in plain[0]} for row in checked] == plain
     (row,) = (row for row in checked if row["level"] == "2")
     scales = ("--scale", f"{row['scale']},1e-3", "--check")
-    alone = rows(tdint("run", *call[1:], *scales, code=0).stdout)[1]  # errors of all kinds of runs: tests/campaign
-    assert [float(row[name]) for name in more] == pytest.approx([float(alone[name]) for name in more], rel=1e-6)
+    alone = rows(tdint("run", *call[1:], *scales, code=0).stdout)[
+        1
+    ]  # errors of all kinds of runs: tests/campaign
+    assert [float(row[name]) for name in more] == pytest.approx(
+        [float(alone[name]) for name in more], rel=1e-6
+    )
     assert {"done", "collapsed"} <= {row["status"] for row in checked}
-    assert (folder / "plain" / "capacities.csv").read_bytes() == (folder / "out" / "capacities.csv").read_bytes()
+    assert (folder / "plain" / "capacities.csv").read_bytes() == (
+        folder / "out" / "capacities.csv"
+    ).read_bytes()
     about = json.loads((folder / "out" / "ida.json").read_text())
     assert about["settings"]["check"] is True and "peak_drift_ratio_error" in about["columns"]
     again = tdint(*call, "--check", "-o", "out")
@@ -117,14 +132,19 @@ def test_a_study_and_its_files(studied, tdint):
 @pytest.mark.parametrize(
     ("statements", "said"),
     [
-        (["DELETE FROM run_rows WHERE chunk > 0", "DELETE FROM chunks WHERE id > 0"], "1 of 3 records were done"),
+        (
+            ["DELETE FROM run_rows WHERE chunk > 0", "DELETE FROM chunks WHERE id > 0"],
+            "1 of 3 records were done",
+        ),
         (["DELETE FROM run_rows WHERE chunk = 1 AND scale > 1"], "they are done again"),
         (["UPDATE run_rows SET status = 'done'"], "they are done again"),
         (["UPDATE run_rows SET scale = 1.001 * scale"], "they are done again"),
         (["UPDATE chunks SET runs = 1e9"], "they are done again"),
     ],
 )
-def test_runs_that_are_not_there_or_not_as_they_were_written_are_done_again(studied, tdint, statements, said):
+def test_runs_that_are_not_there_or_not_as_they_were_written_are_done_again(
+    studied, tdint, statements, said
+):
     """As of a study that was interrupted: it goes on, to the same bytes."""
     before = written(studied / "out")
     for name in before:
@@ -134,7 +154,9 @@ def test_runs_that_are_not_there_or_not_as_they_were_written_are_done_again(stud
     assert written(studied / "out") == before
 
 
-@pytest.mark.parametrize("statement", ["DELETE FROM meta WHERE key = 'fingerprint'", "UPDATE records SET sha256 = ''"])
+@pytest.mark.parametrize(
+    "statement", ["DELETE FROM meta WHERE key = 'fingerprint'", "UPDATE records SET sha256 = ''"]
+)
 def test_a_study_that_cannot_be_trusted_is_refused_with_a_way_out(studied, tdint, statement):
     before = written(studied / "out")
     sql(statement)
@@ -170,14 +192,18 @@ def test_a_study_in_other_units_and_back(studied, tdint):
                 if key in ("im", "capacity", "lower", "upper", "peak_absolute_acceleration_g"):
                     other = row[key.replace("_g", "_m_s2")]
                     assert bool(cell) == bool(other)
-                    assert not cell or float(cell) * 9.80665 == pytest.approx(float(other), rel=1e-11)
+                    assert not cell or float(cell) * 9.80665 == pytest.approx(
+                        float(other), rel=1e-11
+                    )
                 else:
                     assert cell == row[key]
     columns = about["columns"]
     assert columns["capacity"]["unit"] == columns["peak_absolute_acceleration_g"]["unit"] == "g"
     assert "pga_g" in about["records"][0] and about["settings"]["output_units"] == "kip,in,kg,g"
     # All motions are one, times a factor.
-    tdint.refused("all capacities are equal: the dispersion cannot be told", "fragility", "out", code=5)
+    tdint.refused(
+        "all capacities are equal: the dispersion cannot be told", "fragility", "out", code=5
+    )
     assert "m/s^2" in tdint(*STUDY[:-1]).stderr
     assert [rows(studied / "out" / name)[0]["unit"] for name in names] == ["m/s^2"] * 2
 
@@ -191,7 +217,9 @@ def test_another_study_needs_another_folder_or_overwrite(studied, tdint):
 
 
 def test_a_bad_record_is_named_and_the_others_are_done(folder, tdint):
-    result = tdint("ida", FRAME, "motion.mseed", "none.mseed", "--component", "HNE", *FEW, "-o", "kept", code=4)
+    result = tdint(
+        "ida", FRAME, "motion.mseed", "none.mseed", "--component", "HNE", *FEW, "-o", "kept", code=4
+    )
     (low, collapse) = rows(folder / "kept/capacities.csv")
     assert (low["censored"], collapse["censored"], collapse["capacity"]) == ("false", "true", "1.2")
     assert "none.mseed" in result.stderr and "1 of 1 censored" in result.stderr
@@ -204,9 +232,17 @@ def test_a_bad_record_is_named_and_the_others_are_done(folder, tdint):
     [
         (("--max-im", "3"), 2, "'3': write a number with its unit"),
         (("--max-im", "30cm/s"), 2, "--max-im 30cm/s: sa("),
-        (("--im", "d5-95"), 2, "d5-95: a duration does not change with a factor; there are no levels of it"),
+        (
+            ("--im", "d5-95"),
+            2,
+            "d5-95: a duration does not change with a factor; there are no levels of it",
+        ),
         (("--im", "pgv", "--max-im", "3g"), 2, "--max-im 3g: pgv is in m/s"),
-        (("--threshold", "20%"), 2, "threshold 0.2: a drift ratio above 0 and at most the collapse drift, 0.1"),
+        (
+            ("--threshold", "20%"),
+            2,
+            "threshold 0.2: a drift ratio above 0 and at most the collapse drift, 0.1",
+        ),
         (("--period", "T2"), 2, "'T2' is not a valid float"),
         (("--method", "central-difference", "--dt", "1"), 5, "unstable"),
         (("--plot",), 2, "--plot alone"),
@@ -223,15 +259,21 @@ def test_what_has_no_result_is_told(folder, tdint, monkeypatch):
     def results(self, runs):
         rows = original(self, runs)
         if rows.runs[0].status == "collapsed" and runs[0].scale < 30.0:
-            rows.runs[0] = rows.runs[0].but(status="not-converged", peak_drift_ratio=None, energy_error=None)
+            rows.runs[0] = rows.runs[0].but(
+                status="not-converged", peak_drift_ratio=None, energy_error=None
+            )
         return rows
 
     monkeypatch.setattr(Batch, "results", results)
-    result = tdint("ida", "shaken.yaml", "motion.mseed", "--component", "HNE", *UNITS, "-o", "out", code=0)
+    result = tdint(
+        "ida", "shaken.yaml", "motion.mseed", "--component", "HNE", *UNITS, "-o", "out", code=0
+    )
     assert "runs have no result, also with a finer step; they count neither way" in result.stderr
     assert "1 of 1 capacities are bracketed less closely than 5 %" in result.stderr
     found = rows(folder / "out" / "ida.csv")
-    assert all((row["status"] == "not-converged") == (row["peak_drift_ratio"] == "") for row in found)
+    assert all(
+        (row["status"] == "not-converged") == (row["peak_drift_ratio"] == "") for row in found
+    )
 
 
 def test_pairs(folder, tdint):

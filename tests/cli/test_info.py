@@ -11,7 +11,9 @@ from tdint.ground_motion.reading.read import read_record
 
 
 def errors(result) -> list[str]:
-    return [line for line in result.stderr.splitlines() if not line.startswith(("note: ", "Warning: "))]
+    return [
+        line for line in result.stderr.splitlines() if not line.startswith(("note: ", "Warning: "))
+    ]
 
 
 def test_a_row_per_component_in_order(folder, tdint):
@@ -24,7 +26,9 @@ def test_a_row_per_component_in_order(folder, tdint):
         ("motion.mseed", "HNN", "TD.TEST..HNN"),
         ("other.mseed", "HNE", "TD.TEST..HNE"),
     ]
-    assert {(row["samples"], row["dt_s"], row["duration_s"]) for row in table} == {("300", "0.01", "2.99")}
+    assert {(row["samples"], row["dt_s"], row["duration_s"]) for row in table} == {
+        ("300", "0.01", "2.99")
+    }
     row = table[2]
     assert (row["start"], row["units"]) == ("", "m/s^2 (assumed)")
     assert "m/s^2 is assumed" in row["notes"]
@@ -40,7 +44,10 @@ def test_units_and_how_they_are_known(folder, tdint, make_record):
     (folder / "a.at2").write_text(format_files.at2())
     (folder / "b.y0a").write_text(format_files.usc())
     make_record(folder / "c.mseed", "HNE", integer=True)
-    assert [row["units"] for row in rows(tdint("info", "a.at2", "b.y0a").stdout)] == ["g (file)", "0.1 g (file)"]
+    assert [row["units"] for row in rows(tdint("info", "a.at2", "b.y0a").stdout)] == [
+        "g (file)",
+        "0.1 g (file)",
+    ]
     (row,) = rows(tdint("info", "c.mseed", "--units", "2e-3 gal").stdout)
     assert row["units"] == "2e-3 gal (given)"
 
@@ -48,13 +55,26 @@ def test_units_and_how_they_are_known(folder, tdint, make_record):
 def test_a_record_of_zeros_has_empty_cells_and_a_picture(folder, tdint, drawn):
     (folder / "zero.txt").write_text("# dt = 0.01, units = g\n" + "0\n" * 50)
     (row,) = rows(tdint("info", "zero.txt", "--plot", "zero.png").stdout)
-    assert (row["d5_75_s"], row["d5_95_s"], row["housner_intensity_m"], row["leading_zeros"]) == ("", "", "0", "50")
+    assert (row["d5_75_s"], row["d5_95_s"], row["housner_intensity_m"], row["leading_zeros"]) == (
+        "",
+        "",
+        "0",
+        "50",
+    )
     assert (row["id"], row["notes"]) == ("", "all samples are zero")
     assert (folder / "zero.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_standard_input_component_and_output(folder, tdint):
-    result = tdint("info", "-", "--component", "n", "-o", "info.csv", stdin=(folder / "motion.mseed").read_bytes())
+    result = tdint(
+        "info",
+        "-",
+        "--component",
+        "n",
+        "-o",
+        "info.csv",
+        stdin=(folder / "motion.mseed").read_bytes(),
+    )
     assert (result.exit_code, result.stdout) == (0, "")
     (row,) = rows(folder / "info.csv")
     assert (row["record"], row["component"]) == ("-", "HNN")
@@ -76,7 +96,9 @@ def test_usage_errors(folder, tdint, arguments, code, message):
 @pytest.mark.parametrize(("other", "said"), [("motion.mseed", True), ("other.mseed", False)])
 def test_components_that_a_picture_has_no_room_for_are_said(folder, tdint, other, said):
     told = [
-        line for line in tdint("info", "motion.mseed", other, "--plot", "p.svg").stderr.splitlines() if "shows" in line
+        line
+        for line in tdint("info", "motion.mseed", other, "--plot", "p.svg").stderr.splitlines()
+        if "shows" in line
     ]
     assert told == ["note: the picture shows the first components and leaves out 1 more"] * said
 

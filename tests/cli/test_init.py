@@ -20,12 +20,18 @@ from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model, model_schema
 
 
-def test_the_first_commands_of_the_readme_run_in_an_empty_folder(here: Path, tdint: Command) -> None:
+def test_the_first_commands_of_the_readme_run_in_an_empty_folder(
+    here: Path, tdint: Command
+) -> None:
     commands = [shlex.split(line, comments=True) for line in readmes.block("first").splitlines()]
     assert len(commands) <= 5 and {command for command, *_ in commands} == {"tdint"}
     for _, *words in commands:
         tdint(*words, code=0)
-    assert {file.name for file in (here / "out").iterdir()} == {"stories.csv", "summary.json", "response.png"}
+    assert {file.name for file in (here / "out").iterdir()} == {
+        "stories.csv",
+        "summary.json",
+        "response.png",
+    }
     summary = json.loads((here / "out" / "summary.json").read_text())
     assert summary["status"] == "done" and summary["building"]["stories"] == 5
 
@@ -33,16 +39,28 @@ def test_the_first_commands_of_the_readme_run_in_an_empty_folder(here: Path, tdi
 def test_the_model_of_the_readme_is_sound(folder: Path, tdint: Command) -> None:
     (folder / "workshop.yaml").write_text(readmes.block("workshop"))
     (row,) = rows(tdint("check", "workshop.yaml").stdout)
-    assert (row["stories"], float(row["mass_kg"]), float(row["t1_damping"])) == ("2", 105e3, pytest.approx(0.05))
+    assert (row["stories"], float(row["mass_kg"]), float(row["t1_damping"])) == (
+        "2",
+        105e3,
+        pytest.approx(0.05),
+    )
 
 
 @pytest.mark.parametrize("units", ["si", "us"])
 @pytest.mark.parametrize(("stories", "period"), [(1, 0.3), (2, 0.5), (5, 0.8), (40, 4.0)])
-def test_the_period_is_the_one_asked_for(folder: Path, tdint: Command, stories: int, period: float, units: str) -> None:
-    tdint("init", "new/own.yaml", "--stories", stories, "--period", period, "--units", units, code=0)
+def test_the_period_is_the_one_asked_for(
+    folder: Path, tdint: Command, stories: int, period: float, units: str
+) -> None:
+    tdint(
+        "init", "new/own.yaml", "--stories", stories, "--period", period, "--units", units, code=0
+    )
     (row,) = rows(tdint("check", "new/own.yaml").stdout)
     assert float(row["t1_s"]) == pytest.approx(period, rel=1e-8)
-    assert (row["stories"], row["laws"], row["record"]) == (str(stories), "bilinear", "new/own-motion.txt")
+    assert (row["stories"], row["laws"], row["record"]) == (
+        str(stories),
+        "bilinear",
+        "new/own-motion.txt",
+    )
     assert float(row["t1_damping"]) == pytest.approx(0.05)
     # The first mode is a straight line, and all stories yield together in it.
     building = assemble(load_model("new/own.yaml"))
@@ -74,7 +92,9 @@ def test_the_motion_is_the_pulse_it_says(folder: Path, tdint: Command) -> None:
     assert abs(0.01 * velocity.sum()) < 1e-4
     t = 0.01 * np.arange(1 + round(pulse.duration / 0.01))
     angle = 2.0 * np.pi * (t - 0.5 * pulse.duration) / pulse.period
-    shape = 0.5 * pulse.velocity * (1.0 + np.cos(angle / pulse.cycles)) * np.cos(angle + pulse.phase)
+    shape = (
+        0.5 * pulse.velocity * (1.0 + np.cos(angle / pulse.cycles)) * np.cos(angle + pulse.phase)
+    )
     trapezoids = velocity - 0.005 * record.acceleration
     np.testing.assert_allclose(trapezoids[: t.size], shape, atol=5e-4 * pulse.velocity)
 
@@ -100,16 +120,26 @@ def test_standard_output_gets_a_model_that_vibrates_freely(folder: Path, tdint: 
     [
         (("init", "--type", "C9", "--year", 1985, "--area", 1), 2, "unknown type 'C9'; known: W1"),
         (("init", "--type", "C1", "--year", 1985), 2, "--type needs --year and --area"),
-        (("init", "--type", "C1", "--period", 1, "--year", 1985, "--area", 1), 2, "of the type give the period"),
+        (
+            ("init", "--type", "C1", "--period", 1, "--year", 1985, "--area", 1),
+            2,
+            "of the type give the period",
+        ),
         (("init", "--period", 0), 2, "--period"),
         (("init", "forced.yaml"), 6, "forced.yaml: exists already"),
         (("check",), 2, "nothing to check"),
-        (("check", "--schema", "model", "forced.yaml"), 2, "MODEL.yaml has nothing to act on with --schema"),
+        (
+            ("check", "--schema", "model", "forced.yaml"),
+            2,
+            "MODEL.yaml has nothing to act on with --schema",
+        ),
         (("check", "--schema", "forced.yaml"), 2, "'model', 'campaign'"),
         (("check", "none.yaml"), 3, "none.yaml: no such file"),
     ],
 )
-def test_what_is_refused(folder: Path, tdint: Command, arguments: tuple[Any, ...], code: int, message: str) -> None:
+def test_what_is_refused(
+    folder: Path, tdint: Command, arguments: tuple[Any, ...], code: int, message: str
+) -> None:
     tdint.refused(message, *arguments, code=code)
 
 
@@ -122,7 +152,13 @@ RECORD = "excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2
     [
         (0.2, 1e5, "", STEP % (0.2 / 11.0), ""),
         (0.2, 1e5, "", STEP % (0.2 / 5.0), "5 steps in the fundamental period, usual: at least 10"),
-        (0.2, 2e4, "", STEP % (0.2 / 11.0), "base shear at yield over the weight 0.0204, usual: 0.03 to 3"),
+        (
+            0.2,
+            2e4,
+            "",
+            STEP % (0.2 / 11.0),
+            "base shear at yield over the weight 0.0204, usual: 0.03 to 3",
+        ),
         (0.2, 2e4, ", isolator: true", STEP % (0.2 / 11.0), ""),
         # On the record's own samples the motion is straight, and the default needs fewer.
         (0.08, 1e5, "", RECORD, ""),
@@ -147,26 +183,40 @@ def test_all_faults_of_all_files(folder: Path, tdint: Command) -> None:
         "storeys: [{mass: -1, stiffness: 1}]\nanalysis: {method: newmrk}\n"
         "excitation: {record: {file: motoin.mseed, inventory: motion.mseed}}\n"
     )
-    (folder / "weak.yaml").write_text("p_delta: true\nstories: [{mass: 1, stiffness: 1, height: 1}]\n")
+    (folder / "weak.yaml").write_text(
+        "p_delta: true\nstories: [{mass: 1, stiffness: 1, height: 1}]\n"
+    )
     (folder / "two.yaml").write_text(
         "stories:\n  - {mass: 1, stiffness: 1000}\n"
         "  - {repeat: 2, mass: 1, stiffness: 1000, law: {type: tanh, strength: 1}}\n"
     )
     done = tdint("check", "bad.yaml", "forced.yaml", "weak.yaml", "shaken.yaml", "two.yaml", code=3)
-    errors = [line for line in done.stderr.splitlines() if not line.startswith("Warning: ")]  # floors of 10 kg
+    errors = [
+        line for line in done.stderr.splitlines() if not line.startswith("Warning: ")
+    ]  # floors of 10 kg
     assert [line.split(": ", 3)[1:3] for line in errors] == [
         ["bad.yaml:1:1", "storeys"], ["bad.yaml:1:18", "storeys[1].mass"], ["bad.yaml:2:20", "analysis.method"],
         ["bad.yaml:3:29", "excitation.record.file"], ["weak.yaml", "story 1"],
     ]  # fmt: skip
     forced, shaken, two = rows(done.stdout)
-    assert (forced["model"], forced["laws"], forced["mass_kg"], forced["record"]) == ("forced.yaml", "linear", "18", "")
-    assert (shaken["laws"], shaken["mass_kg"], shaken["record"]) == ("bilinear", "20", "motion.mseed")
+    assert (forced["model"], forced["laws"], forced["mass_kg"], forced["record"]) == (
+        "forced.yaml",
+        "linear",
+        "18",
+        "",
+    )
+    assert (shaken["laws"], shaken["mass_kg"], shaken["record"]) == (
+        "bilinear",
+        "20",
+        "motion.mseed",
+    )
     assert forced["method"].startswith("impulse4")
     assert (two["laws"], two["height_m"]) == ("1 linear, 2 tanh", "")
 
 
 @pytest.mark.parametrize(
-    ("words", "schema"), [((), model_schema), (("model",), model_schema), (("campaign",), campaign_schema)]
+    ("words", "schema"),
+    [((), model_schema), (("model",), model_schema), (("campaign",), campaign_schema)],
 )
 def test_the_schemas(tdint: Command, words: tuple[str, ...], schema: Callable[[], object]) -> None:
     assert json.loads(tdint("check", "--schema", *words, code=0).stdout) == schema()
@@ -184,35 +234,58 @@ def test_an_unusual_peak_is_told_before_a_run_and_of_a_campaign_in_a_line(
     for number in range(4):
         make_record(folder / f"{number}.mseed", "HNE", peak=66.0)  # 5.4 g
     records = "{files: [0.mseed, 1.mseed, 2.mseed, 3.mseed, motion.mseed], units: m/s^2}"
-    (folder / "study.yaml").write_text(f"buildings: {{models: [shaken.yaml]}}\nrecords: {records}\n")
+    (folder / "study.yaml").write_text(
+        f"buildings: {{models: [shaken.yaml]}}\nrecords: {records}\n"
+    )
     done = tdint("-q", "campaign", "study.yaml", "-o", "study", code=0)
-    assert done.stderr.count("peak ground acceleration") == done.stderr.count("2.mseed HNE and 1 more") == 1
+    assert (
+        done.stderr.count("peak ground acceleration")
+        == done.stderr.count("2.mseed HNE and 1 more")
+        == 1
+    )
 
 
 def test_a_campaign_is_checked_with_its_models(folder: Path, tdint: Command) -> None:
     def check(models: str, rest: str) -> tuple[str, list[str]]:
         (folder / "study.yaml").write_text(f"buildings: {{models: [{models}]}}\n{rest}\n")
         done = tdint("check", "study.yaml")
-        said = [line for line in done.stderr.splitlines(True) if not line.startswith("Warning: ")]  # floors of 10 kg
+        said = [
+            line for line in done.stderr.splitlines(True) if not line.startswith("Warning: ")
+        ]  # floors of 10 kg
         return "".join(said), [row["model"] for row in rows(done.stdout)]
 
     (folder / "bad.yaml").write_text("stories: []\n")
     told = "study.yaml: a campaign without a fault\nError: bad.yaml:1:10: stories: must hold at least one story\n"
-    assert check("bad.yaml, shaken.yaml", "records: {files: [motion.mseed]}") == (told, ["shaken.yaml"])
+    assert check("bad.yaml, shaken.yaml", "records: {files: [motion.mseed]}") == (
+        told,
+        ["shaken.yaml"],
+    )
     said, _ = check("shaken.yaml", "recrods: {files: []}")
     assert "study.yaml:2:1: recrods: unknown key; did you mean 'records'?" in said
-    assert check("shaken.yaml, forced.yaml", "records: {files: [a]}")[1] == ["shaken.yaml", "forced.yaml"]
-    assert not valid({"buildings": {"models": ["a.yaml"]}, "records": {"file": []}}, campaign_schema())
-    assert valid({"buildings": {"models": ["a.yaml"]}, "records": {"files": ["a"]}}, campaign_schema())
+    assert check("shaken.yaml, forced.yaml", "records: {files: [a]}")[1] == [
+        "shaken.yaml",
+        "forced.yaml",
+    ]
+    assert not valid(
+        {"buildings": {"models": ["a.yaml"]}, "records": {"file": []}}, campaign_schema()
+    )
+    assert valid(
+        {"buildings": {"models": ["a.yaml"]}, "records": {"files": ["a"]}}, campaign_schema()
+    )
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         *((["-", "--period", period], "") for period in ("nan", "1e-300")),
-        *(([name], "is no name of a file; give one such as") for name in ("", " .yaml", "..", "m.yaml.gz")),
+        *(
+            ([name], "is no name of a file; give one such as")
+            for name in ("", " .yaml", "..", "m.yaml.gz")
+        ),
         *(([name], "") for name in ("a\nb.yaml", "\udcff.yaml", "/")),
     ],
 )
-def test_a_name_or_a_period_that_no_model_has(here: Path, tdint: Command, words: list[str], message: str) -> None:
+def test_a_name_or_a_period_that_no_model_has(
+    here: Path, tdint: Command, words: list[str], message: str
+) -> None:
     tdint.refused(message, "init", *words)

@@ -18,7 +18,9 @@ from tdint.output.tables.table import cell_text
 from tdint_cli.main import COMMANDS
 
 STRIPES = "im,collapses,records\n1,1,20\n2,8,20\n3,18,20\n"
-BUILDINGS = "id,numberofstories,yearbuilt,structuretype,planarea\na,4,1985,C1,600\nb,2,1990,W1,120\n"
+BUILDINGS = (
+    "id,numberofstories,yearbuilt,structuretype,planarea\na,4,1985,C1,600\nb,2,1990,W1,120\n"
+)
 CAMPAIGN = """\
 buildings: {models: [shaken.yaml]}
 records: {files: [motion.mseed], units: m/s^2}
@@ -31,7 +33,11 @@ RECORD = ("motion.mseed", "--component", "HNE", "--units", "m/s^2")
 @pytest.fixture
 def study(folder):
     """The folder with tables and a campaign beside models and records."""
-    for name, text in (("stripes.csv", STRIPES), ("buildings.csv", BUILDINGS), ("campaign.yaml", CAMPAIGN)):
+    for name, text in (
+        ("stripes.csv", STRIPES),
+        ("buildings.csv", BUILDINGS),
+        ("campaign.yaml", CAMPAIGN),
+    ):
         (folder / name).write_text(text, encoding="utf-8")
     return folder
 
@@ -50,11 +56,16 @@ def same(result, printed):
             assert [cell_text(value) for value in values] == list(cells), name
         else:
             expected = [float(cell) if cell else np.nan for cell in cells]
-            np.testing.assert_allclose(np.asarray(values, float), expected, rtol=1e-11, atol=1e-300, err_msg=name)
+            np.testing.assert_allclose(
+                np.asarray(values, float), expected, rtol=1e-11, atol=1e-300, err_msg=name
+            )
 
 
 CASES = {
-    "campaign": (("campaign", "campaign.yaml", "-o", "out"), lambda: package.campaign("campaign.yaml", jobs=1)),
+    "campaign": (
+        ("campaign", "campaign.yaml", "-o", "out"),
+        lambda: package.campaign("campaign.yaml", jobs=1),
+    ),
     "check": (("check", "shaken.yaml"), lambda: package.check("shaken.yaml")),
     "drift-spectrum": (
         ("drift-spectrum", *RECORD, "--periods", "0.2:10:20"),
@@ -67,7 +78,10 @@ CASES = {
     "fragility": (("fragility", "stripes.csv"), lambda: package.fragility("stripes.csv")),
     "fourier": (("spectrum", *RECORD, "--fourier"), lambda: package.fourier_spectrum(motion())),
     "info": (("info", *RECORD), lambda: package.record_info(motion())),
-    "inventory": (("inventory", "buildings.csv", "--units", "m"), lambda: package.inventory("buildings.csv")),
+    "inventory": (
+        ("inventory", "buildings.csv", "--units", "m"),
+        lambda: package.inventory("buildings.csv"),
+    ),
     "methods": (("methods",), lambda: package.methods()),
     "modes": (("modes", "shaken.yaml"), lambda: package.modes(package.load_model("shaken.yaml"))),
     "modes --target": (
@@ -80,12 +94,19 @@ CASES = {
     ),
     "overshoot": (
         ("overshoot", "--method", "wilson", "--steps", "3"),
-        lambda: [package.overshoot("wilson", start, steps=3) for start in ("displacement", "velocity")],
+        lambda: [
+            package.overshoot("wilson", start, steps=3) for start in ("displacement", "velocity")
+        ],
     ),
-    "pushover": (("pushover", "shaken.yaml", "--drift", "2%"), lambda: package.pushover("shaken.yaml", "2%")),
+    "pushover": (
+        ("pushover", "shaken.yaml", "--drift", "2%"),
+        lambda: package.pushover("shaken.yaml", "2%"),
+    ),
     "pushover --target": (
         ("pushover", "shaken.yaml", "--drift", "4%", "--target", "ec8:type=1,soil=C,ag=0.05g"),
-        lambda: package.target_displacements(package.pushover("shaken.yaml", "4%"), "ec8:type=1,soil=C,ag=0.05g"),
+        lambda: package.target_displacements(
+            package.pushover("shaken.yaml", "4%"), "ec8:type=1,soil=C,ag=0.05g"
+        ),
     ),
     "scale": (
         ("scale", *RECORD, "--sa", "2m/s^2", "--at", "0.5"),
@@ -93,9 +114,14 @@ CASES = {
     ),
     "sensitivity": (
         ("sensitivity", "shaken.yaml", *RECORD, "--vary", "damping=2%:5%,mass_factor=0.9:1.1"),
-        lambda: package.sensitivity("shaken.yaml", motion(), {"damping": (0.02, 0.05), "mass_factor": (0.9, 1.1)}),
+        lambda: package.sensitivity(
+            "shaken.yaml", motion(), {"damping": (0.02, 0.05), "mass_factor": (0.9, 1.1)}
+        ),
     ),
-    "spectrum": (("spectrum", *RECORD, "--period", "0.2,1"), lambda: package.spectrum(motion(), [0.2, 1.0])),
+    "spectrum": (
+        ("spectrum", *RECORD, "--period", "0.2,1"),
+        lambda: package.spectrum(motion(), [0.2, 1.0]),
+    ),
     "spectrum --ductility": (
         ("spectrum", *RECORD, "--period", "0.2,1", "--ductility", "3", "--hardening", "0.1"),
         lambda: package.constant_ductility(motion(), [0.2, 1.0], [3.0], hardening=0.1),
@@ -103,12 +129,25 @@ CASES = {
     "spectrum --rotd": (
         ("spectrum", "motion.mseed", "--units", "m/s^2", "--rotd", "0,50,100", "--period", "0.2,1"),
         lambda: package.rotated_spectrum(
-            package.read_horizontals("motion.mseed", units="m/s^2"), [0.2, 1.0], percentiles=[0, 50, 100]
+            package.read_horizontals("motion.mseed", units="m/s^2"),
+            [0.2, 1.0],
+            percentiles=[0, 50, 100],
         ),
     ),
     "stability": (
-        ("stability", "--method", "newmark-average", "--damping", "0,0.05", "--dt-over-t", "0.1:10:3"),
-        lambda: [package.stability("newmark-average", np.geomspace(0.1, 10.0, 3), damping=xi) for xi in (0.0, 0.05)],
+        (
+            "stability",
+            "--method",
+            "newmark-average",
+            "--damping",
+            "0,0.05",
+            "--dt-over-t",
+            "0.1:10:3",
+        ),
+        lambda: [
+            package.stability("newmark-average", np.geomspace(0.1, 10.0, 3), damping=xi)
+            for xi in (0.0, 0.05)
+        ],
     ),
     "validate": (("validate",), package.validate),
 }
@@ -118,7 +157,11 @@ CASES = {
 def test_functions_give_what_commands_print(name, study, tdint):
     words, call = CASES[name]
     printed = tdint(*words, code=0)
-    text = (study / "out" / "runs.csv").read_text(encoding="utf-8") if name == "campaign" else printed.stdout
+    text = (
+        (study / "out" / "runs.csv").read_text(encoding="utf-8")
+        if name == "campaign"
+        else printed.stdout
+    )
     result = call()
     same(package.to_dict(result), text)
     again = pickle.loads(pickle.dumps(result))
@@ -130,11 +173,23 @@ def test_functions_give_what_commands_print(name, study, tdint):
     ("name", "pairs"),
     [
         ("spectrum", "period_s=periods sd_m=sd psv_m_s=psv psa_m_s2=psa sv_m_s=sv sa_m_s2=sa"),
-        ("spectrum --ductility", "yield_sd_m=yield_displacement yield_psa_m_s2=yield_acceleration residual_m=residual"),
-        ("spectrum --ductility", "yield_strength_ratio=yield_strength_ratio reduction_factor=reduction_factor"),
-        ("drift-spectrum", "height_m=heights peak_drift_ratio=peak_drift_ratio roof_drift_ratio=roof_drift_ratio"),
+        (
+            "spectrum --ductility",
+            "yield_sd_m=yield_displacement yield_psa_m_s2=yield_acceleration residual_m=residual",
+        ),
+        (
+            "spectrum --ductility",
+            "yield_strength_ratio=yield_strength_ratio reduction_factor=reduction_factor",
+        ),
+        (
+            "drift-spectrum",
+            "height_m=heights peak_drift_ratio=peak_drift_ratio roof_drift_ratio=roof_drift_ratio",
+        ),
         ("fourier", "frequency_hz=frequencies fourier_amplitude_m_s=amplitude"),
-        ("info", "pga_m_s2=record.pga pgv_m_s=measures.pgv pgd_m=measures.pgd mean_m_s2=measures.mean"),
+        (
+            "info",
+            "pga_m_s2=record.pga pgv_m_s=measures.pgv pgd_m=measures.pgd mean_m_s2=measures.mean",
+        ),
         ("info", "arias_intensity_m_s=measures.arias cav_m_s=measures.cav d5_75_s=measures.d5_75"),
         ("modes --target", "shear_cqc_N=shear_cqc"),
         ("pushover --target", "drift_m=drift"),
@@ -157,7 +212,9 @@ def test_the_examples_and_the_chart(study, tdint):
     words = ("--method", ",".join(methods), "--dt", "0.01", "--repeat", "1")
     table = rows(tdint("chart", "shaken.yaml", "--record", *RECORD, *words).stdout)
     assert [row["method"] for row in table] == chart["method"]
-    np.testing.assert_allclose([float(row["drift_error"]) for row in table], chart["drift_error"], rtol=1e-11)
+    np.testing.assert_allclose(
+        [float(row["drift_error"]) for row in table], chart["drift_error"], rtol=1e-11
+    )
 
 
 def test_a_first_model_and_its_loops():
@@ -168,10 +225,21 @@ def test_a_first_model_and_its_loops():
 
 
 def test_every_command_has_its_function_and_help_lists_them():
-    named = {"compile": "compile_model", "examples": "paper_examples", "info": "record_info", "init": "first_model"}
-    named |= {"law": "cyclic_test"}  # no name of Python's own, and none that says too little, at the top
+    named = {
+        "compile": "compile_model",
+        "examples": "paper_examples",
+        "info": "record_info",
+        "init": "first_model",
+    }
+    named |= {
+        "law": "cyclic_test"
+    }  # no name of Python's own, and none that says too little, at the top
     of_tables = {"rerun"}  # what stands in a file of command lines
-    names = {named.get(command, command.replace("-", "_")) for command in COMMANDS if command not in of_tables}
+    names = {
+        named.get(command, command.replace("-", "_"))
+        for command in COMMANDS
+        if command not in of_tables
+    }
     assert names <= set(package.__all__)
     for name in names | {"plot", "run_many", "to_dict"}:
         assert callable(getattr(package, name)), name
@@ -208,17 +276,29 @@ def test_a_campaign_goes_on_where_it_stopped(study):
     [
         (lambda: package.order("hth"), UsageError, "hth"),
         (lambda: package.order("hht", load="wind"), UsageError, "wind"),
-        (lambda: package.overshoot("hht", "rest"), UsageError, "a motion starts from one of displacement, velocity"),
+        (
+            lambda: package.overshoot("hht", "rest"),
+            UsageError,
+            "a motion starts from one of displacement, velocity",
+        ),
         (lambda: package.failures(problems=["hardning"]), UsageError, "hardening"),
         (lambda: package.paper_examples([4]), UsageError, "no example 4"),
         (lambda: package.scale([motion()]), UsageError, "nothing to scale to"),
         (lambda: package.scale([motion()], "sa", 1.0), UsageError, "unknown measure 'sa'"),
-        (lambda: package.scale([motion()], target="asce7:sds=1,sd1=0.6,tl=8", rule="best"), UsageError, "unknown rule"),
+        (
+            lambda: package.scale([motion()], target="asce7:sds=1,sd1=0.6,tl=8", rule="best"),
+            UsageError,
+            "unknown rule",
+        ),
         (lambda: package.scale([3.0], "pga", 1.0), RecordError, "a record is what"),
         (lambda: package.record_info("nowhere.mseed"), RecordError, "nowhere.mseed"),
         (lambda: package.inventory("buildings.csv", units="mile"), UsageError, "mile"),
         (lambda: package.fragility("buildings.csv"), ModelError, "columns"),
-        (lambda: package.sensitivity("shaken.yaml", motion(), {"colour": (1.0, 2.0)}), UsageError, "colour"),
+        (
+            lambda: package.sensitivity("shaken.yaml", motion(), {"colour": (1.0, 2.0)}),
+            UsageError,
+            "colour",
+        ),
         (lambda: package.first_model(0), UsageError, "stories from 1 on"),
         (lambda: package.to_dict([]), UsageError, "one or several results"),
         (lambda: package.to_dict([motion(), package.methods()]), UsageError, "of one kind"),

@@ -108,7 +108,9 @@ def test_what_is_raised_after_a_signal_is_the_signal(capsys, number):
 
     handler = signal.getsignal(number)
     assert exit_code_of(command, Settings()) == 128 + number
-    assert capsys.readouterr().err == ("Interrupted\n" if number == signal.SIGINT else "Terminated\n")
+    assert capsys.readouterr().err == (
+        "Interrupted\n" if number == signal.SIGINT else "Terminated\n"
+    )
     assert signal.getsignal(number) == handler
 
 

@@ -13,12 +13,19 @@ BAD = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\ngood,2,1990,C1,600\n
 
 
 def test_a_table_of_buildings_and_their_models(folder, tdint):
-    result = tdint("inventory", CONFIGS / "buildings.csv", "--units", "ft", "--models", "models", code=0)
+    result = tdint(
+        "inventory", CONFIGS / "buildings.csv", "--units", "ft", "--models", "models", code=0
+    )
     table = rows(result.stdout)
     assert [row["story"] for row in table if row["id"] == "town-hall"] == ["1", "2", "3"]
     assert {row["id"]: row["hazus_type"] for row in table}["tower"] == "S1H"
     assert result.stderr == "4 of 4 buildings by the rules mdof-lu.\n"
-    assert {path.stem for path in Path("models").iterdir()} == {"house", "school", "tower", "town-hall"}
+    assert {path.stem for path in Path("models").iterdir()} == {
+        "house",
+        "school",
+        "tower",
+        "town-hall",
+    }
     period = next(row["period_shear_beam_s"] for row in table if row["id"] == "school")
     assert rows(tdint("modes", "models/school.yaml").stdout)[0]["period_s"] == period
     motion = ("--record", "motion.mseed", "--component", "HNE", "--units", "m/s^2")
@@ -42,8 +49,16 @@ def test_bad_rows_cost_the_exit_code_alone(folder, tdint):
         (["b.csv"], 2, "Missing option '--units'"),
         (["b.csv", "--units", "cm"], 2, "Invalid value for '--units'"),
         (["b.csv", "--units", "m", "--rules", "mine"], 2, "Invalid value for '--rules'"),
-        (["odd.csv", "--units", "m", "--models", "x"], 2, "the id '../up' does not make a file name"),
-        (["b.csv", "--units", "m", "-o", "forced.yaml"], 6, "forced.yaml: exists already; give --overwrite"),
+        (
+            ["odd.csv", "--units", "m", "--models", "x"],
+            2,
+            "the id '../up' does not make a file name",
+        ),
+        (
+            ["b.csv", "--units", "m", "-o", "forced.yaml"],
+            6,
+            "forced.yaml: exists already; give --overwrite",
+        ),
         (["forced.yaml", "--units", "m"], 3, "forced.yaml:1: no column id"),
     ],
 )
@@ -55,10 +70,22 @@ def test_what_is_refused(folder, tdint, arguments, code, message):
 
 def test_a_pushover(folder, tdint, drawn):
     """Two equal stories of 8000 N/m, yield at 50 N: under equal forces the lower one yields at a base shear of 50 N."""
-    words = ("--pattern", "uniform", "--drift", "75mm", "--points", "8", "-o", "p.csv", "--plot=x.pdf")
+    words = (
+        "--pattern",
+        "uniform",
+        "--drift",
+        "75mm",
+        "--points",
+        "8",
+        "-o",
+        "p.csv",
+        "--plot=x.pdf",
+    )
     result = tdint("pushover", "shaken.yaml", *words, code=0)
     table = rows(folder / "p.csv")
-    assert [float(row["roof_displacement_m"]) for row in table] == pytest.approx([0.075 * i / 8 for i in range(9)])
+    assert [float(row["roof_displacement_m"]) for row in table] == pytest.approx(
+        [0.075 * i / 8 for i in range(9)]
+    )
     assert float(table[1]["base_shear_N"]) == pytest.approx(50.0, rel=1e-9)
     assert float(table[1]["story_2_drift_m"]) == pytest.approx(25.0 / 8000.0, rel=1e-9)
     assert result.stderr.startswith("shaken, uniform pattern: largest base shear ")
@@ -68,10 +95,23 @@ def test_a_pushover(folder, tdint, drawn):
 def test_a_pushover_to_a_design_spectrum(folder, tdint):
     """What is the building's stands once in a sentence and in the JSON; the rows of each method: test_interface.py."""
     target = "ec8:type=1,soil=C,ag=0.05g"
-    result = tdint("pushover", "shaken.yaml", "--target", target, "--points", 50, "--plot=t.png", "-o", "t.csv", code=0)
+    result = tdint(
+        "pushover",
+        "shaken.yaml",
+        "--target",
+        target,
+        "--points",
+        50,
+        "--plot=t.png",
+        "-o",
+        "t.csv",
+        code=0,
+    )
     made = target_displacements(pushover("shaken.yaml", "4%", points=50), target)
     of_building = json.loads((folder / "t.json").read_text())["targets"]
-    assert [told["yield_force_N"] for told in of_building] == pytest.approx([each.yield_force for each in made])
+    assert [told["yield_force_N"] for told in of_building] == pytest.approx(
+        [each.yield_force for each in made]
+    )
     roofs = [told["roof_displacement_m"] for told in of_building]
     assert roofs == pytest.approx([each.roof_displacement for each in made], rel=1e-11)
     assert f"n2: the roof at {roofs[0]:.4g} m" in result.stderr

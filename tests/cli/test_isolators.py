@@ -46,7 +46,9 @@ def test_rayleigh_damping_does_not_reach_isolators(tmp_path, below):
 
 def test_rayleigh_damping_reaches_them_if_asked(tmp_path):
     plain = assemble(model(tmp_path, "mass: 25, stiffness: 300", more=RAYLEIGH)).damping_matrix()
-    asked = assemble(model(tmp_path, "mass: 25, stiffness: 300, isolator: rayleigh", more=RAYLEIGH)).damping_matrix()
+    asked = assemble(
+        model(tmp_path, "mass: 25, stiffness: 300, isolator: rayleigh", more=RAYLEIGH)
+    ).damping_matrix()
     assert (asked == plain).all()
 
 
@@ -54,10 +56,15 @@ def test_rayleigh_damping_reaches_them_if_asked(tmp_path):
 def test_a_report_says_where_rayleigh_damping_is_not(tmp_path, damping):
     """The ratio of the first mode is not the one given then."""
     said = {
-        how: damping_words(model(tmp_path, f"mass: 25, stiffness: 300, isolator: {how}", more=damping))
+        how: damping_words(
+            model(tmp_path, f"mass: 25, stiffness: 300, isolator: {how}", more=damping)
+        )
         for how in ("true", "rayleigh", "false")
     }
-    assert said["rayleigh"] == said["false"] and said["true"] == said["false"] + ", less what it would be in isolators"
+    assert (
+        said["rayleigh"] == said["false"]
+        and said["true"] == said["false"] + ", less what it would be in isolators"
+    )
 
 
 def test_p_delta_takes_weight_over_height_of_an_isolator(tmp_path):
@@ -79,9 +86,14 @@ def test_its_drift_is_a_displacement_and_no_collapse(folder, tdint):
     """0.3 m on bearings of half a meter is no drift ratio of 60 %."""
     text = "name: {name}\nstories:\n  - {{mass: 25, stiffness: 50, {isolator}}}\n"
     for name, isolator in (("yes", "isolator: rayleigh, height: 0.5"), ("no", "height: 0.5")):
-        Path(f"{name}.yaml").write_text(text.format(name=name, isolator=isolator) + UPPER + RAYLEIGH)
+        Path(f"{name}.yaml").write_text(
+            text.format(name=name, isolator=isolator) + UPPER + RAYLEIGH
+        )
     run = ("motion.mseed", "--component", "HNN", "--units", "m/s^2", "--scale", "2")
-    with_isolator, without = tdint("run", "yes.yaml", *run, "--plot=yes.png"), tdint("run", "no.yaml", *run)
+    with_isolator, without = (
+        tdint("run", "yes.yaml", *run, "--plot=yes.png"),
+        tdint("run", "no.yaml", *run),
+    )
     assert "Status collapsed" in without.stderr and "collapsed" not in with_isolator.stderr
     assert "drift ratio" in with_isolator.stderr and "in story 1, roof" in with_isolator.stderr
     first, *others = rows(with_isolator.stdout)
@@ -89,7 +101,9 @@ def test_its_drift_is_a_displacement_and_no_collapse(folder, tdint):
     assert (first["height_m"], first["peak_drift_ratio"]) == ("", "")
     assert first["peak_drift_m"] == plain["peak_drift_m"] and float(plain["peak_drift_ratio"]) > 0.1
     assert others == plain_others
-    several = tdint("run", "yes.yaml", "motion.mseed", "other.mseed", "--units", "m/s^2", "--limit", "10%")
+    several = tdint(
+        "run", "yes.yaml", "motion.mseed", "other.mseed", "--units", "m/s^2", "--limit", "10%"
+    )
     assert "Mean drift" in several.stderr and "(story 1)" not in several.stderr
 
 
@@ -103,7 +117,11 @@ def test_a_story_that_p_delta_pushes_over_is_told(folder, tdint):
     single = ("motion.mseed", "--component", "HNE", "--units", "m/s^2")
     several = ("motion.mseed", "other.mseed", "--units", "m/s^2")
     kip_in = 4448.2216152605 / 0.0254
-    for words, unit in ((single, 1e6), (several, 1e6), ((*single, "--output-units", "kip,in"), kip_in)):
+    for words, unit in (
+        (single, 1e6),
+        (several, 1e6),
+        ((*single, "--output-units", "kip,in"), kip_in),
+    ):
         told = f": story 1 {weight / unit:.4g} over {stiffness / unit:.4g}"
         assert told in tdint("run", "falls.yaml", *words).stderr, words
     Path("stands.yaml").write_text(text % 0.07)
@@ -149,13 +167,18 @@ def test_the_report_tells_the_period_of_the_secant_stiffness(folder, tdint):
 def test_what_is_unusual_is_as_meant(folder, tdint):
     text = Path("shaken.yaml").read_text()
     Path("odd.yaml").write_text(text + "collapse_drift: 0.5\n")
-    Path("meant.yaml").write_text(text + "collapse_drift: 0.5\nplausibility: off, a rig of the laboratory\n")
+    Path("meant.yaml").write_text(
+        text + "collapse_drift: 0.5\nplausibility: off, a rig of the laboratory\n"
+    )
     assert "collapse_drift 0.5, usual" in tdint("check", "odd.yaml").stderr
     for command in ("check", "run"):
         told = tdint(command, "meant.yaml").stderr
         assert "usual:" not in told and "is not told: a rig of the laboratory" in told
     Path("bare.yaml").write_text(text + "plausibility: off\n")
-    assert "plausibility: must be off and the reason, such as" in tdint("check", "bare.yaml", code=3).stderr
+    assert (
+        "plausibility: must be off and the reason, such as"
+        in tdint("check", "bare.yaml", code=3).stderr
+    )
 
 
 def test_what_is_said_of_many_files_is_one_line(capsys):

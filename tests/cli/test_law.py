@@ -26,7 +26,9 @@ def test_one_cycle(folder, tdint):
 
 
 def test_what_is_told(folder, tdint):
-    result = tdint("law", "shaken.yaml", "--drift", "0.5dy", "--drift", "3cm", "--cycles", "2", "--points", "2")
+    result = tdint(
+        "law", "shaken.yaml", "--drift", "0.5dy", "--drift", "3cm", "--cycles", "2", "--points", "2"
+    )
     lines = result.stderr.splitlines()
     assert lines[0].startswith("shaken, story 1, bilinear law: f = a k d + z, ")
     assert lines[1] == "Initial stiffness 8000 N/m, yield drift 0.00625 m (drift ratio 0.002083)."
@@ -43,7 +45,17 @@ def test_a_linear_story_of_a_stream(folder, tdint):
     assert [row["shear_N"] for row in rows(result.stdout)] == ["0", "8", "0", "-8", "0"]
     assert {row["drift_ratio"] for row in rows(result.stdout)} == {""}
     assert "Initial stiffness 800 N/m.\n" in result.stderr
-    assert result.stderr.splitlines()[-1].split() == ["1", "0.01", "-", "-", "8", "-8", "800", "0", "0"]
+    assert result.stderr.splitlines()[-1].split() == [
+        "1",
+        "0.01",
+        "-",
+        "-",
+        "8",
+        "-8",
+        "800",
+        "0",
+        "0",
+    ]
 
 
 @pytest.mark.parametrize("units", ["m", "dy"])
@@ -53,20 +65,30 @@ def test_any_path(folder, tdint, units):
     drifts = [0.03, 0.02, 0.03, 0.0425]
     text = "".join(f"{i},{drift * scale!r}\n" for i, drift in enumerate(drifts))
     (folder / "path.csv").write_text("step,drift_m\n" + text)
-    result = tdint("law", "shaken.yaml", "--path", "path.csv", "--units", units, "--plot=x.png", code=0)
+    result = tdint(
+        "law", "shaken.yaml", "--path", "path.csv", "--units", units, "--plot=x.png", code=0
+    )
     table = rows(result.stdout)
     assert [float(row["drift_m"]) for row in table] == pytest.approx(drifts, rel=1e-11)
-    assert [float(row["shear_N"]) for row in table] == pytest.approx([69.0, -11.0, 69.0, 79.0], rel=1e-9)
+    assert [float(row["shear_N"]) for row in table] == pytest.approx(
+        [69.0, -11.0, 69.0, 79.0], rel=1e-9
+    )
     assert [(row["step"], row["cycle"]) for row in table] == [(str(i), "") for i in range(4)]
-    assert result.stderr.splitlines()[-1].startswith("4 drifts from 0.02 to 0.0425 m, forces from -11 to 79 N, ")
+    assert result.stderr.splitlines()[-1].startswith(
+        "4 drifts from 0.02 to 0.0425 m, forces from -11 to 79 N, "
+    )
     assert (folder / "x.png").exists()
 
 
 def test_p_delta(tdint):
-    result = tdint("law", CONFIGS / "three-story-concrete.yaml", "--drift", "0.002", "--points", "1")
+    result = tdint(
+        "law", CONFIGS / "three-story-concrete.yaml", "--drift", "0.002", "--points", "1"
+    )
     row = rows(result.stdout)[1]
     assert float(row["shear_N"]) == pytest.approx(4.9e7 * 0.0072)
-    assert float(row["shear_with_p_delta_N"]) == pytest.approx((4.9e7 - 450e3 * 9.80665 / 3.6) * 0.0072)
+    assert float(row["shear_with_p_delta_N"]) == pytest.approx(
+        (4.9e7 - 450e3 * 9.80665 / 3.6) * 0.0072
+    )
     assert "geometric stiffness of P-delta -1.226e+06 N/m" in result.stderr
 
 
@@ -81,28 +103,56 @@ def test_pictures_of_any_size(folder, tdint, model, drift, drawn):
     [
         (["shaken.yaml"], 2, "no drift: give --drift, or a path of drifts by --path"),
         (["shaken.yaml", "--path", "path.csv"], 2, "path.csv:3: drift_m must be a number, got 'x'"),
-        (["shaken.yaml", "--path", "forced.yaml"], 2, "forced.yaml: the first line names no column drift_m"),
+        (
+            ["shaken.yaml", "--path", "forced.yaml"],
+            2,
+            "forced.yaml: the first line names no column drift_m",
+        ),
         (["shaken.yaml", "--path", "missing.csv"], 2, "missing.csv: no such file"),
         (["-", "--path", "-"], 2, "standard input already holds the model"),
-        (["forced.yaml", "--path", "good.csv", "--units", "dy"], 2, "the law of story 1 does not yield"),
+        (
+            ["forced.yaml", "--path", "good.csv", "--units", "dy"],
+            2,
+            "the law of story 1 does not yield",
+        ),
         (["shaken.yaml", "--drift", "2"], 2, "drift '2': a drift ratio is 1 at most"),
-        (["shaken.yaml", "--drift", "1%", "--drift", "x"], 2, "drift 'x': write a drift ratio (0.02 or 2%)"),
+        (
+            ["shaken.yaml", "--drift", "1%", "--drift", "x"],
+            2,
+            "drift 'x': write a drift ratio (0.02 or 2%)",
+        ),
         (["shaken.yaml", "--drift", "1%", "--story", "3"], 2, "story 3: the model has 2 stories"),
         (["shaken.yaml", "--drift", "1%", "--story", "0"], 2, "Invalid value for '--story'"),
         (["shaken.yaml", "--drift", "1%", "--cycles", "0"], 2, "Invalid value for '--cycles'"),
         (["shaken.yaml", "--drift", "1%", "--points", "0"], 2, "Invalid value for '--points'"),
         (["shaken.yaml", "--drift", "1%", "--cycles", "1000000"], 2, "more than 2,000,000 points"),
         (["forced.yaml", "--drift", "2dy"], 2, "the law of story 1 does not yield"),
-        (["no-height.yaml", "--drift", "1%"], 2, "drift 1% is a drift ratio, and story 1 has no height"),
+        (
+            ["no-height.yaml", "--drift", "1%"],
+            2,
+            "drift 1% is a drift ratio, and story 1 has no height",
+        ),
         (["missing.yaml", "--drift", "1%"], 3, "missing.yaml: no such file"),
-        (["shaken.yaml", "--drift", "1%", "-o", "other.mseed"], 6, "other.mseed: exists already; give --overwrite"),
-        (["cubic.yaml", "--drift", "1e90m"], 5, "story 1: its law has no finite force and energy at drift "),
+        (
+            ["shaken.yaml", "--drift", "1%", "-o", "other.mseed"],
+            6,
+            "other.mseed: exists already; give --overwrite",
+        ),
+        (
+            ["cubic.yaml", "--drift", "1e90m"],
+            5,
+            "story 1: its law has no finite force and energy at drift ",
+        ),
     ],
 )
 def test_what_is_refused(folder, tdint, arguments, code, message):
-    (folder / "no-height.yaml").write_text((folder / "forced.yaml").read_text().replace(", height: 3", ""))
+    (folder / "no-height.yaml").write_text(
+        (folder / "forced.yaml").read_text().replace(", height: 3", "")
+    )
     law = "law: {type: polynomial, coefficients: [1, 0, 1e60]}"
-    (folder / "cubic.yaml").write_text((folder / "forced.yaml").read_text().replace("stiffness: 800", law))
+    (folder / "cubic.yaml").write_text(
+        (folder / "forced.yaml").read_text().replace("stiffness: 800", law)
+    )
     (folder / "path.csv").write_text("drift_m\n0.1\nx\n")
     (folder / "good.csv").write_text("drift_m\n0.1\n")
     tdint.refused(message, "law", *arguments, code=code)

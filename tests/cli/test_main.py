@@ -42,7 +42,9 @@ def test_the_table_says_what_the_command_says_and_every_option_is_explained(name
 @pytest.mark.parametrize("arguments", [["--help"], ["-h"], []])
 def test_help_lists_all_commands_in_order(tdint, arguments):
     result = tdint(*arguments)
-    assert result.exit_code == 0 or not arguments  # without words it is a usage error since click 8.2
+    assert (
+        result.exit_code == 0 or not arguments
+    )  # without words it is a usage error since click 8.2
     said = result.stdout + result.stderr
     places = [said.index(f"\n{heading}:\n") for heading in GROUPS]
     assert places == sorted(places) and all(name in said for name in COMMANDS)
@@ -70,7 +72,10 @@ def test_version(tdint):
             ["run", "x.yaml", "a.mseed", "b.mseed", "--history"],
             "--history has nothing to act on with several runs; it is for one record and one scale: call",
         ),
-        (["run", "x.yaml", "a.mseed", "--record", "b.mseed"], "--record b.mseed and a.mseed are given"),
+        (
+            ["run", "x.yaml", "a.mseed", "--record", "b.mseed"],
+            "--record b.mseed and a.mseed are given",
+        ),
     ],
 )
 def test_usage_errors(tdint, arguments, message):

@@ -30,7 +30,9 @@ def region(here: Path) -> Path:
     """campaign.yaml with three buildings, one of them nowhere, under a pair at two scales."""
     Path("campaign.yaml").write_text(CAMPAIGN)
     Path("buildings.csv").write_text(BUILDINGS)
-    Path("motion.mseed").write_bytes((Path(__file__).parents[2] / "records" / "near-fault.mseed").read_bytes())
+    Path("motion.mseed").write_bytes(
+        (Path(__file__).parents[2] / "records" / "near-fault.mseed").read_bytes()
+    )
     return here
 
 
@@ -46,7 +48,9 @@ def features() -> list[dict[str, Any]]:
     def refused(name: str) -> float:
         raise AssertionError(f"{name} is no JSON")
 
-    collection = json.loads(Path("out/buildings.geojson").read_text("utf-8"), parse_constant=refused)
+    collection = json.loads(
+        Path("out/buildings.geojson").read_text("utf-8"), parse_constant=refused
+    )
     assert set(collection) == {"type", "features"} and collection["type"] == "FeatureCollection"
     return collection["features"]
 
@@ -54,7 +58,9 @@ def features() -> list[dict[str, Any]]:
 def of_building(table: list[dict[str, str]], properties: dict[str, Any]) -> list[dict[str, str]]:
     """The rows of both components of a building at a scale."""
     pair = [
-        row for row in table if (row["building"], float(row["scale"])) == (properties["building"], properties["scale"])
+        row
+        for row in table
+        if (row["building"], float(row["scale"])) == (properties["building"], properties["scale"])
     ]
     assert len(pair) == 2
     return pair
@@ -81,7 +87,10 @@ def test_columns_of_the_inventory_stand_behind_those_of_the_runs(tdint: Command)
         assert all(row[name] == written[name.removeprefix("inventory_")] for name in CARRIED[:-1])
     assert table[0]["note"] == "'=HYPERLINK(1)" and table[0]["status"] == "done"
     summary = json.loads(Path("out/summary.json").read_text())
-    assert summary["columns"]["inventory_status"]["meaning"] == "column status of the inventory, as it is written there"
+    assert (
+        summary["columns"]["inventory_status"]["meaning"]
+        == "column status of the inventory, as it is written there"
+    )
     assert "Cost" not in rows("out/stories.csv")[0]
     for part in (1, 2):
         tdint("campaign", "campaign.yaml", "-o", f"p{part}", "--shard", f"{part}/2", code=0)
@@ -99,8 +108,15 @@ def test_columns_of_the_inventory_stand_behind_those_of_the_runs(tdint: Command)
 def test_a_map_by_the_rules_of_geojson(mapped: list[dict[str, Any]], tdint: Command) -> None:
     """RFC 7946: a FeatureCollection without a crs, positions as longitude and latitude, finite numbers alone; and the
     larger component of runs.csv in the properties, in the units of the tables."""
-    assert all(set(one) == {"type", "geometry", "properties"} and one["type"] == "Feature" for one in mapped)
-    assert [positions(one["geometry"]) for one in mapped[::2]] == [[-122.27, 37.8], [-122.26, 37.81], None]
+    assert all(
+        set(one) == {"type", "geometry", "properties"} and one["type"] == "Feature"
+        for one in mapped
+    )
+    assert [positions(one["geometry"]) for one in mapped[::2]] == [
+        [-122.27, 37.8],
+        [-122.26, 37.81],
+        None,
+    ]
     properties = [one["properties"] for one in mapped]
     assert [(one["building"], one["scale"], one["runs"]) for one in properties] == [
         (name, scale, 1) for name in "abc" for scale in (0.5, 1.0)
@@ -123,8 +139,16 @@ def test_a_map_by_the_rules_of_geojson(mapped: list[dict[str, Any]], tdint: Comm
 @pytest.mark.parametrize(
     ("change", "more", "message"),
     [
-        (("Latitude,Longitude", "North,East"), (), "a map needs an inventory with the columns Latitude and Longitude"),
-        (("", ""), ("--max-runs", "1"), "not all runs are done; a map tells what the buildings do under all motions"),
+        (
+            ("Latitude,Longitude", "North,East"),
+            (),
+            "a map needs an inventory with the columns Latitude and Longitude",
+        ),
+        (
+            ("", ""),
+            ("--max-runs", "1"),
+            "not all runs are done; a map tells what the buildings do under all motions",
+        ),
     ],
 )
 def test_what_a_map_refuses(
@@ -140,10 +164,15 @@ def test_what_a_map_refuses(
 def test_a_map_goes_with_its_places(tdint: Command) -> None:
     """It is written anew with the other tables, and is gone where the inventory has no places any more."""
     Path("buildings.csv").write_text(BUILDINGS.replace("1e6", "3e6"))
-    assert "buildings.geojson: written anew" in tdint("campaign", "campaign.yaml", "-o", "out").stderr
+    assert (
+        "buildings.geojson: written anew" in tdint("campaign", "campaign.yaml", "-o", "out").stderr
+    )
     assert features()[0]["properties"]["Cost"] == 3e6
     Path("buildings.csv").write_text(BUILDINGS.replace("Latitude", "North"))
-    assert "buildings.geojson: removed" in tdint("campaign", "campaign.yaml", "-o", "out", code=0).stderr
+    assert (
+        "buildings.geojson: removed"
+        in tdint("campaign", "campaign.yaml", "-o", "out", code=0).stderr
+    )
     assert not Path("out/buildings.geojson").exists()
 
 
@@ -152,9 +181,17 @@ def test_parquet_has_the_rows_of_the_tables(tdint: Command) -> None:
     """Runs and stories; columns of the inventory are numbers where all their cells are."""
     pytest.importorskip("pyarrow")
     tdint("campaign", "export", "out", code=0)
-    _, found = (check_parquet(f"out/{name}.parquet", rows(f"out/{name}.csv")) for name in ("stories", "runs"))
+    _, found = (
+        check_parquet(f"out/{name}.parquet", rows(f"out/{name}.csv"))
+        for name in ("stories", "runs")
+    )
     kinds = {field.name: str(field.type) for field in found.schema}
-    assert (kinds["Cost"], kinds["zip"], kinds["steps"], kinds["note"]) == ("double", "string", "int64", "string")
+    assert (kinds["Cost"], kinds["zip"], kinds["steps"], kinds["note"]) == (
+        "double",
+        "string",
+        "int64",
+        "string",
+    )
 
 
 def test_damage_has_them_too(region: Path, tdint: Command) -> None:
@@ -167,7 +204,12 @@ def test_damage_has_them_too(region: Path, tdint: Command) -> None:
     assert list(table[0])[-len(CARRIED) :] == CARRIED
     for properties in (feature["properties"] for feature in features()):
         pair = of_building(table, properties)
-        for name in ("probability_none", "probability_slight", "probability_collapsed", "loss_ratio"):
+        for name in (
+            "probability_none",
+            "probability_slight",
+            "probability_collapsed",
+            "loss_ratio",
+        ):
             mean = sum(float(row[name]) for row in pair) / 2
             assert properties[name] == pytest.approx(mean, rel=1e-10, abs=1e-12)
     check_parquet("out/damage.parquet", table)

@@ -13,7 +13,11 @@ from tdint.methods.catalogue import catalogue, parse
 from tdint_cli.commands import order
 
 COMMANDS = ("stability", "overshoot", "order")
-SMALL = {"stability": ("--dt-over-t", "0.01:1:5"), "overshoot": ("--steps", "3"), "order": ("--load", "record")}
+SMALL = {
+    "stability": ("--dt-over-t", "0.01:1:5"),
+    "overshoot": ("--steps", "3"),
+    "order": ("--load", "record"),
+}
 ALL = [parse(name).label for name in catalogue()]
 
 
@@ -37,7 +41,12 @@ def test_a_method_is_measured_once(tdint):
 def test_a_label_is_what_was_typed(here, tdint, folder):
     """Parameters by colons; those by commas are read with a line that says how to write them."""
     typed = "newmark:beta=1/4:gamma=0.50"
-    assert set(column(tdint("stability", *SMALL["stability"], "--method", f"{typed},impulse4", code=0), "method")) == {
+    assert set(
+        column(
+            tdint("stability", *SMALL["stability"], "--method", f"{typed},impulse4", code=0),
+            "method",
+        )
+    ) == {
         typed,
         "impulse4",
     }
@@ -63,10 +72,22 @@ def test_a_table_under_the_name_of_a_workbook_is_told(here, tdint):
     [
         (["-o", "x.png", "--plot", "x.png"], 6, "x.png: two outputs would have this name"),
         (["-o", ""], 2, "-o is empty"),
-        (["--method", "newmrk"], 2, "unknown method 'newmrk'; did you mean 'newmark'? (known: impulse, "),
-        (["--method", "wilson:beta=1"], 2, "wilson has no parameter 'beta'; it has theta in [1, 10]"),
+        (
+            ["--method", "newmrk"],
+            2,
+            "unknown method 'newmrk'; did you mean 'newmark'? (known: impulse, ",
+        ),
+        (
+            ["--method", "wilson:beta=1"],
+            2,
+            "wilson has no parameter 'beta'; it has theta in [1, 10]",
+        ),
         (["--method", "hht:alpha=0.1"], 2, "alpha must lie in [-0.333333, 0], got 0.1"),
-        (["--method", "newmark", "--method", "bathe:gamma=1"], 2, "gamma must lie in (0, 1), got 1.0"),
+        (
+            ["--method", "newmark", "--method", "bathe:gamma=1"],
+            2,
+            "gamma must lie in (0, 1), got 1.0",
+        ),
     ],
 )
 def test_what_is_refused(here, tdint, name, arguments, code, message):
@@ -94,7 +115,9 @@ def test_values_out_of_range(tdint, line):
 def test_the_default_steps(tdint):
     steps = [float(step) for step in column(tdint("stability", "--method", "newmark"), "dt_over_t")]
     np.testing.assert_allclose(steps, np.geomspace(1e-3, 1e3, 400), rtol=1e-11)
-    assert column(tdint("stability", "--method", "newmark", "--dt-over-t", "0.25"), "dt_over_t") == ["0.25"]
+    assert column(
+        tdint("stability", "--method", "newmark", "--dt-over-t", "0.25"), "dt_over_t"
+    ) == ["0.25"]
 
 
 def test_critical_steps_are_told(tdint):
@@ -112,11 +135,26 @@ def test_critical_steps_are_told(tdint):
 
 def test_beta_scan(here, tdint):
     """Beside 1/144 the impulse method is unstable in a narrow band beside √12; its steps stand in the table, too."""
-    words = ("stability", "--method", "gauss4", "--beta-scan", "--dt-over-t", "0.01:1:9", "--plot", "x.svg")
+    words = (
+        "stability",
+        "--method",
+        "gauss4",
+        "--beta-scan",
+        "--dt-over-t",
+        "0.01:1:9",
+        "--plot",
+        "x.svg",
+    )
     result = tdint(*words, code=0)
     critical = dict(line.split(maxsplit=2)[::2] for line in result.stderr.splitlines()[1:])
     none = "none up to omega dt 1e4"
-    expected = {"1/120": "3.16228", "1/143": "3.45205", "1/144": none, "1/145": "3.46410", "1/160": "3.46410"}
+    expected = {
+        "1/120": "3.16228",
+        "1/143": "3.45205",
+        "1/144": none,
+        "1/145": "3.46410",
+        "1/160": "3.46410",
+    }
     labels = {beta: parse(f"impulse:beta={beta}").label for beta in expected}
     assert critical == {"gauss4": none} | {labels[beta]: limit for beta, limit in expected.items()}
     for beta in ("1/143", "1/145"):
@@ -143,7 +181,9 @@ def test_names_are_told_apart_in_a_picture(here, tdint):
     options = [part for method in methods for part in ("--method", method)]
     tdint("stability", *SMALL["stability"], *options, "--plot", "x.svg", code=0)
     picture = (here / "x.svg").read_text(encoding="utf-8")
-    assert [label for label in (parse(method).label for method in methods) if label not in picture] == []
+    assert [
+        label for label in (parse(method).label for method in methods) if label not in picture
+    ] == []
 
 
 # ---- overshoot
@@ -165,7 +205,9 @@ def test_overshoot_words(tdint):
 
 
 def test_a_motion_that_ran_away_leaves_empty_cells(here, tdint, drawn):
-    last = rows(tdint("overshoot", "--method", "rk5", "--steps", "60", "--plot", "x.png", code=0).stdout)[-1]
+    last = rows(
+        tdint("overshoot", "--method", "rk5", "--steps", "60", "--plot", "x.png", code=0).stdout
+    )[-1]
     assert (last["step"], last["displacement"], last["velocity"]) == ("60", "", "")
 
 
@@ -174,12 +216,22 @@ def test_overshoot_in_nonlinear_motion(here, tdint):
     words = ("--method", "newmark-average,moment4,exact", "--law", "softening", "--plot", "x.png")
     result = tdint("overshoot", *words, code=0)
     table = rows(result.stdout)
-    assert {(row["law"], row["displacement_power"], row["velocity_power"]) for row in table} == {("softening", "", "")}
-    largest = max(abs(float(row["displacement"])) for row in table if row["method"] == "newmark-average")
+    assert {(row["law"], row["displacement_power"], row["velocity_power"]) for row in table} == {
+        ("softening", "", "")
+    }
+    largest = max(
+        abs(float(row["displacement"])) for row in table if row["method"] == "newmark-average"
+    )
     lines = result.stderr.splitlines()
     assert lines[0] == "note: exact is left out: it integrates linear buildings only"
     told = {line.split()[0]: line.split(maxsplit=5)[1:] for line in lines[3:]}
-    assert told["newmark-average"] == ["1", "0.391", f"{largest:.3g}", "1.63", "displacement and velocity"]
+    assert told["newmark-average"] == [
+        "1",
+        "0.391",
+        f"{largest:.3g}",
+        "1.63",
+        "displacement and velocity",
+    ]
     assert told["moment4"][-1] == "none"
 
 
@@ -191,35 +243,56 @@ def test_order_over_the_frequency_ratio(here, tdint, monkeypatch):
     of 1e-8 is exact."""
     solve = scipy.integrate.solve_ivp
     coarse = {"rtol": 1e-8, "atol": 1e-9}
-    monkeypatch.setattr(scipy.integrate, "solve_ivp", lambda *given, **more: solve(*given, **more | coarse))
+    monkeypatch.setattr(
+        scipy.integrate, "solve_ivp", lambda *given, **more: solve(*given, **more | coarse)
+    )
     result = tdint("order", "--method", "central-difference", "--plot", "x.png", code=0)
     assert result.stderr == ""
     table = rows(result.stdout)
-    np.testing.assert_allclose([float(row["frequency_ratio"]) for row in table], np.geomspace(0.2, 5.0, 15), rtol=1e-11)
-    assert {(row["method"], row["load"], row["law"]) for row in table} == {("central-difference", "harmonic", "linear")}
-    for quantity in ("displacement_order", "velocity_order", "acceleration_order", "own_acceleration_order"):
+    np.testing.assert_allclose(
+        [float(row["frequency_ratio"]) for row in table], np.geomspace(0.2, 5.0, 15), rtol=1e-11
+    )
+    assert {(row["method"], row["load"], row["law"]) for row in table} == {
+        ("central-difference", "harmonic", "linear")
+    }
+    for quantity in (
+        "displacement_order",
+        "velocity_order",
+        "acceleration_order",
+        "own_acceleration_order",
+    ):
         np.testing.assert_allclose([float(row[quantity]) for row in table], 2.0, atol=0.1)
 
 
 def test_a_single_ratio_and_loads_without_one(tdint):
-    assert column(tdint("order", "--method", "newmark", "--frequency-ratio", "0.5"), "frequency_ratio") == ["0.5"]
+    assert column(
+        tdint("order", "--method", "newmark", "--frequency-ratio", "0.5"), "frequency_ratio"
+    ) == ["0.5"]
     result = tdint("order", "--method", "impulse", "--load", "record")
     assert column(result, "frequency_ratio") == column(result, "own_acceleration_order") == [""]
     assert float(column(result, "displacement_order")[0]) == pytest.approx(4.0, abs=0.1)
     assert float(column(result, "displacement_error")[0]) < 1e-9
 
 
-@pytest.mark.parametrize(("command", "law"), [("order --load free", "polynomial"), ("overshoot", "hardening")])
+@pytest.mark.parametrize(
+    ("command", "law"), [("order --load free", "polynomial"), ("overshoot", "hardening")]
+)
 def test_methods_that_cannot_do_the_law_are_named(tdint, command, law):
     words = (*command.split(), "--law", law, "--method")
     result = tdint(*words, "exact,newmark-average", code=0)
     assert set(column(result, "method")) == {"newmark-average"}
-    assert result.stderr.startswith("note: exact is left out: it integrates linear buildings only\n")
-    tdint.refused(f"Error: exact integrates linear buildings only; not with --law {law}\n", *words, "exact")
+    assert result.stderr.startswith(
+        "note: exact is left out: it integrates linear buildings only\n"
+    )
+    tdint.refused(
+        f"Error: exact integrates linear buildings only; not with --law {law}\n", *words, "exact"
+    )
 
 
 def test_errors_that_are_rounding_are_told(here, tdint, drawn):
-    result = tdint("order", "--method", "exact", "--method", "newmark", "--load", "record", "--plot", "x.svg")
+    result = tdint(
+        "order", "--method", "exact", "--method", "newmark", "--load", "record", "--plot", "x.svg"
+    )
     assert result.stderr == "note: exact has no order here: its errors are rounding\n"
     assert column(result, "displacement_order")[0] == ""
     assert "errors are rounding" in (here / "x.svg").read_text(encoding="utf-8")
@@ -245,7 +318,10 @@ def test_a_method_that_fails_does_not_keep_the_others_from_being_measured(tdint,
 
 
 def test_the_choices_are_those_of_the_library():
-    choices = {parameter.name: getattr(parameter.type, "choices", None) for parameter in order.command.params}
+    choices = {
+        parameter.name: getattr(parameter.type, "choices", None)
+        for parameter in order.command.params
+    }
     assert set(choices["load"]) == set(LOADS)
     assert set(choices["law"]) == set(STORY_LAWS)
 

@@ -43,7 +43,9 @@ def check_round_trip(si: str, us: str) -> None:
             if factor == 1.0 or not cell:
                 assert converted == cell
             else:
-                assert math.isclose(float(converted) * factor, float(cell), rel_tol=2e-11, abs_tol=1e-300)
+                assert math.isclose(
+                    float(converted) * factor, float(cell), rel_tol=2e-11, abs_tol=1e-300
+                )
 
 
 @pytest.mark.parametrize(
@@ -52,7 +54,16 @@ def check_round_trip(si: str, us: str) -> None:
         ("run", "shaken.yaml", "--check"),
         ("law", "shaken.yaml", "--drift", "1%,2%", "--points", 3),
         ("pushover", "shaken.yaml", "--points", 5),
-        ("spectrum", "motion.mseed", "--component", "HNE", "--period", "0.2,1", "--damping", "2%,5%"),
+        (
+            "spectrum",
+            "motion.mseed",
+            "--component",
+            "HNE",
+            "--period",
+            "0.2,1",
+            "--damping",
+            "2%,5%",
+        ),
         ("spectrum", "motion.mseed", "--component", "HNE", "--period", "0.5", "--ductility", 2),
         ("spectrum", "motion.mseed", "--period", "0.5", "--rotd", "50,100"),
         ("drift-spectrum", "motion.mseed", "--component", "HNE", "--period", "0.5"),
@@ -75,10 +86,17 @@ def test_the_files_of_a_run_and_back(folder: Path, tdint: Command) -> None:
     for name in ("stories.csv", "history.csv", "floor-spectra.csv"):
         check_round_trip(*((folder / units / name).read_text() for units in ("si", "us")))
     si, us = (json.loads((folder / units / "summary.json").read_text()) for units in ("si", "us"))
-    assert us["peaks"]["base_shear_kip"] == pytest.approx(si["peaks"]["base_shear_N"] / 4448.2216152605, rel=1e-11)
+    assert us["peaks"]["base_shear_kip"] == pytest.approx(
+        si["peaks"]["base_shear_N"] / 4448.2216152605, rel=1e-11
+    )
     assert us["record"]["pga_g"] == pytest.approx(si["record"]["pga_m_s2"] / 9.80665, rel=1e-11)
-    assert us["meanings"]["base_shear_kip"]["unit"] == "kip" and us["settings"]["output_units"] == "kip,in,kg,g"
-    assert set(us["meanings"]) == {US.column(name, said.get("unit", "1"))[0] for name, said in si["meanings"].items()}
+    assert (
+        us["meanings"]["base_shear_kip"]["unit"] == "kip"
+        and us["settings"]["output_units"] == "kip,in,kg,g"
+    )
+    assert set(us["meanings"]) == {
+        US.column(name, said.get("unit", "1"))[0] for name, said in si["meanings"].items()
+    }
     assert " kip." in done.stderr and " in, base shear" in done.stderr and " g)" in done.stderr
 
 
@@ -106,7 +124,9 @@ def test_pictures(folder: Path, tdint: Command, arguments: tuple[Any, ...]) -> N
     assert any(re.search(r"[( ](in|in/s|g|kip|kip·in)(\)|$)", text) for text in us)
 
 
-def test_a_model_names_its_units_and_the_command_line_comes_before_it(folder: Path, tdint: Command) -> None:
+def test_a_model_names_its_units_and_the_command_line_comes_before_it(
+    folder: Path, tdint: Command
+) -> None:
     with (folder / "forced.yaml").open("a") as stream:
         stream.write("output_units: [kN, mm]\n")
     table = tdint("run", "forced.yaml").stdout
@@ -117,7 +137,17 @@ def test_a_model_names_its_units_and_the_command_line_comes_before_it(folder: Pa
 
 
 def test_the_columns_beside_a_spectrum(folder: Path, tdint: Command) -> None:
-    spectrum = ("spectrum", "motion.mseed", "--component", "HNE", "--period", 1, "-o", "a/s.csv.gz", "--plot")
+    spectrum = (
+        "spectrum",
+        "motion.mseed",
+        "--component",
+        "HNE",
+        "--period",
+        1,
+        "-o",
+        "a/s.csv.gz",
+        "--plot",
+    )
     tdint(*spectrum, "--output-units", "cm,g", code=0)
     assert sorted(path.name for path in (folder / "a").iterdir()) == ["s.csv.gz", "s.json", "s.png"]
     told = json.loads((folder / "a" / "s.json").read_text())
@@ -129,7 +159,9 @@ def test_the_columns_beside_a_spectrum(folder: Path, tdint: Command) -> None:
 
 def test_campaigns_and_runs_of_several_records(folder: Path, tdint: Command) -> None:
     run = ("run", "shaken.yaml", "--scale", "0.5,1", "--dt", 0.01)
-    check_round_trip(*(tdint(*run, *units, code=0).stdout for units in ((), ("--output-units", "kip,in,g"))))
+    check_round_trip(
+        *(tdint(*run, *units, code=0).stdout for units in ((), ("--output-units", "kip,in,g")))
+    )
     (folder / "study.yaml").write_text(
         "buildings: {models: [shaken.yaml]}\nrecords: {files: [other.mseed]}\noutputs: {stories: true}\n"
     )
@@ -150,7 +182,9 @@ def test_a_history_under_any_name_packed_and_thinned(folder: Path, tdint: Comman
     packed = (folder / "new" / "h.csv.gz").read_bytes()
     assert gzip.decompress(packed).decode() == "".join([whole[0], *whole[1::7]])
     tdint(*run, "--history=new/h.csv.gz", "--every", 7, "--overwrite", code=0)
-    assert (folder / "new" / "h.csv.gz").read_bytes() == packed  # the same bytes, whenever they are written
+    assert (
+        folder / "new" / "h.csv.gz"
+    ).read_bytes() == packed  # the same bytes, whenever they are written
     tdint(*run, "--history=plain.csv", code=0)
     assert (folder / "plain.csv").read_text() == "".join(whole)
 
@@ -158,14 +192,19 @@ def test_a_history_under_any_name_packed_and_thinned(folder: Path, tdint: Comman
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--history",), "--history alone writes into the folder of -o: add -o DIR, or name it: --history=FILE.csv"),
+        (
+            ("--history",),
+            "--history alone writes into the folder of -o: add -o DIR, or name it: --history=FILE.csv",
+        ),
         (("--history=h.txt",), "--history h.txt: a history is a table; name it .csv or .csv.gz"),
         (("--history=",), "--history is empty; give a name"),
         (("--history=h.csv", "--every", 0), "--every"),
         (("--output-units", "kips,in"), "unknown unit 'kips'; did you mean 'kip'?"),
     ],
 )
-def test_what_cannot_be(folder: Path, tdint: Command, arguments: tuple[Any, ...], message: str) -> None:
+def test_what_cannot_be(
+    folder: Path, tdint: Command, arguments: tuple[Any, ...], message: str
+) -> None:
     tdint.refused(message, "run", "forced.yaml", *arguments)
 
 
@@ -174,4 +213,6 @@ def test_every_so_many_steps_are_views(folder: Path) -> None:
     from tdint import load_model, run
 
     history = run(load_model("forced.yaml"), history=True).history
-    assert history is not None and np.shares_memory(history.every(10).displacement, history.displacement)
+    assert history is not None and np.shares_memory(
+        history.every(10).displacement, history.displacement
+    )

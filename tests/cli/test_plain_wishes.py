@@ -29,7 +29,9 @@ def test_a_spectrum_of_a_scaled_record(folder, tdint):
         ),
     ],
 )
-def test_several_models_point_to_campaigns_and_several_methods_to_the_chart(folder, tdint, words, advice):
+def test_several_models_point_to_campaigns_and_several_methods_to_the_chart(
+    folder, tdint, words, advice
+):
     tdint.refused(advice, "run", *words)
 
 
@@ -53,7 +55,12 @@ class Line:
 
 
 def test_verticals_have_no_part_in_a_median_of_horizontals():
-    assert in_median([Line("HNE"), Line("HNZ"), Line("UP"), Line("090")]) == [True, False, False, True]
+    assert in_median([Line("HNE"), Line("HNZ"), Line("UP"), Line("090")]) == [
+        True,
+        False,
+        False,
+        True,
+    ]
     assert in_median([Line("HNZ"), Line("UP")]) == [True, True]
 
 

@@ -21,7 +21,9 @@ POINTS = 72.0 / 25.4
 STABILITY = ("stability", "--method", "impulse4,hht:alpha=-0.1", "--dt-over-t", "0.01:1:9")
 
 
-def test_a_pdf_has_the_width_embedded_truetype_and_letters_of_six_to_eight_points(here, tdint, drawn):
+def test_a_pdf_has_the_width_embedded_truetype_and_letters_of_six_to_eight_points(
+    here, tdint, drawn
+):
     """Letters as the page's streams set them: `/F1 8 Tf`."""
     line = ("overshoot", "--method", "impulse4", "--steps", "3")
     tdint(*line, "--style", "90mm", "--plot=a.pdf", code=0)
@@ -32,9 +34,13 @@ def test_a_pdf_has_the_width_embedded_truetype_and_letters_of_six_to_eight_point
     sizes = []
     for stream in re.findall(rb"stream\r?\n(.*?)endstream", data, re.DOTALL):
         with suppress(zlib.error):
-            sizes += [float(size) for size in re.findall(rb"/F\S+ ([0-9.]+) Tf", zlib.decompress(stream))]
+            sizes += [
+                float(size) for size in re.findall(rb"/F\S+ ([0-9.]+) Tf", zlib.decompress(stream))
+            ]
     assert len(sizes) > 20
-    assert set(sizes) <= {6.0, 7.0, 8.0} | {0.7 * size for size in (6.0, 7.0, 8.0)}  # exponents are smaller
+    assert set(sizes) <= {6.0, 7.0, 8.0} | {
+        0.7 * size for size in (6.0, 7.0, 8.0)
+    }  # exponents are smaller
 
 
 def test_words_are_those_of_the_paper(here, tdint, drawn):
@@ -72,7 +78,17 @@ def test_what_cannot_be_drawn_is_one_line(here, tdint, words, message):
 
 @pytest.mark.usefixtures("laid_out")
 def test_panels_without_room_are_refused(folder, tdint):
-    words = ("modes", "shaken.yaml", "--target", SPECTRUM, "-o", "out/m.csv", "--plot", "--style", "30mm")
+    words = (
+        "modes",
+        "shaken.yaml",
+        "--target",
+        SPECTRUM,
+        "-o",
+        "out/m.csv",
+        "--plot",
+        "--style",
+        "30mm",
+    )
     assert "the panels of this picture find no room at 30 mm" in tdint(*words, code=2).stderr
     assert not list((folder / "out").glob("*.png"))
 
@@ -182,17 +198,29 @@ def words_of(figure):
     axes = [panel for whole in figure.axes for panel in (whole, *whole.child_axes)]
     every, shown = set(), set()
     for axis in (axis for panel in axes for axis in (panel.xaxis, panel.yaxis)):
-        every |= {label for tick in (*axis.majorTicks, *axis.minorTicks) for label in (tick.label1, tick.label2)}
+        every |= {
+            label
+            for tick in (*axis.majorTicks, *axis.minorTicks)
+            for label in (tick.label1, tick.label2)
+        }
         shown |= {label for tick in axis._update_ticks() for label in (tick.label1, tick.label2)}
-    texts = [text for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()]
-    seen = [(text, text.get_window_extent().extents) for text in texts if text not in every or text in shown]
+    texts = [
+        text for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()
+    ]
+    seen = [
+        (text, text.get_window_extent().extents)
+        for text in texts
+        if text not in every or text in shown
+    ]
     return [(text, box * 72.0 / figure.dpi) for text, box in seen if box[2] > box[0]]
 
 
 def faults(figure):
     """Words beyond the page by more than half a point, and words over others by more than a point both ways."""
     words, (wide, high) = words_of(figure), 72.0 * figure.get_size_inches()
-    beyond = [text.get_text() for text, box in words if min(*box[:2], wide - box[2], high - box[3]) < -0.5]
+    beyond = [
+        text.get_text() for text, box in words if min(*box[:2], wide - box[2], high - box[3]) < -0.5
+    ]
     upright = [(text.get_text(), box) for text, box in words if text.get_rotation() % 90.0 == 0.0]
     over = [
         (one, other)
@@ -205,7 +233,11 @@ def faults(figure):
 @pytest.fixture
 def studied(folder, tdint, request):
     """The folder with what the commands take: a study, recordings on the floors, counted collapses, a spectrum."""
-    for name, text in {"study.yaml": STUDY, "recorded.yaml": RECORDED, "stripes.csv": STRIPES}.items():
+    for name, text in {
+        "study.yaml": STUDY,
+        "recorded.yaml": RECORDED,
+        "stripes.csv": STRIPES,
+    }.items():
         (folder / name).write_text(text, encoding="utf-8")
     made = {
         "compare": "run shaken.yaml -o recorded --export-floors mseed",
@@ -215,7 +247,9 @@ def studied(folder, tdint, request):
 
 
 @pytest.mark.usefixtures("laid_out", "studied")
-@pytest.mark.parametrize("line", [pytest.param(one, marks=[pytest.mark.slow] * (one not in AT_ONCE)) for one in DRAWN])
+@pytest.mark.parametrize(
+    "line", [pytest.param(one, marks=[pytest.mark.slow] * (one not in AT_ONCE)) for one in DRAWN]
+)
 def test_words_keep_to_the_page_and_off_each_other(tdint, monkeypatch, line):
     found = []
 
@@ -227,7 +261,9 @@ def test_words_keep_to_the_page_and_off_each_other(tdint, monkeypatch, line):
         stream.write(b"a picture")
 
     monkeypatch.setattr(Picture, "__call__", measured)
-    monkeypatch.setattr(Picture, "save", lambda self, figure, stream: measured(self, stream))  # of a page
+    monkeypatch.setattr(
+        Picture, "save", lambda self, figure, stream: measured(self, stream)
+    )  # of a page
     words = shlex.split(DRAWN[line])
     tdint(*words, *["--plot=a.png"] * (not {"examples", "--report"} & set(words)), code=0)
     assert found and [one for one in found if one[1]] == []

@@ -21,7 +21,11 @@ STEPS = {
 
 
 def notes(result):
-    return [line.removeprefix("note: ") for line in result.stderr.splitlines() if line.startswith("note: ")]
+    return [
+        line.removeprefix("note: ")
+        for line in result.stderr.splitlines()
+        if line.startswith("note: ")
+    ]
 
 
 @pytest.fixture
@@ -40,11 +44,19 @@ def processed(folder):
 def test_numbers_are_those_of_the_processed_record(folder, tdint, processed, command, column):
     """What was done is told on standard error and in the JSON file."""
     name, *words = command
-    result = tdint(name, "other.mseed", *words, *OPTIONS, "--units", "m/s^2", "-o", "out.csv", code=0)
+    result = tdint(
+        name, "other.mseed", *words, *OPTIONS, "--units", "m/s^2", "-o", "out.csv", code=0
+    )
     (row,) = rows(folder / "out.csv")
     sd = spectrum(processed, np.array([0.5])).sd[0]
-    values = {"sd_m": sd, "peak_drift_ratio": sd / float(row.get("height_m", 1)), "pga_m_s2": processed.pga}
-    assert float(row[column]) == pytest.approx(values[column], rel=1e-9 if "drift" in column else 5.1e-12)
+    values = {
+        "sd_m": sd,
+        "peak_drift_ratio": sd / float(row.get("height_m", 1)),
+        "pga_m_s2": processed.pga,
+    }
+    assert float(row[column]) == pytest.approx(
+        values[column], rel=1e-9 if "drift" in column else 5.1e-12
+    )
     assert notes(result) == [f"other.mseed: {step}" for step in processed.processing]
     told = "; ".join(processed.notes).replace(",", ";")  # no comma stands in a cell of ours
     assert told in row.get("notes", told)
@@ -62,7 +74,9 @@ def test_notes_name_the_component_where_a_file_has_several(folder, tdint):
 
 
 def test_nothing_is_changed_unless_asked_for(folder, tdint):
-    result = tdint("spectrum", "other.mseed", "--period", "0.5", "-o", "out.csv", "--units", "m/s^2")
+    result = tdint(
+        "spectrum", "other.mseed", "--period", "0.5", "-o", "out.csv", "--units", "m/s^2"
+    )
     assert result.stderr == ""
     summary = json.loads((folder / "out.json").read_text())
     assert set(summary["settings"]["processing"].values()) == {None}
@@ -77,7 +91,8 @@ def test_a_step_that_does_not_fit_one_record_does_not_stop_the_others(folder, td
 
 
 @pytest.mark.parametrize(
-    "command", ["run shaken.yaml", "info other.mseed", "spectrum other.mseed", "drift-spectrum other.mseed"]
+    "command",
+    ["run shaken.yaml", "info other.mseed", "spectrum other.mseed", "drift-spectrum other.mseed"],
 )
 @pytest.mark.parametrize(
     ("options", "message"),
@@ -105,7 +120,9 @@ def test_model_command_line_and_library_agree(folder, tdint):
     """The record of a model is processed by its own entries, by options in their place, or before it is given."""
     entries = "trim: 0.5:2.5, baseline: linear, pad: 1:2, highpass: 0.5, lowpass: 30, corners: 2, resample: 0.005"
     text = (folder / "shaken.yaml").read_text()
-    (folder / "processed.yaml").write_text(text.replace("component: HNE", f"component: HNE, {entries}"))
+    (folder / "processed.yaml").write_text(
+        text.replace("component: HNE", f"component: HNE, {entries}")
+    )
     by_model = tdint("run", "processed.yaml", "-o", "out", code=0)
     assert by_model.stdout == tdint("run", "shaken.yaml", *OPTIONS).stdout
     record = process(read_record("motion.mseed", component="HNE"), **STEPS)
@@ -118,15 +135,25 @@ def test_model_command_line_and_library_agree(folder, tdint):
 
 
 def test_an_option_replaces_what_the_model_says_of_the_same_step(folder, tdint):
-    text = (folder / "shaken.yaml").read_text().replace("component: HNE", "component: HNE, highpass: 1, lowpass: 20")
+    text = (
+        (folder / "shaken.yaml")
+        .read_text()
+        .replace("component: HNE", "component: HNE, highpass: 1, lowpass: 20")
+    )
     (folder / "shaken.yaml").write_text(text)
-    told = [note.partition(" Hz")[0] for note in notes(tdint("run", "shaken.yaml", "--lowpass", "10"))]
+    told = [
+        note.partition(" Hz")[0] for note in notes(tdint("run", "shaken.yaml", "--lowpass", "10"))
+    ]
     assert {"highpass 1", "lowpass 10"} <= set(told) and "lowpass 20" not in told
-    other = tdint("run", "shaken.yaml", "--record", "other.mseed", "--units", "m/s^2", "--lowpass", "10")
+    other = tdint(
+        "run", "shaken.yaml", "--record", "other.mseed", "--units", "m/s^2", "--lowpass", "10"
+    )
     assert next(note for note in notes(other) if "pass" in note).startswith("lowpass 10 Hz")
     message = "Error: highpass (25 Hz) must be below lowpass (20 Hz): nothing would be left\n"
     tdint.refused(message, "run", "shaken.yaml", "--highpass", "25")
 
 
 def test_processing_needs_a_record(folder, tdint):
-    tdint.refused("processing needs a record, the model has none", "run", "forced.yaml", "--pad", "1")
+    tdint.refused(
+        "processing needs a record, the model has none", "run", "forced.yaml", "--pad", "1"
+    )

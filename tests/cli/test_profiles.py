@@ -68,10 +68,19 @@ def test_every_number_is_that_of_the_stories(study: Path, tdint: Command) -> Non
     tdint("campaign", "study.yaml", "-o", "out", code=0)
     stories, profiles = rows("out/stories.csv"), rows("out/profiles.csv")
     columns = {
-        row["quantity"]: next(name for name in stories[0] if name == row["quantity"] + UNITS[row["unit"]])
+        row["quantity"]: next(
+            name for name in stories[0] if name == row["quantity"] + UNITS[row["unit"]]
+        )
         for row in profiles
     }
-    assert set(columns.values()) == set(stories[0]) - {"building", "record", "component", "scale", "story", "height_m"}
+    assert set(columns.values()) == set(stories[0]) - {
+        "building",
+        "record",
+        "component",
+        "scale",
+        "story",
+        "height_m",
+    }
     for row in profiles:
         if row["quantity"] == "ductility" and not row["mean"]:
             continue  # of a story that does not yield
@@ -84,7 +93,9 @@ def test_every_number_is_that_of_the_stories(study: Path, tdint: Command) -> Non
 
 def test_errors_of_the_runs_are_carried_to_the_statistics(study: Path, tdint: Command) -> None:
     """All values a little larger or smaller give other statistics: by so much these may be off, and no more."""
-    Path("study.yaml").write_text(STUDY.replace("{method: newmark-average}", "{method: moment4, check: true}"))
+    Path("study.yaml").write_text(
+        STUDY.replace("{method: newmark-average}", "{method: moment4, check: true}")
+    )
     tdint("campaign", "study.yaml", "-o", "out", code=0)
     stories, profiles = rows("out/stories.csv"), rows("out/profiles.csv")
     assert list(profiles[0])[-len(QUANTITIES) :] == [f"{name}_error" for name in QUANTITIES]
@@ -98,10 +109,14 @@ def test_errors_of_the_runs_are_carried_to_the_statistics(study: Path, tdint: Co
             continue
         which = {name: row[name] for name in ("building", "scale", "story")}
         column = row["quantity"] + UNITS[row["unit"]]
-        up, middle, down = (by_hand(stories, f"{column}{end}", which) for end in ("_up", "", "_down"))
+        up, middle, down = (
+            by_hand(stories, f"{column}{end}", which) for end in ("_up", "", "_down")
+        )
         for name, of in zip(QUANTITIES, OF, strict=True):
             change = max(of(up) - of(middle), of(middle) - of(down))
-            assert float(row[f"{name}_error"]) == pytest.approx(change, rel=1e-6, abs=1e-11 * of(middle))
+            assert float(row[f"{name}_error"]) == pytest.approx(
+                change, rel=1e-6, abs=1e-11 * of(middle)
+            )
             told += change > 1e-9 * of(middle)
     assert told > 40
     summary = json.loads(Path("out/summary.json").read_text())
@@ -110,10 +125,21 @@ def test_errors_of_the_runs_are_carried_to_the_statistics(study: Path, tdint: Co
 
 def test_the_limit_is_of_the_mean_in_the_worst_story(study: Path, tdint: Command) -> None:
     """Not of the mean over motions of their worst stories, which is another number."""
-    run = ("run", "stiff.yaml", *MOTIONS, "--units", "m/s^2", "--method", "newmark-average", "--limit")
+    run = (
+        "run",
+        "stiff.yaml",
+        *MOTIONS,
+        "--units",
+        "m/s^2",
+        "--method",
+        "newmark-average",
+        "--limit",
+    )
     campaign = ("campaign", "study.yaml", "-o", "out")
     tdint(*campaign, code=0)
-    stories = [row for row in rows("out/stories.csv") if (row["building"], row["scale"]) == ("stiff", "1")]
+    stories = [
+        row for row in rows("out/stories.csv") if (row["building"], row["scale"]) == ("stiff", "1")
+    ]
     means = {
         story: statistics.fmean(by_hand(stories, "peak_drift_ratio", {"story": story})) for story in ("1", "2")
     }  # fmt: skip
@@ -126,7 +152,10 @@ def test_the_limit_is_of_the_mean_in_the_worst_story(study: Path, tdint: Command
     assert "%: beyond; largest" in tdint(*run, below, code=0).stderr
     assert "is not met: stiff" in tdint(*run, below, "--require", "-o", "kept", code=5).stderr
     assert Path("kept/profiles.csv").exists()
-    assert "stiff, scale 1: mean drift" in tdint(*campaign, "--limit", below, "--require", code=5).stderr
+    assert (
+        "stiff, scale 1: mean drift"
+        in tdint(*campaign, "--limit", below, "--require", code=5).stderr
+    )
 
 
 def test_a_gate_does_not_pass_before_all_runs_are_done(
@@ -137,16 +166,25 @@ def test_a_gate_does_not_pass_before_all_runs_are_done(
     make_record(study / "third.mseed", "HNE", peak=2.0, samples=12000)  # more than one chunk
     gate = ("--limit", "90%", "--require")
     parts = {
-        "first": (("campaign", "study.yaml", "-o", "first", "--max-runs", "1"), ("campaign", "export", "first")),
+        "first": (
+            ("campaign", "study.yaml", "-o", "first", "--max-runs", "1"),
+            ("campaign", "export", "first"),
+        ),
         "half": (("campaign", "study.yaml", "-o", "half", "--shard", "1/2"),),
     }
     for folder, words in ((folder, words) for folder, calls in parts.items() for words in calls):
         required = tdint("-q", *words, *gate, code=5)
         done = len(rows(f"{folder}/runs.csv"))
         assert 0 < done < 16
-        assert required.stderr == f"Error: the drift limit of 90 % is not judged: {done} of 16 runs are done\n", words
+        assert (
+            required.stderr
+            == f"Error: the drift limit of 90 % is not judged: {done} of 16 runs are done\n"
+        ), words
     assert "is not judged" in tdint("-q", "campaign", "export", "first", *gate[:2], code=0).stderr
-    assert "is not judged" in tdint("campaign", "merge", "half", "-o", "all", *gate, "--partial", code=5).stderr
+    assert (
+        "is not judged"
+        in tdint("campaign", "merge", "half", "-o", "all", *gate, "--partial", code=5).stderr
+    )
     assert "within" in tdint("campaign", "study.yaml", "-o", "first", *gate, code=0).stderr
     Path("broken.mseed").write_bytes(b"no record at all")
     Path("study.yaml").write_text(STUDY.replace("motion.mseed,", "motion.mseed, broken.mseed,"))
@@ -158,14 +196,21 @@ def test_a_gate_does_not_pass_before_all_runs_are_done(
 def test_collapsed_runs_are_counted_and_in_no_mean(study: Path, tdint: Command) -> None:
     """One motion of three is made to collapse the building: the mean is that of the others, and beyond any limit."""
     factors = {"motion.mseed": "40", "other.mseed": "0.5", "third.mseed": "0.6"}
-    lines = ["record,component,factor", *(f"{record},,{factor}" for record, factor in factors.items())]
+    lines = [
+        "record,component,factor",
+        *(f"{record},,{factor}" for record, factor in factors.items()),
+    ]
     Path("factors.csv").write_text("\n".join(lines) + "\n")
     Path("weak.yaml").write_text(STIFF.replace("name: stiff", "name: weak\ncollapse_drift: 0.02"))
     run = ("run", "weak.yaml", *MOTIONS, "--units", "m/s^2", "--factors", "factors.csv")
     result = tdint(*run, "-o", "out", "--limit", "50%", "--require", code=5)
     assert "of 3 motions 1 collapsed; the means are those of the 2 others" in result.stderr
     assert "beyond, for 1 of 3 motions collapsed or failed" in result.stderr
-    (row,) = (row for row in rows("out/profiles.csv") if (row["quantity"], row["story"]) == ("peak_drift", "1"))
+    (row,) = (
+        row
+        for row in rows("out/profiles.csv")
+        if (row["quantity"], row["story"]) == ("peak_drift", "1")
+    )
     assert (row["scale"], row["runs"], row["collapsed"], row["failed"]) == ("", "3", "1", "0")
     peaks = []
     for record in ("other.mseed", "third.mseed"):
@@ -174,11 +219,15 @@ def test_collapsed_runs_are_counted_and_in_no_mean(study: Path, tdint: Command) 
     assert float(row["mean"]) == pytest.approx(statistics.fmean(peaks), rel=1e-11)
 
 
-def test_of_many_buildings_ten_are_named_and_the_others_counted(study: Path, tdint: Command) -> None:
+def test_of_many_buildings_ten_are_named_and_the_others_counted(
+    study: Path, tdint: Command
+) -> None:
     """A building that is named twice is told; of all the table says how many motions each mean lacks."""
     names = [f"weak-{place}.yaml" for place in range(7)]
     for name in names:
-        Path(name).write_text(STIFF.replace("name: stiff", f"name: {name[:-5]}") + "collapse_drift: 1e-6\n")
+        Path(name).write_text(
+            STIFF.replace("name: stiff", f"name: {name[:-5]}") + "collapse_drift: 1e-6\n"
+        )
     listed = ", ".join([*names, names[0]])
     Path("study.yaml").write_text(
         STUDY.replace("shaken.yaml, stiff.yaml", listed).replace("stories: true", "profiles: true")
@@ -186,9 +235,14 @@ def test_of_many_buildings_ten_are_named_and_the_others_counted(study: Path, tdi
     result = tdint("campaign", "study.yaml", "-o", "out", code=0)
     assert "note: named more than once, and run as often: weak-0.yaml" in result.stderr
     told = [line for line in result.stderr.splitlines() if "there is no mean" in line]
-    lost = {(row["building"], row["scale"]) for row in rows("out/profiles.csv") if int(row["collapsed"])}
+    lost = {
+        (row["building"], row["scale"]) for row in rows("out/profiles.csv") if int(row["collapsed"])
+    }
     assert len(told) == 10 and len(lost) == 14  # 7 names at two levels; one is run twice
-    assert "the same of 6 buildings or levels more: the columns collapsed and failed of profiles.csv" in result.stderr
+    assert (
+        "the same of 6 buildings or levels more: the columns collapsed and failed of profiles.csv"
+        in result.stderr
+    )
 
 
 def test_levels_of_a_measure_stand_in_their_column(study: Path, tdint: Command) -> None:
@@ -198,11 +252,21 @@ def test_levels_of_a_measure_stand_in_their_column(study: Path, tdint: Command) 
     assert "pga 0.9807 m/s^2: mean drift" in verdicts and "pga 1.961 m/s^2: mean drift" in verdicts
     profiles, stories = rows("out/profiles.csv"), rows("out/stories.csv")
     assert {(row["scale"], row["level"]) for row in profiles} == {("", "0.980665"), ("", "1.96133")}
-    row = next(row for row in profiles if row["building"] == "stiff" and row["quantity"] == "peak_displacement")
+    row = next(
+        row
+        for row in profiles
+        if row["building"] == "stiff" and row["quantity"] == "peak_displacement"
+    )
     low = {(row["record"], row["component"]): math.inf for row in stories}
     for motion in low:
-        low[motion] = min(float(row["scale"]) for row in stories if (row["record"], row["component"]) == motion)
-    first = [row for row in stories if math.isclose(float(row["scale"]), low[row["record"], row["component"]])]
+        low[motion] = min(
+            float(row["scale"]) for row in stories if (row["record"], row["component"]) == motion
+        )
+    first = [
+        row
+        for row in stories
+        if math.isclose(float(row["scale"]), low[row["record"], row["component"]])
+    ]
     values = by_hand(first, "peak_displacement_m", {"building": "stiff", "story": "1"})
     assert float(row["mean"]) == pytest.approx(statistics.fmean(values), rel=1e-11)
 
@@ -213,13 +277,20 @@ def test_output_units_change_numbers_and_the_unit_beside_them(study: Path, tdint
     tdint(*run, "-o", "mm", "--output-units", "kN,mm")
     for si, mm in zip(rows("si/profiles.csv"), rows("mm/profiles.csv"), strict=True):
         factor = {"m": 1e3, "N": 1e-3, "1": 1.0, "m/s": 1e3, "m/s^2": 1e3}[si["unit"]]
-        assert mm["unit"] == {"m": "mm", "N": "kN", "1": "1", "m/s": "mm/s", "m/s^2": "mm/s^2"}[si["unit"]]
+        assert (
+            mm["unit"]
+            == {"m": "mm", "N": "kN", "1": "1", "m/s": "mm/s", "m/s^2": "mm/s^2"}[si["unit"]]
+        )
         if si["mean"]:
             assert float(mm["mean"]) == pytest.approx(factor * float(si["mean"]), rel=1e-10)
 
 
-def test_a_mean_is_told_when_all_runs_are_done(study: Path, tdint: Command, make_record: Callable[..., None]) -> None:
-    make_record(study / "motion.mseed", "HNE", "HNN", samples=6000)  # so long that there are several chunks
+def test_a_mean_is_told_when_all_runs_are_done(
+    study: Path, tdint: Command, make_record: Callable[..., None]
+) -> None:
+    make_record(
+        study / "motion.mseed", "HNE", "HNN", samples=6000
+    )  # so long that there are several chunks
     for part, name in ((1, "part"), (2, "rest")):
         tdint("campaign", "study.yaml", "-o", name, "--shard", f"{part}/2", code=0)
         assert not Path(name, "profiles.csv").exists()
@@ -244,7 +315,10 @@ def test_a_wish_goes_without(study: Path, tdint: Command) -> None:
     [
         (("run", "shaken.yaml", "motion.mseed", "other.mseed", "--require"), "--limit"),
         (("campaign", "study.yaml", "-o", "out", "--baseline", "shakn"), "shaken"),
-        (("campaign", "study.yaml", "-o", "out", "--limit", "3"), "the number of runs is --max-runs 3"),
+        (
+            ("campaign", "study.yaml", "-o", "out", "--limit", "3"),
+            "the number of runs is --max-runs 3",
+        ),
     ],
 )
 def test_what_is_refused(study: Path, tdint: Command, words: tuple[str, ...], message: str) -> None:
@@ -260,7 +334,11 @@ def test_ratios_are_those_of_the_profiles(study: Path, tdint: Command) -> None:
     def largest(building: str, ratio: dict[str, str], name: str) -> float:
         keys = ("scale", "quantity", "story") if ratio["story"] else ("scale", "quantity")
         of_building = (row for row in profiles if row["building"] == building)
-        return max(float(row[name] or 0.0) for row in of_building if all(row[key] == ratio[key] for key in keys))
+        return max(
+            float(row[name] or 0.0)
+            for row in of_building
+            if all(row[key] == ratio[key] for key in keys)
+        )
 
     for row in ratios:
         for name in ("mean", "median", "max"):

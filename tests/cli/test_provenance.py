@@ -27,7 +27,9 @@ def test_a_checkout_does_not_call_itself_a_release(tmp_path, monkeypatch):
     system, digest = version_of_sources()
     assert system in (__version__, f"{__version__}+sources.{digest[:8]}")
     names = sorted(file.relative_to(own).as_posix() for file in own.rglob("*.py"))
-    lines = "".join(f"{name} {hashlib.sha256((own / name).read_bytes()).hexdigest()}\n" for name in names)
+    lines = "".join(
+        f"{name} {hashlib.sha256((own / name).read_bytes()).hexdigest()}\n" for name in names
+    )
     assert digest == hashlib.sha256(lines.encode()).hexdigest()[:16]
     _packed(tmp_path, monkeypatch)
     assert version_of_sources.__wrapped__()[0] == __version__

@@ -38,7 +38,11 @@ class Page(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         given = dict(attrs)
-        assert not {"href", "onload", "action"} & set(given) and tag not in ("script", "link", "iframe")
+        assert not {"href", "onload", "action"} & set(given) and tag not in (
+            "script",
+            "link",
+            "iframe",
+        )
         if "src" in given:
             self.sources.append(given["src"] or "")
         if tag not in EMPTY:
@@ -66,8 +70,13 @@ def page(file: str) -> Page:
     for source in parsed.sources:
         kind, _, data = source.partition(";base64,")
         content = base64.b64decode(data, validate=True)
-        assert (kind, content[:5]) in (("data:image/svg+xml", b"<?xml"), ("data:image/png", b"\x89PNG\r"))
-    assert "://" not in re.sub(r"<style>.*?</style>", "", re.sub(r'src="[^"]*"', "", text), flags=re.DOTALL)
+        assert (kind, content[:5]) in (
+            ("data:image/svg+xml", b"<?xml"),
+            ("data:image/png", b"\x89PNG\r"),
+        )
+    assert "://" not in re.sub(
+        r"<style>.*?</style>", "", re.sub(r'src="[^"]*"', "", text), flags=re.DOTALL
+    )
     assert len(text) < 600_000
     return parsed
 
@@ -91,42 +100,82 @@ def test_the_page_of_a_run(folder: Path, tdint: Command, drawn: None) -> None:
         assert errors["story"] == row["story"]
         for name in ("peak_drift", "residual_drift"):
             percent = 100.0 * float(row[f"{name}_m_error"]) / drift
-            assert float(errors[f"{name.replace('_', ' ')} (%)"]) == pytest.approx(percent, rel=0.06)  # two digits
+            assert float(errors[f"{name.replace('_', ' ')} (%)"]) == pytest.approx(
+                percent, rel=0.06
+            )  # two digits
     mode = rows(tdint("modes", "shaken.yaml").stdout)[0]
     period, damping = float(mode["period_s"]), float(mode["damping"])
     assert f"first period {period:.4g} s with {100.0 * damping:.3g} % damping" in found.text
     for file in ("shaken.yaml", "motion.mseed"):
         assert hashlib.sha256(Path(file).read_bytes()).hexdigest() in found.text
     assert len(found.sources) == 2
-    for words in ("no torsion", "Time integration", "newmark-average", "tdint 0.", '<script>alert(1)</script> & "co"'):
+    for words in (
+        "no torsion",
+        "Time integration",
+        "newmark-average",
+        "tdint 0.",
+        '<script>alert(1)</script> & "co"',
+    ):
         assert words in found.text, words
 
 
 def test_the_page_of_several_runs(folder: Path, tdint: Command) -> None:
     records = ("motion.mseed", "other.mseed", "--units", "m/s^2")
-    result = tdint("run", "shaken.yaml", *records, "-o", "out", "--limit", "2%", "--report", "page.html", code=0)
+    result = tdint(
+        "run",
+        "shaken.yaml",
+        *records,
+        "-o",
+        "out",
+        "--limit",
+        "2%",
+        "--report",
+        "page.html",
+        code=0,
+    )
     found = page("page.html")
-    assert next(line for line in result.stderr.splitlines() if line.startswith("Mean drift")) in found.text
+    assert (
+        next(line for line in result.stderr.splitlines() if line.startswith("Mean drift"))
+        in found.text
+    )
     profiles = {(row["quantity"], row["story"]): row for row in rows("out/profiles.csv")}
     for row in table_with(found, "mean peak drift ratio (%)"):
-        drift, shear = (profiles[name, row["story"]] for name in ("peak_drift_ratio", "peak_total_shear"))
+        drift, shear = (
+            profiles[name, row["story"]] for name in ("peak_drift_ratio", "peak_total_shear")
+        )
         assert row["mean peak drift ratio (%)"] == f"{100.0 * float(drift['mean']):.4g}"
         assert row["max peak drift ratio (%)"] == f"{100.0 * float(drift['max']):.4g}"
         assert row["mean peak total shear (kN)"] == f"{float(shear['mean']) / 1e3:.4g}"
-    assert [row["record"] for row in table_with(found, "pga (g)")] == ["motion.mseed"] * 2 + ["other.mseed"]
+    assert [row["record"] for row in table_with(found, "pga (g)")] == ["motion.mseed"] * 2 + [
+        "other.mseed"
+    ]
     # A row for each motion, the largest drift first.
     runs = sorted(rows("out/runs.csv"), key=lambda row: -float(row["peak_drift_ratio"]))
     for told, row in zip(table_with(found, "status"), runs, strict=True):
-        assert (told["record"], told["component"], told["status"]) == (row["record"], row["component"], "done")
+        assert (told["record"], told["component"], told["status"]) == (
+            row["record"],
+            row["component"],
+            "done",
+        )
         assert told["peak drift ratio (%)"] == f"{100.0 * float(row['peak_drift_ratio']):.4g}"
 
 
 def test_the_verdict_of_a_run_comes_first(folder: Path, tdint: Command) -> None:
     """Limit, value and place, in words and in color; --require makes the limit of one run a gate, too."""
-    drifts = [float(row["peak_drift_ratio"]) for row in rows(tdint("run", "shaken.yaml", code=0).stdout)]
+    drifts = [
+        float(row["peak_drift_ratio"]) for row in rows(tdint("run", "shaken.yaml", code=0).stdout)
+    ]
     largest, place = max(drifts), drifts.index(max(drifts)) + 1
     for limit, kept in ((1.01 * largest, True), (0.99 * largest, False)):
-        asked = ("run", "shaken.yaml", "--limit", f"{limit:.8f}", "--require", "--report", f"{kept}.html")
+        asked = (
+            "run",
+            "shaken.yaml",
+            "--limit",
+            f"{limit:.8f}",
+            "--require",
+            "--report",
+            f"{kept}.html",
+        )
         result = tdint(*asked, code=0 if kept else 5)
         said = f"Largest drift {100.0 * largest:.3g} % (story {place}), limit {100.0 * limit:g} %: "
         assert said + ("within" if kept else "beyond") in result.stderr
@@ -136,8 +185,21 @@ def test_the_verdict_of_a_run_comes_first(folder: Path, tdint: Command) -> None:
         assert f'class="v {"kept" if kept else "broken"}"' in verdict
 
 
-def test_the_page_of_a_scaled_suite_shows_the_motions_as_they_were_run(folder: Path, tdint: Command) -> None:
-    given = ("run", "shaken.yaml", "motion.mseed", "--component", "HNE", "--units", "m/s^2", "--scale", "0.5,2", "-o")
+def test_the_page_of_a_scaled_suite_shows_the_motions_as_they_were_run(
+    folder: Path, tdint: Command
+) -> None:
+    given = (
+        "run",
+        "shaken.yaml",
+        "motion.mseed",
+        "--component",
+        "HNE",
+        "--units",
+        "m/s^2",
+        "--scale",
+        "0.5,2",
+        "-o",
+    )
     tdint(*given, "out", "--report", "page.html", code=0)
     found = page("page.html")
     told = [dict(zip(*table[:2], strict=True)) for table in found.tables if "scale" in table[0]]
@@ -147,7 +209,9 @@ def test_the_page_of_a_scaled_suite_shows_the_motions_as_they_were_run(folder: P
     assert "Level 1 of 2, times 0.5" in found.text and "5 % damping, times 2" in found.text
 
 
-def test_a_page_is_in_the_units_of_the_model_and_says_whose_it_is(folder: Path, tdint: Command) -> None:
+def test_a_page_is_in_the_units_of_the_model_and_says_whose_it_is(
+    folder: Path, tdint: Command
+) -> None:
     text = (
         "name: twin\nunits: {length: m, force: kN, mass: t}\nreport: 'Project: tower; Author: A. B.'\n"
         "stories: [{repeat: 2, mass: 200, height: 3.5, stiffness: 2.0e5}]\ndamping: 5%\n"
@@ -160,7 +224,9 @@ def test_a_page_is_in_the_units_of_the_model_and_says_whose_it_is(folder: Path, 
     assert "Project: tower" in found.text and "Author: A. B." in found.text
     assert [row["mass (t)"] for row in table_with(found, "mass (t)")] == ["200", "200"]
     shears = [f"{float(row['peak_total_shear_N']) / 1e3:.4g}" for row in stories]
-    assert [row["peak total shear (kN)"] for row in table_with(found, "peak total shear (kN)")] == shears
+    assert [
+        row["peak total shear (kN)"] for row in table_with(found, "peak total shear (kN)")
+    ] == shears
     # The base shear of the restoring forces, and that of equilibrium, which Rayleigh damping is part of.
     restoring = float(stories[0]["peak_shear_N"]) / 1e3
     assert f"base shear {restoring:.4g} kN ({shears[0]} kN with viscous forces)" in found.text
@@ -177,14 +243,27 @@ def test_the_page_of_a_campaign_says_why(folder: Path, tdint: Command) -> None:
         "--target", "ec8:type=1,soil=B,ag=0.25g", "-o", "factors.csv", code=0)  # fmt: skip
     warnings = json.loads(Path("factors.json").read_text())["warnings"]
     assert warnings and all(text in scaled.stderr for text in warnings)
-    Path("stiff.yaml").write_text(Path("shaken.yaml").read_text().replace("name: shaken", "name: stiff"))
+    Path("stiff.yaml").write_text(
+        Path("shaken.yaml").read_text().replace("name: shaken", "name: stiff")
+    )
     Path("study.yaml").write_text(
         "buildings: {models: [shaken.yaml, stiff.yaml]}\nintensity: {factors: factors.csv}\n"
         "records: {files: [motion.mseed], units: m/s^2, pairs: true}\nanalysis: {check: true}\n"
     )
-    asked = ("campaign", "study.yaml", "--limit", "2%", "--baseline", "shaken", "--floor-spectra", "roof")
+    asked = (
+        "campaign",
+        "study.yaml",
+        "--limit",
+        "2%",
+        "--baseline",
+        "shaken",
+        "--floor-spectra",
+        "roof",
+    )
     asked = (*asked, "--period", "0.5")
-    tdint.refused("NAME: TEXT", *asked, "-o", "out", "--report", "page.html", "--report-head", "no name")
+    tdint.refused(
+        "NAME: TEXT", *asked, "-o", "out", "--report", "page.html", "--report-head", "no name"
+    )
     tdint(*asked, "-o", "out", "--report", "page.html", "--report-head", "Date: 2026-01-31", code=0)
     found = page("page.html")
     assert "Date: 2026-01-31" in found.text
@@ -192,14 +271,25 @@ def test_the_page_of_a_campaign_says_why(folder: Path, tdint: Command) -> None:
         *warnings, "4 of 4 runs", "rule ec8 (EN 1998-1:2004", "target ec8:type=1,soil=B,ag=0.25g", "limit 2 %: ",
     ):  # fmt: skip
         assert text in found.text, text
-    for file in ("study.yaml", "shaken.yaml", "stiff.yaml", "motion.mseed", "factors.csv", "factors.json"):
+    for file in (
+        "study.yaml",
+        "shaken.yaml",
+        "stiff.yaml",
+        "motion.mseed",
+        "factors.csv",
+        "factors.json",
+    ):
         digest = hashlib.sha256(Path(file).read_bytes()).hexdigest()
-        assert [row["SHA-256"] for row in table_with(found, "SHA-256") if row["file"] == file] == [digest], file
+        assert [row["SHA-256"] for row in table_with(found, "SHA-256") if row["file"] == file] == [
+            digest
+        ], file
     assert len(found.sources) == 3  # profiles, floors, motions beside the target
     # The same building twice: all ratios are 1.
     assert {row["mean ratio"] for row in table_with(found, "mean ratio")} == {"1"}
     errors = [table for table in found.tables if "mean peak drift (%)" in table[0]]
-    assert len(errors) == 2 and all(0.0 < float(row[1]) < 5.0 for table in errors for row in table[1:])
+    assert len(errors) == 2 and all(
+        0.0 < float(row[1]) < 5.0 for table in errors for row in table[1:]
+    )
     assert found.text.count("no torsion") == 1
     # Factors that were changed by hand: what `scale` told is not told of them.
     with Path("factors.csv").open("a") as stream:
@@ -219,12 +309,23 @@ def test_the_page_of_a_pushover_refuses_what_the_standards_do(folder: Path, tdin
     told = [row["yield force (kN)"] for row in table_with(found, "yield force (kN)")]
     assert told == [f"{made['yield_force_N'] / 1e3:.4g}" for made in (n2, coefficients)]
     body = Path("page.html").read_text().partition("<body>")[2]
-    assert body.count('class="v broken"') == 2 and "are not met: do not use its displacement" in body
+    assert (
+        body.count('class="v broken"') == 2 and "are not met: do not use its displacement" in body
+    )
     assert len(found.sources) == 1
 
 
-def test_the_page_of_modal_peaks_has_forces_and_the_share_of_each_mode(folder: Path, tdint: Command) -> None:
-    asked = ("modes", CONFIGS / "ten-story-bilinear.yaml", "--target", "ec8:type=1,soil=C,ag=0.35g", "-o", "m.csv")
+def test_the_page_of_modal_peaks_has_forces_and_the_share_of_each_mode(
+    folder: Path, tdint: Command
+) -> None:
+    asked = (
+        "modes",
+        CONFIGS / "ten-story-bilinear.yaml",
+        "--target",
+        "ec8:type=1,soil=C,ag=0.35g",
+        "-o",
+        "m.csv",
+    )
     result = tdint(*asked, "--report", "page.html", code=0)
     assert "5 % in the first mode, is ignored" in result.stderr
     found, peaks = page("page.html"), rows("m.csv")
@@ -233,8 +334,12 @@ def test_the_page_of_modal_peaks_has_forces_and_the_share_of_each_mode(folder: P
         str(round(float(f"{float(row['overturning_moment_cqc_Nm']) / 1e3:.4g}"))) for row in peaks
     ]
     # Of the first mode alone the moments are those of its shears; the roof's force is what its story carries.
-    assert float(peaks[-1]["floor_force_cqc_N"]) == pytest.approx(float(peaks[-1]["shear_cqc_N"]), rel=1e-9)
-    assert float(peaks[-1]["overturning_moment_cqc_Nm"]) == pytest.approx(3.5 * float(peaks[-1]["shear_cqc_N"]))
+    assert float(peaks[-1]["floor_force_cqc_N"]) == pytest.approx(
+        float(peaks[-1]["shear_cqc_N"]), rel=1e-9
+    )
+    assert float(peaks[-1]["overturning_moment_cqc_Nm"]) == pytest.approx(
+        3.5 * float(peaks[-1]["shear_cqc_N"])
+    )
     acceleration = float(peaks[-1]["floor_force_cqc_N"]) / 2e5
     assert float(peaks[-1]["absolute_acceleration_cqc_m_s2"]) == pytest.approx(acceleration)
     modes = json.loads(Path("m.json").read_text())["modes"]
@@ -250,7 +355,14 @@ def test_the_page_of_a_comparison_says_what_was_required(folder: Path, tdint: Co
         "base: {file: out/history.csv, column: ground_acceleration_m_s2}\n"
         "floors: {roof: {file: out/history.csv, column: floor_2_absolute_acceleration_m_s2}}\n"
     )
-    asked = ("compare", "shaken.yaml", "--recorded", "recorded.yaml", "--require", "correlation=0.9")
+    asked = (
+        "compare",
+        "shaken.yaml",
+        "--recorded",
+        "recorded.yaml",
+        "--require",
+        "correlation=0.9",
+    )
     table = rows(tdint(*asked, "--report", "page.html", code=0).stdout)
     found = page("page.html")
     (told,) = table_with(found, "correlation")
@@ -261,7 +373,8 @@ def test_the_page_of_a_comparison_says_what_was_required(folder: Path, tdint: Co
 # ---- As pages of paper
 
 CHROMIUM = os.environ.get("CHROMIUM") or next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))),
+    None,
 )
 A4 = (595.3, 841.9)
 """Points."""
@@ -270,9 +383,19 @@ A4 = (595.3, 841.9)
 def printed(file: str) -> list[tuple[str, float, float]]:
     """The lines of text on paper, with where their first and last letters begin, in points from the left."""
     command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer"]
-    where = f"--user-data-dir={Path('profile').absolute()}", f"--print-to-pdf={Path('page.pdf').absolute()}"
-    subprocess.run([*command, *where, Path(file).absolute().as_uri()], check=True, capture_output=True, timeout=120)
-    objects = dict(re.findall(rb"(\d+) 0 obj\b(.*?)endobj", Path("page.pdf").read_bytes(), re.DOTALL))
+    where = (
+        f"--user-data-dir={Path('profile').absolute()}",
+        f"--print-to-pdf={Path('page.pdf').absolute()}",
+    )
+    subprocess.run(
+        [*command, *where, Path(file).absolute().as_uri()],
+        check=True,
+        capture_output=True,
+        timeout=120,
+    )
+    objects = dict(
+        re.findall(rb"(\d+) 0 obj\b(.*?)endobj", Path("page.pdf").read_bytes(), re.DOTALL)
+    )
     pages = [body for body in objects.values() if re.search(rb"/Type /Page\b", body)]
     for body in pages:
         size = re.search(rb"/MediaBox \[0 0 (\S+) (\S+)\]", body)
@@ -304,7 +427,10 @@ def letters(font: bytes, objects: dict[bytes, bytes]) -> dict[bytes, str]:
 def lines_of_page(body: bytes, objects: dict[bytes, bytes]) -> Iterator[tuple[str, float, float]]:
     """Text between BT and ET, a line or a cell of a table; the matrices are those of the page and of the text."""
     named = re.search(rb"/Font <<(.*?)>>", body, re.DOTALL)
-    fonts = {name: letters(objects[place], objects) for name, place in re.findall(rb"/(\w+) (\d+) 0 R", named[1])}
+    fonts = {
+        name: letters(objects[place], objects)
+        for name, place in re.findall(rb"/(\w+) (\d+) 0 R", named[1])
+    }
     content = re.search(rb"/Contents (\d+) 0 R", body)
     assert content
     word = rb"<[0-9A-Fa-f]+>|\((?:\\.|[^\\)])*\)|/[^\s<>\[\]/()]+|[-+]?[0-9.]+|[A-Za-z*]+"
@@ -338,7 +464,9 @@ def lines_of_page(body: bytes, objects: dict[bytes, bytes]) -> Iterator[tuple[st
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None or not shutil.which("pdftoppm"), reason="no Chromium or pdftoppm to print with")
+@pytest.mark.skipif(
+    CHROMIUM is None or not shutil.which("pdftoppm"), reason="no Chromium or pdftoppm to print with"
+)
 @pytest.mark.parametrize(
     "asked",
     [
@@ -359,17 +487,34 @@ def test_no_page_but_the_last_is_more_than_a_quarter_white(
     sheets = [imread(file) for file in sorted(Path().glob("sheet-*.png"))]
     for sheet in sheets[:-1]:
         mm = sheet.shape[0] / 297.0
-        inked = np.flatnonzero((sheet[int(15 * mm) : int(278 * mm), :, :3].min(axis=2) < 0.8).any(axis=1))
+        inked = np.flatnonzero(
+            (sheet[int(15 * mm) : int(278 * mm), :, :3].min(axis=2) < 0.8).any(axis=1)
+        )
         assert inked[-1] > 0.75 * 263 * mm
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium to print with")
-def test_a_page_prints_with_whole_numbers_inside_its_margins(folder: Path, tdint: Command, drawn: None) -> None:
+def test_a_page_prints_with_whole_numbers_inside_its_margins(
+    folder: Path, tdint: Command, drawn: None
+) -> None:
     """Every cell that is a number stands in the PDF as one piece of text, and no text is beyond the paper."""
-    assert tdint("run", "shaken.yaml", "--method", "moment4", "--report", "page.html").exit_code == 0
     assert (
-        tdint("run", "shaken.yaml", "--scale", "0.5,1", "--check", "-o", "out", "--report", "suite.html").exit_code == 0
+        tdint("run", "shaken.yaml", "--method", "moment4", "--report", "page.html").exit_code == 0
+    )
+    assert (
+        tdint(
+            "run",
+            "shaken.yaml",
+            "--scale",
+            "0.5,1",
+            "--check",
+            "-o",
+            "out",
+            "--report",
+            "suite.html",
+        ).exit_code
+        == 0
     )
     for file in ("page.html", "suite.html"):
         lines = printed(file)
@@ -377,7 +522,13 @@ def test_a_page_prints_with_whole_numbers_inside_its_margins(folder: Path, tdint
         assert all(len(table[0]) <= 9 for table in found.tables)
         pieces = {text for text, _, _ in lines}
         numbers = {
-            cell for table in found.tables for row in table[1:] for cell in row if re.fullmatch(r"[-+.\de]+", cell)
+            cell
+            for table in found.tables
+            for row in table[1:]
+            for cell in row
+            if re.fullmatch(r"[-+.\de]+", cell)
         }
         assert len(numbers) > 20 and numbers <= pieces, numbers - pieces
-        assert all(left > 30.0 and last < A4[0] - 30.0 for _, left, last in lines)  # margins of 15 mm, 42 points
+        assert all(
+            left > 30.0 and last < A4[0] - 30.0 for _, left, last in lines
+        )  # margins of 15 mm, 42 points

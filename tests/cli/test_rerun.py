@@ -19,7 +19,9 @@ UNITS = ["--units", "m/s^2", "--component", "HNE"]
 
 def contents(folder):
     """All files of a folder and what they hold, but for the stores, whose logs SQLite writes."""
-    files = sorted(file for file in folder.rglob("*") if file.is_file() and "sqlite" not in file.name)
+    files = sorted(
+        file for file in folder.rglob("*") if file.is_file() and "sqlite" not in file.name
+    )
     return {file: file.read_bytes() for file in files}
 
 
@@ -41,11 +43,24 @@ def rerun(folder, tdint):
     ("words", "table"),
     [
         (
-            ("run", "shaken.yaml", "--history=more/motion.csv.gz", "--plot=more/motion.pdf", "--report", "page.html"),
+            (
+                "run",
+                "shaken.yaml",
+                "--history=more/motion.csv.gz",
+                "--plot=more/motion.pdf",
+                "--report",
+                "page.html",
+            ),
             "motion.csv.gz",
         ),
-        (("run", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "--sequence"), "stories.csv"),
-        (("spectrum", "motion.mseed", "other.mseed", *UNITS, "--period", "1", "--plot"), "other.csv"),
+        (
+            ("run", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "--sequence"),
+            "stories.csv",
+        ),
+        (
+            ("spectrum", "motion.mseed", "other.mseed", *UNITS, "--period", "1", "--plot"),
+            "other.csv",
+        ),
     ],
     ids=["files of all kinds", "sequence", "spectra"],
 )
@@ -74,14 +89,18 @@ def test_cells_that_differ_are_a_table(folder, tdint, rerun):
 def test_what_is_written_now_stays_where_it_is_asked_for(folder, tdint, rerun):
     tdint("modes", "forced.yaml", "-o", "modes.csv.gz", code=0)
     rerun("modes.json", "-o", "again/new", code=0)
-    assert (folder / "again/new/modes.csv.gz").read_bytes() == (folder / "modes.csv.gz").read_bytes()
+    assert (folder / "again/new/modes.csv.gz").read_bytes() == (
+        folder / "modes.csv.gz"
+    ).read_bytes()
     assert "not an empty folder" in rerun("modes.json", "-o", "again", code=6).stderr
 
 
 @pytest.mark.parametrize("changed", ["motion.mseed", "shaken.yaml", "of_a_run.py"])
 def test_other_inputs_are_refused_unless_asked_for(folder, tdint, rerun, changed, make_record):
     """Models, records and plug-ins; asked for, they are named and taken."""
-    plugin = () if changed != "of_a_run.py" else ("--plugin", changed)  # one version is executed in a process
+    plugin = (
+        () if changed != "of_a_run.py" else ("--plugin", changed)
+    )  # one version is executed in a process
     if plugin:
         (folder / changed).write_text("METHODS = ()\n")
     tdint(*ONE_RUN, *plugin, code=0)
@@ -172,9 +191,18 @@ def test_a_campaign_that_was_done_in_parts(folder, tdint, rerun):
         tdint("campaign", "campaign.yaml", "-o", "study", *more, code=0)
     tdint("campaign", "export", "study", "--simcenter", "--output-units", "kip", code=0)
     told = json.loads((folder / "study/summary.json").read_text())
-    assert told["arguments"] == ["campaign", "campaign.yaml", "-o", "study"]  # how many at a time is not kept
+    assert told["arguments"] == [
+        "campaign",
+        "campaign.yaml",
+        "-o",
+        "study",
+    ]  # how many at a time is not kept
     words = rerun("study", code=0).stderr
-    assert "runs.csv: the same" in words and "runs.parquet: the same" in words and "simcenter.csv: the same" in words
+    assert (
+        "runs.csv: the same" in words
+        and "runs.parquet: the same" in words
+        and "simcenter.csv: the same" in words
+    )
     (folder / "study/runs.parquet").unlink()
     assert "runs.parquet: is written now" in rerun("study", code=5).stderr
     for part in ("1", "2"):
@@ -214,7 +242,17 @@ def test_nothing_compared_is_no_yes(folder, tdint, rerun):
     assert "nothing of what the command writes can be compared" in rerun("study", code=5).stderr
     tdint("modes", "forced.yaml", "-o", "a.txt", code=0)
     assert "a.txt: the same" in rerun("a.json", code=0).stderr
-    tdint("chart", "forced.yaml", "--method", "newmark-average", "--repeat", "1", "-o", "chart.csv", code=0)
+    tdint(
+        "chart",
+        "forced.yaml",
+        "--method",
+        "newmark-average",
+        "--repeat",
+        "1",
+        "-o",
+        "chart.csv",
+        code=0,
+    )
     assert "the same, cell by cell (not compared: " in rerun("chart.json", code=0).stderr
 
 
@@ -228,13 +266,17 @@ def test_code_of_others_is_executed_on_request_alone(folder, tdint, rerun):
     (folder / "evil.py").write_text("open('executed', 'w')\n")
     told = json.loads((folder / "out/summary.json").read_text())
     for word in (["--plugin", "evil.py"], ["--plugin=evil.py"]):
-        (folder / "out/summary.json").write_text(json.dumps(told | {"arguments": [*ONE_RUN, *word]}))
+        (folder / "out/summary.json").write_text(
+            json.dumps(told | {"arguments": [*ONE_RUN, *word]})
+        )
         assert "evil.py: was not read then" in rerun("out", "--trust", code=2).stderr
         assert "--trust" in rerun("out", "--changed", code=2).stderr
     assert not (folder / "executed").exists()
 
 
-@pytest.mark.parametrize("sheet", ["text.usetex: true", "axes.prop_cycle: cycler('color', [().\t__class__])"])
+@pytest.mark.parametrize(
+    "sheet", ["text.usetex: true", "axes.prop_cycle: cycler('color', [().\t__class__])"]
+)
 def test_style_sheets_start_nothing(folder, tdint, rerun, sheet):
     (folder / "a.mplstyle").write_text("lines.linewidth: 2\n")
     words = ["modes", "forced.yaml", "-o", "modes.csv", "--plot", "--style", "a.mplstyle"]
@@ -247,7 +289,15 @@ def test_style_sheets_start_nothing(folder, tdint, rerun, sheet):
 def test_latex_that_is_not_there(folder, tdint, monkeypatch):
     (folder / "a.mplstyle").write_text("text.usetex: true\n")
     monkeypatch.setenv("PATH", str(folder))
-    tdint.refused("text.usetex needs latex", "modes", "forced.yaml", "--plot", "a.png", "--style", "a.mplstyle")
+    tdint.refused(
+        "text.usetex needs latex",
+        "modes",
+        "forced.yaml",
+        "--plot",
+        "a.png",
+        "--style",
+        "a.mplstyle",
+    )
 
 
 def test_differences_of_two_files(tmp_path):
@@ -262,7 +312,10 @@ def test_differences_of_two_files(tmp_path):
         Difference("now.csv.gz", None, "", "3 rows", "2 rows"),
     ]
     assert [one.column for one in differences(before, now, but=("a",))] == ["d", "c", "b", ""]
-    assert Difference("", 1, "a", "-2", "2").relative == 2.0 and Difference("", 1, "a", "x", "2").relative != 0.0
+    assert (
+        Difference("", 1, "a", "-2", "2").relative == 2.0
+        and Difference("", 1, "a", "x", "2").relative != 0.0
+    )
     now.write_bytes(b"no gzip file")
     with pytest.raises(OutputError, match="cannot be read as CSV"):
         list(differences(before, now))

@@ -29,7 +29,9 @@ def test_two_components_of_a_file(folder, tdint):
 
 
 def test_names_of_the_columns(folder, tdint):
-    result = tdint("spectrum", "motion.mseed", "--rotd", "5,84", "--period", "1", "--maxima", "peer")
+    result = tdint(
+        "spectrum", "motion.mseed", "--rotd", "5,84", "--period", "1", "--maxima", "peer"
+    )
     assert result.stdout.splitlines()[0] == (
         "record,component,damping,period_s,rotd05_psa_m_s2,rotd84_psa_m_s2,geometric_mean_psa_m_s2,rotd100_angle_deg,"
         "maxima"
@@ -81,8 +83,14 @@ def test_components_of_unequal_length_are_cut_and_it_is_said(folder, tdint):
 @pytest.mark.parametrize(
     ("names", "message"),
     [
-        (("other.mseed",), "other.mseed: has a single horizontal component, HNE; name the file of the other one"),
-        (("A000.AT2", "A030.AT2"), "A000.AT2+A030.AT2: 0 and 30 are 30 degrees apart, not at right angles"),
+        (
+            ("other.mseed",),
+            "other.mseed: has a single horizontal component, HNE; name the file of the other one",
+        ),
+        (
+            ("A000.AT2", "A030.AT2"),
+            "A000.AT2+A030.AT2: 0 and 30 are 30 degrees apart, not at right angles",
+        ),
         (("A000.AT2", "missing.AT2"), "A000.AT2: has a single horizontal component, 0"),
     ],
 )

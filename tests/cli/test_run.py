@@ -26,7 +26,9 @@ def test_the_table_is_on_stdout_and_the_words_on_stderr(folder, tdint):
     result = tdint("run", "shaken.yaml", code=0)
     table = rows(result.stdout)
     assert [row["story"] for row in table] == ["1", "2"]
-    assert float(table[0]["ductility"]) == pytest.approx(float(table[0]["peak_drift_m"]) / (50 / 8000))
+    assert float(table[0]["ductility"]) == pytest.approx(
+        float(table[0]["peak_drift_m"]) / (50 / 8000)
+    )
     for text in (
         "shaken: 2 stories, ", "motion.mseed HNE (PGA 2.", "newmark-average: 299 steps of 0.01 s", "energy error",
         "Largest drift ratio", "roof displacement", "base shear", "Warning: motion.mseed: m/s^2 is assumed",
@@ -47,7 +49,9 @@ def test_the_files_of_a_run(folder, tdint, drawn):
         largest = max(abs(float(step[f"story_{row['story']}_drift_m"])) for step in history)
         # The peak lies between two steps.
         assert largest <= float(row["peak_drift_m"]) < 1.01 * largest
-    top, below = (max(abs(float(row[f"floor_{i}_displacement_m"])) for row in history) for i in (2, 1))
+    top, below = (
+        max(abs(float(row[f"floor_{i}_displacement_m"])) for row in history) for i in (2, 1)
+    )
     assert top > below > 0.0
     assert list(history[0])[-7:] == [
         "energy_input_J", "energy_kinetic_J", "energy_damping_J", "energy_devices_J", "energy_recoverable_J",
@@ -69,9 +73,17 @@ def test_the_summary(folder, tdint):
     ]  # fmt: skip
     assert summary["schema"] == {"name": "tdint run", "version": 1}
     assert summary["record"]["scale"] == 2.0 and summary["settings"] == {}  # nothing was asked for
-    assert summary["building"]["damping"] == {"type": "rayleigh", "ratios": [0.05, 0.05], "modes": [1, 2]}
+    assert summary["building"]["damping"] == {
+        "type": "rayleigh",
+        "ratios": [0.05, 0.05],
+        "modes": [1, 2],
+    }
     assert summary["meanings"]["t1_s"]["unit"] == "s"
-    assert (summary["status"], summary["name"], summary["method"]) == ("done", "shaken", "newmark-average")
+    assert (summary["status"], summary["name"], summary["method"]) == (
+        "done",
+        "shaken",
+        "newmark-average",
+    )
     assert (summary["dt_s"], summary["steps"], summary["duration_s"]) == (0.01, 299, 2.99)
     assert 0.0 < summary["time_loop_s"] < summary["wall_time_s"]
     assert set(summary["energy"]) == {
@@ -80,10 +92,13 @@ def test_the_summary(folder, tdint):
     assert summary["peaks"]["roof_displacement_m"] == float(table[1]["peak_displacement_m"])
     assert summary["peaks"]["base_shear_N"] == float(table[0]["peak_shear_N"])
     assert summary["record"]["component"] == "HNE"
-    versions = set(summary["versions"]) - {"plugins"}  # of a test before this one in the same process
+    versions = set(summary["versions"]) - {
+        "plugins"
+    }  # of a test before this one in the same process
     assert versions == {"tdint", "numpy", "scipy", "numba", "obspy", "python", "sources"}
     assert [item["sha256"] for item in summary["inputs"]] == [
-        hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in ("shaken.yaml", "motion.mseed")
+        hashlib.sha256((folder / name).read_bytes()).hexdigest()
+        for name in ("shaken.yaml", "motion.mseed")
     ]
 
 
@@ -105,7 +120,11 @@ def test_record_replaces_the_models_record_and_its_component(folder, tdint):
 
 
 def test_units_on_the_command_line_take_the_place_of_the_models_inventory(folder, tdint):
-    model = (folder / "shaken.yaml").read_text().replace("component: HNE", "component: HNE, inventory: none.xml")
+    model = (
+        (folder / "shaken.yaml")
+        .read_text()
+        .replace("component: HNE", "component: HNE, inventory: none.xml")
+    )
     (folder / "shaken.yaml").write_text(model)
     tdint.refused("none.xml", "run", "shaken.yaml", code=4)
     tdint("run", "shaken.yaml", "--units", "m/s^2", code=0)
@@ -151,14 +170,24 @@ def test_outputs_are_looked_at_before_the_work(folder, tdint):
     """Not even the model is read: it does not exist."""
     (folder / "out").mkdir()
     (folder / "out" / "history.csv").write_text("old")
-    tdint.refused("out/history.csv: exists already; give --overwrite", "run", "missing.yaml", "-o", "out", code=6)
+    tdint.refused(
+        "out/history.csv: exists already; give --overwrite",
+        "run",
+        "missing.yaml",
+        "-o",
+        "out",
+        code=6,
+    )
 
 
 def test_a_run_under_forces_and_one_that_failed_writes_its_summary_alone(folder, tdint):
     done = tdint("run", "forced.yaml", "--check", "-o", "out", "--history", code=0)
     assert "forced: 2 stories, no ground motion." in done.stderr
     (first, _) = rows(done.stdout)
-    assert first["ductility"] == first["ductility_error"] == "" and float(first["peak_drift_m_error"]) > 0.0
+    assert (
+        first["ductility"] == first["ductility_error"] == ""
+        and float(first["peak_drift_m_error"]) > 0.0
+    )
     words = ("run", "forced.yaml", *UNSTABLE, "-o", "out", "--overwrite", "--history")
     result = tdint.refused("diverged after", *words, code=5)
     assert files(folder / "out") == ["summary.json"]
@@ -189,13 +218,19 @@ def test_a_run_tells_its_errors(folder, tdint, method):
     assert relative[check["drift_error_story"] - 1] == pytest.approx(max(relative), rel=1e-9)
     assert (check["dts_s"], check["method"], check["tolerance"]) == ([0.005], "impulse4", None)
     assert check["errors"]["base_shear_N_error"] == float(table[0]["peak_shear_N_error"])
-    assert check["errors"]["roof_displacement_m_error"] == float(table[1]["peak_displacement_m_error"])
+    assert check["errors"]["roof_displacement_m_error"] == float(
+        table[1]["peak_displacement_m_error"]
+    )
     told = f"Largest estimated error of a peak drift: {100 * max(relative):.2g} % (story {check['drift_error_story']})"
     assert f"{told}, from a run of impulse4 with dt 0.005 s." in result.stderr
     assert "estimated" not in plain.stderr
     # The peaks of that run are in the summary alone.
-    finer = tdint("run", "shaken.yaml", "--method", "impulse4", "--dt", "0.005", "--no-check").stdout
-    assert f"{check['corrected_peaks']['drift_m']:.12g}" in {row["peak_drift_m"] for row in rows(finer)}
+    finer = tdint(
+        "run", "shaken.yaml", "--method", "impulse4", "--dt", "0.005", "--no-check"
+    ).stdout
+    assert f"{check['corrected_peaks']['drift_m']:.12g}" in {
+        row["peak_drift_m"] for row in rows(finer)
+    }
     assert ("In that run: largest drift " in result.stderr) == (method == "newmark-average")
 
 
@@ -210,7 +245,9 @@ def test_a_history_holds_the_errors_that_are_asked_for(folder, tdint):
         *(f"floor_{i}_{name}_error" for i in (1, 2) for name in ("displacement_m", "velocity_m_s")),
         *(f"story_{i}_{name}_error" for i in (1, 2) for name in ("drift_m", "shear_N")),
     ]
-    first = [abs(float(row["story_1_drift_m"]) + float(row["story_1_drift_m_error"])) for row in table]
+    first = [
+        abs(float(row["story_1_drift_m"]) + float(row["story_1_drift_m_error"])) for row in table
+    ]
     corrected = summary_of(folder)["check"]["corrected_peaks"]
     assert corrected["drift_story"] == 1
     assert 0.9 * corrected["drift_m"] < max(first) <= corrected["drift_m"] * (1.0 + 1e-9)
@@ -234,10 +271,14 @@ def test_until_rest(folder, tdint):
     assert "still moves" not in rest.stderr
     assert ends[1]["moving_drift_m"] < 0.1 * ends[0]["moving_drift_m"]
     row = rows(tdint("run", "shaken.yaml", "--scale", "1,2", "--until-rest").stdout)[0]
-    assert float(row["residual_drift_ratio"]) == pytest.approx(summaries[1]["peaks"]["residual_drift_ratio"], rel=1e-9)
+    assert float(row["residual_drift_ratio"]) == pytest.approx(
+        summaries[1]["peaks"]["residual_drift_ratio"], rel=1e-9
+    )
 
 
-@pytest.mark.parametrize("command", ["run shaken.yaml", "run shaken.yaml --scale 1,2", IDA], ids=["run", "many", "ida"])
+@pytest.mark.parametrize(
+    "command", ["run shaken.yaml", "run shaken.yaml --scale 1,2", IDA], ids=["run", "many", "ida"]
+)
 def test_a_run_that_ends_before_its_record_is_told(folder, tdint, command):
     """A third of the way, by the option or by the model, which may say it for another record."""
     told = "note: the run ends at 1 s, before so much of the Arias intensity: motion.mseed HNE "
@@ -253,7 +294,9 @@ def test_a_tolerance_chooses_the_step(folder, tdint, tolerance):
     summary = summary_of(folder)
     check, samples = summary["check"], summary["check"]["samples_in_the_step"]
     assert check["tolerance"] == 0.001 and check["drift_error"] <= 0.001
-    chosen = f"from {check['runs_for_the_step']} runs: {summary['dt_s']:.6g} s, {samples:g} sampling"
+    chosen = (
+        f"from {check['runs_for_the_step']} runs: {summary['dt_s']:.6g} s, {samples:g} sampling"
+    )
     assert f"Step chosen for peak drifts within 0.1 %, {chosen}" in result.stderr
     if samples != 1.0 and check["solves_at_record_step"]:
         assert f"the record's own step {check['solves_at_record_step']}." in result.stderr
@@ -262,7 +305,9 @@ def test_a_tolerance_chooses_the_step(folder, tdint, tolerance):
 
 
 def test_a_tolerance_that_is_not_reached(folder, tdint):
-    result = tdint("run", "forced.yaml", "--method", "houbolt", "--tolerance", "1e-12", "-o", "out", code=5)
+    result = tdint(
+        "run", "forced.yaml", "--method", "houbolt", "--tolerance", "1e-12", "-o", "out", code=5
+    )
     assert "houbolt does not come within 1e-10 %" in result.stderr and result.stdout == ""
     summary = summary_of(folder)
     assert summary["status"] == "not-within-tolerance" and "peaks" not in summary
@@ -296,7 +341,9 @@ def test_a_refused_step_writes_its_summary_alone(folder, tdint):
     tdint(*run, 0.999 * stable, code=0)
 
 
-@pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt, 130), (MemoryError, 5), (ZeroDivisionError, 1)])
+@pytest.mark.parametrize(
+    ("error", "code"), [(KeyboardInterrupt, 130), (MemoryError, 5), (ZeroDivisionError, 1)]
+)
 def test_whatever_ends_the_writing_leaves_no_file(folder, tdint, monkeypatch, error, code):
     def half_a_history(_, stream, units, **_kinds):
         stream.write(b"half a li")
@@ -309,7 +356,9 @@ def test_whatever_ends_the_writing_leaves_no_file(folder, tdint, monkeypatch, er
 
 
 def test_lost_energy_is_a_warning_that_is_not_silenced(folder, tdint):
-    result = tdint("run", "shaken.yaml", "-q", "--method", "newmark:beta=0.5:gamma=0.9", "-o", "out", code=0)
+    result = tdint(
+        "run", "shaken.yaml", "-q", "--method", "newmark:beta=0.5:gamma=0.9", "-o", "out", code=0
+    )
     (line,) = (line for line in result.stderr.splitlines() if "energy balance" in line)
     assert line.startswith("Warning: the energy balance is off by")
     assert "lost to the method" in line
@@ -317,10 +366,14 @@ def test_lost_energy_is_a_warning_that_is_not_silenced(folder, tdint):
 
 
 @pytest.mark.parametrize(("file", "bytes_"), [("h.csv", 6.0), ("h.csv.gz", 2.0)])
-def test_a_history_that_the_disk_cannot_hold_is_refused_before_the_run(folder, tdint, monkeypatch, file, bytes_):
+def test_a_history_that_the_disk_cannot_hold_is_refused_before_the_run(
+    folder, tdint, monkeypatch, file, bytes_
+):
     """So many bytes a number at least: of 101 steps, time, ground, 2 floors and 2 stories, 7 energies."""
     monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1000.0))
-    monkeypatch.setattr("tdint.analysis.run.run.run_case", lambda *_, **__: pytest.fail("it was run"))
+    monkeypatch.setattr(
+        "tdint.analysis.run.run.run_case", lambda *_, **__: pytest.fail("it was run")
+    )
     size = 101 * (2 + 2 * 3 + 2 * 4 + 7) * bytes_ / 1e9
     message = f"{file}: takes {size:.3g} GB at least, 1e-06 GB are free"
     tdint.refused(message, "run", "forced.yaml", f"--history={file}", code=6)
@@ -331,7 +384,9 @@ def test_a_picture_of_a_long_run_is_thinned(folder, tdint, monkeypatch):
 
     shown = []
     draw = runs.run_picture
-    monkeypatch.setattr(runs, "run_picture", lambda response, *rest: shown.append(response) or draw(response, *rest))
+    monkeypatch.setattr(
+        runs, "run_picture", lambda response, *rest: shown.append(response) or draw(response, *rest)
+    )
     monkeypatch.setattr("tdint_cli.commands.run._STEPS_OF_A_PICTURE", 30)
     assert tdint("run", "forced.yaml", "--plot=r.svg").exit_code == 0
     (response,) = shown

@@ -22,8 +22,16 @@ def test_measures_of_runs_and_their_comparison(study, tdint):
     tdint("campaign", "study.yaml", "-o", "out", "--im", "pgv,arias,cav5,sa:0.5,sdi:T1:5%", code=0)
     measures, runs = rows("out/measures.csv"), rows("out/runs.csv")
     keys = ("building", "record", "component", "scale", "sample")
-    assert [[row[key] for key in keys] for row in measures] == [[row[key] for key in keys] for row in runs]
-    assert list(measures[0])[5:] == ["pgv_m_s", "arias_intensity_m_s", "cav5_m_s", "sa_0p5_m_s2", "sdi_t1_0p05_m"]
+    assert [[row[key] for key in keys] for row in measures] == [
+        [row[key] for key in keys] for row in runs
+    ]
+    assert list(measures[0])[5:] == [
+        "pgv_m_s",
+        "arias_intensity_m_s",
+        "cav5_m_s",
+        "sa_0p5_m_s2",
+        "sdi_t1_0p05_m",
+    ]
     (told,) = rows(tdint("info", "motion.mseed", "--units", "m/s^2", "--component", "HNE").stdout)
     motion = ("motion.mseed", "HNE", "1.5")
     (row,) = (row for row in measures if (row["record"], row["component"], row["scale"]) == motion)
@@ -36,14 +44,19 @@ def test_measures_of_runs_and_their_comparison(study, tdint):
     assert f"{table[0]['im']} leaves the least: beta" in result.stderr
     inputs = json.loads(Path("best.json").read_text())["inputs"]
     assert [Path(read["file"]).name for read in inputs] == ["measures.csv", "runs.csv"]
-    single = tdint("fragility", "out", "--im", "pgv", "--fit", "cloud", "--threshold", "0.1%", code=0)
+    single = tdint(
+        "fragility", "out", "--im", "pgv", "--fit", "cloud", "--threshold", "0.1%", code=0
+    )
     assert ",pgv,m/s," in single.stdout
 
 
 def test_units_of_the_measures(study, tdint):
     tdint("campaign", "study.yaml", "-o", "out", "--im", "pgv", "--output-units", "in,g", code=0)
     assert "pgv_in_s" in (study / "out/measures.csv").read_text()
-    units = {row["im"]: row["unit"] for row in rows(tdint("fragility", "out", "--im", "sa,pga,pgv", code=0).stdout)}
+    units = {
+        row["im"]: row["unit"]
+        for row in rows(tdint("fragility", "out", "--im", "sa,pga,pgv", code=0).stdout)
+    }
     assert units == {"sa": "g", "pga": "g", "pgv": "in/s"}
 
 
@@ -51,9 +64,15 @@ def test_units_of_the_measures(study, tdint):
     ("words", "said"),
     [
         (("campaign", "study.yaml", "-o", "new", "--im", "pgx"), "unknown intensity measure 'pgx'"),
-        (("campaign", "export", "out", "--im", "pga"), "with `tdint campaign export`; it has no models"),
+        (
+            ("campaign", "export", "out", "--im", "pga"),
+            "with `tdint campaign export`; it has no models",
+        ),
         (("fragility", "out", "--im", "sa,cav"), "the runs have no measure cav"),
-        (("fragility", "out", "--im", "sa", "--sufficiency", "x.csv"), "with a single measure; it compares"),
+        (
+            ("fragility", "out", "--im", "sa", "--sufficiency", "x.csv"),
+            "with a single measure; it compares",
+        ),
     ],
 )
 def test_what_makes_no_sense(study, tdint, words, said):

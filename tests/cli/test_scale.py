@@ -19,7 +19,10 @@ TARGET = ("--target", CONFIGS / "design-spectrum.csv")
 def test_factors_to_a_value(folder, tdint):
     words = ("scale", "motion.mseed", "other.mseed", *UNITS, *PGA)
     assert tdint(*words, "-o", "f/factors.csv", "--plot", code=0).stdout == ""
-    infos, found = rows(tdint("info", "motion.mseed", "other.mseed", *UNITS).stdout), rows(folder / "f" / "factors.csv")
+    infos, found = (
+        rows(tdint("info", "motion.mseed", "other.mseed", *UNITS).stdout),
+        rows(folder / "f" / "factors.csv"),
+    )
     for row, info in zip(found, infos, strict=True):
         assert (row["record"], row["component"]) == (info["record"], info["component"])
         assert float(row["factor"]) * float(info["pga_m_s2"]) == pytest.approx(0.6 * 9.80665)
@@ -28,8 +31,13 @@ def test_factors_to_a_value(folder, tdint):
     us = tdint(*words, "-o", "us.csv", "--output-units", "in,g", code=0)
     assert "scaled to pga = 0.6 g:" in us.stderr
     told = json.loads((folder / "us.json").read_text())["records"]
-    of_both = [(record["pga_g"], si["pga_m_s2"]) for record, si in zip(told, summary["records"], strict=True)]
-    assert len(of_both) == 3 and all(g == pytest.approx(si / 9.80665, rel=1e-11) for g, si in of_both)
+    of_both = [
+        (record["pga_g"], si["pga_m_s2"])
+        for record, si in zip(told, summary["records"], strict=True)
+    ]
+    assert len(of_both) == 3 and all(
+        g == pytest.approx(si / 9.80665, rel=1e-11) for g, si in of_both
+    )
     assert (folder / "f" / "factors.png").exists()
 
 
@@ -41,7 +49,9 @@ def test_counts_and_others_in_one_call(folder, tdint, make_record):
     lines = ["record,units", *(",".join(each) for each in of_each.items())]
     (folder / "units.csv").write_text("\n".join(lines) + "\n")
     expected = [
-        row for file, units in of_each.items() for row in rows(tdint("scale", file, "--units", units, *PGA).stdout)
+        row
+        for file, units in of_each.items()
+        for row in rows(tdint("scale", file, "--units", units, *PGA).stdout)
     ]
     for units in ("TEXT=g,counts.mseed=1e-5 m/s^2,*.mseed=m/s^2", "units.csv"):
         assert rows(tdint("scale", *of_each, "--units", units, *PGA, code=0).stdout) == expected
@@ -54,7 +64,9 @@ def test_counts_and_others_in_one_call(folder, tdint, make_record):
 
 
 def test_a_pair_has_one_factor(folder, tdint):
-    result = tdint("scale", "motion.mseed", *UNITS, "--sa", "2m/s^2", "--at", 0.5, "--pairs", "rotd50")
+    result = tdint(
+        "scale", "motion.mseed", *UNITS, "--sa", "2m/s^2", "--at", 0.5, "--pairs", "rotd50"
+    )
     one, other = rows(result.stdout)
     assert one["factor"] == other["factor"]
     assert "1 pair scaled to sa(0.5) = 2 m/s^2" in result.stderr
@@ -64,11 +76,19 @@ def test_pairs_by_the_names_of_their_files(folder, tdint, make_record):
     """Whose names are unknown: one message says what would do, and with it two motions are two pairs."""
     (folder / "named").mkdir()
     for peak, name in enumerate(("kobe", "taft"), start=1):
-        for channel, ending, more in (("HNE", "tran", 0.0), ("HNN", "long", 0.5), ("HNZ", "vert", 0.0)):
+        for channel, ending, more in (
+            ("HNE", "tran", 0.0),
+            ("HNN", "long", 0.5),
+            ("HNZ", "vert", 0.0),
+        ):
             make_record(folder / "named" / f"{name}_{ending}.mseed", channel, peak=peak + more)
     names = "{}_long.mseed,{}_tran.mseed"
     scale = ("scale", "named", *UNITS, "--pga", "0.1g", "--pairs")
-    told = [line for line in tdint(*scale, "geometric-mean", code=4).stderr.splitlines() if "single" in line]
+    told = [
+        line
+        for line in tdint(*scale, "geometric-mean", code=4).stderr.splitlines()
+        if "single" in line
+    ]
     assert len(told) == 1 and "4 files have a single horizontal component" in told[0]
     assert "--pairs '{}long.mseed,{}tran.mseed'" in told[0]
     for given in (names, f"rotd50,{names}"):
@@ -86,13 +106,27 @@ def test_a_record_that_fails_keeps_a_set_but_not_the_others(folder, tdint):
     result = tdint(*words, "--pgv", "10cm/s", code=4)
     assert len(rows(result.stdout)) == 2 and "none.mseed" in result.stderr
     tdint.refused("none.mseed", *words, "--p695", code=4)
-    tdint.refused("single horizontal component", "scale", "motion.mseed", "other.mseed", *UNITS, "--p695", code=4)
+    tdint.refused(
+        "single horizontal component",
+        "scale",
+        "motion.mseed",
+        "other.mseed",
+        *UNITS,
+        "--p695",
+        code=4,
+    )
 
 
 def test_the_rule_of_asce7(folder, tdint, make_record):
     (folder / "suite").mkdir()
     for i in range(11):
-        make_record(folder / "suite" / f"{i:02d}.mseed", "HNE", "HNN", peak=1.0 + 0.2 * i, samples=100 + 10 * i)
+        make_record(
+            folder / "suite" / f"{i:02d}.mseed",
+            "HNE",
+            "HNN",
+            peak=1.0 + 0.2 * i,
+            samples=100 + 10 * i,
+        )
     words = ("--rule", "asce7", "--range", "0.2:2:4", "-o", "f.csv", "--plot")
     result = tdint("scale", "suite", *UNITS, *TARGET, *words, code=0)
     factors = [row["factor"] for row in rows(folder / "f.csv")]
@@ -120,7 +154,9 @@ def test_the_rule_of_ec8_over_the_periods_of_a_building(folder, tdint):
     assert (first, last, count) == (pytest.approx(0.2 * period), pytest.approx(2.0 * period), 100)
     grid = ("--periods", f"{first!r}:{last!r}:{count}")
     unscaled, (target,) = (
-        np.array([float(row["psa_m_s2"]) for row in rows(tdint("spectrum", *words, *grid).stdout)]).reshape(-1, 100)
+        np.array(
+            [float(row["psa_m_s2"]) for row in rows(tdint("spectrum", *words, *grid).stdout)]
+        ).reshape(-1, 100)
         for words in ((*files, *UNITS), EC8)
     )
     factors = np.array([float(row["factor"]) for row in rows(folder / "f.csv")])
@@ -138,15 +174,35 @@ def test_the_rule_of_ec8_over_the_periods_of_a_building(folder, tdint):
 
 
 def test_factors_of_mistaken_units_are_told(folder, tdint):
-    told = tdint("-q", "scale", "motion.mseed", "--units", "1e3 m/s^2", "--pga", "0.1g", code=0).stderr
+    told = tdint(
+        "-q", "scale", "motion.mseed", "--units", "1e3 m/s^2", "--pga", "0.1g", code=0
+    ).stderr
     assert "peak ground acceleration" in told and "factors beyond 0.05 to 20" in told
 
 
 def test_factors_that_are_too_large_are_told_or_refused(folder, tdint):
-    words = ("scale", "motion.mseed", *UNITS, "--target", "ec8:type=1,soil=B,ag=50g", "--range", "0.2:2")
+    words = (
+        "scale",
+        "motion.mseed",
+        *UNITS,
+        "--target",
+        "ec8:type=1,soil=B,ag=50g",
+        "--range",
+        "0.2:2",
+    )
     told = tdint(*words, code=0).stderr
-    assert "Warning: factors beyond 0.25 to 4, the bounds of common practice: motion.mseed HNE" in told
-    tdint.refused("larger than --max-factor 5: motion.mseed HNE", *words, "--max-factor", 5, "-o", "f.csv", code=5)
+    assert (
+        "Warning: factors beyond 0.25 to 4, the bounds of common practice: motion.mseed HNE" in told
+    )
+    tdint.refused(
+        "larger than --max-factor 5: motion.mseed HNE",
+        *words,
+        "--max-factor",
+        5,
+        "-o",
+        "f.csv",
+        code=5,
+    )
 
 
 @pytest.mark.parametrize(
@@ -169,10 +225,19 @@ def test_factors_that_are_too_large_are_told_or_refused(folder, tdint):
         ((*TARGET, "--rule", "ec8", "--at", 0.5), "the rule ec8 compares at the period 0, too"),
         ((*TARGET, "--building", "x.yaml", "--at", 0.5), "--at is for --sa"),
         ((*TARGET, "--building", "x.yaml", "--range", "0.2:2"), "--building and --range are given"),
-        (("--pga", "0.4g", "--building", "x.yaml"), "--building has nothing to act on without --target"),
+        (
+            ("--pga", "0.4g", "--building", "x.yaml"),
+            "--building has nothing to act on without --target",
+        ),
         (("--target", "ec8:type=1,soil=B,ag=0.25g", "--damping", "2%"), "is for 5 % damping"),
-        ((*TARGET, "--rule", "asce7", "--at", 0.5), "11 pairs of components at least (16.2.2), got 1"),
-        ((*TARGET, "--rule", "asce7", "--at", 0.5, "--component", "HNE"), "--component names single components"),
+        (
+            (*TARGET, "--rule", "asce7", "--at", 0.5),
+            "11 pairs of components at least (16.2.2), got 1",
+        ),
+        (
+            (*TARGET, "--rule", "asce7", "--at", 0.5, "--component", "HNE"),
+            "--component names single components",
+        ),
     ],
 )
 def test_scaling_that_is_refused(folder, tdint, arguments, message):
@@ -200,10 +265,22 @@ def test_a_run_with_the_factors_of_a_suite(folder, tdint):
     ("arguments", "code", "said"),
     [
         (("--factors", "suite.csv"), 2, "for the RECORDs that were scaled: name them"),
-        (("other.mseed", "--scale", "2", "--factors", "suite.csv"), 2, "--factors stands in place of --scale"),
+        (
+            ("other.mseed", "--scale", "2", "--factors", "suite.csv"),
+            2,
+            "--factors stands in place of --scale",
+        ),
         (("other.mseed", "--factors", "none.csv"), 3, "none.csv: no such file"),
-        (("motion.mseed", "other.mseed", "--factors", "suite.csv"), 3, "no factor for motion.mseed HNE"),
-        (("other.mseed", "--factors", "zero.csv"), 3, "zero.csv:3: factor: must be a number that is not zero, got '0'"),
+        (
+            ("motion.mseed", "other.mseed", "--factors", "suite.csv"),
+            3,
+            "no factor for motion.mseed HNE",
+        ),
+        (
+            ("other.mseed", "--factors", "zero.csv"),
+            3,
+            "zero.csv:3: factor: must be a number that is not zero, got '0'",
+        ),
     ],
 )
 def test_factors_that_do_not_fit(folder, tdint, arguments, code, said):
@@ -215,8 +292,20 @@ def test_factors_that_do_not_fit(folder, tdint, arguments, code, said):
 def test_motions_are_selected(folder, tdint):
     """The best of three, told with what was left out; the table is that of `scale`; at most one of an earthquake."""
     (folder / "events.csv").write_text("record,event\nmotion.mseed,here\nother.mseed,there\n")
-    words = ("scale", "motion.mseed", "other.mseed", *UNITS, *TARGET, "--range", "0.3:2", "--select", 2)
-    result = tdint(*words, "--per-event", 1, "--events", "events.csv", "-o", "chosen.csv", "--plot", code=0)
+    words = (
+        "scale",
+        "motion.mseed",
+        "other.mseed",
+        *UNITS,
+        *TARGET,
+        "--range",
+        "0.3:2",
+        "--select",
+        2,
+    )
+    result = tdint(
+        *words, "--per-event", 1, "--events", "events.csv", "-o", "chosen.csv", "--plot", code=0
+    )
     assert "Selected from 3: the mean of ln Sa is off the target by" in result.stderr
     table = rows(folder / "chosen.csv")
     assert [row["record"] for row in table] == ["motion.mseed", "other.mseed"]

@@ -12,11 +12,15 @@ SHOCKS = ("run", "shaken.yaml", "motion.mseed", "other.mseed", "--sequence", "--
 def test_the_stories_stand_once_for_each_shock_and_once_for_all(folder, tdint):
     result = tdint(*SHOCKS, code=0)
     table = rows(result.stdout)
-    assert [(row["shock"], row["story"]) for row in table] == [(k, i) for k in ("1", "2", "all") for i in ("1", "2")]
+    assert [(row["shock"], row["story"]) for row in table] == [
+        (k, i) for k in ("1", "2", "all") for i in ("1", "2")
+    ]
     first, second, whole = (table[2 * k] for k in range(3))
     assert whole["peak_drift_m"] in (first["peak_drift_m"], second["peak_drift_m"])
     assert whole["residual_drift_m"] == second["residual_drift_m"]
-    alone = rows(tdint("run", "shaken.yaml", "motion.mseed", "--component", "HNE", "--until-rest").stdout)
+    alone = rows(
+        tdint("run", "shaken.yaml", "motion.mseed", "--component", "HNE", "--until-rest").stdout
+    )
     # What is left of the motion is part of the error of a residual drift at rest, not of one in between.
     assert {key for key in alone[0] if alone[0][key] != first[key]} <= {"residual_drift_m_error"}
     assert "motion.mseed + other.mseed HNE" in result.stderr
@@ -24,7 +28,19 @@ def test_the_stories_stand_once_for_each_shock_and_once_for_all(folder, tdint):
 
 
 def test_the_files_of_a_sequence(folder, tdint):
-    tdint(*SHOCKS, "--rest", 3, "--scale", "1.5,0.5", "--check", "-o", "out", "--history", "--plot", code=0)
+    tdint(
+        *SHOCKS,
+        "--rest",
+        3,
+        "--scale",
+        "1.5,0.5",
+        "--check",
+        "-o",
+        "out",
+        "--history",
+        "--plot",
+        code=0,
+    )
     names = {"history.csv", "response.png", "stories.csv", "summary.json"}
     assert {file.name for file in (folder / "out").iterdir()} == names
     summary = json.loads((folder / "out/summary.json").read_text())
@@ -34,7 +50,11 @@ def test_the_files_of_a_sequence(folder, tdint):
     assert summary["record"]["file"] == "motion.mseed + other.mseed"
     assert summary["settings"]["rest_s"] == 3.0
     assert {"start_s", "drift_ratio"} <= set(summary["meanings"])
-    assert [one["file"] for one in summary["inputs"]] == ["shaken.yaml", "motion.mseed", "other.mseed"]
+    assert [one["file"] for one in summary["inputs"]] == [
+        "shaken.yaml",
+        "motion.mseed",
+        "other.mseed",
+    ]
     assert float(rows(folder / "out/history.csv")[-1]["time_s"]) == pytest.approx(2.99 + 3.0 + 2.99)
     assert all(float(row["peak_drift_m_error"]) > 0.0 for row in rows(folder / "out/stories.csv"))
 
@@ -58,5 +78,15 @@ def test_refusals_of_a_sequence(folder, tdint, arguments, message):
 
 
 def test_a_shock_that_cannot_be_read(folder, tdint):
-    words = ("run", "shaken.yaml", "motion.mseed", "none.mseed", "--sequence", "--component", "HNE", "-o", "out")
+    words = (
+        "run",
+        "shaken.yaml",
+        "motion.mseed",
+        "none.mseed",
+        "--sequence",
+        "--component",
+        "HNE",
+        "-o",
+        "out",
+    )
     tdint.refused("none.mseed", *words, code=4)

@@ -63,7 +63,9 @@ def test_periods_component_and_method(folder, tdint):
 def test_a_choice_that_is_made_has_a_column(folder, tdint):
     """And stands in the JSON file."""
     plain = tdint("spectrum", "other.mseed", *PERIODS).stdout.splitlines()
-    named = tdint("spectrum", "other.mseed", *PERIODS, "--maxima", "exact", "--interpolation", "linear").stdout
+    named = tdint(
+        "spectrum", "other.mseed", *PERIODS, "--maxima", "exact", "--interpolation", "linear"
+    ).stdout
     assert named.splitlines() == [
         f"{COLUMNS},maxima,interpolation",
         *(f"{line},exact,linear" for line in plain[1:]),
@@ -83,7 +85,10 @@ def test_a_choice_that_is_made_has_a_column(folder, tdint):
         ([], "taken as straight lines, maxima between them, too"),
         (["--maxima", "peer"], "taken as straight lines, maxima at 10 or more steps per period"),
         (["--method", "newmark-average"], "maxima between them, too, on the method's own motion"),
-        (["--interpolation", "band-limited"], "taken as free of frequencies above half its sampling rate, maxima"),
+        (
+            ["--interpolation", "band-limited"],
+            "taken as free of frequencies above half its sampling rate, maxima",
+        ),
     ],
 )
 def test_what_is_taken_for_the_motion_between_samples_is_said(folder, tdint, arguments, words):
@@ -109,18 +114,33 @@ def test_period_zero_is_the_peak_ground_acceleration(folder, tdint, more, drawn)
     result = tdint("spectrum", "other.mseed", *words, code=0)
     assert "below a period" not in result.stderr
     pga = f"{read_record('other.mseed').pga:.12g}"
-    assert [rows(folder / "zero.csv")[0][name] for name in COLUMNS.split(",")[3:]] == ["0", "0", "0", pga, "0", pga]
+    assert [rows(folder / "zero.csv")[0][name] for name in COLUMNS.split(",")[3:]] == [
+        "0",
+        "0",
+        "0",
+        pga,
+        "0",
+        pga,
+    ]
     assert (folder / "zero.png").stat().st_size > 1000
 
 
 def test_notes_are_told_once(folder, tdint):
     lines = tdint("spectrum", "motion.mseed", "other.mseed").stderr.splitlines()
-    assert [line.split(": ")[:2] for line in lines[:2]] == [["Warning", "motion.mseed"], ["Warning", "other.mseed"]]
+    assert [line.split(": ")[:2] for line in lines[:2]] == [
+        ["Warning", "motion.mseed"],
+        ["Warning", "other.mseed"],
+    ]
     assert lines[2].startswith("note: below a period of 0.1 s (10 sampling intervals)")
     assert len(lines) == 3
-    large = tdint("-q", "spectrum", "motion.mseed", "--units", "30 m/s^2", "--period", "1").stderr.splitlines()
+    large = tdint(
+        "-q", "spectrum", "motion.mseed", "--units", "30 m/s^2", "--period", "1"
+    ).stderr.splitlines()
     start = "Warning: motion.mseed: {}: peak ground acceleration "
-    assert all(line.startswith(start.format(code)) for line, code in zip(large, ("HNE", "HNN"), strict=True))
+    assert all(
+        line.startswith(start.format(code))
+        for line, code in zip(large, ("HNE", "HNN"), strict=True)
+    )
     assert "below a period" not in tdint("spectrum", "motion.mseed", "--period", "0.1").stderr
 
 
@@ -130,13 +150,20 @@ def test_output_to_a_file_or_a_folder(folder, tdint, into):
         (folder / "out").mkdir()
     before = files(folder)
     whole = tdint("spectrum", "motion.mseed", "other.mseed", *PERIODS).stdout
-    assert tdint("spectrum", "motion.mseed", "other.mseed", *PERIODS, "-o", into, "--plot", code=0).stdout == ""
+    assert (
+        tdint(
+            "spectrum", "motion.mseed", "other.mseed", *PERIODS, "-o", into, "--plot", code=0
+        ).stdout
+        == ""
+    )
     kinds = ("csv", "json", "png")
     if into == "all.csv":
         assert (folder / "all.csv").read_text() == whole
         assert files(folder) - before == {f"all.{kind}" for kind in kinds}
     else:
-        assert files(folder / "out") == {f"{name}.{kind}" for name in ("motion", "other") for kind in kinds}
+        assert files(folder / "out") == {
+            f"{name}.{kind}" for name in ("motion", "other") for kind in kinds
+        }
         parts = [(folder / "out" / name).read_text() for name in ("motion.csv", "other.csv")]
         assert parts[0] + parts[1].removeprefix(COLUMNS + "\n") == whole
 
@@ -184,7 +211,11 @@ def test_an_unstable_method_is_an_error_of_the_analysis(folder, tdint):
 
 @pytest.mark.parametrize(
     ("options", "told"),
-    [((), False), (("--damping", "2%,5%"), True), (("--damping", "2%", "--periods", "0.5:1:3"), False)],
+    [
+        ((), False),
+        (("--damping", "2%,5%"), True),
+        (("--damping", "2%", "--periods", "0.5:1:3"), False),
+    ],
 )
 def test_peaks_between_the_periods_that_nobody_chose(folder, tdint, options, told):
     """The default periods are 3.5 % apart, more than half the width of resonance with 2 % damping."""
@@ -205,12 +236,17 @@ def test_a_design_spectrum_is_written_and_read_again_as_a_target(folder, tdint):
     tdint("spectrum", "--target", EC8, "-o", "ec8.csv", "--plot", code=0)
     assert "ec8.png" in files(folder)
     read, named = (
-        [float(row["psa_m_s2"]) for row in rows(tdint("spectrum", "--target", target, "--period", "0.3,1,3").stdout)]
+        [
+            float(row["psa_m_s2"])
+            for row in rows(tdint("spectrum", "--target", target, "--period", "0.3,1,3").stdout)
+        ]
         for target in ("ec8.csv", EC8)
     )
     # 2.5 ag S on the plateau to TC = 0.5 s, then falling with T; straight lines in logarithms cost little.
     assert read == pytest.approx(named, rel=2e-4)
-    assert named[:2] == pytest.approx([2.5 * 0.25 * 1.2 * 9.80665, 2.5 * 0.25 * 1.2 * 9.80665 * 0.5])
+    assert named[:2] == pytest.approx(
+        [2.5 * 0.25 * 1.2 * 9.80665, 2.5 * 0.25 * 1.2 * 9.80665 * 0.5]
+    )
 
 
 @pytest.mark.parametrize(
@@ -218,7 +254,10 @@ def test_a_design_spectrum_is_written_and_read_again_as_a_target(folder, tdint):
     [
         (("other.mseed", "--target", EC8), "--target beside records is drawn: add --plot"),
         (("other.mseed", "--target", EC8, "--plot=p.png", "--axes", "adrs"), "leave --axes out"),
-        (("other.mseed", "--target", EC8, "--plot=p.png", "--ductility", "2"), "--target has nothing to act on"),
+        (
+            ("other.mseed", "--target", EC8, "--plot=p.png", "--ductility", "2"),
+            "--target has nothing to act on",
+        ),
         (("--target", EC8, "--damping", "2%"), "a design spectrum takes it by name"),
         (("--target", EC8, "--period", "12"), "asked for are 12 to 12 s"),
         (("--target", "ec8:type=1"), "ec8 needs soil, ag"),
@@ -238,7 +277,9 @@ def test_given_strengths_are_those_of_found_ductilities(folder, tdint):
         assert float(back[column]) == pytest.approx(float(found[column]), rel=1e-8)
 
 
-@pytest.mark.parametrize("option", [("--ductility", "2,4"), ("--strength", "0.05,0.1"), ("--strength", "0.1")])
+@pytest.mark.parametrize(
+    "option", [("--ductility", "2,4"), ("--strength", "0.05,0.1"), ("--strength", "0.1")]
+)
 def test_files_and_picture(folder, tdint, option):
     tdint("spectrum", "other.mseed", *PERIODS, *option, "-o", "all.csv", "--plot", code=0)
     assert (folder / "all.png").read_bytes().startswith(b"\x89PNG")
@@ -272,15 +313,23 @@ def test_fourier_spectra(folder, tdint, drawn):
     plain = rows(tdint(*fourier, "--smoothing", "none").stdout)
     assert [row["bandwidth"] for row in plain] == [""] * (2 * 150)
     shown = rows(tdint(*fourier, "--output-units", "cm").stdout)
-    assert float(shown[3]["fourier_amplitude_cm_s"]) == pytest.approx(50.0 * float(table[3]["fourier_amplitude_m_s"]))
+    assert float(shown[3]["fourier_amplitude_cm_s"]) == pytest.approx(
+        50.0 * float(table[3]["fourier_amplitude_m_s"])
+    )
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (("motion.mseed", *UNITS, "--smoothing", "40"), "--smoothing"),
-        (("motion.mseed", *UNITS, "--fourier", "--smoothing", "-1"), "must be a positive number, got '-1'"),
-        (("motion.mseed", *UNITS, "--fourier", "--smoothing", "1e5"), "the bandwidth is from 1 to 1000"),
+        (
+            ("motion.mseed", *UNITS, "--fourier", "--smoothing", "-1"),
+            "must be a positive number, got '-1'",
+        ),
+        (
+            ("motion.mseed", *UNITS, "--fourier", "--smoothing", "1e5"),
+            "the bandwidth is from 1 to 1000",
+        ),
         (("--fourier",), "RECORD"),
     ],
 )

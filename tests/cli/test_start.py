@@ -119,7 +119,9 @@ class Starter:
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=said, text=True, cwd=folder,
             )  # fmt: skip
 
-    def __call__(self, *words: str, code: str = "from tdint_cli.main import main; main()") -> set[str]:
+    def __call__(
+        self, *words: str, code: str = "from tdint_cli.main import main; main()"
+    ) -> set[str]:
         """The modules that are loaded when `tdint WORDS`, or this code, is done."""
         self.process.stdin.write(json.dumps([code, "modules", "tdint", *words]) + "\n")
         self.process.stdin.flush()
@@ -140,7 +142,9 @@ def start(tmp_path_factory):
         "base: {file: h.csv, column: ground_acceleration_g}\n"
         "floors: {roof: {file: h.csv, column: floor_2_absolute_acceleration_g, quantity: acceleration}}\n"
     )
-    (folder / "study.yaml").write_text("buildings: {models: [office.yaml]}\nrecords: {files: [office-motion.txt]}\n")
+    (folder / "study.yaml").write_text(
+        "buildings: {models: [office.yaml]}\nrecords: {files: [office-motion.txt]}\n"
+    )
     start = Starter(folder)
     # In other processes: files tell the plug-ins that this one has, and `rerun` would look for them.
     start("init", "office.yaml", "--stories", "2")
@@ -158,7 +162,8 @@ def common(start):
 
 
 @pytest.mark.parametrize(
-    "command", [pytest.param(name, marks=[pytest.mark.slow] if name in LONG else []) for name in CALLS]
+    "command",
+    [pytest.param(name, marks=[pytest.mark.slow] if name in LONG else []) for name in CALLS],
 )
 def test_a_command_loads_no_more_than_it_needs(start, common, command):
     for line in BEFORE.get(command, ()):
@@ -167,9 +172,15 @@ def test_a_command_loads_no_more_than_it_needs(start, common, command):
     loaded, needed = start(command, *line.split()), set(names.split())
     assert sorted((HEAVY - needed | MORE.get(command, set()) - HEAVY) & loaded - common) == []
     assert needed <= loaded, f"{command} does without: take it out of CALLS"
-    files = [str(find_spec(name).origin) for name in loaded if name.partition(".")[0] in ("tdint", "tdint_cli")]
+    files = [
+        str(find_spec(name).origin)
+        for name in loaded
+        if name.partition(".")[0] in ("tdint", "tdint_cli")
+    ]
     lines = sum(Path(file).read_text(encoding="utf-8").count("\n") for file in files)
-    assert 0 < lines <= most, f"{command} loads {lines} lines; import within functions what it spares"
+    assert 0 < lines <= most, (
+        f"{command} loads {lines} lines; import within functions what it spares"
+    )
 
 
 def test_every_command_is_started():

@@ -25,10 +25,15 @@ def shell(command: str) -> subprocess.CompletedProcess[str]:
 
 def test_a_reader_that_goes_early_is_no_error(folder):
     """Of many rows, and of a table whose files are written, too."""
-    done = shell("tdint law forced.yaml --drift 1% --points 2000 | head -n 2 && tdint run forced.yaml -o out | true")
+    done = shell(
+        "tdint law forced.yaml --drift 1% --points 2000 | head -n 2 && tdint run forced.yaml -o out | true"
+    )
     assert done.returncode == 0, done.stderr
     assert len(done.stdout.splitlines()) == 2
-    assert sorted(path.name for path in (folder / "out").iterdir()) == ["stories.csv", "summary.json"]
+    assert sorted(path.name for path in (folder / "out").iterdir()) == [
+        "stories.csv",
+        "summary.json",
+    ]
     assert "Broken" not in done.stderr and "Error" not in done.stderr
 
 
@@ -71,8 +76,14 @@ def test_whatever_a_write_takes_all_goes_out_or_it_is_an_error(monkeypatch):
     monkeypatch.setattr(terminal, "_discard_from_now_on", lambda: None)
     whole, full = _Trickle(1000), _Trickle(100)
     for stream in (whole, full):
-        monkeypatch.setattr(sys, "stdout", SimpleNamespace(buffer=stream, flush=lambda: None, fileno=lambda: 1))
-        with pytest.raises(OutputError, match="cannot be written") if stream is full else nullcontext():
+        monkeypatch.setattr(
+            sys, "stdout", SimpleNamespace(buffer=stream, flush=lambda: None, fileno=lambda: 1)
+        )
+        with (
+            pytest.raises(OutputError, match="cannot be written")
+            if stream is full
+            else nullcontext()
+        ):
             terminal.emit(data)
     assert whole.taken == data
 
@@ -94,7 +105,9 @@ def test_a_word_in_the_middle_of_a_progress_bar_has_a_line_of_its_own(monkeypatc
             progress("measuring", 0.5)
         terminal.note("done")
     # What a terminal shows of a line is what stands after the last return to its start.
-    shown = [line.rpartition("\r")[2].removeprefix("\x1b[K") for line in screen.getvalue().split("\n")]
+    shown = [
+        line.rpartition("\r")[2].removeprefix("\x1b[K") for line in screen.getvalue().split("\n")
+    ]
     assert "note: two time loops" in shown
     assert "50%" in shown[shown.index("note: two time loops") + 1]
     assert shown[-2:] == ["note: done", ""]

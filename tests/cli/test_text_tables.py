@@ -27,16 +27,21 @@ def tables(folder):
     for name, peak in (("a", 0.1), ("b", 0.2)):
         values = peak * np.sin(9.0 * t)
         lines = [f"{one:.5f} {3.0 * one:.5f}" for one in values]
-        (folder / "tables" / f"{name}.txt").write_text("\n".join(["Test 7", "at noon", "Table Floor", *lines, ""]))
+        (folder / "tables" / f"{name}.txt").write_text(
+            "\n".join(["Test 7", "at noon", "Table Floor", *lines, ""])
+        )
     (folder / "tables" / "words.txt").write_text("nothing here\n")
     return folder
 
 
 @pytest.mark.parametrize(
-    ("column", "names", "factor"), [((), ["Table", "Floor"], 1.0), (("--column", "floor"), ["Floor"], 3.0)]
+    ("column", "names", "factor"),
+    [((), ["Table", "Floor"], 1.0), (("--column", "floor"), ["Floor"], 3.0)],
 )
 def test_info_of_a_folder(tables, tdint, column, names, factor):
-    result = tdint("info", "tables", *SAYS, *(column or ("--column", "1,2")), "-o", "info.csv", code=0)
+    result = tdint(
+        "info", "tables", *SAYS, *(column or ("--column", "1,2")), "-o", "info.csv", code=0
+    )
     found = rows((tables / "info.csv").read_text())
     assert [row["component"] for row in found] == names * 2
     assert float(found[0]["pga_m_s2"]) == pytest.approx(0.1 * factor * STANDARD_GRAVITY, rel=1e-3)
@@ -49,27 +54,51 @@ def test_spectra_of_a_folder(tables, tdint):
     for command in (("spectrum",), ("drift-spectrum", "--stories", "1")):
         words = (command[0], "tables", *command[1:], "--period", "0.5", *SAYS, "--column", "2")
         assert len(rows(tdint(*words, code=0).stdout)) == 2
-    tdint("spectrum", "tables/a.txt", "--period", "0.5", "--rotd", "50", *SAYS, "--column", "1,2", code=0)
+    tdint(
+        "spectrum",
+        "tables/a.txt",
+        "--period",
+        "0.5",
+        "--rotd",
+        "50",
+        *SAYS,
+        "--column",
+        "1,2",
+        code=0,
+    )
 
 
 def test_run_by_the_model_and_by_options(tables, tdint):
     (tables / "m.yaml").write_text(MODEL)
     (tables / "bare.yaml").write_text(MODEL.replace(", column: Floor, skip_lines: 2", ""))
     by_model = tdint("run", "m.yaml", code=0)
-    assert tdint("run", "bare.yaml", "--column", "floor", "--skip-lines", "2").stdout == by_model.stdout
-    assert tdint("run", "bare.yaml", "tables/a.txt", *SAYS, "--column", "2").stdout == by_model.stdout
+    assert (
+        tdint("run", "bare.yaml", "--column", "floor", "--skip-lines", "2").stdout
+        == by_model.stdout
+    )
+    assert (
+        tdint("run", "bare.yaml", "tables/a.txt", *SAYS, "--column", "2").stdout == by_model.stdout
+    )
     assert tdint("run", "m.yaml", "--column", "1").stdout != by_model.stdout
 
 
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        ("info motion.mseed --step 0.02", 4, "own sampling interval is 0.01 s, --step 0.02 contradicts it"),
+        (
+            "info motion.mseed --step 0.02",
+            4,
+            "own sampling interval is 0.01 s, --step 0.02 contradicts it",
+        ),
         ("info motion.mseed --column 2", 4, "--column 2 is given, but the file is MSEED"),
         ("info motion.mseed --step 0", 2, "--step"),
         ("info tables/a.txt --skip-lines -1", 2, "--skip-lines"),
         ("info tables/a.txt --column=", 2, "column"),
-        ("info tables/a.txt", 4, "begins in line 4: tell by --step and --column, past the lines above by --skip-lines"),
+        (
+            "info tables/a.txt",
+            4,
+            "begins in line 4: tell by --step and --column, past the lines above by --skip-lines",
+        ),
         ("run forced.yaml --step 0.01", 2, "needs a record"),
     ],
 )
@@ -81,9 +110,18 @@ def test_refused(tables, tdint, words, code, message):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda line, i: line[:5] if i == 50 else line, "line 51: '0.49,' is not 2 numbers; a cell is empty"),
-        (lambda line, i: line[:5] if i == 1 else line, "line 2: '0.00,' is not 2 numbers; a cell is empty"),
-        (lambda line, i: f"{i - 1 if i else ''},{line}", "line 1: ',time,acc' has no name for the first column, as"),
+        (
+            lambda line, i: line[:5] if i == 50 else line,
+            "line 51: '0.49,' is not 2 numbers; a cell is empty",
+        ),
+        (
+            lambda line, i: line[:5] if i == 1 else line,
+            "line 2: '0.00,' is not 2 numbers; a cell is empty",
+        ),
+        (
+            lambda line, i: f"{i - 1 if i else ''},{line}",
+            "line 1: ',time,acc' has no name for the first column, as",
+        ),
     ],
 )
 def test_a_table_of_a_spreadsheet_or_of_pandas_is_told_the_line(folder, tdint, change, message):
@@ -93,7 +131,9 @@ def test_a_table_of_a_spreadsheet_or_of_pandas_is_told_the_line(folder, tdint, c
 
 
 def test_a_table_without_units_is_told_how_to_say_them(folder, tdint):
-    (folder / "t.csv").write_text("time,acc\n" + "".join(f"{0.01 * i:.2f},{np.sin(0.1 * i):.6f}\n" for i in range(200)))
+    (folder / "t.csv").write_text(
+        "time,acc\n" + "".join(f"{0.01 * i:.2f},{np.sin(0.1 * i):.6f}\n" for i in range(200))
+    )
     assert "samples are with --units g," in tdint("info", "t.csv").stderr
 
 
@@ -101,4 +141,7 @@ def test_a_table_without_units_is_told_how_to_say_them(folder, tdint):
 def test_every_command_that_reads_records_takes_them(name):
     command = cli.get_command(click.Context(cli), name)
     options = {option for parameter in command.params for option in parameter.opts}
-    assert {"--step", "--column", "--skip-lines"} <= options or not {"--units", "--component"} <= options
+    assert {"--step", "--column", "--skip-lines"} <= options or not {
+        "--units",
+        "--component",
+    } <= options

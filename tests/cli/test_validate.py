@@ -16,7 +16,9 @@ def test_all_cases_hold_here(tdint):
     assert len(rows) == len({row["case"] for row in rows}) >= 20
     assert all(row["within"] == "true" for row in rows)
     assert all(float(row["largest_difference"]) <= float(row["tolerance"]) for row in rows)
-    assert result.stderr.endswith(f"{len(rows)} of {len(rows)} cases are within their tolerances.\n")
+    assert result.stderr.endswith(
+        f"{len(rows)} of {len(rows)} cases are within their tolerances.\n"
+    )
 
 
 def test_a_case_that_does_not_hold(tdint, tmp_path, monkeypatch):
@@ -33,5 +35,7 @@ def test_a_case_that_does_not_hold(tdint, tmp_path, monkeypatch):
 @pytest.mark.parametrize(("relative", "wanted"), [(False, (-0.2, 0.1)), (True, (-0.1, 0.02))])
 def test_differences_are_those_of_the_numbers_or_of_their_ratios(relative, wanted):
     case = cases.textbook_cases()[0]
-    two = dataclasses.replace(case, published=(-2.0, 5.0), computed=lambda: (-2.2, 5.1), relative=relative)
+    two = dataclasses.replace(
+        case, published=(-2.0, 5.0), computed=lambda: (-2.2, 5.1), relative=relative
+    )
     assert carry_out(two).differences == pytest.approx(wanted)

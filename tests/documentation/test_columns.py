@@ -84,7 +84,10 @@ def folder(tmp_path_factory):
     """What the command lines read."""
     tmp_path = tmp_path_factory.mktemp("tables")
     record = readmes.ROOT / "records" / "firm-soil.mseed"
-    motion, one_component = f"{{file: {record}, component: HN1}}", f"records: {{files: [{record}], component: HN1}}\n"
+    motion, one_component = (
+        f"{{file: {record}, component: HN1}}",
+        f"records: {{files: [{record}], component: HN1}}\n",
+    )
     frames = "buildings: {models: [frame.yaml, other.yaml]}\n"
     for name, text in {
         "recorded.yaml": f"base: {motion}\nfloors: {{1: {motion}}}\n",

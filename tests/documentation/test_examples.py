@@ -60,7 +60,9 @@ def test_the_elastic_spectra(checkout):
     output, _ = run(readmes.block("elastic"))
     assert {row["maxima"] for row in rows(output)} == {"peer"}
     rotated = rows(folder / "rotd.csv")
-    values = [[float(row[f"rotd{name}_psa_m_s2"]) for name in ("00", "50", "100")] for row in rotated]
+    values = [
+        [float(row[f"rotd{name}_psa_m_s2"]) for name in ("00", "50", "100")] for row in rotated
+    ]
     assert len(values) == 200
     assert all(least < middle < most for least, middle, most in values)
     assert (folder / "spectra.png").is_file()
@@ -71,7 +73,10 @@ def test_the_inelastic_spectra(checkout):
     folder, run = checkout
     assert run(readmes.block("inelastic"))[0] == ""
     found, given = (rows(folder / name) for name in ("ductilities.csv", "strengths.csv"))
-    assert all(float(row["ductility"]) == pytest.approx(float(row["target_ductility"]), rel=1e-8) for row in found)
+    assert all(
+        float(row["ductility"]) == pytest.approx(float(row["target_ductility"]), rel=1e-8)
+        for row in found
+    )
     assert {row["yield_strength_ratio"] for row in given} == {"0.1", "0.2"}
     assert (folder / "ductilities.png").exists()
 
@@ -81,9 +86,16 @@ def test_the_batches(checkout):
     folder, run = checkout
     _, said = run(readmes.block("batch"))
     assert "note: records/: not taken for records: README.md, kaikoura/, make_records.py\n" in said
-    assert {path.stem for path in (folder / "spectra").iterdir()} == {"firm-soil", "near-fault", "soft-soil"}
+    assert {path.stem for path in (folder / "spectra").iterdir()} == {
+        "firm-soil",
+        "near-fault",
+        "soft-soil",
+    }
     (east, _) = json.loads((folder / "filtered.json").read_text())["records"]
-    assert [step.split(":")[0] for step in east["processing"][1:]] == ["highpass 0.1 Hz", "lowpass 25 Hz"]
+    assert [step.split(":")[0] for step in east["processing"][1:]] == [
+        "highpass 0.1 Hz",
+        "lowpass 25 Hz",
+    ]
     assert len(json.loads((folder / "records.json").read_text())["records"]) == 6
     assert (folder / "records.png").exists()
 
@@ -94,7 +106,9 @@ def test_the_drift_spectra(checkout):
     assert run(readmes.block("drift"))[0] == ""
     buildings, beams = (rows(folder / name) for name in ("drifts.csv", "beam.csv"))
     assert [row["period_s"] for row in buildings] == [row["period_s"] for row in beams]
-    assert max(float(row["peak_drift_ratio"]) for row in buildings) == pytest.approx(0.024, rel=0.02)
+    assert max(float(row["peak_drift_ratio"]) for row in buildings) == pytest.approx(
+        0.024, rel=0.02
+    )
     assert (folder / "drifts.png").exists()
 
 
@@ -129,9 +143,18 @@ def test_the_day_of_a_researcher(checkout):
     output, _ = run(shlex.join([sys.executable, "-W", "error", "-c", script]))
     spectra, *lines, sweep = output.splitlines()
     assert spectra.startswith("100 spectra") and len(lines) == 15
-    apart = {tuple(line.split(":")[0].split(", ")): float(re.findall(r"up to ([\d.e-]+) %", line)[0]) for line in lines}
+    apart = {
+        tuple(line.split(":")[0].split(", ")): float(re.findall(r"up to ([\d.e-]+) %", line)[0])
+        for line in lines
+    }
     for (_, method), most in apart.items():
-        assert most == 0.0 if method == "impulse4" else most < 0.1 if method == "moment4" else 1.0 < most < 12.0
+        assert (
+            most == 0.0
+            if method == "impulse4"
+            else most < 0.1
+            if method == "moment4"
+            else 1.0 < most < 12.0
+        )
     drifts = np.load(folder / "drifts.npy")
     stiffness, strength = np.random.default_rng(1).lognormal(0.0, 0.2, (30, 2))[-1]
     office = load_model(folder / "configs" / "ten-story-bilinear.yaml")
@@ -141,7 +164,9 @@ def test_the_day_of_a_researcher(checkout):
     samples = np.cos(angle) * pair.first.acceleration + np.sin(angle) * pair.second.acceleration
     single = tdint.run(varied, tdint.make_record(samples, dt=0.01, units="m/s^2"), history=True)
     np.testing.assert_allclose(drifts[-1], single.history.drift[::10], rtol=1e-5, atol=1e-8)
-    assert -1.0 < float(re.findall(r"stiffness\^(\S+)", sweep)[0]) < -0.2  # stiffer buildings move less
+    assert (
+        -1.0 < float(re.findall(r"stiffness\^(\S+)", sweep)[0]) < -0.2
+    )  # stiffer buildings move less
     for name in ("spectra.pdf", "fragility.pdf"):
         data = (folder / name).read_bytes()
         width = float(re.findall(rb"/MediaBox \[ 0 0 ([\d.]+)", data)[0])
@@ -154,7 +179,9 @@ def test_a_fit_by_derivatives(checkout):
     _, run = checkout
     output, _ = run(shlex.join([sys.executable, "-W", "error", "-c", readmes.block("derivatives")]))
     *stories, calls = output.splitlines()
-    numbers = np.array([[float(number) for number in re.findall(r"\d\.\d+", line)] for line in stories])
+    numbers = np.array(
+        [[float(number) for number in re.findall(r"\d\.\d+", line)] for line in stories]
+    )
     assert numbers.shape == (10, 2) and np.all(np.abs(numbers[:, 0] - 1.0) < 4.0 * numbers[:, 1])
     assert np.all(numbers[:, 1] < 0.05)
     assert sum(map(int, re.findall(r"\d+", calls))) < 40
@@ -167,13 +194,19 @@ def test_the_model_with_all_keys(checkout):
     model, out = str(folder / "models" / "model.yaml"), str(folder / "out")
     assert CliRunner().invoke(cli, ["run", model, "-o", out]).exit_code == 0
     summary = json.loads((folder / "out" / "summary.json").read_text())
-    assert (summary["name"], summary["status"], summary["duration_s"]) == ("ten-story office", "done", 40.0)
+    assert (summary["name"], summary["status"], summary["duration_s"]) == (
+        "ten-story office",
+        "done",
+        40.0,
+    )
     assert summary["record"]["component"] == "HN1"
 
 
 def test_the_model_in_us_units():
     model = load_model(io.StringIO(readmes.block("weights")))
-    assert model.stories[0].mass == pytest.approx(400e3 * 0.45359237)  # 400 kip are the weight of 400 000 lb
+    assert model.stories[0].mass == pytest.approx(
+        400e3 * 0.45359237
+    )  # 400 kip are the weight of 400 000 lb
     assert model.output_units.unit("m/s^2")[0] == "g"
 
 
@@ -189,7 +222,11 @@ def test_the_script_of_an_array(checkout, monkeypatch):
     """One of two tasks as Slurm starts it, the other here; what is merged is what one call does, to the last byte."""
     folder, run = checkout
     monkeypatch.chdir(folder)
-    campaign = readmes.block("campaign").replace("records/]", "records/near-fault.mseed]").replace("0.2 g, ", "")
+    campaign = (
+        readmes.block("campaign")
+        .replace("records/]", "records/near-fault.mseed]")
+        .replace("0.2 g, ", "")
+    )
     (folder / "campaign.yaml").write_text(campaign)
     (folder / "array.sh").write_text(readmes.block("slurm"))
     run("TMPDIR=$PWD SLURM_ARRAY_TASK_COUNT=2 SLURM_ARRAY_TASK_ID=2 sh array.sh")
@@ -206,7 +243,9 @@ def test_the_script_of_an_array(checkout, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "package"), [("calibration", "emcee"), ("sobol", "SALib"), ("surrogate", "numpy")])
+@pytest.mark.parametrize(
+    ("name", "package"), [("calibration", "emcee"), ("sobol", "SALib"), ("surrogate", "numpy")]
+)
 def test_the_studies_with_other_packages(checkout, name, package):
     """The chain finds the true numbers; drifts hang on hardening most; the surrogate explains most of the spread."""
     pytest.importorskip(package)
@@ -214,7 +253,10 @@ def test_the_studies_with_other_packages(checkout, name, package):
     script = (readmes.ROOT / "tests" / "studies" / f"{name}.py").read_text()
     assert len(script.splitlines()) <= 60
     output, _ = run(shlex.join([sys.executable, "-c", script]))
-    numbers = [[float(number) for number in re.findall(r"-?\d+\.\d+", line)] for line in output.splitlines()]
+    numbers = [
+        [float(number) for number in re.findall(r"-?\d+\.\d+", line)]
+        for line in output.splitlines()
+    ]
     if name == "calibration":
         (_, *numbers) = numbers
         assert all(abs(mean - true) < 5.0 * spread + 0.05 * true for mean, spread, true in numbers)

@@ -31,7 +31,11 @@ CHANGES = (
     ("law-import", f"{LAWS}/__init__.py", "from __future__ import annotations\n\n"),
     ("law-line", f"{LAWS}/__init__.py", "    tanh.LAW,\n"),
     ("law-case", "tests/kernels/test_branches.py", "LAW_CASES = {\n"),
-    ("quantity", "src/tdint/analysis/run/outcome.py", 'called="peak_absolute_acceleration",\n        ),\n    ]\n'),
+    (
+        "quantity",
+        "src/tdint/analysis/run/outcome.py",
+        'called="peak_absolute_acceleration",\n        ),\n    ]\n',
+    ),
     ("format-sample", "tests/ground_motion/samples.py", "SAMPLES = {\n"),
 )
 TDINT = ("-c", "from tdint_cli.main import main; main()")
@@ -51,16 +55,24 @@ def add(path, before, text):
 def install(folder):
     """What an installer writes of the entry points of the project, beside its packages."""
     groups = tomllib.loads((folder / "pyproject.toml").read_text())["project"]["entry-points"]
-    lines = [line for name, ours in groups.items() for line in (f"[{name}]", *(f"{a} = {b}" for a, b in ours.items()))]
+    lines = [
+        line
+        for name, ours in groups.items()
+        for line in (f"[{name}]", *(f"{a} = {b}" for a, b in ours.items()))
+    ]
     (folder / "src" / "tdint-0.dist-info").mkdir()
-    (folder / "src" / "tdint-0.dist-info" / "METADATA").write_text("Metadata-Version: 2.1\nName: tdint\nVersion: 0\n")
+    (folder / "src" / "tdint-0.dist-info" / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: tdint\nVersion: 0\n"
+    )
     (folder / "src" / "tdint-0.dist-info" / "entry_points.txt").write_text("\n".join(lines))
 
 
 def copy_of_the_project(folder, law, **kernels):
     """A copy with the examples in it, that of a law or not, and an environment in which Python takes tdint from it."""
     for name in readmes.FOLDERS:
-        shutil.copytree(readmes.ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(
+            readmes.ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__")
+        )
     for name in ("pyproject.toml", "README.md"):
         shutil.copy(readmes.ROOT / name, folder)
     (folder / FORMATS / "recorder.py").write_text(readmes.block("format-file"))
@@ -91,7 +103,9 @@ def copy_of_the_project(folder, law, **kernels):
 def extended(tmp_path_factory):
     """A copy with all the examples, whose kernels are taken as they are written."""
     folder = tmp_path_factory.mktemp("extended")
-    copy = copy_of_the_project(folder, law=True, TDINT_CACHE_DIR=str(folder / "cache"), TDINT_KERNELS="python")
+    copy = copy_of_the_project(
+        folder, law=True, TDINT_CACHE_DIR=str(folder / "cache"), TDINT_KERNELS="python"
+    )
     python(copy, "tests/readmes.py", "--parts")
     return copy
 
@@ -133,7 +147,8 @@ def test_method_and_law_pass_the_tests_of_the_catalogue(extended, without_law):
     named = [
         str(path.relative_to(folder))
         for path in sorted((folder / "tests").rglob("test_*.py"))
-        if re.search(r"\bcatalogue\(\)|\bLAWS\b", path.read_text()) and path.parent.name != "documentation"
+        if re.search(r"\bcatalogue\(\)|\bLAWS\b", path.read_text())
+        and path.parent.name != "documentation"
     ]
     assert len(named) > 8
     words = "hyperbolic or table_holds or every_law or up_to_date"
@@ -145,13 +160,22 @@ def test_method_and_law_compile_to_the_same(extended):
     """Only what this building needs is compiled."""
     folder, _ = extended
     (folder / "hyperbolic.yaml").write_text(MODEL)
-    command = (*TDINT, "run", "hyperbolic.yaml", "records/firm-soil.mseed", "--component", "HN1", "--method")
+    command = (
+        *TDINT,
+        "run",
+        "hyperbolic.yaml",
+        "records/firm-soil.mseed",
+        "--component",
+        "HN1",
+        "--method",
+    )
     rows = [
         table(python(extended, *command, "newmark-step", "--duration", "4", TDINT_KERNELS=kernels))
         for kernels in ("", "python")
     ]
     compiled, written = (
-        np.array([[float(value or "nan") for value in row.values()] for row in table]) for table in rows
+        np.array([[float(value or "nan") for value in row.values()] for row in table])
+        for table in rows
     )
     np.testing.assert_allclose(compiled, written, rtol=1e-9, equal_nan=True)
     assert list((folder / "cache").rglob("*.object"))
@@ -160,13 +184,27 @@ def test_method_and_law_compile_to_the_same(extended):
 def test_a_quantity_of_a_story_is_wherever_they_are(without_law):
     folder, _ = without_law
     name, mass = "peak_inertia_N", 2e5
-    run = ("run", "configs/ten-story.yaml", "--method", "newmark-average", "--duration", "2", "--check", "-o", "out")
+    run = (
+        "run",
+        "configs/ten-story.yaml",
+        "--method",
+        "newmark-average",
+        "--duration",
+        "2",
+        "--check",
+        "-o",
+        "out",
+    )
     python(without_law, *TDINT, *run)
     stories = table((folder / "out" / "stories.csv").read_text())
     inertia = [float(row[name]) for row in stories]
-    assert inertia == pytest.approx([mass * float(row["peak_absolute_acceleration_m_s2"]) for row in stories])
+    assert inertia == pytest.approx(
+        [mass * float(row["peak_absolute_acceleration_m_s2"]) for row in stories]
+    )
     errors = [float(row["peak_absolute_acceleration_m_s2_error"]) for row in stories]
-    assert [float(row[f"{name}_error"]) for row in stories] == pytest.approx([mass * error for error in errors])
+    assert [float(row[f"{name}_error"]) for row in stories] == pytest.approx(
+        [mass * error for error in errors]
+    )
     assert f'"{name}": {max(inertia)}' in (folder / "out" / "summary.json").read_text()
     study = {
         "buildings": {"models": ["configs/ten-story.yaml"]},
@@ -175,10 +213,15 @@ def test_a_quantity_of_a_story_is_wherever_they_are(without_law):
     }
     (folder / "study.yaml").write_text(json.dumps(study))
     python(without_law, *TDINT, "campaign", "study.yaml", "-o", "study", "--max-runs", "1")
-    assert all(float(row[name]) > 0.0 for row in table((folder / "study" / "stories.csv").read_text()))
+    assert all(
+        float(row[name]) > 0.0 for row in table((folder / "study" / "stories.csv").read_text())
+    )
     told = "import tdint; r = tdint.run('configs/ten-story.yaml', duration=1); print(*r.to_dict('kip,in,g'))"
     assert "peak_inertia_kip" in python(without_law, "-c", told).split()
-    assert passed(without_law, "tests/documentation/test_columns.py", "-k", "run or check or campaign") > 5
+    assert (
+        passed(without_law, "tests/documentation/test_columns.py", "-k", "run or check or campaign")
+        > 5
+    )
 
 
 def test_a_format_is_read_as_all_are(extended):
@@ -189,4 +232,11 @@ def test_a_format_is_read_as_all_are(extended):
     (row,) = table(python(extended, *TDINT, "info", "motion.rec"))
     assert (row["component"], row["dt_s"], row["samples"]) == ("N01E", "0.005", "400")
     assert float(row["pga_m_s2"]) == pytest.approx(0.01 * np.max(np.abs(samples)))
-    assert passed(extended, "tests/ground_motion/test_formats_detection.py", "tests/ground_motion/test_read.py") > 20
+    assert (
+        passed(
+            extended,
+            "tests/ground_motion/test_formats_detection.py",
+            "tests/ground_motion/test_read.py",
+        )
+        > 20
+    )

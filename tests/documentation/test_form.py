@@ -81,12 +81,22 @@ def options(command):
     context = click.Context(cli)
     found = cli.get_command(context, command)
     assert found, f"there is no command {command}"
-    return {name for one in (found, cli) for option in one.params for name in (*option.opts, *option.secondary_opts)}
+    return {
+        name
+        for one in (found, cli)
+        for option in one.params
+        for name in (*option.opts, *option.secondary_opts)
+    }
 
 
 def code(text):
     """What stands in the code blocks and code spans of a README without its generated parts, a line each."""
-    text = re.sub(r"^<!-- generated: (\w+) -->$.*?^<!-- end: \1 -->$", "", text, flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(
+        r"^<!-- generated: (\w+) -->$.*?^<!-- end: \1 -->$",
+        "",
+        text,
+        flags=re.DOTALL | re.MULTILINE,
+    )
     text = re.sub(r"^```bibtex$.*?^```$", "", text, flags=re.DOTALL | re.MULTILINE)
     blocks = re.findall(r"^```.*?^```$", text, flags=re.DOTALL | re.MULTILINE)
     lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
@@ -116,8 +126,12 @@ def test_files_folders_and_modules_that_are_named_exist(path):
     for name in re.findall(r"`((?:src|cli|tests|tdint)/[\w/.]+)`", text):
         assert any((root / name).exists() for root in (readmes.ROOT, readmes.ROOT / "src")), name
     for name, file in re.findall(r"`(\w+)` in `((?:cli|tdint)/[\w/]+\.py)`", text):
-        module = next(root / file for root in (readmes.ROOT, readmes.ROOT / "src") if (root / file).exists())
-        assert re.search(rf"^ *(?:def|class) {name}\b", module.read_text(encoding="utf-8"), re.MULTILINE), (name, file)
+        module = next(
+            root / file for root in (readmes.ROOT, readmes.ROOT / "src") if (root / file).exists()
+        )
+        assert re.search(
+            rf"^ *(?:def|class) {name}\b", module.read_text(encoding="utf-8"), re.MULTILINE
+        ), (name, file)
 
 
 @pytest.mark.parametrize("path", readmes.files(), ids=named)
@@ -139,6 +153,8 @@ def words(path):
 def test_pages_are_short():
     """Who needs more room on a page shortens what stands there: ceilings do not rise."""
     count = {named(path): words(path) for path in pages()}
-    assert {name: (count[name], most) for name, most in WORDS.items() if count.get(name, 0) > most} == {}
+    assert {
+        name: (count[name], most) for name, most in WORDS.items() if count.get(name, 0) > most
+    } == {}
     assert set(count) <= set(WORDS)
     assert sum(count.values()) <= ALL_WORDS

@@ -26,7 +26,9 @@ def test_generated_parts_are_up_to_date(path):
 
 def test_every_generated_part_stands_in_one_readme():
     found = [
-        name for path in readmes.files() for name in re.findall(r"^<!-- generated: (\w+) -->", path.read_text(), re.M)
+        name
+        for path in readmes.files()
+        for name in re.findall(r"^<!-- generated: (\w+) -->", path.read_text(), re.M)
     ]
     assert sorted(found) == sorted(readmes.PARTS)
 
@@ -41,7 +43,9 @@ def run_here(line, folder, environment):
     """As `readmes.shell`, of `tdint ... | FILTERS`: but for the filters in this process."""
     command, _, filters = line.partition(" | ")
     result = runner().invoke(cli, shlex.split(command)[1:], prog_name="tdint")
-    _, output, _ = readmes.shell(f"{{ {filters or 'cat'}; }} << 'END'\n{result.stdout}END", folder, environment)
+    _, output, _ = readmes.shell(
+        f"{{ {filters or 'cat'}; }} << 'END'\n{result.stdout}END", folder, environment
+    )
     return result.exit_code, output, re.sub("note: compiling .*\n", "", result.stderr)
 
 
@@ -70,7 +74,10 @@ def test_the_comparison_of_sessions_sees_differences():
 
 def test_the_advice_is_the_default():
     """What the pages and `tdint methods` name for who is in doubt is taken where no method is named."""
-    texts = [readmes.README.read_text(), (readmes.ROOT / "src" / "tdint" / "methods" / "README.md").read_text()]
+    texts = [
+        readmes.README.read_text(),
+        (readmes.ROOT / "src" / "tdint" / "methods" / "README.md").read_text(),
+    ]
     texts.append(CliRunner().invoke(cli, ["methods", "--help"]).output)
     for text in texts:
         assert re.findall(r"If in doubt: `?(\w+)", " ".join(text.split())) == [DEFAULT_METHOD]

@@ -15,7 +15,9 @@ def test_no_picture_is_out_of_date():
 
 def test_every_picture_of_configs_is_declared_and_shown():
     shown = {
-        name for file in readmes.files() for name in re.findall(r"\]\((?:[\w./]*/)?([\w-]+\.png)\)", file.read_text())
+        name
+        for file in readmes.files()
+        for name in re.findall(r"\]\((?:[\w./]*/)?([\w-]+\.png)\)", file.read_text())
     }
     assert {file.name for file in pictures.FOLDER.glob("*.png")} == set(pictures.PICTURES)
     assert set(pictures.PICTURES) <= shown
@@ -38,7 +40,16 @@ def test_a_new_method_and_another_input_count(monkeypatch):
     before = pictures.digest(one)
     monkeypatch.setattr(pictures, "catalogue", lambda: {"another": None})
     assert pictures.digest(one) != before
-    files = {file.name for file in pictures._inputs(pictures.PICTURES["kaikoura-frame.png"].command)}
+    files = {
+        file.name for file in pictures._inputs(pictures.PICTURES["kaikoura-frame.png"].command)
+    }
     assert files == {"kaikoura-frame.yaml", "WTMC.mseed"}
-    names = {file.name for file in pictures._inputs(pictures.PICTURES["design-spectrum.png"].command)}
-    assert {"design-spectrum.csv", "firm-soil.mseed", "near-fault.mseed", "soft-soil.mseed"} == names
+    names = {
+        file.name for file in pictures._inputs(pictures.PICTURES["design-spectrum.png"].command)
+    }
+    assert {
+        "design-spectrum.csv",
+        "firm-soil.mseed",
+        "near-fault.mseed",
+        "soft-soil.mseed",
+    } == names

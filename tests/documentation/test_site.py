@@ -32,7 +32,10 @@ def pages(maker):
 
 
 def test_every_readme_command_method_and_model_has_its_page(pages):
-    written = {path.relative_to(readmes.ROOT).as_posix() for path in [*readmes.files(), readmes.ROOT / "CHANGELOG.md"]}
+    written = {
+        path.relative_to(readmes.ROOT).as_posix()
+        for path in [*readmes.files(), readmes.ROOT / "CHANGELOG.md"]
+    }
     commands = {f"cli/{name}.md" for name in COMMANDS}
     methods = {f"src/tdint/methods/{name}.md" for name in catalogue()}
     models = {f"configs/{path.name}.md" for path in (readmes.ROOT / "configs").glob("*.yaml")}
@@ -43,7 +46,10 @@ def test_readmes_stand_as_they_are_but_for_links(pages):
     for path in readmes.files():
         name = path.relative_to(readmes.ROOT).as_posix()
         if name != "src/tdint/methods/README.md":
-            bare = [re.sub(r"\]\([^)\s]*\)", "]()", text) for text in (path.read_text("utf-8"), pages[name])]
+            bare = [
+                re.sub(r"\]\([^)\s]*\)", "]()", text)
+                for text in (path.read_text("utf-8"), pages[name])
+            ]
             assert bare[0] == bare[1]
 
 
@@ -70,10 +76,14 @@ def squeezed(text):
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_command_s_page_says_what_help_all_says(pages, name):
-    help_all = CliRunner().invoke(cli, [name, "--help-all"], prog_name="tdint", terminal_width=100).stdout
+    help_all = (
+        CliRunner().invoke(cli, [name, "--help-all"], prog_name="tdint", terminal_width=100).stdout
+    )
     paragraphs = [squeezed(one) for one in re.split(r"\n\s*\n|\n(?=\w+:\n)|\n(?=  -)", help_all)]
     page = squeezed(re.sub(r"\n:   ", "\n", pages[f"cli/{name}.md"]))
-    said = [one.removeprefix("Usage:") for one in paragraphs if one and not re.fullmatch(r"\w+:", one)]
+    said = [
+        one.removeprefix("Usage:") for one in paragraphs if one and not re.fullmatch(r"\w+:", one)
+    ]
     assert len(said) > 5
     assert [one for one in said if one not in page] == []
 
@@ -84,11 +94,17 @@ def test_a_method_s_page_has_equations_figure_and_publications(pages, name):
     equations = page.partition("## Equations")[2].partition("## Stability")[0]
     assert re.search(r"= .*[uv]", equations)
     assert f"({name}-stability.png)" in page
-    assert all(one.title.strip("{}") in page.replace("\\", "") for one in references().get(name, ()))
+    assert all(
+        one.title.strip("{}") in page.replace("\\", "") for one in references().get(name, ())
+    )
 
 
 def test_the_table_of_methods_leads_to_their_pages(pages):
-    rows = re.findall(r"^\| \[`([\w-]+)`\]\(([\w-]+)\.md\) \|(.*)$", pages["src/tdint/methods/README.md"], re.MULTILINE)
+    rows = re.findall(
+        r"^\| \[`([\w-]+)`\]\(([\w-]+)\.md\) \|(.*)$",
+        pages["src/tdint/methods/README.md"],
+        re.MULTILINE,
+    )
     assert [name for name, target, _ in rows if name == target] == list(catalogue())
     assert {cells.count("|") for _, _, cells in rows} == {4}  # order, limit, rho_inf, source
 
@@ -99,7 +115,9 @@ class Found:
     def __init__(self, text):
         self.leads, self.loads, self.anchors = set(), set(), set()
         for tag, inside in re.findall(r"<(\w+)\s([^>]*)>", text):
-            given = {key: unescape(value) for key, value in re.findall(r'([\w-]+)="([^"]*)"', inside)}
+            given = {
+                key: unescape(value) for key, value in re.findall(r'([\w-]+)="([^"]*)"', inside)
+            }
             self.anchors |= {given[key] for key in ("id", "name") if given.get(key)}
             if tag == "a" and given.get("href"):
                 self.leads.add(given["href"])
@@ -118,14 +136,26 @@ def site(maker, tmp_path_factory):
     before, maker.draw = maker.draw, lambda name, file: file.write_bytes(drawn.read_bytes())
     maker.write(folder)
     maker.draw = before
-    command = [sys.executable, "-m", "zensical", "build", "--strict", "--config-file", str(folder / "site.yml")]
+    command = [
+        sys.executable,
+        "-m",
+        "zensical",
+        "build",
+        "--strict",
+        "--config-file",
+        str(folder / "site.yml"),
+    ]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     return folder / "site"
 
 
 def test_the_site_s_links_lead_somewhere_and_it_loads_nothing_from_elsewhere(site):
-    found = {file: Found(file.read_text("utf-8")) for file in site.rglob("*.html") if file.name != "404.html"}
+    found = {
+        file: Found(file.read_text("utf-8"))
+        for file in site.rglob("*.html")
+        if file.name != "404.html"
+    }
     there = {file for file in site.rglob("*") if file.is_file()}
     assert all(page.leads and page.loads and page.anchors for page in found.values())
     for file, page in found.items():
@@ -139,7 +169,10 @@ def test_the_site_s_links_lead_somewhere_and_it_loads_nothing_from_elsewhere(sit
             aim = Path(os.path.normpath(file.parent / path)) if path else file
             aim = aim if aim in there else aim / "index.html"
             assert aim in there, (file, target)
-            assert not anchor or aim not in found or anchor in found[aim].anchors | {"__skip"}, (file, target)
+            assert not anchor or aim not in found or anchor in found[aim].anchors | {"__skip"}, (
+                file,
+                target,
+            )
 
 
 def test_lists_are_lists_and_every_page_is_found(site, pages):

@@ -107,7 +107,9 @@ class Cluster:
         self.file = folder / "scheduler.json"
         self.log = (folder / "cluster.log").open("w")
         scheme = "tls" if security else "tcp"
-        self.processes = [self._start("scheduler", "--host", f"{scheme}://127.0.0.1", "--port", "0")]
+        self.processes = [
+            self._start("scheduler", "--host", f"{scheme}://127.0.0.1", "--port", "0")
+        ]
         wait_until(self.file.exists, 90.0, (folder / "cluster.log").read_text)
 
     def _start(self, *arguments: str) -> subprocess.Popen[bytes]:
@@ -118,7 +120,9 @@ class Cluster:
         )  # fmt: skip
 
     def add_worker(self) -> None:
-        self.processes.append(self._start("worker", "--nthreads", "1", "--no-nanny", "--host", "127.0.0.1"))
+        self.processes.append(
+            self._start("worker", "--nthreads", "1", "--no-nanny", "--host", "127.0.0.1")
+        )
 
     @property
     def address(self) -> str:
@@ -175,7 +179,15 @@ def test_a_cluster_does_the_same_though_a_worker_is_killed(study, start, cluster
 
 def certificate(folder: Path, name: str, signed_by: str | None) -> None:
     """NAME.pem and NAME-key.pem, of an authority or signed by one."""
-    subject = ["-subj", f"/CN={name}", "-keyout", f"{name}-key.pem", "-nodes", "-newkey", "rsa:2048"]
+    subject = [
+        "-subj",
+        f"/CN={name}",
+        "-keyout",
+        f"{name}-key.pem",
+        "-nodes",
+        "-newkey",
+        "rsa:2048",
+    ]
     if signed_by is None:
         commands = [["req", "-x509", "-days", "2", *subject, "-out", f"{name}.pem"]]
     else:
@@ -193,15 +205,32 @@ def test_certificates_are_asked_for_and_checked(study, start, cluster):
     certificate(study, "authority", None)
     certificate(study, "ours", "authority")
     certificate(study, "stranger", None)
-    far = cluster(["--tls-ca-file", "authority.pem", "--tls-cert", "ours.pem", "--tls-key", "ours-key.pem"])
+    far = cluster(
+        ["--tls-ca-file", "authority.pem", "--tls-cert", "ours.pem", "--tls-key", "ours-key.pem"]
+    )
     far.add_worker()
     assert far.address.startswith("tls://")
 
     def campaign(name: str, folder: str):
-        options = ["--tls-ca", "authority.pem", "--tls-cert", f"{name}.pem", "--tls-key", f"{name}-key.pem"]
-        return start("campaign", "study.yaml", "-o", folder, "--max-runs", "20", "--dask", far.address, *options).end(
-            120.0
-        )
+        options = [
+            "--tls-ca",
+            "authority.pem",
+            "--tls-cert",
+            f"{name}.pem",
+            "--tls-key",
+            f"{name}-key.pem",
+        ]
+        return start(
+            "campaign",
+            "study.yaml",
+            "-o",
+            folder,
+            "--max-runs",
+            "20",
+            "--dask",
+            far.address,
+            *options,
+        ).end(120.0)
 
     code, _, said = campaign("ours", "far")
     assert code == 0, said

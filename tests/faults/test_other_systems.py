@@ -84,7 +84,11 @@ def elsewhere(tmp_path, monkeypatch):
     (tmp_path / "less").mkdir()
     (tmp_path / "less" / "sitecustomize.py").write_text(TAKE_AWAY, encoding="utf-8")
     (tmp_path / "campaign.yaml").write_text(CAMPAIGN, encoding="utf-8")
-    model = (CONFIGS / "ten-story.yaml").read_text(encoding="utf-8").replace("../", f"{CONFIGS.parent}/")
+    model = (
+        (CONFIGS / "ten-story.yaml")
+        .read_text(encoding="utf-8")
+        .replace("../", f"{CONFIGS.parent}/")
+    )
     (tmp_path / "büro-β.yaml").write_text(model, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
 
@@ -100,11 +104,15 @@ def printed_here(*arguments):
     return runner().invoke(cli, [*map(str, arguments)], prog_name="tdint").stdout_bytes
 
 
-@pytest.mark.parametrize("commands", [COMMANDS, pytest.param(SLOW, marks=pytest.mark.slow)], ids=["few", "slow"])
+@pytest.mark.parametrize(
+    "commands", [COMMANDS, pytest.param(SLOW, marks=pytest.mark.slow)], ids=["few", "slow"]
+)
 def test_commands_need_nothing_that_only_posix_has(elsewhere, commands):
     done = elsewhere("-c", ALL_OF.format(lines=[[*map(str, command)] for command in commands]))
     assert (done.returncode, b"Traceback" in done.stderr) == (0, False), done.stderr.decode()
-    assert done.stdout.endswith(b"".join(printed_here(*command) for command in commands if "-o" not in command))
+    assert done.stdout.endswith(
+        b"".join(printed_here(*command) for command in commands if "-o" not in command)
+    )
 
 
 @pytest.mark.parametrize("encoding", ["cp1252", pytest.param("ascii", marks=pytest.mark.slow)])

@@ -6,13 +6,17 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+pytestmark = pytest.mark.skipif(
+    not Path("/dev/full").exists(), reason="no device that is always full"
+)
 
 TDINT = f"{sys.executable} -P -c 'from tdint_cli.main import main; main()'"
 
 
 def shell(command, folder):
-    return subprocess.run(["bash", "-c", command], cwd=folder, capture_output=True, text=True, timeout=120)
+    return subprocess.run(
+        ["bash", "-c", command], cwd=folder, capture_output=True, text=True, timeout=120
+    )
 
 
 @pytest.mark.parametrize(
@@ -31,9 +35,13 @@ def test_no_room_behind_standard_output(folder, limit, target, message):
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("command", ["law model.yaml --drift 1% -o out.csv", "run model.yaml --history -o out"])
+@pytest.mark.parametrize(
+    "command", ["law model.yaml --drift 1% -o out.csv", "run model.yaml --history -o out"]
+)
 def test_a_size_limit_of_files(folder, command):
     done = shell(f"ulimit -f 1; {TDINT} {command} > /dev/null", folder)
     assert done.returncode == 6, done.stderr
     assert "cannot be written: File too large" in done.stderr
-    assert not [path for path in folder.rglob("*") if "out" in path.name or path.name.startswith(".")]
+    assert not [
+        path for path in folder.rglob("*") if "out" in path.name or path.name.startswith(".")
+    ]

@@ -13,7 +13,11 @@ JOBS = ("spectrum", "many", "--jobs", "2", "-o", "out/", "--periods", "0.1:10:30
 
 
 def tables(folder):
-    return sorted(path.name for path in (folder / "out").glob("*.csv")) if (folder / "out").is_dir() else []
+    return (
+        sorted(path.name for path in (folder / "out").glob("*.csv"))
+        if (folder / "out").is_dir()
+        else []
+    )
 
 
 def temporary(folder):
@@ -45,13 +49,17 @@ def test_a_command_with_workers_that_is_ended(folder, start, number, code):
 
 
 @pytest.mark.parametrize(
-    ("done", "which"), [(0, 0), *(pytest.param(done, 1, marks=pytest.mark.slow) for done in (1, 3, 5))]
+    ("done", "which"),
+    [(0, 0), *(pytest.param(done, 1, marks=pytest.mark.slow) for done in (1, 3, 5))],
 )
 def test_a_killed_worker(folder, start, done, which):
     """A killed worker costs one record, which is named; the others are done."""
     command = start("spectrum", "many", "--jobs", "2", "-o", "out/", "--periods", "0.1:10:500")
     command.wait_for(
-        lambda: (len(command.children()) == 2 and len(tables(folder)) >= done) or command.process.poll() is not None
+        lambda: (
+            (len(command.children()) == 2 and len(tables(folder)) >= done)
+            or command.process.poll() is not None
+        )
     )
     for worker in command.children()[which : which + 1]:
         with suppress(ProcessLookupError):

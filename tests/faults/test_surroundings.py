@@ -19,7 +19,9 @@ def hostile(folder):
     """A working directory with modules of its own, and settings of pictures."""
     for name in MODULES:
         (folder / f"{name}.py").write_text(TRAP)
-    (folder / "matplotlibrc").write_text("text.usetex: True\nfont.size: 30\nsavefig.dpi: 20\nno.such.key: 1\n")
+    (folder / "matplotlibrc").write_text(
+        "text.usetex: True\nfont.size: 30\nsavefig.dpi: 20\nno.such.key: 1\n"
+    )
     yield folder
     assert not (folder / "trapped").exists()
 
@@ -29,14 +31,19 @@ def test_a_picture_in_a_hostile_working_directory(hostile, start):
     code, _, words = start("modes", "model.yaml", "-o", "b.csv", "--plot=b.png").end()
     assert code == 0, words
     (hostile / "matplotlibrc").unlink()
-    assert CliRunner().invoke(cli, ["modes", "model.yaml", "-o", "a.csv", "--plot=a.png"]).exit_code == 0
+    assert (
+        CliRunner().invoke(cli, ["modes", "model.yaml", "-o", "a.csv", "--plot=a.png"]).exit_code
+        == 0
+    )
     assert (hostile / "a.png").read_bytes() == (hostile / "b.png").read_bytes()
 
 
 @pytest.mark.slow
 def test_a_process_that_compiles_in_a_hostile_working_directory(hostile, start):
     """It is started where the cache is empty."""
-    code, _, words = start("info", "r0.csv", TDINT_CACHE_DIR=str(hostile.parent / "cache")).end(300.0)
+    code, _, words = start("info", "r0.csv", TDINT_CACHE_DIR=str(hostile.parent / "cache")).end(
+        300.0
+    )
     assert (code, "note: compiling 1 time loop" in words) == (0, True), words
 
 

@@ -24,11 +24,31 @@ from tdint.ground_motion.record import Record
 OUTCOMES = REFUSED, DONE = "refused", "finite"
 
 _NUMBERS: tuple[Any, ...] = (0.01, 0.05, 0.2, 1.0, 2, np.float64(0.1), np.int64(2))
-_STRANGE: tuple[Any, ...] = (0, 0.0, -1, -0.0, 1e-308, 5e-324, 1e308, float("nan"), float("inf"), -np.inf, 10**30, 1e9)
+_STRANGE: tuple[Any, ...] = (
+    0,
+    0.0,
+    -1,
+    -0.0,
+    1e-308,
+    5e-324,
+    1e308,
+    float("nan"),
+    float("inf"),
+    -np.inf,
+    10**30,
+    1e9,
+)
 _TYPES: tuple[Any, ...] = (
     "1", "abc", "", True, 1j, [], [1.0], {}, b"1", np.array([1.0, 2.0]), np.ma.masked, object(), (),
 )  # fmt: skip
-_NEVER_NUMBERS = ("ductility", "errors", "collapse", "residual_drift_ratio", "peak_drift_ratio", "height")
+_NEVER_NUMBERS = (
+    "ductility",
+    "errors",
+    "collapse",
+    "residual_drift_ratio",
+    "peak_drift_ratio",
+    "height",
+)
 """Fields that are nan where there is nothing to tell: a story without height, a law without yielding."""
 
 _OF_ANOTHER_TYPE = re.compile("truth value of an|could not be broadcast|could not convert string")
@@ -55,9 +75,14 @@ def _numbers(source: random.Random) -> Any:
     if source.random() < 0.1:
         return _number(source)
     values = [
-        source.choice((*_NUMBERS, *(_STRANGE if source.random() < 0.2 else ()))) for _ in range(source.randrange(4))
+        source.choice((*_NUMBERS, *(_STRANGE if source.random() < 0.2 else ())))
+        for _ in range(source.randrange(4))
     ]
-    return np.array(values, dtype=source.choice((float, float, object))) if source.random() < 0.7 else values
+    return (
+        np.array(values, dtype=source.choice((float, float, object)))
+        if source.random() < 0.7
+        else values
+    )
 
 
 def _text(*sound: str) -> Callable[[random.Random], Any]:
@@ -70,7 +95,9 @@ def _flag(source: random.Random) -> Any:
 
 
 def _layout(source: random.Random) -> Any:
-    return tdint.TextLayout(_number(source), source.choice((("1",), "2", 3, (), "x", None)), _number(source))
+    return tdint.TextLayout(
+        _number(source), source.choice((("1",), "2", 3, (), "x", None)), _number(source)
+    )
 
 
 _METHOD = _text("newmark-average", "impulse4", "exact", "newmark:beta=0.3:gamma=0.6")
@@ -104,19 +131,48 @@ def _many(source: random.Random) -> Any:
     names = (
         "damping", "stories.mass", "stories[1].law.hardening", "stories[2].mass", "record.scale", "strength_factor",
     )  # fmt: skip
-    strange = ("", "stories", "stories[0].mass", "stories[x].mass", "stories[1].law.", "storys.mass", "\x1b", 3, None)
-    chosen = source.choices((*names, *strange) if source.random() < 0.3 else names, k=source.randrange(1, 4))
-    options = {"product": _flag, "paired": _flag, "progress": lambda one: one.choice((False, len, _number(one)))}
+    strange = (
+        "",
+        "stories",
+        "stories[0].mass",
+        "stories[x].mass",
+        "stories[1].law.",
+        "storys.mass",
+        "\x1b",
+        3,
+        None,
+    )
+    chosen = source.choices(
+        (*names, *strange) if source.random() < 0.3 else names, k=source.randrange(1, 4)
+    )
+    options = {
+        "product": _flag,
+        "paired": _flag,
+        "progress": lambda one: one.choice((False, len, _number(one))),
+    }
     vary = {name: _numbers(source) for name in chosen} if source.random() < 0.9 else _number(source)
     some = _some(options | {"check": _flag, "method": _METHOD}, source)
     if some.get("progress") is len:
         some["progress"] = lambda done, of: None
-    return tdint.run_many(_model(source.choice(tuple(MODELS))), _record(), duration=0.1, vary=vary, **some).to_dict()
+    return tdint.run_many(
+        _model(source.choice(tuple(MODELS))), _record(), duration=0.1, vary=vary, **some
+    ).to_dict()
 
 
 def _replaced(source: random.Random) -> Any:
-    name = source.choice(("damping", "stories[1].mass", "stories.height", "stories.law.hardening", "mass_factor", "x"))
-    return tdint.modes(_model(source.choice(tuple(MODELS))).replace(**{name: _number(source)})).omega
+    name = source.choice(
+        (
+            "damping",
+            "stories[1].mass",
+            "stories.height",
+            "stories.law.hardening",
+            "mass_factor",
+            "x",
+        )
+    )
+    return tdint.modes(
+        _model(source.choice(tuple(MODELS))).replace(**{name: _number(source)})
+    ).omega
 
 
 CALLS: dict[str, Callable[[random.Random], Any]] = {
@@ -174,7 +230,9 @@ CALLS: dict[str, Callable[[random.Random], Any]] = {
 """Functions by name; each makes its arguments and calls."""
 
 
-def _some(makers: dict[str, Callable[[random.Random], Any]], source: random.Random) -> dict[str, Any]:
+def _some(
+    makers: dict[str, Callable[[random.Random], Any]], source: random.Random
+) -> dict[str, Any]:
     return {name: make(source) for name, make in makers.items() if source.random() < 0.3}
 
 
@@ -212,6 +270,9 @@ def _not_finite(value: Any, path: str) -> str:
         found = (_not_finite(one, f"{path}[{place}]") for place, one in enumerate(value[:1000]))
         return next(filter(None, found), "")
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        found = (_not_finite(getattr(value, one.name), f"{path}.{one.name}") for one in dataclasses.fields(value))
+        found = (
+            _not_finite(getattr(value, one.name), f"{path}.{one.name}")
+            for one in dataclasses.fields(value)
+        )
         return next(filter(None, found), "")
     return ""

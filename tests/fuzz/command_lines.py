@@ -21,18 +21,32 @@ _MODELS = tuple(MODELS)
 _CHEAP = ("--method", "newmark-average")
 
 SOUND: dict[str, list[tuple[str, ...]]] = {
-    "run": [("linear.yaml",), ("bilinear.yaml",), ("forced.yaml",), ("modal.yaml",), ("linear.yaml", "a.txt")],
+    "run": [
+        ("linear.yaml",),
+        ("bilinear.yaml",),
+        ("forced.yaml",),
+        ("modal.yaml",),
+        ("linear.yaml", "a.txt"),
+    ],
     "modes": [(model,) for model in _MODELS],
-    "law": [(model, "--drift", "1%", "--points", "3") for model in ("linear.yaml", "bilinear.yaml")],
+    "law": [
+        (model, "--drift", "1%", "--points", "3") for model in ("linear.yaml", "bilinear.yaml")
+    ],
     "pushover": [("bilinear.yaml",), ("linear.yaml",)],
     "inventory": [("buildings.csv", "--units", "m"), ("buildings.csv", "--units", "ft")],
     "info": [("a.txt",), ("n.mseed", "--units", "m/s^2"), ("many",)],
-    "spectrum": [("a.txt", "--period", "0.2,1"), ("n.mseed", "--period", "0.5", "--units", "m/s^2")],
+    "spectrum": [
+        ("a.txt", "--period", "0.2,1"),
+        ("n.mseed", "--period", "0.5", "--units", "m/s^2"),
+    ],
     "drift-spectrum": [("a.txt", "--period", "0.2,1"), ("many", "--period", "0.5")],
     "methods": [()],
     "init": [("-",), ("-", "--stories", "3"), (f"{OUTPUT}/m.yaml",)],
     "check": [(model,) for model in _MODELS],
-    "scale": [("a.txt", "--pga", "0.2g"), ("n.mseed", "--units", "m/s^2", "--sa", "1m/s^2", "--at", "0.5")],
+    "scale": [
+        ("a.txt", "--pga", "0.2g"),
+        ("n.mseed", "--units", "m/s^2", "--sa", "1m/s^2", "--at", "0.5"),
+    ],
     "ida": [("linear.yaml", "a.txt")],
     "fragility": [("stripes.csv",), ("capacities.csv",), ("cloud.csv", "--threshold", "1%")],
     "compare": list(COMPARE),
@@ -41,14 +55,35 @@ SOUND: dict[str, list[tuple[str, ...]]] = {
     "overshoot": [(*_CHEAP, "--steps", "3")],
     "order": [(*_CHEAP, "--load", "free")],
     "failures": [(*_CHEAP, "--problem", "large-step")],
-    "chart": [("linear.yaml", *_CHEAP, "--halvings", "0", "--repeat", "1", "--duration", "0.1", "--no-cache")],
+    "chart": [
+        (
+            "linear.yaml",
+            *_CHEAP,
+            "--halvings",
+            "0",
+            "--repeat",
+            "1",
+            "--duration",
+            "0.1",
+            "--no-cache",
+        )
+    ],
 }
 """Sound and cheap command lines; a command that is not here is tried with what its arguments are called."""
 
 LEFT_OUT = {"compile", "examples"}
 """Commands that take too long for thousands of cases."""
 
-WEIGHTS = {"run": 20, "info": 12, "spectrum": 12, "drift-spectrum": 8, "ida": 1, "order": 1, "failures": 1, "chart": 1}
+WEIGHTS = {
+    "run": 20,
+    "info": 12,
+    "spectrum": 12,
+    "drift-spectrum": 8,
+    "ida": 1,
+    "order": 1,
+    "failures": 1,
+    "chart": 1,
+}
 """How often a command is tried; 5 where it is not here."""
 
 _NUMBERS = ("0.02", "0.5", "1", "2", "0.1", "0.25", "10")
@@ -61,7 +96,21 @@ _STRANGE_COUNTS = ("0", "-1", "1.5", "99999999999999999999", "1000000", "abc", "
 _GRIDS = (
     "0.1:1:3", "0.2:0.2:1", "0.5", "1:0.1:5", "0.1:1:0", "0:1:5", "0.1:1:100000000", "a:b:c", "1e-308:1e308:4", "::",
 )  # fmt: skip
-_DRIFTS = ("1%", "20mm", "2dy", "0.001", "0.01,0.02", "1e308", "-1", "nan", "0", "1e-300", "5in", "200%", "1e5dy")
+_DRIFTS = (
+    "1%",
+    "20mm",
+    "2dy",
+    "0.001",
+    "0.01,0.02",
+    "1e308",
+    "-1",
+    "nan",
+    "0",
+    "1e-300",
+    "5in",
+    "200%",
+    "1e5dy",
+)
 _UNITS = (
     "g", "m/s^2", "gal", "cm/s", "in", "2e-6 m/s^2", "1e300 g", "0 g", "-1 g", "1e-300 m/s^2", "furlong", "g\x1b[31m",
 )  # fmt: skip
@@ -91,7 +140,9 @@ def command_line(name: str, seed: int) -> list[str]:
     command = cli.get_command(context, name)
     assert command is not None
     arguments = [name, *_sound(command, name, source)]
-    options = [one for one in command.params if isinstance(one, click.Option) and one.name != "debug"]
+    options = [
+        one for one in command.params if isinstance(one, click.Option) and one.name != "debug"
+    ]
     for _ in range(source.choice((0, 1, 1, 2, 3))):
         arguments += _option(source.choice(options), source)
     if source.random() < 0.1:
@@ -102,7 +153,9 @@ def command_line(name: str, seed: int) -> list[str]:
 def _sound(command: click.Command, name: str, source: random.Random) -> tuple[str, ...]:
     if name in SOUND:
         return source.choice(SOUND[name])
-    called = [str(one.metavar or one.name) for one in command.params if isinstance(one, click.Argument)]
+    called = [
+        str(one.metavar or one.name) for one in command.params if isinstance(one, click.Argument)
+    ]
     return tuple("linear.yaml" if "model" in one.lower() else "a.txt" for one in called)
 
 
@@ -117,7 +170,10 @@ def _damage(arguments: list[str], source: random.Random) -> None:
     elif kind == 2:
         arguments[place] = source.choice((*RECORDS, *_MODELS, *_STRANGE_NUMBERS))
     else:
-        arguments.insert(place, source.choice(("--no-such", "-x", "--", "-", "--help", "--plot=", "--method", "--dt=")))
+        arguments.insert(
+            place,
+            source.choice(("--no-such", "-x", "--", "-", "--help", "--plot=", "--method", "--dt=")),
+        )
 
 
 def _option(option: click.Option, source: random.Random) -> list[str]:
@@ -156,7 +212,18 @@ def _one(name: str, kind: click.ParamType, source: random.Random) -> str:
 _BY_NAME = {
     "method": _METHODS,
     "unit": _UNITS,
-    "dt": ("0.01", "0.005", "0.02", "0.03", "0.0099", "0", "-1", "nan", "1e-300", "1e308"),  # Small ones take long.
+    "dt": (
+        "0.01",
+        "0.005",
+        "0.02",
+        "0.03",
+        "0.0099",
+        "0",
+        "-1",
+        "nan",
+        "1e-300",
+        "1e308",
+    ),  # Small ones take long.
     "output": _OUTPUTS,
     "record": RECORDS,
     "job": ("1", "1", "0", "-1", "x"),  # Processes take a second to start.

@@ -41,7 +41,9 @@ class Sound:
     @property
     def ends(self) -> list[int]:
         """Numbers of samples up to the end of each record but the last, of a file of MiniSEED."""
-        counts = [int.from_bytes(self.data[i + 30 : i + 32], "big") for i in range(0, len(self.data), 512)]
+        counts = [
+            int.from_bytes(self.data[i + 30 : i + 32], "big") for i in range(0, len(self.data), 512)
+        ]
         return np.cumsum(counts[:-1]).tolist()
 
 
@@ -52,7 +54,9 @@ def corpus() -> list[Sound]:
         for name, makes in sorted(SAMPLES.items())
         for make in makes
     ]
-    found += [Sound("ZIP", packed({"a.dat": network_files.cwb()}), None, frozenset({COUNT, STEP, PEAK}))]
+    found += [
+        Sound("ZIP", packed({"a.dat": network_files.cwb()}), None, frozenset({COUNT, STEP, PEAK}))
+    ]
     found += _written()
     for name, (file, units, tells) in _RECORDERS.items():
         if path := obspy_data(file):

@@ -53,11 +53,15 @@ KINDS = {
     "records": Kind(lambda: list(_sounds()), _record, oracle.OUTCOMES),
     "models": Kind(
         lambda: list(_models()),
-        lambda name, seed: model_files.outcome(_models()[name], model_files.damaged(_models()[name], seed)),
+        lambda name, seed: model_files.outcome(
+            _models()[name], model_files.damaged(_models()[name], seed)
+        ),
         model_files.OUTCOMES,
     ),
     "commands": Kind(
-        command_lines.names, lambda name, seed: run(command_lines.command_line(name, seed)), tuple(CODES.values())
+        command_lines.names,
+        lambda name, seed: run(command_lines.command_line(name, seed)),
+        tuple(CODES.values()),
     ),
     "studies": Kind(studies.names, studies.outcome, tuple(CODES.values())),
     "stores": Kind(lambda: list(stores.CALLS), stores.outcome, stores.OUTCOMES),

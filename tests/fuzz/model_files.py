@@ -37,7 +37,13 @@ _KEYS = (
 
 def sound_models() -> dict[str, str]:
     """Names and texts: those of the sandbox and of `configs` that run in a moment."""
-    small = ("fluid-dampers", "hardening", "three-story-concrete", "collapse-prone-frame", "ten-story-bilinear")
+    small = (
+        "fluid-dampers",
+        "hardening",
+        "three-story-concrete",
+        "collapse-prone-frame",
+        "ten-story-bilinear",
+    )
     return MODELS | {f"{name}.yaml": (_CONFIGS / f"{name}.yaml").read_text() for name in small}
 
 
@@ -47,7 +53,9 @@ def damaged(text: str, seed: int) -> str:
     for _ in range(source.choice((1, 1, 2, 3))):
         kind = source.randrange(4)
         if kind == 0:
-            text = mutated(text.encode("utf-8", "surrogateescape"), source.randrange(2**31)).decode("utf-8", "replace")
+            text = mutated(text.encode("utf-8", "surrogateescape"), source.randrange(2**31)).decode(
+                "utf-8", "replace"
+            )
             continue
         places = list(_WORD.finditer(text))
         if not places:
@@ -98,7 +106,12 @@ def _check_faults(error: ModelError, text: str) -> None:
     if not error.faults:
         raise Failure(f"refused without a fault: {error}")
     for fault in error.faults:
-        if not (1 <= fault.line <= lines + 1 and fault.column >= 1 and fault.message and "\n" not in str(fault)):
+        if not (
+            1 <= fault.line <= lines + 1
+            and fault.column >= 1
+            and fault.message
+            and "\n" not in str(fault)
+        ):
             raise Failure(f"a fault without its place: {fault}")
         if len(str(fault)) > LARGEST_MESSAGE:
             raise Failure(f"a message of {len(str(fault))} characters")
@@ -123,5 +136,13 @@ def _check_sound(model: Model) -> None:
 
 def _same(model: Model, other: Model) -> bool:
     """Whether two models differ in nothing but their texts and names."""
-    fields = ("stories", "damping", "p_delta", "excitation", "initial", "analysis", "collapse_drift")
+    fields = (
+        "stories",
+        "damping",
+        "p_delta",
+        "excitation",
+        "initial",
+        "analysis",
+        "collapse_drift",
+    )
     return all(getattr(model, name) == getattr(other, name) for name in fields)

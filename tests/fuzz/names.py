@@ -53,7 +53,13 @@ def _memory(source: random.Random) -> str:
     """Up to 10^6 steps, of which some hundred rows are written."""
     steps = round(10.0 ** source.uniform(4.0, 6.0))
     every = max(1, steps // source.choice((10, 100, 300)))
-    line = ["run", "linear.yaml", "--dt", f"{1e-2 / -(-steps // 30):.12g}", f"--history={OUTPUT}/h.csv"]
+    line = [
+        "run",
+        "linear.yaml",
+        "--dt",
+        f"{1e-2 / -(-steps // 30):.12g}",
+        f"--history={OUTPUT}/h.csv",
+    ]
     tracemalloc.start()
     try:
         found = run([*line, "--every", str(every)])

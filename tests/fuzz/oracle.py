@@ -22,7 +22,12 @@ REFUSED, SAME, SAID, UNTOLD = "refused", "unchanged", "changed, said", "changed,
 OUTCOMES = (REFUSED, SAME, SAID, UNTOLD)
 
 
-_DOUBTS = ("the mean is ", "the largest acceleration is ", "all samples are zero", "the recorder's zero offset")
+_DOUBTS = (
+    "the mean is ",
+    "the largest acceleration is ",
+    "all samples are zero",
+    "the recorder's zero offset",
+)
 
 
 _PEAK = 0.025
@@ -74,10 +79,19 @@ def _judged(sound: Sound, before: Sequence[Record], after: Sequence[Record]) -> 
 def _is_a_whole_part(sound: Sound, before: Sequence[Record], after: Sequence[Record]) -> bool:
     """Whether whole components are gone, or one whole record of MiniSEED: no file states how many of them it has."""
     if len(after) < len(before):
-        return all(any(np.array_equal(one.acceleration, other.acceleration) for other in before) for one in after)
-    sizes = [(one.acceleration.size, other.acceleration.size) for one, other in zip(before, after, strict=False)]
+        return all(
+            any(np.array_equal(one.acceleration, other.acceleration) for other in before)
+            for one in after
+        )
+    sizes = [
+        (one.acceleration.size, other.acceleration.size)
+        for one, other in zip(before, after, strict=False)
+    ]
     return (
-        sound.name.startswith("MSEED") and len(after) == 1 and sizes[0][1] < sizes[0][0] and sizes[0][1] in sound.ends
+        sound.name.startswith("MSEED")
+        and len(after) == 1
+        and sizes[0][1] < sizes[0][0]
+        and sizes[0][1] in sound.ends
     )
 
 
@@ -100,7 +114,9 @@ def _said(records: Sequence[Record]) -> list[str]:
     return [note for note in notes if not note.startswith(_DOUBTS)]
 
 
-def _silent(sound: Sound, what: str, before: Sequence[Record], after: Sequence[Record], text: str) -> str:
+def _silent(
+    sound: Sound, what: str, before: Sequence[Record], after: Sequence[Record], text: str
+) -> str:
     """A change is a failure where the file still states what could tell it, and nothing was said."""
     known = set(_said(before))
     if any(note not in known for note in _said(after)):

@@ -49,7 +49,9 @@ def run_batch(kind: str, batch: list[Case]) -> list[tuple[str, int, str, str]]:
     with sandbox(), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for name, seed in batch:
-            signal.setitimer(signal.ITIMER_PROF, LONGEST)  # of the processor: others may keep it busy, or compile.
+            signal.setitimer(
+                signal.ITIMER_PROF, LONGEST
+            )  # of the processor: others may keep it busy, or compile.
             try:
                 found.append((name, seed, KINDS[kind].outcome(name, seed), ""))
             except Failure as failure:
@@ -71,7 +73,10 @@ def all_outcomes(
     failures: list[str] = []
     # A pool forks from a process with threads when it replaces one of its own, which may stand still for ever.
     with multiprocessing.get_context("spawn").Pool(jobs, maxtasksperchild=20) as pool:
-        waiting = [(batch, pool.apply_async(run_batch, (kind, batch))) for batch in batches(names, count, seed)]
+        waiting = [
+            (batch, pool.apply_async(run_batch, (kind, batch)))
+            for batch in batches(names, count, seed)
+        ]
         for batch, result in waiting:
             try:
                 found = result.get(timeout=_BATCH * 4.0)
@@ -98,7 +103,11 @@ def print_table(table: dict[str, Counter[str]], outcomes: tuple[str, ...] = OUTC
         together[name.lstrip("0123456789 ")] += counter
         total += counter
     for name, counter in [*sorted(together.items()), ("all", total)]:
-        print(f"| {name} | {sum(counter.values())} | " + " | ".join(str(counter[column]) for column in columns) + " |")
+        print(
+            f"| {name} | {sum(counter.values())} | "
+            + " | ".join(str(counter[column]) for column in columns)
+            + " |"
+        )
 
 
 def flipped_bits(name: str, length: int) -> tuple[dict[int, Counter[str]], list[str]]:
@@ -124,7 +133,9 @@ BITS = {"MSEED FLOAT64": 64, "MSEED STEIM2": 64, "SAC": 632}
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--of", choices=KINDS, default="records")
     parser.add_argument("--cases", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=0)
@@ -145,7 +156,12 @@ def main() -> int:
         names = [name for name in KINDS[given.of].names() if given.name in name]
         if given.only is not None:
             print(
-                *(row for name in dict.fromkeys(names) for row in run_batch(given.of, [(name, given.only)])), sep="\n"
+                *(
+                    row
+                    for name in dict.fromkeys(names)
+                    for row in run_batch(given.of, [(name, given.only)])
+                ),
+                sep="\n",
             )
         else:
             counts, failures = all_outcomes(given.of, names, given.cases, given.seed, given.jobs)

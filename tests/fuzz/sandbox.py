@@ -80,7 +80,10 @@ def replaced(name: str, content: bytes) -> Iterator[None]:
     """A file of the working directory with another content, for a while."""
     file = Path(name)
     before, times = file.read_bytes(), file.stat()
-    stamp = (times.st_atime_ns, times.st_mtime_ns)  # That of the sandbox: else it would be filled anew.
+    stamp = (
+        times.st_atime_ns,
+        times.st_mtime_ns,
+    )  # That of the sandbox: else it would be filled anew.
     file.write_bytes(content)
     os.utime(file, ns=stamp)
     try:
@@ -93,7 +96,11 @@ def replaced(name: str, content: bytes) -> Iterator[None]:
 def _changed(folder: Path) -> bool:
     """Whether a case has written over the files of the sandbox, as an output may be told to."""
     mark = folder / _MARK
-    return any(file.stat().st_mtime_ns > mark.stat().st_mtime_ns for file in folder.iterdir() if file.is_file())
+    return any(
+        file.stat().st_mtime_ns > mark.stat().st_mtime_ns
+        for file in folder.iterdir()
+        if file.is_file()
+    )
 
 
 def _fill(folder: Path) -> None:

@@ -19,7 +19,19 @@ from fuzz.sandbox import OUTPUT, invoked
 _RECORD = ("a.txt", "--units", "m/s^2")
 CALLS = {
     "campaign": ("campaign", "scales.yaml", "-o", OUTPUT, "--jobs", "1"),
-    "study": ("ida", "bilinear.yaml", *_RECORD, "--precision", "50%", "--max-im", "3g", "-o", OUTPUT, "--jobs", "1"),
+    "study": (
+        "ida",
+        "bilinear.yaml",
+        *_RECORD,
+        "--precision",
+        "50%",
+        "--max-im",
+        "3g",
+        "-o",
+        OUTPUT,
+        "--jobs",
+        "1",
+    ),
 }
 """Calls that go on with a store."""
 
@@ -85,11 +97,16 @@ def _page(file: Path, source: random.Random) -> None:
 def _row(file: Path, source: random.Random) -> None:
     """A cell, a row, or a table by hand; what SQLite does not take is no damage."""
     with suppress(sqlite3.Error), closing(sqlite3.connect(file)) as connection, connection:
-        tables = [name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+        tables = [
+            name
+            for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
+        ]
         if not tables:
             return
         table = source.choice(tables)
-        column = source.choice([row[1] for row in connection.execute(f"PRAGMA table_info({table})")])
+        column = source.choice(
+            [row[1] for row in connection.execute(f"PRAGMA table_info({table})")]
+        )
         count = connection.execute(f"SELECT count(*) FROM {table}").fetchone()[0]
         value, place = source.choice(_VALUES), source.randrange(max(1, count))
         chosen = f"{column} IN (SELECT {column} FROM {table} LIMIT 1 OFFSET {place})"
@@ -111,12 +128,16 @@ def _row(file: Path, source: random.Random) -> None:
 def _beside(file: Path, source: random.Random) -> None:
     """What a killed process, or a copy, leaves beside a store."""
     end = source.choice(("-wal", "-shm", "-journal"))
-    content = source.choice((b"", source.randbytes(600), file.read_bytes()[:5000], b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7"))
+    content = source.choice(
+        (b"", source.randbytes(600), file.read_bytes()[:5000], b"\xd9\xd5\x05\xf9\x20\xa1\x63\xd7")
+    )
     file.with_name(file.name + end).write_bytes(content)
 
 
 def _emptied(file: Path, source: random.Random) -> None:
-    file.write_bytes(source.choice((b"", b"SQLite format 3\0", b"hello\n" * 100, source.randbytes(8192))))
+    file.write_bytes(
+        source.choice((b"", b"SQLite format 3\0", b"hello\n" * 100, source.randbytes(8192)))
+    )
 
 
 DAMAGES: tuple[Callable[[Path, random.Random], None], ...] = (

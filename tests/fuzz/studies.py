@@ -32,12 +32,19 @@ class Study:
 
 
 STUDIES = {
-    "compare": Study([*_COMPARE, *_COMPARE, *_FIT], ("recorded.yaml", "sensors.yaml", "history.csv")),
+    "compare": Study(
+        [*_COMPARE, *_COMPARE, *_FIT], ("recorded.yaml", "sensors.yaml", "history.csv")
+    ),
     "campaign of models": Study([*_SCALES, *_LEVELS], ("scales.yaml", "levels.yaml")),
     "campaign with factors": Study(_FACTORS, ("factors.yaml", "factors.csv")),
-    "campaign of a town": Study(_TOWN, ("town.yaml", "town.csv", "grid.csv", "here.csv", "pair.json", "single.json")),
+    "campaign of a town": Study(
+        _TOWN, ("town.yaml", "town.csv", "grid.csv", "here.csv", "pair.json", "single.json")
+    ),
     "inventory": Study([("inventory", "town.csv", "--units", "ft")], ("town.csv",)),
-    "scale": Study([("scale", "a.txt", "n.mseed", "--units", "m/s^2", "--target", "target.csv")], ("target.csv",)),
+    "scale": Study(
+        [("scale", "a.txt", "n.mseed", "--units", "m/s^2", "--target", "target.csv")],
+        ("target.csv",),
+    ),
     "law": Study([("law", "bilinear.yaml", "--path", "path.csv")], ("path.csv",)),
     "fragility": Study(
         [
@@ -50,7 +57,12 @@ STUDIES = {
 }
 """By name."""
 
-WEIGHTS = {"compare": 4, "campaign of models": 4, "campaign of a town": 4, "campaign with factors": 2}
+WEIGHTS = {
+    "compare": 4,
+    "campaign of models": 4,
+    "campaign of a town": 4,
+    "campaign with factors": 2,
+}
 """How often a study is tried; once where it is not here."""
 
 
@@ -67,7 +79,11 @@ def outcome(name: str, seed: int) -> str:
     text = Path(file).read_text()
     wrong = text
     while wrong == text or _takes_long(wrong):
-        wrong = _other_numbers(text, source) if source.random() < 0.6 else damaged(text, source.randrange(2**31))
+        wrong = (
+            _other_numbers(text, source)
+            if source.random() < 0.6
+            else damaged(text, source.randrange(2**31))
+        )
     with replaced(file, wrong.encode("utf-8", "surrogateescape")):
         return run(list(line))
 
@@ -85,8 +101,15 @@ def _other_numbers(text: str, source: random.Random) -> str:
     """The text with other numbers at some places: most readers take it, so that what computes meets them."""
     for _ in range(source.choice((1, 1, 2, 3))):
         match = source.choice(list(_NUMBER.finditer(text)))
-        near = (f"{float(match[0]) * source.choice((0.5, 2.0, 10.0, -1.0, 1e-3, 1e3)):.6g}", match[0] + "0")
-        text = text[: match.start()] + source.choice((*near, source.choice(_NUMBERS))) + text[match.end() :]
+        near = (
+            f"{float(match[0]) * source.choice((0.5, 2.0, 10.0, -1.0, 1e-3, 1e3)):.6g}",
+            match[0] + "0",
+        )
+        text = (
+            text[: match.start()]
+            + source.choice((*near, source.choice(_NUMBERS)))
+            + text[match.end() :]
+        )
     return text
 
 

@@ -77,7 +77,9 @@ _TABLES = {
     "grid.csv": "GP_file,Longitude,Latitude\nhere.csv,-122.27,37.80\nthere.csv,-122.40,37.79\n",
     "here.csv": "TH_file,factor\npair,1.0\nsingle,0.5\n",
     "there.csv": "TH_file\nsingle\n",
-    "pair.json": json.dumps({"name": "pair", "dT": 0.01, "data_x": _wave(0.3, 0.2), "data_y": _wave(0.2, 0.1)}),
+    "pair.json": json.dumps(
+        {"name": "pair", "dT": 0.01, "data_x": _wave(0.3, 0.2), "data_y": _wave(0.2, 0.1)}
+    ),
     "single.json": json.dumps({"name": "single", "dT": 0.02, "data_x": _wave(0.5, 0.3)}),
     "target.csv": "period_s,sa_g\n0,0.4\n0.1,1\n0.6,1\n2,0.3\n",
     "stripes.csv": "im,collapses,records\n0.2,0,40\n0.6,4,40\n0.8,13,40\n1,16,40\n",

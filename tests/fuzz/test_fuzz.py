@@ -47,7 +47,9 @@ def work():
 @pytest.mark.filterwarnings("ignore")
 def test_damaged(work, kind, name):
     seeds, some = TRIED[kind]
-    found = Counter(KINDS[kind].outcome(name, seed) for seed in range(2 if name == "memory" else seeds))
+    found = Counter(
+        KINDS[kind].outcome(name, seed) for seed in range(2 if name == "memory" else seeds)
+    )
     assert some <= set(found)
     assert len(found) > 1 or kind not in ("studies", "stores"), "damage makes no difference"
 
@@ -94,7 +96,10 @@ def test_the_oracle_sees_what_must_not_be_printed(code, stdout, stderr, files, m
 
 
 def test_the_oracle_passes_what_may_be_printed():
-    assert check(0, b"a,b\n-1.5,inf.txt\n", "note: inf.txt is read", {"out/t.csv": b"a\n1\n"}) == "done"
+    assert (
+        check(0, b"a,b\n-1.5,inf.txt\n", "note: inf.txt is read", {"out/t.csv": b"a\n1\n"})
+        == "done"
+    )
     assert check(2, b"", "Error: nan is not a finite number", {}) == "usage"
 
 

@@ -30,7 +30,9 @@ def counts(samples=1000):
 
 def trace(data, channel="HNE", dt=0.01, start=START, **header):
     header = {"network": "XX", "station": "ABC", "location": "00"} | header
-    return Trace(np.array(data), header=header | {"channel": channel, "delta": dt, "starttime": start})
+    return Trace(
+        np.array(data), header=header | {"channel": channel, "delta": dt, "starttime": start}
+    )
 
 
 def write(path, *traces, format="MSEED", **options):

@@ -64,7 +64,15 @@ def free_at2():
     )  # fmt: skip
 
 
-def cosmos(values=None, units="cm/sec2(04)", kind="acceleration", codes=True, npts=None, blocks=None, channel="1: 340"):
+def cosmos(
+    values=None,
+    units="cm/sec2(04)",
+    kind="acceleration",
+    codes=True,
+    npts=None,
+    blocks=None,
+    channel="1: 340",
+):
     """One channel of COSMOS 1.20, volume 2; `blocks` are kinds with values that follow the first one."""
     values = motion() if values is None else values
     integers, reals = [-999] * 100, [-999.0] * 100
@@ -120,10 +128,14 @@ def csmip_texts(title, number, azimuth, more):
     ]
 
 
-def csmip_v2(components=None, data="{n} POINTS OF {kind} DATA EQUALLY SPACED AT  .020 SEC.  (UNITS: {units})"):
+def csmip_v2(
+    components=None, data="{n} POINTS OF {kind} DATA EQUALLY SPACED AT  .020 SEC.  (UNITS: {units})"
+):
     """Channels with acceleration, velocity and displacement."""
     body = []
-    for number, (azimuth, peak) in enumerate((components or {" 90 DEG": 150.5, "UP": -75.25}).items(), start=1):
+    for number, (azimuth, peak) in enumerate(
+        (components or {" 90 DEG": 150.5, "UP": -75.25}).items(), start=1
+    ):
         values = motion(peak=peak)
         body += csmip_texts("CORRECTED ACCELEROGRAM", number, azimuth, [
             "                        UNCOR MAX  =  -.275 G, AT  10.947 SEC.",
@@ -142,14 +154,18 @@ def csmip_v2(components=None, data="{n} POINTS OF {kind} DATA EQUALLY SPACED AT 
 def csmip_v1(components=None):
     """Channels of equally spaced accelerations in g."""
     body = []
-    for number, (azimuth, peak) in enumerate((components or {"360 Deg": 0.125, " Up": -0.5}).items(), start=1):
+    for number, (azimuth, peak) in enumerate(
+        (components or {"360 Deg": 0.125, " Up": -0.5}).items(), start=1
+    ):
         values = motion(peak=peak)
         body += csmip_texts("Uncorrected Accelerogram Data", number, azimuth, [
             f"No. of Points =  {len(values)}  Record Length = 66.000 sec   at 200 Samples/sec",
             f"Units of uncor data are sec and g .        Max  =   {peak:.3f} g , at  30.590 sec.",
         ])  # fmt: skip
         body += INTEGER_ROWS + fortran([-999.0] * 50, 8, 10, 5)
-        body.append(f" {len(values)} Accelerogram points at 200 pts/sec in units of g .      Format: (8f9.6)")
+        body.append(
+            f" {len(values)} Accelerogram points at 200 pts/sec in units of g .      Format: (8f9.6)"
+        )
         body += fortran(values, 8, 9, 6)
         body.append(f"/&  ----------  End of Data for Channel  {number}  ----------")
     return text(body)

@@ -13,7 +13,9 @@ def components(samples=120, decimals=3):
 
 def afad(values=None, count=None, peaks=PEAKS):
     values = components() if values is None else values
-    stated = " ".join(f"({name}) {abs(peak):.6f}" for name, peak in zip(("N-S", "E-W", "U-D"), peaks, strict=True))
+    stated = " ".join(
+        f"({name}) {abs(peak):.6f}" for name, peak in zip(("N-S", "E-W", "U-D"), peaks, strict=True)
+    )
     return text(
         "STRONG GROUND MOTION RECORDS OF TURKIYE",
         "PLACE                   : AYD\u0130N",
@@ -30,7 +32,10 @@ def afad(values=None, count=None, peaks=PEAKS):
 def cwb(values=None, length=None, rate=50):
     values = components() if values is None else values
     n = len(values[0])
-    extremes = [f"#AmplitudeMAX. {name}: {max(v):8.3f}~ {min(v):8.3f}" for name, v in zip("UNE", values, strict=True)]
+    extremes = [
+        f"#AmplitudeMAX. {name}: {max(v):8.3f}~ {min(v):8.3f}"
+        for name, v in zip("UNE", values, strict=True)
+    ]
     return text(
         "#Earthquake Information", "#Origin Time(GMT+08): 2018/02/06-23:50:42", "#StationCode: ECU",
         "#StartTime(GMT+08): 2018/02/06-23:50:29.000", f"#RecordLength(sec): {n / 50 if length is None else length:g}",
@@ -65,8 +70,13 @@ def bhrc(values=None, count=None, rate=200.0):
     body = []
     for name, samples in zip(("L1", "V2", "T3"), values, strict=True):
         n = len(samples)
-        integers = [f"{value:5d}" for value in [0] * 27 + [n if count is None else count] + [0] * 72]
-        reals = [f"{value:13.6E}" for value in [0.02, 0.64, n / 200, 0.0, 0.1, 0.0, 0.0, 0.0, rate] + [0.0] * 41]
+        integers = [
+            f"{value:5d}" for value in [0] * 27 + [n if count is None else count] + [0] * 72
+        ]
+        reals = [
+            f"{value:13.6E}"
+            for value in [0.02, 0.64, n / 200, 0.0, 0.1, 0.0, 0.0, 0.0, rate] + [0.0] * 41
+        ]
         body += [
             "* VOL1DS FILE:  5526/01", "Inst Type = SSA-2", f"COMP {name}    ",
             "Avin                      Station   37.734 N 47.801 E   Altitude 2026m   Azimuth L 50    T 140",

@@ -13,7 +13,11 @@ SAMPLES = {
     "ESM": (files.esm,),
     "GEONET": (files.geonet, lambda: files.geonet(volume=1)),
     "SMC": (files.smc,),
-    "TEXT": (files.one_column, files.two_columns, lambda: files.two_columns(header=None, separator="  ")),
+    "TEXT": (
+        files.one_column,
+        files.two_columns,
+        lambda: files.two_columns(header=None, separator="  "),
+    ),
     "UNAM": (networks.unam,),
     "USC": (files.usc,),
 }

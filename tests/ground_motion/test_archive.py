@@ -25,8 +25,16 @@ def packed(members, compression=zipfile.ZIP_DEFLATED):
 @pytest.fixture
 def path(tmp_path):
     mseed = write(tmp_path / "m", trace(wave(), channel="HNZ")).read_bytes()
-    inner = packed({"deep/b.csv": "time_s,HNE_gal\n" + "".join(f"{i * 0.02:.2f},{i}\n" for i in range(50))})
-    members = {"a.AT2": files.at2(), "z/m.mseed": mseed, "README.txt": "words\n", "inner.zip": inner, ".x": "1\n2\n"}
+    inner = packed(
+        {"deep/b.csv": "time_s,HNE_gal\n" + "".join(f"{i * 0.02:.2f},{i}\n" for i in range(50))}
+    )
+    members = {
+        "a.AT2": files.at2(),
+        "z/m.mseed": mseed,
+        "README.txt": "words\n",
+        "inner.zip": inner,
+        ".x": "1\n2\n",
+    }
     path = tmp_path / "event.zip"
     path.write_bytes(packed(members))
     return path
@@ -41,7 +49,10 @@ def test_all_members_of_known_formats(path):
     ]
     assert [record.dt for record in records] == [0.005, 0.01, 0.02]
     np.testing.assert_array_equal(records[1].acceleration, wave())
-    assert all(record.inputs == records[0].inputs and record.inputs[0].file == str(path) for record in records)
+    assert all(
+        record.inputs == records[0].inputs and record.inputs[0].file == str(path)
+        for record in records
+    )
 
 
 def test_one_member(path):
@@ -60,7 +71,10 @@ def test_damage_is_found_by_the_archive_s_checksum(tmp_path, path):
     data[data.index(b"DT= .00500") + 6] = ord("9")
     whole = path.read_bytes()
     damaged = tmp_path / "b.zip"
-    for content, message in ((data, "Bad CRC"), *((whole[:size], "damaged") for size in (10, 100, len(whole) - 30))):
+    for content, message in (
+        (data, "Bad CRC"),
+        *((whole[:size], "damaged") for size in (10, 100, len(whole) - 30)),
+    ):
         damaged.write_bytes(content)
         refused(damaged, message)
 

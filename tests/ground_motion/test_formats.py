@@ -38,7 +38,12 @@ class TestAt2:
         record = read_record(tmp_path / "a.AT2")
         np.testing.assert_allclose(record.acceleration, motion() * STANDARD_GRAVITY, rtol=1e-15)
         assert (record.dt, record.id, record.component) == (0.005, ".Far-Hill-Coll-2..067", "067")
-        assert (record.start, record.units, record.units_from, record.notes) == ("", "g", "file", ())
+        assert (record.start, record.units, record.units_from, record.notes) == (
+            "",
+            "g",
+            "file",
+            (),
+        )
 
     @pytest.mark.parametrize(
         "step",
@@ -84,19 +89,30 @@ class TestAt2:
 
     def test_units_of_another_quantity(self):
         for units in ("CM/S", "CM", "IN/SEC"):
-            refused(files.at2(units=units), f"samples in '{units}', which is no unit of acceleration")
-        refused(files.at2().replace("ACCELERATION", "VELOCITY"), "samples in 'G', which is no unit of velocity")
+            refused(
+                files.at2(units=units), f"samples in '{units}', which is no unit of acceleration"
+            )
+        refused(
+            files.at2().replace("ACCELERATION", "VELOCITY"),
+            "samples in 'G', which is no unit of velocity",
+        )
 
     def test_a_velocity_is_read_as_one(self, tmp_path):
         (tmp_path / "a.VT2").write_text(files.at2(units="CM/S").replace("ACCELERATION", "VELOCITY"))
         record = read_record(tmp_path / "a.VT2")
         assert (record.quantity, record.units, record.units_from) == ("velocity", "cm/s", "file")
-        np.testing.assert_allclose(record.acceleration[1:-1], (motion()[2:] - motion()[:-2]), rtol=1e-12, atol=1e-12)
-        (tmp_path / "a.DT2").write_text(files.at2(units="CM").replace("ACCELERATION", "DISPLACEMENT"))
+        np.testing.assert_allclose(
+            record.acceleration[1:-1], (motion()[2:] - motion()[:-2]), rtol=1e-12, atol=1e-12
+        )
+        (tmp_path / "a.DT2").write_text(
+            files.at2(units="CM").replace("ACCELERATION", "DISPLACEMENT")
+        )
         assert read_record(tmp_path / "a.DT2").quantity == "displacement"
 
     def test_other_numbers_of_values(self):
-        refused(files.at2(npts=121), "cut off: 121 values are announced after line 4, there are 120")
+        refused(
+            files.at2(npts=121), "cut off: 121 values are announced after line 4, there are 120"
+        )
         refused(files.at2(npts=119), "more than the 119 values")
         refused(files.at2(npts=115), "more values than NPTS announces")
 
@@ -120,7 +136,8 @@ class TestCosmos:
         assert trace.stats.starttime.timestamp == 0
 
     @pytest.mark.parametrize(
-        ("units", "expected"), [("g (2)", "g"), ("cm/s^2", "cm/s^2"), ("in/sec2(07)", "in/s^2"), ("?(02)", "g")]
+        ("units", "expected"),
+        [("g (2)", "g"), ("cm/s^2", "cm/s^2"), ("in/sec2(07)", "in/s^2"), ("?(02)", "g")],
     )
     def test_units(self, units, expected):
         assert only(files.cosmos(units=units)).stats.tdint_units == expected
@@ -147,10 +164,18 @@ class TestCosmos:
         refused(files.cosmos(kind="velocity"), "'cm/sec2', which is no unit of velocity")
         assert only(files.cosmos(kind="velocity", units="cm/sec(05)")).stats.tdint_units == "cm/s"
         refused(files.cosmos(units="volts(51)"), "'volts', which is no unit of acceleration")
-        refused(files.cosmos().replace("    10.000000", "  -999.000000"), "does not give the sampling interval")
-        refused(files.cosmos(np.where(motion() == 1.5, -999.0, motion())), "1 sample marked as unknown")
+        refused(
+            files.cosmos().replace("    10.000000", "  -999.000000"),
+            "does not give the sampling interval",
+        )
+        refused(
+            files.cosmos(np.where(motion() == 1.5, -999.0, motion())), "1 sample marked as unknown"
+        )
         refused(files.cosmos().replace("/& ", "// "), "line with the end of the data is missing")
-        refused(files.cosmos().replace("approx   1 secs", "approx  90 secs"), "120 samples at the header's 0.01 s")
+        refused(
+            files.cosmos().replace("approx   1 secs", "approx  90 secs"),
+            "120 samples at the header's 0.01 s",
+        )
 
     def test_values_without_blanks_in_fixed_columns(self):
         values = np.array([1.5, -999.25, 1234.25, 9999.5, -2.0, 0.25] * 20)
@@ -172,11 +197,15 @@ class TestCsmip:
         assert contents(files.csmip_v2(data=data)).traces[0].stats.delta == 0.005
 
     @pytest.mark.parametrize(
-        "line", [None, " 120 POINTS OF ACCEL DATA EQUALLY SPACED AT .005 SEC.  (UNITS: G)"], ids=["by rate", "by step"]
+        "line",
+        [None, " 120 POINTS OF ACCEL DATA EQUALLY SPACED AT .005 SEC.  (UNITS: G)"],
+        ids=["by rate", "by step"],
     )
     def test_volume_1(self, line):
         text = files.csmip_v1()
-        traces = contents(re.sub(r"(?m)^ 120 Accelerogram points.*$", line, text) if line else text).traces
+        traces = contents(
+            re.sub(r"(?m)^ 120 Accelerogram points.*$", line, text) if line else text
+        ).traces
         assert [trace.id for trace in traces] == [".36456.1.360", ".36456.2.UP"]
         for trace, peak in zip(traces, (0.125, -0.5), strict=True):
             np.testing.assert_array_equal(trace.data, motion(peak=peak))
@@ -203,7 +232,10 @@ class TestCsmip:
         assert record.peaks == (pytest.approx(0.7525), pytest.approx(0.7525))
         measures = measure(record)
         assert (measures.pgv, measures.pgd) == record.peaks
-        assert "the peak velocity is that of the file's own velocity; integration from rest gives" in measures.notes[0]
+        assert (
+            "the peak velocity is that of the file's own velocity; integration from rest gives"
+            in measures.notes[0]
+        )
         assert measure(record.scaled(-2.0)).pgv == pytest.approx(1.505)
         changed = process(record, baseline="constant")
         assert changed.peaks == (None, None)
@@ -215,7 +247,8 @@ class TestCsmip:
         more = "PEAK   VELOCITY   =   {}      CM/SEC    AT    5.080   SEC.\n"
         assert contents(text.replace(line, line + more.format("-75.250"))).notes == ()
         refused(
-            text.replace(line, line + more.format("-82.912")), "peak velocity of 82.912 CM/SEC, what was read has 75.25"
+            text.replace(line, line + more.format("-82.912")),
+            "peak velocity of 82.912 CM/SEC, what was read has 75.25",
         )
 
     def test_choosing_among_channels(self, tmp_path):
@@ -223,7 +256,11 @@ class TestCsmip:
         path.write_text(files.csmip_v2({"  0 DEG": 10.0, " 90 DEG": 20.0, "90 DEG": 30.0}))
         assert [record.pga for record in read_records(path)] == pytest.approx([0.1, 0.2, 0.3])
         assert read_record(path, component="0").pga == pytest.approx(0.1)
-        refused(path, r"several components match '90', choose one: .36456.2.90, .36456.3.90", component="90")
+        refused(
+            path,
+            r"several components match '90', choose one: .36456.2.90, .36456.3.90",
+            component="90",
+        )
 
     @pytest.mark.parametrize("write", [files.csmip_pairs, files.usc])
     @pytest.mark.parametrize("first", [0.0, 99.0])
@@ -261,9 +298,12 @@ class TestCsmip:
         for stated in ("-160.500", "  15.050"):
             text = sound.replace("PEAK ACCELERATION =  150.500", f"PEAK ACCELERATION = {stated}")
             refused(
-                text, rf"90: the file states a peak of {abs(float(stated)):g} cm/s\^2, what was read has 150.5 cm/s"
+                text,
+                rf"90: the file states a peak of {abs(float(stated)):g} cm/s\^2, what was read has 150.5 cm/s",
             )
-        (note,) = contents(sound.replace("PEAK ACCELERATION =  150.500", "PEAK ACCELERATION =  151.500")).notes
+        (note,) = contents(
+            sound.replace("PEAK ACCELERATION =  150.500", "PEAK ACCELERATION =  151.500")
+        ).notes
         assert note == "90: the file states a peak of 151.5 cm/s^2, what was read has 150.5 cm/s^2"
 
         # MAX is in g where the samples are in tenths of it: taken for one another they would be ten times off.
@@ -271,7 +311,8 @@ class TestCsmip:
         assert "G/10" in sound
         assert "peak" in contents(sound).compared
         refused(
-            sound.replace("MAX  =  -0.150 G", "MAX  =  -1.500 G"), "states a peak of 1.5 g, what was read has 0.15 g"
+            sound.replace("MAX  =  -0.150 G", "MAX  =  -1.500 G"),
+            "states a peak of 1.5 g, what was read has 0.15 g",
         )
 
 
@@ -279,7 +320,11 @@ class TestSmc:
     def test_header(self):
         trace = only(files.smc())
         np.testing.assert_allclose(trace.data, motion(), rtol=1e-15)
-        assert (trace.id, trace.stats.delta, trace.stats.tdint_units) == (".SAF0A..360", 0.005, "cm/s^2")
+        assert (trace.id, trace.stats.delta, trace.stats.tdint_units) == (
+            ".SAF0A..360",
+            0.005,
+            "cm/s^2",
+        )
         # By the day of the year, or by month and day where the text has a date
         by_month = dict(enumerate((1989, 10, 18, 0, 4, 7, 250), start=1))
         for text in (files.smc(), files.smc(integers=by_month)):
@@ -301,7 +346,11 @@ class TestEsm:
     def test_header(self):
         trace = only(files.esm())
         np.testing.assert_array_equal(trace.data, motion())
-        assert (trace.id, trace.stats.delta, trace.stats.tdint_units) == ("XX.FAR1..HNE", 0.005, "cm/s^2")
+        assert (trace.id, trace.stats.delta, trace.stats.tdint_units) == (
+            "XX.FAR1..HNE",
+            0.005,
+            "cm/s^2",
+        )
         assert str(trace.stats.starttime) == "2019-07-28T16:09:19.870000Z"
 
     def test_refused(self):
@@ -331,7 +380,10 @@ class TestGeonet:
         assert trace.stats.tdint_units == "2.50 mm/s^2"
 
     def test_refused(self):
-        refused(files.geonet().replace("at 0.020 sec", "at 0.010 sec"), "0.02 s and, in words, as 0.010 s")
+        refused(
+            files.geonet().replace("at 0.020 sec", "at 0.010 sec"),
+            "0.02 s and, in words, as 0.010 s",
+        )
         refused(files.geonet() + "one line more\n", "cut off")
 
 
@@ -346,14 +398,22 @@ class TestNumbersOfSmc:
 
     @pytest.mark.parametrize(
         ("vertical", "azimuth", "name"),
-        [(90, 0, "0"), (90, 270, "270"), (90, -99, ""), (0, -99, "UP"), (180, 45, "DOWN"), (-99, 45, "45")],
+        [
+            (90, 0, "0"),
+            (90, 270, "270"),
+            (90, -99, ""),
+            (0, -99, "UP"),
+            (180, 45, "DOWN"),
+            (-99, 45, "45"),
+        ],
     )
     def test_component(self, vertical, azimuth, name):
         assert only(files.smc(integers={0: -99, 12: vertical, 13: azimuth})).stats.channel == name
         assert only(files.smc(integers={0: 0, 12: 0, 13: 30})).stats.channel == "30"
 
     @pytest.mark.parametrize(
-        ("largest", "smallest", "peak"), [(3.0, -5.0, -5.0), (6.0, -5.0, 6.0), (1e38, -5.0, None), (3.0, 1e38, None)]
+        ("largest", "smallest", "peak"),
+        [(3.0, -5.0, -5.0), (6.0, -5.0, 6.0), (1e38, -5.0, None), (3.0, 1e38, None)],
     )
     def test_peak(self, largest, smallest, peak):
         """The larger one of the stated extremes, with five digits; none where one of them is not known."""
@@ -361,8 +421,15 @@ class TestNumbersOfSmc:
         compared = contents(text)
         assert ("peak" in compared.compared) == (peak is not None) and compared.notes == ()
         if peak:
-            assert contents(files.smc(motion(peak=peak), reals={29: 1.00009 * abs(peak), 31: 0.0})).notes == ()
-            (note,) = contents(files.smc(motion(peak=peak), reals={29: 1.0003 * abs(peak), 31: 0.0})).notes
+            assert (
+                contents(
+                    files.smc(motion(peak=peak), reals={29: 1.00009 * abs(peak), 31: 0.0})
+                ).notes
+                == ()
+            )
+            (note,) = contents(
+                files.smc(motion(peak=peak), reals={29: 1.0003 * abs(peak), 31: 0.0})
+            ).notes
             assert "peak" in note
 
     @pytest.mark.parametrize("told", ["", "  1994 1 17  x", "1994 01 18"])
@@ -373,7 +440,9 @@ class TestNumbersOfSmc:
         assert usgs._start(by_day, texts) == datetime(1994, 1, 17, 12, 30, 55, 250000)
         by_month = [-99.0, 1994.0, 1.0, 17.0, 12.0, 30.0, 55.0, 250.0]
         assert usgs._start(by_month, texts) == (
-            datetime(1994, 1, 17, 12, 30, 55, 250000) if told else datetime(1994, 1, 1, 17, 12, 30, 55000)
+            datetime(1994, 1, 17, 12, 30, 55, 250000)
+            if told
+            else datetime(1994, 1, 1, 17, 12, 30, 55000)
         )
         for place in range(1, 6):
             unknown = by_day.copy()

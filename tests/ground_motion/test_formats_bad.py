@@ -26,7 +26,9 @@ def read(name, data):
     """The samples of each component, None if the file is refused; nothing else may be raised."""
     with warnings.catch_warnings():
         # Damage may leave a header that contradicts the samples; that is told.
-        warnings.filterwarnings("ignore", message=".*the file states a |the times in the file|.*last one is repeated")
+        warnings.filterwarnings(
+            "ignore", message=".*the file states a |the times in the file|.*last one is repeated"
+        )
         try:
             return {trace.id: trace.data for trace in READERS[name](io.BytesIO(data))}
         except RecordError as error:
@@ -47,7 +49,9 @@ def check_whole(name, data, whole):
 @pytest.mark.parametrize(("name", "data"), CASES)
 def test_cut_off_anywhere(name, data):
     whole = read(name, data)
-    shortest = 200 if name == "TEXT" else 0  # A few rows do not tell how many places their numbers have.
+    shortest = (
+        200 if name == "TEXT" else 0
+    )  # A few rows do not tell how many places their numbers have.
     for length in (*range(shortest, len(data), 97), *range(len(data) - 30, len(data))):
         check_whole(name, data[:length], whole)
 
@@ -56,7 +60,9 @@ OTHERS = (b"-1", b"1e308", b"9" * 5000, b"1e-308", b"1e" + b"9" * 20)
 
 
 @pytest.mark.parametrize(("name", "data"), CASES)
-@pytest.mark.parametrize("turn", [0, 2, *(pytest.param(turn, marks=pytest.mark.slow) for turn in (1, 3, 4))])
+@pytest.mark.parametrize(
+    "turn", [0, 2, *(pytest.param(turn, marks=pytest.mark.slow) for turn in (1, 3, 4))]
+)
 def test_other_numbers_in_the_header(name, data, turn):
     """In each place the next one, in all turns each in each place. Of numbers that are repeated over and over, as where
     nothing is known, the first one."""
@@ -83,7 +89,9 @@ LETTERS = st.text(alphabet="NPTSDT=,.0123456789\n eE+-#", max_size=400)
 
 
 @settings(max_examples=60, deadline=None)
-@given(data=st.binary(max_size=600) | LETTERS.map(str.encode) | st.text(max_size=300).map(str.encode))
+@given(
+    data=st.binary(max_size=600) | LETTERS.map(str.encode) | st.text(max_size=300).map(str.encode)
+)
 def test_anything_else(data):
     """No check of a format raises, and each reader refuses, as all together do."""
     for plugin in OWN:
@@ -94,7 +102,9 @@ def test_anything_else(data):
 
 
 @pytest.mark.parametrize("name", READERS)
-@pytest.mark.parametrize("word", [b" ", b"POINTS OF ", b"NPTS= 1 ", b"#", b"1", b"CHAN 1:  ", b"1 2,", b"units = "])
+@pytest.mark.parametrize(
+    "word", [b" ", b"POINTS OF ", b"NPTS= 1 ", b"#", b"1", b"CHAN 1:  ", b"1 2,", b"units = "]
+)
 def test_endless_lines(name, word):
     line, sound = word * (100_000 // len(word)), SAMPLES[name][0]().encode()
     for data in (line, b"\n".join([line] * 5), sound + line, line + b"\n" + sound):

@@ -56,7 +56,9 @@ def test_files_of_this_project_are_not_claimed(files):
         assert claims(path) == [], path
 
 
-@pytest.mark.parametrize(("rows", "claimed"), [("0 5\n1 5\n2 3\n", True), ("0 5\n1 5\n1 3\n", False)])
+@pytest.mark.parametrize(
+    ("rows", "claimed"), [("0 5\n1 5\n2 3\n", True), ("0 5\n1 5\n1 3\n", False)]
+)
 def test_of_columns_without_names_the_first_one_grows(rows, claimed):
     assert claims(io.BytesIO(rows.encode())) == ["TEXT"] * claimed
 

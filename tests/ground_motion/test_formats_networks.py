@@ -16,10 +16,34 @@ def ids(text):
 @pytest.mark.parametrize(
     ("write", "units", "dt", "names", "start"),
     [
-        (files.afad, "cm/s^2", 0.01, [".0921..NS", ".0921..EW", ".0921..UD"], "2017-07-20T22:30:58.500000Z"),
-        (files.cwb, "cm/s^2", 0.02, [".ECU..U", ".ECU..N", ".ECU..E"], "2018-02-06T15:50:29.000000Z"),
-        (files.unam, "cm/s^2", 0.004, [".CUP5..V", ".CUP5..N90E", ".CUP5..N00E"], "2004-01-02T00:00:01.000000Z"),
-        (files.bhrc, "0.1 g", 0.005, [".Avin..50", ".Avin..V", ".Avin..140"], "1970-01-01T00:00:00.000000Z"),
+        (
+            files.afad,
+            "cm/s^2",
+            0.01,
+            [".0921..NS", ".0921..EW", ".0921..UD"],
+            "2017-07-20T22:30:58.500000Z",
+        ),
+        (
+            files.cwb,
+            "cm/s^2",
+            0.02,
+            [".ECU..U", ".ECU..N", ".ECU..E"],
+            "2018-02-06T15:50:29.000000Z",
+        ),
+        (
+            files.unam,
+            "cm/s^2",
+            0.004,
+            [".CUP5..V", ".CUP5..N90E", ".CUP5..N00E"],
+            "2004-01-02T00:00:01.000000Z",
+        ),
+        (
+            files.bhrc,
+            "0.1 g",
+            0.005,
+            [".Avin..50", ".Avin..V", ".Avin..140"],
+            "1970-01-01T00:00:00.000000Z",
+        ),
     ],
 )
 def test_components(write, units, dt, names, start):
@@ -54,7 +78,9 @@ def test_a_row_that_ends_before_the_number_of_points():
 
 def test_other_steps_and_peaks():
     refused(files.cwb(rate=100), "states a sampling interval of 0.01 s, what was read has 0.02")
-    refused(files.bhrc(rate=100.0), "states a sampling interval of 0.01 s, what was read has 0.005 s")
+    refused(
+        files.bhrc(rate=100.0), "states a sampling interval of 0.01 s, what was read has 0.005 s"
+    )
     refused(files.afad(peaks=(1.5, 2.4, 0.5)), "EW: the file states a peak of 2.4 cm/s")
     cwb = files.cwb().replace("   -2.250\n#AmplitudeMAX. E", "   -2.500\n#AmplitudeMAX. E")
     refused(cwb, "N: the file states a peak of 2.5")
@@ -75,7 +101,12 @@ def test_a_row_with_another_number_of_numbers():
 
 @pytest.mark.parametrize(
     ("origin", "first", "day"),
-    [("10:01:02", "10:01:30", 5), ("23:59:50.5", "00:00:01.5", 6), ("", "00:00:01", 5), ("13:00:00", "01:00:00", 5)],
+    [
+        ("10:01:02", "10:01:30", 5),
+        ("23:59:50.5", "00:00:01.5", 6),
+        ("", "00:00:01", 5),
+        ("13:00:00", "01:00:00", 5),
+    ],
 )
 def test_a_record_of_unam_that_begins_after_midnight(origin, first, day):
     """The header has the day of the earthquake: the first sample comes within twelve hours of it."""
@@ -86,4 +117,6 @@ def test_a_record_of_unam_that_begins_after_midnight(origin, first, day):
     expected = datetime(2004, 3, day, int(hour), int(minute), int(whole), 100_000 * int(part or 0))
     assert contents(header).traces[0].stats.starttime == expected
     for key in ("FECHA DEL SISMO", "HORA DE LA PRIMERA"):
-        assert contents(header.replace(key, "NADA")).traces[0].stats.starttime == datetime(1970, 1, 1)
+        assert contents(header.replace(key, "NADA")).traces[0].stats.starttime == datetime(
+            1970, 1, 1
+        )

@@ -33,18 +33,26 @@ class TestOneColumn:
             "# start = 2020-01-02T03:04:05+01:00"
         )
         trace = only(one_column(header=header))
-        assert (trace.id, str(trace.stats.starttime)) == ("XX.Far-Hill.00.NS", "2020-01-02T02:04:05.000000Z")
+        assert (trace.id, str(trace.stats.starttime)) == (
+            "XX.Far-Hill.00.NS",
+            "2020-01-02T02:04:05.000000Z",
+        )
         assert only(one_column(header="# dt = 1 s\n# start: noon")).stats.starttime.timestamp == 0
 
     def test_one_value_a_line_or_none(self):
         assert contents(one_column()).notes == ()
-        np.testing.assert_array_equal(only("# dt = 1\n1\n\n# between\n2.5\n-.5").data, [1.0, 2.5, -0.5])
+        np.testing.assert_array_equal(
+            only("# dt = 1\n1\n\n# between\n2.5\n-.5").data, [1.0, 2.5, -0.5]
+        )
         np.testing.assert_array_equal(only("\n\n0 1\n1 2.5\n").data, [1.0, 2.5])
 
     @pytest.mark.parametrize(
         ("header", "message"),
         [
-            (None, "without its sampling interval; declare it in a first line `# dt = 0.01 s, units = g`"),
+            (
+                None,
+                "without its sampling interval; declare it in a first line `# dt = 0.01 s, units = g`",
+            ),
             ("# units = g", "without its sampling interval"),
             ("# dt = 0 s", "gives dt as '0 s'; write a positive number"),
             ("# dt = 0.01 h", "gives dt as '0.01 h'"),
@@ -78,7 +86,8 @@ class TestTwoColumns:
 
     def test_milliseconds_and_decimal_commas(self):
         rows = text(
-            "time_ms;acceleration_g", [f"{5 * i};{value:.3f}".replace(".", ",") for i, value in enumerate(motion())]
+            "time_ms;acceleration_g",
+            [f"{5 * i};{value:.3f}".replace(".", ",") for i, value in enumerate(motion())],
         )
         trace = only(rows)
         np.testing.assert_array_equal(trace.data, motion())
@@ -90,7 +99,13 @@ class TestTwoColumns:
 
     @pytest.mark.parametrize(
         ("dt", "decimals", "expected"),
-        [(0.01, 2, 0.01), (0.005, 3, 0.005), (1 / 300, 4, 1 / 300), (1 / 128, 7, 1 / 128), (0.015, 3, 0.015)],
+        [
+            (0.01, 2, 0.01),
+            (0.005, 3, 0.005),
+            (1 / 300, 4, 1 / 300),
+            (1 / 128, 7, 1 / 128),
+            (0.015, 3, 0.015),
+        ],
     )
     def test_the_interval_of_rounded_times(self, dt, decimals, expected):
         assert only(two_columns(dt=dt, decimals=decimals)).stats.delta == expected
@@ -156,7 +171,10 @@ class TestTables:
 
     def table(self, header, columns, separator=","):
         rows = np.column_stack([self.t, *columns])
-        return text([header] if header else [], [separator.join(f"{value:.4f}" for value in row) for row in rows])
+        return text(
+            [header] if header else [],
+            [separator.join(f"{value:.4f}" for value in row) for row in rows],
+        )
 
     @pytest.fixture
     def three(self):
@@ -187,16 +205,24 @@ class TestTables:
         ],
     )
     def test_components(self, tmp_path, three, header, separator, names):
-        for mark, encoding in ((b"", "utf-8"), (b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le")):
+        for mark, encoding in (
+            (b"", "utf-8"),
+            (b"\xef\xbb\xbf", "utf-8"),
+            (b"\xff\xfe", "utf-16-le"),
+        ):
             data = mark + self.table(header, three, separator).encode(encoding)
             (tmp_path / "a.csv").write_bytes(data)
             given = None if "gal" in header else "gal"
             records = read_records(tmp_path / "a.csv", units=given)
             assert tuple(record.component for record in records) == names
             assert [record.pga for record in records] == pytest.approx([0.01, 0.02, 0.005])
-            assert read_record(tmp_path / "a.csv", units=given, component=names[1]).pga == pytest.approx(0.02)
+            assert read_record(
+                tmp_path / "a.csv", units=given, component=names[1]
+            ).pga == pytest.approx(0.02)
 
     def test_refused(self, three):
         refused(self.table("time,N,E", three), "names 3 columns, the rows have 4")
-        refused(self.table("time,N (g),E (s),Z (g)", three), "'s', which is no unit of acceleration")
+        refused(
+            self.table("time,N (g),E (s),Z (g)", three), "'s', which is no unit of acceleration"
+        )
         refused(self.table("time,N,E,Z", three) + "1.2,1,2\n", r"unknown format|is not 4 numbers")

@@ -22,7 +22,11 @@ from tdint.ground_motion.reading.contents import read_contents
 
 class TestComparison:
     def test_names_what_was_compared_once(self):
-        statements = [Statement("peak", 1.0, 1.0), Statement("step", 0.01, 0.0101, 2e-4), Statement("peak", 2.0, 2.0)]
+        statements = [
+            Statement("peak", 1.0, 1.0),
+            Statement("step", 0.01, 0.0101, 2e-4),
+            Statement("peak", 2.0, 2.0),
+        ]
         assert compare(statements) == ("peak", "step")
         assert compare([]) == ()
 
@@ -49,7 +53,9 @@ def test_sampling_intervals_that_recorders_have(dt):
 class TestSac:
     @pytest.fixture
     def data(self, tmp_path):
-        return bytearray(write(tmp_path / "a", trace(wave().astype(np.float32)), format="SAC").read_bytes())
+        return bytearray(
+            write(tmp_path / "a", trace(wave().astype(np.float32)), format="SAC").read_bytes()
+        )
 
     def test_sound(self, data):
         compared = read_contents(bytes(data), "file").compared
@@ -93,7 +99,10 @@ class TestText:
         data = write(tmp_path / "a", trace(wave(300)), format=format).read_bytes()
         assert read_contents(data, "file").compared == ("number of samples",)
         for stated in (b"294", b"306"):
-            refused(data.replace(b"300 samples", stated + b" samples"), f"{stated.decode()}, what was read has 300")
+            refused(
+                data.replace(b"300 samples", stated + b" samples"),
+                f"{stated.decode()}, what was read has 300",
+            )
         *lines, last = data.rstrip().split(b"\n")
         refused(b"\n".join([*lines, last, last, b""]), "what was read has 30")
 
@@ -108,30 +117,50 @@ class TestText:
                 else f"WID{version}".ljust(48) + f"{count:>8}"
             )
             head = head.ljust(74) + "CMP6" if version == "1" else head[:44] + "CM6 " + head[48:]
-            return "\n".join([head, "STA2 other line", f"DAT{version}", *lines, end.format(version), ""]).encode()
+            return "\n".join(
+                [head, "STA2 other line", f"DAT{version}", *lines, end.format(version), ""]
+            ).encode()
 
         # Of the characters of a sample those of 6 bits lead on, A to T and -0..9 end one.
         assert look_at_gse(section(3, "kA", "U1T") + section(2, "+-")) == [3, 2]
         refused_by(look_at_gse, section(4, "kA", "U1T"), "its header states 4 samples, there are 3")
         refused_by(look_at_gse, section("x", "kA"), "a section does not tell its number of samples")
-        refused_by(look_at_gse, section(1, "A", end="END"), f"a section without DAT{version}, CHK{version}")
         refused_by(
-            look_at_gse, section(1, "A").replace(b"DAT", b"dat"), f"a section without DAT{version}, CHK{version}"
+            look_at_gse, section(1, "A", end="END"), f"a section without DAT{version}, CHK{version}"
         )
-        refused_by(look_at_gse, section(1, "A*"), "a character among the data is none of the compression's")
+        refused_by(
+            look_at_gse,
+            section(1, "A").replace(b"DAT", b"dat"),
+            f"a section without DAT{version}, CHK{version}",
+        )
+        refused_by(
+            look_at_gse, section(1, "A*"), "a character among the data is none of the compression's"
+        )
         assert look_at_gse(section(81, "1" * 81)) == [81]
-        refused_by(look_at_gse, section(82, "1" * 82), "a line of data is longer than 81 characters")
-        assert all(one.difference == 0.0 for one in gse_statements([3, 2], [trace(counts(3)), trace(counts(2))]))
+        refused_by(
+            look_at_gse, section(82, "1" * 82), "a line of data is longer than 81 characters"
+        )
+        assert all(
+            one.difference == 0.0
+            for one in gse_statements([3, 2], [trace(counts(3)), trace(counts(2))])
+        )
         with pytest.raises(Damaged, match="it has 1 sections, 2 could be read"):
             gse_statements([3], [trace(counts(3)), trace(counts(2))])
 
     def test_the_last_place_of_a_number(self):
-        assert [last_place(text) for text in ("12", "1.50", "2.5E-3", "-1e2")] == [1.0, 0.01, 1e-4, 100.0]
+        assert [last_place(text) for text in ("12", "1.50", "2.5E-3", "-1e2")] == [
+            1.0,
+            0.01,
+            1e-4,
+            100.0,
+        ]
 
     @pytest.mark.parametrize("order", ["<", ">"])
     def test_longitudes_of_sac(self, tmp_path, order):
         """Of station and event; 12345 of either sign stands for one that is not known."""
-        path = write(tmp_path / "a", trace(wave().astype(np.float32)), format="SAC", byteorder=order)
+        path = write(
+            tmp_path / "a", trace(wave().astype(np.float32)), format="SAC", byteorder=order
+        )
         for word in (32, 36):
             for value in (12345.0, -12345.0, 12357.0, -12357.0, 1e30, float("nan")):
                 data = bytearray(path.read_bytes())
@@ -143,16 +172,32 @@ class TestText:
 
     def test_lengths_of_sac(self, tmp_path):
         """The time of the last sample, or of that which would follow; not two of them."""
-        data = bytearray(write(tmp_path / "a", trace(wave().astype(np.float32)), format="SAC").read_bytes())
-        for shift, sound in ((0.0, True), (0.01, True), (-0.01, True), (0.0103, False), (-0.0103, False)):
+        data = bytearray(
+            write(tmp_path / "a", trace(wave().astype(np.float32)), format="SAC").read_bytes()
+        )
+        for shift, sound in (
+            (0.0, True),
+            (0.01, True),
+            (-0.01, True),
+            (0.0103, False),
+            (-0.0103, False),
+        ):
             struct.pack_into("<ff", data, 4 * 5, 2.0, 2.0 + 9.99 + shift)
-            (length,) = (one for one in sac_statements(look_at_sac(data), [trace(wave(1000))]) if "time" in one.what)
+            (length,) = (
+                one
+                for one in sac_statements(look_at_sac(data), [trace(wave(1000))])
+                if "time" in one.what
+            )
             assert (length.difference <= 0.0) == sound, shift
         struct.pack_into("<f", data, 4 * 5, -12345.0)
-        assert not any("time" in one.what for one in sac_statements(look_at_sac(data), [trace(wave(1000))]))
+        assert not any(
+            "time" in one.what for one in sac_statements(look_at_sac(data), [trace(wave(1000))])
+        )
 
 
-@pytest.mark.parametrize(("off", "remarked"), [(0.0, False), (0.9e-3, False), (-0.9e-3, False), (1.2e-3, True)])
+@pytest.mark.parametrize(
+    ("off", "remarked"), [(0.0, False), (0.9e-3, False), (-0.9e-3, False), (1.2e-3, True)]
+)
 def test_peaks_of_knet_are_without_the_offset(off, remarked):
     """In gal, to a thousandth beside what another offset makes of it; samples are counts of `calib` m/s^2."""
     samples = counts(1000) + 777

@@ -23,7 +23,9 @@ from tdint.ground_motion.record import Record
 
 
 def record(component, samples=100, *, dt=0.01, station="N.STA", start="", source="a.x", seed=0):
-    values = np.random.default_rng([seed, len(component), *component.encode()]).standard_normal(samples)
+    values = np.random.default_rng([seed, len(component), *component.encode()]).standard_normal(
+        samples
+    )
     return Record(values, dt, start, f"{station}..{component}", component, source)
 
 
@@ -40,8 +42,26 @@ def test_azimuths(name, degrees):
 
 
 def test_which_components_are_vertical():
-    vertical = ["U", "UP", "DOWN", "DWN", "UD", "U-D", "UD2", "HNZ", "BNZ", "Z", "V", "VERT", "vertical"]
-    assert [name for name in (*vertical, "HNE", "HN1", "NS", "360", "", "N00W", "X") if is_vertical(name)] == vertical
+    vertical = [
+        "U",
+        "UP",
+        "DOWN",
+        "DWN",
+        "UD",
+        "U-D",
+        "UD2",
+        "HNZ",
+        "BNZ",
+        "Z",
+        "V",
+        "VERT",
+        "vertical",
+    ]
+    assert [
+        name
+        for name in (*vertical, "HNE", "HN1", "NS", "360", "", "N00W", "X")
+        if is_vertical(name)
+    ] == vertical
 
 
 @pytest.mark.parametrize(
@@ -75,12 +95,21 @@ def test_names_that_tell_no_direction_are_taken_with_a_note():
         ([record("EW"), record("EW", seed=1)], "EW and EW are 0 degrees apart"),
         ([record("H1"), record("H1", seed=1)], "both components are called H1"),
         ([record("HNE"), record("HNN", dt=0.02)], "sampled at 0.01 and 0.02 s"),
-        ([record("HNE"), record("HNN", station="N.ELSE")], "of different stations, N.STA and N.ELSE"),
         (
-            [record("HNE", start="2024-01-01T00:00:00.000000Z"), record("HNN", start="2024-01-01T00:00:00.250000Z")],
+            [record("HNE"), record("HNN", station="N.ELSE")],
+            "of different stations, N.STA and N.ELSE",
+        ),
+        (
+            [
+                record("HNE", start="2024-01-01T00:00:00.000000Z"),
+                record("HNN", start="2024-01-01T00:00:00.250000Z"),
+            ],
             "the components begin 0.25 s apart",
         ),
-        ([record("HNE"), record("HNN", samples=90)], "have 100 and 90 samples; cut them to equal length"),
+        (
+            [record("HNE"), record("HNN", samples=90)],
+            "have 100 and 90 samples; cut them to equal length",
+        ),
     ],
 )
 def test_what_is_no_pair(records, message):
@@ -95,7 +124,9 @@ def test_the_same_motion_twice():
         find_horizontals([one, twice])
 
 
-@pytest.mark.parametrize(("samples", "words"), [(99, "the last sample of HNE"), (97, "the last 3 samples of HNE")])
+@pytest.mark.parametrize(
+    ("samples", "words"), [(99, "the last sample of HNE"), (97, "the last 3 samples of HNE")]
+)
 def test_the_end_that_one_alone_has_is_left_out(samples, words):
     pair = find_horizontals([record("HNE"), record("HNN", samples=samples)])
     assert pair.first.acceleration.size == pair.second.acceleration.size == samples
@@ -118,7 +149,8 @@ OTHER_MOTION = [
 
 
 @pytest.mark.parametrize(
-    ("one", "other", "same"), [*((*pair, True) for pair in SAME_MOTION), *((*pair, False) for pair in OTHER_MOTION)]
+    ("one", "other", "same"),
+    [*((*pair, True) for pair in SAME_MOTION), *((*pair, False) for pair in OTHER_MOTION)],
 )
 def test_files_of_one_motion(one, other, same):
     assert (motion_name(one) == motion_name(other)) == same
@@ -126,20 +158,35 @@ def test_files_of_one_motion(one, other, same):
 
 def test_pairs_by_names_that_are_given():
     names = PairNames.parse("{}_long.txt, {}_tran.txt")
-    files = ["r/a_long.txt", "r/b_long.txt", "r/a_tran.txt", "r/b_tran.txt", "s/a_tran.txt", "r/a_up.txt"]
+    files = [
+        "r/a_long.txt",
+        "r/b_long.txt",
+        "r/a_tran.txt",
+        "r/b_tran.txt",
+        "s/a_tran.txt",
+        "r/a_up.txt",
+    ]
     motions, others = files_of_motions(files, names)
-    assert motions == [("r/a_long.txt", "r/a_tran.txt"), ("r/b_long.txt", "r/b_tran.txt"), ("s/a_tran.txt",)]
+    assert motions == [
+        ("r/a_long.txt", "r/a_tran.txt"),
+        ("r/b_long.txt", "r/b_tran.txt"),
+        ("s/a_tran.txt",),
+    ]
     assert others == ["r/a_up.txt"]
     folders = PairNames.parse("N/{}.txt,E/{}.txt")
     assert files_of_motions(["x/N/1.txt", "x/E/1.txt", "x/N/2.txt"], folders)[0] == [
         ("x/N/1.txt", "x/E/1.txt"),
         ("x/N/2.txt",),
     ]
-    with pytest.raises(UsageError, match=r"no file is named N/\{\}.txt or E/\{\}.txt; there are a.txt"):
+    with pytest.raises(
+        UsageError, match=r"no file is named N/\{\}.txt or E/\{\}.txt; there are a.txt"
+    ):
         files_of_motions(["a.txt"], folders)
 
 
-@pytest.mark.parametrize("text", ["{}_N.txt", "{}_N.txt,{}_N.txt", "{}_N.txt,{}_E.txt,{}_Z.txt", "{}{},{}_E", "a,{}_b"])
+@pytest.mark.parametrize(
+    "text", ["{}_N.txt", "{}_N.txt,{}_N.txt", "{}_N.txt,{}_E.txt,{}_Z.txt", "{}{},{}_E", "a,{}_b"]
+)
 def test_names_that_make_no_pair(text):
     with pytest.raises(UsageError, match="write two names with"):
         PairNames.parse(text)
@@ -156,7 +203,10 @@ def test_a_component_comes_from_the_name_where_the_file_has_none():
     [
         (("a1.txt", "a2.txt", "b1.txt", "b2.txt"), "{}1.txt,{}2.txt"),
         (("a_000.csv", "b_000.csv", "a_090.csv", "b_090.csv"), "{}000.csv,{}090.csv"),
-        (("lon_kobe.csv", "lon_northridge.csv", "tra_kobe.csv", "tra_northridge.csv"), "lon{}.csv,tra{}.csv"),
+        (
+            ("lon_kobe.csv", "lon_northridge.csv", "tra_kobe.csv", "tra_northridge.csv"),
+            "lon{}.csv,tra{}.csv",
+        ),
     ],
 )
 def test_files_without_a_partner_are_told_once(files, names):
@@ -190,10 +240,15 @@ def test_names_far_from_each_other_are_not_called_close():
 )
 def test_real_records(names, found):
     paths = [real_file(name) for name in names]
-    assert find_horizontals([one for path in paths for one in read_records(path)]).component == found
+    assert (
+        find_horizontals([one for path in paths for one in read_records(path)]).component == found
+    )
 
 
 def test_read_from_a_file():
     file = Path(__file__).parents[2] / "records" / "firm-soil.mseed"
     pair = read_horizontals(file, units="m/s^2")
-    assert (pair.component, pair.first.pga) == ("HN1+HN2", read_record(file, units="m/s^2", component="HN1").pga)
+    assert (pair.component, pair.first.pga) == (
+        "HN1+HN2",
+        read_record(file, units="m/s^2", component="HN1").pga,
+    )

@@ -39,7 +39,9 @@ def test_messages_name_the_line():
         lines.take_until(lambda line: line == "trailer", "trailer")
     with pytest.raises(RecordError, match="line 5 holds 2 numbers, not 3"):
         lines.table(1, 3)
-    with pytest.raises(RecordError, match=r"more than the 1 values that are announced stand after line 5"):
+    with pytest.raises(
+        RecordError, match=r"more than the 1 values that are announced stand after line 5"
+    ):
         lines.numbers(1)
     with pytest.raises(RecordError, match="line 7 stands after the last row"):
         lines.expect_end()

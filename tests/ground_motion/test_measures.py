@@ -43,7 +43,9 @@ class TestClosedForms:
     def test_ramp(self):
         """t from 0 to 10 s: the energy grows with t^3."""
         found = measure(record(np.arange(21) * 0.5))
-        assert (found.pga, found.pgv, found.pgd) == pytest.approx((10.0, 50.0, 1000.0 / 6.0), rel=1e-13)
+        assert (found.pga, found.pgv, found.pgd) == pytest.approx(
+            (10.0, 50.0, 1000.0 / 6.0), rel=1e-13
+        )
         assert (found.arias, found.cav) == pytest.approx((arias(1000.0 / 3.0), 50.0), rel=1e-13)
         start = 10.0 * 0.05 ** (1 / 3)
         assert found.d5_75 == pytest.approx(10.0 * 0.75 ** (1 / 3) - start, rel=1e-12)
@@ -51,22 +53,34 @@ class TestClosedForms:
 
     def test_what_a_run_leaves_out(self):
         """Of 2 m/s^2 for 10 s the energy grows with t, of a ramp with t^3: after 5 s come a half and 7 / 8 of it."""
-        step, ramp = replace(record([2.0] * 21), source="step"), replace(record(np.arange(21.0)), source="ramp")
+        step, ramp = (
+            replace(record([2.0] * 21), source="step"),
+            replace(record(np.arange(21.0)), source="ramp"),
+        )
         told = "the run ends at 5 s, before so much of the Arias intensity: "
         assert cut_off([step, ramp], 5.0) == [f"{told}step 50 %, ramp 88 %"]
         # 5 % are left after 9.5 s of the one, and after 10 * 0.95^(1/3) = 9.83 s of the other.
         assert cut_off([step], 9.5) == [] and "ramp 14 %" in cut_off([step, ramp], 9.5)[0]
-        assert cut_off([step, ramp], 10.0) == cut_off([step], math.inf) == cut_off([record([0.0] * 9)], 1.0) == []
+        assert (
+            cut_off([step, ramp], 10.0)
+            == cut_off([step], math.inf)
+            == cut_off([record([0.0] * 9)], 1.0)
+            == []
+        )
 
     def test_triangle_through_zero(self):
         """From 1 to -2 m/s^2 in 3 s: zero after 1 s, at rest again after 2 s."""
         found = measure(record([1.0, -2.0], dt=3.0))
-        assert found.pgv == pytest.approx(1.5)  # at the end, -1.5; 0.5 at the zero of the acceleration
+        assert found.pgv == pytest.approx(
+            1.5
+        )  # at the end, -1.5; 0.5 at the zero of the acceleration
         assert found.cav == pytest.approx(0.5 + 2.0)
         assert found.arias == pytest.approx(arias(1.0 / 3.0 + 8.0 / 3.0))
         motion = integrate(record([1.0, -2.0], dt=3.0))
         assert motion.displacement[-1] == pytest.approx(0.0, abs=1e-14)
-        assert found.pgd == pytest.approx(2.0 / 3.0)  # where the velocity is zero, between the samples
+        assert found.pgd == pytest.approx(
+            2.0 / 3.0
+        )  # where the velocity is zero, between the samples
 
     def test_sine(self):
         """Twenty periods of A sin(omega t), 400 samples each."""
@@ -82,7 +96,9 @@ class TestClosedForms:
 
     def test_spectrum_intensity_of_a_straight_line(self):
         periods = np.linspace(0.1, 2.5, 7)
-        assert spectrum_intensity(periods, 2.0 + periods) == pytest.approx(2.4 * 2.0 + (2.5**2 - 0.1**2) / 2.0)
+        assert spectrum_intensity(periods, 2.0 + periods) == pytest.approx(
+            2.4 * 2.0 + (2.5**2 - 0.1**2) / 2.0
+        )
 
 
 def thousandths(value):
@@ -114,14 +130,22 @@ class TestAgainstFineIntegration:
         for part in (0.05, 0.95):
             when = time_of_energy(motion, energy, part)
             if energy[-1] > 0.0:
-                at = np.interp(when, np.arange(fine.acceleration.size) * fine.dt, cumulative_energy(fine))
+                at = np.interp(
+                    when, np.arange(fine.acceleration.size) * fine.dt, cumulative_energy(fine)
+                )
                 assert at == pytest.approx(part * energy[-1], rel=1e-3, abs=1e-9)
 
 
 class TestUnusualRecords:
     def test_nothing_but_zeros(self):
         found = measure(record([0.0, 0.0, 0.0]))
-        assert (found.pga, found.pgv, found.pgd, found.arias, found.cav) == (0.0, 0.0, 0.0, 0.0, 0.0)
+        assert (found.pga, found.pgv, found.pgd, found.arias, found.cav) == (
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+        )
         assert math.isnan(found.d5_75)
         assert math.isnan(found.d5_95)
         assert found.notes == ()
@@ -132,7 +156,8 @@ class TestUnusualRecords:
         assert math.isnan(found.d5_95)
 
     @pytest.mark.parametrize(
-        ("samples", "expected"), [([0, 0, 1, 0], (2, 1)), ([1, 0, 1], (0, 0)), ([0, 0], (2, 0)), ([1], (0, 0))]
+        ("samples", "expected"),
+        [([0, 0, 1, 0], (2, 1)), ([1, 0, 1], (0, 0)), ([0, 0], (2, 0)), ([1], (0, 0))],
     )
     def test_zeros_at_the_ends(self, samples, expected):
         assert zeros_at_ends(np.array(samples, dtype=float)) == expected
@@ -142,8 +167,14 @@ class TestUnusualRecords:
         [
             ([0] * 30 + [1, -2, 1] * 20 + [0], ["the first 30 of 91 samples are zero: padded?"]),
             ([0, 1, -2, 1] * 10 + [0] * 30, ["the last 30 of 70 samples are zero: padded?"]),
-            ([1, -0.5, 0, 1, -2, 1, 0], ["the first sample is 1 m/s^2, 50% of the peak: cut off before it?"]),
-            ([0, 1, 1, 0], ["the velocity at the end is 1 m/s, 100% of its peak: a baseline that drifts?"]),
+            (
+                [1, -0.5, 0, 1, -2, 1, 0],
+                ["the first sample is 1 m/s^2, 50% of the peak: cut off before it?"],
+            ),
+            (
+                [0, 1, 1, 0],
+                ["the velocity at the end is 1 m/s, 100% of its peak: a baseline that drifts?"],
+            ),
             ([0, 1, -2, 1, 0], []),
         ],
     )

@@ -19,7 +19,11 @@ class TestMiniSeed:
 
     @pytest.fixture(params=["FLOAT64", "INT32", "INT16", "STEIM1", "STEIM2"])
     def data(self, request, tmp_path):
-        values = wave(1000) if request.param == "FLOAT64" else counts(1000) // (10 if request.param == "INT16" else 1)
+        values = (
+            wave(1000)
+            if request.param == "FLOAT64"
+            else counts(1000) // (10 if request.param == "INT16" else 1)
+        )
         values = values.astype(np.int16) if request.param == "INT16" else values
         path = write(tmp_path / "a", trace(values), reclen=512, encoding=request.param)
         return bytearray(path.read_bytes())
@@ -33,7 +37,11 @@ class TestMiniSeed:
         [
             # libmseed would read them from the memory behind the record, other ones each time.
             (30, b"\x0b\xb8", r"record 1: its header states 3000 samples, it has room for \d+"),
-            (-512 + 30, b"\x0b\xb8", r"record \d+: its header states 3000 samples, it has room for \d+"),
+            (
+                -512 + 30,
+                b"\x0b\xb8",
+                r"record \d+: its header states 3000 samples, it has room for \d+",
+            ),
             # libmseed would drop the record without a word.
             (44, b"\0\0", "its header places (the|compressed) data at byte 0"),
             (44, b"\0\x2f", "its header places (the|compressed) data at byte 47"),
@@ -41,8 +49,16 @@ class TestMiniSeed:
             (512 + 44, b"\x40\x40", "its header places (the|compressed) data at byte 16448"),
             # A record that becomes a control header
             (6, b"T", "at byte 0, where record .* should begin, there is no header|unknown format"),
-            (512 + 6, b"T", "at byte 512, where record .* should begin, there is no header|unknown format"),
-            (-512 + 6, b"T", r"at byte \d+, where record .* should begin, there is no header|unknown format"),
+            (
+                512 + 6,
+                b"T",
+                "at byte 512, where record .* should begin, there is no header|unknown format",
+            ),
+            (
+                -512 + 6,
+                b"T",
+                r"at byte \d+, where record .* should begin, there is no header|unknown format",
+            ),
             # A record of text
             (-512 + 52, b"\0", r"XX.ABC.00.HNE have different encodings, \[0, \d+\]"),
             # The first record under another name; the station's code is padded with blanks.
@@ -81,7 +97,9 @@ class TestMiniSeed:
             refused(data, "integrity check|Xn|damaged")
         else:
             (note,) = read_contents(bytes(data), "file").notes
-            assert note.startswith(f"after the {count - 10} samples that the last record of XX.ABC.00.HNE states")
+            assert note.startswith(
+                f"after the {count - 10} samples that the last record of XX.ABC.00.HNE states"
+            )
 
     @pytest.mark.parametrize("multiplier", [-32768, 32767])
     def test_a_step_that_no_recorder_has(self, tmp_path, multiplier):
@@ -101,7 +119,9 @@ def seed_record(
         *(b"000001", b"D", b" ", station, b"00", channel, b"XX", *(CLOCK | clock).values()),
         *(samples, factor, multiplier, 0, 0, 0, 1 + (rate is not None), 0, 64, 48),
     )
-    header += struct.pack(f"{order}HHBBBx", 1000, 56 if rate is not None else 0, encoding, order == ">", exponent)
+    header += struct.pack(
+        f"{order}HHBBBx", 1000, 56 if rate is not None else 0, encoding, order == ">", exponent
+    )
     if rate is not None:
         header += struct.pack(f"{order}HHf4x", 100, 0, rate)
     return header.ljust(64, b"\0").ljust(2**exponent, b"\1")
@@ -113,13 +133,30 @@ class TestMiniSeedByHand:
         clock = {"year": 2011, "day": 70, "hour": 5, "minute": 46, "second": 24, "fraction": 1234}
         first = seed_record(order, **clock, samples=20, factor=200, rate=200.5)
         later = seed_record(
-            order, **clock | {"second": 40}, samples=5, encoding=4, channel=b"HNZ", factor=-4, exponent=8
+            order,
+            **clock | {"second": 40},
+            samples=5,
+            encoding=4,
+            channel=b"HNZ",
+            factor=-4,
+            exponent=8,
         )
         one, other = look_at_mseed(first + later)
-        assert (one.number, one.id, one.samples, one.length, one.data) == (1, "XX.ABC.00.HNE", 20, 512, 64)
+        assert (one.number, one.id, one.samples, one.length, one.data) == (
+            1,
+            "XX.ABC.00.HNE",
+            20,
+            512,
+            64,
+        )
         assert (other.number, other.id, other.samples, other.length) == (2, "XX.ABC.00.HNZ", 5, 256)
-        assert (one.rate, other.rate) == (200.5, 0.25)  # of the first the actual rate of its blockette 100
-        assert one.start == pytest.approx(timedelta(70, 24.1234, hours=5, minutes=46).total_seconds())
+        assert (one.rate, other.rate) == (
+            200.5,
+            0.25,
+        )  # of the first the actual rate of its blockette 100
+        assert one.start == pytest.approx(
+            timedelta(70, 24.1234, hours=5, minutes=46).total_seconds()
+        )
         assert one.end - one.start == pytest.approx(20.0 / 200.5)
         assert other.end - one.start == pytest.approx(36.0)
         assert (one.rest, other.rest) == (512 - 64 - 20 * 4, 256 - 64 - 5 * 4)
@@ -157,7 +194,9 @@ class TestMiniSeedByHand:
             look_at_mseed(seed_record(order, rate=rate))
         for rate in (98.99, 101.01, float("nan")):
             refused_by(
-                look_at_mseed, seed_record(order, rate=rate), r"its header states 100 and [\d.na]+ samples a second"
+                look_at_mseed,
+                seed_record(order, rate=rate),
+                r"its header states 100 and [\d.na]+ samples a second",
             )
 
     @pytest.mark.parametrize(("encoding", "bits"), WIDTHS.items())
@@ -191,7 +230,9 @@ class TestMiniSeedByHand:
                 f"record 2 of XX.ABC.00.{channel.decode()} continues record 1 of XX.ABC.00.HNE",
             )
         look_at_mseed(first + seed_record(channel=b"HNF", second=1, fraction=5051))
-        look_at_mseed(first + seed_record(channel=b"ABC", station=b"ABD  ", second=1, fraction=5000))
+        look_at_mseed(
+            first + seed_record(channel=b"ABC", station=b"ABD  ", second=1, fraction=5000)
+        )
         look_at_mseed(first + seed_record(second=1, fraction=5000, factor=50, channel=b"HNF"))
 
     def test_blank_space_between_records(self):
@@ -211,9 +252,15 @@ class TestMiniSeedByHand:
             record = seed_record(exponent=9).replace(b"000001D", b"000003D")
             found = look_at_mseed(volume + record + record.replace(b"000003D", b"000004D"))
             assert [(one.number, one.length) for one in found] == [(3, 512), (4, 512)]
-            refused_by(look_at_mseed, volume + b"000003T 050".ljust(99, b"x"), f"has 99 of {2**exponent} bytes")
+            refused_by(
+                look_at_mseed,
+                volume + b"000003T 050".ljust(99, b"x"),
+                f"has 99 of {2**exponent} bytes",
+            )
         wrong = (b"000001V " + kind + b"009502.421").ljust(512, b" ")
-        refused_by(look_at_mseed, wrong, "its first control header does not tell the records' length")
+        refused_by(
+            look_at_mseed, wrong, "its first control header does not tell the records' length"
+        )
 
 
 @pytest.mark.parametrize("name", ["CDSN", "DWWSSN", "GEOSCOPE16_4", "SRO"])
@@ -249,7 +296,12 @@ class TestSteim:
                 word |= (value & ((1 << bits) - 1)) << (bits * (len(values) - 1 - place))
             return word
 
-        groups = [([0], 30, 1, 2), ([100, -7], 15, 2, 2), ([-3, 4, -500], 10, 3, 2), ([1, -2, 3, -4, 31], 6, 0, 3)]
+        groups = [
+            ([0], 30, 1, 2),
+            ([100, -7], 15, 2, 2),
+            ([-3, 4, -500], 10, 3, 2),
+            ([1, -2, 3, -4, 31], 6, 0, 3),
+        ]
         groups += [([-16, 15, 1, 1, 1, 1], 5, 1, 3), ([-8, 7, 0, 0, 0, 0, 1], 4, 2, 3)]
         words = [pack(values, bits, code) for values, bits, code, _ in groups]
         differences = [value for values, *_ in groups for value in values]

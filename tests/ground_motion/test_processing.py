@@ -18,7 +18,16 @@ DT = 0.01
 
 
 def record(samples, dt=DT, start="2024-01-01T00:00:10.000000Z"):
-    return Record(np.asarray(samples, dtype=float), dt, start, "TD.X..HNE", "HNE", "x.mseed", ("before",), "g (file)")
+    return Record(
+        np.asarray(samples, dtype=float),
+        dt,
+        start,
+        "TD.X..HNE",
+        "HNE",
+        "x.mseed",
+        ("before",),
+        "g (file)",
+    )
 
 
 def noise(size=2000, seed=1):
@@ -52,7 +61,14 @@ EVERYTHING = {
 def test_the_order_of_the_steps_is_fixed():
     before = noise()
     one_by_one = before
-    for step in (["trim"], ["baseline"], ["pad"], ["highpass", "corners"], ["lowpass", "corners"], ["resample"]):
+    for step in (
+        ["trim"],
+        ["baseline"],
+        ["pad"],
+        ["highpass", "corners"],
+        ["lowpass", "corners"],
+        ["resample"],
+    ):
         one_by_one = process(one_by_one, **{name: EVERYTHING[name] for name in step})
     at_once = process(before, **dict(reversed(EVERYTHING.items())))
     np.testing.assert_array_equal(at_once.acceleration, one_by_one.acceleration)
@@ -70,8 +86,17 @@ def test_every_step_is_told_and_the_rest_is_kept():
     assert [note.split()[0] for note in after.processing] == [
         "trimmed", "a", "padded", "highpass", "lowpass", "resampled",
     ]  # fmt: skip
-    assert (after.id, after.component, after.source, after.units) == ("TD.X..HNE", "HNE", "x.mseed", "g (file)")
-    assert (after.dt, after.start, after.inputs) == (0.02, "2024-01-01T00:00:09.000000Z", before.inputs)
+    assert (after.id, after.component, after.source, after.units) == (
+        "TD.X..HNE",
+        "HNE",
+        "x.mseed",
+        "g (file)",
+    )
+    assert (after.dt, after.start, after.inputs) == (
+        0.02,
+        "2024-01-01T00:00:09.000000Z",
+        before.inputs,
+    )
     assert process(replace(before, start=""), trim=(0.01, None)).start == ""
     with pytest.raises(FrozenInstanceError):
         after.dt = 1.0
@@ -83,7 +108,9 @@ def test_every_step_is_told_and_the_rest_is_kept():
 @given(factor=st.floats(-3.0, 3.0), seed=st.integers(0, 99))
 def test_all_steps_are_linear(factor, seed):
     one, other = noise(seed=seed), noise(seed=seed + 100)
-    both = process(record(one.acceleration + factor * other.acceleration), **EVERYTHING).acceleration
+    both = process(
+        record(one.acceleration + factor * other.acceleration), **EVERYTHING
+    ).acceleration
     apart = [process(part, **EVERYTHING).acceleration for part in (one, other)]
     np.testing.assert_allclose(both, apart[0] + factor * apart[1], atol=1e-10)
 
@@ -116,7 +143,9 @@ def test_bounds_of_a_trim_may_be_samples_whatever_the_rounding(dt):
 def test_a_constant_baseline_is_the_mean():
     after = process(record(noise().acceleration + 5.0), baseline="constant").acceleration
     assert abs(after.mean()) < 1e-14
-    np.testing.assert_allclose(after, noise().acceleration - noise().acceleration.mean(), atol=1e-13)
+    np.testing.assert_allclose(
+        after, noise().acceleration - noise().acceleration.mean(), atol=1e-13
+    )
 
 
 def test_a_linear_baseline_is_orthogonal_to_every_line():
@@ -124,13 +153,19 @@ def test_a_linear_baseline_is_orthogonal_to_every_line():
     after = process(noise(), baseline="linear").acceleration
     assert abs(np.dot(after, np.ones_like(t))) < 1e-10
     assert abs(np.dot(after, t)) < 1e-7
-    np.testing.assert_allclose(process(record(3.0 - 0.02 * t), baseline="linear").acceleration, 0.0, atol=1e-12)
+    np.testing.assert_allclose(
+        process(record(3.0 - 0.02 * t), baseline="linear").acceleration, 0.0, atol=1e-12
+    )
 
 
-@pytest.mark.parametrize(("pad", "before", "after"), [(0.5, 50, 50), ((0.0, 1.0), 0, 100), ((0.014, 0.0), 2, 0)])
+@pytest.mark.parametrize(
+    ("pad", "before", "after"), [(0.5, 50, 50), ((0.0, 1.0), 0, 100), ((0.014, 0.0), 2, 0)]
+)
 def test_pad_adds_zeros(pad, before, after):
     done = process(noise(), pad=pad).acceleration
-    np.testing.assert_array_equal(done, np.concatenate([np.zeros(before), noise().acceleration, np.zeros(after)]))
+    np.testing.assert_array_equal(
+        done, np.concatenate([np.zeros(before), noise().acceleration, np.zeros(after)])
+    )
 
 
 # Filters
@@ -180,7 +215,9 @@ def test_a_sine_that_both_can_hold_is_kept(new):
 
 @pytest.mark.parametrize("new", [0.02, 0.025, 0.0137, 0.1])
 @pytest.mark.parametrize("part", [1.0, 1.1, 1.3])
-def test_what_the_new_interval_cannot_hold_is_gone_and_does_not_come_back_as_another_frequency(new, part):
+def test_what_the_new_interval_cannot_hold_is_gone_and_does_not_come_back_as_another_frequency(
+    new, part
+):
     done = process(sine(part * 0.5 / new), resample=new)
     np.testing.assert_allclose(middle(done.acceleration), 0.0, atol=2e-5)
 
@@ -198,9 +235,15 @@ def test_a_constant_stays_one_and_the_last_sample_is_not_passed(new):
 @pytest.mark.parametrize(
     ("wanted", "message"),
     [
-        ({"trim": (0.0, 20.1)}, r"x.mseed: TD.X..HNE: trim 0:20.1 s leaves the record, which ends at 19.99 s"),
+        (
+            {"trim": (0.0, 20.1)},
+            r"x.mseed: TD.X..HNE: trim 0:20.1 s leaves the record, which ends at 19.99 s",
+        ),
         ({"trim": (30.0, None)}, "leaves the record"),
-        ({"trim": (1.001, 1.009)}, "trim 1.001:1.009 s leaves fewer than two samples, which are 0.01 s apart"),
+        (
+            {"trim": (1.001, 1.009)},
+            "trim 1.001:1.009 s leaves fewer than two samples, which are 0.01 s apart",
+        ),
         ({"lowpass": 50.0}, "lowpass 50 Hz is not below the Nyquist frequency, 50 Hz"),
         ({"highpass": 60.0}, "highpass 60 Hz is not below the Nyquist frequency, 50 Hz"),
         ({"highpass": 1e-4}, "highpass 0.0001 Hz is too low for samples 0.01 s apart"),

@@ -21,7 +21,10 @@ FIRM_SOIL = Path(__file__).parents[2] / "records" / "firm-soil.mseed"
 @pytest.fixture
 def three(tmp_path):
     """A file of three components with peaks 1, 2 and 3."""
-    traces = [trace(wave(peak=peak), channel=f"HN{c}") for c, peak in zip("ENZ", (1.0, 2.0, 3.0), strict=True)]
+    traces = [
+        trace(wave(peak=peak), channel=f"HN{c}")
+        for c, peak in zip("ENZ", (1.0, 2.0, 3.0), strict=True)
+    ]
     return write(tmp_path / "three.mseed", *traces)
 
 
@@ -32,7 +35,11 @@ class TestWhatARecordTells:
         np.testing.assert_array_equal(record.acceleration, wave())
         assert (record.id, record.component, record.dt) == ("XX.ABC.00.HNE", "HNE", 0.01)
         assert (record.start, record.source) == ("2020-01-02T03:04:05.000000Z", str(path))
-        assert (record.units, record.units_from, record.quantity) == ("m/s^2", "assumed", "acceleration")
+        assert (record.units, record.units_from, record.quantity) == (
+            "m/s^2",
+            "assumed",
+            "acceleration",
+        )
         (warning,) = record.warnings
         assert warning.startswith("m/s^2 is assumed")
         monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(path.read_bytes())))
@@ -55,7 +62,9 @@ class TestWhatARecordTells:
 
 class TestFormats:
     @pytest.mark.parametrize("encoding", ["FLOAT32", "FLOAT64", "INT32", "STEIM1", "STEIM2"])
-    @pytest.mark.parametrize("options", [{"byteorder": "<"}, {"byteorder": ">"}, {"reclen": 256}, {"reclen": 4096}])
+    @pytest.mark.parametrize(
+        "options", [{"byteorder": "<"}, {"byteorder": ">"}, {"reclen": 256}, {"reclen": 4096}]
+    )
     def test_mseed(self, tmp_path, encoding, options):
         data = {"FLOAT32": wave().astype(np.float32), "FLOAT64": wave()}.get(encoding, counts())
         path = write(tmp_path / "a", trace(data), encoding=encoding, **options)
@@ -72,18 +81,25 @@ class TestFormats:
     )
     def test_other_formats(self, tmp_path, name, samples, units, scale):
         path = write(tmp_path / "a", trace(samples, ascii={"unit": "CM/S**2"}), format=name)
-        np.testing.assert_allclose(read_record(path, units=units).acceleration, samples * scale, rtol=1e-8, atol=1e-9)
+        np.testing.assert_allclose(
+            read_record(path, units=units).acceleration, samples * scale, rtol=1e-8, atol=1e-9
+        )
 
     def test_text_without_unit_in_the_header(self, tmp_path):
         path = tmp_path / "a.txt"
-        path.write_text("TIMESERIES XX_ABC_00_HNE_D, 3 samples, 100 sps, 2020-01-02T03:04:05, SLIST, FLOAT,\n1.5 2 0\n")
+        path.write_text(
+            "TIMESERIES XX_ABC_00_HNE_D, 3 samples, 100 sps, 2020-01-02T03:04:05, SLIST, FLOAT,\n1.5 2 0\n"
+        )
         assert read_record(path, units="gal").pga == 0.02
 
     def test_plugins_are_of_obspy_or_of_this_project_and_no_pickle(self):
         by_name = {plugin.name: plugin for plugin in plugins()}
         assert "PICKLE" not in by_name
         assert set(OBSPY_FORMATS) <= set(by_name)
-        assert all(plugin.is_format.value.startswith(("obspy.io.", "tdint.")) for plugin in by_name.values())
+        assert all(
+            plugin.is_format.value.startswith(("obspy.io.", "tdint."))
+            for plugin in by_name.values()
+        )
 
     def test_the_distributions_are_asked_once_and_only_the_plugin_of_the_format_is_loaded(self):
         code = """
@@ -98,7 +114,9 @@ loaded = {name.split(".")[2] for name in sys.modules if name.startswith("obspy.i
 print(asked.count("obspy"), asked.count("tdint"), sorted(loaded))
 print([name for name in sys.modules if name.startswith("tdint.ground_motion.formats.networks")])
 """
-        result = subprocess.run([sys.executable, "-c", code, FIRM_SOIL], capture_output=True, text=True)
+        result = subprocess.run(
+            [sys.executable, "-c", code, FIRM_SOIL], capture_output=True, text=True
+        )
         assert result.stdout.splitlines() == ["1 1 ['mseed']", "[]"], result.stderr
 
     def test_text_channels_are_left_out(self, tmp_path):
@@ -132,7 +150,11 @@ class TestKnet:
         [
             (b"4.383", b"5.000", r"states a peak of 5 gal, what was read has 4\.383"),
             *(
-                (b"Time(s)  59", b"Time(s)  " + length, "no length that a record can have|what was read has 5900")
+                (
+                    b"Time(s)  59",
+                    b"Time(s)  " + length,
+                    "no length that a record can have|what was read has 5900",
+                )
                 for length in (b"1e308", b"nan", b"1e12", b"-5", b"58", b"60")
             ),
         ],
@@ -151,7 +173,9 @@ def test_kinemetrics_calibration_is_applied_once():
     records = read_records(need_obspy_data("kinemetrics/tests/data/BI008_MEMA-04823.evt"))
     assert [record.component for record in records] == ["0", "1", "2"]
     # 1.17e-6 m/s^2 a count, by the header's full scale and sensitivity
-    assert [record.pga for record in records] == pytest.approx([1.7019e-3, 1.6023e-3, 4.0144e-3], rel=1e-4)
+    assert [record.pga for record in records] == pytest.approx(
+        [1.7019e-3, 1.6023e-3, 4.0144e-3], rel=1e-4
+    )
 
 
 def test_gse2_whose_samples_look_like_their_end():
@@ -161,15 +185,25 @@ def test_gse2_whose_samples_look_like_their_end():
 
 def test_full_seed_volume():
     path = need_obspy_data("mseed/tests/data/fullseed.mseed")
-    assert [record.component for record in read_records(path, units="1 gal")] == ["BHN", "BHZ", "BHE"]
+    assert [record.component for record in read_records(path, units="1 gal")] == [
+        "BHN",
+        "BHZ",
+        "BHE",
+    ]
 
 
 class TestComponents:
     def test_all_in_file_order(self, three):
-        assert [(r.component, round(r.pga, 12)) for r in read_records(three)] == [("HNE", 1), ("HNN", 2), ("HNZ", 3)]
+        assert [(r.component, round(r.pga, 12)) for r in read_records(three)] == [
+            ("HNE", 1),
+            ("HNN", 2),
+            ("HNZ", 3),
+        ]
         refused(three, "several components, choose one by `component`: HNE, HNN, HNZ")
 
-    @pytest.mark.parametrize("name", ["HNN", "hnn", " HNN ", "XX.ABC.00.HNN", "xx.abc.00.hnn", "N", "n"])
+    @pytest.mark.parametrize(
+        "name", ["HNN", "hnn", " HNN ", "XX.ABC.00.HNN", "xx.abc.00.hnn", "N", "n"]
+    )
     def test_one(self, three, name):
         assert read_record(three, component=name).component == "HNN"
         assert [r.component for r in read_records(three, component=name)] == ["HNN"]
@@ -191,7 +225,9 @@ class TestComponents:
 
     def test_different_sampling(self, tmp_path):
         path = write(tmp_path / "a", trace(wave()), trace(wave(), channel="HNN", dt=0.02))
-        with pytest.raises(RecordError, match=r"HNN is sampled at 0\.02 s and XX\.ABC\.00\.HNE at 0\.01 s"):
+        with pytest.raises(
+            RecordError, match=r"HNN is sampled at 0\.02 s and XX\.ABC\.00\.HNE at 0\.01 s"
+        ):
             read_records(path)
         assert read_record(path, component="HNN").dt == 0.02
 
@@ -204,9 +240,18 @@ class TestPieces:
     @pytest.mark.parametrize(
         ("second", "message"),
         [
-            ({"start": START + 7.5}, r"XX\.ABC\.00\.HNE: a gap of 1.5 s after 2020-01-02T03:04:10\.99"),
-            ({"start": START + 5.5}, r"XX\.ABC\.00\.HNE: an overlap of 0.5 s after 2020-01-02T03:04:10\.99"),
-            ({"start": START + 6.0, "dt": 0.02}, r"sampling interval changes from 0\.01 s to 0\.02 s"),
+            (
+                {"start": START + 7.5},
+                r"XX\.ABC\.00\.HNE: a gap of 1.5 s after 2020-01-02T03:04:10\.99",
+            ),
+            (
+                {"start": START + 5.5},
+                r"XX\.ABC\.00\.HNE: an overlap of 0.5 s after 2020-01-02T03:04:10\.99",
+            ),
+            (
+                {"start": START + 6.0, "dt": 0.02},
+                r"sampling interval changes from 0\.01 s to 0\.02 s",
+            ),
         ],
     )
     def test_gap_overlap_and_changing_interval(self, tmp_path, second, message):

@@ -78,16 +78,28 @@ class TestNoFile:
 class TestNoRecord:
     @pytest.mark.parametrize(
         "data",
-        [b"x", b"name: ten-story office\n", b"\0" * 4096, b"0.1 0.2 0.3\n" * 100, bytes(range(256)) * 20, b"D" * 600],
+        [
+            b"x",
+            b"name: ten-story office\n",
+            b"\0" * 4096,
+            b"0.1 0.2 0.3\n" * 100,
+            bytes(range(256)) * 20,
+            b"D" * 600,
+        ],
     )
     def test_unknown_format(self, data):
-        refused(data, "unknown format(; those that are read: MSEED, KNET|: a table of numbers begins in line 1)")
+        refused(
+            data,
+            "unknown format(; those that are read: MSEED, KNET|: a table of numbers begins in line 1)",
+        )
 
     def test_compressed(self):
         refused(gzip.compress(b"words"), r"compressed \(gzip\); uncompress it first")
 
     def test_pickled_stream(self, tmp_path):
-        refused(write(tmp_path / "a.mseed", trace(wave()), format="PICKLE"), "loading one can run code")
+        refused(
+            write(tmp_path / "a.mseed", trace(wave()), format="PICKLE"), "loading one can run code"
+        )
 
     @pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
     @pytest.mark.parametrize("start", [b"", b"obspy.core.stream"])
@@ -133,7 +145,9 @@ class TestSamples:
             make_record(odd)
 
     def test_time_beyond_the_calendar(self, tmp_path):
-        data = bytearray(write(tmp_path / "a", trace(wave()), format="SAC", byteorder="<").read_bytes())
+        data = bytearray(
+            write(tmp_path / "a", trace(wave()), format="SAC", byteorder="<").read_bytes()
+        )
         data[20:24] = struct.pack("<f", 1e18)  # B, the time of the first sample
         refused(data, "damaged")
 
@@ -141,7 +155,9 @@ class TestSamples:
 class TestCutOff:
     @pytest.mark.parametrize("length", [256, 4096])
     def test_mseed_anywhere_but_between_records(self, tmp_path, length):
-        whole = write(tmp_path / "a", trace(wave(800)), encoding="FLOAT64", reclen=length).read_bytes()
+        whole = write(
+            tmp_path / "a", trace(wave(800)), encoding="FLOAT64", reclen=length
+        ).read_bytes()
         for size in range(len(whole) - 1, 0, -203):
             if size % length:
                 refused(whole[:size], "damaged|unknown format")
@@ -170,7 +186,9 @@ class TestWhatCrashesTheReaders:
 
     def test_nothing_reaches_standard_error(self, tmp_path, capfd):
         data = bytearray(write(tmp_path / "a", trace(counts()), reclen=512).read_bytes())
-        data[8] = 0xE4  # A station code that is not ASCII, on which ObsPy's callback for messages fails.
+        data[8] = (
+            0xE4  # A station code that is not ASCII, on which ObsPy's callback for messages fails.
+        )
         data[700] ^= 0xFF
         refused(data, "damaged")
         assert capfd.readouterr() == ("", "")
@@ -184,10 +202,15 @@ def test_a_break_of_a_part_of_a_sample_is_told(tmp_path, slip, noted):
     samples = np.sin(0.1 * np.arange(2000)).reshape(4, 500)
     starts = (START, START + 5.0, START + 10.0 + slip, START + 15.0 + 0.4 * slip)
     pieces = [trace(piece, start=start) for piece, start in zip(samples, starts, strict=True)]
-    (record,) = read_records(write(tmp_path / "x.mseed", *pieces, encoding="FLOAT64"), units="m/s^2")
+    (record,) = read_records(
+        write(tmp_path / "x.mseed", *pieces, encoding="FLOAT64"), units="m/s^2"
+    )
     assert record.acceleration.size == 2000
     told = [text for text in record.notes if "break" in text]
     assert len(told) == noted
     if noted:
         count = "1 break" if abs(0.6 * slip) < 0.001 else "2 breaks"
-        assert f"{count} between the records of XX.ABC.00.HNE, the largest {1e3 * slip:+.3g} ms " in told[0]
+        assert (
+            f"{count} between the records of XX.ABC.00.HNE, the largest {1e3 * slip:+.3g} ms "
+            in told[0]
+        )

@@ -46,7 +46,9 @@ IN_THOUSANDTHS = ("stgopuentealto1002271parte2.v1", "NEWPORT.RAW", "ce23583r_HES
 """Their headers state the peaks in thousandths of g."""
 
 
-@pytest.mark.parametrize(("name", "dt", "samples", "peaks"), RECORDS, ids=[record[0] for record in RECORDS])
+@pytest.mark.parametrize(
+    ("name", "dt", "samples", "peaks"), RECORDS, ids=[record[0] for record in RECORDS]
+)
 def test_samples_interval_and_peak(name, dt, samples, peaks):
     path = real_file(name)
     inventory = real_file("CI.CLC.xml") if name.startswith("CI.CLC") else None
@@ -59,7 +61,9 @@ def test_samples_interval_and_peak(name, dt, samples, peaks):
         assert [record.pga for record in records] == pytest.approx(list(peaks), rel=5e-3)
         records = tuple(process(record, highpass=0.05) for record in records)
     if name in IN_THOUSANDTHS:
-        assert [record.pga / STANDARD_GRAVITY for record in records] == pytest.approx(list(peaks), abs=5.1e-4)
+        assert [record.pga / STANDARD_GRAVITY for record in records] == pytest.approx(
+            list(peaks), abs=5.1e-4
+        )
         return
     tolerance = 2e-3 if inventory else 3e-4
     assert [record.pga for record in records] == pytest.approx(list(peaks), rel=tolerance)

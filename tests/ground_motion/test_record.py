@@ -9,7 +9,9 @@ from tdint.model.config.model_file import load_model
 
 
 def record(samples):
-    return Record(acceleration=samples, dt=0.01, start="", id="XX.A..HNE", component="HNE", source="a.mseed")
+    return Record(
+        acceleration=samples, dt=0.01, start="", id="XX.A..HNE", component="HNE", source="a.mseed"
+    )
 
 
 def test_samples_are_a_read_only_copy():

@@ -27,9 +27,24 @@ GAIN = 40000.0
 
 def response(poles=(), zeros=(), factor=1.0, units="M/S**2", stages=True, taps=None):
     sensor = PolesZerosResponseStage(
-        1, GAIN / 100, 1.0, units, "V", "LAPLACE (RADIANS/SECOND)", 1.0, list(zeros), list(poles), factor
+        1,
+        GAIN / 100,
+        1.0,
+        units,
+        "V",
+        "LAPLACE (RADIANS/SECOND)",
+        1.0,
+        list(zeros),
+        list(poles),
+        factor,
     )
-    decimation = {"input_sample_rate": 100.0, "factor": 1, "offset": 0, "delay": 0.0, "correction": 0.0}
+    decimation = {
+        "input_sample_rate": 100.0,
+        "factor": 1,
+        "offset": 0,
+        "delay": 0.0,
+        "correction": 0.0,
+    }
     digitizer = CoefficientsTypeResponseStage(
         2,
         100.0,
@@ -57,7 +72,17 @@ def response(poles=(), zeros=(), factor=1.0, units="M/S**2", stages=True, taps=N
 def station_xml(path, *channels, **options):
     """Write a StationXML file with these channels, all of one response."""
     instruments = [
-        Channel(code, "00", 1.0, 2.0, 0.0, 0.0, sample_rate=100.0, start_date=START - 9, response=response(**options))
+        Channel(
+            code,
+            "00",
+            1.0,
+            2.0,
+            0.0,
+            0.0,
+            sample_rate=100.0,
+            start_date=START - 9,
+            response=response(**options),
+        )
         for code in channels
     ]
     station = Station("ABC", 1.0, 2.0, 0.0, channels=instruments)
@@ -77,10 +102,14 @@ def read(folder, data, **options):
 def test_flat_response(tmp_path):
     data = counts() + 1234
     record = read(tmp_path, data)
-    np.testing.assert_allclose(record.acceleration, (data - data.mean()) / GAIN, atol=1e-9 * record.pga)
+    np.testing.assert_allclose(
+        record.acceleration, (data - data.mean()) / GAIN, atol=1e-9 * record.pga
+    )
     assert any("zero offset" in note for note in record.notes)
     assert any(note.endswith("a.xml) is removed") for note in record.notes)
-    assert any("records M/S, not acceleration" in note for note in read(tmp_path, data, units="M/S").notes)
+    assert any(
+        "records M/S, not acceleration" in note for note in read(tmp_path, data, units="M/S").notes
+    )
 
 
 def test_what_a_digital_filter_stops_is_faded_out(tmp_path):
@@ -105,7 +134,9 @@ def test_frequencies_that_were_stopped_stay_away(tmp_path):
 def test_a_motion_that_rests_at_its_ends_is_exact(tmp_path):
     data = np.round(PULSE * 1e8)
     expected = (data - data.mean()) / GAIN
-    np.testing.assert_allclose(read(tmp_path, data).acceleration, expected, rtol=0, atol=1e-6 * expected.max())
+    np.testing.assert_allclose(
+        read(tmp_path, data).acceleration, expected, rtol=0, atol=1e-6 * expected.max()
+    )
 
 
 def test_poles_are_undone(tmp_path):
@@ -132,7 +163,12 @@ def test_every_component(tmp_path):
 @pytest.mark.parametrize(
     ("channel", "start", "options", "message"),
     [
-        ("HNZ", START, {}, r"no response for XX\.ABC\.00\.HNE at 2020.*its channels are XX\.ABC\.00\.HNZ"),
+        (
+            "HNZ",
+            START,
+            {},
+            r"no response for XX\.ABC\.00\.HNE at 2020.*its channels are XX\.ABC\.00\.HNZ",
+        ),
         ("HNE", START - 3600, {}, "has no response for"),
         ("HNE", START, {"stages": False}, "without the stages of its response"),
     ],
@@ -148,7 +184,11 @@ def test_what_is_missing(tmp_path, channel, start, options, message):
 def test_no_station_xml(tmp_path, data):
     if data is not None:
         (tmp_path / "a.xml").write_bytes(data)
-    message = "there is no such file" if data is None else "the file is empty|cannot be read as StationXML"
+    message = (
+        "there is no such file"
+        if data is None
+        else "the file is empty|cannot be read as StationXML"
+    )
     with pytest.raises(RecordError, match=rf"a\.xml: ({message})"):
         read_record(write(tmp_path / "a.mseed", trace(counts())), inventory=tmp_path / "a.xml")
 
@@ -157,7 +197,9 @@ def test_entities_are_refused(tmp_path):
     path = tmp_path / "a.xml"
     text = '<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/hostname">]><FDSNStationXML>&b;</FDSNStationXML>'
     for encoding in ("utf-8", "utf-16", "utf-16-be", "utf-8-sig", "latin-1"):
-        declared = "" if encoding.startswith("utf") else f'<?xml version="1.0" encoding="{encoding}"?>'
+        declared = (
+            "" if encoding.startswith("utf") else f'<?xml version="1.0" encoding="{encoding}"?>'
+        )
         path.write_bytes((declared + text).encode(encoding))
         with pytest.raises(RecordError, match=r"document type definition|not well-formed"):
             read_instruments(path)

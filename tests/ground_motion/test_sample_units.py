@@ -49,13 +49,20 @@ def test_formats_and_ends_of_paths(suite, units) -> None:
 
 def test_the_first_entry_that_fits_counts(suite) -> None:
     assert read_record(suite["sac"], units={"*.sac": "gal", "SAC": "g"}).pga == pytest.approx(0.03)
-    refused(suite["sac"], "does not tell the units of its samples", units={"in/*.txt": "g", "out/*.sac": "g"})
+    refused(
+        suite["sac"],
+        "does not tell the units of its samples",
+        units={"in/*.txt": "g", "out/*.sac": "g"},
+    )
 
 
 def test_an_inventory_is_for_counts_whose_units_nobody_says(suite, tmp_path) -> None:
     station = station_xml(tmp_path / "a.xml", "HNE")
     by_response = read_record(suite["counts"], inventory=station)
-    for units in (UNITS, {"c.mseed": "counts", "*.mseed": "g"}):  # m/s^2 is no unit of counts, and says so alone
+    for units in (
+        UNITS,
+        {"c.mseed": "counts", "*.mseed": "g"},
+    ):  # m/s^2 is no unit of counts, and says so alone
         record = read_record(suite["counts"], units=units, inventory=station)
         assert record.units_from == "inventory"
         np.testing.assert_array_equal(record.acceleration, by_response.acceleration)
@@ -85,13 +92,18 @@ def test_a_table(suite, tmp_path) -> None:
 def test_a_name_with_signs_of_patterns_stands_for_itself(tmp_path) -> None:
     path = write(tmp_path / "a[1].sac", trace(wave().astype(np.float32)), format="SAC")
     (tmp_path / "units.csv").write_text("record,units\na[1].sac,g\n")
-    assert read_record(path, units=str(tmp_path / "units.csv")).pga == pytest.approx(3.0 * STANDARD_GRAVITY)
+    assert read_record(path, units=str(tmp_path / "units.csv")).pga == pytest.approx(
+        3.0 * STANDARD_GRAVITY
+    )
 
 
 @pytest.mark.parametrize(
     ("units", "message"),
     [
-        ("SAK=g", r"of 'SAK': no format of records; a file is named as \*\.txt; did you mean 'SAC'"),
+        (
+            "SAK=g",
+            r"of 'SAK': no format of records; a file is named as \*\.txt; did you mean 'SAC'",
+        ),
         ("*.sac=gg", r"of '\*\.sac', units 'gg'"),
         ("SAC=g,gal", "'gal': write FORMAT=UNITS"),
         ("=g", "'=g': write FORMAT=UNITS"),

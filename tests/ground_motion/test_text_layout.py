@@ -50,14 +50,20 @@ class TestStep:
 
     def test_of_columns_without_a_time(self, file):
         records = read(file, table([], *COLUMNS, separator="  "), "gal", step=0.02)
-        assert [(record.component, record.dt) for record in records] == [("1", 0.02), ("2", 0.02), ("3", 0.02)]
+        assert [(record.component, record.dt) for record in records] == [
+            ("1", 0.02),
+            ("2", 0.02),
+            ("3", 0.02),
+        ]
         np.testing.assert_allclose(records[2].acceleration, 0.01 * COLUMNS[2], rtol=1e-15)
         # The samples of one motion may stand so, too.
         told = "each of 3 columns without names is taken for a motion: one that runs on along the lines must have one"
         assert all(any(note.startswith(told) for note in record.notes) for record in records)
         timed = read(file, table([], 0.02 * np.arange(60), *COLUMNS[:2], separator=" "), "gal")
         named = read(file, table(["N,E,Z"], *COLUMNS), "gal", step=0.02)
-        assert not any("columns without names" in note for record in (*timed, *named) for note in record.notes)
+        assert not any(
+            "columns without names" in note for record in (*timed, *named) for note in record.notes
+        )
 
     def test_beside_a_count_of_the_samples(self, file):
         counted = table([], np.arange(1, 61), *COLUMNS[:2], separator=" ")
@@ -71,12 +77,19 @@ class TestStep:
         )
 
     @pytest.mark.parametrize(
-        "content", [one_column(), two_columns(header=None), table(["t,N (g)"], times(0.01), COLUMNS[0])]
+        "content",
+        [one_column(), two_columns(header=None), table(["t,N (g)"], times(0.01), COLUMNS[0])],
     )
     def test_never_against_the_file(self, file, content):
         units = None if "g" in content else "g"
         assert read(file, content, units, step=0.01)[0].dt == 0.01
-        fails(r"own sampling interval is 0.01 s, `step=0.02` contradicts it", file, content, units, step=0.02)
+        fails(
+            r"own sampling interval is 0.01 s, `step=0.02` contradicts it",
+            file,
+            content,
+            units,
+            step=0.02,
+        )
 
     @pytest.mark.parametrize("name", sorted(SAMPLES))
     def test_is_compared_in_every_format(self, file, name):
@@ -123,7 +136,11 @@ class TestColumn:
             ("5", None, "'c', which is no unit of"),
             ("3", "gal", r"gives its units \(g\), gal contradicts"),
             ("2", None, "does not tell the units"),
-            ("4", "g", r"gives its units \(cm/s\), g contradicts|calls the samples a velocity, g is a unit of acc"),
+            (
+                "4",
+                "g",
+                r"gives its units \(cm/s\), g contradicts|calls the samples a velocity, g is a unit of acc",
+            ),
         ],
     )
     def test_refused(self, file, wanted, units, message):
@@ -131,63 +148,116 @@ class TestColumn:
 
     def test_the_kind_of_a_name_and_of_the_users_units(self, file):
         for name, units in (("Vel", "g"), ("Acc", "cm/s"), ("Disp", "cm/s")):
-            fails("the file calls the samples a", file, table([f"Time,{name}"], times(), COLUMNS[0]), units)
+            fails(
+                "the file calls the samples a",
+                file,
+                table([f"Time,{name}"], times(), COLUMNS[0]),
+                units,
+            )
 
     @pytest.mark.parametrize(
         ("names", "layout", "message"),
         [
             (["t,a,a"], {"column": "a"}, "columns 2 and 3 are called 'a'; give the number"),
             ([], {"column": "a"}, "the table has no names of columns; give its number"),
-            (["s,P1,P2"], {"step": 0.02}, "do not tell the acceleration; choose one by `column`: P1, P2"),
+            (
+                ["s,P1,P2"],
+                {"step": 0.02},
+                "do not tell the acceleration; choose one by `column`: P1, P2",
+            ),
         ],
     )
     def test_equal_names_and_none(self, file, names, layout, message):
         fails(message, file, table(names, times(), *COLUMNS[:2]), "g", **layout)
 
     def test_names_in_a_comment(self, file):
-        (record,) = read(file, table(["# recorded at night", "# t p7 p8"], times(), *COLUMNS[:2]), "gal", column="p8")
+        (record,) = read(
+            file,
+            table(["# recorded at night", "# t p7 p8"], times(), *COLUMNS[:2]),
+            "gal",
+            column="p8",
+        )
         assert (record.component, record.dt, record.pga) == ("p8", 0.02, pytest.approx(0.02))
 
 
 class TestSkippedLines:
     def test_what_they_hold_is_not_looked_at(self, file):
         for above in (WORDS, ["dt = 7 s", "1 2 3 4"], ["\xe9", "# units = g"]):
-            (record,) = read(file, text(above, one_column(header=None)), "gal", skip_lines=2, step=0.01)
+            (record,) = read(
+                file, text(above, one_column(header=None)), "gal", skip_lines=2, step=0.01
+            )
             assert (record.dt, record.pga) == (0.01, 0.015)
             assert "2 lines at its beginning passed over, as asked" in record.notes
 
     @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
     def test_above_names_with_a_byte_order_mark(self, file, mark):
-        content = text(WORDS, ["Zeit (s);Kanal 1;Kanal 2"], table([], times(), *COLUMNS[:2], separator=";"))
-        (record,) = read(file, mark + content.replace(".", ",").encode(), "gal", skip_lines=2, column="Kanal 2")
+        content = text(
+            WORDS, ["Zeit (s);Kanal 1;Kanal 2"], table([], times(), *COLUMNS[:2], separator=";")
+        )
+        (record,) = read(
+            file, mark + content.replace(".", ",").encode(), "gal", skip_lines=2, column="Kanal 2"
+        )
         assert (record.component, record.dt, record.pga) == ("Kanal-2", 0.02, pytest.approx(0.02))
 
     def test_too_few_or_too_many(self, file):
         content = text(WORDS, two_columns(header=None, separator=" "))
-        fails(r"line 2: 'am 3. Mai' is neither a declaration .* with `skip_lines=2`", file, content, "g", step=0.01)
-        fails(r"unknown format, and no table of numbers stands below its first 500", file, content, "g", skip_lines=500)
+        fails(
+            r"line 2: 'am 3. Mai' is neither a declaration .* with `skip_lines=2`",
+            file,
+            content,
+            "g",
+            step=0.01,
+        )
+        fails(
+            r"unknown format, and no table of numbers stands below its first 500",
+            file,
+            content,
+            "g",
+            skip_lines=500,
+        )
         fails(r"begins in line 3: tell by `step` and `column`, past", file, content, "g")
 
 
 def test_a_unit_of_acceleration_tells_a_motion(file):
-    base, drift = text(["time_s,base_m_s2"], table([], times(), COLUMNS[0])), table([], times(), *COLUMNS[:2])
+    base, drift = (
+        text(["time_s,base_m_s2"], table([], times(), COLUMNS[0])),
+        table([], times(), *COLUMNS[:2]),
+    )
     (record,) = read(file, base)
     assert (record.component, record.units, record.pga) == ("base", "m/s^2", pytest.approx(1.0))
-    fails(r"tell by `column` which is the motion: base_m_s2, drift_m$", file, text(["time_s,base_m_s2,drift_m"], drift))
+    fails(
+        r"tell by `column` which is the motion: base_m_s2, drift_m$",
+        file,
+        text(["time_s,base_m_s2,drift_m"], drift),
+    )
 
 
 @pytest.mark.parametrize("layout", [{}, {"column": "2"}])
 def test_what_a_table_lacks_is_named(file, layout):
     quoted = "\n".join(f'"{t:.2f}","{a:.4f}"' for t, a in zip(times(), COLUMNS[0], strict=True))
-    fails("its numbers stand in quotation marks; write them without", file, '"time_s","a_m_s2"\n' + quoted, **layout)
+    fails(
+        "its numbers stand in quotation marks; write them without",
+        file,
+        '"time_s","a_m_s2"\n' + quoted,
+        **layout,
+    )
     if not layout:
-        fails("one row of numbers; a record has two samples at least", file, "time_s,a_m_s2\n0.0,1.0\n")
+        fails(
+            "one row of numbers; a record has two samples at least",
+            file,
+            "time_s,a_m_s2\n0.0,1.0\n",
+        )
 
 
 def test_other_formats_have_no_columns(file):
     for name in sorted(set(SAMPLES) - {"TEXT"}):
         for given in ({"column": "2"}, {"skip_lines": 1}):
-            fails(f"is given, but the file is {name}, which tells itself", file, SAMPLES[name][0](), **given)
+            fails(
+                f"is given, but the file is {name}, which tells itself",
+                file,
+                SAMPLES[name][0](),
+                **given,
+            )
 
 
 def test_in_a_folder_and_of_one_component(file):
@@ -218,13 +288,26 @@ class TestModelFile:
         return load_model(io.StringIO(self.MODEL % entries)).excitation.record.choice.layout
 
     def test_keys(self):
-        assert self.layout("step: 0.01, column: Sensor B, skip_lines: 3") == TextLayout(0.01, ("Sensor B",), 3)
+        assert self.layout("step: 0.01, column: Sensor B, skip_lines: 3") == TextLayout(
+            0.01, ("Sensor B",), 3
+        )
         assert self.layout("column: 2") == TextLayout(column="2")
         assert self.layout("scale: 2") == AS_STATED
 
     @pytest.mark.parametrize(
-        "wrong", ["step: 0", "step: a", "step: [1]", "column: [2]", "column: ''", "skip_lines: -1", "skip_lines: 1.5"]
+        "wrong",
+        [
+            "step: 0",
+            "step: a",
+            "step: [1]",
+            "column: [2]",
+            "column: ''",
+            "skip_lines: -1",
+            "skip_lines: 1.5",
+        ],
     )
     def test_faults(self, wrong):
-        with pytest.raises(ModelError, match=rf":2:\d+: excitation.record.{wrong.partition(':')[0]}: "):
+        with pytest.raises(
+            ModelError, match=rf":2:\d+: excitation.record.{wrong.partition(':')[0]}: "
+        ):
             self.layout(wrong)

@@ -29,7 +29,11 @@ class TestTexts:
 
     @pytest.mark.parametrize(
         ("text", "scale", "quantity"),
-        [("cm/s", 0.01, "velocity"), ("1e-3 in/s", 2.54e-5, "velocity"), ("mm", 1e-3, "displacement")],
+        [
+            ("cm/s", 0.01, "velocity"),
+            ("1e-3 in/s", 2.54e-5, "velocity"),
+            ("mm", 1e-3, "displacement"),
+        ],
     )
     def test_other_quantities(self, text, scale, quantity):
         units = parse_units(text)
@@ -123,9 +127,15 @@ class TestHeaders:
         ],
     )
     def test_contradictions(self, tmp_path, stated, given, message):
-        refused(write(tmp_path / "a", trace(wave(), ascii={"unit": stated}), format="SLIST"), message, units=given)
+        refused(
+            write(tmp_path / "a", trace(wave(), ascii={"unit": stated}), format="SLIST"),
+            message,
+            units=given,
+        )
 
-    @pytest.mark.parametrize(("stated", "given", "pga"), [("COUNTS", "1 m/s^2", 3.0), ("CM/S**2", "gal", 0.03)])
+    @pytest.mark.parametrize(
+        ("stated", "given", "pga"), [("COUNTS", "1 m/s^2", 3.0), ("CM/S**2", "gal", 0.03)]
+    )
     def test_agreements(self, tmp_path, stated, given, pga):
         path = write(tmp_path / "a", trace(wave(), ascii={"unit": stated}), format="SLIST")
         assert read_record(path, units=given).pga == pytest.approx(pga)
@@ -155,7 +165,11 @@ class TestHeaders:
 
 def test_units_that_cannot_be_right(tmp_path):
     path = write(tmp_path / "a", trace(wave()))
-    refused(path, r"the largest acceleration would be 3e\+20 m/s\^2; the units cannot be right", units="1e20 m/s^2")
+    refused(
+        path,
+        r"the largest acceleration would be 3e\+20 m/s\^2; the units cannot be right",
+        units="1e20 m/s^2",
+    )
 
 
 class TestDifferentiation:
@@ -173,11 +187,15 @@ class TestDifferentiation:
         else:
             expected = -(self.omega**2) * samples * (np.sin(x / 2.0) / (x / 2.0)) ** 2
         found = differentiated(samples, self.dt, quantity)
-        np.testing.assert_allclose(found[1:-1], expected[1:-1], rtol=1e-9, atol=1e-9 * self.omega**2)
+        np.testing.assert_allclose(
+            found[1:-1], expected[1:-1], rtol=1e-9, atol=1e-9 * self.omega**2
+        )
         assert (found[0], found[-1]) == (found[1], found[-2])
 
     def test_of_a_file(self, tmp_path):
-        record = read_record(write(tmp_path / "a", trace(wave(peak=0.5), ascii={"unit": "CM/S"}), format="SLIST"))
+        record = read_record(
+            write(tmp_path / "a", trace(wave(peak=0.5), ascii={"unit": "CM/S"}), format="SLIST")
+        )
         assert (record.quantity, record.units, record.units_from) == ("velocity", "CM/S", "file")
         assert record.notes[0].startswith("the velocity of the file is differentiated")
         assert record.pga == pytest.approx(0.005 * 2.0 * np.pi * 1.3, rel=5e-3)

@@ -27,7 +27,9 @@ def hysteretic(forces, drifts):
     return (np.asarray(forces) - HARDENING * K * np.asarray(drifts)) / SOFT
 
 
-@pytest.mark.parametrize(("exponent", "closed"), [(1.0, lambda x: 1.0 - np.exp(-x)), (2.0, np.tanh)])
+@pytest.mark.parametrize(
+    ("exponent", "closed"), [(1.0, lambda x: 1.0 - np.exp(-x)), (2.0, np.tanh)]
+)
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_loading_from_rest_in_closed_form(exponent, closed, sign):
     """w' = 1 - w gives 1 - exp(-x), w' = 1 - w^2 gives tanh x."""
@@ -53,7 +55,9 @@ def test_a_cycle_agrees_with_dop853(exponent, beta):
 
         # Short steps over the place where w changes its sign, and the equation its form.
         length = abs(drift - here) / DY
-        w = solve_ivp(rate, (0.0, length), [w], method="DOP853", rtol=1e-11, atol=1e-12, max_step=0.05).y[0, -1]
+        w = solve_ivp(
+            rate, (0.0, length), [w], method="DOP853", rtol=1e-11, atol=1e-12, max_step=0.05
+        ).y[0, -1]
         expected.append(w)
         here = drift
     forces, _, _ = follow(law(exponent, beta), CYCLE)
@@ -66,7 +70,9 @@ def test_the_force_does_not_depend_on_the_steps_along_a_straight_path(exponent):
     law_parameters = law(exponent, 0.7)
     for turn in (0.5 * DY, 4.0 * DY):
         path = [turn, -3.0 * DY]
-        fine = np.concatenate([np.linspace(0.0, turn, 101)[1:], np.linspace(turn, -3.0 * DY, 301)[1:]])
+        fine = np.concatenate(
+            [np.linspace(0.0, turn, 101)[1:], np.linspace(turn, -3.0 * DY, 301)[1:]]
+        )
         once, stored_once, lost_once = follow(law_parameters, path)
         forces, stored, lost = follow(law_parameters, fine)
         assert once[-1] == pytest.approx(forces[-1], abs=2e-6 * FY)

@@ -54,7 +54,9 @@ def test_the_tangent_is_the_slope(name):
         tangent = restoring(law_parameters, state, 0, 0, at.FIRST_TRIAL, drift)
         force = state[at.FIRST_TRIAL + at.FORCE, 0]
         restoring(law_parameters, state, 0, 0, at.FIRST_TRIAL, drift + 1e-7)
-        assert (state[at.FIRST_TRIAL + at.FORCE, 0] - force) / 1e-7 == pytest.approx(tangent, rel=1e-5)
+        assert (state[at.FIRST_TRIAL + at.FORCE, 0] - force) / 1e-7 == pytest.approx(
+            tangent, rel=1e-5
+        )
 
 
 def test_bilinear_loop_by_hand():
@@ -76,11 +78,15 @@ def test_branch_by_branch_is_the_closed_form(name):
     forces, _, dissipated = follow(law_parameters, CYCLE)
     for drift, force in zip(CYCLE, forces, strict=True):
         walk(law_parameters, by_branches, 0, 0, at.SECOND_TRIAL, drift)
-        by_branches[: at.SPRING_ROWS] = by_branches[at.SECOND_TRIAL : at.SECOND_TRIAL + at.SPRING_ROWS]
+        by_branches[: at.SPRING_ROWS] = by_branches[
+            at.SECOND_TRIAL : at.SECOND_TRIAL + at.SPRING_ROWS
+        ]
         assert by_branches[at.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
         if name == "gap":
             beyond = max(abs(drift) - 0.05, 0.0)
-            assert force == pytest.approx(K * drift + 4.0 * K * np.copysign(beyond, drift), rel=1e-12)
+            assert force == pytest.approx(
+                K * drift + 4.0 * K * np.copysign(beyond, drift), rel=1e-12
+            )
     assert by_branches[at.DISSIPATED, 0] == pytest.approx(dissipated, rel=1e-12)
 
 
@@ -120,8 +126,14 @@ def _origin_oriented():
     return walks.branch_first(walks.walking(switch, recoverable, enter))
 
 
-PLUGINS = {"origin-oriented": DriftLaw("origin-oriented", "", _origin_oriented, kinked=True, extra_rows=1)}
-KNOWING = [name for name, law in LAWS.items() if law.kinked and law.functions().keep and not law.functions().settle]
+PLUGINS = {
+    "origin-oriented": DriftLaw("origin-oriented", "", _origin_oriented, kinked=True, extra_rows=1)
+}
+KNOWING = [
+    name
+    for name, law in LAWS.items()
+    if law.kinked and law.functions().keep and not law.functions().settle
+]
 
 
 def _along(functions, law_parameters, springs, drifts):
@@ -157,10 +169,19 @@ def test_a_look_at_the_branch_first_changes_no_bit(name, monkeypatch):
     for part in np.linspace(0.0, 1.0, 500):
         reach = (0.5 + 8.0 * part) * FY / K
         for _ in range(generator.integers(1, 4)):
-            steps = FY / K * 10.0 ** generator.uniform(-2.0, 0.5) * generator.normal(size=generator.integers(1, 4))
+            steps = (
+                FY
+                / K
+                * 10.0 ** generator.uniform(-2.0, 0.5)
+                * generator.normal(size=generator.integers(1, 4))
+            )
             drifts = np.clip(drift + np.cumsum(steps), -reach, reach)
-            assert _along(looking, law_parameters, looking_at, drifts) == _along(plain, law_parameters, walked, drifts)
-        loans = looking_at[at.FIRST_TRIAL + at.BORROWED : at.ADDRESS : at.SPRING_ROWS, 0][: drifts.size]
+            assert _along(looking, law_parameters, looking_at, drifts) == _along(
+                plain, law_parameters, walked, drifts
+            )
+        loans = looking_at[at.FIRST_TRIAL + at.BORROWED : at.ADDRESS : at.SPRING_ROWS, 0][
+            : drifts.size
+        ]
         borrowed += np.count_nonzero(loans)
         of_its_own += np.count_nonzero(loans == 0.0)
         of_a_block += np.count_nonzero(loans[1:] == -at.SPRING_ROWS)
@@ -172,7 +193,9 @@ def test_a_look_at_the_branch_first_changes_no_bit(name, monkeypatch):
             ]
         drift = walked[at.DRIFT, 0]
         assert np.array_equal(looking_at[: at.SPRING_ROWS], walked[: at.SPRING_ROWS])
-        assert np.array_equal(looking_at[at.EXTRA_ROWS :][: law.extra_rows], walked[at.EXTRA_ROWS :][: law.extra_rows])
+        assert np.array_equal(
+            looking_at[at.EXTRA_ROWS :][: law.extra_rows], walked[at.EXTRA_ROWS :][: law.extra_rows]
+        )
     assert min(borrowed, of_its_own) > 50 and of_a_block > 10
 
 
@@ -182,7 +205,9 @@ def test_the_first_crossing_of_a_cubic(seed):
     d = generator.normal(size=4)
     limit = d[0] + abs(generator.normal())
     s = np.linspace(0.0, 1.0, 200001)
-    values = (1 - s) ** 3 * d[0] + 3 * s * (1 - s) ** 2 * d[1] + 3 * s * s * (1 - s) * d[2] + s**3 * d[3]
+    values = (
+        (1 - s) ** 3 * d[0] + 3 * s * (1 - s) ** 2 * d[1] + 3 * s * s * (1 - s) * d[2] + s**3 * d[3]
+    )
     above = np.flatnonzero(values > limit)
     found = _crossing(d, limit, 0.0, NONE)
     assert found == pytest.approx(s[above[0]], abs=1e-5) if above.size else found == NONE

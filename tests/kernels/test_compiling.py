@@ -79,7 +79,9 @@ def test_a_kernel_is_compiled_once_and_then_loaded_without_the_compiler(small):
     said = [printed(process).splitlines() for process in running]
     assert all(lines[-3:] == ["24.0", "24.0", "False"] for lines in said)
     (told,) = (line for lines in said for line in lines if line.startswith("compiling"))
-    assert told.startswith("compiling 1 time loop for this machine, once, about 5 s: small (kept in ")
+    assert told.startswith(
+        "compiling 1 time loop for this machine, once, about 5 s: small (kept in "
+    )
     (file,) = (small / "cache").rglob("*.object")
     whole = file.read_bytes()
     code, about = unpack(whole)
@@ -88,7 +90,10 @@ def test_a_kernel_is_compiled_once_and_then_loaded_without_the_compiler(small):
     assert not list((small / "cache").rglob("*.part"))
 
 
-WANTED = [(scaled, EVERYTHING), (scaled, Variant(("linear",)))]  # the same: the kernel does not go by the laws
+WANTED = [
+    (scaled, EVERYTHING),
+    (scaled, Variant(("linear",))),
+]  # the same: the kernel does not go by the laws
 
 
 def file_for(target):
@@ -111,7 +116,9 @@ def computed():
     return Kernel(scaled.function, scaled.signature, ()).compiled(np.array([1.0, 3.0]), 4.0)
 
 
-def test_what_cannot_be_kept_costs_only_time_and_what_is_cut_off_is_compiled_anew(cache, ahead, monkeypatch, caplog):
+def test_what_cannot_be_kept_costs_only_time_and_what_is_cut_off_is_compiled_anew(
+    cache, ahead, monkeypatch, caplog
+):
     (made,) = ahead.rglob(file_for("native"))
     compiled = []
 
@@ -181,7 +188,9 @@ def test_what_a_run_needs_is_compiled_and_no_more():
     variants = {}
     for name in ("ten-story", "ten-story-bilinear"):
         wanted = of_model(load_model(configs / f"{name}.yaml"), parse_method("moment4"))
-        variants[name] = {kernel.name.rpartition(".")[2]: variant.text for kernel, variant in wanted}
+        variants[name] = {
+            kernel.name.rpartition(".")[2]: variant.text for kernel, variant in wanted
+        }
     for name, variant in (("ten-story", "linear"), ("ten-story-bilinear", "linear,bilinear")):
         assert variants[name].keys() >= {"moment4:step", "march:march", "law_state:follow"}
         assert variants[name].pop("elastic:peaks") == EVERYTHING.text
@@ -199,11 +208,18 @@ def packed(name, processor=SOME, **other):
 def test_a_building_s_own_kernel_serves_before_the_one_for_everything(cache, monkeypatch):
     monkeypatch.setattr(compilable, "WHOLE", False)
     served = []
-    monkeypatch.setattr(obtaining, "_load", lambda kernel, variant, code, symbol: served.append(code) or True)
+    monkeypatch.setattr(
+        obtaining, "_load", lambda kernel, variant, code, symbol: served.append(code) or True
+    )
     linear = Variant(("linear",))
     for variant in (EVERYTHING, linear):
         about = store.identity(scaled.name, variant.text, native())
-        store.keep(pack(variant.text.encode(), {**about, "symbol": "b"}), scaled.name, variant.text, native())
+        store.keep(
+            pack(variant.text.encode(), {**about, "symbol": "b"}),
+            scaled.name,
+            variant.text,
+            native(),
+        )
         obtain([(Kernel(scaled.function, scaled.signature, ("laws",)), linear)])
     assert served == [EVERYTHING.text.encode(), linear.text.encode()]
 
@@ -237,7 +253,10 @@ compile_ahead([(two.{}, EVERYTHING), (two.{}, EVERYTHING)], ["native"], Path("ou
 def test_the_same_sources_give_the_same_bytes(tmp_path):
     """Wherever they lie, in whatever order they are compiled and however Python hashes names; no path is in them."""
     running, objects = [], []
-    for place, seed, names in (("a", "1", ("first", "second")), ("b/deeper", "2", ("second", "first"))):
+    for place, seed, names in (
+        ("a", "1", ("first", "second")),
+        ("b/deeper", "2", ("second", "first")),
+    ):
         folder = tmp_path / place
         folder.mkdir(parents=True)
         (folder / "two.py").write_text(TWO)
@@ -245,7 +264,9 @@ def test_the_same_sources_give_the_same_bytes(tmp_path):
         running.append((folder, started(AHEAD.format(*names), folder, **setting)))
     for folder, process in running:
         printed(process)
-        objects.append({file.name: file.read_bytes() for file in (folder / "out").rglob("*.object")})
+        objects.append(
+            {file.name: file.read_bytes() for file in (folder / "out").rglob("*.object")}
+        )
     assert objects[0] == objects[1] and len(objects[0]) == 2
     for data in objects[0].values():
         code, about = unpack(data)
@@ -254,10 +275,22 @@ def test_the_same_sources_give_the_same_bytes(tmp_path):
             assert word.encode() not in code
 
 
-HARMS = ["cut off", "changed", "open to others", "of another", "a folder", "a pipe", "nothing", "deep", "symbol"]
+HARMS = [
+    "cut off",
+    "changed",
+    "open to others",
+    "of another",
+    "a folder",
+    "a pipe",
+    "nothing",
+    "deep",
+    "symbol",
+]
 
 
-@pytest.mark.parametrize("harm", [*HARMS, "kernel", "variant", "target", "platform", "sources", "convention"])
+@pytest.mark.parametrize(
+    "harm", [*HARMS, "kernel", "variant", "target", "platform", "sources", "convention"]
+)
 def test_a_damaged_object_is_not_loaded(cache, harm):
     data = packed("a:b")
     path = store.keep(data, "a:b", "all", SOME)
@@ -331,7 +364,13 @@ def test_a_loaded_kernel_takes_numbers_and_arrays():
     assert table.tolist() == [[1.0] * 4, [1.0, 3.0, 5.0, 1.0]]
     read_only = np.ones(3)
     read_only.flags.writeable = False
-    for wrong in (np.arange(3), np.ones((3, 1)), np.ones(6)[::2], read_only, np.ones(3, dtype=np.float32)):
+    for wrong in (
+        np.arange(3),
+        np.ones((3, 1)),
+        np.ones(6)[::2],
+        read_only,
+        np.ones(3, dtype=np.float32),
+    ):
         with pytest.raises(TypeError, match="float64 in C order"):
             kernel(table, wrong, 2.0, 1)
 
@@ -355,7 +394,10 @@ def test_constants_make_another_function_only_where_that_is_wanted(decorate, tim
 
 
 def test_a_variant_is_read_as_it_is_written():
-    for variant in (EVERYTHING, Variant(("linear", "bilinear"), modal=False, forces=True, dashpots=False)):
+    for variant in (
+        EVERYTHING,
+        Variant(("linear", "bilinear"), modal=False, forces=True, dashpots=False),
+    ):
         assert parse(variant.text) == variant
     assert parse("linear") == Variant(("linear",), modal=False, forces=False, dashpots=False)
     assert parse("linear+modal").only(("laws",)) == Variant(("linear",))
@@ -408,7 +450,9 @@ def test_without_the_compiler_a_loop_that_is_not_there_is_named(cache, monkeypat
 
 def test_why_a_kernel_of_another_module_cannot_be_compiled():
     """What numba says behind its heading, and the last line of the module's own file that it names."""
-    wanted = Compilation(SimpleNamespace(name=scaled.name, function=scaled.function, parts=()), EVERYTHING, {})
+    wanted = Compilation(
+        SimpleNamespace(name=scaled.name, function=scaled.function, parts=()), EVERYTHING, {}
+    )
     own = wanted.request[1]
     name = Path(own).name
     text = [
@@ -418,23 +462,33 @@ def test_why_a_kernel_of_another_module_cannot_be_compiled():
     ]  # fmt: skip
     assert wanted.reason(text) == f"{own}:17: cannot unify float64 and int64"
     assert wanted.reason([text[0], *text[3:]]) == f"{own}: cannot unify float64 and int64"
-    assert wanted.reason(["NameError", "name 'nowhere' is not defined"]) == f"{own}: name 'nowhere' is not defined"
+    assert (
+        wanted.reason(["NameError", "name 'nowhere' is not defined"])
+        == f"{own}: name 'nowhere' is not defined"
+    )
     assert wanted.reason(["one line"]) == f"{own}: one line"
     assert wanted.reason([]) == ""
-    package = Compilation(SimpleNamespace(name="a:b", function=follow.function, parts=()), EVERYTHING, {})
+    package = Compilation(
+        SimpleNamespace(name="a:b", function=follow.function, parts=()), EVERYTHING, {}
+    )
     assert package.request == ("a:b", None)
     assert package.reason(text) == "cannot unify float64 and int64" and package.reason([]) == ""
 
 
 def test_a_misspelled_name_is_told_with_its_line():
     """Of one of our own kernels, too: numba names no place of it."""
-    kernel = SimpleNamespace(name="tdint.kernels.stories.law_state:follow", function=follow.function, parts=())
+    kernel = SimpleNamespace(
+        name="tdint.kernels.stories.law_state:follow", function=follow.function, parts=()
+    )
     head = "Failed in nopython mode pipeline"
     said = Compilation(kernel, EVERYTHING, {}).reason(
         [head, "of a caller", head, "NameError: name 'drifts' is not defined"]
     )
     place, line, reason = said.split(":", 2)
-    assert (Path(place).name, reason) == ("law_state.py", " NameError: name 'drifts' is not defined")
+    assert (Path(place).name, reason) == (
+        "law_state.py",
+        " NameError: name 'drifts' is not defined",
+    )
     assert "drifts" in Path(place).read_text().splitlines()[int(line) - 1]
 
 
@@ -445,11 +499,15 @@ def test_what_is_said_of_what_is_compiled(monkeypatch):
         return SimpleNamespace(name=f"tdint.kernels.{name}:march", parts=parts)
 
     one, two = Variant(("bilinear",)), Variant(("bilinear", "gap"))
-    shown = [obtaining._shown((kernel("a.b", "laws"), variant)) for variant in (one, two, EVERYTHING)]
+    shown = [
+        obtaining._shown((kernel("a.b", "laws"), variant)) for variant in (one, two, EVERYTHING)
+    ]
     assert shown == ["b (bilinear)", "b (bilinear, gap)", "b (all laws)"]
     assert obtaining._shown((kernel("a.c"), two)) == "c"
     monkeypatch.setattr(obtaining, "processors", lambda: 2)
-    alone = [obtaining.duration([(kernel("b", "laws"), variant)]) for variant in (one, two, EVERYTHING)]
+    alone = [
+        obtaining.duration([(kernel("b", "laws"), variant)]) for variant in (one, two, EVERYTHING)
+    ]
     assert alone == sorted(alone) and len(set(alone)) == 3
     many = Variant(("bilinear", "gap", "imk", "tanh"))
     assert obtaining.duration([(kernel("b", "laws"), many)]) == alone[2]

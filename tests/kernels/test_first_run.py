@@ -27,20 +27,35 @@ for file, method in json.loads(sys.argv[1]):
     response = tdint.run_case(case, duration=0.5, check=False)
     print(json.dumps([response.stories.peak_drift.tolist(), response.stories.peak_acceleration.tolist()]))
 """
-LAWS = ("ten-story-bilinear", "base-isolated", "three-story-concrete", "collapse-prone-frame", "softening", "hardening")
+LAWS = (
+    "ten-story-bilinear",
+    "base-isolated",
+    "three-story-concrete",
+    "collapse-prone-frame",
+    "softening",
+    "hardening",
+)
 CASES = [(str(CONFIGS / "ten-story.yaml"), name) for name in catalogue()]
 CASES += [
-    (str(CONFIGS / f"{model}.yaml"), name) for model in LAWS for name in ("impulse4", "newmark-average", "moment4")
+    (str(CONFIGS / f"{model}.yaml"), name)
+    for model in LAWS
+    for name in ("impulse4", "newmark-average", "moment4")
 ]
 
 
 def environment(cache, **further):
     """Of a user: no variables of tests or of jobs, an empty cache."""
-    kept = {name: value for name, value in os.environ.items() if name not in ("CI", "TDINT_KERNELS", "TDINT_COMPILE")}
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("CI", "TDINT_KERNELS", "TDINT_COMPILE")
+    }
     return {**kept, "TDINT_CACHE_DIR": str(cache), **further}
 
 
-@pytest.mark.skipif(store._PREBUILT.exists(), reason="this is a wheel with compiled loops: nothing is interpreted")
+@pytest.mark.skipif(
+    store._PREBUILT.exists(), reason="this is a wheel with compiled loops: nothing is interpreted"
+)
 def test_every_method_and_law_gives_what_compiled_loops_give_but_for_rounding(tmp_path):
     process = subprocess.run(
         [sys.executable, "-c", INTERPRETED, json.dumps(CASES)],
@@ -53,8 +68,12 @@ def test_every_method_and_law_gives_what_compiled_loops_give_but_for_rounding(tm
     for (file, method), line in zip(CASES, lines, strict=True):
         case = tdint.prepare(file, method=method, allow_unstable=True)
         stories = tdint.run_case(case, duration=0.5, check=False).stories
-        for values, other in zip((stories.peak_drift, stories.peak_acceleration), json.loads(line), strict=True):
-            np.testing.assert_allclose(values, other, rtol=1e-8, atol=1e-12, err_msg=f"{file} {method}")
+        for values, other in zip(
+            (stories.peak_drift, stories.peak_acceleration), json.loads(line), strict=True
+        ):
+            np.testing.assert_allclose(
+                values, other, rtol=1e-8, atol=1e-12, err_msg=f"{file} {method}"
+            )
 
 
 def test_what_python_refuses_to_divide_is_what_arrays_give():
@@ -76,9 +95,13 @@ def of_user(tmp_path, monkeypatch):
     monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(store, "look_up", lambda *arguments: None)
     # Kernels of this process stay as they are.
-    monkeypatch.setattr("tdint.kernels.building.compilable.Compilable.take", lambda *arguments: None)
+    monkeypatch.setattr(
+        "tdint.kernels.building.compilable.Compilable.take", lambda *arguments: None
+    )
     started = []
-    monkeypatch.setattr(obtaining, "start_apart", lambda arguments, folder: started.append(arguments))
+    monkeypatch.setattr(
+        obtaining, "start_apart", lambda arguments, folder: started.append(arguments)
+    )
     return started
 
 
@@ -96,15 +119,20 @@ def test_a_short_run_begins_at_once_and_a_long_one_does_not(of_user):
 
 
 @pytest.mark.parametrize(
-    "name, value", [("CI", "true"), ("TDINT_COMPILE", "wait"), ("SLURM_JOB_ID", "7"), ("TDINT_KERNELS", "whole")]
+    "name, value",
+    [("CI", "true"), ("TDINT_COMPILE", "wait"), ("SLURM_JOB_ID", "7"), ("TDINT_KERNELS", "whole")],
 )
-def test_nothing_is_interpreted_where_results_are_compared_or_somebody_rather_waits(of_user, monkeypatch, name, value):
+def test_nothing_is_interpreted_where_results_are_compared_or_somebody_rather_waits(
+    of_user, monkeypatch, name, value
+):
     assert begun()
     monkeypatch.setenv(name, value)
     assert not begun()
 
 
-def test_one_process_at_a_time_compiles_and_none_where_nobody_wants_it(of_user, tmp_path, monkeypatch, caplog):
+def test_one_process_at_a_time_compiles_and_none_where_nobody_wants_it(
+    of_user, tmp_path, monkeypatch, caplog
+):
     caplog.set_level("INFO", "tdint")
     monkeypatch.setenv("TDINT_COMPILE", "never")
     assert begun() and not of_user

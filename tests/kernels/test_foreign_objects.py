@@ -19,7 +19,14 @@ from tdint.kernels.building.target import AARCH64, LEVELS, named, native
 from tdint_cli.commands.compile import TARGETS
 
 TESTS = Path(__file__).parents[1]
-NAMES = ["linux-x86-64-v2", "linux-aarch64", "macos-x86-64-v2", "macos-aarch64", "windows-x86-64-v2", "windows-x86-64"]
+NAMES = [
+    "linux-x86-64-v2",
+    "linux-aarch64",
+    "macos-x86-64-v2",
+    "macos-aarch64",
+    "windows-x86-64-v2",
+    "windows-x86-64",
+]
 MAGIC = {"linux": b"\x7fELF", "darwin": b"\xcf\xfa\xed\xfe", "win32": b"\x64\x86"}
 
 
@@ -41,7 +48,13 @@ def weighed(x, table, row, out, factor):
         out[i] = 0.0
     total = 0.0
     for i in range(x.size):
-        out[i] += math.exp(x[i]) + math.sin(x[i]) * math.cos(x[i]) + math.tanh(x[i]) + x[i] ** 1.7 + math.log1p(x[i])
+        out[i] += (
+            math.exp(x[i])
+            + math.sin(x[i]) * math.cos(x[i])
+            + math.tanh(x[i])
+            + x[i] ** 1.7
+            + math.log1p(x[i])
+        )
         total += factor * out[i] * table[row, i]
     return total + kept[row] + kept[2999]
 
@@ -75,14 +88,22 @@ def test_what_no_library_has_is_refused(monkeypatch, objects):
     code, target = objects["windows-x86-64-v2"]
     monkeypatch.setattr(module, "LIBRARY", module.LIBRARY - {"exp"})
     with pytest.raises(ValueError, match=r"weighed for x86-64-v2 on win32: exp$"):
-        module.check(code, {"kernel": "weighed", "target": target.text, "platform": target.platform})
+        module.check(
+            code, {"kernel": "weighed", "target": target.text, "platform": target.platform}
+        )
     monkeypatch.setattr(module, "NEAR", {"AMD64_ADDR64"})
     with pytest.raises(ValueError, match=r"exp, AMD64_ADDR64$"):
-        module.check(code, {"kernel": "weighed", "target": target.text, "platform": target.platform})
+        module.check(
+            code, {"kernel": "weighed", "target": target.text, "platform": target.platform}
+        )
 
 
-@pytest.mark.skipif((sys.platform, platform.machine()) != ("linux", "x86_64"), reason="runs them on Linux on Intel")
-@pytest.mark.skipif(llvm.llvm_version_info < (15,), reason="an older LLVM reads no pointers without types")
+@pytest.mark.skipif(
+    (sys.platform, platform.machine()) != ("linux", "x86_64"), reason="runs them on Linux on Intel"
+)
+@pytest.mark.skipif(
+    llvm.llvm_version_info < (15,), reason="an older LLVM reads no pointers without types"
+)
 @pytest.mark.parametrize("system", [pytest.param("macos", marks=pytest.mark.slow), "windows"])
 def test_an_object_of_another_system_computes_the_same(compiled, objects, system):
     """By the other's convention of calls, with functions of this machine's library behind it."""

@@ -23,9 +23,15 @@ USUAL = (0.5, 0.25, 0.05)
 INTACT = (*3 * (0.0, 0.0, 1.0, 1.0, 0.0), math.inf)
 
 
-def multilinear(points, pinching=USUAL, negative=None, other=None, ultimate=math.inf, degradation=INTACT):
-    sides = [float(number) for side in (points, negative or points) for point in side for number in point]
-    return Law("multilinear-pinching", (*sides, *pinching, *(other or pinching), ultimate, *degradation))
+def multilinear(
+    points, pinching=USUAL, negative=None, other=None, ultimate=math.inf, degradation=INTACT
+):
+    sides = [
+        float(number) for side in (points, negative or points) for point in side for number in point
+    ]
+    return Law(
+        "multilinear-pinching", (*sides, *pinching, *(other or pinching), ultimate, *degradation)
+    )
 
 
 STIFF = ((1, 1), (3, 1.5), (6, 1.8), (12, 1.4))
@@ -35,13 +41,34 @@ CASES = {
     "falling_to_residual": multilinear(((1, 1), (4, 1.4), (9, 0.5), (14, 0.2)), (0.4, 0.3, -0.1)),
     "asymmetric": multilinear(UNEVEN, negative=OTHER, other=(0.6, 0.35, -0.15)),
     "force_above_drift": multilinear(STIFF, (0.3, 0.6, 0.1)),
-    "unloading_above_reloading": multilinear(((1, 1), (3, 1.2), (6, 1.3), (12, 1.25)), (0.5, 0.2, 0.3)),
-    "vmtk_degrading": multilinear(VMTK, degradation=(0, 0.1, 0, 0, 0.2, 0, 0.1, 0, 0, 0.2, 0, 0.4, 0, 0.4, 0.9, 10.0)),
+    "unloading_above_reloading": multilinear(
+        ((1, 1), (3, 1.2), (6, 1.3), (12, 1.25)), (0.5, 0.2, 0.3)
+    ),
+    "vmtk_degrading": multilinear(
+        VMTK, degradation=(0, 0.1, 0, 0, 0.2, 0, 0.1, 0, 0, 0.2, 0, 0.4, 0, 0.4, 0.9, 10.0)
+    ),
     "general_degrading": multilinear(
         UNEVEN,
         negative=OTHER,
         other=(0.6, 0.35, -0.15),
-        degradation=(0.3, 0.1, 0.2, 0.5, 0.4, 0.2, 0.1, 1.0, 0.7, 0.3, 0.1, 0.2, 1.5, 0.5, 0.5, 3.0),
+        degradation=(
+            0.3,
+            0.1,
+            0.2,
+            0.5,
+            0.4,
+            0.2,
+            0.1,
+            1.0,
+            0.7,
+            0.3,
+            0.1,
+            0.2,
+            1.5,
+            0.5,
+            0.5,
+            3.0,
+        ),
     ),
 }
 
@@ -51,7 +78,9 @@ def loops():
         groups = groupby(csv.DictReader(file), key=lambda row: (row["case"], row["path"]))
         return [
             pytest.param(
-                case, [[float(row[name]) for name in ("drift", "force", "work")] for row in rows], id=f"{case}-{path}"
+                case,
+                [[float(row[name]) for name in ("drift", "force", "work")] for row in rows],
+                id=f"{case}-{path}",
             )
             for (case, path), rows in groups
         ]
@@ -78,10 +107,18 @@ BACK = pinched(0.5) + 0.01 * (2.0 - pinched(0.5)) / 2.5
 BY_HAND = [
     # From (3, 2) towards (-1, -1): down with k to 0.05 F3 past zero force, on to a quarter of the force, no farther
     # from (-1, -1) than the line of k, up to that.
-    (USUAL, [1, 3, 0.9, 0.2, -0.25, -0.5, -1, -2, 9], [1, 2, -0.1, pinched(0.2), -0.25, -0.5, -1, -1.5, 2.0]),
+    (
+        USUAL,
+        [1, 3, 0.9, 0.2, -0.25, -0.5, -1, -2, 9],
+        [1, 2, -0.1, pinched(0.2), -0.25, -0.5, -1, -1.5, 2.0],
+    ),
     # Without pinching of the drift reloading begins on the axis, before unloading ends: from (1.01, 1.005) straight to
     # a quarter of the force.
-    ((0.0, 0.25, 0.05), [1.01, 0.505, 0, -0.5, -1], [1.005, 0.5 * (1.005 - 0.25), -0.25, -0.625, -1]),
+    (
+        (0.0, 0.25, 0.05),
+        [1.01, 0.505, 0, -0.5, -1],
+        [1.005, 0.5 * (1.005 - 0.25), -0.25, -0.625, -1],
+    ),
     # An unloading force above that of reloading, 0.2 F3 = 0.4 and 0.3 of the yield force: both are a hundredth off
     # their mean, each on the line that it was on.
     ((0.5, 0.3, 0.2), [3, 0.6535, -0.3535, -1], [2, -0.3465, -0.3535, -1]),
@@ -95,10 +132,14 @@ BY_HAND = [
 ]
 
 
-@pytest.mark.parametrize(("pinching", "drifts", "shears"), BY_HAND, ids=["a loop", "no way", "the mean", "small turns"])
+@pytest.mark.parametrize(
+    ("pinching", "drifts", "shears"), BY_HAND, ids=["a loop", "no way", "the mean", "small turns"]
+)
 def test_loops_by_hand(pinching, drifts, shears):
     """Backbone (1, 1), (3, 2), then flat."""
-    assert along(multilinear(FLAT, pinching), [0, *drifts]).shear[1:] == pytest.approx(shears, abs=1e-12)
+    assert along(multilinear(FLAT, pinching), [0, *drifts]).shear[1:] == pytest.approx(
+        shears, abs=1e-12
+    )
 
 
 def test_a_spent_capacity_moves_the_farthest_drift_by_hand():
@@ -128,7 +169,9 @@ def test_steps_do_not_matter():
 def test_what_comes_back_is_the_work_of_the_way_to_no_force(case):
     """From each place of the way back, after four turns: the area under the forces that follow on it."""
     corners = pairwise([0.0, 6.3, -8.1, 4.2, -9.6])
-    path = along(CASES[case], [0.0, *np.concatenate([np.linspace(a, b, 2001)[1:] for a, b in corners])])
+    path = along(
+        CASES[case], [0.0, *np.concatenate([np.linspace(a, b, 2001)[1:] for a, b in corners])]
+    )
     middles = 0.5 * (path.shear[1:] + path.shear[:-1]) * np.diff(path.drift)
     for turned in range(2000, 8000, 2000):
         back = path.shear[turned:] * np.sign(path.shear[turned]) > 0.0
@@ -140,7 +183,11 @@ def test_what_comes_back_is_the_work_of_the_way_to_no_force(case):
 
 @pytest.mark.parametrize(
     ("points", "stiffens"),
-    [(VMTK, False), (((1, 1), (3, 3), (4, 3.5), (6, 3.5)), False), (((1, 1), (3, 1.5), (4, 2.6), (6, 3)), True)],
+    [
+        (VMTK, False),
+        (((1, 1), (3, 3), (4, 3.5), (6, 3.5)), False),
+        (((1, 1), (3, 1.5), (4, 2.6), (6, 3)), True),
+    ],
 )
 def test_it_stiffens_where_a_later_line_is_steeper_than_the_first(points, stiffens):
     for law in (multilinear(points), multilinear(VMTK, negative=points)):
@@ -158,7 +205,9 @@ def test_nothing_degrades_before_the_first_yielding():
     """Cycles below it, though the work done there is not zero."""
     cycles = np.tile([0.9, -0.9], 20)
     degrading = along(CASES["vmtk_degrading"], [0.0, *cycles, 8.0])
-    assert degrading.shear == pytest.approx(along(multilinear(VMTK), [0.0, *cycles, 8.0]).shear, abs=1e-12)
+    assert degrading.shear == pytest.approx(
+        along(multilinear(VMTK), [0.0, *cycles, 8.0]).shear, abs=1e-12
+    )
 
 
 def uneven(random):
@@ -182,7 +231,11 @@ def uneven(random):
 def test_settled_cycles_make_no_energy(seed):
     """Between any two turns, after any history, with sides of any kind: where 0 <= unloading < force."""
     random = np.random.default_rng(seed)
-    law, before, between = uneven(random), random.uniform(-30.0, 30.0, 8), random.uniform(-25.0, 25.0, 2)
+    law, before, between = (
+        uneven(random),
+        random.uniform(-30.0, 30.0, 8),
+        random.uniform(-25.0, 25.0, 2),
+    )
     path = along(law, [0.0, *before, *np.tile(between, 250)])
     work = path.recoverable + path.dissipated
     assert work[-1] - work[-3] >= -1e-7 * max(np.max(np.abs(np.diff(work[-4:]))), 1.0)
@@ -191,7 +244,9 @@ def test_settled_cycles_make_no_energy(seed):
 def test_where_a_settled_cycle_makes_energy():
     """Unloading that stops before zero force, above the force of reloading: what the README warns of."""
     points = ((1, 1), (10.4, 0.2), (17.1, 1.5), (24.1, 3.6))
-    path = along(multilinear(points, (0.72, 0.33, -0.59)), [0.0, -19.0, 24.0, *np.tile([-21.0, 10.0], 40)])
+    path = along(
+        multilinear(points, (0.72, 0.33, -0.59)), [0.0, -19.0, 24.0, *np.tile([-21.0, 10.0], 40)]
+    )
     work = path.recoverable + path.dissipated
     assert work[-1] - work[-3] < -5.0
 
@@ -202,7 +257,9 @@ def even(random):
     for _ in range(3):
         way = random.uniform(0.3, 10.0)
         drift, force = points[-1]
-        points.append((drift + way, float(np.clip(force + way * random.uniform(-0.3, 0.3), 0.2, 4.9))))
+        points.append(
+            (drift + way, float(np.clip(force + way * random.uniform(-0.3, 0.3), 0.2, 4.9)))
+        )
     return multilinear(points)
 
 

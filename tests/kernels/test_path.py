@@ -148,7 +148,13 @@ def test_the_tangents_are_the_derivatives(any_journey):
         numeric = []
         for by_rise, by_bend in ((eps, 0.0), (0.0, eps)):
             ends = [
-                results(law_parameters, state.copy(), rise + sign * by_rise, bend + sign * by_bend, steady)[:2]
+                results(
+                    law_parameters,
+                    state.copy(),
+                    rise + sign * by_rise,
+                    bend + sign * by_bend,
+                    steady,
+                )[:2]
                 for sign in (1.0, -1.0)
             ]
             numeric.append((ends[0] - ends[1]) / (2.0 * eps))
@@ -203,13 +209,17 @@ def test_turns_are_the_zeros_of_the_rate():
     for degree in (1, 2, 3) * 100:
         zeros = generator.uniform(-0.7, 1.7, degree)
         rate = np.polynomial.Polynomial.fromroots(zeros) * generator.choice([-3.0, 3.0])
-        extremes = [t.real for t in rate.deriv().roots() if abs(t.imag) < 1e-9 and 0.0 < t.real < 1.0]
+        extremes = [
+            t.real for t in rate.deriv().roots() if abs(t.imag) < 1e-9 and 0.0 < t.real < 1.0
+        ]
         mean = rate.integ()(1.0) - rate.integ()(0.0)
         side, *times, nearest = turns(mean, rate(0.0), rate(1.0), rate.deriv()(0.0))
         inside = sorted(zeros[(zeros > 0.0) & (zeros < 1.0)])
         assert side == np.sign(rate(0.0))
         assert times == pytest.approx([*inside, *[1.0] * (3 - len(inside))], abs=1e-7)
-        assert nearest == pytest.approx(min((abs(rate(t)) for t in extremes), default=np.inf), rel=1e-6)
+        assert nearest == pytest.approx(
+            min((abs(rate(t)) for t in extremes), default=np.inf), rel=1e-6
+        )
 
 
 def test_from_rest_a_rate_sets_out_with_what_grows_first():
@@ -218,14 +228,18 @@ def test_from_rest_a_rate_sets_out_with_what_grows_first():
     for rise, noise in ((0.25, 0.0), (0.2, 1e-14), (0.17, -1e-14)):
         assert turns(rise, 0.0, 1.0, noise) == (1.0, 1.0, 1.0, 1.0, np.inf)
     assert turns(-0.25, 0.0, -1.0, 0.0)[:2] == (-1.0, 1.0)
-    side, turn, *_ = turns(0.0, 0.0, 1.0, -0.5)  # -t/2 + 0 t^2 + 3/2 t^3 - ... : back at first, then ahead
+    side, turn, *_ = turns(
+        0.0, 0.0, 1.0, -0.5
+    )  # -t/2 + 0 t^2 + 3/2 t^3 - ... : back at first, then ahead
     assert side == -1.0 and 0.0 < turn < 1.0
 
 
 def test_a_short_turn_changes_little_unless_the_law_degrades_by_turns(steady_journey):
     """There and back by a millionth of the yield drift, then a cycle: forces beside those without it."""
     name, law_parameters, visited, _ = steady_journey
-    if name == "multilinear-pinching":  # the example does not degrade: 30 % of the strength at the last drift
+    if (
+        name == "multilinear-pinching"
+    ):  # the example does not degrade: 30 % of the strength at the last drift
         law_parameters[at.FIRST_PARAMETER + 33 : at.FIRST_PARAMETER + 38, 0] = 0.3, 0, 1, 1, 0.5
     largest = 0.0
     for state, _, _ in visited:

@@ -18,7 +18,9 @@ def scene(seed):
     """Arguments of `look_within`: any motion of some floors over a step, and peaks that are near its ends."""
     generator = np.random.default_rng(seed)
     h = 10.0 ** generator.uniform(-3.0, 0.0)
-    scale = np.array([[1.0], [1.0 / h], [1.0 / h**2]]) * 10.0 ** generator.uniform(-1.0, 1.0, (3, 1))
+    scale = np.array([[1.0], [1.0 / h], [1.0 / h**2]]) * 10.0 ** generator.uniform(
+        -1.0, 1.0, (3, 1)
+    )
     linear_terms = np.zeros((at.LINEAR_TERM_ROWS, STORIES + 1))
     linear_terms[at.LINK, 1:STORIES] = 1.0
     linear_terms[at.MASS, :STORIES] = np.linspace(1.0, 2.0, STORIES)
@@ -33,19 +35,30 @@ def scene(seed):
     old[:3, :STORIES] = scale * generator.normal(size=(3, STORIES))
     old[3:, :STORIES] = scale[1:] * generator.normal(size=(2, STORIES))
     state[:, :STORIES] = scale * generator.normal(size=(3, STORIES))
-    if seed % 2:  # displacements that fit velocities and accelerations: else they tell nothing of what lies between
-        rise = 0.5 * h * (old[1] + state[at.VELOCITY]) - h**2 / 12.0 * (state[at.ACCELERATION] - old[2])
+    if (
+        seed % 2
+    ):  # displacements that fit velocities and accelerations: else they tell nothing of what lies between
+        rise = 0.5 * h * (old[1] + state[at.VELOCITY]) - h**2 / 12.0 * (
+            state[at.ACCELERATION] - old[2]
+        )
         state[at.DISPLACEMENT] = old[0] + rise
     springs[at.DRIFT, :STORIES] = np.diff(state[at.DISPLACEMENT, :STORIES], prepend=0.0)
-    springs[at.FORCE, :STORIES] = K * generator.uniform(-1.0, 1.0, STORIES) * springs[at.DRIFT, :STORIES]
+    springs[at.FORCE, :STORIES] = (
+        K * generator.uniform(-1.0, 1.0, STORIES) * springs[at.DRIFT, :STORIES]
+    )
     ground = scale[2, 0] * generator.normal(size=2)
     ends = np.zeros((at.PEAK_ROWS, STORIES))
     ends[at.PEAK_DRIFT] = abs(springs[at.DRIFT, :STORIES])
     ends[at.PEAK_SHEAR] = abs(springs[at.FORCE, :STORIES])
     ends[at.PEAK_DISPLACEMENT] = np.maximum(abs(state[at.DISPLACEMENT]), abs(old[0]))[:STORIES]
     ends[at.PEAK_VELOCITY] = np.maximum(abs(state[at.VELOCITY]), abs(old[1]))[:STORIES]
-    ends[at.PEAK_ACCELERATION] = np.maximum(abs(state[at.ACCELERATION] + ground[1]), abs(old[2] + ground[0]))[:STORIES]
-    for a, rate, one in ((old[2], old[1], ground[0]), (state[at.ACCELERATION], state[at.VELOCITY], ground[1])):
+    ends[at.PEAK_ACCELERATION] = np.maximum(
+        abs(state[at.ACCELERATION] + ground[1]), abs(old[2] + ground[0])
+    )[:STORIES]
+    for a, rate, one in (
+        (old[2], old[1], ground[0]),
+        (state[at.ACCELERATION], state[at.VELOCITY], ground[1]),
+    ):
         moved = np.cumsum((linear_terms[at.MASS] * (a + one))[:STORIES][::-1])[::-1]
         ends[at.PEAK_TOTAL_SHEAR] = np.maximum(ends[at.PEAK_TOTAL_SHEAR], abs(moved))
         rates = abs(np.diff(rate[:STORIES], prepend=0.0))
@@ -54,7 +67,14 @@ def scene(seed):
     on_path, fast = (bool(one) for one in generator.integers(0, 2, 2))
     turns = np.zeros((1, STORIES + 1))
     return arguments(
-        Span(0.0, h, *ground, on_path, fast, False), linear_terms, law_parameters, old, state, springs, turns, peaks
+        Span(0.0, h, *ground, on_path, fast, False),
+        linear_terms,
+        law_parameters,
+        old,
+        state,
+        springs,
+        turns,
+        peaks,
     )
 
 
@@ -64,7 +84,16 @@ def arguments(span, linear_terms, law_parameters, old, state, springs, turns, pe
     flags = np.zeros(at.FLAGS_SIZE)
     flags[at.DEVICES] = 1.0
     building = Scene(linear_terms, nothing, law_parameters, np.zeros((0, at.FORCE_COLUMNS)), flags)
-    return [span, building, Passage(old, 0, state, state, at.ACCELERATION), springs, turns, 0, peaks, 0]
+    return [
+        span,
+        building,
+        Passage(old, 0, state, state, at.ACCELERATION),
+        springs,
+        turns,
+        0,
+        peaks,
+        0,
+    ]
 
 
 def observed(seed, everything):
@@ -74,7 +103,9 @@ def observed(seed, everything):
     """
     span, building, passage, springs, _, _, peaks, _ = scene(seed)
     absolute = passage.state[at.ACCELERATION, :STORIES] + span.ground_1
-    springs[at.FORCE, :STORIES] = -np.cumsum((building.linear_terms[at.MASS, :STORIES] * absolute)[::-1])[::-1]
+    springs[at.FORCE, :STORIES] = -np.cumsum(
+        (building.linear_terms[at.MASS, :STORIES] * absolute)[::-1]
+    )[::-1]
     factors = np.random.default_rng(seed).uniform(1.0, 1.5, STORIES)
     peaks[at.PEAK_SHEAR] = factors * abs(springs[at.FORCE, :STORIES])
     others = np.arange(at.PEAK_ROWS) != seed % at.PEAK_ROWS  # whose peaks are far
@@ -126,15 +157,23 @@ def errors(h):
             times = omega * np.array([start, start + h])
             u, v, a = np.sin(times), omega * np.cos(times), -(omega**2) * np.sin(times)
             linear_terms = np.zeros((at.LINEAR_TERM_ROWS, 2))
-            law_parameters, springs, turns = np.full((3, 2), K), np.zeros((at.SPRING_ROWS, 2)), np.zeros((1, 2))
+            law_parameters, springs, turns = (
+                np.full((3, 2), K),
+                np.zeros((at.SPRING_ROWS, 2)),
+                np.zeros((1, 2)),
+            )
             springs[at.DRIFT, 0] = u[1]
             old, state = np.zeros((5, 2)), np.zeros((3, 2))
             old[:3, 0], state[:, 0] = (u[0], v[0], a[0]), (u[1], v[1], a[1])
             ends = [max(abs(u)), 0.0, max(abs(u)), max(abs(v)), max(abs(a - 1.0))]
             peaks = np.array([[*ends, 0.0, 0.0, 0.0, 0.0, 0.0]]).T
             span = Span(0.0, h, -1.0, -1.0, False, False, False)
-            look_within(*arguments(span, linear_terms, law_parameters, old, state, springs, turns, peaks))
-            found = peaks[(at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY, at.PEAK_ACCELERATION)[quantity], 0]
+            look_within(
+                *arguments(span, linear_terms, law_parameters, old, state, springs, turns, peaks)
+            )
+            found = peaks[
+                (at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY, at.PEAK_ACCELERATION)[quantity], 0
+            ]
             exact = (1.0, omega, omega**2 + 1.0)[quantity]
             missed[quantity] = max(missed[quantity], abs(found / exact - 1.0))
     return missed

@@ -27,13 +27,17 @@ def trilinear(ultimate=3.0, drift=20.0, pinching=0.5, unloading=0.3):
     return Law("trilinear-pinching", (1.0, ultimate, drift, pinching, unloading))
 
 
-def side(strength=1.0, plastic=4.0, post_capping=8.0, cap=1.2, residual=0.2, ultimate=40.0, rate=1.0):
+def side(
+    strength=1.0, plastic=4.0, post_capping=8.0, cap=1.2, residual=0.2, ultimate=40.0, rate=1.0
+):
     return (strength, plastic, post_capping, cap, residual, ultimate, rate)
 
 
 def imk(positive=None, negative=None, deterioration=math.inf, exponent=1.0, pinching=(1.0, 1.0)):
     positive = side() if positive is None else positive
-    return Law("imk", (*positive, *(negative or positive), *4 * [deterioration], exponent, *pinching))
+    return Law(
+        "imk", (*positive, *(negative or positive), *4 * [deterioration], exponent, *pinching)
+    )
 
 
 def random_path(seed, largest, turns=40, points=15):
@@ -49,7 +53,12 @@ class TrilinearCurves:
     """The force is the smallest of three: reloading curve, backbone, unloading line through the turn point."""
 
     def __init__(self, ultimate, drift, pinching, unloading):
-        self.ultimate, self.drift, self.pinching, self.unloading = ultimate, drift, pinching, unloading
+        self.ultimate, self.drift, self.pinching, self.unloading = (
+            ultimate,
+            drift,
+            pinching,
+            unloading,
+        )
         self.x = self.f = self.zero = 0.0
         self.far = {1: 1.0, -1: 1.0}
 
@@ -88,7 +97,10 @@ class ImkCurves:
         self.sides = {1: dict(zip(["F", "p", "q", "c", "r", "u", "D"], positive, strict=True))}
         self.sides[-1] = dict(zip(["F", "p", "q", "c", "r", "u", "D"], negative, strict=True))
         for one in self.sides.values():
-            one |= {"rise": (one["c"] - 1.0) * one["F"] / one["p"], "fall": -one["c"] * one["F"] / one["q"]}
+            one |= {
+                "rise": (one["c"] - 1.0) * one["F"] / one["p"],
+                "fall": -one["c"] * one["F"] / one["q"],
+            }
             one |= {"rest": one["r"] * one["F"], "far": one["F"], "peak": (one["F"], one["F"])}
             one["start"] = one["c"] * one["F"] - one["fall"] * (one["F"] + one["p"])
         self.capacity, self.exponent, self.pinching = deterioration, exponent, pinching
@@ -99,10 +111,17 @@ class ImkCurves:
 
     def backbone(self, side, x):
         one = self.sides[side]
-        return max(min(one["F"] + one["rise"] * (x - one["F"]), one["start"] + one["fall"] * x), one["rest"])
+        return max(
+            min(one["F"] + one["rise"] * (x - one["F"]), one["start"] + one["fall"] * x),
+            one["rest"],
+        )
 
     def beta(self, work, before):
-        return (max(work, 0.0) / (self.capacity - before)) ** self.exponent if self.capacity < math.inf else 0.0
+        return (
+            (max(work, 0.0) / (self.capacity - before)) ** self.exponent
+            if self.capacity < math.inf
+            else 0.0
+        )
 
     def draw(self, side, here, *points):
         """From here over some points and the farthest one along the backbone."""
@@ -135,7 +154,11 @@ class ImkCurves:
         far, z = one["far"], side * self.x
         force = self.backbone(side, far)
         x = (1.0 - self.pinching[1]) * (far - force / self.slope)
-        self.pinch = (x, self.pinching[0] * force * (x - z) / (far - z)) if self.pinching != (1.0, 1.0) else None
+        self.pinch = (
+            (x, self.pinching[0] * force * (x - z) / (far - z))
+            if self.pinching != (1.0, 1.0)
+            else None
+        )
         first = (self.pinch,) if self.pinch and z < x else ()
         self.draw(side, (z, 0.0), *first, *self.aim(side, first[0] if first else (z, 0.0)))
 
@@ -146,7 +169,9 @@ class ImkCurves:
         force = self.backbone(side, far)
         points = ()
         if self.pinch and peak[0] < self.pinch[0] < far and peak[1] < self.pinch[1] < force:
-            flat = (self.pinch[1] - peak[1]) / (self.pinch[0] - peak[0]) < (force - peak[1]) / (far - peak[0])
+            flat = (self.pinch[1] - peak[1]) / (self.pinch[0] - peak[0]) < (force - peak[1]) / (
+                far - peak[0]
+            )
             points = (self.pinch,) if flat else ()
         self.draw(side, peak, *points)
 
@@ -158,7 +183,10 @@ class ImkCurves:
         side = self.loading
         for a, b in [*self.polygon, (side * x, None)][1:]:
             if side * self.x < a <= side * x:
-                self.to(side * a, side * (np.interp(a, *zip(*self.polygon, strict=True)) if b is None else b))
+                self.to(
+                    side * a,
+                    side * (np.interp(a, *zip(*self.polygon, strict=True)) if b is None else b),
+                )
 
     def go(self, x):
         side = 1 if x > self.x else -1
@@ -209,10 +237,15 @@ def test_trilinear_pinching_by_curves(pinching, unloading, largest):
     for seed in range(4):
         path = random_path(seed, largest)
         law = (2.5, 12.0, pinching, unloading)
-        assert imposed(trilinear(*law), path).shear == pytest.approx(curves(TrilinearCurves(*law), path), abs=1e-10)
+        assert imposed(trilinear(*law), path).shear == pytest.approx(
+            curves(TrilinearCurves(*law), path), abs=1e-10
+        )
 
 
-SIDES = {"equal": (side(), side()), "different": (side(), side(0.8, 3.0, 12.0, 1.1, 0.3, 50.0, 0.6))}
+SIDES = {
+    "equal": (side(), side()),
+    "different": (side(), side(0.8, 3.0, 12.0, 1.1, 0.3, 50.0, 0.6)),
+}
 
 
 @pytest.mark.parametrize("sides", SIDES)
@@ -245,8 +278,12 @@ def test_without_pinching_and_before_its_ultimate_drift_the_trilinear_law_is_the
 
 def test_the_backbone_of_the_imk_law():
     """Yield at 1, capping at 5 with 1.2, down by 0.15 each, residual 0.2 from 5 + 1 / 0.15 on, nothing beyond 15."""
-    path = imposed(imk(side(ultimate=15.0)), [0.5, 1.0, 3.0, 5.0, 7.0, 11.0, 12.0, 14.9, 15.1, 14.0, -3.0])
-    assert path.shear == pytest.approx([0.5, 1.0, 1.1, 1.2, 0.9, 0.3, 0.2, 0.2, 0.0, 0.0, 0.0], abs=1e-12)
+    path = imposed(
+        imk(side(ultimate=15.0)), [0.5, 1.0, 3.0, 5.0, 7.0, 11.0, 12.0, 14.9, 15.1, 14.0, -3.0]
+    )
+    assert path.shear == pytest.approx(
+        [0.5, 1.0, 1.1, 1.2, 0.9, 0.3, 0.2, 0.2, 0.0, 0.0, 0.0], abs=1e-12
+    )
     work = 0.5 + 4.4 + 0.7 / 0.15 + 0.2 * (10.0 - 1.0 / 0.15)
     assert path.dissipated[-1] == pytest.approx(work, rel=1e-12)
     assert path.recoverable[-1] == 0.0
@@ -256,7 +293,9 @@ def test_a_story_whose_deterioration_exceeds_one_carries_nothing():
     """To 3: work 0.5 + 2.1, of which 1.1^2 / 2 is given back: beta = 1.995 / (capacity - 1.995) on turning."""
     spent = 0.5 + 2.1 - 0.5 * 1.1**2
     path = [3.0, 2.9, 0.0, -4.0]
-    assert imposed(imk(deterioration=1.99 * spent), path).shear == pytest.approx([1.1, 0.0, 0.0, 0.0], abs=1e-12)
+    assert imposed(imk(deterioration=1.99 * spent), path).shear == pytest.approx(
+        [1.1, 0.0, 0.0, 0.0], abs=1e-12
+    )
     alive = imposed(imk(deterioration=4.0 * spent), path)
     assert alive.shear[1] == pytest.approx(1.1 - 0.1 * (1.0 - 1.0 / 3.0), rel=1e-12)
 
@@ -291,7 +330,9 @@ def test_loops_of_another_program():
         "imk_pinching_lambda50": imk(deterioration=50.0, pinching=(0.3, 0.5)),
     }
     rows = list(csv.DictReader((Path(LOOPS) / "law_loops.csv").read_text().splitlines()))
-    cases = {key: list(group) for key, group in groupby(rows, key=lambda row: (row["case"], row["path"]))}
+    cases = {
+        key: list(group) for key, group in groupby(rows, key=lambda row: (row["case"], row["path"]))
+    }
     assert {case for case, _ in cases} == set(laws)
     for (case, _), group in cases.items():
         drift, force, work = (
@@ -355,9 +396,13 @@ def test_cycles_of_a_peak_oriented_story_that_hardens(hardening, unloading):
         corners = np.outer([*np.linspace(1.5, largest, 6), largest, largest], [1.0, -1.0]).ravel()
         ways = zip([0.0, *corners], corners, strict=False)
         path = imposed(law, np.concatenate([np.linspace(a, b, 400) for a, b in ways]))
-        work = np.concatenate([[0.0], np.cumsum(0.5 * (path.shear[1:] + path.shear[:-1]) * np.diff(path.drift))])
+        work = np.concatenate(
+            [[0.0], np.cumsum(0.5 * (path.shear[1:] + path.shear[:-1]) * np.diff(path.drift))]
+        )
         last = work[-1] - work[-801]
-        assert last >= -1e-12 * work[-1]  # nothing where the bounds make of it a line through the origin
+        assert (
+            last >= -1e-12 * work[-1]
+        )  # nothing where the bounds make of it a line through the origin
         assert path.dissipated[-1] + path.recoverable[-1] == pytest.approx(work[-1], rel=1e-3)
         # Unloading ends on the side where it began: what comes back is at most the triangle to the origin.
         peak = np.argmax(path.drift)

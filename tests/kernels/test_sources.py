@@ -16,13 +16,21 @@ from tdint.kernels.building.store import folder_name
 from tdint.kernels.laws import LAWS
 
 PACKAGE = Path(tdint.__file__).parent
-MODULES = {name: name.partition(":")[0] for name in sorted({kernel.name for kernel, _ in of_everything()})}
+MODULES = {
+    name: name.partition(":")[0] for name in sorted({kernel.name for kernel, _ in of_everything()})
+}
 SMALL = Path(__file__).parents[1] / "small_kernel.py"
 
 
 def forget():
     """What has been read of files is read anew."""
-    for cached in (sources.digest, sources.digest_of_all, sources._read, sources._imported, sources._own_file):
+    for cached in (
+        sources.digest,
+        sources.digest_of_all,
+        sources._read,
+        sources._imported,
+        sources._own_file,
+    ):
         cached.cache_clear()
 
 
@@ -49,7 +57,9 @@ def changed(copy):
 
     def digests():
         forget()
-        return {name: [sources.digest(name, laws) for laws in ((), ("linear",))] for name in MODULES}
+        return {
+            name: [sources.digest(name, laws) for laws in ((), ("linear",))] for name in MODULES
+        }
 
     def edit(file, text="# A remark\n"):
         before, old = digests(), (copy / file).read_text()
@@ -83,7 +93,9 @@ def imported(file):
 def file_of(module):
     """The source of a module of the package, None for another name."""
     path = PACKAGE.parent.joinpath(*module.split("."))
-    return next((one for one in (path.with_suffix(".py"), path / "__init__.py") if one.is_file()), None)
+    return next(
+        (one for one in (path.with_suffix(".py"), path / "__init__.py") if one.is_file()), None
+    )
 
 
 @pytest.mark.parametrize("name", MODULES)
@@ -91,9 +103,15 @@ def test_what_a_kernel_imports_is_found_as_by_parsing(name):
     found, new = set(), [MODULES[name]]
     while new:
         module = new.pop()
-        if module not in found and (file := file_of(module)) and not module.startswith("tdint.kernels.building."):
+        if (
+            module not in found
+            and (file := file_of(module))
+            and not module.startswith("tdint.kernels.building.")
+        ):
             found.add(module)
-            new += [one for one in imported(file) if one.startswith(("tdint.kernels", "tdint.methods"))]
+            new += [
+                one for one in imported(file) if one.startswith(("tdint.kernels", "tdint.methods"))
+            ]
     assert set(sources.closure(MODULES[name])) == found | set(sources._COMPILING)
 
 
@@ -116,19 +134,27 @@ def test_a_law_that_is_left_out_does_not_count(changed):
     assert changed("kernels/building/compiler.py") == [set(MODULES)] * 2
 
 
-def test_a_kernel_outside_the_package_counts_by_its_file_and_what_that_imports(tmp_path, copy, monkeypatch):
+def test_a_kernel_outside_the_package_counts_by_its_file_and_what_that_imports(
+    tmp_path, copy, monkeypatch
+):
     small = tmp_path / "small.py"
     small.write_text(SMALL.read_text())
     monkeypatch.setitem(sys.modules, "small", SimpleNamespace(__file__=str(small)))
     first = sources.digest("small:scaled")
-    assert {"small", "tdint.kernels.march.march", "tdint.kernels.layout"} <= sources.closure("small").keys()
+    assert {"small", "tdint.kernels.march.march", "tdint.kernels.layout"} <= sources.closure(
+        "small"
+    ).keys()
     small.write_text(SMALL.read_text().replace("2.0 * x", "3.0 * x"))
     forget()
     assert sources.digest("small:scaled") != first
 
 
 def test_versions_alone_name_the_folder(copy):
-    before, named, stepping = sources.digest_of_all(), folder_name.__wrapped__(), copy / "kernels" / "stepping.py"
+    before, named, stepping = (
+        sources.digest_of_all(),
+        folder_name.__wrapped__(),
+        copy / "kernels" / "stepping.py",
+    )
     text = stepping.read_text()
     stepping.write_text(text + "# A remark\n")
     forget()

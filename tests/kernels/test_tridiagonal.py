@@ -31,7 +31,12 @@ def test_tridiagonal_with_low_rank(n, modes):
     w = np.hstack([generator.normal(size=(modes, n)), np.zeros((modes, 1))])
     right = generator.normal(size=n)
     scale = 0.3
-    dense = np.diag(diagonal) + np.diag(coupling[1:], 1) + np.diag(coupling[1:], -1) + scale * w[:, :n].T @ w[:, :n]
+    dense = (
+        np.diag(diagonal)
+        + np.diag(coupling[1:], 1)
+        + np.diag(coupling[1:], -1)
+        + scale * w[:, :n].T @ w[:, :n]
+    )
     work = np.zeros((3 + 2 * modes + 1, max(n, 2 * modes) + 1))
     work[0, :n], work[1, :n], work[2, :n] = diagonal, coupling, right
     factors = Factors(work, 0, 1, 3)
@@ -71,7 +76,9 @@ def chain(n, modes, generator):
     """Masses, dampers, a softening story among stiff ones, one that stands on the ground beside the others; the columns
     of the solver, and the dense M, C and K."""
     linear_terms, springs = np.zeros((at.LINEAR_TERM_ROWS, n + 1)), np.zeros((at.EXTRA_ROWS, n + 1))
-    linear_terms[[at.MASS, at.FLOOR_DAMPER, at.STORY_DAMPER], :n] = generator.uniform(0.1, 1.0, (3, n))
+    linear_terms[[at.MASS, at.FLOOR_DAMPER, at.STORY_DAMPER], :n] = generator.uniform(
+        0.1, 1.0, (3, n)
+    )
     linear_terms[at.INVERSE_MASS, :n] = 1.0 / linear_terms[at.MASS, :n]
     linear_terms[at.GEOMETRIC, :n] = -generator.uniform(0.0, 0.5, n)
     linear_terms[at.LINK, 1:n] = 1.0
@@ -109,7 +116,9 @@ def test_pairs_with_low_rank(n, modes):
         solve_pairs_damped(factors, by_modes, 0, 1, n)
         out_of_balance = np.abs(dense @ (work[0, :n] + 1j * work[1, :n]) - right)
         assert np.all(out_of_balance <= 1e-13 * np.linalg.cond(dense) * np.abs(right).max())
-        assert work[0, :n] + 1j * work[1, :n] == pytest.approx(np.linalg.solve(dense, right), rel=1e-9, abs=1e-13)
+        assert work[0, :n] + 1j * work[1, :n] == pytest.approx(
+            np.linalg.solve(dense, right), rel=1e-9, abs=1e-13
+        )
 
 
 @pytest.mark.parametrize("omega_h", [1e-2, 1.0, 30.0, 1e4])
@@ -126,7 +135,9 @@ def test_a_straight_step_of_impulse4_is_newtons(rho_inf, omega_h):
         springs[at.DRIFT] = state[0] - linear_terms[at.LINK] * np.roll(state[0], 1)
         springs[at.FORCE] = generator.normal(size=n + 1)
         laws = np.vstack([np.zeros(n + 1), np.abs(springs[at.SLOPE])])
-        scene = Scene(linear_terms, modal, laws, np.zeros((0, at.FORCE_COLUMNS)), np.zeros(at.FLAGS_SIZE))
+        scene = Scene(
+            linear_terms, modal, laws, np.zeros((0, at.FORCE_COLUMNS)), np.zeros(at.FLAGS_SIZE)
+        )
         work = np.zeros((FACTORS + factor_rows(modes), n + 1))
         work[[momentum.LOAD, momentum.IMPULSE], :n] = generator.normal(size=(2, n))
         memory = Memory(state, springs, work, np.zeros(at.REPORT_SIZE))

@@ -19,7 +19,10 @@ from tdint.model.building import assemble
 from tdint.model.definition import LAWS, Law
 
 CONFIG = Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml"
-RATES = [at.PEAK_DRIFT_RATE, at.PEAK_ROWS + at.PEAK_DRIFT_RATE]  # of drift, for dashpots, of which there are none
+RATES = [
+    at.PEAK_DRIFT_RATE,
+    at.PEAK_ROWS + at.PEAK_DRIFT_RATE,
+]  # of drift, for dashpots, of which there are none
 METHODS = ("newmark-average", "impulse4", "moment4")
 
 APART = tuple(name for name in LAWS if LAWS[name].apart)
@@ -40,7 +43,12 @@ def building(laws):
     model = load_model(CONFIG)
     linear = Law("linear", ())
     stories = tuple(
-        replace(story, law=linear if i % 3 == 2 or law == "linear" else example(law, story.stiffness, strength))
+        replace(
+            story,
+            law=linear
+            if i % 3 == 2 or law == "linear"
+            else example(law, story.stiffness, strength),
+        )
         for i, story in enumerate(model.stories)
         for law, strength in [(laws[i % len(laws)], story.law.parameters[0])]
     )
@@ -73,7 +81,9 @@ def test_a_scene_of_its_own_and_everything_agree_to_the_last_bit(laws, methods, 
                 monkeypatch.setattr(kernel, "_last", (EVERYTHING, None))
             result.update(marched(PreparedBuilding(assembled), method))
         step = parse(method).family.step
-        assert {EVERYTHING, step.needs(variant)} <= step._loaded.keys() and step.needs(variant) != EVERYTHING
+        assert {EVERYTHING, step.needs(variant)} <= step._loaded.keys() and step.needs(
+            variant
+        ) != EVERYTHING
         for result in (own, everything):
             result["peaks"] = np.delete(result["peaks"], RATES, axis=0)
         for name in ("state", "peaks", "totals", "history"):

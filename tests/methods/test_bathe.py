@@ -12,7 +12,13 @@ from tdint.errors import UsageError
 from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
 
-METHODS = ("bathe", "bathe:gamma=0.5", "bathe:rho_inf=0.5", "bathe:rho_inf=1", "bathe:rho_inf=0.8:gamma=0.3")
+METHODS = (
+    "bathe",
+    "bathe:gamma=0.5",
+    "bathe:rho_inf=0.5",
+    "bathe:rho_inf=1",
+    "bathe:rho_inf=0.8:gamma=0.3",
+)
 
 
 def published(rho_inf, gamma):
@@ -27,7 +33,8 @@ def dense_step(values, M, C, K, h, u0, v0, a0, p_inner, p1):
     q0, q1, q2 = published(*values)
     g = gamma * h
     u_inner = np.linalg.solve(
-        4.0 / g**2 * M + 2.0 / g * C + K, p_inner + M @ (4.0 / g**2 * u0 + 4.0 / g * v0 + a0) + C @ (2.0 / g * u0 + v0)
+        4.0 / g**2 * M + 2.0 / g * C + K,
+        p_inner + M @ (4.0 / g**2 * u0 + 4.0 / g * v0 + a0) + C @ (2.0 / g * u0 + v0),
     )
     v_inner = 2.0 / g * (u_inner - u0) - v0
     a_inner = 2.0 / g * (v_inner - v0) - a0
@@ -75,7 +82,9 @@ def test_default_gamma_gives_one_matrix_for_both_sub_steps(rho_inf):
     assert q2 == gamma / 2.0
     assert q2 == pytest.approx(published(rho_inf, gamma)[2], rel=1e-14)
     if rho_inf < 0.9:
-        assert gamma == pytest.approx((2.0 - math.sqrt(2.0 + 2.0 * rho_inf)) / (1.0 - rho_inf), rel=1e-14)
+        assert gamma == pytest.approx(
+            (2.0 - math.sqrt(2.0 + 2.0 * rho_inf)) / (1.0 - rho_inf), rel=1e-14
+        )
     else:
         assert gamma == pytest.approx(0.5, abs=1e-9)
 

@@ -51,13 +51,18 @@ def test_average_acceleration_has_its_known_error(reference):
     exact, peak = reference
     u, response = displacement("newmark-average", 1)
     assert np.linalg.norm(u - exact) / np.linalg.norm(exact) == pytest.approx(4.7e-3, rel=0.02)
-    assert np.max(np.abs(response.stories.peak_drift / peak - 1.0)) == pytest.approx(1.6e-2, rel=0.05)
+    assert np.max(np.abs(response.stories.peak_drift / peak - 1.0)) == pytest.approx(
+        1.6e-2, rel=0.05
+    )
 
 
 @pytest.mark.parametrize("rho_inf", [0.5, 0.0])
 def test_the_dissipative_members_keep_order_3(rho_inf, reference):
     exact, _ = reference
-    errors = [np.linalg.norm(displacement(f"impulse4:rho_inf={rho_inf}", parts)[0] - exact) for parts in (1, 2, 4)]
+    errors = [
+        np.linalg.norm(displacement(f"impulse4:rho_inf={rho_inf}", parts)[0] - exact)
+        for parts in (1, 2, 4)
+    ]
     assert orders(errors).min() >= 2.7
 
 
@@ -65,7 +70,9 @@ def test_the_dissipative_members_keep_order_3(rho_inf, reference):
     ("method", "dt", "off", "unbalanced", "events"),
     [("impulse4", 0.01, 1e-6, 1e-6, 2), ("moment4", 0.005, 1e-5, 1e-13, 0)],
 )
-def test_free_vibration_of_an_elastic_perfectly_plastic_oscillator(method, dt, off, unbalanced, events):
+def test_free_vibration_of_an_elastic_perfectly_plastic_oscillator(
+    method, dt, off, unbalanced, events
+):
     """Energy at rest equals what is stored, and what was lost equals Fy times the slip, in closed form.
 
     u0 = 0, v0 = 1, omega = 10, Fy = 5: yield at uy = 0.05, v = sqrt(1 - 25 * 0.01) there; then the mass is slowed down
@@ -100,13 +107,18 @@ def test_a_run_goes_on_where_events_pile_up():
         assert np.all(np.isfinite(response.stories.peak_drift))
 
 
-@pytest.mark.parametrize("method", ["newmark-average", "impulse4", "bathe", "houbolt", "impulse", "gauss4"])
+@pytest.mark.parametrize(
+    "method", ["newmark-average", "impulse4", "bathe", "houbolt", "impulse", "gauss4"]
+)
 def test_a_yielded_building_comes_to_rest(method):
     """Long after the motion, lasting drifts stay and nothing stalls: about one solve per step, none halved; of gauss4,
     whose rounding beside a lasting drift is then all that is out of balance, too."""
     response = run(ten_bilinear(), noise(), method=method, duration=60.0)
     assert np.max(np.abs(response.stories.residual_drift)) > 1e-3
-    assert response.iterations < {"bathe": 2.6, "gauss4": 1.02, "impulse": 2.05}.get(method, 1.3) * response.steps
+    assert (
+        response.iterations
+        < {"bathe": 2.6, "gauss4": 1.02, "impulse": 2.05}.get(method, 1.3) * response.steps
+    )
     assert response.halvings == 0
 
 
@@ -117,8 +129,14 @@ def test_no_events_in_a_linear_building():
 
 
 def test_a_harmonic_force_on_a_yielding_story_is_order_4():
-    building = model([story(1.0, 100.0, Law("bilinear", (5.0, 0.1)), dashpot=0.4)], forces=[Force(1, 0.0, 6.0, 7.0)])
-    runs = [run(building, method="impulse4", dt=0.04 / 2**j, duration=8.0, history=True) for j in range(6)]
+    building = model(
+        [story(1.0, 100.0, Law("bilinear", (5.0, 0.1)), dashpot=0.4)],
+        forces=[Force(1, 0.0, 6.0, 7.0)],
+    )
+    runs = [
+        run(building, method="impulse4", dt=0.04 / 2**j, duration=8.0, history=True)
+        for j in range(6)
+    ]
     u = [response.history.displacement[:: 2**j, 0] for j, response in enumerate(runs)]
     errors = [np.max(np.abs(coarse - u[-1])) for coarse in u[:4]]
     assert runs[0].events > 5
@@ -165,7 +183,9 @@ def test_kinks_are_located_among_curved_laws(name):
 @pytest.mark.parametrize("exponent", [1.0, 1.3, 1.7])
 def test_bouc_wen_stories_of_low_exponent_are_order_4(exponent):
     """The force is not smooth where its hysteretic part changes sign: steps end there."""
-    building = model([story(2e5, 4e7, Law("bouc-wen", (4e5, 0.05, exponent, 0.7)), dashpot=3e5)] * 2)
+    building = model(
+        [story(2e5, 4e7, Law("bouc-wen", (4e5, 0.05, exponent, 0.7)), dashpot=3e5)] * 2
+    )
     _, _, errors = refined(building, noise(peak=6.0), (1, 2, 4, 16))
     assert orders(errors).min() > 3.5
     assert errors[0] < 1e-5
@@ -179,7 +199,9 @@ def test_large_steps_go_over_weak_turns_which_small_ones_locate():
     other = run(building, record, method="moment4", dt=record.dt / 32, history=True)
     rates = np.diff(other.history.velocity, axis=1, prepend=0.0)[1:]
     turns = np.count_nonzero(np.diff(np.sign(rates), axis=0))
-    fine, coarse = (run(building, record, method="impulse4", dt=record.dt * part) for part in (1 / 32, 4.0))
+    fine, coarse = (
+        run(building, record, method="impulse4", dt=record.dt * part) for part in (1 / 32, 4.0)
+    )
     assert 0.9 * turns <= fine.events <= turns
     assert coarse.events < 0.5 * turns
     assert coarse.stories.peak_drift == pytest.approx(other.stories.peak_drift, rel=0.1)
@@ -199,7 +221,9 @@ def test_a_stop_touched_for_a_moment_is_left_again():
     time = 4.0 - half * np.floor(4.0 / half)
     into = np.arcsin(omega * gap / v0) / omega
     assert not into < time < into + touch
-    time = time if time <= into else time - touch + (np.pi - 2.0 * np.arcsin(omega * gap / v0)) / omega
+    time = (
+        time if time <= into else time - touch + (np.pi - 2.0 * np.arcsin(omega * gap / v0)) / omega
+    )
     exact = v0 / omega * np.sin(omega * time) * (-1.0) ** np.floor(4.0 / half)
     errors = []
     assert touch < 0.01

@@ -25,7 +25,9 @@ def test_building_is_the_sum_of_its_modes(method, damping):
     if damping == "rayleigh":
         case = model(case.stories, damping=RAYLEIGH, displacement=case.initial.displacement)
     got = run(case, record, method=method, history=True).history.displacement
-    ratio = (lambda omega: 0.07) if damping == "modal" else (lambda omega: 0.4 / omega + 1e-3 * omega)
+    ratio = (
+        (lambda omega: 0.07) if damping == "modal" else (lambda omega: 0.4 / omega + 1e-3 * omega)
+    )
     want = superposed(method, case, ratio, record)
     np.testing.assert_allclose(got, want, rtol=0.0, atol=1e-9 * np.max(np.abs(want)))
 
@@ -45,10 +47,14 @@ def average_acceleration():
         *((method, (2, 32), 1e-5) for method in ("rk5", "gauss4")),
     ],
 )
-def test_a_yielding_building_converges_to_what_average_acceleration_gives(average_acceleration, method, parts, bound):
+def test_a_yielding_building_converges_to_what_average_acceleration_gives(
+    average_acceleration, method, parts, bound
+):
     """With an eighth of the step less than an eighth of the error; the model-based methods take one solve a step."""
     runs = [run(ten_bilinear(), noise(), method=method, dt=0.01 / part) for part in parts]
-    coarse, fine = (np.max(np.abs(one.stories.peak_drift / average_acceleration - 1.0)) for one in runs)
+    coarse, fine = (
+        np.max(np.abs(one.stories.peak_drift / average_acceleration - 1.0)) for one in runs
+    )
     assert fine < bound
     assert fine < coarse / 8.0
     assert runs[0].stories.ductility.max() > 2.0
@@ -58,7 +64,8 @@ def test_a_yielding_building_converges_to_what_average_acceleration_gives(averag
 
 
 @pytest.mark.parametrize(
-    ("method", "done"), [*((name, i) for name in ("houbolt", "park") for i in range(3)), ("gauss4", 1), ("moment4", 1)]
+    ("method", "done"),
+    [*((name, i) for name in ("houbolt", "park") for i in range(3)), ("gauss4", 1), ("moment4", 1)],
 )
 def test_a_step_without_solution_leaves_everything_as_it_was(method, done):
     steps, untried = SingleSteps(method), SingleSteps(method)

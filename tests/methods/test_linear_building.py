@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from building_cases import ModalDamping, RayleighCoefficients, RayleighRatio, model, noise, story, ten_linear
+from building_cases import (
+    ModalDamping,
+    RayleighCoefficients,
+    RayleighRatio,
+    model,
+    noise,
+    story,
+    ten_linear,
+)
 from references import drifts, exact_linear, orders
 from tdint import run
 
@@ -20,7 +28,9 @@ def drift_errors(building, method, halvings):
     for halving in range(halvings):
         parts = 2**halving
         response = run(building, record, method=method, dt=record.dt / parts, history=True)
-        errors.append(np.max(np.abs(response.history.drift[::parts] - reference)) / np.max(np.abs(reference)))
+        errors.append(
+            np.max(np.abs(response.history.drift[::parts] - reference)) / np.max(np.abs(reference))
+        )
     return np.array(errors)
 
 
@@ -51,11 +61,16 @@ def test_the_ground_rests_after_the_record():
     # Free vibration after the record: the reference goes on with a motion padded by zeros.
     longer = type(record)(np.append(record.acceleration, np.zeros(400)), record.dt, "", "", "", "")
     reference = exact_linear(building, longer)
-    assert np.max(np.abs(response.history.displacement - reference)) < 1e-9 * np.max(np.abs(reference))
+    assert np.max(np.abs(response.history.displacement - reference)) < 1e-9 * np.max(
+        np.abs(reference)
+    )
 
 
 def test_energy_is_balanced_to_the_order_of_the_method():
     record = noise()
-    errors = [abs(run(ten_linear(), record, method="impulse4", dt=record.dt / 2**j).energy.error) for j in range(3)]
+    errors = [
+        abs(run(ten_linear(), record, method="impulse4", dt=record.dt / 2**j).energy.error)
+        for j in range(3)
+    ]
     assert errors[0] < 1e-4
     assert orders(errors).min() > 3.5

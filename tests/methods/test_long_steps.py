@@ -31,10 +31,16 @@ def test_of_the_samples_in_a_step_nothing_else_counts(method):
     for start in range(0, 400, 4):
         ripple[start : start + 5] += rng.normal() * np.array([0.0, 1.0, -2.0, 1.0, 0.0])
     rippled = replace(record, acceleration=record.acceleration + ripple)
-    one, other = (run(building_for(method), r, method=method, dt=4 * DT, history=True) for r in (record, rippled))
+    one, other = (
+        run(building_for(method), r, method=method, dt=4 * DT, history=True)
+        for r in (record, rippled)
+    )
     scale = np.max(np.abs(one.history.displacement))
     assert np.max(np.abs(one.history.displacement - other.history.displacement)) < 1e-9 * scale
-    assert np.max(np.abs(one.history.acceleration - other.history.acceleration)) < 1e-6 * one.record.pga
+    assert (
+        np.max(np.abs(one.history.acceleration - other.history.acceleration))
+        < 1e-6 * one.record.pga
+    )
 
 
 @pytest.mark.parametrize("method", ALL)
@@ -44,11 +50,15 @@ def test_the_order_is_kept(method):
     dt = DT / 2
     record = noise(samples=801, dt=dt)
     building = building_for(method, yield_force=1e12)
-    exact = run(building_for("exact"), record, method="exact", dt=dt, history=True).history.displacement
+    exact = run(
+        building_for("exact"), record, method="exact", dt=dt, history=True
+    ).history.displacement
     errors = []
     for k in (4, 2):
         found = run(building, record, method=method, dt=k * dt, history=True)
-        errors.append(np.linalg.norm(found.history.displacement - exact[::k]) / np.linalg.norm(exact[::k]))
+        errors.append(
+            np.linalg.norm(found.history.displacement - exact[::k]) / np.linalg.norm(exact[::k])
+        )
     declared = min(parse(method).order, 4) if method != "exact" else 4
     assert np.log2(errors[0] / errors[1]) > declared - 0.35
 
@@ -57,7 +67,9 @@ def test_the_order_is_kept(method):
 def test_one_sample_a_step_is_what_it_was(method):
     """A step of one interval, or a part of it, takes the record's own line."""
     record = noise(samples=101)
-    rows = [run(building_for(method), record, method=method, dt=dt, history=True) for dt in (DT, DT / 2)]
+    rows = [
+        run(building_for(method), record, method=method, dt=dt, history=True) for dt in (DT, DT / 2)
+    ]
     for response in rows:
         ends = response.history.ground_acceleration
         every = round(DT / response.dt)
@@ -71,7 +83,9 @@ def test_fourth_order_of_impulse4_on_a_yielding_building():
     for k in (1, 2, 4):
         coarse = run(ten_bilinear(), record, method="impulse4", dt=k * DT, history=True)
         assert coarse.events > 100
-        errors.append(np.linalg.norm(coarse.history.displacement - exact[::k]) / np.linalg.norm(exact[::k]))
+        errors.append(
+            np.linalg.norm(coarse.history.displacement - exact[::k]) / np.linalg.norm(exact[::k])
+        )
     assert 3.4 < -np.mean(orders(errors)) < 4.6
 
 
@@ -85,7 +99,9 @@ def test_the_energy_balance_of_long_steps(method):
         assert response.energy.input == pytest.approx(short.energy.input, rel=5e-4)
 
 
-@pytest.mark.parametrize(("method", "samples"), [("impulse4", 3), ("exact", 2), ("hht:alpha=-0.3", 1)])
+@pytest.mark.parametrize(
+    ("method", "samples"), [("impulse4", 3), ("exact", 2), ("hht:alpha=-0.3", 1)]
+)
 def test_a_history_has_its_own_times_and_absolute_accelerations(method, samples):
     """Absolute accelerations are the forces on the floors over their masses, whatever line stands for the record."""
     response = run(ten_linear(None), noise(), method=method, dt=samples * DT, history=True)
@@ -106,7 +122,9 @@ def test_peaks_of_a_free_vibration(method):
     acceleration, and by some three times the (omega h)^4 / 720 by which the method's motion is slow."""
     omega = 2.0 * np.pi
     h = 0.0517
-    response = run(oscillator(omega, displacement=(1.0,), velocity=(1.0,)), method=method, dt=h, duration=10.0)
+    response = run(
+        oscillator(omega, displacement=(1.0,), velocity=(1.0,)), method=method, dt=h, duration=10.0
+    )
     amplitude = np.hypot(1.0, 1.0 / omega)
     bound = (omega * h) ** 4 * (1.0 / 1900.0 + 3.0 / 720.0)
     stories = response.stories
@@ -122,10 +140,14 @@ def test_peaks_of_a_free_vibration(method):
 def test_a_step_too_long_to_tell_says_so():
     """omega dt = 30: the peak of velocity is known to be missed, not made up."""
     omega = 300.0
-    response = run(oscillator(omega, displacement=(1.0,)), method="newmark-average", dt=0.1, duration=5.0)
+    response = run(
+        oscillator(omega, displacement=(1.0,)), method="newmark-average", dt=0.1, duration=5.0
+    )
     assert response.stories.peak_displacement[0] == pytest.approx(1.0, rel=1e-9)
     assert any("too long for the fastest modes" in note for note in response.notes)
-    assert np.any(response.unresolved.peak_acceleration > 0.0) or np.any(response.unresolved.peak_velocity > 0.0)
+    assert np.any(response.unresolved.peak_acceleration > 0.0) or np.any(
+        response.unresolved.peak_velocity > 0.0
+    )
 
 
 def test_resolved_steps_leave_nothing_in_doubt():
@@ -136,7 +158,9 @@ def test_resolved_steps_leave_nothing_in_doubt():
 @pytest.mark.parametrize("dt", [1e-7, 1e-8, 1e-9])
 def test_steps_so_short_that_displacements_do_not_change_have_no_peaks_inside(dt):
     """As pieces between two events may be: (omega dt)^2 is below what the displacements round."""
-    response = run(oscillator(10.0, 0.05, displacement=(1.0,)), method="impulse4", dt=dt, duration=200.0 * dt)
+    response = run(
+        oscillator(10.0, 0.05, displacement=(1.0,)), method="impulse4", dt=dt, duration=200.0 * dt
+    )
     assert response.stories.peak_acceleration[0] == pytest.approx(100.0, rel=1e-12)
     assert response.notes == ()
 
@@ -148,6 +172,12 @@ def test_peaks_between_the_steps_are_of_the_order_of_moment4():
     case = model(hardening, displacement=(0.01, -0.01, 0.03), velocity=(0.3, 0.1, -0.2))
     fine = run(case, method="impulse4", dt=0.01 / 32, duration=3.0).stories
     found = [run(case, method="moment4", dt=0.01 / 2**j, duration=3.0).stories for j in range(4)]
-    for name in ("peak_drift", "peak_displacement", "peak_shear", "peak_velocity", "peak_acceleration"):
+    for name in (
+        "peak_drift",
+        "peak_displacement",
+        "peak_shear",
+        "peak_velocity",
+        "peak_acceleration",
+    ):
         errors = [np.max(np.abs(getattr(one, name) / getattr(fine, name) - 1.0)) for one in found]
         assert np.min(np.log2(np.divide(errors[:-1], errors[1:]))) > 3.6, name

@@ -100,7 +100,9 @@ def test_building_follows_the_published_formulas(method, nonlinear):
     h = record.dt
     step, start, report = published(method, M, C, K, h)
     loads = [load(case, record, s * h) for s in range(201)]
-    motion = start(restoring, np.array(case.initial.displacement), np.array(case.initial.velocity), loads[0])
+    motion = start(
+        restoring, np.array(case.initial.displacement), np.array(case.initial.velocity), loads[0]
+    )
     u, v = [motion[0]], [report(*motion)]
     for s in range(200):
         motion = step(restoring, *motion, loads[s], loads[s + 1])

@@ -56,18 +56,26 @@ def close(got, expected, tolerance=1e-12):
 @pytest.mark.parametrize("xi", [0.0, 0.05])
 def test_the_amplification_matrix_is_impulse4s(rho_inf, xi):
     omega = np.geomspace(1e-3, 1e6, 60)
-    mine, other = (amplification(parse(method), omega, np.full(60, xi), 1.0) for method in both(rho_inf))
-    scale = np.array([[np.ones(60), 1.0 / np.maximum(omega, 1.0)], [np.maximum(omega, 1.0), np.ones(60)]])
+    mine, other = (
+        amplification(parse(method), omega, np.full(60, xi), 1.0) for method in both(rho_inf)
+    )
+    scale = np.array(
+        [[np.ones(60), 1.0 / np.maximum(omega, 1.0)], [np.maximum(omega, 1.0), np.ones(60)]]
+    )
     scale = np.moveaxis(scale, 2, 0)  # u over v is 1 / omega where the step resolves it
     assert np.max(np.abs(mine - other) / scale) < 1e-10
-    radii = [spectral_radius(parse(method), omega, np.full(60, xi), 1.0) for method in both(rho_inf)]
+    radii = [
+        spectral_radius(parse(method), omega, np.full(60, xi), 1.0) for method in both(rho_inf)
+    ]
     assert np.max(radii[0]) <= 1.0 + 1e-12
     assert radii[0] == pytest.approx(radii[1], abs=1e-9)
 
 
 @pytest.mark.parametrize("rho_inf", RHO)
 @pytest.mark.parametrize("case", ["free", "record"])
-@pytest.mark.parametrize("damping", [RAYLEIGH, ModalDamping((0.02, 0.05, 0.03, 0.08))], ids=["rayleigh", "modal"])
+@pytest.mark.parametrize(
+    "damping", [RAYLEIGH, ModalDamping((0.02, 0.05, 0.03, 0.08))], ids=["rayleigh", "modal"]
+)
 def test_histories_of_linear_buildings_are_impulse4s(rho_inf, case, damping):
     """Dashpots and P-delta beside Rayleigh damping; a floor force where the load is linear or rho_inf below 1."""
     given = building(damping)
@@ -75,7 +83,9 @@ def test_histories_of_linear_buildings_are_impulse4s(rho_inf, case, damping):
         given = replace(given, excitation=replace(given.excitation, forces=()))
     record = noise(401) if case == "record" else None
     times = {} if record else {"dt": 0.01, "duration": 4.0}
-    mine, other = (run(given, record, method=method, history=True, **times).history for method in both(rho_inf))
+    mine, other = (
+        run(given, record, method=method, history=True, **times).history for method in both(rho_inf)
+    )
     for quantity in ("displacement", "velocity", "acceleration", "shear"):
         assert close(getattr(mine, quantity), getattr(other, quantity))
 
@@ -89,11 +99,15 @@ def test_a_linear_building_takes_one_solve_a_step():
 
 
 @pytest.mark.parametrize("rho_inf", RHO)
-@pytest.mark.parametrize("name", ["hardening", "softening", "stiff-pair", "limit-sqrt-12", "large-step"])
+@pytest.mark.parametrize(
+    "name", ["hardening", "softening", "stiff-pair", "limit-sqrt-12", "large-step"]
+)
 def test_no_step_raises_the_energy(name, rho_inf):
     problem = problems()[name]
     for dt, steps in problem.steps:
-        response = run(problem.model, method=both(rho_inf)[0], dt=dt, duration=dt * steps, history=True)
+        response = run(
+            problem.model, method=both(rho_inf)[0], dt=dt, duration=dt * steps, history=True
+        )
         energy = problem.energy(response.history) / problem.energy_scale
         assert np.max(np.diff(energy)) <= (1e-6 if name == "softening" else 1e-11)
         assert response.halvings == 0
@@ -101,12 +115,19 @@ def test_no_step_raises_the_energy(name, rho_inf):
 
 @pytest.mark.parametrize(
     ("name", "times", "kept"),
-    [("hardening", 1, 1e-9), ("hardening", 4, 1e-9), ("softening", 1, 1e-6), ("softening", 4, 1e-2)],
+    [
+        ("hardening", 1, 1e-9),
+        ("hardening", 4, 1e-9),
+        ("softening", 1, 1e-6),
+        ("softening", 4, 1e-2),
+    ],
 )
 def test_energy_is_kept_at_any_step(name, times, kept):
     problem = problems()[name]
     for dt, steps in problem.steps:
-        response = run(problem.model, method="moment4", dt=times * dt, duration=dt * steps, history=True)
+        response = run(
+            problem.model, method="moment4", dt=times * dt, duration=dt * steps, history=True
+        )
         assert np.max(np.abs(problem.energy(response.history) / problem.energy_scale - 1.0)) <= kept
 
 
@@ -128,26 +149,34 @@ def energies(given, method, h, duration):
     return response, total / total[0]
 
 
-@pytest.mark.parametrize(("cases", "seed"), [(20, 11), pytest.param(200, 0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("cases", "seed"), [(20, 11), pytest.param(200, 0, marks=pytest.mark.slow)]
+)
 def test_random_conservative_buildings(cases, seed):
     """None but for rounding is gained or lost, and few steps are halved."""
     generator = np.random.default_rng(seed)
     halved = 0
     for number in range(cases):
         given, period = random_building(generator, CONSERVATIVE)
-        response, energy = energies(given, "moment4", period * generator.uniform(0.005, 0.2), 20.0 * period)
+        response, energy = energies(
+            given, "moment4", period * generator.uniform(0.005, 0.2), 20.0 * period
+        )
         by_points = any(each.law.name == "tanh" for each in given.stories)
         assert np.max(np.abs(energy - 1.0)) < (1e-6 if by_points else 1e-8), number
         halved += response.halvings > 0
     assert halved <= 0.05 * cases
 
 
-@pytest.mark.parametrize(("cases", "seed"), [(20, 12), pytest.param(200, 1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("cases", "seed"), [(20, 12), pytest.param(200, 1, marks=pytest.mark.slow)]
+)
 def test_random_yielding_buildings(cases, seed):
     generator = np.random.default_rng(seed)
     for number in range(cases):
         given, period = random_building(generator, HYSTERETIC)
-        response, energy = energies(given, "moment4", period * generator.uniform(0.005, 0.2), 20.0 * period)
+        response, energy = energies(
+            given, "moment4", period * generator.uniform(0.005, 0.2), 20.0 * period
+        )
         assert np.max(np.diff(energy)) <= 1e-12, number
         assert np.max(np.abs(response.history.energy.error)) <= 1e-10, number
 
@@ -168,12 +197,16 @@ BALANCED = {
     "yielding, modal": ten_bilinear(ModalDamping((0.05,) * 10)),
     "fluid dampers": damped(ten_bilinear(None)),
     "p-delta": replace(ten_bilinear(), p_delta=True),
-    "pounding": model([story(2e5, 3.5e8, Law("gap", (0.004, 2e9))) for _ in range(5)], damping=FIVE_PERCENT),
+    "pounding": model(
+        [story(2e5, 3.5e8, Law("gap", (0.004, 2e9))) for _ in range(5)], damping=FIVE_PERCENT
+    ),
     "degrading": model(
-        [story(2e5, 3.5e8, Law("peak-oriented", (1e6, 0.05, 0.4))) for _ in range(5)], damping=FIVE_PERCENT
+        [story(2e5, 3.5e8, Law("peak-oriented", (1e6, 0.05, 0.4))) for _ in range(5)],
+        damping=FIVE_PERCENT,
     ),
     "driven": model(
-        [story(2e5, 3.5e8, Law("polynomial", (3.5e8, 0.0, 1e12)), dashpot=1e5)], forces=[Force(1, 1e6, 5e5, 30.0)]
+        [story(2e5, 3.5e8, Law("polynomial", (3.5e8, 0.0, 1e12)), dashpot=1e5)],
+        forces=[Force(1, 1e6, 5e5, 30.0)],
     ),
 }
 
@@ -202,14 +235,20 @@ def test_the_loss_is_that_of_the_equations():
     rho_inf, omega, h = 0.5, 3.0, 0.2
     r = (1.0 - rho_inf) / (6.0 * (1.0 + rho_inf))
     history = run(
-        oscillator(omega, displacement=(1.0,)), method=both(rho_inf)[0], dt=h, duration=4.0, history=True
+        oscillator(omega, displacement=(1.0,)),
+        method=both(rho_inf)[0],
+        dt=h,
+        duration=4.0,
+        history=True,
     ).history
     u, v = history.displacement[:, 0], history.velocity[:, 0]
     mean = np.diff(v) / h
     a1 = 12.0 / h * (v[:-1] + 0.5 * h * mean - np.diff(u) / h)
     u1 = h * (mean + r * a1)
     energy = 0.5 * v**2 + 0.5 * omega**2 * u**2
-    assert -np.diff(energy) == pytest.approx(h * h * r / 12.0 * (a1**2 + omega**2 * u1**2), rel=1e-9)
+    assert -np.diff(energy) == pytest.approx(
+        h * h * r / 12.0 * (a1**2 + omega**2 * u1**2), rel=1e-9
+    )
 
 
 # ---- The load
@@ -227,7 +266,9 @@ def test_the_moment_of_a_floor_force():
         assert force_moment(forces, 0, t, h) == pytest.approx(weights @ moment / 2.0, abs=1e-13)
 
 
-@pytest.mark.parametrize(("begin", "end"), [(0.0, 1.0), (3.25, 3.5), (2.0, 6.0), (1.5, 4.75), (6.0, 10.0), (9.0, 12.0)])
+@pytest.mark.parametrize(
+    ("begin", "end"), [(0.0, 1.0), (3.25, 3.5), (2.0, 6.0), (1.5, 4.75), (6.0, 10.0), (9.0, 12.0)]
+)
 def test_the_line_has_the_impulse_and_the_moment_of_the_samples(begin, end):
     """Also beyond the last sample, where the ground is at rest."""
     ground = np.random.default_rng(5).normal(size=9)
@@ -283,11 +324,15 @@ def test_ten_yielding_stories_over_several_samples(samples, allowed):
 # ---- Large steps
 
 
-@pytest.mark.parametrize(("method", "damping", "halved"), [("moment4", None, 2), ("gauss4", FIVE_PERCENT, 0)])
+@pytest.mark.parametrize(
+    ("method", "damping", "halved"), [("moment4", None, 2), ("gauss4", FIVE_PERCENT, 0)]
+)
 def test_large_steps_of_a_yielding_building_converge(method, damping, halved):
     """A tenth to a quarter of the fundamental period of a yielding building, where Newton's plain iteration cycles."""
     given = ten_bilinear(damping)
-    given = replace(given, initial=replace(given.initial, displacement=tuple(0.05 * np.arange(1, 11))))
+    given = replace(
+        given, initial=replace(given.initial, displacement=tuple(0.05 * np.arange(1, 11)))
+    )
     for h in (0.1, 0.2):
         response, energy = energies(given, method, h, 8.0)
         assert response.halvings <= halved
@@ -317,14 +362,23 @@ def turns_from_rest(monkeypatch, damping):
     work = np.zeros((equations.work_rows(len(built.modal)), 16))
     state, report, h = np.zeros((3, 3)), np.zeros(at.REPORT_SIZE), 0.02
     forces = np.zeros((0, at.FORCE_COLUMNS))
-    scene = (np.array(moment4.coefficients(1.0)), built.linear_terms, built.modal, built.law_parameters, forces, flags)
+    scene = (
+        np.array(moment4.coefficients(1.0)),
+        built.linear_terms,
+        built.modal,
+        built.law_parameters,
+        forces,
+        flags,
+    )
     for k in range(10):
         load = np.array([k * h, k * h, (k + 1) * h, 0.0, 0.0])
         assert moment4.step.function(*scene, h, load, state, springs, work, report) >= 0
     return turned
 
 
-@pytest.mark.parametrize("damping", [None, RAYLEIGH, ModalDamping((0.05, 0.05))], ids=["none", "rayleigh", "modal"])
+@pytest.mark.parametrize(
+    "damping", [None, RAYLEIGH, ModalDamping((0.05, 0.05))], ids=["none", "rayleigh", "modal"]
+)
 def test_from_rest_under_a_ramp_no_story_turns(monkeypatch, damping):
     """All drifts grow, those of upper stories with higher powers of time: their parabolas start backwards. They would
     turn if only the parabola were asked."""
@@ -340,5 +394,8 @@ def test_energy_of_stories_that_count_their_turns():
     for number in range(100):
         case, record = degrading_building(number)
         energy = run(case, record, method="moment4").energy
-        size = max(abs(value) for value in (energy.kinetic, energy.recoverable, energy.damping, energy.largest))
+        size = max(
+            abs(value)
+            for value in (energy.kinetic, energy.recoverable, energy.damping, energy.largest)
+        )
         assert abs(energy.error) * energy.largest < 1e-12 * size, number

@@ -40,7 +40,9 @@ def by_formulas(method, case, record, steps):
             past_v = np.tensordot(PARK[1:], u[:-4:-1], 1) / h
             past_a = np.tensordot(PARK[1:], v[:-4:-1], 1) / h
             b = PARK[0] / h
-            u.append(np.linalg.solve(b**2 * M + b * C + K, p - M @ (past_a + b * past_v) - C @ past_v))
+            u.append(
+                np.linalg.solve(b**2 * M + b * C + K, p - M @ (past_a + b * past_v) - C @ past_v)
+            )
             v.append(b * u[-1] + past_v)
     return np.array(u), np.array(v)
 
@@ -57,7 +59,9 @@ def test_building_with_p_delta_dashpot_and_force_follows_the_formulas(method):
 def test_small_steps_do_not_lose_the_acceleration_in_differences():
     """On older displacements Houbolt's period of 1e5 steps has an error of 4e-10."""
     case = oscillator(2.0 * np.pi, displacement=(1.0,))
-    end = run(case, method="houbolt", dt=1e-5, duration=1.0, history=True).history.displacement[-1, 0]
+    end = run(case, method="houbolt", dt=1e-5, duration=1.0, history=True).history.displacement[
+        -1, 0
+    ]
     assert end == pytest.approx(1.0, abs=1e-11)
 
 

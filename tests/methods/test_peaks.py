@@ -17,7 +17,13 @@ from tdint.errors import AnalysisError
 from tdint.methods.catalogue import catalogue, parse
 
 QUANTITIES = ("drift", "displacement", "velocity", "acceleration", "shear")
-METHODS = (*catalogue(), "hht:alpha=-0.3", "newmark:gamma=0.6", "impulse4:rho_inf=0.5", "moment4:rho_inf=0.5")
+METHODS = (
+    *catalogue(),
+    "hht:alpha=-0.3",
+    "newmark:gamma=0.6",
+    "impulse4:rho_inf=0.5",
+    "moment4:rho_inf=0.5",
+)
 PARTS, FINE = (1, 4), 64
 CONFIGS = Path(__file__).parents[2] / "configs"
 OFFICE = load_model(CONFIGS / "ten-story-bilinear.yaml")
@@ -33,14 +39,22 @@ def linear(rng):
 def buildings():
     """Linear ones and such with smooth laws and with kinks, each with its motion and a fine run."""
     shaken = []
-    for seed, draw in enumerate((linear, linear, shaken_building, shaken_building, piecewise_building)):
+    for seed, draw in enumerate(
+        (linear, linear, shaken_building, shaken_building, piecewise_building)
+    ):
         rng = np.random.default_rng(seed)
         building, record = draw(rng)
         # Rough, as records are: accelerations change from sample to sample.
         size = record.acceleration.size
         rough = 0.5 * rng.normal(size=size) * np.sin(np.pi * np.linspace(0.0, 1.0, size)) ** 2
         record = replace(record, acceleration=record.acceleration + rough)
-        shaken.append((building, record, run(building, record, method="impulse4", dt=record.dt / FINE, history=True)))
+        shaken.append(
+            (
+                building,
+                record,
+                run(building, record, method="impulse4", dt=record.dt / FINE, history=True),
+            )
+        )
     return shaken
 
 
@@ -49,7 +63,10 @@ def errors(building, record, method, parts, truth):
     response = run(building, record, method=method, dt=record.dt / parts, history=True)
     for one in QUANTITIES:
         peak = getattr(truth.stories, f"peak_{one}")
-        history, exact = getattr(response.history, one), getattr(truth.history, one)[:: FINE // parts]
+        history, exact = (
+            getattr(response.history, one),
+            getattr(truth.history, one)[:: FINE // parts],
+        )
         at_steps = np.abs(np.max(np.abs(history), axis=0) / peak - 1.0)
         own = np.max(np.abs(history - exact), axis=0) / peak
         reported = np.abs(getattr(response.stories, f"peak_{one}") / peak - 1.0)
@@ -64,7 +81,9 @@ def test_a_reported_peak_is_no_worse_than_the_motion_or_the_steps(buildings, met
             try:
                 found = errors(building, record, method, parts, truth)
                 good.append([np.all(reported <= limit) for reported, limit in found])
-            except AnalysisError:  # it does not integrate such a building, or the step is too long for it
+            except (
+                AnalysisError
+            ):  # it does not integrate such a building, or the step is too long for it
                 continue
     assert len(good) >= 4
     assert np.all(np.mean(good, axis=0) >= 0.9)
@@ -78,7 +97,10 @@ def test_peaks_of_linear_buildings_fall_with_the_order(buildings, method):
         for column, parts in enumerate((2, 8)):
             stories = run(building, record, method=method, dt=record.dt / parts).stories
             for row, one in enumerate(QUANTITIES):
-                found, exact = (getattr(stories, f"peak_{one}"), getattr(truth.stories, f"peak_{one}"))
+                found, exact = (
+                    getattr(stories, f"peak_{one}"),
+                    getattr(truth.stories, f"peak_{one}"),
+                )
                 errors[row, column] += np.sum(np.abs(found / exact - 1.0))
     order = parse(method).order
     expected = [min(order, 2 if one == "acceleration" else 4) for one in QUANTITIES]
@@ -92,7 +114,10 @@ def test_the_truth_is_that_of_dop853():
     dampers = 0.04 * np.sqrt(masses * springs)
     record = noise(samples=101, peak=5.0, seed=11)
     building = model(
-        [story(m, k, Law("tanh", (strength,)), dashpot=c) for m, k, c in zip(masses, springs, dampers, strict=True)]
+        [
+            story(m, k, Law("tanh", (strength,)), dashpot=c)
+            for m, k, c in zip(masses, springs, dampers, strict=True)
+        ]
     )
     times = np.arange(101) * record.dt
 
@@ -110,7 +135,9 @@ def test_the_truth_is_that_of_dop853():
     y, peaks = np.zeros(4), np.zeros((5, 2))
     for start in times[:-1]:  # the ground bends at each sample
         fine = np.linspace(start, start + record.dt, 41)
-        solved = solve_ivp(rate, (fine[0], fine[-1]), y, method="DOP853", t_eval=fine, rtol=1e-9, atol=1e-11)
+        solved = solve_ivp(
+            rate, (fine[0], fine[-1]), y, method="DOP853", t_eval=fine, rtol=1e-9, atol=1e-11
+        )
         y, u, v = solved.y[:, -1], solved.y[:2], solved.y[2:]
         values = (np.diff(u, prepend=0.0, axis=0), u, v, absolute(u, v), forces(u))
         peaks = np.maximum(peaks, [np.max(np.abs(one), axis=1) for one in values])
@@ -133,12 +160,18 @@ def test_the_top_story_moves_the_top_floor(method, parts):
 def test_accelerations_at_corners():
     """Where a story yields, an acceleration has a corner within a step, of which the ends of the step do not tell:
     moment4 finds it on the paths of its stories."""
-    truth = run(OFFICE, NEAR, method="impulse4", dt=NEAR.dt / FINE, duration=20.0).stories.peak_acceleration
+    truth = run(
+        OFFICE, NEAR, method="impulse4", dt=NEAR.dt / FINE, duration=20.0
+    ).stories.peak_acceleration
     off = {}
     for parts in (1, 2):
-        response = run(OFFICE, NEAR, method="moment4", dt=NEAR.dt / parts, duration=20.0, history=True)
+        response = run(
+            OFFICE, NEAR, method="moment4", dt=NEAR.dt / parts, duration=20.0, history=True
+        )
         off[parts] = np.max(np.abs(response.stories.peak_acceleration / truth - 1.0))
-        at_steps = np.max(np.abs(np.max(np.abs(response.history.acceleration), axis=0) / truth - 1.0))
+        at_steps = np.max(
+            np.abs(np.max(np.abs(response.history.acceleration), axis=0) / truth - 1.0)
+        )
         assert off[parts] < 0.1 * at_steps
     assert off[2] < 0.3 * off[1]
 
@@ -149,7 +182,8 @@ def test_peaks_do_not_jump_with_the_strength():
         peaks = []
         for part in (0.9795, 0.98):
             stories = [
-                replace(one, law=Law("bilinear", (part * one.law.parameters[0], 0.03))) for one in OFFICE.stories
+                replace(one, law=Law("bilinear", (part * one.law.parameters[0], 0.03)))
+                for one in OFFICE.stories
             ]
             weaker = replace(OFFICE, stories=tuple(stories))
             peaks.append(run(weaker, NEAR, method=method, duration=20.0).stories.peak_acceleration)
@@ -159,11 +193,23 @@ def test_peaks_do_not_jump_with_the_strength():
 @pytest.mark.parametrize("method", ["impulse4", "moment4"])
 def test_the_largest_force_of_a_story_that_is_pushed_beyond_its_cap(method):
     """It is the capping force, reached within a step; impulse4 locates when to 1e-9 of the step."""
-    law = {"type": "imk", "yield_force": 4e5, "plastic_drift": 0.02, "post_capping_drift": 0.2, "capping_ratio": 1.2}
+    law = {
+        "type": "imk",
+        "yield_force": 4e5,
+        "plastic_drift": 0.02,
+        "post_capping_drift": 0.2,
+        "capping_ratio": 1.2,
+    }
     law |= {"residual_ratio": 0.2, "ultimate_drift": 0.5}
     pushed = load_model(
-        {"stories": [{"mass": 1e5, "stiffness": 4e7, "law": law}], "initial": {"velocity": [1.5]}, "damping": "none"}
+        {
+            "stories": [{"mass": 1e5, "stiffness": 4e7, "law": law}],
+            "initial": {"velocity": [1.5]},
+            "damping": "none",
+        }
     )
     stories = run(pushed, method=method, dt=0.01, duration=0.1).stories
     assert stories.peak_drift[0] > 0.04
-    assert stories.peak_shear[0] == pytest.approx(1.2 * 4e5, rel=1e-12 if method == "moment4" else 1e-8)
+    assert stories.peak_shear[0] == pytest.approx(
+        1.2 * 4e5, rel=1e-12 if method == "moment4" else 1e-8
+    )

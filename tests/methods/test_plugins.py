@@ -102,12 +102,15 @@ def test_the_usual_mistakes_of_a_method_are_found(tmp_path, verlet, mistake, mon
     """Before anything is compiled: in plain Python, with bounds checked, then with stories that yield."""
     before, after, told = MISTAKES[mistake]
     text = verlet.read_text().replace(
-        "from tdint.plugin import STEP", "from tdint.kernels.stories import law_state\nfrom tdint.plugin import STEP"
+        "from tdint.plugin import STEP",
+        "from tdint.kernels.stories import law_state\nfrom tdint.plugin import STEP",
     )
     assert before in text
     text = text.replace(before, after)
     if mistake == "memory in scratch":
-        text = text.replace("= a\n", "= work[A + 1, i] = a\n").replace("ROWS = range(5)", "_, ROWS = range(6)")
+        text = text.replace("= a\n", "= work[A + 1, i] = a\n").replace(
+            "ROWS = range(5)", "_, ROWS = range(6)"
+        )
     tdint.load_plugin(str(outside(tmp_path, text)))
     integrator = methods.parse("verlet")
     # The first of the laws shows each of the mistakes.
@@ -147,9 +150,15 @@ def half(springs, i, block, slope, lower, upper, turn):
 """
     )
     tdint.load_plugin(str(outside(tmp_path, text)))
-    story = {"mass": 1e4, "stiffness": 3e7, "law": {"type": "half-gap", "gap": 0.003, "stop_stiffness": 1e8}}
+    story = {
+        "mass": 1e4,
+        "stiffness": 3e7,
+        "law": {"type": "half-gap", "gap": 0.003, "stop_stiffness": 1e8},
+    }
     (fault,) = check_law(tdint.load_model({"stories": [story]}), 1)
-    assert "its branches (`enter`, `switch`, `advance`) lead to" in fault and "put_on_branch" in fault
+    assert (
+        "its branches (`enter`, `switch`, `advance`) lead to" in fault and "put_on_branch" in fault
+    )
     whole = tdint.load_model({"stories": [{**story, "law": {**story["law"], "type": "gap"}}]})
     assert check_law(whole, 1) == []
 
@@ -172,10 +181,19 @@ def test_the_law_of_the_readme(of_the_law):
 
 
 def test_a_law_whose_tangent_or_energy_is_false_is_told(tmp_path, hyperbolic):
-    text = hyperbolic.read_text().replace("root * root * root)", "root)").replace("x * x / (1.0", "x / (1.0")
+    text = (
+        hyperbolic.read_text()
+        .replace("root * root * root)", "root)")
+        .replace("x * x / (1.0", "x / (1.0")
+    )
     text = text.replace('"hyperbolic",', '"skewed",')
     tdint.load_plugin(str(outside(tmp_path, text)))
-    story = {"mass": 1e4, "height": 4.0, "stiffness": 3e7, "law": {"type": "skewed", "strength": 3e5}}
+    story = {
+        "mass": 1e4,
+        "height": 4.0,
+        "stiffness": 3e7,
+        "law": {"type": "skewed", "strength": 3e5},
+    }
     energy, tangent = check_law(tdint.load_model({"stories": [story]}), 1)
     assert "energy differ" in energy and "no" not in energy
     assert "the tangent is not the slope of the force" in tangent
@@ -193,7 +211,9 @@ def test_what_a_model_without_it_needs_stays_as_it_is(hyperbolic):
 def test_what_a_plugin_imports_counts(tmp_path, verlet, monkeypatch):
     (tmp_path / "outside_helpers.py").write_text("ROWS = 4\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    file = outside(tmp_path, "from outside_helpers import ROWS as _\n" + verlet.read_text(), "helped")
+    file = outside(
+        tmp_path, "from outside_helpers import ROWS as _\n" + verlet.read_text(), "helped"
+    )
     tdint.load_plugin(str(file))
     assert {"outside_helpers", "tdint_plugin_helped"} < closure("tdint_plugin_helped").keys()
 
@@ -225,7 +245,11 @@ def test_a_faulty_file_is_one_line(tmp_path, text):
 
 
 CHANGES = {
-    ("verlet", '"verlet",\n        family', '"Verlet 2",\n        family'): "'Verlet 2' is no name of a method",
+    (
+        "verlet",
+        '"verlet",\n        family',
+        '"Verlet 2",\n        family',
+    ): "'Verlet 2' is no name of a method",
     ("verlet", 'Family("verlet"', 'Family("bathe"'): "there is a family 'bathe' already",
     ("verlet", "order=lambda: 2", "order=lambda: '2'"): "verlet: order gives '2', no int",
     ("verlet", "order=lambda: 2", "order=lambda x: 2"): "TypeError: ",
@@ -253,7 +277,9 @@ def test_what_cannot_be_compiled_names_the_file_and_the_line(tmp_path, verlet):
     line = verlet.read_text().partition(before)[0].count("\n") + 1
     file = outside(tmp_path, verlet.read_text().replace(before, before[:-1] + "'a'"))
     tdint.load_plugin(str(file))
-    with pytest.raises(AnalysisError, match=f"cannot be compiled: {file}:{line}: No implementation of function"):
+    with pytest.raises(
+        AnalysisError, match=f"cannot be compiled: {file}:{line}: No implementation of function"
+    ):
         tdint.stability("verlet", [0.1])
 
 
@@ -300,7 +326,10 @@ def test_an_installed_package_needs_no_option(tmp_path, verlet, hyperbolic, monk
     story = {"mass": 1.0, "stiffness": 1.0, "law": {"type": "hyperbolic", "strength": 1.0}}
     assert tdint.load_model({"stories": [story]}).stories[0].law == Law("hyperbolic", (1.0,))
     assert (methods.parse("verlet").label, list(methods.catalogue())[-1]) == ("verlet", "verlet")
-    code = {name: "outside-package 1.0: outside_package/" + name for name in ("hyperbolic.py", "verlet.py")}
+    code = {
+        name: "outside-package 1.0: outside_package/" + name
+        for name in ("hyperbolic.py", "verlet.py")
+    }
     assert [*CODE["law hyperbolic"], *CODE["method verlet"]] == [*code.values()]
     (warning,) = caplog.messages
     assert warning.startswith(
@@ -320,14 +349,18 @@ def workshop(tmp_path, hyperbolic, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "shaken.yaml").write_text(SHAKEN)
     samples = 8.0 * np.sin(np.arange(60) * 0.07)
-    (tmp_path / "motion.txt").write_text("\n".join(f"{0.01 * i:.2f} {a:.9f}" for i, a in enumerate(samples)) + "\n")
+    (tmp_path / "motion.txt").write_text(
+        "\n".join(f"{0.01 * i:.2f} {a:.9f}" for i, a in enumerate(samples)) + "\n"
+    )
     (tmp_path / "campaign.yaml").write_text(
         "buildings: {models: [shaken.yaml]}\nrecords: {files: [motion.txt], units: m/s^2}\n"
         "intensity: {scales: [0.5, 1.0]}\nanalysis: {method: verlet, dt: 0.005}\n"
     )
 
     def run(*words):
-        place, table = ("out", "out/stories.csv") if words[0] == "run" else ("table.csv", "table.csv")
+        place, table = (
+            ("out", "out/stories.csv") if words[0] == "run" else ("table.csv", "table.csv")
+        )
         result = runner().invoke(cli, [*words, "-o", place, "--overwrite"])
         assert result.exit_code == 0, result.output
         return list(csv.DictReader(io.StringIO((tmp_path / table).read_text(encoding="utf-8"))))
@@ -342,14 +375,20 @@ def test_commands_take_methods_and_laws_of_files(workshop, verlet, tmp_path):
     single = tdint.run("shaken.yaml", method="verlet", dt=0.005).stories
     assert float(story["peak_drift_m"]) == pytest.approx(single.peak_drift[0], rel=1e-11)
     by_ours = tdint.run("shaken.yaml", method="central-difference", dt=0.005).stories
-    np.testing.assert_allclose(single.peak_drift, by_ours.peak_drift, rtol=1e-9)  # without damping they are one
-    curve = workshop("stability", "--plugin", "verlet.py", "--method", "verlet", "--dt-over-t", "0.1:0.5:5")
+    np.testing.assert_allclose(
+        single.peak_drift, by_ours.peak_drift, rtol=1e-9
+    )  # without damping they are one
+    curve = workshop(
+        "stability", "--plugin", "verlet.py", "--method", "verlet", "--dt-over-t", "0.1:0.5:5"
+    )
     radius = {float(row["dt_over_t"]): float(row["spectral_radius"]) for row in curve}
     assert radius[0.1] == pytest.approx(1.0) and radius[0.5] > 2.0  # the limit is 1 / pi
     # What is executed makes the numbers: its hash stands beside the table.
     (code,) = json.loads((tmp_path / "table.json").read_text())["inputs"]
     assert code == {"file": "verlet.py", "sha256": hashlib.sha256(verlet.read_bytes()).hexdigest()}
-    (observed,) = workshop("order", "--plugin", "verlet.py", "--method", "verlet", "--frequency-ratio", "0.5")
+    (observed,) = workshop(
+        "order", "--plugin", "verlet.py", "--method", "verlet", "--frequency-ratio", "0.5"
+    )
     assert float(observed["displacement_order"]) == pytest.approx(2.0, abs=0.1)
 
 
@@ -359,10 +398,14 @@ def test_the_code_of_a_plugin_is_an_input(workshop, verlet, hyperbolic, tmp_path
     `merge` and `ida`; another plug-in may be edited. Before each call all is forgotten, as in a process of its own."""
     monkeypatch.syspath_prepend(str(tmp_path))
     helpers = outside(tmp_path, "FACTOR = 1.0\n", "outside_helpers")
-    text = hyperbolic.read_text().replace("import math\n", "import math\n\nimport outside_helpers\n")
+    text = hyperbolic.read_text().replace(
+        "import math\n", "import math\n\nimport outside_helpers\n"
+    )
     hyperbolic.write_text(text.replace("* drift / root", "* drift * outside_helpers.FACTOR / root"))
     unused = outside(tmp_path, verlet.read_text().replace('"verlet"', '"unused"'), "unused")
-    plugins = [word for name in ("verlet", "hyperbolic", "unused") for word in ("--plugin", f"{name}.py")]
+    plugins = [
+        word for name in ("verlet", "hyperbolic", "unused") for word in ("--plugin", f"{name}.py")
+    ]
 
     def call(code, *words):
         forget()
@@ -377,24 +420,32 @@ def test_the_code_of_a_plugin_is_an_input(workshop, verlet, hyperbolic, tmp_path
     call(0, *ida)
     told = json.loads((tmp_path / "out/summary.json").read_text())["versions"]["plugins"]
     names = ("hyperbolic.py", "outside_helpers.py", "verlet.py")
-    assert told == {name: hashlib.sha256((tmp_path / name).read_bytes()).hexdigest() for name in names}
+    assert told == {
+        name: hashlib.sha256((tmp_path / name).read_bytes()).hexdigest() for name in names
+    }
     unused.write_text(unused.read_text() + "# edited\n")
     call(0, *study, "out")
-    helpers.write_text("FACTOR = 0.25\n")  # of another size: Python looks at that and at the second of the last edit
+    helpers.write_text(
+        "FACTOR = 0.25\n"
+    )  # of another size: Python looks at that and at the second of the last edit
     for words in ((*study, "out"), ida):
         refused = call(2, *words)
         assert "plug-in outside_helpers.py: differs" in refused and "-o, or --overwrite" in refused
     call(0, *study, "new")
     first, second = ((tmp_path / place / "runs.csv").read_text() for place in ("out", "new"))
     assert first != second
-    assert "plug-in outside_helpers.py: differs" in call(2, "campaign", "merge", "out", "new", "-o", "all")
+    assert "plug-in outside_helpers.py: differs" in call(
+        2, "campaign", "merge", "out", "new", "-o", "all"
+    )
 
 
 def test_a_kept_reference_is_of_its_law(of_the_law, hyperbolic, tmp_path):
     """Not of another one with the same parameters, in the same file or in another. What a process has executed stays
     that: an edited file is not taken for it."""
     text = hyperbolic.read_text()
-    both = text.replace("LAWS = (LAW,)", "import dataclasses\nLAWS = (LAW, dataclasses.replace(LAW, name='second'))")
+    both = text.replace(
+        "LAWS = (LAW,)", "import dataclasses\nLAWS = (LAW, dataclasses.replace(LAW, name='second'))"
+    )
     tdint.load_plugin(str(outside(tmp_path, both.replace('"hyperbolic",', '"first",'))))
     files = []
     for name in ("hyperbolic", "first", "second"):
@@ -417,7 +468,9 @@ def test_files_of_plugins_go_to_workers(workshop, verlet, hyperbolic, tmp_path):
     assert [name for name, _ in sent] == ["verlet.py", "hyperbolic.py"]
     worker = "import pickle, sys; f, *a = pickle.load(sys.stdin.buffer); sys.stdout.buffer.write(pickle.dumps(f(*a)))"
     called = pickle.dumps((do_with, sent, chunk))
-    done = subprocess.run([sys.executable, "-c", worker], input=called, capture_output=True, cwd="/")
+    done = subprocess.run(
+        [sys.executable, "-c", worker], input=called, capture_output=True, cwd="/"
+    )
     assert done.returncode == 0, done.stderr
     assert pickle.loads(done.stdout).rows.runs == do_with(sent, chunk).rows.runs
     assert len(do_with(sent, chunk).rows.runs) == 2
@@ -450,7 +503,10 @@ def test_a_result_and_its_case_are_read_by_a_new_process(workshop, verlet, hyper
         text = file.read_text()
         file.write_text(text + "# another one\n")
         forget()
-        with pytest.raises(UsageError, match=f"this is of the plug-in {file}, which is another one by now: load the"):
+        with pytest.raises(
+            UsageError,
+            match=f"this is of the plug-in {file}, which is another one by now: load the",
+        ):
             tdint.run_case(pickle.loads((tmp_path / "kept").read_bytes())[0], dt=0.005)
         file.write_text(text)
 
@@ -467,23 +523,38 @@ def test_a_result_and_its_case_are_read_by_a_new_process(workshop, verlet, hyper
         ("sound", ("", ""), ""),
     ],
 )
-def test_a_plugin_is_executed_in_plain_python_before_its_first_compiled_run(tmp_path, monkeypatch, name, change, fault):
+def test_a_plugin_is_executed_in_plain_python_before_its_first_compiled_run(
+    tmp_path, monkeypatch, name, change, fault
+):
     """Once for each state of its sources, in Python and on the command line; what is sound is not looked at again."""
-    text = (Path(__file__).parent / "recipes/sdirk3.py").read_text().replace(change[0] or "\0", change[1])
     text = (
-        text.replace("abs(, at.THIRD_TRIAL)", "abs(0)").replace('"sdirk3"', f'"{name}"').replace('"sdirk"', f'"{name}"')
+        (Path(__file__).parent / "recipes/sdirk3.py")
+        .read_text()
+        .replace(change[0] or "\0", change[1])
+    )
+    text = (
+        text.replace("abs(, at.THIRD_TRIAL)", "abs(0)")
+        .replace('"sdirk3"', f'"{name}"')
+        .replace('"sdirk"', f'"{name}"')
     )
     tdint.load_plugin(str(outside(tmp_path, text, name)))
     monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.delenv("TDINT_KERNELS", raising=False)
     looked, integrator = [], methods.parse(name)
     real = order.faults_of_step
-    monkeypatch.setattr(order, "faults_of_step", lambda integrator: looked.append(1) or real(integrator))
+    monkeypatch.setattr(
+        order, "faults_of_step", lambda integrator: looked.append(1) or real(integrator)
+    )
     for _ in range(2):
         workspace.LOOKED_AT.discard(integrator.family.step)  # as another process
         if fault:
             with pytest.raises(AnalysisError, match=fault):
-                tdint.run({"stories": [{"mass": 1e3, "stiffness": 1e6}]}, method=name, dt=0.01, duration=1.0)
+                tdint.run(
+                    {"stories": [{"mass": 1e3, "stiffness": 1e6}]},
+                    method=name,
+                    dt=0.01,
+                    duration=1.0,
+                )
         else:
             workspace.look_at_once(integrator)
     assert len(looked) == (2 if fault else 1)

@@ -15,7 +15,11 @@ from tdint.errors import AnalysisError
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.definition import PowerDashpot
 
-TAKING = [name for name, method in catalogue().items() if method.family.power_dampers and not method.family.linear_only]
+TAKING = [
+    name
+    for name, method in catalogue().items()
+    if method.family.power_dampers and not method.family.linear_only
+]
 REFUSING = [name for name, method in catalogue().items() if not method.family.power_dampers]
 LONG_MEMORY = ("houbolt", "park")
 
@@ -31,7 +35,8 @@ def test_exponent_1_is_a_viscous_dashpot(name):
     linear = model([story(2e5, 4e7, dashpot=4e5), story(2e5, 4e7, dashpot=3e5)])
     power = model([damped(2e5, 4e7, 4e5, 1.0), damped(2e5, 4e7, 3e5, 1.0)])
     one, other = (
-        run(building, record, method=name, dt=record.dt, history=True).history for building in (linear, power)
+        run(building, record, method=name, dt=record.dt, history=True).history
+        for building in (linear, power)
     )
     # impulse4 integrates a linear dashpot exactly, another by quadrature
     bound = 2e-3 if name == "impulse4" else 1e-9
@@ -44,7 +49,11 @@ def forced(exponent):
     """u of 10 u'' + c v (v^2 + 0.04)^e + 200 u = 40 cos 5 t by DOP853, each tenth of a second."""
 
     def acceleration(t, u, v):
-        return (40.0 * math.cos(5.0 * t) - 20.0 * v * (v * v + 0.04) ** (0.5 * (exponent - 1.0)) - 200.0 * u) / 10.0
+        return (
+            40.0 * math.cos(5.0 * t)
+            - 20.0 * v * (v * v + 0.04) ** (0.5 * (exponent - 1.0))
+            - 200.0 * u
+        ) / 10.0
 
     return smooth(acceleration, 0.0, 0.0, np.linspace(0.0, 2.0, 21))[0]
 
@@ -56,7 +65,9 @@ def test_the_order_of_a_method_stays(name, exponent):
     errors = []
     for dt in (0.05, 0.025, 0.0125, 0.00625) if name == "rk5" else (0.02, 0.01, 0.005, 0.0025):
         history = run(building, method=name, dt=dt, duration=2.0, history=True).history
-        errors.append(np.max(np.abs(history.displacement[:: round(0.1 / dt), 0] - forced(exponent))))
+        errors.append(
+            np.max(np.abs(history.displacement[:: round(0.1 / dt), 0] - forced(exponent)))
+        )
     assert errors[-1] < 1e-4
     assert orders(errors)[-1] > parse(name).order - (0.35 if name in LONG_MEMORY else 0.2)
 
@@ -87,4 +98,9 @@ def test_located_yielding_agrees_with_average_acceleration_beside_dampers():
 @pytest.mark.parametrize("name", REFUSING)
 def test_methods_made_for_linear_damping_refuse(name):
     with pytest.raises(AnalysisError, match="takes no power-law dashpots"):
-        run(model([damped(1.0, 100.0, 1.0, 0.5, 0.01)], velocity=(1.0,)), method=name, dt=0.01, duration=0.1)
+        run(
+            model([damped(1.0, 100.0, 1.0, 0.5, 0.01)], velocity=(1.0,)),
+            method=name,
+            dt=0.01,
+            duration=0.1,
+        )

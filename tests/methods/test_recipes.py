@@ -42,7 +42,9 @@ def test_the_names_are_there_and_plugins_import_nothing_else():
     blocks = ("plugin-method", "plugin-peer", "plugin-measure", "law-file", "format-file")
     for text in (*map(readmes.block, blocks), *(file.read_text() for file in RECIPES.glob("*.py"))):
         nodes = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom)]
-        assert {node.module for node in nodes if node.module.startswith("tdint")} <= {"tdint.plugin"}
+        assert {node.module for node in nodes if node.module.startswith("tdint")} <= {
+            "tdint.plugin"
+        }
 
 
 def loaded(name):
@@ -85,7 +87,8 @@ def test_a_run_of_a_law_makes_no_energy_and_hangs_on_no_method(name):
     record = tdint.make_record(5.0 * np.sin(np.arange(500) * 0.07), dt=0.01, units="m/s^2")
     model = model_of(STORIES[name], 2)
     fine, coarse = (
-        tdint.run(model, record, method=method, dt=dt) for method, dt in (("moment4", 0.01), ("newmark-average", 0.001))
+        tdint.run(model, record, method=method, dt=dt)
+        for method, dt in (("moment4", 0.01), ("newmark-average", 0.001))
     )
     assert fine.stories.ductility.max() > 2.0
     assert abs(fine.energy.error) < 1e-5
@@ -106,12 +109,18 @@ def test_the_flag_returns_to_zero_and_the_curve_to_its_asymptotes():
     assert between[sliding].all() and abs(path.shear[-1]) < 1e-6 * fy
     # One cycle: both loops have the width beta Fy over the plateau, less the ends that k cuts off.
     largest, cut = 0.04 - fy / k, beta * fy / ((1.0 - a) * k)
-    assert path.dissipated[-1] == pytest.approx(2.0 * beta * fy * (largest + cut - 0.5 * cut - 0.5 * cut), rel=1e-9)
+    assert path.dissipated[-1] == pytest.approx(
+        2.0 * beta * fy * (largest + cut - 0.5 * cut - 0.5 * cut), rel=1e-9
+    )
     path = tdint.cyclic_test(model_of(STORIES["menegotto_pinto"]), 1, ["1%"], points=400).path
     at = path.drift.argmax()
     x, b = path.drift[at] * k / fy, 0.03
-    assert path.shear[at] == pytest.approx(fy * (b * x + (1.0 - b) * x / (1.0 + x**20) ** 0.05), rel=1e-12)
-    assert np.all(np.abs(path.shear) <= fy * (1.0 - b) + b * k * np.abs(path.drift) + 1e-6 * fy + b * fy)
+    assert path.shear[at] == pytest.approx(
+        fy * (b * x + (1.0 - b) * x / (1.0 + x**20) ** 0.05), rel=1e-12
+    )
+    assert np.all(
+        np.abs(path.shear) <= fy * (1.0 - b) + b * k * np.abs(path.drift) + 1e-6 * fy + b * fy
+    )
 
 
 def test_the_program_in_charts_is_exact():
@@ -119,7 +128,9 @@ def test_the_program_in_charts_is_exact():
     loaded("state_space")
     ((_, _, function),) = peers()
     record = tdint.make_record(np.sin(np.arange(200) * 0.3), dt=0.02, units="m/s^2")
-    model = tdint.load_model({"stories": [{"mass": 1.0, "stiffness": 100.0}], "damping": {"modal": 0.05}})
+    model = tdint.load_model(
+        {"stories": [{"mass": 1.0, "stiffness": 100.0}], "damping": {"modal": 0.05}}
+    )
     times, u = function(pose(model, record))
     step = oscillator(np.array([10.0 * 0.02]), np.array([0.05]))[0]
     state, motion = np.zeros(2), [0.0]
@@ -146,10 +157,18 @@ def test_a_measure_of_the_readme_is_taken_by_name(tmp_path):
 def test_check_names_the_public_name_of_what_is_imported(tmp_path):
     """And where such an import fails, the line says what to write."""
     file = tmp_path / "old.py"
-    file.write_text("from tdint.kernels import layout as at\nfrom tdint.kernels.stepping import Memory\nMETHODS = ()\n")
+    file.write_text(
+        "from tdint.kernels import layout as at\nfrom tdint.kernels.stepping import Memory\nMETHODS = ()\n"
+    )
     said = CliRunner().invoke(cli, ["check", "--plugin", str(file)]).output
-    assert f"{file}:1: tdint.kernels may change without notice; write from tdint.plugin import at" in said
-    assert f"{file}:2: tdint.kernels.stepping may change without notice; write from tdint.plugin import Memory" in said
+    assert (
+        f"{file}:1: tdint.kernels may change without notice; write from tdint.plugin import at"
+        in said
+    )
+    assert (
+        f"{file}:2: tdint.kernels.stepping may change without notice; write from tdint.plugin import Memory"
+        in said
+    )
     gone = tmp_path / "gone.py"
     gone.write_text("from tdint.kernels.bundles import Memory, Scene\nMETHODS = ()\n")
     result = CliRunner().invoke(cli, ["check", "--plugin", str(gone)])

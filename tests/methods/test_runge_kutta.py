@@ -49,7 +49,9 @@ def stability_function(method, Z):
 @pytest.mark.parametrize("method", [*METHODS, "impulse", "impulse4", "moment4"])
 def test_amplification_matrix_is_the_stability_function(method, xi):
     """Also at and near sqrt(12), where the printed formulas of the impulse method divide by zero."""
-    around = math.sqrt(12.0) * (1.0 + np.array([0.0, 1e-15, -1e-15, 1e-12, 1e-9, -1e-9, 1e-6, 1e-3, -1e-3]))
+    around = math.sqrt(12.0) * (
+        1.0 + np.array([0.0, 1e-15, -1e-15, 1e-12, 1e-9, -1e-9, 1e-6, 1e-3, -1e-3])
+    )
     h, omega_h = 0.02, np.concatenate([around, np.geomspace(1e-3, 1e4, 30)])
     got = amplification(parse(method), omega_h / h, np.full(omega_h.size, xi), h)
     for w, matrix in zip(omega_h, got, strict=True):
@@ -61,7 +63,9 @@ def test_amplification_matrix_is_the_stability_function(method, xi):
 def dormand_prince_step(rate, h, t, x):
     slopes = []
     for row, c in zip(DP_A, DP_C, strict=True):
-        total = sum((float(Fraction(a)) * k for a, k in zip(row, slopes, strict=True)), np.zeros(x.size))
+        total = sum(
+            (float(Fraction(a)) * k for a, k in zip(row, slopes, strict=True)), np.zeros(x.size)
+        )
         slopes.append(rate(t + float(Fraction(c)) * h, x + h * total))
     return x + h * sum(float(Fraction(b)) * k for b, k in zip(DP_B, slopes, strict=True))
 
@@ -72,9 +76,15 @@ def gauss_step(rate, jacobian, h, t, x):
     for _ in range(8):
         points = x + h * GAUSS_A @ slopes
         wrong = np.concatenate(
-            [k - rate(t + c * h, point) for k, c, point in zip(slopes, GAUSS_C, points, strict=True)]
+            [
+                k - rate(t + c * h, point)
+                for k, c, point in zip(slopes, GAUSS_C, points, strict=True)
+            ]
         )
-        blocks = [[np.eye(x.size) * (i == j) - h * GAUSS_A[i, j] * jacobian(points[i]) for j in (0, 1)] for i in (0, 1)]
+        blocks = [
+            [np.eye(x.size) * (i == j) - h * GAUSS_A[i, j] * jacobian(points[i]) for j in (0, 1)]
+            for i in (0, 1)
+        ]
         slopes = slopes - np.linalg.solve(np.block(blocks), wrong).reshape(2, -1)
     return x + h / 2.0 * slopes.sum(axis=0)
 
@@ -90,7 +100,9 @@ def test_building_follows_the_formulas(method, nonlinear):
     f, tangent = restoring_of(case, nonlinear)
 
     def rate(t, x):
-        return np.concatenate([x[4:], np.linalg.solve(M, load(case, record, t) - C @ x[4:] - f(x[:4]))])
+        return np.concatenate(
+            [x[4:], np.linalg.solve(M, load(case, record, t) - C @ x[4:] - f(x[:4]))]
+        )
 
     def jacobian(x):
         upper = np.hstack([np.zeros((4, 4)), np.eye(4)])
@@ -104,8 +116,12 @@ def test_building_follows_the_formulas(method, nonlinear):
         else:
             x.append(gauss_step(rate, jacobian, h, s * h, x[-1]))
     x = np.array(x)
-    np.testing.assert_allclose(history.displacement, x[:, :4], rtol=0.0, atol=1e-10 * np.max(np.abs(x[:, :4])))
-    np.testing.assert_allclose(history.velocity, x[:, 4:], rtol=0.0, atol=1e-10 * np.max(np.abs(x[:, 4:])))
+    np.testing.assert_allclose(
+        history.displacement, x[:, :4], rtol=0.0, atol=1e-10 * np.max(np.abs(x[:, :4]))
+    )
+    np.testing.assert_allclose(
+        history.velocity, x[:, 4:], rtol=0.0, atol=1e-10 * np.max(np.abs(x[:, 4:]))
+    )
 
 
 @pytest.mark.parametrize(
@@ -114,14 +130,19 @@ def test_building_follows_the_formulas(method, nonlinear):
         (((1.0,),), 0.0),  # Euler
         (((0.5,), (0.0, 1.0)), 0.0),  # midpoint
         (((1 / 3,), (0.0, 2 / 3), (0.25, 0.0, 0.75)), math.sqrt(3.0)),  # Heun, order 3
-        (((0.5,), (0.0, 0.5), (0.0, 0.0, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6)), math.sqrt(8.0)),  # Kutta, order 4
+        (
+            ((0.5,), (0.0, 0.5), (0.0, 0.0, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6)),
+            math.sqrt(8.0),
+        ),  # Kutta, order 4
     ],
 )
 def test_limit_on_the_imaginary_axis(table, limit):
     assert imaginary_limit(table) == pytest.approx(limit, abs=1e-9)
 
 
-@pytest.mark.parametrize(("method", "inner"), [("rk5", ()), ("gauss4", (at.FIRST_TRIAL, at.SECOND_TRIAL))])
+@pytest.mark.parametrize(
+    ("method", "inner"), [("rk5", ()), ("gauss4", (at.FIRST_TRIAL, at.SECOND_TRIAL))]
+)
 def test_path_of_a_hysteretic_story(method, inner):
     """gauss4 loads a story from the start of the step through both stages to its end, rk5 straight to the end."""
     stiffness, strength, hardening = 100.0, 5.0, 0.1
@@ -142,7 +163,9 @@ def test_path_of_a_hysteretic_story(method, inner):
             drift = springs[block + at.DRIFT].copy()
             z, d = internal(z, d, drift), drift
         np.testing.assert_allclose(springs[at.INTERNAL], z, rtol=0.0, atol=1e-9 * strength)
-        np.testing.assert_allclose(springs[at.FORCE], hardening * stiffness * d + z, rtol=1e-9, atol=1e-9 * strength)
+        np.testing.assert_allclose(
+            springs[at.FORCE], hardening * stiffness * d + z, rtol=1e-9, atol=1e-9 * strength
+        )
         taken += 1
         turned += bool(np.any(np.abs(straight - z) > 0.1))
     assert taken > 20

@@ -8,7 +8,14 @@ from tdint.methods.catalogue import parse
 from tdint.methods.single_step import collocation, collocation_theta
 
 
-@pytest.fixture(params=["as installed", "always complex", "roots that meet parted off the axis", "along the axis"])
+@pytest.fixture(
+    params=[
+        "as installed",
+        "always complex",
+        "roots that meet parted off the axis",
+        "along the axis",
+    ]
+)
 def eigenvalues(request, monkeypatch):
     """numpy's eigvals as several versions of numpy and LAPACK return the same roots."""
     original = np.linalg.eigvals
@@ -30,7 +37,9 @@ def eigenvalues(request, monkeypatch):
     monkeypatch.setattr(np.linalg, "eigvals", eigvals)
 
 
-@pytest.mark.parametrize(("beta", "theta"), [(0.24, 1.021712), (0.20, 1.159772), (1 / 6, 1.420815), (0.25, 1.0)])
+@pytest.mark.parametrize(
+    ("beta", "theta"), [(0.24, 1.021712), (0.20, 1.159772), (1 / 6, 1.420815), (0.25, 1.0)]
+)
 def test_theta_of_optimal_collocation(eigenvalues, beta, theta):
     """Hilber and Hughes (1978) give those of beta 0.24 and 0.20; at 1/4 the roots meet at theta 1."""
     assert collocation_theta(beta) == pytest.approx(theta, abs=5e-7)
@@ -53,7 +62,12 @@ def test_the_roots_meet_at_that_theta(beta):
 
 @pytest.mark.parametrize(
     ("method", "rho_inf"),
-    [("newmark", 1.0), ("newmark-average", 1.0), ("collocation", 0.995811763376115), ("wilson", 0.778442220092468)],
+    [
+        ("newmark", 1.0),
+        ("newmark-average", 1.0),
+        ("collocation", 0.995811763376115),
+        ("wilson", 0.778442220092468),
+    ],
 )
 def test_spectral_radius_at_infinity(eigenvalues, method, rho_inf):
     assert parse(method).rho_inf == pytest.approx(rho_inf, rel=1e-13)

@@ -29,13 +29,27 @@ def building(name, seed, **more):
 
 def trilinear(random, strength, dy):
     ultimate, drift = strength * random.uniform(1.3, 3.0), dy * random.uniform(8.0, 25.0)
-    return Law("trilinear-pinching", (strength, ultimate, drift, random.uniform(0.2, 0.9), random.uniform(0.0, 0.4)))
+    return Law(
+        "trilinear-pinching",
+        (strength, ultimate, drift, random.uniform(0.2, 0.9), random.uniform(0.0, 0.4)),
+    )
 
 
 def imk(random, strength, dy):
-    side = (strength, dy * random.uniform(3.0, 6.0), dy * random.uniform(8.0, 20.0), 1.15, 0.15, 60.0 * dy, 1.0)
+    side = (
+        strength,
+        dy * random.uniform(3.0, 6.0),
+        dy * random.uniform(8.0, 20.0),
+        1.15,
+        0.15,
+        60.0 * dy,
+        1.0,
+    )
     pinching = (0.3, 0.5) if random.random() < 0.5 else (1.0, 1.0)
-    return Law("imk", (*side, 0.9 * strength, *side[1:], *4 * [random.uniform(30.0, 100.0) * dy], 1.0, *pinching))
+    return Law(
+        "imk",
+        (*side, 0.9 * strength, *side[1:], *4 * [random.uniform(30.0, 100.0) * dy], 1.0, *pinching),
+    )
 
 
 def multilinear(random, strength, dy):
@@ -43,7 +57,11 @@ def multilinear(random, strength, dy):
     sides = []
     for weaker in (1.0, random.choice([1.0, 0.9])):
         drifts = dy * np.cumsum([1.0, *random.uniform(2.0, 6.0, 3)])
-        forces = weaker * strength * np.array([1.0, random.uniform(1.2, 1.6), random.uniform(1.0, 1.3), 0.8])
+        forces = (
+            weaker
+            * strength
+            * np.array([1.0, random.uniform(1.2, 1.6), random.uniform(1.0, 1.3), 0.8])
+        )
         sides += [number for point in zip(drifts, forces, strict=True) for number in point]
     losses = (0.0, 0.1, 1.0, 1.0, 0.2, 0.0, 0.1, 1.0, 1.0, 0.2, 0.0, 0.4, 1.0, 1.0, 0.9, 10.0)
     intact = (*3 * (0.0, 0.0, 1.0, 1.0, 0.0), np.inf)
@@ -55,7 +73,12 @@ def clough(random, strength, dy):
     return Law("peak-oriented", (strength, 0.08, random.uniform(0.0, 0.4)))
 
 
-LAWS = {"trilinear-pinching": trilinear, "imk": imk, "multilinear-pinching": multilinear, "peak-oriented": clough}
+LAWS = {
+    "trilinear-pinching": trilinear,
+    "imk": imk,
+    "multilinear-pinching": multilinear,
+    "peak-oriented": clough,
+}
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -87,20 +110,30 @@ def test_a_story_that_fails_is_said(method):
     work = 0.5 * 5.0 * 0.05 + 5.0 * 0.25 + 0.5 * rise * 0.25**2
     speed = np.sqrt(9.0 - 2.0 * work)
     assert response.status == "failed-story"
-    assert (response.collapse.story, response.collapse.failed, response.collapse.ended) == (1, True, False)
+    assert (response.collapse.story, response.collapse.failed, response.collapse.ended) == (
+        1,
+        True,
+        False,
+    )
     assert response.collapse.time == pytest.approx(
         np.interp(0.3, response.history.drift[:, 0], response.history.time), abs=0.011
     )
     assert response.history.shear[-1, 0] == 0.0
-    assert response.history.velocity[-1, 0] == pytest.approx(speed, rel=1e-6 if method == "impulse4" else 0.02)
+    assert response.history.velocity[-1, 0] == pytest.approx(
+        speed, rel=1e-6 if method == "impulse4" else 0.02
+    )
     assert response.energy.recoverable == 0.0
-    assert response.energy.dissipated == pytest.approx(work, rel=1e-6 if method == "impulse4" else 0.02)
+    assert response.energy.dissipated == pytest.approx(
+        work, rel=1e-6 if method == "impulse4" else 0.02
+    )
     assert abs(response.energy.error) < (1e-6 if method == "impulse4" else 0.02)
 
 
 def test_what_comes_first_is_said():
     """A drift ratio of 0.02 is passed before the story fails at 0.03."""
-    response = run(replace(failing(), collapse_drift=0.02), method="impulse4", dt=0.01, duration=0.5)
+    response = run(
+        replace(failing(), collapse_drift=0.02), method="impulse4", dt=0.01, duration=0.5
+    )
     assert response.status == "collapsed"
     assert not response.collapse.failed
 

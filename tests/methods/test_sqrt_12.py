@@ -12,10 +12,17 @@ from tdint.model.building import assemble
 def test_a_run_at_sqrt_12_is_finite_and_keeps_its_energy(method):
     dt = 0.01
     response = run(
-        oscillator(np.sqrt(12.0) / dt, displacement=(1.0,)), method=method, dt=dt, duration=10.0, history=True
+        oscillator(np.sqrt(12.0) / dt, displacement=(1.0,)),
+        method=method,
+        dt=dt,
+        duration=10.0,
+        history=True,
     )
     omega = np.sqrt(12.0) / dt
-    energy = 0.5 * response.history.velocity[:, 0] ** 2 + 0.5 * (omega * response.history.displacement[:, 0]) ** 2
+    energy = (
+        0.5 * response.history.velocity[:, 0] ** 2
+        + 0.5 * (omega * response.history.displacement[:, 0]) ** 2
+    )
     assert energy == pytest.approx(np.full_like(energy, energy[0]), rel=1e-12)
 
 

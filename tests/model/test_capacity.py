@@ -9,10 +9,18 @@ from scipy.linalg import eigh
 from tdint import load_model
 from tdint.errors import ModelError, UsageError
 from tdint.model.building import assemble
-from tdint.model.capacity import CapacityCurve, CapacityFacts, derive_capacity, read_classes, read_curve
+from tdint.model.capacity import (
+    CapacityCurve,
+    CapacityFacts,
+    derive_capacity,
+    read_classes,
+    read_curve,
+)
 from tdint.model.inventory import derive_all, model_text, read_inventory
 
-DEMO = CapacityCurve((0.00060789, 0.00486316, 0.0242, 0.04353684), (0.103152, 0.20630401, 0.12378241, 0.12502023))
+DEMO = CapacityCurve(
+    (0.00060789, 0.00486316, 0.0242, 0.04353684), (0.103152, 0.20630401, 0.12378241, 0.12502023)
+)
 THREE = CapacityCurve((0.01, 0.03, 0.12), (0.2, 0.3, 0.25))
 TWO = CapacityCurve((0.02, 0.08), (0.15, 0.2))
 
@@ -54,7 +62,14 @@ def test_a_published_example():
 
 @pytest.mark.parametrize(
     ("n", "ordinary", "soft"),
-    [(1, 1.0, 1.0), (2, 0.907, 0.821), (3, 0.915, 0.747), (5, 0.918, 0.674), (8, 0.921, 0.628), (12, 0.924, 0.601)],
+    [
+        (1, 1.0, 1.0),
+        (2, 0.907, 0.821),
+        (3, 0.915, 0.747),
+        (5, 0.918, 0.674),
+        (8, 0.921, 0.628),
+        (12, 0.924, 0.601),
+    ],
 )
 def test_the_published_factor_shortens_the_period(n, ordinary, soft):
     for is_soft, ratio in ((False, ordinary), (True, soft)):
@@ -107,7 +122,9 @@ MODEL = "building: {capacity: curve.csv, stories: 3, height: 9, mass: 300, %s}\n
 
 @pytest.fixture
 def curve(tmp_path):
-    (tmp_path / "curve.csv").write_text("sd_m,sa_g\n" + "".join(f"{d},{a}\n" for d, a in zip(*_points(), strict=True)))
+    (tmp_path / "curve.csv").write_text(
+        "sd_m,sa_g\n" + "".join(f"{d},{a}\n" for d, a in zip(*_points(), strict=True))
+    )
     return tmp_path
 
 
@@ -154,7 +171,9 @@ def test_a_curve_that_cannot_be_read(curve):
     (curve / "other.yaml").write_text(
         "building: {rules: mdof-lu, type: C1, stories: 2, year: 1990, area: 9, mass: 1}\n"
     )
-    with pytest.raises(ModelError, match=r"building\.mass: belongs to a building with a `capacity` curve"):
+    with pytest.raises(
+        ModelError, match=r"building\.mass: belongs to a building with a `capacity` curve"
+    ):
         load_model(curve / "other.yaml")
 
 

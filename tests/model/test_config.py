@@ -89,7 +89,9 @@ def test_every_feature_in_si(tmp_path: Path) -> None:
     assert model.p_delta is True
     processing = Processing((None, 30.0), "linear", (5.0, 5.0), 0.1, 25.0, 3, 0.005)
     choice = RecordChoice("cm/s^2", "HNE", str(tmp_path / "station.xml"), processing)
-    assert model.excitation.record == RecordSource(str(tmp_path.parent / "records/x.mseed"), choice, -1.5)
+    assert model.excitation.record == RecordSource(
+        str(tmp_path.parent / "records/x.mseed"), choice, -1.5
+    )
     assert model.excitation.forces == (Force(1, 5e5, 0.0, 25.0), Force(4, 0.0, -2e3, 0.5))
     assert model.initial.displacement == pytest.approx((0.001, 0.0, 0.0, -0.02))
     assert model.initial.velocity == pytest.approx((0.0, 0.01, 0.0, 0.0))
@@ -120,7 +122,11 @@ def test_defaults() -> None:
         ("{mass: t}", 1e3, 1.0),
         ("{length: mm, force: N, mass: kg}", 1.0, 1e3),
         ("{length: m, force: MN, mass: kg}", 1.0, 1e6),
-        ("{length: in, force: kip, mass: kip*s^2/in}", 453.59237 * G / 0.0254, 453.59237 * G / 0.0254),
+        (
+            "{length: in, force: kip, mass: kip*s^2/in}",
+            453.59237 * G / 0.0254,
+            453.59237 * G / 0.0254,
+        ),
         ("{length: ft, force: lbf, mass: lb}", 0.45359237, 0.45359237 * G / 0.3048),
     ],
 )
@@ -144,15 +150,22 @@ def test_units(units: str, mass: float, stiffness: float) -> None:
     ],
 )
 def test_damping(damping: str, expected: object) -> None:
-    assert load(f"stories: [{{repeat: 3, mass: 1, stiffness: 1}}]\ndamping: {damping}").damping == expected
+    assert (
+        load(f"stories: [{{repeat: 3, mass: 1, stiffness: 1}}]\ndamping: {damping}").damping
+        == expected
+    )
 
 
 def test_damping_of_one_story() -> None:
     assert one_story("damping: {modal: {ratio: 0.05, modes: 1}}").damping == ModalDamping((0.05,))
-    assert one_story("damping: {rayleigh: {mass: 1, stiffness: 0}}").damping == RayleighCoefficients(1.0, 0.0)
+    assert one_story(
+        "damping: {rayleigh: {mass: 1, stiffness: 0}}"
+    ).damping == RayleighCoefficients(1.0, 0.0)
 
 
-@pytest.mark.parametrize(("phase", "shift"), [("cos", 0.0), ("sin", -math.pi / 2), ("0.7", 0.7), ("-2e0", -2.0)])
+@pytest.mark.parametrize(
+    ("phase", "shift"), [("cos", 0.0), ("sin", -math.pi / 2), ("0.7", 0.7), ("-2e0", -2.0)]
+)
 def test_phase_of_a_force(phase: str, shift: float) -> None:
     text = f"excitation: {{forces: [{{floor: 1, amplitude: 3, omega: 2, phase: {phase}}}]}}"
     (force,) = one_story(text).excitation.forces
@@ -169,17 +182,28 @@ def test_stiffness_may_repeat_what_the_law_gives() -> None:
 
 def test_law_by_name() -> None:
     assert one_story(story="mass: 1, stiffness: 2, law: linear").stories[0].law == Law("linear", ())
-    assert one_story(story="mass: 1, stiffness: 2, law: {type: linear}").stories[0].law == Law("linear", ())
+    assert one_story(story="mass: 1, stiffness: 2, law: {type: linear}").stories[0].law == Law(
+        "linear", ()
+    )
 
 
 @pytest.mark.parametrize(
     ("record", "file"),
-    [("x.mseed", "folder/x.mseed"), ("/data/x.mseed", "/data/x.mseed"), ("{file: '-'}", "-"), ("'-'", "-")],
+    [
+        ("x.mseed", "folder/x.mseed"),
+        ("/data/x.mseed", "/data/x.mseed"),
+        ("{file: '-'}", "-"),
+        ("'-'", "-"),
+    ],
 )
-def test_record_file(record: str, file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_record_file(
+    record: str, file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()
-    Path("folder/model.yaml").write_text(f"stories: [{{mass: 1, stiffness: 1}}]\nexcitation: {{record: {record}}}")
+    Path("folder/model.yaml").write_text(
+        f"stories: [{{mass: 1, stiffness: 1}}]\nexcitation: {{record: {record}}}"
+    )
     expected = RecordSource(file)
     assert load_model("folder/model.yaml").excitation.record == expected
     with Path("folder/model.yaml").open() as stream:
@@ -209,7 +233,10 @@ def test_aliases() -> None:
 
 @pytest.mark.parametrize("newline", ["\n", "\r\n"])
 def test_bytes_and_byte_order_mark(newline: str, tmp_path: Path) -> None:
-    data = b"\xef\xbb\xbf" + f"name: Büro{newline}stories: [{{mass: 1, stiffness: 1}}]{newline}".encode()
+    data = (
+        b"\xef\xbb\xbf"
+        + f"name: Büro{newline}stories: [{{mass: 1, stiffness: 1}}]{newline}".encode()
+    )
     (tmp_path / "m.yaml").write_bytes(data)
     model = load_model(tmp_path / "m.yaml")
     assert model.name == "Büro"
@@ -254,7 +281,9 @@ def test_yield_forces_of_the_bilinear_example() -> None:
     model = load_model(CONFIGS / "ten-story-bilinear.yaml")
     base = 0.15 * 10 * 2e5 * 9.81
     expected = [base * sum(range(i, 11)) / 55 for i in range(1, 11)]
-    assert [story.law.parameters[0] for story in model.stories] == pytest.approx(expected, rel=1e-15)
+    assert [story.law.parameters[0] for story in model.stories] == pytest.approx(
+        expected, rel=1e-15
+    )
 
 
 def test_imports_nothing_heavy() -> None:

@@ -36,13 +36,17 @@ def test_a_weight_is_a_mass_times_standard_gravity() -> None:
         f"stories: [{{mass: {100.0 / (STANDARD_GRAVITY / 0.0254)!r}, stiffness: 10}}]"
     )
     assert weights.stories[0].mass == pytest.approx(masses.stories[0].mass, rel=1e-14)
-    assert load("stories: [{weight: 9.80665, stiffness: 1}]").stories[0].mass == pytest.approx(1.0, rel=1e-15)
+    assert load("stories: [{weight: 9.80665, stiffness: 1}]").stories[0].mass == pytest.approx(
+        1.0, rel=1e-15
+    )
 
 
 @pytest.mark.parametrize("unit", ["kip", "lbf", "kN"])
 def test_a_unit_of_force_for_the_mass_tells_of_weights(unit: str) -> None:
     (fault,) = faults(io.StringIO(f"{THREE}units: {{mass: {unit}}}"))
-    assert fault.startswith(f"2:15: units.mass: {unit} is a unit of force; give the stories `weight`")
+    assert fault.startswith(
+        f"2:15: units.mass: {unit} is a unit of force; give the stories `weight`"
+    )
     assert "mass = W/g, in kip*s^2/in" in fault
 
 
@@ -70,7 +74,11 @@ def test_one_story_has_half_of_it_from_the_mass_and_half_from_the_stiffness() ->
     chain = building.linear_terms
     from tdint.kernels import layout as at
 
-    assert chain[at.FLOOR_DAMPER, 0] == pytest.approx(chain[at.STORY_DAMPER, 0]) == pytest.approx(0.5 * 0.05 * critical)
+    assert (
+        chain[at.FLOOR_DAMPER, 0]
+        == pytest.approx(chain[at.STORY_DAMPER, 0])
+        == pytest.approx(0.5 * 0.05 * critical)
+    )
 
 
 def test_ratios_may_be_percentages() -> None:
@@ -98,17 +106,30 @@ def test_a_mapping_says_what_the_file_says(path: Path, monkeypatch: pytest.Monke
     assert path.read_text().startswith("# ")
     assert file.excitation.record or file.excitation.forces or any(file.initial.displacement)
     assert mapping.source == "model" and mapping.text != file.text
-    assert (mapping.stories, mapping.damping, mapping.excitation) == (file.stories, file.damping, file.excitation)
-    assert (mapping.initial, mapping.analysis, mapping.p_delta) == (file.initial, file.analysis, file.p_delta)
+    assert (mapping.stories, mapping.damping, mapping.excitation) == (
+        file.stories,
+        file.damping,
+        file.excitation,
+    )
+    assert (mapping.initial, mapping.analysis, mapping.p_delta) == (
+        file.initial,
+        file.analysis,
+        file.p_delta,
+    )
 
 
 def test_numbers_of_numpy() -> None:
     """And sequences of other kinds than lists."""
     stories = tuple({"mass": np.float32(2.0), "stiffness": k} for k in np.array([3.0, 4.0]))
-    model = load_model({"stories": stories, "initial": {"velocity": np.ones(2)}, "p_delta": np.False_})
+    model = load_model(
+        {"stories": stories, "initial": {"velocity": np.ones(2)}, "p_delta": np.False_}
+    )
     assert [story.stiffness for story in model.stories] == [3.0, 4.0]
     assert model.initial.velocity == (1.0, 1.0)
-    assert load_model({"stories": stories}).text != load_model({"stories": stories, "damping": 0.05}).text
+    assert (
+        load_model({"stories": stories}).text
+        != load_model({"stories": stories, "damping": 0.05}).text
+    )
 
 
 def test_faults_of_a_mapping_have_no_line() -> None:
@@ -127,7 +148,9 @@ def test_what_no_file_could_say() -> None:
     loop: dict[str, object] = {}
     loop["stories"] = loop
     assert faults(loop) == ["model: nested more than 32 levels deep; this is no model"]
-    assert faults({"stories": {1, 2}}) == ["model: a model holds mappings, lists, numbers and text, not set"]
+    assert faults({"stories": {1, 2}}) == [
+        "model: a model holds mappings, lists, numbers and text, not set"
+    ]
 
 
 @pytest.mark.parametrize(
@@ -146,7 +169,9 @@ def test_what_no_file_could_say() -> None:
 def test_the_unit_of_mass_is_stated_beside_other_units_than_m_and_n(units: str) -> None:
     """A mass of 200 beside kN would be 200 kg, a building of T1 0.01 s; a weight says its unit by that of force."""
     stories = "stories: [{mass: 0.25, stiffness: 1000}]"
-    with pytest.raises(ModelError, match=r"stories\[1\]\.mass: its unit is not said.*add mass to `units`.*weight"):
+    with pytest.raises(
+        ModelError, match=r"stories\[1\]\.mass: its unit is not said.*add mass to `units`.*weight"
+    ):
         load(f"units: {{length: {units}}}\n{stories}")
     told = load(f"units: {{length: {units}, mass: kip*s^2/in}}\n{stories}")
     assert told.stories[0].mass == pytest.approx(0.25 * 4448.2216152605 / 0.0254)

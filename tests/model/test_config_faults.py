@@ -245,7 +245,8 @@ def cases(table: str) -> list[tuple[str, list[str]]]:
         table = table.replace(short, words)
     blocks = re.split(r"\n(?! )", table.strip("\n").replace("\n        ", " "))
     return [
-        (text.replace("¶", "\n"), faults.split("\n    ")) for text, _, faults in (b.partition("\n    ") for b in blocks)
+        (text.replace("¶", "\n"), faults.split("\n    "))
+        for text, _, faults in (b.partition("\n    ") for b in blocks)
     ]
 
 
@@ -305,7 +306,9 @@ def test_a_fault_has_its_place_apart(tmp_path: Path) -> None:
         load_model(path)
     assert caught.value.exit_code == 3
     first, *others = caught.value.faults
-    assert first == ModelFault(str(path), 4, 11, "stories[2].mass", "must be a positive number, got 'abc'")
+    assert first == ModelFault(
+        str(path), 4, 11, "stories[2].mass", "must be a positive number, got 'abc'"
+    )
     assert [str(fault).removeprefix(str(path)) for fault in others] == [
         ":6:10: p_delta: must be true or false, got 'yes'",
         ":7:1: p_delta: duplicate key, first given on line 6",
@@ -328,15 +331,23 @@ def test_not_yaml(text: str, place: str, advice: str) -> None:
 
 def test_long_value_is_quick() -> None:
     (fault,) = faults(f"stories: [{{mass: {'0' * 200_000}x, stiffness: 1}}]")
-    assert fault == f"1:18: stories[1].mass: must be a positive number, got '{'0' * 37}...'; write the number alone"
+    assert (
+        fault
+        == f"1:18: stories[1].mass: must be a positive number, got '{'0' * 37}...'; write the number alone"
+    )
 
 
 def test_alias_bomb_is_just_an_unknown_key() -> None:
-    lines = ["a0: &a0 [x]"] + [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 40)]
+    lines = ["a0: &a0 [x]"] + [
+        f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 40)
+    ]
     found = faults("\n".join(lines))
     assert len(found) == 41
     assert found[0] == f"1:1: a0: unknown key; known: {WORDS['<keys>']}"
-    assert "1:1: stories: is missing; give a list with one entry per story, or a building in its place" in found
+    assert (
+        "1:1: stories: is missing; give a list with one entry per story, or a building in its place"
+        in found
+    )
 
 
 def refusal(source: str | Path) -> str:
@@ -347,7 +358,10 @@ def refusal(source: str | Path) -> str:
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     missing = tmp_path / "none.yaml"
-    assert refusal(missing) == f"{missing}: no such file; give a model file (YAML) or - for standard input"
+    assert (
+        refusal(missing)
+        == f"{missing}: no such file; give a model file (YAML) or - for standard input"
+    )
     assert refusal(str(tmp_path)) == f"{tmp_path}: is a folder; give a model file (YAML) in it"
     assert refusal("") == ".: is a folder; give a model file (YAML) in it"
     assert refusal("a\0b") == "a\0b: cannot be read: no file has a null character in its name"
@@ -384,8 +398,16 @@ def test_closed_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_streams_that_are_not_utf8(tmp_path: Path) -> None:
     path = tmp_path / "m.yaml"
     path.write_bytes(b"name: \xfc\n")
-    with path.open(encoding="utf-8", errors="surrogateescape") as stream, pytest.raises(ModelError) as caught:
+    with (
+        path.open(encoding="utf-8", errors="surrogateescape") as stream,
+        pytest.raises(ModelError) as caught,
+    ):
         load_model(stream)
-    assert str(caught.value) == f"{path}:1:7: not UTF-8 text (byte 0xed); save the model file as UTF-8"
-    with path.open(encoding="utf-8") as stream, pytest.raises(ModelError, match=r"m\.yaml: cannot be read: "):
+    assert (
+        str(caught.value) == f"{path}:1:7: not UTF-8 text (byte 0xed); save the model file as UTF-8"
+    )
+    with (
+        path.open(encoding="utf-8") as stream,
+        pytest.raises(ModelError, match=r"m\.yaml: cannot be read: "),
+    ):
         load_model(stream)

@@ -45,13 +45,31 @@ NOT_NUMBERS = [
     ("9" * 60 + "x", f"'{'9' * 37}...'; write the number alone"),
 ]
 KEYS = sorted({*re.findall(r"(\w+):", EVERYTHING), "modal"})
-ATOMS = ["", "0", "-1", "3", "0.5", "1e9", "1e999", "012", "1:30", "true", "no", "null", "none", "linear", "bilinear"]
+ATOMS = [
+    "",
+    "0",
+    "-1",
+    "3",
+    "0.5",
+    "1e9",
+    "1e999",
+    "012",
+    "1:30",
+    "true",
+    "no",
+    "null",
+    "none",
+    "linear",
+    "bilinear",
+]
 ATOMS += ["polynomial", "m", "kN", "t", "cos", "sin", "'1'", "99999999999999999999"]
 SIGNS = [*"-:,[]{}#&*!|>'\"%@`?~", "---", "...", "<<", "*a", "&a ", "!!int ", "!x "]
 
 
 def amplitude_text(number: str) -> str:
-    model = "stories: [{mass: 1, stiffness: 1}]\nexcitation:\n  forces:\n  - omega: 1\n    floor: 1\n"
+    model = (
+        "stories: [{mass: 1, stiffness: 1}]\nexcitation:\n  forces:\n  - omega: 1\n    floor: 1\n"
+    )
     return f"{model}    amplitude: {number}"
 
 
@@ -65,7 +83,10 @@ def test_numbers(text: str, number: float) -> None:
 def test_not_numbers(text: str, shown: str) -> None:
     with pytest.raises(ModelError) as caught:
         load_model(io.StringIO(amplitude_text(text)))
-    assert str(caught.value) == f"<stream>:6:16: excitation.forces[1].amplitude: must be a number, got {shown}"
+    assert (
+        str(caught.value)
+        == f"<stream>:6:16: excitation.forces[1].amplitude: must be a number, got {shown}"
+    )
 
 
 @settings(max_examples=60, deadline=None)
@@ -81,7 +102,9 @@ def test_any_text(text: str) -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(
-    st.lists(st.sampled_from([*ATOMS, *SIGNS, *KEYS, " ", "\n", "\n  ", ": ", ", ", "- "]), max_size=40).map("".join)
+    st.lists(
+        st.sampled_from([*ATOMS, *SIGNS, *KEYS, " ", "\n", "\n  ", ": ", ", ", "- "]), max_size=40
+    ).map("".join)
 )
 def test_any_words(text: str) -> None:
     sound(text)
@@ -97,7 +120,8 @@ def flow(tree: object) -> str:
 
 
 TREES = st.recursive(
-    st.sampled_from(ATOMS), lambda child: st.lists(child, max_size=3) | st.dictionaries(st.sampled_from(KEYS), child)
+    st.sampled_from(ATOMS),
+    lambda child: st.lists(child, max_size=3) | st.dictionaries(st.sampled_from(KEYS), child),
 )
 
 

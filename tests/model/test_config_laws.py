@@ -17,7 +17,9 @@ NUMBERS = "a positive number for all of strength, capping, reloading, unloading,
 
 def read(text: str, more: str = "") -> Story:
     """A story with a law, in SI."""
-    model = f"units: {{force: kN, length: mm, mass: kg}}\nstories: [{{mass: 1, {more}law: {{{text}}}}}]"
+    model = (
+        f"units: {{force: kN, length: mm, mass: kg}}\nstories: [{{mass: 1, {more}law: {{{text}}}}}]"
+    )
     return load_model(io.StringIO(model)).stories[0]
 
 
@@ -27,51 +29,82 @@ def law(text: str) -> tuple[float, ...]:
 
 
 def test_trilinear_pinching() -> None:
-    assert law(f"{TRILINEAR}, unloading: 0.3") == pytest.approx((1e4, 2e4, 0.1, 0.5, 0.3), rel=1e-15)
+    assert law(f"{TRILINEAR}, unloading: 0.3") == pytest.approx(
+        (1e4, 2e4, 0.1, 0.5, 0.3), rel=1e-15
+    )
 
 
 def test_imk_with_its_defaults() -> None:
     expected = (*SIDE, *SIDE, *4 * [math.inf], 1.0, 1.0, 1.0)
     assert law(f"{IMK}, ultimate_drift: 400") == pytest.approx(expected, rel=1e-15)
-    assert law(f"{IMK}, ultimate_drift: 400, deterioration: none") == law(f"{IMK}, ultimate_drift: 400")
+    assert law(f"{IMK}, ultimate_drift: 400, deterioration: none") == law(
+        f"{IMK}, ultimate_drift: 400"
+    )
     peak_oriented = f"{IMK}, ultimate_drift: 400, pinching: {{force: 1, drift: 1}}"
     assert law(peak_oriented) == law(f"{IMK}, ultimate_drift: 400")
 
 
 def test_imk_with_all_that_it_may_have() -> None:
-    more = (
-        "deterioration: {strength: 900, unloading: 600}, exponent: 1.5, rate: 0.9, pinching: {drift: 0.5, force: 0.3}"
-    )
+    more = "deterioration: {strength: 900, unloading: 600}, exponent: 1.5, rate: 0.9, pinching: {drift: 0.5, force: 0.3}"
     other = "negative: {yield_force: 8, rate: 0.5, ultimate_drift: 300}"
     expected = (
         *SIDE[:6], 0.9, 8e3, *SIDE[1:5], 0.3, 0.5, 0.9, math.inf, math.inf, 0.6, 1.5, 0.3, 0.5,
     )  # fmt: skip
     assert law(f"{IMK}, ultimate_drift: 400, {more}, {other}") == pytest.approx(expected, rel=1e-15)
-    assert law(f"{IMK}, ultimate_drift: 400, deterioration: 700")[14:18] == pytest.approx(4 * [0.7], rel=1e-15)
+    assert law(f"{IMK}, ultimate_drift: 400, deterioration: 700")[14:18] == pytest.approx(
+        4 * [0.7], rel=1e-15
+    )
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (f"{TRILINEAR}, unloading: 1", "law.unloading: must be a number of at least 0 and below 1, got '1'"),
-        (f"{TRILINEAR}, unloading: 0".replace("20,", "9,"), "law: ultimate_force must be at least yield_force"),
+        (
+            f"{TRILINEAR}, unloading: 1",
+            "law.unloading: must be a number of at least 0 and below 1, got '1'",
+        ),
+        (
+            f"{TRILINEAR}, unloading: 0".replace("20,", "9,"),
+            "law: ultimate_force must be at least yield_force",
+        ),
         (
             f"{TRILINEAR}, unloading: 0".replace("100", "10"),
             "law: ultimate_drift must be beyond the yield drift 0.01 m",
         ),
-        (f"{TRILINEAR}, unloading: 0".replace("100", "15"), "law: the ultimate point must lie below the line of"),
+        (
+            f"{TRILINEAR}, unloading: 0".replace("100", "15"),
+            "law: the ultimate point must lie below the line of",
+        ),
         (IMK, "law.ultimate_drift: is missing; give a positive number"),
-        (f"{IMK}, ultimate_drift: 9", "law: ultimate_drift must be beyond the yield drift 0.01 m, got 0.009 m"),
+        (
+            f"{IMK}, ultimate_drift: 9",
+            "law: ultimate_drift must be beyond the yield drift 0.01 m, got 0.009 m",
+        ),
         (
             f"{IMK}, ultimate_drift: 99, negative: {{yield_force: 100}}",
             "law: negative.ultimate_drift must be beyond the yield drift 0.1 m, got 0.099 m",
         ),
         (f"{IMK}, ultimate_drift: 99, negative: {{yeld: 1}}", "law.negative.yeld: unknown key"),
-        (f"{IMK}, ultimate_drift: 99, negative: 3", "law.negative: must be a mapping with the keys yield_force, "),
-        (f"{IMK}, ultimate_drift: 99, pinching: 0.5", "law.pinching: must be a mapping with the keys force, drift"),
-        (f"{IMK}, ultimate_drift: 99, pinching: {{force: 0.5}}", "law.pinching.drift: is missing; give a number"),
-        (f"{IMK}, ultimate_drift: 99, deterioration: [1]", f"law.deterioration: must be {NUMBERS}, got a list"),
-        (f"{IMK}, ultimate_drift: 99, deterioration: 0", f"law.deterioration: must be {NUMBERS}, got '0'"),
+        (
+            f"{IMK}, ultimate_drift: 99, negative: 3",
+            "law.negative: must be a mapping with the keys yield_force, ",
+        ),
+        (
+            f"{IMK}, ultimate_drift: 99, pinching: 0.5",
+            "law.pinching: must be a mapping with the keys force, drift",
+        ),
+        (
+            f"{IMK}, ultimate_drift: 99, pinching: {{force: 0.5}}",
+            "law.pinching.drift: is missing; give a number",
+        ),
+        (
+            f"{IMK}, ultimate_drift: 99, deterioration: [1]",
+            f"law.deterioration: must be {NUMBERS}, got a list",
+        ),
+        (
+            f"{IMK}, ultimate_drift: 99, deterioration: 0",
+            f"law.deterioration: must be {NUMBERS}, got '0'",
+        ),
         (
             f"{IMK}, ultimate_drift: 99, deterioration: {{caping: 1}}",
             "law.deterioration.caping: unknown key; did you mean",
@@ -92,7 +125,9 @@ POINTS = "[[10, 4], [20, 6], [40, 5], [80, 1]]"
 def stiffness_of_its_own(text: str) -> tuple[float, ...]:
     """Parameters of the law of a story that leaves its stiffness to the law, in SI."""
     story = read(text)
-    assert story.stiffness == pytest.approx(story.law.parameters[1] / story.law.parameters[0], rel=1e-15)
+    assert story.stiffness == pytest.approx(
+        story.law.parameters[1] / story.law.parameters[0], rel=1e-15
+    )
     return story.law.parameters
 
 
@@ -100,7 +135,9 @@ def test_multilinear_pinching_with_its_defaults() -> None:
     side = (0.01, 4e3, 0.02, 6e3, 0.04, 5e3, 0.08, 1e3)
     intact = (math.inf, *3 * (0.0, 0.0, 1.0, 1.0, 0.0), math.inf)
     expected = (*side, *side, *2 * (0.5, 0.25, 0.05), *intact)
-    assert stiffness_of_its_own(f"{MULTILINEAR}, backbone: {POINTS}") == pytest.approx(expected, rel=1e-14)
+    assert stiffness_of_its_own(f"{MULTILINEAR}, backbone: {POINTS}") == pytest.approx(
+        expected, rel=1e-14
+    )
 
 
 @pytest.mark.parametrize(
@@ -111,7 +148,9 @@ def test_multilinear_pinching_with_its_defaults() -> None:
     ],
 )
 def test_fewer_points_are_filled_in(points: str, four: tuple[float, ...]) -> None:
-    assert stiffness_of_its_own(f"{MULTILINEAR}, backbone: {points}")[:8] == pytest.approx(four, rel=1e-14)
+    assert stiffness_of_its_own(f"{MULTILINEAR}, backbone: {points}")[:8] == pytest.approx(
+        four, rel=1e-14
+    )
 
 
 def test_multilinear_pinching_with_all_that_it_may_have() -> None:
@@ -135,12 +174,27 @@ def test_multilinear_pinching_with_all_that_it_may_have() -> None:
         ("backbone: [[1, 1], 2]", "law.backbone[2]: must be a point [drift, force], got '2'"),
         ("backbone: [[1, 1], [2, 0]]", "law.backbone[2][2]: must be a positive number, got '0'"),
         ("backbone: [[2, 1], [1, 2]]", "law: the drifts of backbone must rise from point to point"),
-        (f"backbone: {POINTS}, negative: {{backbone: [[2, 1], [1, 2]]}}", "law: the drifts of negative.backbone must"),
+        (
+            f"backbone: {POINTS}, negative: {{backbone: [[2, 1], [1, 2]]}}",
+            "law: the drifts of negative.backbone must",
+        ),
         ("ultimate_drift: 3", "law.backbone: is missing; give two to four points [drift, force]"),
-        (f"backbone: {POINTS}, degradation: {{strength: {{limit: 1}}}}", "law.degradation.strength.limit: must be a"),
-        (f"backbone: {POINTS}, degradation: {{strength: {{work: 1}}}}", "law.degradation.strength.limit: is missing"),
-        (f"backbone: {POINTS}, degradation: {{}}", "law.degradation.capacity: is missing; give a positive number"),
-        (f"backbone: {POINTS}, negative: {{pinching: {{forse: 1}}}}", "law.negative.pinching.forse: unknown key"),
+        (
+            f"backbone: {POINTS}, degradation: {{strength: {{limit: 1}}}}",
+            "law.degradation.strength.limit: must be a",
+        ),
+        (
+            f"backbone: {POINTS}, degradation: {{strength: {{work: 1}}}}",
+            "law.degradation.strength.limit: is missing",
+        ),
+        (
+            f"backbone: {POINTS}, degradation: {{}}",
+            "law.degradation.capacity: is missing; give a positive number",
+        ),
+        (
+            f"backbone: {POINTS}, negative: {{pinching: {{forse: 1}}}}",
+            "law.negative.pinching.forse: unknown key",
+        ),
     ],
 )
 def test_faults_of_multilinear_pinching(text: str, message: str) -> None:
@@ -150,5 +204,8 @@ def test_faults_of_multilinear_pinching(text: str, message: str) -> None:
 
 
 def test_multilinear_pinching_needs_its_pinching() -> None:
-    with pytest.raises(ModelError, match=r"law\.pinching: is missing; give a mapping with the keys drift, force, unl"):
+    with pytest.raises(
+        ModelError,
+        match=r"law\.pinching: is missing; give a mapping with the keys drift, force, unl",
+    ):
         stiffness_of_its_own(f"type: multilinear-pinching, backbone: {POINTS}")

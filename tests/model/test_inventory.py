@@ -15,7 +15,15 @@ from tdint.errors import ModelError, UsageError
 from tdint.model.building import assemble
 from tdint.model.definition import RayleighCoefficients, RayleighRatio
 from tdint.model.inventory import derive_all, model_text, read_inventory
-from tdint.model.mdof_lu import LEVELS, STRUCTURES, BuildingFacts, derive, design_level, hazus_type, hazus_types
+from tdint.model.mdof_lu import (
+    LEVELS,
+    STRUCTURES,
+    BuildingFacts,
+    derive,
+    design_level,
+    hazus_type,
+    hazus_types,
+)
 from tdint.units import LENGTH
 
 HEADER = "id,NumberOfStories,YearBuilt,StructureType,PlanArea"
@@ -55,7 +63,9 @@ def test_the_strength_is_that_of_the_mass_in_the_first_mode(stories):
     chain = 2.0 * np.eye(stories) - np.eye(stories, k=1) - np.eye(stories, k=-1)
     chain[-1, -1] = 1.0
     share = np.sum(np.linalg.eigh(chain)[1][:, 0]) ** 2 / stories
-    assert made.yield_force[0] / (row.yield_acceleration_g * 9.8 * np.sum(made.mass)) == pytest.approx(share, rel=2e-3)
+    assert made.yield_force[0] / (
+        row.yield_acceleration_g * 9.8 * np.sum(made.mass)
+    ) == pytest.approx(share, rel=2e-3)
 
 
 @pytest.mark.parametrize(
@@ -88,12 +98,18 @@ def test_every_building_that_may_be_asked_for_has_its_row():
 
 
 def test_damping_over_the_first_and_the_third_mode():
-    assert derive(BuildingFacts("C1", 8, 1990, 100.0)).damping == RayleighRatio((0.07, 0.07), (1, 3))
-    assert derive(BuildingFacts("C1", 2, 1990, 100.0)).damping == RayleighRatio((0.07, 0.07), (1, 2))
+    assert derive(BuildingFacts("C1", 8, 1990, 100.0)).damping == RayleighRatio(
+        (0.07, 0.07), (1, 3)
+    )
+    assert derive(BuildingFacts("C1", 2, 1990, 100.0)).damping == RayleighRatio(
+        (0.07, 0.07), (1, 2)
+    )
     one = derive(BuildingFacts("C1", 1, 1990, 100.0, damping_ratio=0.05))
     omega = 2.0 * math.pi / one.period
     assert isinstance(one.damping, RayleighCoefficients)
-    assert (one.damping.mass, one.damping.stiffness) == pytest.approx((0.05 * omega, 0.05 / omega), rel=1e-12)
+    assert (one.damping.mass, one.damping.stiffness) == pytest.approx(
+        (0.05 * omega, 0.05 / omega), rel=1e-12
+    )
     lost = derive(BuildingFacts("C1", 8, 1990, 100.0, mass_only=True)).damping
     assert isinstance(lost, RayleighCoefficients)
     assert lost.stiffness == 0.0
@@ -107,7 +123,10 @@ def test_damping_over_the_first_and_the_third_mode():
 def test_a_model_names_a_building_or_writes_it_out():
     short = "building: {rules: mdof-lu, type: C1, stories: 4, year: 1985, area: 600, height: 16}\n"
     made = derive(BuildingFacts("C1", 4, 1985, 600.0, height=16.0))
-    models = [load_model(io.StringIO(text)) for text in (short, model_text("a 'b' \"c\"", made, "mdof-lu"))]
+    models = [
+        load_model(io.StringIO(text))
+        for text in (short, model_text("a 'b' \"c\"", made, "mdof-lu"))
+    ]
     assert models[1].name == "a 'b' \"c\""
     assert models[0].stories == models[1].stories
     assert models[0].damping == models[1].damping
@@ -124,8 +143,14 @@ def test_a_model_names_a_building_or_writes_it_out():
     [
         ("building: {}", "building.type: is missing; give one of W1, W2, "),
         ("building: 3", "building: must be a mapping with the keys rules, capacity, type, "),
-        ("building: {rules: mine, type: C1, stories: 5}", "building.rules: unknown set of rules 'mine'"),
-        ("building: {type: C1, stories: 51, year: 1985, area: 1}", "building.stories: must be a whole number"),
+        (
+            "building: {rules: mine, type: C1, stories: 5}",
+            "building.rules: unknown set of rules 'mine'",
+        ),
+        (
+            "building: {type: C1, stories: 51, year: 1985, area: 1}",
+            "building.stories: must be a whole number",
+        ),
         (
             "stories: [{mass: 1, stiffness: 1}]\nbuilding: {rules: mdof-lu, type: C1, stories: 1, year: 1985, area: 1}",
             "building: stands in place of `stories`; give one of the two",
@@ -146,7 +171,9 @@ def inventory(tmp_path, *rows, header=HEADER, **more):
 
 def test_rows(tmp_path):
     header = f"{HEADER},Latitude,seismiczone,height,DampingRatio,DesignLevel"
-    rows, faults = inventory(tmp_path, "a,3,1990,c1,600,37.8,z2a,12,0.03,", "", "b,1,1950,W1,90,,,,,HC", header=header)
+    rows, faults = inventory(
+        tmp_path, "a,3,1990,c1,600,37.8,z2a,12,0.03,", "", "b,1,1950,W1,90,,,,,HC", header=header
+    )
     assert not faults
     assert [row.id for row in rows] == ["a", "b"]
     assert rows[0].facts == BuildingFacts("C1", 3, 1990, 600.0, 12.0, "Z2A", None, 0.03)
@@ -183,12 +210,20 @@ def test_rows_together_are_as_each_alone(tmp_path: Path, cells: list[tuple[str, 
             said += [(number, 1, f"{twice}; give each building its own")] * bool(twice)
             rows.setdefault(row.id, (row, number))
     assert list(together) == [row for row, _ in rows.values()]
-    assert [(fault.line, fault.column, fault.message) for fault in faults] == sorted(said, key=lambda one: one[:2])
+    assert [(fault.line, fault.column, fault.message) for fault in faults] == sorted(
+        said, key=lambda one: one[:2]
+    )
 
 
 def test_bad_rows_are_told_together_and_the_others_done(tmp_path):
     rows, faults = inventory(
-        tmp_path, "a,3,1990,C1,600", "b,2.5,1990,C1,0", ",1,1990,S9,5", "a,1,1990,C1,5", "c,1,,C1", "d,1,1990,C1,5,6"
+        tmp_path,
+        "a,3,1990,C1,600",
+        "b,2.5,1990,C1,0",
+        ",1,1990,S9,5",
+        "a,1,1990,C1,5",
+        "c,1,,C1",
+        "d,1,1990,C1,5,6",
     )
     assert [row.id for row in rows] == ["a"]
     said = [str(fault).partition("b.csv:")[2] for fault in faults]
@@ -237,7 +272,9 @@ def test_scatter_is_drawn_for_each_building_by_its_id(tmp_path):
     assert many[7].damping_ratio == pytest.approx(0.07 * (1.0 + 0.1 * second), rel=1e-12)
     alone = derive_all(rows[7:8], "mdof-lu", stiffness=0.2, damping=0.1, seed=5)[0].building
     assert alone.stiffness[0] == many[7].stiffness[0]
-    unsaid, zero = (derive_all(rows[:1], "mdof-lu", stiffness=0.2, **seed) for seed in ({}, {"seed": 0}))
+    unsaid, zero = (
+        derive_all(rows[:1], "mdof-lu", stiffness=0.2, **seed) for seed in ({}, {"seed": 0})
+    )
     assert unsaid[0].building.stiffness[0] == zero[0].building.stiffness[0]
     with pytest.raises(UsageError, match="scatter of the stiffness"):
         derive_all(rows, "mdof-lu", stiffness=0.6)
@@ -251,8 +288,18 @@ def test_scatter_is_drawn_for_each_building_by_its_id(tmp_path):
         ("PlanArea", (1e-3, 1e9), (0, -1), "must be a positive number"),
         ("height", (1e-3, 1e3), (0, -3), "must be a positive number"),
         ("DampingRatio", (0, 0.99), (-0.01, 1), "must be a number of at least 0 and below 1"),
-        ("Latitude", (-90, 90), (-90.01, 90.01), "must be a number of at least -90 and of at most 90"),
-        ("Longitude", (-360, 360), (-360.01, 360.01), "must be a number of at least -360 and of at most 360"),
+        (
+            "Latitude",
+            (-90, 90),
+            (-90.01, 90.01),
+            "must be a number of at least -90 and of at most 90",
+        ),
+        (
+            "Longitude",
+            (-360, 360),
+            (-360.01, 360.01),
+            "must be a number of at least -360 and of at most 360",
+        ),
     ],
 )
 def test_numbers_of_rows_at_their_bounds(tmp_path, column, sound, wrong, said):

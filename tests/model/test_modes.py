@@ -21,7 +21,11 @@ def test_single_frequencies_of_a_uniform_building(stories):
     link[0] = 0.0
     vibration = FreeVibration(mass, stiffness, link)
     for mode in (1, 2, stories // 2, stories):
-        exact = 2.0 * math.sqrt(3e8 / 2e5) * math.sin((2 * mode - 1) * math.pi / (2 * (2 * stories + 1)))
+        exact = (
+            2.0
+            * math.sqrt(3e8 / 2e5)
+            * math.sin((2 * mode - 1) * math.pi / (2 * (2 * stories + 1)))
+        )
         assert vibration.frequency(mode) == pytest.approx(exact, rel=1e-12)
 
 
@@ -40,7 +44,8 @@ def test_rayleigh_damping_of_a_tall_building_solves_for_its_modes_alone(monkeypa
 def test_modal_damping_that_memory_cannot_hold_is_refused(monkeypatch):
     monkeypatch.setattr("os.sysconf", {"SC_PAGE_SIZE": 2**12, "SC_PHYS_PAGES": 2**22}.__getitem__)
     with pytest.raises(
-        ModelError, match=r"modal damping of 100000 stories takes 298 GiB of memory, and this machine has 16: give"
+        ModelError,
+        match=r"modal damping of 100000 stories takes 298 GiB of memory, and this machine has 16: give",
     ):
         assemble(model([story(2e5, 3e8)] * 100_000, damping=ModalDamping((0.05,))))
 
@@ -63,7 +68,9 @@ def test_what_is_found_once_holds_no_lock_that_a_forked_child_inherits():
     thread = threading.Thread(target=lambda: one.value)
     thread.start()
     one.begun.wait()
-    found = threading.Thread(target=lambda: other.value)  # of another instance: one lock for all of them before 3.12
+    found = threading.Thread(
+        target=lambda: other.value
+    )  # of another instance: one lock for all of them before 3.12
     found.start()
     found.join(5.0)
     assert vars(other).get("value") == 1

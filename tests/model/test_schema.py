@@ -29,7 +29,9 @@ analysis: {method: impulse4, dt: 0.01, duration: 3}
 collapse_drift: 10%
 output_units: kip, in, g
 """
-BUILDING = "building: {rules: mdof-lu, type: C1, stories: 8, year: 1985, area: 600, damping_ratio: 5%}"
+BUILDING = (
+    "building: {rules: mdof-lu, type: C1, stories: 8, year: 1985, area: 600, damping_ratio: 5%}"
+)
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)

@@ -13,7 +13,15 @@ from pathlib import Path
 import pytest
 
 from tdint.errors import OutputError
-from tdint.files import KEPT, check_outputs, keep_input, refuse_kept, remove_abandoned, write_file, write_files
+from tdint.files import (
+    KEPT,
+    check_outputs,
+    keep_input,
+    refuse_kept,
+    remove_abandoned,
+    write_file,
+    write_files,
+)
 from tdint.system import process_start, this_host
 
 
@@ -71,7 +79,9 @@ def test_an_existing_file_is_kept_without_overwrite(tmp_path):
     file.write_bytes(b"old")
     for call in (
         lambda: check_outputs([tmp_path / "b.csv", file], overwrite=False),
-        lambda: write_files({tmp_path / "b.csv": writes(b"x"), file: writes(b"x")}, overwrite=False),
+        lambda: write_files(
+            {tmp_path / "b.csv": writes(b"x"), file: writes(b"x")}, overwrite=False
+        ),
     ):
         with pytest.raises(OutputError, match=r"a\.csv: exists already; give --overwrite"):
             call()
@@ -167,7 +177,10 @@ def test_the_last_file_is_made_of_the_digests_of_the_others(tmp_path):
     write_files(
         {first: b"x", packed: b"y"},
         overwrite=False,
-        last=(last, lambda digests: json.dumps({one.name: sha for one, sha in digests.items()}).encode()),
+        last=(
+            last,
+            lambda digests: json.dumps({one.name: sha for one, sha in digests.items()}).encode(),
+        ),
         tell=made.append,
     )
     said = json.loads(last.read_bytes())
@@ -224,7 +237,9 @@ def test_temporary_files_of_the_living_stay_and_of_others_are_told(tmp_path, cap
         assert writer.stdout is not None and writer.stdout.readline() == "half\n"
         (theirs,) = names(tmp_path)
         assert str(writer.pid) in theirs and this_host() in theirs
-        again = theirs.replace(f"-{process_start(writer.pid)}-", "-1-")  # a process that had this number before
+        again = theirs.replace(
+            f"-{process_start(writer.pid)}-", "-1-"
+        )  # a process that had this number before
         far, old = theirs.replace(this_host(), "far.0a1b2c3d"), ".tdint-0123456789abcdef.tmp"
         for name in (again, far, old):
             (tmp_path / name).write_bytes(b"half")
@@ -241,7 +256,9 @@ def test_temporary_files_of_the_living_stay_and_of_others_are_told(tmp_path, cap
     assert names(tmp_path) == sorted([far, old])
 
 
-@pytest.mark.parametrize(("error", "is_there"), [(PermissionError, True), (ProcessLookupError, False), (None, False)])
+@pytest.mark.parametrize(
+    ("error", "is_there"), [(PermissionError, True), (ProcessLookupError, False), (None, False)]
+)
 def test_the_processes_of_others_may_be_hidden(tmp_path, monkeypatch, error, is_there):
     """Of a live one of another user /proc, mounted with hidepid=2, tells nothing; one of ours would tell its start."""
 

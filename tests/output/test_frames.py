@@ -24,7 +24,9 @@ WAVE = np.sin(9.0 * np.arange(300) * 0.01)
 @pytest.fixture(scope="module")
 def response():
     record = tdint.make_record(3.0 * WAVE, dt=0.01, units="m/s^2")
-    return tdint.run(tdint.load_model(MODEL), record, method="newmark-average", history=True, check=True)
+    return tdint.run(
+        tdint.load_model(MODEL), record, method="newmark-average", history=True, check=True
+    )
 
 
 def same_as_table(columns, table):
@@ -59,13 +61,17 @@ def test_a_history_is_the_file_that_the_command_writes(response):
     columns = response.history.to_dict()
     assert list(columns) == header == [column.name for column in history_columns(2, error=True)]
     written = np.array([[float(cell) for cell in row] for row in rows])
-    np.testing.assert_allclose(np.column_stack(list(columns.values())), written, rtol=1e-11, atol=1e-300)
+    np.testing.assert_allclose(
+        np.column_stack(list(columns.values())), written, rtol=1e-11, atol=1e-300
+    )
 
 
 def test_other_units(response):
     si, us = response.to_dict(), response.to_dict("kip,in,g")
     assert us["peak_drift_in"] * 0.0254 == pytest.approx(si["peak_drift_m"])
-    assert us["peak_absolute_acceleration_g"] * STANDARD_GRAVITY == pytest.approx(si["peak_absolute_acceleration_m_s2"])
+    assert us["peak_absolute_acceleration_g"] * STANDARD_GRAVITY == pytest.approx(
+        si["peak_absolute_acceleration_m_s2"]
+    )
     assert us["story"].tolist() == [1, 2] and us["story"].dtype.kind == "i"
     with pytest.raises(UsageError, match="int has no table"):
         tdint.to_dict(3)
@@ -106,13 +112,20 @@ def traces():
     with quiet_import():
         from obspy import Stream, Trace
     names = ("HNE", "HNN")
-    return Stream([Trace(WAVE * (i + 1), {"delta": 0.01, "channel": name}) for i, name in enumerate(names)])
+    return Stream(
+        [Trace(WAVE * (i + 1), {"delta": 0.01, "channel": name}) for i, name in enumerate(names)]
+    )
 
 
 def test_records_of_what_is_in_memory(traces):
     array = tdint.make_record(WAVE, dt=0.01, units="g", component="X", name="wave")
     np.testing.assert_allclose(array.acceleration, WAVE * STANDARD_GRAVITY, rtol=1e-15)
-    assert (array.dt, array.source, array.component, array.units_from) == (0.01, "wave", "X", "given")
+    assert (array.dt, array.source, array.component, array.units_from) == (
+        0.01,
+        "wave",
+        "X",
+        "given",
+    )
     for data, component in ((traces[1], None), (traces, "HNN"), (traces, "N")):
         record = tdint.make_record(data, units="cm/s^2", component=component)
         np.testing.assert_allclose(record.acceleration, 0.02 * WAVE, rtol=1e-14)
@@ -121,7 +134,9 @@ def test_records_of_what_is_in_memory(traces):
     t = np.arange(301) * 0.001
     moving = tdint.make_record(np.sin(9.0 * t), dt=0.001, units="cm/s")
     np.testing.assert_allclose(
-        moving.acceleration[1:-1], 0.09 * np.cos(9.0 * t)[1:-1], atol=0.09 * 9.0**2 * 1e-6 / 6 * 1.01
+        moving.acceleration[1:-1],
+        0.09 * np.cos(9.0 * t)[1:-1],
+        atol=0.09 * 9.0**2 * 1e-6 / 6 * 1.01,
     )
     assert moving.quantity == "velocity"
     assert np.array_equal(traces[0].data, WAVE)  # what was given is as it was
@@ -133,8 +148,16 @@ def test_records_of_what_is_in_memory(traces):
         ({"data": WAVE, "units": "g"}, UsageError, "give dt and units"),
         ({"data": WAVE, "dt": 0.01}, UsageError, "give dt and units"),
         ({"data": WAVE, "dt": 0.01, "units": "gs"}, UsageError, "units 'gs'"),
-        ({"data": WAVE * np.nan, "dt": 1.0, "units": "g"}, RecordError, "array: sample 0 .* is nan"),
-        ({"data": np.ma.masked_less(WAVE, 0.0), "dt": 1.0, "units": "g"}, RecordError, "samples masked"),
+        (
+            {"data": WAVE * np.nan, "dt": 1.0, "units": "g"},
+            RecordError,
+            "array: sample 0 .* is nan",
+        ),
+        (
+            {"data": np.ma.masked_less(WAVE, 0.0), "dt": 1.0, "units": "g"},
+            RecordError,
+            "samples masked",
+        ),
     ],
 )
 def test_records_that_cannot_be(given, error, message):
@@ -145,7 +168,12 @@ def test_records_that_cannot_be(given, error, message):
 @pytest.mark.parametrize(
     ("part", "more", "error", "message"),
     [
-        (slice(None), {"units": "g"}, RecordError, "several components, choose one by `component`: HNE, HNN"),
+        (
+            slice(None),
+            {"units": "g"},
+            RecordError,
+            "several components, choose one by `component`: HNE, HNN",
+        ),
         (0, {}, RecordError, "units"),
         (0, {"units": "g", "dt": 0.01}, UsageError, "leave dt out"),
         (slice(0), {"units": "g"}, RecordError, "the stream has no traces"),
@@ -178,7 +206,9 @@ def test_runs_as_frames_arrays_and_parquet(tmp_path):
             continue
         found = call(runs)
         if package == "pandas":
-            assert list(found["stories[2].mass"]) == [1e5, 1e5, 2e5, 2e5, 3e5, 3e5] and len(found) == 6
+            assert (
+                list(found["stories[2].mass"]) == [1e5, 1e5, 2e5, 2e5, 3e5, 3e5] and len(found) == 6
+            )
         elif package == "xarray":
             assert dict(found.sizes) == {"run": 6, "time": 100, "story": 2}
             peaks = found.peak_drift.where(found["stories[2].mass"] == 2e5, drop=True)
@@ -188,7 +218,9 @@ def test_runs_as_frames_arrays_and_parquet(tmp_path):
             from pyarrow import parquet
 
             table = parquet.read_table(file)
-            np.testing.assert_array_equal(table["peak_drift_m"].to_numpy(), runs.to_dict()["peak_drift_m"])
+            np.testing.assert_array_equal(
+                table["peak_drift_m"].to_numpy(), runs.to_dict()["peak_drift_m"]
+            )
             assert table.schema.field("peak_drift_m").metadata[b"unit"] == b"m"
             again = tmp_path / "again.parquet"
             tdint.run_many(building, record, check=True, out=again, **more)

@@ -23,7 +23,9 @@ NAMES = ["impulse4", "newmark-average", "wilson:theta=1.3", "openseespy/hht", "s
 
 def points(lines, errors):
     return tuple(
-        Point(line, 0.01 * part, 100, "done", 100, errors(part), (1e-3 * (i + 1) / part,), line=line)
+        Point(
+            line, 0.01 * part, 100, "done", 100, errors(part), (1e-3 * (i + 1) / part,), line=line
+        )
         for i, line in enumerate(lines)
         for part in PARTS
     )
@@ -38,7 +40,9 @@ def charted(lines):
 
 def profiled(lines):
     drawn = points(lines, lambda part: PeakErrors(*3 * (1e-3 * part**2,)))
-    return field_chart([Measured("p", "m", "", 3, 0.01, 9.0, 4.0, 7, "", PeakErrors(*3 * (1e-9,)), drawn)])
+    return field_chart(
+        [Measured("p", "m", "", 3, 0.01, 9.0, 4.0, 7, "", PeakErrors(*3 * (1e-9,)), drawn)]
+    )
 
 
 @pytest.fixture
@@ -85,14 +89,18 @@ def test_a_method_is_drawn_alike_in_all_pictures_and_like_no_other(of_plugins):
     every = all_looks(NAMES)
     for drawn in every:
         assert len({look[:2] for look in drawn.values()}) == len(NAMES)
-        assert {name: look[:2] for name, look in drawn.items()} == {name: look[:2] for name, look in every[0].items()}
+        assert {name: look[:2] for name, look in drawn.items()} == {
+            name: look[:2] for name, look in every[0].items()
+        }
     # In other company, too; what has parameters takes what is left.
     few = [name for name in NAMES if ":" not in name][1::2]
     for drawn in all_looks(few):
         assert all(drawn[name][:2] == every[0][name][:2] for name in few)
 
 
-@pytest.mark.parametrize(("plugins", "asked"), [((), "newmark-average"), (("mine",), ""), (LONG, LONG[1])])
+@pytest.mark.parametrize(
+    ("plugins", "asked"), [((), "newmark-average"), (("mine",), ""), (LONG, LONG[1])]
+)
 def test_a_method_of_mine_is_thick_and_in_front(of_plugins, plugins, asked):
     of_plugins(plugins)
     lines = ["impulse4", "newmark-average", *plugins]
@@ -114,8 +122,13 @@ def test_of_several_plugins_none_is_in_front_unasked(of_plugins):
 
 def trials(names):
     """As many columns as there are, cells of all looks and the longest numbers."""
-    cells = itertools.cycle([("pass", 0.0591), ("loses energy", 1.23e-16), ("blows up", math.nan), ("rings", 1.9e11)])
-    columns = [(f"limit-sqrt-{i}", 2.44) for i in range(16)] + [("overshoot-displacement", 62.83), ("x", 1.0)]
+    cells = itertools.cycle(
+        [("pass", 0.0591), ("loses energy", 1.23e-16), ("blows up", math.nan), ("rings", 1.9e11)]
+    )
+    columns = [(f"limit-sqrt-{i}", 2.44) for i in range(16)] + [
+        ("overshoot-displacement", 62.83),
+        ("x", 1.0),
+    ]
     return [
         Trial(problem, name, dt, "done", verdict, "energy", time=1.0, steps=132, measure=measure)
         for problem, dt in columns
@@ -160,7 +173,9 @@ def test_no_word_of_the_matrix_touches_another_one(names, width, panels):
             assert all(figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1 for box in boxes)
         for text in axes.texts:
             x, y = text.get_position()
-            (x0, y0), (x1, y1) = (axes.transData.transform((x + side, y - side)) for side in (-0.5, 0.5))
+            (x0, y0), (x1, y1) = (
+                axes.transData.transform((x + side, y - side)) for side in (-0.5, 0.5)
+            )
             box = text.get_window_extent()
             assert x0 <= box.x0 and box.x1 <= x1 and y0 <= box.y0 and box.y1 <= y1, text.get_text()
 

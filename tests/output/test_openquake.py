@@ -16,10 +16,15 @@ SPACE = "{http://openquake.org/xmlns/nrml/0.5}"
 
 
 def function(threshold, theta, beta=0.4, im="sa(0.6)", unit="g", **more):
-    return Fragility("stripes", theta, beta, np.eye(2), 40, threshold=threshold, im=im, unit=unit, **more)
+    return Fragility(
+        "stripes", theta, beta, np.eye(2), 40, threshold=threshold, im=im, unit=unit, **more
+    )
 
 
-OFFICE = [function(one, theta) for one, theta in zip((0.01, 0.02, 0.03, 0.05), (0.2, 0.4, 0.7, 1.0), strict=True)]
+OFFICE = [
+    function(one, theta)
+    for one, theta in zip((0.01, 0.02, 0.03, 0.05), (0.2, 0.4, 0.7, 1.0), strict=True)
+]
 STATES = ("slight", "moderate", "extensive", "complete")
 
 
@@ -32,11 +37,22 @@ def read(data):
     found = {}
     for one in functions:
         imls, *params = one
-        assert (one.get("format"), one.get("shape"), imls.tag) == ("continuous", "logncdf", f"{SPACE}imls")
+        assert (one.get("format"), one.get("shape"), imls.tag) == (
+            "continuous",
+            "logncdf",
+            f"{SPACE}imls",
+        )
         assert [part.get("ls") for part in params] == states.text.split()
         values = [(float(part.get("mean")), float(part.get("stddev"))) for part in params]
-        medians = [(m**2 / math.hypot(m, s), math.sqrt(math.log(1.0 + (s / m) ** 2))) for m, s in values]
-        assert float(imls.get("minIML")) < min(medians)[0] <= max(medians)[0] < float(imls.get("maxIML"))
+        medians = [
+            (m**2 / math.hypot(m, s), math.sqrt(math.log(1.0 + (s / m) ** 2))) for m, s in values
+        ]
+        assert (
+            float(imls.get("minIML"))
+            < min(medians)[0]
+            <= max(medians)[0]
+            < float(imls.get("maxIML"))
+        )
         found[one.get("id")] = imls.get("imt"), dict(zip(states.text.split(), medians, strict=True))
     return found
 
@@ -47,13 +63,13 @@ def test_a_published_model():
     assert imt == "SA(0.6)"
     for one, state in zip(OFFICE, STATES, strict=True):
         assert found[state] == pytest.approx((one.theta, 0.4), rel=1e-7)
-    assert f'minIML="{0.2 * math.exp(-1.6):.6g}" maxIML="{1.0 * math.exp(1.6):.6g}"'.encode() in data
+    assert (
+        f'minIML="{0.2 * math.exp(-1.6):.6g}" maxIML="{1.0 * math.exp(1.6):.6g}"'.encode() in data
+    )
     assert b'ls="slight" mean="0.216657' in data and b'stddev="0.09024' in data
 
 
-READ_BY_OPENQUAKE = (
-    r"PGA|PGV|IA|CAV|AvgSA|SA\(\d+\.?\d*\)|AvgSA\(\d+\.*\d*\)|SDi\(\d+\.?\d*,\d+\.?\d*\)"  # 3.26, hazardlib/imt.py
-)
+READ_BY_OPENQUAKE = r"PGA|PGV|IA|CAV|AvgSA|SA\(\d+\.?\d*\)|AvgSA\(\d+\.*\d*\)|SDi\(\d+\.?\d*,\d+\.?\d*\)"  # 3.26, hazardlib/imt.py
 
 
 @pytest.mark.parametrize(
@@ -81,13 +97,19 @@ def test_a_function_for_each_state_of_the_building():
 
 def test_a_function_for_each_type_of_buildings():
     """Under the type's name, by its thresholds, which are others in another type; each with its measure."""
-    frame = [function(0.2, 1.0, type="C1 & more", state="b"), function(0.1, 0.5, type="C1 & more", state="a")]
+    frame = [
+        function(0.2, 1.0, type="C1 & more", state="b"),
+        function(0.1, 0.5, type="C1 & more", state="a"),
+    ]
     wall = [
         function(0.3, 0.8, im="sa(0.3)", type="W", state="a"),
         function(0.4, 0.9, im="sa(0.3)", type="W", state="b"),
     ]
     found = read(fragility_model([*frame[::-1], *wall], "region"))
-    assert {name: imt for name, (imt, _) in found.items()} == {"C1 & more": "SA(0.6)", "W": "SA(0.3)"}
+    assert {name: imt for name, (imt, _) in found.items()} == {
+        "C1 & more": "SA(0.6)",
+        "W": "SA(0.3)",
+    }
     assert found["C1 & more"][1]["b"] == pytest.approx((1.0, 0.4), rel=1e-7)
     assert found["W"][1]["a"] == pytest.approx((0.8, 0.4), rel=1e-7)
     assert whole_types([*frame, wall[0]]) == (frame, ["W"])
@@ -122,11 +144,16 @@ def test_losses_of_types():
     lines, between them."""
     data = vulnerability_model(TYPES, {"C1": (*RATIOS, 1.0), "URM": (*RATIOS, 1.0)}, "town")
     ((_, *functions),) = ElementTree.fromstring(data)
-    assert [one.get("id") for one in functions] == ["C1", "URM"] and {one.get("dist") for one in functions} == {"BT"}
+    assert [one.get("id") for one in functions] == ["C1", "URM"] and {
+        one.get("dist") for one in functions
+    } == {"BT"}
     for one, beta in zip(functions, (0.4, 0.16), strict=True):
         im, mean, cov = (np.array(part.text.split(), float) for part in one)
         between = np.sqrt(im[1:] * im[:-1])
-        for at, told, tolerance in ((im, mean, 1e-8), (between, np.interp(between, im, mean), 3e-3)):
+        for at, told, tolerance in (
+            (im, mean, 1e-8),
+            (between, np.interp(between, im, mean), 3e-3),
+        ):
             beyond = np.array([ndtr(np.log(at / of.theta) / beta) for of in OFFICE])
             shares = beyond - np.vstack([beyond[1:], np.zeros_like(at)])
             assert np.max(np.abs(told - RATIOS @ shares)) < tolerance
@@ -144,8 +171,13 @@ def test_openquake_reads_both_files(tmp_path):
     from openquake.hazardlib import nrml
 
     (tmp_path / "f.xml").write_bytes(fragility_model(TYPES, "town"))
-    (tmp_path / "v.xml").write_bytes(vulnerability_model(TYPES, {"C1": (*RATIOS, 1.0), "URM": (*RATIOS, 1.0)}, "town"))
-    fragilities, losses = nrml.to_python(str(tmp_path / "f.xml")), nrml.to_python(str(tmp_path / "v.xml"))
+    (tmp_path / "v.xml").write_bytes(
+        vulnerability_model(TYPES, {"C1": (*RATIOS, 1.0), "URM": (*RATIOS, 1.0)}, "town")
+    )
+    fragilities, losses = (
+        nrml.to_python(str(tmp_path / "f.xml")),
+        nrml.to_python(str(tmp_path / "v.xml")),
+    )
     for name, beta in (("C1", 0.4), ("URM", 0.16)):
         mean, deviation = fragilities["SA(0.6)", name].array.T
         assert np.sqrt(np.log(1.0 + (deviation / mean) ** 2)) == pytest.approx([beta] * 4, rel=1e-6)

@@ -10,7 +10,16 @@ from tdint.errors import UsageError
 from tdint.output.summary import in_units
 from tdint.output.tables import responses
 from tdint.output.tables.table import TEXT, Column, Table, describe
-from tdint.units import ACCELERATION, FORCE, LENGTH, MASS, SI, OutputUnits, parse_output_units, suffix
+from tdint.units import (
+    ACCELERATION,
+    FORCE,
+    LENGTH,
+    MASS,
+    SI,
+    OutputUnits,
+    parse_output_units,
+    suffix,
+)
 
 US = parse_output_units("kip,in,g")
 
@@ -31,7 +40,9 @@ US = parse_output_units("kip,in,g")
         ("mass_kg", "kg", 5.0, "mass_kg", 5.0),  # no unit of mass was asked for
     ],
 )
-def test_names_and_numbers(name: str, unit: str, value: float, renamed: str, expected: float) -> None:
+def test_names_and_numbers(
+    name: str, unit: str, value: float, renamed: str, expected: float
+) -> None:
     column, factor = US.column(name, unit)
     assert column == renamed
     assert value / factor == pytest.approx(expected, rel=1e-13)
@@ -56,7 +67,8 @@ def test_no_two_columns_get_one_name_and_the_way_back_is_the_inverse(
     units = parse_output_units(",".join(filter(None, (force, length, mass, acceleration))))
     assert units == OutputUnits(length=length, force=force, mass=mass, acceleration=acceleration)
     names = [
-        units.column(f"x{suffix(unit)}", unit)[0] for unit in ("m", "s", "N", "kg", "J", "N/m", "m/s", "m/s^2", "Hz")
+        units.column(f"x{suffix(unit)}", unit)[0]
+        for unit in ("m", "s", "N", "kg", "J", "N/m", "m/s", "m/s^2", "Hz")
     ]
     assert len(set(names)) == len(names)
     assert units.unit("N")[1] / units.unit("m")[1] == pytest.approx(units.unit("N/m")[1], rel=1e-15)
@@ -64,10 +76,17 @@ def test_no_two_columns_get_one_name_and_the_way_back_is_the_inverse(
 
 
 def test_what_is_no_number_stays() -> None:
-    columns = [Column(name, unit, "x", "y") for name, unit in (("place", TEXT), ("start_m", "m"), ("at_m", "m"))]
+    columns = [
+        Column(name, unit, "x", "y")
+        for name, unit in (("place", TEXT), ("start_m", "m"), ("at_m", "m"))
+    ]
     table = Table.of(tuple(columns), [("here", None, 254), ("there", math.nan, True)]).in_units(US)
     assert table.rows[0] == ("here", None, pytest.approx(1e4))
-    assert table.rows[1][0] == "there" and math.isnan(float(table.rows[1][1] or 0)) and table.rows[1][2] is True
+    assert (
+        table.rows[1][0] == "there"
+        and math.isnan(float(table.rows[1][1] or 0))
+        and table.rows[1][2] is True
+    )
 
 
 def test_a_summary() -> None:
@@ -84,8 +103,14 @@ def test_a_summary() -> None:
         },
     }
     assert in_units(content, SI) is content
-    told = in_units(content, US, {"drift_m": "m", "base_shear_N": "N", "levels_m": "m", "dts_s": "s"})
-    assert told["peaks"] == {"drift_in": pytest.approx(10.0), "drift_story": 1, "base_shear_kip": None}
+    told = in_units(
+        content, US, {"drift_m": "m", "base_shear_N": "N", "levels_m": "m", "dts_s": "s"}
+    )
+    assert told["peaks"] == {
+        "drift_in": pytest.approx(10.0),
+        "drift_story": 1,
+        "base_shear_kip": None,
+    }
     assert told["record"] == {"pga_g": pytest.approx(1.0), "file": "a_m.csv"}
     assert told["levels_in"] == pytest.approx([1.0, 2.0]) and told["dts_s"] == [0.1, 0.2]
     assert told["settings"] == {"drift_m": 1.0, "output_units": "kip,in,kg,g"}

@@ -20,7 +20,12 @@ from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
 from tdint.output.figures.assessment import order_picture
-from tdint.output.figures.runs import floor_suite_picture, profile_picture, run_picture, sensitivity_picture
+from tdint.output.figures.runs import (
+    floor_suite_picture,
+    profile_picture,
+    run_picture,
+    sensitivity_picture,
+)
 from tdint.output.figures.spectrum_curves import draw_adrs, draw_tripartite, spectrum_picture
 from tdint.output.figures.style import changed, picture, titled
 from tdint.units import parse_output_units
@@ -33,7 +38,9 @@ STARTS = {".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}
 
 def motion(component="HNE", source="a.mseed", size=400) -> Record:
     t = np.arange(size) * 0.01
-    return Record(3.0 * np.sin(9.0 * t) * np.exp(-t), 0.01, "", f"N.S..{component}", component, source)
+    return Record(
+        3.0 * np.sin(9.0 * t) * np.exp(-t), 0.01, "", f"N.S..{component}", component, source
+    )
 
 
 def draw_run(response, file):
@@ -72,7 +79,9 @@ def test_steps_of_several_samples_draw_the_record_and_tell_the_peaks_of_the_run(
     ground, roof = run_picture(long).axes[:2]
     line = ground.get_lines()[0]
     assert np.max(np.abs(line.get_ydata())) == pytest.approx(record.pga / 9.80665)
-    assert np.max(np.abs(long.history.ground_acceleration)) < 0.99 * record.pga  # or this tells nothing
+    assert (
+        np.max(np.abs(long.history.ground_acceleration)) < 0.99 * record.pga
+    )  # or this tells nothing
     peak = long.stories.peak_displacement[-1]
     assert peak > 1.0005 * np.max(np.abs(long.history.displacement[:, -1]))
     assert f"peak {peak:.3g} m" in {text.get_text().partition(" at ")[0] for text in roof.texts}
@@ -92,16 +101,24 @@ def of_suite(building, stood, fell, height=3.0):
 
 def test_a_building_that_fell_under_all_motions_has_no_part_in_what_drifts_are_measured_in():
     """The others' stay in percent of the height, or all are lengths; how many are in no line is said."""
-    stood, fell, flat = of_suite("stood", 3, 1), of_suite("fell", 0, 4), of_suite("flat", 4, 0, height=np.nan)
+    stood, fell, flat = (
+        of_suite("stood", 3, 1),
+        of_suite("fell", 0, 4),
+        of_suite("flat", 4, 0, height=np.nan),
+    )
     drifts = profile_picture([stood, fell]).axes[0]
     assert (drifts.get_xlabel(), drifts.get_title("left")) == (
         "drift (% of height)",
         "5 of 8 collapsed or failed: not drawn",
     )
     assert {line.get_xdata().max() for line in drifts.get_lines()} == {1.0}
-    assert profile_picture([fell]).axes[0].get_title("left") == "4 of 4 collapsed or failed: not drawn"
+    assert (
+        profile_picture([fell]).axes[0].get_title("left") == "4 of 4 collapsed or failed: not drawn"
+    )
     both = profile_picture([stood, flat]).axes[0]
-    assert both.get_xlabel() == "drift (m)" and {line.get_xdata().max() for line in both.get_lines()} == {0.03}
+    assert both.get_xlabel() == "drift (m)" and {
+        line.get_xdata().max() for line in both.get_lines()
+    } == {0.03}
 
 
 def test_the_panels_of_a_level_stand_at_the_same_height():
@@ -117,7 +134,12 @@ def test_no_bar_of_a_tornado_hides_behind_another():
     peaks = {one.name: one for one in PEAKS}
     swings = [
         Swing("frame", "strength_factor", peaks[name], 0.8, 1.2, *peak)
-        for name in ("peak_drift_ratio", "peak_acceleration", "peak_roof_displacement", "peak_base_shear")
+        for name in (
+            "peak_drift_ratio",
+            "peak_acceleration",
+            "peak_roof_displacement",
+            "peak_base_shear",
+        )
         for peak in ((0.7, 1.0, 0.9), (0.9, 1.0, 0.7), (1.2, 1.0, 0.7), (np.nan, 1.0, 0.7))
     ]
     for axes in sensitivity_picture(swings).axes:
@@ -137,7 +159,11 @@ def test_all_buildings_of_floors_are_named():
 
 
 def test_a_legend_of_long_names_is_within_its_figure():
-    named = ("base-isolated five-story building", "five-story frame with fluid viscous dampers", "gap")
+    named = (
+        "base-isolated five-story building",
+        "five-story frame with fluid viscous dampers",
+        "gap",
+    )
     figure = profile_picture([of_suite(one, 3, 0) for one in named])
     figure.draw_without_rendering()
     (legend,) = figure.legends
@@ -178,7 +204,9 @@ def test_of_a_run_without_history_what_is_over_the_height_is_drawn(forced):
 def test_any_name_is_drawn_as_it_is(tmp_path, forced):
     name = "_a $x_ 建物"
     draw_run(replace(forced, model=replace(forced.model, name=name)), tmp_path / "run.svg")
-    spectra = [spectrum(motion(c, f"{name}.mseed"), np.geomspace(0.1, 1.0, 9)) for c in ("_E", "$N")]
+    spectra = [
+        spectrum(motion(c, f"{name}.mseed"), np.geomspace(0.1, 1.0, 9)) for c in ("_E", "$N")
+    ]
     draw_spectra(spectra, tmp_path / "spectrum.svg")
     for file, said in (("run.svg", name), ("spectrum.svg", "_E")):
         assert said in (tmp_path / file).read_text(encoding="utf-8")
@@ -188,7 +216,9 @@ def test_any_name_is_drawn_as_it_is(tmp_path, forced):
 
 def test_what_rests_is_drawn():
     still = replace(motion(), acceleration=np.zeros(50))
-    assert "roof displacement" in drawn(run_picture(run(load_model(CONFIGS / "ten-story.yaml"), still, history=True)))
+    assert "roof displacement" in drawn(
+        run_picture(run(load_model(CONFIGS / "ten-story.yaml"), still, history=True))
+    )
     assert "period (s)" in drawn(spectrum_picture([spectrum(still, np.array([1.0]))]))
     for axes in ("tripartite", "adrs"):
         drawn(spectrum_picture([spectrum(still, np.array([0.5, 1.0]))], axes))
@@ -216,7 +246,9 @@ def test_a_spectrum_tells_how_it_was_computed(choices, told):
     ],
 )
 def test_orders_are_drawn_over_the_frequency_ratio_where_there_are_several(ratios, axis, title):
-    said = words(order_picture([order("newmark-average", frequency_ratio=ratio) for ratio in ratios])).split("\n")
+    said = words(
+        order_picture([order("newmark-average", frequency_ratio=ratio) for ratio in ratios])
+    ).split("\n")
     assert axis in said
     assert f"Observed order: harmonic load, linear law{title}" in said
 
@@ -229,7 +261,14 @@ def test_a_processed_record_is_called_so():
 
 @pytest.mark.parametrize(
     ("axes", "count"),
-    [("periods", 1), ("periods", 22), ("tripartite", 2), ("tripartite", 22), ("adrs", 2), ("adrs", 22)],
+    [
+        ("periods", 1),
+        ("periods", 22),
+        ("tripartite", 2),
+        ("tripartite", 22),
+        ("adrs", 2),
+        ("adrs", 22),
+    ],
 )
 def test_axes_and_suites(axes, count):
     """Of a suite the fractiles have names, not each of the 22; period 0 has no place on a logarithmic axis."""
@@ -237,7 +276,10 @@ def test_axes_and_suites(axes, count):
     motions = [motion(source=f"{i}.txt").scaled(1.0 + i) for i in range(count)]
     spectra = [spectrum(record, periods, ratio) for record in motions for ratio in (0.02, 0.05)]
     text = drawn(spectrum_picture(spectra, axes))
-    for named in ("median", *(("22 components", "median, 2 %", "16 % and 84 %, 5 %") if axes == "periods" else ())):
+    for named in (
+        "median",
+        *(("22 components", "median, 2 %", "16 % and 84 %, 5 %") if axes == "periods" else ()),
+    ):
         assert (named in text) is (count == 22), named
     assert ("1.txt" in text) is (count == 2)
 
@@ -253,7 +295,9 @@ def test_scales_of_a_spectrum_in_any_units(units):
     for text in axes.texts:
         (period, speed), (value, unit) = text.get_position(), text.get_text().split(" ")
         omega = 2.0 * np.pi / period
-        expected = float(value) * seconds_in[unit] * (omega if unit == shown.label("m") else 1.0 / omega)
+        expected = (
+            float(value) * seconds_in[unit] * (omega if unit == shown.label("m") else 1.0 / omega)
+        )
         assert speed * shown.unit("m/s")[1] == pytest.approx(expected, rel=1e-9)
     places = np.log([text.get_position() for text in axes.texts])
     extent = np.ptp(np.log([axes.get_xlim(), axes.get_ylim()]), axis=1)
@@ -262,23 +306,44 @@ def test_scales_of_a_spectrum_in_any_units(units):
     for ray in draw_adrs(spectra, ["one"], shown).axes[0].texts:
         end, height = ray.xy
         omega = 2.0 * np.pi / float(ray.get_text().removesuffix(" s"))
-        assert height * shown.unit("m/s^2")[1] == pytest.approx(omega**2 * end * shown.unit("m")[1], rel=1e-9)
+        assert height * shown.unit("m/s^2")[1] == pytest.approx(
+            omega**2 * end * shown.unit("m")[1], rel=1e-9
+        )
 
 
 @pytest.mark.parametrize(
     ("units", "labels", "limit", "part"),
     [
-        ("kip,in,g", ("ground (g)", "kip·in)", "story shear (kip)", "drift (in)", "acceleration (g)"), 1.0, 0.02),
-        ("kN,mm", ("ground (g)", "kN·mm)", "story shear (kN)", "drift (mm)", "acceleration (g)"), 100.0, 0.001),
-        ("lbf,m/s^2", ("ground (m/s²)", "lbf·m)", "lbf)", "drift (m)", "acceleration (m/s²)"), 1.0, np.nan),
+        (
+            "kip,in,g",
+            ("ground (g)", "kip·in)", "story shear (kip)", "drift (in)", "acceleration (g)"),
+            1.0,
+            0.02,
+        ),
+        (
+            "kN,mm",
+            ("ground (g)", "kN·mm)", "story shear (kN)", "drift (mm)", "acceleration (g)"),
+            100.0,
+            0.001,
+        ),
+        (
+            "lbf,m/s^2",
+            ("ground (m/s²)", "lbf·m)", "lbf)", "drift (m)", "acceleration (m/s²)"),
+            1.0,
+            np.nan,
+        ),
     ],
 )
 def test_a_run_in_other_units(shaken, units, labels, limit, part):
     """Labels and peaks follow; where no unit of acceleration is named it is g. A collapse drift that is near is marked;
     the error of the roof is drawn from a hundredth of its largest displacement on, not where none could be told."""
     history, chosen = shaken.history, parse_output_units(units)
-    errors = (part * getattr(history, name) for name in ("displacement", "velocity", "drift", "shear"))
-    near = replace(shaken.model, collapse_drift=limit * float(np.max(shaken.stories.peak_drift_ratio)))
+    errors = (
+        part * getattr(history, name) for name in ("displacement", "velocity", "drift", "shear")
+    )
+    near = replace(
+        shaken.model, collapse_drift=limit * float(np.max(shaken.stories.peak_drift_ratio))
+    )
     shown = replace(shaken, model=near, history=replace(history, error=ErrorHistory(*errors)))
     text = words(run_picture(shown, chosen))
     assert not [label for label in labels if label not in text]
@@ -292,7 +357,9 @@ def test_a_run_in_other_units(shaken, units, labels, limit, part):
 def test_profiles_of_low_and_tall_buildings_with_an_isolator(floors, height):
     """Bearings without a height have the length of their drift in letters; where no story has a height none is apart,
     however much more it drifts: what collapses is drawn as a collapse."""
-    upper = {"repeat": floors, "mass": 10, "stiffness": 40000} | ({"height": height} if height else {})
+    upper = {"repeat": floors, "mass": 10, "stiffness": 40000} | (
+        {"height": height} if height else {}
+    )
     model = load_model({"stories": [{"mass": 10, "stiffness": 100}, upper]})
     response = run(model, motion(), method="newmark-average", history=True)
     shown = drawn(run_picture(response))

@@ -16,7 +16,12 @@ pytestmark = pytest.mark.usefixtures("not_laid_out")
 
 LAW = {"type": "bilinear", "yield_force": 50, "hardening": 0.1}
 STORIES = [{"mass": 10.0, "height": 3.0, "stiffness": 8000.0, "law": LAW, "repeat": 2}]
-MODEL = {"name": "small", "stories": STORIES, "damping": 0.05, "analysis": {"method": "newmark-average"}}
+MODEL = {
+    "name": "small",
+    "stories": STORIES,
+    "damping": 0.05,
+    "analysis": {"method": "newmark-average"},
+}
 WAVE = np.sin(9.0 * np.arange(300) * 0.01)
 PERIODS = np.geomspace(0.1, 2.0, 20)
 
@@ -49,7 +54,18 @@ def results():
 
 
 NARROW = ("order", "stability", "spectrum")
-ON_AXES = {"record", "run", "peaks", "modes", "law", "pushover", "spectrum", "scale", "fragility", "stability"}
+ON_AXES = {
+    "record",
+    "run",
+    "peaks",
+    "modes",
+    "law",
+    "pushover",
+    "spectrum",
+    "scale",
+    "fragility",
+    "stability",
+}
 
 
 @pytest.mark.usefixtures("laid_out")
@@ -78,13 +94,19 @@ def test_what_is_drawn_is_the_result(results):
     spectrum = results["spectrum"]
     for _ in range(2):
         spectrum.plot(axes)
-        np.testing.assert_allclose(axes.lines[-1].get_ydata() * STANDARD_GRAVITY, spectrum.psa, rtol=1e-12)
+        np.testing.assert_allclose(
+            axes.lines[-1].get_ydata() * STANDARD_GRAVITY, spectrum.psa, rtol=1e-12
+        )
     assert axes.lines[0].get_color() != axes.lines[1].get_color() and axes.get_legend() is not None
     inches = Figure().subplots()
     results["law"].plot(ax=inches, units="kip,in,g")
     assert "(in)" in inches.get_xlabel() and "kip" in inches.get_ylabel()
     drift = results["law"].path.drift / 0.0254
-    assert any(np.allclose(line.get_xdata(), drift) for line in inches.lines if len(line.get_xdata()) == drift.size)
+    assert any(
+        np.allclose(line.get_xdata(), drift)
+        for line in inches.lines
+        if len(line.get_xdata()) == drift.size
+    )
     assert len(results["run"].plot().axes) > len(results["peaks"].plot().axes)
     assert len(tdint.plot([spectrum, spectrum]).axes[0].lines) == 2
 
@@ -92,7 +114,11 @@ def test_what_is_drawn_is_the_result(results):
 def lines_of(results):
     """By result, panel and line the numbers across and along, in the units of the picture."""
     record, run, law, pushed = (results[name] for name in ("record", "run", "law", "pushover"))
-    targets, rates, sharing = results["target displacements"], results["drifts"], results["overshoot"]
+    targets, rates, sharing = (
+        results["target displacements"],
+        results["drifts"],
+        results["overshoot"],
+    )
     history, peaks, curve = run.history, run.stories, results["stability"]
     time, g = np.arange(record.acceleration.size) * record.dt, STANDARD_GRAVITY
     yield (("record", 0, 0), time, record.acceleration / g)
@@ -119,18 +145,30 @@ def lines_of(results):
     n2 = targets[0]
     of_one = 1.0 / n2.participation
     yield (("target displacements", 1, 0), n2.target.sd, n2.target.psa)
-    yield (("target displacements", 1, 1), pushed.roof_displacement * of_one, pushed.base_shear * of_one / n2.mass)
+    yield (
+        ("target displacements", 1, 1),
+        pushed.roof_displacement * of_one,
+        pushed.base_shear * of_one / n2.mass,
+    )
     sd = n2.spectral_acceleration * (n2.period / (2.0 * np.pi)) ** 2
     yield (("target displacements", 1, 3), [0.0, sd], [0.0, n2.spectral_acceleration])
     reached, most = n2.roof_displacement * of_one, n2.yield_force * of_one / n2.mass
-    yield (("target displacements", 1, 2), [0.0, n2.yield_displacement * of_one, reached], [0.0, most, most])
+    yield (
+        ("target displacements", 1, 2),
+        [0.0, n2.yield_displacement * of_one, reached],
+        [0.0, most, most],
+    )
     yield (("target displacements", 1, 4), [reached], [most])
     yield (("spectrum", 1, 0), PERIODS, results["spectrum"].sd)
     yield (("drifts", 0, 0), PERIODS, 100.0 * rates.peak_drift_ratio)
     yield (("drifts", 1, 0), PERIODS, 100.0 * rates.roof_drift_ratio)
     yield (("fragility", 0, 3), [1.0, 2.0, 3.0], [0.1, 0.5, 0.9])
     near = curve.dt_over_t <= 0.4
-    for panel, values in ((1, curve.amplitude_decay), (2, curve.period_error), (3, curve.numerical_damping)):
+    for panel, values in (
+        (1, curve.amplitude_decay),
+        (2, curve.period_error),
+        (3, curve.numerical_damping),
+    ):
         yield (("stability", panel, 0), curve.dt_over_t[near], 100.0 * values[near])
     yield (("stability", 0, 0), curve.dt_over_t, curve.spectral_radius)
     yield (("overshoot", 0, 0), np.arange(11), sharing.displacement)
@@ -146,13 +184,23 @@ def test_the_numbers_of_each_picture_are_those_of_its_result(results):
         np.testing.assert_allclose(
             np.ravel(drawn.get_xdata()), across, rtol=1e-9, atol=1e-12, err_msg=f"{name} {panel}"
         )
-        np.testing.assert_allclose(np.ravel(drawn.get_ydata()), along, rtol=1e-9, atol=1e-12, err_msg=f"{name} {panel}")
+        np.testing.assert_allclose(
+            np.ravel(drawn.get_ydata()), along, rtol=1e-9, atol=1e-12, err_msg=f"{name} {panel}"
+        )
     run, pushed, record = results["run"].stories, results["pushover"], results["record"]
     for name, panel, rows in (
-        ("run", 3, (run.peak_drift / 0.03, run.peak_drift / 0.03, np.abs(run.residual_drift) / 0.03)),
+        (
+            "run",
+            3,
+            (run.peak_drift / 0.03, run.peak_drift / 0.03, np.abs(run.residual_drift) / 0.03),
+        ),
         ("run", 5, (run.peak_shear,) * 2),
         ("pushover", 1, (pushed.drift_at_largest / 0.03, pushed.drift[-1] / 0.03)),
-        ("target displacements", 2, [made.drift / 0.03 for made in results["target displacements"]]),
+        (
+            "target displacements",
+            2,
+            [made.drift / 0.03 for made in results["target displacements"]],
+        ),
     ):
         for stairs, values in zip(figures[name].axes[panel].patches, rows, strict=True):
             np.testing.assert_allclose(stairs.get_data().values, values, rtol=1e-9)
@@ -167,7 +215,9 @@ def test_the_numbers_of_each_picture_are_those_of_its_result(results):
     energy, (whole, dots) = np.cumsum(record.acceleration**2), figures["record"].axes[3].lines
     np.testing.assert_allclose(whole.get_ydata()[::30], 100.0 * energy[::30] / energy[-1], atol=1.5)
     assert dots.get_ydata() == pytest.approx([5.0, 75.0, 95.0])
-    assert np.interp(dots.get_xdata(), *whole.get_data()) == pytest.approx([5.0, 75.0, 95.0], abs=0.1)
+    assert np.interp(dots.get_xdata(), *whole.get_data()) == pytest.approx(
+        [5.0, 75.0, 95.0], abs=0.1
+    )
     swings = {swing.quantity.name: swing for swing in results["sensitivity"]}
     names = ("peak_drift_ratio", "peak_acceleration", "peak_roof_displacement", "peak_base_shear")
     for axes, swing in zip(figures["sensitivity"].axes, map(swings.get, names), strict=True):
@@ -188,7 +238,9 @@ def test_print(results, tmp_path):
     assert figure.get_size_inches()[0] * 25.4 == pytest.approx(90.0)
     assert figure.get_suptitle() == "" and b"/FontFile2" in file.read_bytes()
     once_more = tdint.plot(results["modes"])
-    assert once_more.get_size_inches()[0] * 25.4 > 120.0  # what is asked of one picture is not asked of the next
+    assert (
+        once_more.get_size_inches()[0] * 25.4 > 120.0
+    )  # what is asked of one picture is not asked of the next
     with pytest.raises(UsageError, match="no such font"):
         tdint.plot(results["stability"], font="No Such Font")
 
@@ -209,7 +261,9 @@ def test_what_has_no_picture_is_refused(results, tmp_path):
 
 @pytest.mark.usefixtures("laid_out")
 def test_words_at_ticks_are_those_of_print(results):
-    figure = tdint.plot([results["order"], tdint.order("moment4")], width=0.09, label={"moment4": "present"})
+    figure = tdint.plot(
+        [results["order"], tdint.order("moment4")], width=0.09, label={"moment4": "present"}
+    )
     figure.draw_without_rendering()
     assert [text.get_text() for text in figure.axes[0].get_yticklabels()] == ["hht", "present"]
 
@@ -250,7 +304,9 @@ def test_looks_are_said_as_on_the_command_line(results, tmp_path):
         figure = tdint.plot(results["modes"], style=style, width="90mm")
         assert 4.5 in [line.get_linewidth() for line in figure.axes[0].lines]
         assert figure.get_figwidth() == pytest.approx(90 / 25.4)
-    with pytest.raises(UsageError, match="plot: style 'widht=90mm': no such word; did you mean 'width'"):
+    with pytest.raises(
+        UsageError, match="plot: style 'widht=90mm': no such word; did you mean 'width'"
+    ):
         tdint.plot(results["stability"], style="widht=90mm")
     with pytest.raises(UsageError, match=r"style sheet none\.mplstyle: "):
         tdint.plot(results["stability"], style="none.mplstyle")

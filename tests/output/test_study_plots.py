@@ -35,7 +35,10 @@ def record(seed=0, source="a.mseed"):
 
 
 def curve(seed, *runs):
-    made = tuple(IdaRun(im, im, STATUS.get(drift, "done"), 0.11 if math.isinf(drift) else drift) for im, drift in runs)
+    made = tuple(
+        IdaRun(im, im, STATUS.get(drift, "done"), 0.11 if math.isinf(drift) else drift)
+        for im, drift in runs
+    )
     return IdaCurve(record(seed, f"{seed}.mseed"), made, 0.1)
 
 
@@ -51,8 +54,16 @@ COLLAPSING = ((1.0, 0.01), (2.0, 0.03), (2.1, math.inf))
     [
         ([COLLAPSING], ["1 record", "capacity against collapse"], ["1 records", "median", "16 %"]),
         ([COLLAPSING] * 44, ["44 records", "median", "16 % and 84 %"], ["does not collapse"]),
-        ([((1.0, 0.01), (2.0, 0.03))] * 3, ["does not collapse up to here", "median"], ["capacity against"]),
-        ([(*COLLAPSING, (2.6, 0.04))] * 2, ["stands again above it"], ["capacity against collapse"]),
+        (
+            [((1.0, 0.01), (2.0, 0.03))] * 3,
+            ["does not collapse up to here", "median"],
+            ["capacity against"],
+        ),
+        (
+            [(*COLLAPSING, (2.6, 0.04))] * 2,
+            ["stands again above it"],
+            ["capacity against collapse"],
+        ),
         ([((1.0, 0.01), (1.5, -math.inf))], ["run without a result"], ["capacity against"]),
         ([((1.0, math.inf),)], ["1 record"], ["capacity against"]),
         ([((1.0, 0.0), (2.0, 0.0))], ["1 record"], ["capacity against collapse"]),
@@ -114,9 +125,21 @@ CLOUD = ([1.0, 2.0, 3.0, 4.0], [0.01, 0.02, 0.02, 0.05], [0.02, 0.04])
 @pytest.mark.parametrize(
     ("functions", "there"),
     [
-        ([fit_capacities([1.0, 2.0])], ["2 records", "method of moments", "intensity measure", "95 % confidence"]),
-        ([fit_capacities([1.0, 2.0, 2.0], [False, False, True]).named(0.1, "pga", "m/s^2")], ["1 censored", "PGA"]),
-        ([fit_stripes([1.0, 2.0, 3.0], [0, 1, 2], [3] * 3).named(t) for t in np.arange(1, 9) / 100.0], ["0.08: "]),
+        (
+            [fit_capacities([1.0, 2.0])],
+            ["2 records", "method of moments", "intensity measure", "95 % confidence"],
+        ),
+        (
+            [fit_capacities([1.0, 2.0, 2.0], [False, False, True]).named(0.1, "pga", "m/s^2")],
+            ["1 censored", "PGA"],
+        ),
+        (
+            [
+                fit_stripes([1.0, 2.0, 3.0], [0, 1, 2], [3] * 3).named(t)
+                for t in np.arange(1, 9) / 100.0
+            ],
+            ["0.08: "],
+        ),
         (fit_cloud(*CLOUD), ["slope", "probability of exceedance", "4 runs"]),
         (fit_cloud(*CLOUD, [False] * 3 + [True]), ["above the limit", "1 censored"]),
     ],
@@ -131,7 +154,10 @@ def test_fragility_functions(functions, there):
 def test_functions_with_the_models_dispersion_stand_beside_the_fitted_ones(count, panels):
     """Where there are more than two: else each curve has two lines, a band and observations in one panel."""
     fitted = fit_stripes([1.0, 2.0, 3.0], [0, 1, 2], [3] * 3)
-    functions = [replace(fitted.named(t, "pga", "m/s^2"), beta_model=0.3) for t in np.arange(1, count + 1) / 100.0]
+    functions = [
+        replace(fitted.named(t, "pga", "m/s^2"), beta_model=0.3)
+        for t in np.arange(1, count + 1) / 100.0
+    ]
     figure = fragility_picture(functions)
     shown = [axes for axes in figure.axes if axes.get_legend()]
     assert len(shown) == panels

@@ -25,11 +25,17 @@ def test_labels_stand_beside_their_points_and_over_nothing():
     axes.plot(*points.T, "o", markersize=5.0)
     write_labels(figure, axes, [(x, y, f"p {i}") for i, (x, y) in enumerate(points)], points)
     figure.draw_without_rendering()
-    unit, frame, boxes = figure.dpi / 72.0, axes.get_window_extent(), [text.get_window_extent() for text in axes.texts]
+    unit, frame, boxes = (
+        figure.dpi / 72.0,
+        axes.get_window_extent(),
+        [text.get_window_extent() for text in axes.texts],
+    )
     assert 20 < len(boxes) < 60 and {"p 0", "p 1"} <= {text.get_text() for text in axes.texts}
     marks = axes.transData.transform(points)
     for i, (text, box) in enumerate(zip(axes.texts, boxes, strict=True)):
-        assert frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1
+        assert (
+            frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1
+        )
         assert not any(box.overlaps(other) for other in boxes[:i])
         assert not any(box.x0 < x < box.x1 and box.y0 < y < box.y1 for x, y in marks)
         x, y = axes.transData.transform(points[int(text.get_text()[2:])])
@@ -49,7 +55,14 @@ def test_a_legend_names_some_lines_and_counts_the_others():
     assert figure.get_figheight() == pytest.approx(4.0 + 8 * 0.17)  # three columns
     add_legend(figure, axes, lines[:24], [*["a name of 25 characters .."] * 24])
     assert figure.get_figheight() == pytest.approx(4.0 + (8 + 12) * 0.17)  # two
-    assert [legend_columns(["x" * size] * 6, 4, 5.0) for size in (1, 8, 14, 15, 26, 90)] == [4, 3, 3, 2, 2, 1]
+    assert [legend_columns(["x" * size] * 6, 4, 5.0) for size in (1, 8, 14, 15, 26, 90)] == [
+        4,
+        3,
+        3,
+        2,
+        2,
+        1,
+    ]
     assert legend_columns([], 4) == 1 and legend_columns(["x"] * 3, 5) == 3
 
 
@@ -61,7 +74,10 @@ def test_a_legend_names_some_lines_and_counts_the_others():
     ],
 )  # fmt: skip
 def test_units_make_short_numbers(largest, si, units, factor, label):
-    assert scaled_unit(largest, si, parse_output_units(units) if units else SI) == (pytest.approx(factor), label)
+    assert scaled_unit(largest, si, parse_output_units(units) if units else SI) == (
+        pytest.approx(factor),
+        label,
+    )
 
 
 def test_ratios_to_a_height_stand_on_top():

@@ -7,7 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from building_cases import ModalDamping, RayleighCoefficients, RayleighRatio, model, noise, ten_bilinear, ten_linear
+from building_cases import (
+    ModalDamping,
+    RayleighCoefficients,
+    RayleighRatio,
+    model,
+    noise,
+    ten_bilinear,
+    ten_linear,
+)
 from tdint import prepare, run_case, spectrum
 from tdint.analysis.run.outcome import FailedRun, StoryErrors, StoryPeaks
 from tdint.analysis.spectra.elastic import first_mode
@@ -19,7 +27,12 @@ from tdint.output.summary import json_bytes
 def test_json_has_twelve_digits_null_and_the_order_of_its_keys():
     name = "Köln " + b"\xff".decode("utf-8", "surrogateescape")
     assert json.loads(json_bytes({"file": name})) == {"file": name}
-    content = {"b": 1 / 3, "a": math.nan, "c": [math.inf, np.float64(0.1), -0.0], "d": {"x": True, "y": None, "z": 7}}
+    content = {
+        "b": 1 / 3,
+        "a": math.nan,
+        "c": [math.inf, np.float64(0.1), -0.0],
+        "d": {"x": True, "y": None, "z": 7},
+    }
     data = json_bytes(content)
     assert data.decode().splitlines()[:3] == ["{", '  "b": 0.333333333333,', '  "a": null,']
     assert data.endswith(b"}\n")
@@ -37,7 +50,9 @@ def test_the_error_of_a_largest_peak_is_that_of_any_story_that_may_have_it():
         ductility=np.full(3, nan), peak_displacement=values, peak_velocity=values, peak_acceleration=values,
     )  # fmt: skip
     errors = StoryErrors(
-        peak_drift=np.array([1.5, 0.01, 0.2]),  # the third may be larger than the second, the first may not
+        peak_drift=np.array(
+            [1.5, 0.01, 0.2]
+        ),  # the third may be larger than the second, the first may not
         peak_drift_ratio=np.array([nan, 0.01, 0.1]),
         residual_drift=np.array([2.5, 0.0, 0.0]),
         peak_shear=np.array([7.0, 8.0, 9.0]),
@@ -58,7 +73,12 @@ def test_the_error_of_a_largest_peak_is_that_of_any_story_that_may_have_it():
 
 @pytest.mark.parametrize(
     "damping",
-    [None, RayleighRatio((0.05, 0.04), (1, 3)), RayleighCoefficients(0.1, 1e-3), ModalDamping((0.05, 0.02, 0.01))],
+    [
+        None,
+        RayleighRatio((0.05, 0.04), (1, 3)),
+        RayleighCoefficients(0.1, 1e-3),
+        ModalDamping((0.05, 0.02, 0.01)),
+    ],
 )
 def test_every_number_of_a_summary_has_a_meaning(damping):
     building = replace(ten_bilinear(damping), p_delta=True)
@@ -72,7 +92,9 @@ def test_every_number_of_a_summary_has_a_meaning(damping):
 
 
 def test_what_still_moves_at_the_end_is_the_story_that_moves_most():
-    response = replace(run_case(prepare(ten_linear(), noise(samples=101))), moving_drift=np.array([0.1, 0.3, 0.2]))
+    response = replace(
+        run_case(prepare(ten_linear(), noise(samples=101))), moving_drift=np.array([0.1, 0.3, 0.2])
+    )
     summary = run_summary(response, [], 1.0, first=first_mode(assemble(ten_linear()), None))
     assert summary["at_end"] == {"moving_drift_m": 0.3, "moving_drift_story": 2, "rest_s": None}
 
@@ -81,12 +103,16 @@ def test_every_number_of_a_failure_has_a_meaning():
     case = prepare(ten_linear(), noise(samples=101), method="central-difference")
     with pytest.raises(FailedRun) as caught:
         run_case(case, dt=0.05)
-    summary = failure_summary(caught.value, case.model, case.record, [], 1.0, first=first_mode(case.building, None))
+    summary = failure_summary(
+        caught.value, case.model, case.record, [], 1.0, first=first_mode(case.building, None)
+    )
     assert summary["meanings"]["largest_stable_dt_s"]["unit"] == "s"
     assert "sa_t1_m_s2" not in summary["building"]
 
 
-@pytest.mark.parametrize("damping", [None, RayleighRatio((0.05, 0.04), (1, 3)), ModalDamping((0.05,))])
+@pytest.mark.parametrize(
+    "damping", [None, RayleighRatio((0.05, 0.04), (1, 3)), ModalDamping((0.05,))]
+)
 def test_the_first_mode_is_that_of_all_modes(damping):
     for stories in (1, 2, 10):
         one = ten_bilinear().stories[0]

@@ -36,7 +36,9 @@ def record(component="HNE", source="a.mseed", id_=None) -> Record:
 
 def history(steps: int, stories: int, seed: int = 1) -> History:
     random = np.random.default_rng(seed)
-    tables = [random.normal(size=(steps, stories)) * 10.0**power for power in (-2, -1, 0, -3, 6, 5, 7)]
+    tables = [
+        random.normal(size=(steps, stories)) * 10.0**power for power in (-2, -1, 0, -3, 6, 5, 7)
+    ]
     terms = dict(zip((*ENERGY_TERMS, "error"), random.normal(size=(7, steps)), strict=True))
     energy = EnergyHistory(**terms)
     return History(np.arange(steps) * 0.01, random.normal(size=steps), *tables, energy=energy)
@@ -86,17 +88,30 @@ def test_components_of_one_name_are_told_apart_by_their_id():
     one, other = record(id_="N.A..HNE"), record(id_="N.B..HNE")
     elsewhere = record(source="b.mseed")
     assert component_names([one, one, elsewhere]) == ["HNE", "HNE", "HNE"]
-    assert component_names([one, other, elsewhere, one]) == ["N.A..HNE", "N.B..HNE", "HNE", "N.A..HNE"]
+    assert component_names([one, other, elsewhere, one]) == [
+        "N.A..HNE",
+        "N.B..HNE",
+        "HNE",
+        "N.A..HNE",
+    ]
 
 
 def test_method_table_lists_the_catalogue():
     rows = read(methods.method_table(map(parse, catalogue())).csv())
     by_name = {row[0]: dict(zip(rows[0], row, strict=True)) for row in rows[1:]}
     central = by_name["central-difference"]
-    assert (central["implicit"], central["stability_limit"], central["rho_inf"]) == ("false", "2", "")
+    assert (central["implicit"], central["stability_limit"], central["rho_inf"]) == (
+        "false",
+        "2",
+        "",
+    )
     newmark = by_name["newmark"]
     assert newmark["parameters"] == "beta=0.25 in [0 to 1]; gamma=0.5 in [0.5 to 1]"
-    assert (newmark["order"], newmark["implicit"], newmark["stability_limit"]) == ("2", "true", "none")
+    assert (newmark["order"], newmark["implicit"], newmark["stability_limit"]) == (
+        "2",
+        "true",
+        "none",
+    )
     assert by_name["collocation"]["parameters"].endswith("in [1 to 10] computed")
     assert all(row["source"] for row in by_name.values())
 
@@ -111,7 +126,9 @@ def test_mode_table():
         "mode,period_s,frequency_hz,damping,participation,mass_ratio,cumulative_mass_ratio\n"
         "1,1,1,0.05,1.2,0.75,0.75\n2,0.5,2,0.02,-0.2,0.25,1\n"
     )
-    assert buildings.mode_table(modes, None).csv().decode().splitlines()[1] == "1,1,1,,1.2,0.75,0.75"
+    assert (
+        buildings.mode_table(modes, None).csv().decode().splitlines()[1] == "1,1,1,,1.2,0.75,0.75"
+    )
 
 
 @pytest.mark.parametrize("stories", [1, 3])
@@ -119,7 +136,9 @@ def test_mode_table():
 def test_history(monkeypatch, stories, rows_at_once):
     monkeypatch.setattr(responses, "_ROWS_AT_ONCE", rows_at_once)
     whole = history(5, stories)
-    whole = replace(whole, displacement=np.where(np.arange(5)[:, None] == 0, -0.0, whole.displacement))
+    whole = replace(
+        whole, displacement=np.where(np.arange(5)[:, None] == 0, -0.0, whole.displacement)
+    )
     stream = io.BytesIO()
     responses.write_history(whole, stream)
     rows = read(stream.getvalue())
@@ -127,15 +146,29 @@ def test_history(monkeypatch, stories, rows_at_once):
     floors += (("acceleration", "absolute_acceleration_m_s2"),)
     springs = (("drift", "drift_m"), ("shear", "shear_N"), ("damper_force", "damper_force_N"))
     springs += (("total_shear", "total_shear_N"),)
-    header, columns = ["time_s", "ground_acceleration_m_s2"], [whole.time, whole.ground_acceleration]
+    header, columns = (
+        ["time_s", "ground_acceleration_m_s2"],
+        [whole.time, whole.ground_acceleration],
+    )
     for place, quantities in (("floor", floors), ("story", springs)):
         for i in range(stories):
             header += [f"{place}_{i + 1}_{name}" for _, name in quantities]
             columns += [getattr(whole, attribute)[:, i] for attribute, _ in quantities]
-    energies = ("input_J", "kinetic_J", "damping_J", "devices_J", "recoverable_J", "dissipated_J", "error")
+    energies = (
+        "input_J",
+        "kinetic_J",
+        "damping_J",
+        "devices_J",
+        "recoverable_J",
+        "dissipated_J",
+        "error",
+    )
     header += [f"energy_{name}" for name in energies]
     columns += [getattr(whole.energy, name) for name in (*ENERGY_TERMS, "error")]
-    assert rows == [header, *([cell_text(value) for value in row] for row in zip(*columns, strict=True))]
+    assert rows == [
+        header,
+        *([cell_text(value) for value in row] for row in zip(*columns, strict=True)),
+    ]
 
 
 UNITS = ("m", "s", "m/s", "m/s^2", "N", "N*m", "N/m", "J", "kg", "Hz", "degree")
@@ -156,14 +189,22 @@ def test_every_column_says_what_it_is_and_in_which_unit():
     for name, group in declared().items():
         names = [column.name for column in group if isinstance(column, Column)]
         assert len(set(names)) == len(names) > 0, name
-    every = {column for group in declared().values() for column in group if isinstance(column, Column)}
+    every = {
+        column for group in declared().values() for column in group if isinstance(column, Column)
+    }
     assert {column.unit for column in every} == {"1", TEXT, *UNITS}
     for column in every:
         own = [unit for unit in UNITS if column.name.removesuffix("_error").endswith(suffix(unit))]
-        assert column.unit in (max(own, key=lambda unit: len(suffix(unit))) if own else "1", TEXT), column
+        assert column.unit in (
+            max(own, key=lambda unit: len(suffix(unit))) if own else "1",
+            TEXT,
+        ), column
     table = spectra.result_table([spectrum(record(), 0.05)], asked=["maxima"])
     assert list(table.meanings) == list(table.columns)
-    assert table.meanings["sa_m_s2"] == {"meaning": "largest absolute acceleration", "unit": "m/s^2"}
+    assert table.meanings["sa_m_s2"] == {
+        "meaning": "largest absolute acceleration",
+        "unit": "m/s^2",
+    }
     assert "unit" not in table.meanings["maxima"]
     assert all(one["meaning"] for one in table.meanings.values())
 
@@ -180,7 +221,10 @@ def test_text_of_a_file_s_header_steers_no_terminal_and_is_no_formula():
     ):  # fmt: skip
         assert cell_text(text) == cell
         table = Table((text, "b"), [(text, 1.0)])
-        assert table.csv().decode() == "\n".join(f"{cell_of(cell)},{other}" for other in ("b", "1")) + "\n"
+        assert (
+            table.csv().decode()
+            == "\n".join(f"{cell_of(cell)},{other}" for other in ("b", "1")) + "\n"
+        )
 
 
 def cell_of(text):
@@ -193,7 +237,11 @@ def cell_of(text):
 @pytest.mark.parametrize(
     ("law", "units", "words"),
     [
-        ({"type": "bilinear", "yield_force": 10, "hardening": "5%"}, "N,m", "yield_force 10 N, hardening 0.05"),
+        (
+            {"type": "bilinear", "yield_force": 10, "hardening": "5%"},
+            "N,m",
+            "yield_force 10 N, hardening 0.05",
+        ),
         (
             {"type": "polynomial", "coefficients": [400, 0, 3e6]},
             "N,mm",
@@ -223,7 +271,10 @@ def test_a_law_is_told_as_its_model_file_has_it(law, units, words):
 
 def test_dashpots_of_a_model_say_their_law():
     power = {"coefficient": 8e3, "exponent": 0.5, "linear_below": 0.01}
-    stories = [{"mass": 1.0, "stiffness": 1e6} | more for more in ({"dashpot": 5e3}, {"dashpot": power}, {})]
+    stories = [
+        {"mass": 1.0, "stiffness": 1e6} | more
+        for more in ({"dashpot": 5e3}, {"dashpot": power}, {})
+    ]
     model = load_model({"stories": stories})
     assert [row[-1] for row in buildings.model_table(model).rows] == [
         "5000 v (N; v in m/s)",

@@ -32,12 +32,20 @@ def velocity(record):
 
 def test_files_can_be_made_again(maker, tmp_path):
     maker.write_records(tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(f"{name}.mseed" for name in NAMES)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
+        f"{name}.mseed" for name in NAMES
+    )
     for name in NAMES:
-        pairs = zip(read_records(FOLDER / f"{name}.mseed"), read_records(tmp_path / f"{name}.mseed"), strict=True)
+        pairs = zip(
+            read_records(FOLDER / f"{name}.mseed"),
+            read_records(tmp_path / f"{name}.mseed"),
+            strict=True,
+        )
         for kept, made in pairs:
             assert (kept.id, kept.start, kept.dt) == (made.id, made.start, made.dt)
-            np.testing.assert_allclose(kept.acceleration, made.acceleration, rtol=0, atol=1e-12 * kept.pga)
+            np.testing.assert_allclose(
+                kept.acceleration, made.acceleration, rtol=0, atol=1e-12 * kept.pga
+            )
 
 
 @pytest.mark.parametrize(
@@ -106,7 +114,9 @@ def test_soft_soil_sways_at_two_seconds():
     ],
 )  # fmt: skip
 def test_kaikoura_has_the_numbers_of_geonet(station, component, pga):
-    record = read_record(FOLDER / "kaikoura" / f"{station}.mseed", component=component, units="m/s^2")
+    record = read_record(
+        FOLDER / "kaikoura" / f"{station}.mseed", component=component, units="m/s^2"
+    )
     assert (record.acceleration.size, record.dt, record.pga) == (8192, 0.02, pga)
     # The files print tenths of a millimeter per second squared.
     tenths = 1e4 * record.acceleration

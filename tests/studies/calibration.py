@@ -16,7 +16,9 @@ chance = np.random.default_rng(1)
 
 def roof(**numbers):
     """Motions of the roof, m, a row for each draw."""
-    runs = tdint.run_many(frame, ground, vary=numbers, history="displacement", every=10, method="impulse4")
+    runs = tdint.run_many(
+        frame, ground, vary=numbers, history="displacement", every=10, method="impulse4"
+    )
     return runs.history["displacement"][:, :, -1]
 
 
@@ -33,14 +35,18 @@ def log_probability(points):
     told = np.full(len(points), -np.inf)
     if inside.any():
         motions = roof(**dict(zip(truth, points[inside].T, strict=True)))
-        told[inside] = -0.5 * np.sum((np.nan_to_num(motions, nan=1e3) - recorded) ** 2, axis=1) / noise**2
+        told[inside] = (
+            -0.5 * np.sum((np.nan_to_num(motions, nan=1e3) - recorded) ** 2, axis=1) / noise**2
+        )
     return told
 
 
 def slopes(point):
     """Derivatives of the roof's motion in terms of the noise, a column for each number."""
     numbers = {name: [value] for name, value in zip(truth, point, strict=True)}
-    runs = tdint.run_many(frame, ground, vary=numbers, history="displacement", every=10, gradient=list(truth))
+    runs = tdint.run_many(
+        frame, ground, vary=numbers, history="displacement", every=10, gradient=list(truth)
+    )
     return runs.gradient.history["displacement"][0][:, :, -1].T / noise
 
 
@@ -49,7 +55,9 @@ def misfit(point):
 
 
 # The mode by least squares; the walkers start about it as the matrix there says.
-mode = least_squares(misfit, [1.0, 1.0, 0.05], jac=slopes, bounds=(LOWEST, HIGHEST), x_scale=[1.0, 1.0, 0.05])
+mode = least_squares(
+    misfit, [1.0, 1.0, 0.05], jac=slopes, bounds=(LOWEST, HIGHEST), x_scale=[1.0, 1.0, 0.05]
+)
 start = chance.multivariate_normal(mode.x, np.linalg.inv(mode.jac.T @ mode.jac), 16)
 print(f"mode by {mode.nfev} motions and {mode.njev} derivatives")
 sampler = emcee.EnsembleSampler(16, 3, log_probability, vectorize=True)

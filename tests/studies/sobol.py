@@ -17,7 +17,9 @@ bounds = {
 problem = {"num_vars": len(bounds), "names": list(bounds), "bounds": list(bounds.values())}
 
 draws = sobol.sample(problem, 64, calc_second_order=False, seed=1)
-runs = tdint.run_many(frame, record, vary=dict(zip(bounds, draws.T, strict=True)), method="impulse4")
+runs = tdint.run_many(
+    frame, record, vary=dict(zip(bounds, draws.T, strict=True)), method="impulse4"
+)
 drifts = runs.stories.peak_drift_ratio.max(axis=1)
 found = indices.analyze(problem, np.log(drifts), calc_second_order=False, seed=1)
 for name, first, total in zip(bounds, found["S1"], found["ST"], strict=True):

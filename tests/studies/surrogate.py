@@ -26,4 +26,6 @@ first = stands & (np.arange(RUNS) < RUNS // 2)
 rest = stands & ~first
 weights = np.linalg.lstsq(terms[first], drifts[first], rcond=None)[0]
 error = np.std(terms[rest] @ weights - drifts[rest])
-print(f"{stands.sum()} of {RUNS} stand; {len(powers)} terms; error {error:.3f} of spread {np.std(drifts[rest]):.3f}")
+print(
+    f"{stands.sum()} of {RUNS} stand; {len(powers)} terms; error {error:.3f} of spread {np.std(drifts[rest]):.3f}"
+)

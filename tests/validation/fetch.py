@@ -37,7 +37,10 @@ class Source:
 
     def here(self) -> bool:
         """Whether it is here, and is the one that is meant."""
-        return self.path.is_file() and hashlib.sha256(self.path.read_bytes()).hexdigest() == self.sha256
+        return (
+            self.path.is_file()
+            and hashlib.sha256(self.path.read_bytes()).hexdigest() == self.sha256
+        )
 
 
 SOURCES = {
@@ -101,7 +104,9 @@ def take_from(folder: Path) -> list[str]:
 def _keep(source: Source, data: bytes, where: str) -> Path:
     found = hashlib.sha256(data).hexdigest()
     if found != source.sha256:
-        raise NotFetched(f"{where} is another file: SHA-256 {found}, not {source.sha256}; nothing was kept")
+        raise NotFetched(
+            f"{where} is another file: SHA-256 {found}, not {source.sha256}; nothing was kept"
+        )
     FOLDER.mkdir(parents=True, exist_ok=True)
     source.path.write_bytes(data)
     return source.path
@@ -109,9 +114,13 @@ def _keep(source: Source, data: bytes, where: str) -> Path:
 
 def main() -> int:
     """The command."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(SOURCES))
-    parser.add_argument("--from", dest="folder", type=Path, help="copy files from this folder instead")
+    parser.add_argument(
+        "--from", dest="folder", type=Path, help="copy files from this folder instead"
+    )
     asked = parser.parse_args()
     unknown = [name for name in asked.names if name not in SOURCES]
     if unknown:

@@ -23,7 +23,10 @@ def _el_centro() -> Record:
 
 def _spectral_displacements(pairs: list[tuple[float, float]], unit: float) -> Array:
     record = _el_centro()
-    found = [tdint.spectrum(record, np.array([period]), damping, maxima="samples").sd for period, damping in pairs]
+    found = [
+        tdint.spectrum(record, np.array([period]), damping, maxima="samples").sd
+        for period, damping in pairs
+    ]
     return np.ravel(found) / unit
 
 
@@ -57,9 +60,7 @@ def _two_stories() -> Array:
 
 def el_centro_cases() -> tuple[ValidationCase, ...]:
     """Chopra's spectra and frames under El Centro."""
-    book = (
-        "A. K. Chopra, section 6.4, figures 6.6.2, 6.8.4 and 7.4.3a; OpenSees' sdofTransient verification has the same"
-    )
+    book = "A. K. Chopra, section 6.4, figures 6.6.2, 6.8.4 and 7.4.3a; OpenSees' sdofTransient verification has the same"
     pairs = [(0.5, 0.02), (1.0, 0.02), (2.0, 0.02), (2.0, 0.0), (2.0, 0.05), (0.5, 0.05)]
     return (
         ValidationCase(
@@ -126,7 +127,9 @@ def berkeley_cases() -> tuple[ValidationCase, ...]:
 
     def computed(damping: float) -> Array:
         record = tdint.read_record(str(SOURCES["berkeley"].path))
-        return np.asarray(100.0 * tdint.spectrum(record, np.array(periods), damping, maxima="samples").sd)
+        return np.asarray(
+            100.0 * tdint.spectrum(record, np.array(periods), damping, maxima="samples").sd
+        )
 
     return tuple(
         ValidationCase(
@@ -155,7 +158,9 @@ def kaikoura_cases() -> tuple[ValidationCase, ...]:
 
     def peaks(name: str) -> list[Record]:
         path = str(RECORDS / "kaikoura" / f"{name}.mseed")
-        return [tdint.read_record(path, component=code, units="m/s^2") for code in ("HN1", "HN2", "HNZ")]
+        return [
+            tdint.read_record(path, component=code, units="m/s^2") for code in ("HN1", "HN2", "HNZ")
+        ]
 
     def velocity(record: Record) -> float:
         steps = 0.5 * record.dt * (record.acceleration[1:] + record.acceleration[:-1])

@@ -28,7 +28,10 @@ _TERMS = 40
 _ROUNDING = 1e-13  # of the largest coefficient
 
 LAWS: Mapping[str, tuple[Mapping[str, Any], Callable[[Array], Array]]] = {
-    "polynomial": ({"type": "polynomial", "coefficients": [40.0, 0.0, 900.0]}, lambda u: 40.0 * u + 900.0 * u**3),
+    "polynomial": (
+        {"type": "polynomial", "coefficients": [40.0, 0.0, 900.0]},
+        lambda u: 40.0 * u + 900.0 * u**3,
+    ),
     "tanh": ({"type": "tanh", "strength": 3.0}, lambda u: 3.0 * np.tanh(40.0 * u / 3.0)),
 }
 
@@ -60,7 +63,9 @@ def model(law: str) -> dict[str, Any]:
         for k, value in sines.items()
         if abs(value) > _ROUNDING * largest
     ]
-    forces.append({"floor": 1, "amplitude": DAMPER * AMPLITUDE * OMEGA, "omega": OMEGA, "phase": "cos"})
+    forces.append(
+        {"floor": 1, "amplitude": DAMPER * AMPLITUDE * OMEGA, "omega": OMEGA, "phase": "cos"}
+    )
     return {
         "stories": [story],
         "excitation": {"forces": forces},
@@ -85,7 +90,9 @@ def observe(method: str, law: str) -> Observed | None:
         assert history is not None
         exact = AMPLITUDE * np.sin(OMEGA * history.time)
         errors.append(float(np.max(np.abs(history.displacement[:, 0] - exact))) / AMPLITUDE)
-    known = [(steps, error) for steps, error in zip(STEPS, errors, strict=True) if error > 1e-11][-2:]
+    known = [(steps, error) for steps, error in zip(STEPS, errors, strict=True) if error > 1e-11][
+        -2:
+    ]
     order = float("nan")
     if len(known) == 2:
         order = float(np.log(known[0][1] / known[1][1]) / np.log(known[1][0] / known[0][0]))

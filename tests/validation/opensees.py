@@ -62,7 +62,9 @@ def problems() -> dict[str, Frame]:
     )
     return {
         "linear": Frame("ten equal stories", ten, springs, np.full(10, math.nan)),
-        "yielding": Frame("ten equal stories that yield at 2500 kN", ten, springs, np.full(10, 2.5e6), 0.03),
+        "yielding": Frame(
+            "ten equal stories that yield at 2500 kN", ten, springs, np.full(10, 2.5e6), 0.03
+        ),
         "uneven": uneven,
     }
 
@@ -75,7 +77,11 @@ def ours(frame: Frame) -> Array:
     for mass, stiffness, yields in zip(frame.mass, frame.stiffness, frame.yield_force, strict=True):
         story: dict[str, Any] = {"mass": float(mass), "stiffness": float(stiffness)}
         if not math.isnan(yields):
-            story["law"] = {"type": "bilinear", "yield_force": float(yields), "hardening": frame.hardening}
+            story["law"] = {
+                "type": "bilinear",
+                "yield_force": float(yields),
+                "hardening": frame.hardening,
+            }
         stories.append(story)
     by_mass, by_stiffness = frame.rayleigh()
     model = tdint.load_model(
@@ -96,8 +102,12 @@ def made_anew() -> dict[str, list[float]]:
     """Peak drifts by name where OpenSeesPy is installed and can be loaded, else nothing."""
     if find_spec("openseespy") is None:
         return {}
-    done = subprocess.run([sys.executable, __file__, "--print"], capture_output=True, text=True, check=False)
-    answers = [line for line in done.stdout.splitlines() if line.startswith("{")]  # OpenSees prints lines of its own
+    done = subprocess.run(
+        [sys.executable, __file__, "--print"], capture_output=True, text=True, check=False
+    )
+    answers = [
+        line for line in done.stdout.splitlines() if line.startswith("{")
+    ]  # OpenSees prints lines of its own
     found = json.loads(answers[0]) if answers else {}
     return {name: one["peak_drift_m"] for name, one in found.items() if name != "version"}
 
@@ -115,7 +125,11 @@ def _peak_drifts(ops: Any, frame: Frame, ground: Array) -> list[float]:
             ops.uniaxialMaterial("Elastic", i + 1, float(frame.stiffness[i]))
         else:
             ops.uniaxialMaterial(
-                "Steel01", i + 1, float(frame.yield_force[i]), float(frame.stiffness[i]), frame.hardening
+                "Steel01",
+                i + 1,
+                float(frame.yield_force[i]),
+                float(frame.stiffness[i]),
+                frame.hardening,
             )
         ops.element("zeroLength", i + 1, i, i + 1, "-mat", i + 1, "-dir", 1, "-doRayleigh", 1)
     by_mass, by_stiffness = frame.rayleigh()
@@ -133,7 +147,9 @@ def _peak_drifts(ops: Any, frame: Frame, ground: Array) -> list[float]:
     for _ in range(ground.size - 1):
         if ops.analyze(1, DT) != 0:
             raise RuntimeError("OpenSees did not converge")
-        np.maximum(peaks, np.abs(np.diff([ops.nodeDisp(node, 1) for node in range(n + 1)])), out=peaks)
+        np.maximum(
+            peaks, np.abs(np.diff([ops.nodeDisp(node, 1) for node in range(n + 1)])), out=peaks
+        )
     return peaks.tolist()
 
 
@@ -144,7 +160,9 @@ def main() -> None:
     from tdint.analysis.chart.opensees_worker import load
 
     ops = load()
-    ground = np.asarray(next(trace.data for trace in read(str(RECORD)) if trace.stats.channel == "HN1"), float)
+    ground = np.asarray(
+        next(trace.data for trace in read(str(RECORD)) if trace.stats.channel == "HN1"), float
+    )
     result: dict[str, Any] = {"version": f"OpenSeesPy, OpenSees {ops.version()}"}
     for name, frame in problems().items():
         result[name] = {"what": frame.what, "peak_drift_m": _peak_drifts(ops, frame, ground)}

@@ -93,7 +93,9 @@ def shown(result: ValidationResult) -> str:
         f"{case.tolerance:.1e}: {case.difference_is}{remark}.\n\n"
     )
     numbers = (("published" + unit, case.published), ("computed" + unit, result.computed))
-    return text + table(["", *case.quantities], [[name, *map(number, values)] for name, values in numbers])
+    return text + table(
+        ["", *case.quantities], [[name, *map(number, values)] for name, values in numbers]
+    )
 
 
 def cases(results: list[ValidationResult], group: Sequence[ValidationCase]) -> str:
@@ -103,13 +105,13 @@ def cases(results: list[ValidationResult], group: Sequence[ValidationCase]) -> s
     return "\n".join(map(shown, found))
 
 
-def with_file(results: list[ValidationResult], name: str, group: Callable[[], Sequence[ValidationCase]]) -> str:
+def with_file(
+    results: list[ValidationResult], name: str, group: Callable[[], Sequence[ValidationCase]]
+) -> str:
     """Cases that need a fetched file, or how to get it."""
     source = SOURCES[name]
     if not source.here():
-        return (
-            f"`{name}` is not here ({source.what}): `python tests/validation/fetch.py {name}`, then this page anew.\n"
-        )
+        return f"`{name}` is not here ({source.what}): `python tests/validation/fetch.py {name}`, then this page anew.\n"
     return cases(results, group())
 
 
@@ -121,15 +123,22 @@ def code_verification(results: list[ValidationResult]) -> str:
     orders = []
     for row in csv.DictReader(io.StringIO(tdint_command("order", "--frequency-ratio", "0.5"))):
         orders.append(
-            [row["method"], f"{parse(row['method']).order:g}", *(_short(row[f"{q}_order"]) for q in _QUANTITIES)]
+            [
+                row["method"],
+                f"{parse(row['method']).order:g}",
+                *(_short(row[f"{q}_order"]) for q in _QUANTITIES),
+            ]
         )
     made = observe_all()
     steps = [f"T/{steps * 2 * np.pi / (5.0 * 4.0):.0f}" for steps in (STEPS[0], STEPS[-1])]
     manufactured = [
-        [one.law, one.method, f"{one.order:.2f}", *(f"{one.errors[end]:.1e}" for end in (0, -1))] for one in made
+        [one.law, one.method, f"{one.order:.2f}", *(f"{one.errors[end]:.1e}" for end in (0, -1))]
+        for one in made
     ]
     return (
-        "### Exact solutions\n\n" + cases(results, closed_form_cases()) + "\n### Observed orders, linear oscillator\n\n"
+        "### Exact solutions\n\n"
+        + cases(results, closed_form_cases())
+        + "\n### Observed orders, linear oscillator\n\n"
         "Harmonic force at half the natural frequency, steps T/50 to T/800, against the exact motion "
         "(`tdint order --frequency-ratio 0.5`): slopes of the errors of displacement, velocity and acceleration.\n\n"
         + table(["method", "declared", *_QUANTITIES], orders)
@@ -160,13 +169,24 @@ def other_programs() -> str:
         theirs = made.get(name, kept[name]["peak_drift_m"])
         worst = float(np.max(np.abs(ours / np.asarray(theirs) - 1.0)))
         lines.append([name, one.what, number(theirs[0]), number(float(ours[0])), f"{worst:.1e}"])
-    origin = "made anew on this machine" if made else f"kept from {kept['version']}; OpenSeesPy is not installed here"
+    origin = (
+        "made anew on this machine"
+        if made
+        else f"kept from {kept['version']}; OpenSeesPy is not installed here"
+    )
     return (
         f"Peak drifts at the steps of the same models with the same method and step: average acceleration, 0.01 s, "
         f"[opensees.py](opensees.py). OpenSees' numbers: {origin}. Differences are {NUMERICAL}: OpenSees iterates to a "
         "tolerance of 1e-9 of the largest inertia force.\n\n"
         + table(
-            ["model", "what it is", "OpenSees, story 1, m", "tdint", "largest relative difference of a story"], lines
+            [
+                "model",
+                "what it is",
+                "OpenSees, story 1, m",
+                "tdint",
+                "largest relative difference of a story",
+            ],
+            lines,
         )
     )
 
@@ -188,7 +208,11 @@ def work_precision() -> str:
     )
     rows = [row for row in csv.DictReader(io.StringIO(text)) if row["dt_s"] == "0.01"]
     shown_rows = [
-        [row["method"], f"{1e3 * float(row['time_s']):.3g}", f"{float(row['peak_drift_error']):.1e}"]
+        [
+            row["method"],
+            f"{1e3 * float(row['time_s']):.3g}",
+            f"{float(row['peak_drift_error']):.1e}",
+        ]
         for row in rows
         if row["outcome"] in ("done", "collapsed") and row["peak_drift_error"]
     ]
@@ -222,7 +246,11 @@ def machine() -> str:
     import obspy
     import scipy
 
-    versions = {"tdint": tdint.__version__, "Python": platform.python_version(), "NumPy": np.__version__}
+    versions = {
+        "tdint": tdint.__version__,
+        "Python": platform.python_version(),
+        "NumPy": np.__version__,
+    }
     versions |= {"SciPy": scipy.__version__, "numba": numba.__version__, "ObsPy": obspy.__version__}
     cores = os.cpu_count()
     text = ", ".join(f"{name} {version}" for name, version in versions.items())
@@ -259,8 +287,12 @@ def _anchor(title: str) -> str:
 
 def main() -> int:
     """The command."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 if a case is outside")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--check", action="store_true", help="write nothing; exit code 1 if a case is outside"
+    )
     asked = parser.parse_args()
     begin = time.perf_counter()
     if asked.check:
@@ -274,7 +306,9 @@ def main() -> int:
     for result in results:
         if not result.within:
             print(f"{result.case.name}: {result.largest:.3g} is beyond {result.case.tolerance:.3g}")
-    print(f"{sum(result.within for result in results)} of {len(results)} within, {time.perf_counter() - begin:.0f} s")
+    print(
+        f"{sum(result.within for result in results)} of {len(results)} within, {time.perf_counter() - begin:.0f} s"
+    )
     return 0 if all(result.within for result in results) else 1
 
 

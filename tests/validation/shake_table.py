@@ -20,17 +20,31 @@ def compared(path: Path, command: Callable[..., str]) -> list[float]:
     with TemporaryDirectory() as folder:
         model, recorded = Path(folder) / "frame.yaml", Path(folder) / "recorded.yaml"
         stories = [{"mass": 1.0, "stiffness": stiffness} for stiffness in STIFFNESS]
-        model.write_text(yaml.safe_dump({"stories": stories, "damping": {"modal": DAMPING}}), encoding="utf-8")
-        floors = {floor: {"file": str(path), "column": f"floor_{floor}_m_s2"} for floor in (1, 2, 3)}
-        said = {"base": {"file": str(path), "column": "base_m_s2"}, "floors": floors, "band": [0.5, 25]}
+        model.write_text(
+            yaml.safe_dump({"stories": stories, "damping": {"modal": DAMPING}}), encoding="utf-8"
+        )
+        floors = {
+            floor: {"file": str(path), "column": f"floor_{floor}_m_s2"} for floor in (1, 2, 3)
+        }
+        said = {
+            "base": {"file": str(path), "column": "base_m_s2"},
+            "floors": floors,
+            "band": [0.5, 25],
+        }
         recorded.write_text(yaml.safe_dump(said), encoding="utf-8")
-        rows = list(csv.DictReader(io.StringIO(command("compare", str(model), "--recorded", str(recorded)))))
+        rows = list(
+            csv.DictReader(io.StringIO(command("compare", str(model), "--recorded", str(recorded))))
+        )
     return [float(row[column]) for column in ("correlation", "peak_ratio") for row in rows]
 
 
 def shake_table_cases(path: Path, command: Callable[..., str]) -> tuple[ValidationCase, ...]:
     """Floors computed and recorded."""
-    floors = tuple(f"{what}, floor {floor}" for what in ("correlation", "ratio of peaks") for floor in (1, 2, 3))
+    floors = tuple(
+        f"{what}, floor {floor}"
+        for what in ("correlation", "ratio of peaks")
+        for floor in (1, 2, 3)
+    )
     return (
         ValidationCase(
             "shake-table",

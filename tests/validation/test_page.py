@@ -24,9 +24,15 @@ def test_a_case_is_within_its_tolerance_and_stands_on_the_page(name):
     assert result.within, (result.largest, result.case.tolerance)
     unit = "" if result.case.unit == "1" else f", {result.case.unit}"
     assert f"**{name}**" in PAGE
-    assert "| published" + unit + " | " + " | ".join(map(run.number, result.case.published)) + " |" in PAGE
+    assert (
+        "| published" + unit + " | " + " | ".join(map(run.number, result.case.published)) + " |"
+        in PAGE
+    )
     if "conservation" not in result.case.source:  # what is left there is rounding
-        assert "| computed" + unit + " | " + " | ".join(map(run.number, result.computed)) + " |" in PAGE
+        assert (
+            "| computed" + unit + " | " + " | ".join(map(run.number, result.computed)) + " |"
+            in PAGE
+        )
 
 
 def test_a_number_that_is_off_or_missing_is_outside():
@@ -49,7 +55,9 @@ def test_the_forces_of_a_manufactured_motion_balance_it(law):
         one["amplitude"] * (np.sin if one["phase"] == "sin" else np.cos)(one["omega"] * time)
         for one in said["excitation"]["forces"]
     )
-    left = force - (-(manufactured.OMEGA**2) * u + manufactured.DAMPER * v + manufactured.LAWS[law][1](u))
+    left = force - (
+        -(manufactured.OMEGA**2) * u + manufactured.DAMPER * v + manufactured.LAWS[law][1](u)
+    )
     assert np.max(np.abs(left)) < 1e-11 * np.max(np.abs(force))
 
 
@@ -58,7 +66,9 @@ def test_every_method_shows_its_order_on_manufactured_motions():
     assert len(found) == 44
     for one in found:
         # houbolt's last halving is not yet in its range: 1.94; rk5 nears rounding
-        assert one.order == pytest.approx(one.declared, abs=0.1 if one.method != "rk5" else 0.2), one
+        assert one.order == pytest.approx(one.declared, abs=0.1 if one.method != "rk5" else 0.2), (
+            one
+        )
 
 
 def test_opensees_gave_the_same():
@@ -80,13 +90,19 @@ def test_a_fetched_file_must_be_the_one_that_is_meant(tmp_path, monkeypatch):
 
 def test_without_a_network_a_line_says_what_to_do(tmp_path, monkeypatch):
     monkeypatch.setattr(fetch, "FOLDER", tmp_path)
-    missing = dataclasses.replace(fetch.SOURCES["elcentro"], address=(tmp_path / "nothing").as_uri())
+    missing = dataclasses.replace(
+        fetch.SOURCES["elcentro"], address=(tmp_path / "nothing").as_uri()
+    )
     monkeypatch.setitem(fetch.SOURCES, "elcentro", missing)
-    with pytest.raises(fetch.NotFetched, match=r"cannot be had .*put the file into .*--from FOLDER"):
+    with pytest.raises(
+        fetch.NotFetched, match=r"cannot be had .*put the file into .*--from FOLDER"
+    ):
         fetch.fetch("elcentro")
     data = tmp_path / "there.csv"
     data.write_bytes(b"1\n")
-    there = dataclasses.replace(missing, address=data.as_uri(), sha256=fetch.hashlib.sha256(b"1\n").hexdigest())
+    there = dataclasses.replace(
+        missing, address=data.as_uri(), sha256=fetch.hashlib.sha256(b"1\n").hexdigest()
+    )
     monkeypatch.setitem(fetch.SOURCES, "elcentro", there)
     assert fetch.fetch("elcentro").read_bytes() == b"1\n"
 

@@ -37,11 +37,13 @@ class CampaignRequest(SuiteRequest):
         "CAMPAIGN.yaml|status|merge|export DIR...", nargs=-1, required=True, type=FileName()
     )
     output: str | None = options.output.output(
-        "DIR", "The folder of the campaign: campaign.sqlite, runs.csv, profiles.csv, summary.json, stories.csv."
+        "DIR",
+        "The folder of the campaign: campaign.sqlite, runs.csv, profiles.csv, summary.json, stories.csv.",
     )
     jobs: int | None = options.output.threads("Threads; one for each processor")
     shard: str | None = options.option(
-        metavar="K/N", help="Do the K-th of N parts alone, each into a folder of its own; then merge them."
+        metavar="K/N",
+        help="Do the K-th of N parts alone, each into a folder of its own; then merge them.",
     )
     max_runs: int | None = options.option(
         type=click.IntRange(1), metavar="N", help="Stop after about N runs; call again to go on."
@@ -52,15 +54,23 @@ class CampaignRequest(SuiteRequest):
         help="Have the workers of this Dask scheduler do the runs: tcp://127.0.0.1:8786 on this machine, else tls://.",
     )
     tls_ca: str | None = options.option(
-        type=FileName(), needs="--dask", rare=True, help="Certificate of the authority, for tls:// (PEM)."
+        type=FileName(),
+        needs="--dask",
+        rare=True,
+        help="Certificate of the authority, for tls:// (PEM).",
     )
-    tls_cert: str | None = options.option(type=FileName(), needs="--dask", rare=True, help="Our certificate (PEM).")
-    tls_key: str | None = options.option(type=FileName(), needs="--dask", rare=True, help="Its key (PEM).")
+    tls_cert: str | None = options.option(
+        type=FileName(), needs="--dask", rare=True, help="Our certificate (PEM)."
+    )
+    tls_key: str | None = options.option(
+        type=FileName(), needs="--dask", rare=True, help="Its key (PEM)."
+    )
     partial: bool = options.option(
         rare=True, help="With merge: accept that runs are in none of the folders, and say how many."
     )
     simcenter: bool = options.output.option(
-        rare=True, help="With export: also simcenter.csv, the demands under SimCenter's names (1-PFA-1-1)."
+        rare=True,
+        help="With export: also simcenter.csv, the demands under SimCenter's names (1-PFA-1-1).",
     )
     geojson: bool = options.output.option(
         rare=True,
@@ -105,7 +115,9 @@ class CampaignRequest(SuiteRequest):
 
 _OF_TABLES = frozenset(("output_units", "overwrite", "plot", "limit", "baseline", "by"))
 _OF_RUNS = frozenset(("jobs", "shard", "max_runs", "dask", "im", "report", "floors"))
-_NO_MODELS = dict.fromkeys(("im", "report", "floors"), "it has no models: give it to the call that does the runs")
+_NO_MODELS = dict.fromkeys(
+    ("im", "report", "floors"), "it has no models: give it to the call that does the runs"
+)
 _RUN = Mode("with `tdint campaign CAMPAIGN.yaml`", _OF_TABLES | _OF_RUNS | {"output"})
 _STATUS = Mode("with `tdint campaign status`", advice=_NO_MODELS)
 _EXPORT = Mode("with `tdint campaign export`", _OF_TABLES | {"simcenter", "geojson"}, _NO_MODELS)
@@ -143,7 +155,9 @@ def command(request: CampaignRequest) -> None:
 
 def _run(request: CampaignRequest) -> None:
     if len(request.words) > 1:
-        raise UsageError(f"a campaign is one file, got {len(request.words)}: {' '.join(request.words)}")
+        raise UsageError(
+            f"a campaign is one file, got {len(request.words)}: {' '.join(request.words)}"
+        )
     if request.output is None:
         raise UsageError("a campaign is kept in a folder: give -o DIR")
     # What can be seen to fail is refused before the inputs are read: floors, measures, outputs, shard, cluster.
@@ -163,7 +177,9 @@ def _run(request: CampaignRequest) -> None:
     if request.shard is not None:
         first, slash, last = request.shard.partition("/")
         if not (slash and first.isdecimal() and last.isdecimal() and 1 <= int(first) <= int(last)):
-            raise UsageError(f"--shard is K/N with K from 1 to N, such as 2/8, got {request.shard!r}")
+            raise UsageError(
+                f"--shard is K/N with K from 1 to N, such as 2/8, got {request.shard!r}"
+            )
         shard = Shard(int(first), int(last))
     if request.dask is not None:
         from tdint.campaign.cluster import Cluster
@@ -214,7 +230,9 @@ def _export(request: CampaignRequest) -> None:
 def _merge(request: CampaignRequest) -> None:
     folders = [Path(word) for word in request.words[1:]]
     if not folders or request.output is None:
-        raise UsageError("give the folders to merge and -o DIR: tdint campaign merge out-*/ -o all/")
+        raise UsageError(
+            "give the folders to merge and -o DIR: tdint campaign merge out-*/ -o all/"
+        )
     from tdint.campaign.carry_out import merge
     from tdint.campaign.store_schema import locked
 

@@ -90,7 +90,9 @@ class Request(options.record.RecordRequest):
     peers: bool = options.option(
         help="Also chart OpenSeesPy, if it is installed (pip install 'tdint[peers]'), and SciPy's solve_ivp: minutes."
     )
-    repeat: int = options.option(type=Count(1, 1000), default=5, rare=True, help="Times each; 5 by default.")
+    repeat: int = options.option(
+        type=Count(1, 1000), default=5, rare=True, help="Times each; 5 by default."
+    )
     tolerances: tuple[float, ...] | None = options.analysis.option(
         "--tolerance",
         type=ListOf(Ratio(0.0, 1.0, min_open=True, max_open=True)),
@@ -115,13 +117,20 @@ class Request(options.record.RecordRequest):
         help="The method whose line is thick and in front; by default the only one of a plug-in, if there is one.",
     )
     cache: bool = options.option(
-        "--cache/--no-cache", default=True, rare=True, help="Keep the reference for the next time (default) or not."
+        "--cache/--no-cache",
+        default=True,
+        rare=True,
+        help="Keep the reference for the next time (default) or not.",
     )
 
     def of(self, model: str, record: str | None) -> BuildingRequest:
         """One of the buildings under one of the motions."""
-        given = {field.name: getattr(self, field.name) for field in fields(options.record.RecordRequest)}
-        return BuildingRequest(**given, model=model, record=record, scale=self.scale, duration=self.duration)
+        given = {
+            field.name: getattr(self, field.name) for field in fields(options.record.RecordRequest)
+        }
+        return BuildingRequest(
+            **given, model=model, record=record, scale=self.scale, duration=self.duration
+        )
 
 
 @options.command(
@@ -227,7 +236,9 @@ def _check(request: Request) -> BuildingRequest:
     if not request.models:
         raise UsageError("give MODEL.yaml, or several, or --problems standard")
     if request.target not in QUANTITIES:
-        raise UsageError(f"--target {request.target} is of many problems; of one it is {', '.join(QUANTITIES)}")
+        raise UsageError(
+            f"--target {request.target} is of many problems; of one it is {', '.join(QUANTITIES)}"
+        )
     if request.steps and request.halvings is not None:
         raise UsageError("--dt already gives the steps; leave out --halvings")
     if request.stories and peers():
@@ -240,7 +251,9 @@ def _check(request: Request) -> BuildingRequest:
 def _chart_many(request: Request) -> None:
     """Performance profiles over many problems."""
     if request.target not in PEAKS:
-        raise UsageError(f"--target {request.target} is of one problem; of many it is {', '.join(PEAKS)}")
+        raise UsageError(
+            f"--target {request.target} is of one problem; of many it is {', '.join(PEAKS)}"
+        )
     if peers():
         raise UsageError("PEERS of a plug-in are charted for one building")
     from tdint.analysis.chart.profiles import METHODS, measure_all
@@ -271,7 +284,9 @@ def _chart_many(request: Request) -> None:
     table = tables.methods.profile_table(chart)
     request.outputs.deliver(
         table,
-        lambda: figures.comparison.profile_picture(chart, target=request.target, highlight=request.highlight),
+        lambda: figures.comparison.profile_picture(
+            chart, target=request.target, highlight=request.highlight
+        ),
         lambda: field_summary(chart, notes=notes, meanings=table.meanings),
     )
     leaders = chart.leaders()
@@ -293,7 +308,10 @@ def _problems(request: Request) -> list[FieldProblem]:
     for file in request.models:
         model = load_model(file)
         # --duration holds for all of them, whatever each model says.
-        model = replace(model, analysis=replace(model.analysis, duration=request.duration or model.analysis.duration))
+        model = replace(
+            model,
+            analysis=replace(model.analysis, duration=request.duration or model.analysis.duration),
+        )
         for record in request.records or (None,):
             building = request.of(file, record)
             check_motion(building)
@@ -307,7 +325,9 @@ def _integrators(request: Request, usual: Sequence[str]) -> list[Integrator]:
     labels = [integrator.label for integrator in integrators]
     programs = tables.methods.PEER in request.highlight or request.tolerances
     if request.highlight and request.highlight not in labels and not programs:
-        raise UsageError(f"--highlight {request.highlight} is not among the methods: {', '.join(labels)}")
+        raise UsageError(
+            f"--highlight {request.highlight} is not among the methods: {', '.join(labels)}"
+        )
     return integrators
 
 
@@ -315,7 +335,13 @@ def _chart(
     request: Request, model: Model, record: Record | None, progress: Progress
 ) -> tuple[Chart, list[Advice], list[str]]:
     from tdint.analysis.chart.problem import ending_together, pose
-    from tdint.analysis.chart.work_precision import DEFAULT_METHODS, default_steps, halved_steps, measure, suited
+    from tdint.analysis.chart.work_precision import (
+        DEFAULT_METHODS,
+        default_steps,
+        halved_steps,
+        measure,
+        suited,
+    )
 
     problem = pose(model, record, duration=request.duration, dts=request.steps or ())
     integrators = suited(problem, _integrators(request, DEFAULT_METHODS))
@@ -325,15 +351,29 @@ def _chart(
     elif request.halvings is not None:
         steps = halved_steps(problem, request.halvings)
     else:
-        steps = [problem.interval] if request.stories else default_steps(problem, len(integrators), request.repeat)
+        steps = (
+            [problem.interval]
+            if request.stories
+            else default_steps(problem, len(integrators), request.repeat)
+        )
     problem = ending_together(problem, steps)
     of_ours = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
 
     def verdict(points: Sequence[Point]) -> list[tuple[str, float]]:
-        return [(point.line, point.dt) for limit in LIMITS for point in _best(request, points, limit)[:1]]
+        return [
+            (point.line, point.dt)
+            for limit in LIMITS
+            for point in _best(request, points, limit)[:1]
+        ]
 
     chart = measure(
-        problem, integrators, steps, repeats=request.repeat, cached=request.cache, judge=verdict, progress=of_ours
+        problem,
+        integrators,
+        steps,
+        repeats=request.repeat,
+        cached=request.cache,
+        judge=verdict,
+        progress=of_ours,
     )
     if request.tolerances:
         from tdint.analysis.chart.work_precision import with_tolerances
@@ -388,12 +428,25 @@ def _peaks_at_start(request: Request, chart: Chart) -> bool:
 
 
 def _deliver(
-    request: Request, charts: list[Chart], model: Model, record: Record | None, advice: list[Advice], notes: list[str]
+    request: Request,
+    charts: list[Chart],
+    model: Model,
+    record: Record | None,
+    advice: list[Advice],
+    notes: list[str],
 ) -> None:
     from tdint.output.summary import chart_summary
 
-    looks: dict[str, Any] = {"name": model.name, "target": request.target, "highlight": request.highlight}
-    table = tables.methods.sizes_table(charts) if request.stories else tables.methods.chart_table(charts[0])
+    looks: dict[str, Any] = {
+        "name": model.name,
+        "target": request.target,
+        "highlight": request.highlight,
+    }
+    table = (
+        tables.methods.sizes_table(charts)
+        if request.stories
+        else tables.methods.chart_table(charts[0])
+    )
 
     def draw() -> Figure:
         if request.stories:
@@ -410,12 +463,20 @@ def _deliver(
 def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
     def cost(point: Point) -> str:
         error = point.error(request.target)
-        return f"{1e3 * point.fastest:.3g} ms, error {100.0 * error:.2g} %" if point.errors else point.outcome
+        return (
+            f"{1e3 * point.fastest:.3g} ms, error {100.0 * error:.2g} %"
+            if point.errors
+            else point.outcome
+        )
 
     for advised in advice:
         goal = f"For {100.0 * advised.limit:g} % ({request.target}): "
         if best := advised.point:
-            told = f", told {100.0 * advised.told:.2g} % of the peak drifts" if advised.told < math.inf else ""
+            told = (
+                f", told {100.0 * advised.told:.2g} % of the peak drifts"
+                if advised.told < math.inf
+                else ""
+            )
             # Over its time that of another method, and that of the usual choice
             others = [("next best: ", advised.next_best), ("", chart.usual)]
             words = [
@@ -426,9 +487,13 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
             ]
             say(f"{goal}{best.line} with dt {best.dt:.6g} s, {cost(best)}{told}{''.join(words)}.")
         else:
-            say(f"{goal}none of these methods and steps; add smaller steps with --dt or --halvings.")
+            say(
+                f"{goal}none of these methods and steps; add smaller steps with --dt or --halvings."
+            )
     whose = "record" if chart.recorded else "model"
-    say(f"The usual choice, {chart.usual.line} with the {whose}'s dt {chart.usual.dt:.6g} s: {cost(chart.usual)}.")
+    say(
+        f"The usual choice, {chart.usual.line} with the {whose}'s dt {chart.usual.dt:.6g} s: {cost(chart.usual)}."
+    )
 
 
 def _notes(request: Request, charts: list[Chart], record: Record | None) -> list[str]:
@@ -438,17 +503,29 @@ def _notes(request: Request, charts: list[Chart], record: Record | None) -> list
     notes = list(record.notes) if record else []
     points = [point for chart in charts for point in chart.points]
     # Our methods take the impulse of all samples in a long step; other programs look at its end alone.
-    coarse = dict.fromkeys(p.method.partition(":")[0] for p in points if p.dt > charts[0].interval * 1.001)
+    coarse = dict.fromkeys(
+        p.method.partition(":")[0] for p in points if p.dt > charts[0].interval * 1.001
+    )
     skipping = [name for name in coarse if name not in catalogue()]
     if record and skipping:
-        notes.append(f"steps over {charts[0].interval:.6g} s skip samples of the record in {', '.join(skipping)}")
-    for label, outcome in dict.fromkeys((point.line, point.outcome) for point in points if not point.errors):
-        steps = dict.fromkeys(f"{p.dt:.6g}" for p in points if (p.line, p.outcome) == (label, outcome))
+        notes.append(
+            f"steps over {charts[0].interval:.6g} s skip samples of the record in {', '.join(skipping)}"
+        )
+    for label, outcome in dict.fromkeys(
+        (point.line, point.outcome) for point in points if not point.errors
+    ):
+        steps = dict.fromkeys(
+            f"{p.dt:.6g}" for p in points if (p.line, p.outcome) == (label, outcome)
+        )
         notes.append(f"{label}: {outcome} with dt {', '.join(steps)} s")
     for chart in charts:
         gap = chart.reference.gap.of(request.target)
         if _peaks_at_start(request, chart):
-            notes.append("the largest drifts are those at the start, which no method misses: use --target drift")
+            notes.append(
+                "the largest drifts are those at the start, which no method misses: use --target drift"
+            )
         if not gap < min(LIMITS):
-            notes.append(f"the reference is known to {gap:.1e} only: errors of that size are uncertain")
+            notes.append(
+                f"the reference is known to {gap:.1e} only: errors of that size are uncertain"
+            )
     return notes

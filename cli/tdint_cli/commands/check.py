@@ -45,7 +45,10 @@ _CAMPAIGN = re.compile(rb"^(buildings|records)\s*:", re.MULTILINE)
 )
 @options.output.units
 def command(
-    models: tuple[str, ...], plugins: tuple[str, ...], schema: str | None, output_units: OutputUnits | None
+    models: tuple[str, ...],
+    plugins: tuple[str, ...],
+    schema: str | None,
+    output_units: OutputUnits | None,
 ) -> None:
     """What is wrong with model files, all at once, or what they are.
 
@@ -117,7 +120,9 @@ def _check_methods(plugins: tuple[str, ...]) -> None:
     from tdint_cli.drawing import emit_table
 
     plugin_checks = [load_plugin(file) for file in plugins]
-    checks = [check_method(parse(method.name)) for methods, _ in plugin_checks for method in methods]
+    checks = [
+        check_method(parse(method.name)) for methods, _ in plugin_checks for method in methods
+    ]
     # Faults come after the table that shows them.
     if checks:
         emit_table(Table.of_results(DECLARATION, checks))
@@ -137,8 +142,16 @@ def _faults_of_laws(file: str, plugins: tuple[str, ...]) -> list[TdintError]:
 
     names = {law.name for plugin in plugins for law in load_plugin(plugin)[1]}
     model = load_model(file)
-    stories = {story.law: number for number, story in enumerate(model.stories, start=1) if story.law.name in names}
-    return [AnalysisError(f"{file}: {fault}") for number in stories.values() for fault in check_law(model, number)]
+    stories = {
+        story.law: number
+        for number, story in enumerate(model.stories, start=1)
+        if story.law.name in names
+    }
+    return [
+        AnalysisError(f"{file}: {fault}")
+        for number in stories.values()
+        for fault in check_law(model, number)
+    ]
 
 
 def _named_by(file: str) -> tuple[str, ...] | None:

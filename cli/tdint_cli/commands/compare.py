@@ -88,7 +88,9 @@ class Request:
     damping: float = options.analysis.damping_of(
         "the floors' spectra", heading=options.grammar.SPECTRUM, needs="-o or --plot"
     )
-    periods: tuple[float | Grid, ...] | None = options.spectra.periods(PERIODS, needs="-o or --plot")
+    periods: tuple[float | Grid, ...] | None = options.spectra.periods(
+        PERIODS, needs="-o or --plot"
+    )
     output: str | None = options.output.output(
         "DIR|FILE.csv",
         f"Write {TABLE}, {SPECTRA} and {SUMMARY} into this folder, with --fit {FIT} and the "
@@ -115,8 +117,13 @@ class Request:
     @property
     def outputs(self) -> list[Path]:
         """All files that are written."""
-        names = (TABLE, SPECTRA, *((FIT, FITTED) if self.fit else ()), SUMMARY) if self.output else ()
-        return [*map(self.file, names), *filter(None, (self.picture, Path(self.report) if self.report else None))]
+        names = (
+            (TABLE, SPECTRA, *((FIT, FITTED) if self.fit else ()), SUMMARY) if self.output else ()
+        )
+        return [
+            *map(self.file, names),
+            *filter(None, (self.picture, Path(self.report) if self.report else None)),
+        ]
 
 
 @options.command(
@@ -163,23 +170,35 @@ def command(request: Request) -> None:
     _write(request, model, comparisons, fitted, units)
     _remark(comparisons, fitted, units)
     # All is written before what does not come up to the requirements is an error.
-    if faults := [fault for comparison in comparisons for fault in unmet(comparison, request.require or ())]:
+    if faults := [
+        fault for comparison in comparisons for fault in unmet(comparison, request.require or ())
+    ]:
         raise AnalysisError("; ".join(faults))
 
 
 def _write(
-    request: Request, model: Model, comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits
+    request: Request,
+    model: Model,
+    comparisons: Sequence[Comparison],
+    fitted: Fit | None,
+    units: OutputUnits,
 ) -> None:
     from tdint.model.config.model_file import rewritten
     from tdint.output.summary import comparison_summary
-    from tdint.output.tables.buildings import comparison_spectra_table, comparison_table, fitted_table
+    from tdint.output.tables.buildings import (
+        comparison_spectra_table,
+        comparison_table,
+        fitted_table,
+    )
 
     # The periods of the spectra: those asked for, or of `PERIODS` those that the recording's interval and band leave
     periods = options.spectra.chosen_periods(request.periods, PERIODS)
     if request.periods is None:
         event, every = comparisons[0].event, periods
         low, high = event.recording.band or (0.0, float("inf"))
-        periods = every[(every * high >= 1.0) & (every * low <= 1.0) & (every >= 2.0 * event.base.dt)]
+        periods = every[
+            (every * high >= 1.0) & (every * low <= 1.0) & (every >= 2.0 * event.base.dt)
+        ]
         periods = periods if periods.size else every[-1:]
     files: dict[Path, Content] = {}
     if request.output:
@@ -192,10 +211,14 @@ def _write(
                 origin = f"{model.source} with {','.join(request.fit or ())} fitted to {recorded}"
                 files[request.file(FITTED)] = f"# {' '.join(origin.split())}\n{text}".encode()
             else:
-                note(f"{model.source}: cannot be written with other numbers; the fitted values are in {FIT} alone")
+                note(
+                    f"{model.source}: cannot be written with other numbers; the fitted values are in {FIT} alone"
+                )
             files[request.file(FIT)] = fitted_table(fitted.values, units).csv()
     if picture := request.picture:
-        draw = partial(figures.comparison.comparison_picture, comparisons, periods, request.damping, units)
+        draw = partial(
+            figures.comparison.comparison_picture, comparisons, periods, request.damping, units
+        )
         files[picture] = figures.style.picture(picture.suffix, draw)
     if request.report:
         files[Path(request.report)] = _page(request, comparisons, fitted, periods)
@@ -207,14 +230,18 @@ def _write(
             "blind": list(request.blind or ()),
             "require": dict(request.require or ()),
             "damping": request.damping,
-            "periods": options.spectra.periods_as_given(request.periods, PERIODS) if request.periods else None,
+            "periods": options.spectra.periods_as_given(request.periods, PERIODS)
+            if request.periods
+            else None,
         }
         summary = comparison_summary(model, comparisons, fitted, settings, units)
         files[request.file(SUMMARY)] = options.output.summary_bytes(summary, units)
     write_files(files, overwrite=request.overwrite)
 
 
-def _page(request: Request, comparisons: Sequence[Comparison], fitted: Fit | None, periods: Array) -> bytes:
+def _page(
+    request: Request, comparisons: Sequence[Comparison], fitted: Fit | None, periods: Array
+) -> bytes:
     """The page of --report: what was required of every floor is its verdict."""
     from tdint.analysis.compare import absolute_displacements, unmet
     from tdint.output.page import Told, page_units
@@ -236,8 +263,12 @@ def _page(request: Request, comparisons: Sequence[Comparison], fitted: Fit | Non
         for text in (*item.event.warnings, *item.response.warnings, *absolute_displacements(item))
     ]
     told = Told(said, warnings, model.page_head, files_read(), verdict)
-    draw = partial(figures.comparison.comparison_picture, comparisons, periods, request.damping, units)
-    return comparison_page(comparisons, draw, told, fitted_table(fitted.values, units) if fitted else None, units)
+    draw = partial(
+        figures.comparison.comparison_picture, comparisons, periods, request.damping, units
+    )
+    return comparison_page(
+        comparisons, draw, told, fitted_table(fitted.values, units) if fitted else None, units
+    )
 
 
 def _driven(item: Comparison, units: OutputUnits) -> str:
@@ -263,8 +294,15 @@ def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: Output
     # The first values alone: a building of many stories would fill the screen.
     if fitted:
         values = [fitted_in(item, units) for item in fitted.values]
-        changes = [f"{item.name}{f' {item.place}' if item.place else ''} {item.value:.5g}" for item in values]
+        changes = [
+            f"{item.name}{f' {item.place}' if item.place else ''} {item.value:.5g}"
+            for item in values
+        ]
         source = comparisons[0].event.recording.source
         say(f"Fitted to {source} in {how_many(fitted.runs, 'run')}: {first_few(changes, _FEW)}.")
-    note(*dict.fromkeys(text for item in comparisons for text in (*item.event.notes, *item.response.notes)))
+    note(
+        *dict.fromkeys(
+            text for item in comparisons for text in (*item.event.notes, *item.response.notes)
+        )
+    )
     note(*(fitted.notes if fitted else ()))

@@ -15,10 +15,15 @@ from tdint_cli.terminal import emit, progress_bar, say
 
 _HERE = ("x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64", "aarch64")
 _SYSTEMS = ("linux", "macos", "windows")
-TARGETS = ("native", *_HERE, *(f"{system}-{one}" for system in _SYSTEMS for one in _HERE))[:-1]  # Windows: x86-64 only
+TARGETS = ("native", *_HERE, *(f"{system}-{one}" for system in _SYSTEMS for one in _HERE))[
+    :-1
+]  # Windows: x86-64 only
 
 
-_COMPILE, _SHOW = Mode("", frozenset(("targets", "output"))), Mode("with --show", frozenset({"show"}))
+_COMPILE, _SHOW = (
+    Mode("", frozenset(("targets", "output"))),
+    Mode("with --show", frozenset({"show"})),
+)
 _CLEAN = Mode("with --clean alone")
 MODES = (_COMPILE, _SHOW, _CLEAN)
 
@@ -87,13 +92,19 @@ def command(request: Request) -> None:
         kernels += of_model(model, parse(request.method or model.analysis.method or DEFAULT_METHOD))
     if request.show:
         emit(
-            "".join(",".join(row) + "\n" for row in [("loop", "variant", "object", "origin"), *shown(kernels)]).encode()
+            "".join(
+                ",".join(row) + "\n"
+                for row in [("loop", "variant", "object", "origin"), *shown(kernels)]
+            ).encode()
         )
         return
     with progress_bar(to_terminal=False) as progress:
         folder = Path(request.output) if request.output else None
         written = compile_ahead(
-            kernels, request.targets or ("native",), folder, lambda part: progress("compiling", part)
+            kernels,
+            request.targets or ("native",),
+            folder,
+            lambda part: progress("compiling", part),
         )
     if not written:
         say("All of it is compiled already.")

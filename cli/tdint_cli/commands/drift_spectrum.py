@@ -33,7 +33,9 @@ class DriftRequest(TablesRequest):
     damping: tuple[float, ...] = options.spectra.damping()
     periods: tuple[float | Grid, ...] | None = options.spectra.periods(DRIFT_PERIODS)
     stories: int | None = options.spectra.option(
-        type=click.IntRange(1), metavar="N", help="Number of stories, the same at all periods and heights."
+        type=click.IntRange(1),
+        metavar="N",
+        help="Number of stories, the same at all periods and heights.",
     )
     story_height: float | None = options.spectra.option(
         type=Number(0.0, min_open=True),

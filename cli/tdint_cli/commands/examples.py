@@ -41,14 +41,18 @@ _ORDER_FIGURE = 6  # of the paper
 _BETA_SCAN = "beta-scan"
 _OURS = ("impulse4", "moment4")  # thin, beside the paper's five
 _STEPS = Grid(0.01, 100.0, 600)  # dt/T
-_RATIOS = Grid(0.2, 5.0, 15)  # of the load's frequency over the natural one, as `tdint order` takes them
+_RATIOS = Grid(
+    0.2, 5.0, 15
+)  # of the load's frequency over the natural one, as `tdint order` takes them
 
 
 @options.request
 class Request:
     """The command line of `tdint examples`."""
 
-    numbers: tuple[str, ...] = options.argument("[1|2|3]...", nargs=-1, type=click.Choice(["1", "2", "3"]))
+    numbers: tuple[str, ...] = options.argument(
+        "[1|2|3]...", nargs=-1, type=click.Choice(["1", "2", "3"])
+    )
     methods: tuple[str, ...] = options.analysis.methods("the paper's seven")
     dts: tuple[float, ...] | None = options.analysis.option(
         "--dt",
@@ -62,7 +66,9 @@ class Request:
         help="What figures and ranks take as exact: the paper's newmark-linear with 0.001 s (examples 1, 2) or 0.002 s "
         "(3), by default, or rk5 with steps 8 times finer. The table has the errors against both.",
     )
-    output: str | None = options.output.output("DIR", "Also write the tables and figures into this folder.")
+    output: str | None = options.output.output(
+        "DIR", "Also write the tables and figures into this folder."
+    )
     picture_format: str = options.output.option(
         "--format",
         needs="-o",
@@ -109,9 +115,17 @@ def command(request: Request) -> None:
     the frequency of the load, with impulse4 and moment4 as thin lines; 9 and 13 the buildings in our own drawing; and
     beta-scan, which the paper has not: impulse with other values of beta.
     """
-    from tdint.analysis.assessment.paper_examples import DT, default_integrators, examples, run_example
+    from tdint.analysis.assessment.paper_examples import (
+        DT,
+        default_integrators,
+        examples,
+        run_example,
+    )
 
-    asked = [examples()[int(number)] for number in dict.fromkeys(sorted(request.numbers)) or map(str, examples())]
+    asked = [
+        examples()[int(number)]
+        for number in dict.fromkeys(sorted(request.numbers)) or map(str, examples())
+    ]
     folder = Path(request.output) if request.output else None
     # Names are checked before the runs, which take a while.
     if folder:
@@ -121,9 +135,14 @@ def command(request: Request) -> None:
         outputs = [folder / name for example in asked for name in _names(example, kind)]
         outputs += [folder / name for name in more]
         check_outputs(outputs, overwrite=request.overwrite)
-    integrators = options.analysis.integrators(request.methods) if request.methods else default_integrators()
+    integrators = (
+        options.analysis.integrators(request.methods) if request.methods else default_integrators()
+    )
     steps = request.dts or (DT,)
-    runs = {example: [run for dt in steps for run in run_example(example, dt, integrators)] for example in asked}
+    runs = {
+        example: [run for dt in steps for run in run_example(example, dt, integrators)]
+        for example in asked
+    }
     if folder:
         files = {
             folder / name: writer
@@ -132,20 +151,41 @@ def command(request: Request) -> None:
         }
         files |= {folder / name: writer for name, writer in more.items()}
         write_files(files, overwrite=request.overwrite)
-        note(*(f"{file}: of an earlier call, left as it is" for file in outputs if file not in files and file.exists()))
-    emit_table(tables.methods.example_table([run for example in asked for run in runs[example]], request.reference))
+        note(
+            *(
+                f"{file}: of an earlier call, left as it is"
+                for file in outputs
+                if file not in files and file.exists()
+            )
+        )
+    emit_table(
+        tables.methods.example_table(
+            [run for example in asked for run in runs[example]], request.reference
+        )
+    )
     # The remark explains the paper's own ranking: it fits its methods and its step alone.
     usual = not request.methods and steps[0] == DT
     for example in asked:
-        _say_example(example, [run for run in runs[example] if run.dt == steps[0]], request.reference, remark=usual)
+        _say_example(
+            example,
+            [run for run in runs[example] if run.dt == steps[0]],
+            request.reference,
+            remark=usual,
+        )
 
 
 def _names(example: Example, kind: str) -> list[str]:
     errors = f"example-{example.number}-errors"
-    return [f"{errors}.csv", f"{errors}.json", *(f"figure-{figure.number:02d}{kind}" for figure in example.figures)]
+    return [
+        f"{errors}.csv",
+        f"{errors}.json",
+        *(f"figure-{figure.number:02d}{kind}" for figure in example.figures),
+    ]
 
 
-def _files(example: Example, runs: list[ExampleRun], reference: str, kind: str) -> list[tuple[str, Content]]:
+def _files(
+    example: Example, runs: list[ExampleRun], reference: str, kind: str
+) -> list[tuple[str, Content]]:
     """The files of one example and what they hold; no figures where no run came to its end."""
     table = tables.methods.example_table(runs, reference)
     first = [run for run in runs if run.dt == runs[0].dt]
@@ -153,8 +193,12 @@ def _files(example: Example, runs: list[ExampleRun], reference: str, kind: str) 
     if any(run.outcome == "done" and not run.variant for run in first):
         title = f"example {example.number}, {example.about}"
         exact = f"exact: {_exact(example, runs[0].dt, reference)}"
-        draw = partial(figures.examples.example_picture, title, first, exact=exact, reference=reference)
-        contents += [figures.style.picture(kind, partial(draw, figure)) for figure in example.figures]
+        draw = partial(
+            figures.examples.example_picture, title, first, exact=exact, reference=reference
+        )
+        contents += [
+            figures.style.picture(kind, partial(draw, figure)) for figure in example.figures
+        ]
     return list(zip(_names(example, kind), contents, strict=False))
 
 
@@ -162,11 +206,17 @@ def _general_figures(drawn: Sequence[Example], kind: str) -> dict[str, Content]:
     """The paper's figures that show no motion, methods on an oscillator and the buildings of examples; and the scan of
     beta, which the paper has not."""
     numbers = [*_LABORATORY, _ORDER_FIGURE]
-    drawings: dict[str, Callable[[], Any]] = {_name(number): partial(_draw_laboratory, number) for number in numbers}
+    drawings: dict[str, Callable[[], Any]] = {
+        _name(number): partial(_draw_laboratory, number) for number in numbers
+    }
     for example in drawn:
         if example.drawn_as:
-            title = f"Figure {example.drawn_as}, our drawing: example {example.number}, {example.about}"
-            drawings[_name(example.drawn_as)] = partial(figures.examples.row_picture, title, example.model)
+            title = (
+                f"Figure {example.drawn_as}, our drawing: example {example.number}, {example.about}"
+            )
+            drawings[_name(example.drawn_as)] = partial(
+                figures.examples.row_picture, title, example.model
+            )
     drawings[_BETA_SCAN] = _draw_beta_scan
     return {f"{name}{kind}": figures.style.picture(kind, draw) for name, draw in drawings.items()}
 
@@ -184,13 +234,17 @@ def _draw_laboratory(number: int) -> Any:
     integrators = options.analysis.integrators((*FIVE, *_OURS))
     if number == _ORDER_FIGURE:
         problems = [order_problem("harmonic", "linear", ratio, 1) for ratio in _RATIOS.values()]
-        measured = [observed_order(method, problem) for method in integrators for problem in problems]
+        measured = [
+            observed_order(method, problem) for method in integrators for problem in problems
+        ]
         return figures.assessment.order_picture(
             measured, f"Figure {number}: order of accuracy over ω₀ / ω\n", thin=len(_OURS)
         )
     quantity, damping, about = _LABORATORY[number]
     curves = [stability(method, _STEPS.values(), damping) for method in integrators]
-    return figures.assessment.accuracy_picture(curves, quantity, f"Figure {number}: {about}", thin=len(_OURS))
+    return figures.assessment.accuracy_picture(
+        curves, quantity, f"Figure {number}: {about}", thin=len(_OURS)
+    )
 
 
 def _draw_beta_scan() -> Any:
@@ -198,7 +252,9 @@ def _draw_beta_scan() -> Any:
 
     integrators = options.analysis.integrators([f"impulse:beta={beta}" for beta in BETAS])
     curves = [stability(method, _STEPS.values()) for method in integrators]
-    title = "Not in the paper: spectral radius of impulse with other values of beta, damping ratio 0"
+    title = (
+        "Not in the paper: spectral radius of impulse with other values of beta, damping ratio 0"
+    )
     return figures.assessment.accuracy_picture(curves, "spectral_radius", title)
 
 
@@ -217,9 +273,15 @@ def _say_example(example: Example, runs: list[ExampleRun], reference: str, remar
     dt = runs[0].dt
     say(f"Example {example.number}: {example.about}")
     paper, other = gap(example, dt, EXACT, exact_steps(example, dt)), gap(example, dt, _CONFIRMS)
-    say(f"The paper's exact motion, {_exact(example, dt, 'paper')}, is off by {paper:.1e} m: against")
-    say(f"{_exact(example, dt, 'finer')}, from which {_CONFIRMS} with as many steps differs by {other:.1e} m.")
-    say(f"Largest errors of the displacement at dt {dt:g} s, against {_exact(example, dt, reference)}:")
+    say(
+        f"The paper's exact motion, {_exact(example, dt, 'paper')}, is off by {paper:.1e} m: against"
+    )
+    say(
+        f"{_exact(example, dt, 'finer')}, from which {_CONFIRMS} with as many steps differs by {other:.1e} m."
+    )
+    say(
+        f"Largest errors of the displacement at dt {dt:g} s, against {_exact(example, dt, reference)}:"
+    )
     errors = [(run.error("displacement", reference), run) for run in runs if run.outcome == "done"]
     ranked = sorted(errors, key=lambda pair: pair[0])
     say_table([(f"  {error:.2e} m", run.method, run.variant) for error, run in ranked])

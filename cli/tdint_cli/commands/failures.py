@@ -46,17 +46,29 @@ def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs:
     energy, gains energy, rings, inaccurate, grows, overshoots, blows up, does not converge; the time reached. The
     counts of the verdicts go to standard error. A method that fails is a result: exit code 0.
     """
-    from tdint.analysis.assessment.failures import attempt, compile_for, find_problems, usual_methods
+    from tdint.analysis.assessment.failures import (
+        attempt,
+        compile_for,
+        find_problems,
+        usual_methods,
+    )
 
     integrators = options.analysis.integrators(methods) if methods else usual_methods()
     named_problems = find_problems(problems or ())
     compile_for(integrators, named_problems)
     trials = [
-        trial for problem in named_problems for integrator in integrators for trial in attempt(integrator, problem)
+        trial
+        for problem in named_problems
+        for integrator in integrators
+        for trial in attempt(integrator, problem)
     ]
-    outputs.deliver(tables.methods.failure_table(trials), lambda: figures.assessment.failure_picture(trials))
+    outputs.deliver(
+        tables.methods.failure_table(trials), lambda: figures.assessment.failure_picture(trials)
+    )
     # How often each method got each verdict; the columns in the order in which verdicts were met, `pass` first
-    verdicts = sorted(dict.fromkeys(trial.verdict for trial in trials), key=lambda verdict: verdict != "pass")
+    verdicts = sorted(
+        dict.fromkeys(trial.verdict for trial in trials), key=lambda verdict: verdict != "pass"
+    )
     rows = [("method", *verdicts)]
     for method in dict.fromkeys(trial.method for trial in trials):
         count = Counter(trial.verdict for trial in trials if trial.method == method)

@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 _FITS = ("stripes", "ida", "cloud")
 _FIT = Mode(
     "with a single measure",
-    frozenset(("fit", "threshold", "by", "edp_range", "beta_model", "openquake", "plot", "output_units")),
+    frozenset(
+        ("fit", "threshold", "by", "edp_range", "beta_model", "openquake", "plot", "output_units")
+    ),
     {"sufficiency": "it compares measures: give several with --im"},
 )
 _COMPARE = Mode("with several measures (--im), which are compared", frozenset({"sufficiency"}))
@@ -149,17 +151,26 @@ def _compare(request: Request) -> None:
     )
     for slope in best.dependences:
         if slope.p_value < SIGNIFICANT:
-            say(f"What it leaves depends on {slope.characteristic}: slope {slope.slope:.3g}, p {slope.p_value:.2g}.")
+            say(
+                f"What it leaves depends on {slope.characteristic}: slope {slope.slope:.3g}, p {slope.p_value:.2g}."
+            )
 
 
 def _fragility(request: Request) -> None:
-    from tdint.campaign.fragility.fit_table import EVERY_DEMAND, FragilityRequest, fit_table, fit_types
+    from tdint.campaign.fragility.fit_table import (
+        EVERY_DEMAND,
+        FragilityRequest,
+        fit_table,
+        fit_types,
+    )
 
     outputs, by = request.outputs, request.by
     if by == "type" and request.states:
         raise UsageError("--states is not for --by type: the states are those of the campaign")
     if by and request.states and not request.threshold:
-        raise UsageError("--states names thresholds: give --threshold, or leave it out for the states of the campaign")
+        raise UsageError(
+            "--states names thresholds: give --threshold, or leave it out for the states of the campaign"
+        )
     if request.edp_range is not None and request.fit not in (None, "cloud"):
         raise UsageError("--edp-range is for --fit cloud")
     model = [Path(request.openquake)] if request.openquake else []
@@ -184,11 +195,18 @@ def _fragility(request: Request) -> None:
     functions = [function.in_units(units) if units else function for function in result.functions]
     # For OpenQuake; of types those that have a function of every state
     for file in model:
-        from tdint.output.tables.exports import STRENGTH, fragility_model, vulnerability_model, whole_types
+        from tdint.output.tables.exports import (
+            STRENGTH,
+            fragility_model,
+            vulnerability_model,
+            whole_types,
+        )
 
         if functions[0].im.startswith("sdi"):
             warn(f"{file}: {STRENGTH}")
-        whole, partial = whole_types(result.functions) if result.functions[0].type else (result.functions, [])
+        whole, partial = (
+            whole_types(result.functions) if result.functions[0].type else (result.functions, [])
+        )
         warn(*(f"{file}: without {name}, which has no function of some states" for name in partial))
         written = {file: fragility_model(whole, file.stem, request.states or ())}
         written |= {other: vulnerability_model(whole, losses, file.stem) for other in beside}
@@ -197,9 +215,13 @@ def _fragility(request: Request) -> None:
         tables.studies.fragility_table(
             functions,
             total=request.beta_model > 0.0,
-            states=tables.studies.FRAGILITY_BUILDING if by == "building" else tables.studies.FRAGILITY_STATES,
+            states=tables.studies.FRAGILITY_BUILDING
+            if by == "building"
+            else tables.studies.FRAGILITY_STATES,
         ),
-        lambda: (figures.collapse.types_picture if by else figures.collapse.fragility_picture)(functions),
+        lambda: (figures.collapse.types_picture if by else figures.collapse.fragility_picture)(
+            functions
+        ),
     )
     # Of many functions their number and their fits, of few each
     if by:
@@ -217,7 +239,9 @@ def _losses(folder: Path) -> dict[str, tuple[float, ...]]:
     from tdint.campaign.store import open_existing
 
     with open_existing(folder) as store:
-        return {name: states.losses for name, states in stored_states(store).items() if states.losses}
+        return {
+            name: states.losses for name, states in stored_states(store).items() if states.losses
+        }
 
 
 def _words(function: Fragility) -> str:
@@ -232,10 +256,16 @@ def _words(function: Fragility) -> str:
         factor = math.exp(1.96 * function.theta_error)
         text += f" (95 %: {function.theta / factor:.4g} to {function.theta * factor:.4g})"
     else:
-        text += " (extrapolated)" if function.extrapolated else " (no interval: less than three motions tell it)"
+        text += (
+            " (extrapolated)"
+            if function.extrapolated
+            else " (no interval: less than three motions tell it)"
+        )
     text += f", beta {function.beta:.3f}"
     if function.beta_error == function.beta_error:
         text += f" +- {1.96 * function.beta_error:.3f}"
     if function.beta_model:
         text += f", total beta {function.beta_total:.3f}"
-    return text + (f"; {function.censored} of {function.records} censored." if function.censored else ".")
+    return text + (
+        f"; {function.censored} of {function.records} censored." if function.censored else "."
+    )

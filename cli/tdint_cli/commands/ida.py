@@ -108,7 +108,8 @@ class IdaRequest(RecordsRequest):
     duration: float | None = options.analysis.duration
     until_rest: bool = options.analysis.until_rest
     check: bool = options.analysis.option(
-        rare=True, help=f"Columns <name>_error in {RUNS} with the estimated errors, as `tdint run` has them."
+        rare=True,
+        help=f"Columns <name>_error in {RUNS} with the estimated errors, as `tdint run` has them.",
     )
     output: str | None = options.output.output(
         "DIR",
@@ -167,7 +168,9 @@ def command(request: IdaRequest) -> None:
     units = request.output_units or model.output_units
     # The intensity measure: a spectral one at a period, the building's first by default
     is_spectral = request.im in SPECTRAL
-    period = (request.period or first_mode(assemble(model), None).period) if is_spectral else math.nan
+    period = (
+        (request.period or first_mode(assemble(model), None).period) if is_spectral else math.nan
+    )
     measure = measure_at(request.im, request.damping, period)
     largest = request.max_im
     if largest and GROUND_MOTION[largest.quantity].get(measure.unit) != 1.0:
@@ -244,7 +247,12 @@ def _folder(request: IdaRequest) -> Path | None:
 
 
 def _write(
-    request: IdaRequest, study: IdaStudy, shown: IdaStudy, settings: IdaSettings, units: OutputUnits, unused: list[str]
+    request: IdaRequest,
+    study: IdaStudy,
+    shown: IdaStudy,
+    settings: IdaSettings,
+    units: OutputUnits,
+    unused: list[str],
 ) -> None:
     """Write the files of the study, its tables and the picture as they are shown."""
     from tdint.campaign.ida import STORE
@@ -254,7 +262,10 @@ def _write(
 
     files: dict[Path, Content] = {}
     if request.output:
-        written = {RUNS: tables.studies.ida_table(shown), CAPACITIES: tables.studies.capacity_table(shown)}
+        written = {
+            RUNS: tables.studies.ida_table(shown),
+            CAPACITIES: tables.studies.capacity_table(shown),
+        }
         for name, table in written.items():
             files[Path(request.output) / name] = table.in_units(units).csv()
         said = {
@@ -274,7 +285,9 @@ def _write(
         content |= {"not_used": {"records": {"count": len(unused), "reasons": unused}}}
         files[Path(request.output) / SUMMARY] = options.output.summary_bytes(content, units)
     if picture := request.picture:
-        files[picture] = figures.style.picture(picture.suffix, lambda: figures.collapse.ida_picture(shown))
+        files[picture] = figures.style.picture(
+            picture.suffix, lambda: figures.collapse.ida_picture(shown)
+        )
     # Without a folder there is no store that knows what it has written.
     if not request.output:
         write_files(files, overwrite=request.overwrite)
@@ -296,12 +309,15 @@ def _report(study: IdaStudy, precision: float) -> None:
     note(*study.remarks)
     records = how_many(len(study.states[0].curves), "record")
     say(
-        f"{study.model.name}: {records}, {how_many(len(runs), 'run')} with {study.method}.", *map(_median, study.states)
+        f"{study.model.name}: {records}, {how_many(len(runs), 'run')} with {study.method}.",
+        *map(_median, study.states),
     )
     # Runs without a result of their first step, and buildings that stand again above a collapse
     finer = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
     if finer:
-        note(f"{how_many(finer, 'run')} repeated with a finer step, for want of a result with the first one")
+        note(
+            f"{how_many(finer, 'run')} repeated with a finer step, for want of a result with the first one"
+        )
     again = sum(curve.resurrection for curve in study.curves)
     if again:
         note(
@@ -311,14 +327,23 @@ def _report(study: IdaStudy, precision: float) -> None:
     # What the capacities must not be taken for
     lost = sum(not (run.stable or run.collapsed) for run in runs)
     if lost:
-        warn(f"{lost} of {len(runs)} runs have no result, also with a finer step; they count neither way")
+        warn(
+            f"{lost} of {len(runs)} runs have no result, also with a finer step; they count neither way"
+        )
     capacities = [curve.collapse for curve in study.curves if not curve.collapse.censored]
-    wide = sum(not capacity.upper <= capacity.lower * (1.0 + precision) * (1.0 + 1e-9) for capacity in capacities)
+    wide = sum(
+        not capacity.upper <= capacity.lower * (1.0 + precision) * (1.0 + 1e-9)
+        for capacity in capacities
+    )
     if wide:
-        warn(f"{wide} of {len(capacities)} capacities are bracketed less closely than {100.0 * precision:g} %")
+        warn(
+            f"{wide} of {len(capacities)} capacities are bracketed less closely than {100.0 * precision:g} %"
+        )
     off = sum(abs(run.energy_error) > _OFF_BALANCE for run in runs if run.stable)
     if off:
-        warn(f"the energy balance of {off} of {len(runs)} runs is off by more than 1 %: use a smaller step")
+        warn(
+            f"the energy balance of {off} of {len(runs)} runs is off by more than 1 %: use a smaller step"
+        )
 
 
 def _median(study: IdaStudy) -> str:
@@ -329,13 +354,17 @@ def _median(study: IdaStudy) -> str:
 
     count, unit, damage = len(study.curves), study.measure.unit, study.curves[0].damage
     # nan is not equal to itself: a fractile above the largest intensity is none.
-    low, middle, high = fractiles(study.curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
+    low, middle, high = fractiles(study.curves, np.array([study.model.collapse_drift]))[
+        :, 0
+    ].tolist()
     censored = sum(curve.collapse.censored for curve in study.curves)
-    capacity = f"{study.im_name} = {middle:.4g} {unit}" if middle == middle else "above the largest intensity"
+    capacity = (
+        f"{study.im_name} = {middle:.4g} {unit}"
+        if middle == middle
+        else "above the largest intensity"
+    )
     state = f", damaged to {100.0 * damage:g} %" if damage else ""
     text = f"Median capacity against collapse{state}: {capacity}"
     if count > 1 and low == low and high == high:
-        text += (
-            f", 16 and 84 %: {low:.4g} and {high:.4g} (by rank; the median of `tdint fragility` is a geometric mean)"
-        )
+        text += f", 16 and 84 %: {low:.4g} and {high:.4g} (by rank; the median of `tdint fragility` is a geometric mean)"
     return text + (f"; {censored} of {count} censored." if censored else ".")

@@ -115,7 +115,9 @@ def command(request: Request) -> None:
     products: list[Product] = []
     tasks = [Task(file) for file in sources.files]
     work = partial(_work, request)
-    with outcomes(work, tasks, jobs=request.jobs, label="records", to_terminal=outputs.table is None) as results:
+    with outcomes(
+        work, tasks, jobs=request.jobs, label="records", to_terminal=outputs.table is None
+    ) as results:
         for outcome in results:
             if isinstance(outcome, TdintError):
                 failures.append(outcome)
@@ -128,7 +130,9 @@ def command(request: Request) -> None:
     if products:
         notes |= dict.fromkeys(_export(request, products))
         records = [record for product in products for record in product.records]
-        table = replace(products[0].table, rows=[row for product in products for row in product.table.rows])
+        table = replace(
+            products[0].table, rows=[row for product in products for row in product.table.rows]
+        )
         outputs.deliver(
             table,
             lambda: figures.comparison.info_picture(infos, outputs.shown_units),
@@ -185,7 +189,9 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
             )
         channels = channels_of(motions)
         content, notes = to_mseed(channels)
-        for summary, channel in zip(summaries, channels[:: len(channels) // len(motions)], strict=True):
+        for summary, channel in zip(
+            summaries, channels[:: len(channels) // len(motions)], strict=True
+        ):
             summary["exported_as"] = channel.id
     elif len(motions) > 1:
         raise UsageError(

@@ -45,7 +45,9 @@ def _weights(text: str) -> tuple[float, ...]:
         except ValueError:
             weight = math.nan
         if not (1 <= whole <= _MOST_STORIES and 0.0 < weight < math.inf):
-            raise click.BadParameter(f"{word.strip()!r} is no weight; write 4200, or 6x3900 for six floors")
+            raise click.BadParameter(
+                f"{word.strip()!r} is no weight; write 4200, or 6x3900 for six floors"
+            )
         weights += [weight] * whole
     if len(weights) > _MOST_STORIES:
         raise click.BadParameter(f"{len(weights)} floors are more than {_MOST_STORIES}")
@@ -53,12 +55,19 @@ def _weights(text: str) -> tuple[float, ...]:
 
 
 _EQUAL = Mode("without --weights and --type", frozenset(("stories", "period")))
-_WEIGHTS = Mode("with --weights", frozenset(("weights", "period")), {"stories": "there is one for each weight"})
-_CURVES = Mode("with --from-pushover", frozenset({"weights"}), {"period": "the curves give the stiffness"})
+_WEIGHTS = Mode(
+    "with --weights", frozenset(("weights", "period")), {"stories": "there is one for each weight"}
+)
+_CURVES = Mode(
+    "with --from-pushover", frozenset({"weights"}), {"period": "the curves give the stiffness"}
+)
 _TYPE = Mode(
     "with --type",
     frozenset({"stories"}),
-    {"weights": "the rules of the type give the masses", "period": "the rules of the type give the period"},
+    {
+        "weights": "the rules of the type give the masses",
+        "period": "the rules of the type give the period",
+    },
 )
 MODES = (_EQUAL, _WEIGHTS, _CURVES, _TYPE)
 
@@ -106,7 +115,10 @@ class Request:
         help="A building of this Hazus type instead, by rules: W1, S1, C1, RM1, URM, ...; with --year and --area.",
     )
     year: int | None = options.option(
-        type=click.IntRange(1000, 2200), needs="--type", metavar="YEAR", help="Its year of construction."
+        type=click.IntRange(1000, 2200),
+        needs="--type",
+        metavar="YEAR",
+        help="Its year of construction.",
     )
     area: float | None = options.option(
         needs="--type",
@@ -146,7 +158,9 @@ def command(request: Request) -> None:
     unit = "g" if request.units == "us" else "m/s^2"
     texts = {
         file: _model(file.stem, request, motion.name),
-        motion: motion_text(parse_motion(request.motion) if request.motion else VelocityPulse(), unit=unit),
+        motion: motion_text(
+            parse_motion(request.motion) if request.motion else VelocityPulse(), unit=unit
+        ),
     }
     write_files({path: text.encode() for path, text in texts.items()}, overwrite=request.overwrite)
     say(f"{file} is a model that runs as it is, under the artificial motion {motion}. Next:")
@@ -163,10 +177,16 @@ def _check(request: Request) -> None:
         A name or a period that no model has; a period beside a type, or a type without its facts.
     """
     # Of a name that ends in .gz the content would be packed, which no model is.
-    if not Path(request.file).stem.strip() or Path(request.file).name == ".." or request.file.lower().endswith(".gz"):
+    if (
+        not Path(request.file).stem.strip()
+        or Path(request.file).name == ".."
+        or request.file.lower().endswith(".gz")
+    ):
         raise UsageError(f"{request.file!r} is no name of a file; give one such as {FILE}")
     if not request.file.isprintable():  # nor are bytes that are no UTF-8
-        raise UsageError(f"{request.file!a:.100}: a model's name is a line of UTF-8 without control characters")
+        raise UsageError(
+            f"{request.file!a:.100}: a model's name is a line of UTF-8 without control characters"
+        )
     if request.period is not None and not request.period >= _SHORTEST:
         raise UsageError(f"--period must be from {_SHORTEST:g} to 100 s, got {request.period:g}")
     if request.motion and request.file == "-":
@@ -195,7 +215,9 @@ def _laws(request: Request) -> list[FittedLaw]:
         raise UsageError(f"{request.from_pushover} has {stories}, --weights {floors}")
     fits = [fit_story(story, drift, shear, request.law) for story, (drift, shear) in curves.items()]
     worst = max(fits, key=lambda fit: fit.misfit)
-    listed = ", ".join(f"{100.0 * fit.misfit:.2g}" for fit in fits[:_FEW]) + (" ..." if len(fits) > _FEW else "")
+    listed = ", ".join(f"{100.0 * fit.misfit:.2g}" for fit in fits[:_FEW]) + (
+        " ..." if len(fits) > _FEW else ""
+    )
     say(
         f"Misfit of the stories (root mean square over the largest shear): {listed} %; the worst is story "
         f"{worst.story}, {100.0 * worst.misfit:.2g} %."

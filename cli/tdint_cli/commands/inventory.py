@@ -49,7 +49,9 @@ class Request:
         help="Unit of the file's lengths; plan areas are in its square. It must be said: ft in SimCenter's files.",
     )
     rules: str = options.option(
-        type=click.Choice(RULES), default=RULES[0], help="Rules of the buildings; mdof-lu by default."
+        type=click.Choice(RULES),
+        default=RULES[0],
+        help="Rules of the buildings; mdof-lu by default.",
     )
     classes: str | None = options.option(
         type=FileName(),
@@ -94,7 +96,9 @@ def command(request: Request) -> None:
 
     rules = request.rules
     if (rules == CAPACITY) != (request.classes is not None):
-        raise UsageError(f"the rules {CAPACITY} need --classes FILE, the capacity curves of the classes")
+        raise UsageError(
+            f"the rules {CAPACITY} need --classes FILE, the capacity curves of the classes"
+        )
     classes = read_classes(request.classes) if request.classes else None
     rows, faults = read_inventory(
         request.buildings,
@@ -108,8 +112,12 @@ def command(request: Request) -> None:
     if files:
         check_outputs([*files, *request.outputs.files], overwrite=request.outputs.overwrite)
         write_files(files, overwrite=request.outputs.overwrite)
-    request.outputs.deliver(Table.of_results(columns.INVENTORY if classes is None else columns.OF_CLASSES, derived))
-    say(f"{len(derived)} of {len(derived) + len({fault.line for fault in faults})} buildings by the rules {rules}.")
+    request.outputs.deliver(
+        Table.of_results(columns.INVENTORY if classes is None else columns.OF_CLASSES, derived)
+    )
+    say(
+        f"{len(derived)} of {len(derived) + len({fault.line for fault in faults})} buildings by the rules {rules}."
+    )
     # A column that is wrong throughout has as many faults as rows.
     if len(faults) > _SHOWN:
         more = f"{request.buildings}: and {len(faults) - _SHOWN} more faults, {len(faults)} in all"
@@ -118,7 +126,9 @@ def command(request: Request) -> None:
         raise ModelError(faults)
 
 
-def _model_files(derived: Sequence[InventoryBuilding], rules: str, folder: str) -> dict[Path, bytes]:
+def _model_files(
+    derived: Sequence[InventoryBuilding], rules: str, folder: str
+) -> dict[Path, bytes]:
     """The model files.
 
     Raises

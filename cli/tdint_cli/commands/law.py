@@ -45,8 +45,12 @@ class Request:
         help="Amplitudes, one after the other: drift ratios (0.02 or 2%), lengths with their unit (20mm; m, cm, mm, "
         "in, ft), or multiples of the yield drift (4dy).",
     )
-    cycles: int | None = options.option(type=Count(min=1), help="Cycles of each amplitude; 1 by default.")
-    points: int | None = options.option(type=Count(min=1), help="Points of each quarter of a cycle; 200 by default.")
+    cycles: int | None = options.option(
+        type=Count(min=1), help="Cycles of each amplitude; 1 by default."
+    )
+    points: int | None = options.option(
+        type=Count(min=1), help="Points of each quarter of a cycle; 200 by default."
+    )
     path: str | None = options.option(
         type=FileName(),
         help="Any path of drifts in place of --drift, --cycles and --points: a CSV file with a column drift_m, - is "
@@ -93,12 +97,20 @@ def command(request: Request) -> None:
     imposed = None if request.path is None else read_drift_path(request.path)
     building = load_model(request.model)
     if imposed is None:
-        test = cyclic_test(building, request.story, request.drifts or (), cycles=each, points=request.points or _POINTS)
+        test = cyclic_test(
+            building,
+            request.story,
+            request.drifts or (),
+            cycles=each,
+            points=request.points or _POINTS,
+        )
     else:
         test = path_test(building, request.story, imposed, in_yield_drifts=request.units == "dy")
     outputs = request.outputs.else_in(building.output_units)
     shown = outputs.shown_units
-    outputs.deliver(tables.buildings.cyclic_table(test), lambda: figures.comparison.cyclic_picture(test, shown))
+    outputs.deliver(
+        tables.buildings.cyclic_table(test), lambda: figures.comparison.cyclic_picture(test, shown)
+    )
     _report(test, test.cycles[each - 1 :: each] if request.path is None else (), shown)
 
 
@@ -141,5 +153,10 @@ def _report(test: CyclicTest, cycles: Sequence[Cycle], units: OutputUnits) -> No
             units.of(cycle.dissipated, "J"),
             cycle.damping_ratio,
         )
-        rows.append((str(cycle.number), *("-" if math.isnan(number) else f"{number:.4g}" for number in numbers)))
+        rows.append(
+            (
+                str(cycle.number),
+                *("-" if math.isnan(number) else f"{number:.4g}" for number in numbers),
+            )
+        )
     say_table(rows)

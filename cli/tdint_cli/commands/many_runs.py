@@ -11,7 +11,14 @@ from tdint.files import write_files
 from tdint.output import tables
 from tdint.system import processors
 from tdint.written_numbers import how_many
-from tdint_cli.campaigns import Profiles, advance_with_bar, carry_out, check_names, tell_outcomes, warn_of_motions
+from tdint_cli.campaigns import (
+    Profiles,
+    advance_with_bar,
+    carry_out,
+    check_names,
+    tell_outcomes,
+    warn_of_motions,
+)
 from tdint_cli.commands.run_request import Request
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.analysis import with_motion
@@ -63,7 +70,13 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
 
 def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
     from tdint.campaign.batch import RunSettings
-    from tdint.campaign.definition import AnalysisWishes, CampaignFile, FactorsFile, ModelFiles, RecordFiles
+    from tdint.campaign.definition import (
+        AnalysisWishes,
+        CampaignFile,
+        FactorsFile,
+        ModelFiles,
+        RecordFiles,
+    )
     from tdint.campaign.inputs import Inputs, read_factors, read_motions
     from tdint.campaign.motions import FoundMotions, Scales
     from tdint.campaign.plan import make_plan
@@ -78,7 +91,11 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
         intensity=of_file or Scales(request.scale or (1.0,)),
         analysis=AnalysisWishes(request.method),
         settings=RunSettings(
-            request.dt, request.duration, request.until_rest, profiles=True, check=bool(request.check)
+            request.dt,
+            request.duration,
+            request.until_rest,
+            profiles=True,
+            check=bool(request.check),
         ),
     )
     if records:

@@ -42,7 +42,8 @@ class MatchRequest(RecordsRequest):
     """The command line of `tdint match`."""
 
     output: str | None = options.output.output(
-        "DIR", f"Write {MATCHED} and each motion, under its record's name, into this folder, which is made."
+        "DIR",
+        f"Write {MATCHED} and each motion, under its record's name, into this folder, which is made.",
     )
     target: str = options.option(
         required=True,
@@ -122,31 +123,50 @@ def command(request: MatchRequest) -> None:
     table = tables.spectra.match_table(matches)
 
     def summarize() -> dict[str, Any]:
-        settings = {"target": request.target, "range_s": list(request.range), "damping": request.damping}
+        settings = {
+            "target": request.target,
+            "range_s": list(request.range),
+            "damping": request.damping,
+        }
         settings |= {"format": request.format, "within": request.within, "suite": request.suite}
         settings |= {"pairs": PAIR if request.pairs else None}
         seeds = list(map(record_summary, suite.records))
-        return table_summary("match", settings, seeds, table.meanings) | {"motions": [file.name for file in files]}
+        return table_summary("match", settings, seeds, table.meanings) | {
+            "motions": [file.name for file in files]
+        }
 
-    write_files(dict(zip(files, _contents(matches, request.format), strict=True)), overwrite=request.overwrite)
+    write_files(
+        dict(zip(files, _contents(matches, request.format), strict=True)),
+        overwrite=request.overwrite,
+    )
     outputs.deliver(table, lambda: figures.comparison.match_picture(matches[0]), summarize)
     for matched in matches:
         say(repr(matched)[1:-1] + ".")
         warn(*_doubts(matched, request.within))
-    note("codes ask for more of a suite than a fit: numbers of motions, their sources, what near-fault pulses are")
+    note(
+        "codes ask for more of a suite than a fit: numbers of motions, their sources, what near-fault pulses are"
+    )
     if request.suite == "mean":
         say(_of_mean(matches, target))
-    beyond = [f"{one.seed.source} {one.seed.component}" for one in matches if one.largest_misfit > request.within]
+    beyond = [
+        f"{one.seed.source} {one.seed.component}"
+        for one in matches
+        if one.largest_misfit > request.within
+    ]
     if suite.failures:
         raise Failures(suite.failures)
     if request.require and beyond:
-        raise AnalysisError(f"the misfit stays above {100.0 * request.within:g} %: {', '.join(beyond)}")
+        raise AnalysisError(
+            f"the misfit stays above {100.0 * request.within:g} %: {', '.join(beyond)}"
+        )
 
 
 def _files(folder: Path, records: Sequence[Record], kind: str) -> list[Path]:
     """A file for each motion, under the name of its record and component."""
     names = [f"{Path(record.source).stem}-{record.component}".rstrip("-") for record in records]
-    names = [f"{name}-{i}" if names.count(name) > 1 else name for i, name in enumerate(names, start=1)]
+    names = [
+        f"{name}-{i}" if names.count(name) > 1 else name for i, name in enumerate(names, start=1)
+    ]
     return [folder / f"{name}.{kind}" for name in names]
 
 
@@ -162,7 +182,9 @@ def _contents(matches: Sequence[Match], kind: str) -> list[bytes]:
         return [tables.spectra.ground_table(record).csv() for record in records]
     if kind == "at2":
         return [
-            at2_text(record, f"MATCHED MOTION, {Path(record.source).stem}, {record.component}").encode()
+            at2_text(
+                record, f"MATCHED MOTION, {Path(record.source).stem}, {record.component}"
+            ).encode()
             for record in records
         ]
     return [to_mseed(channels_of([record])[:1])[0] for record in records]
@@ -172,7 +194,9 @@ def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:
     """How far the mean of a suite is from the target, and its scatter before and after."""
     import numpy as np
 
-    after, before = (np.array([getattr(matched, name) for matched in matches]) for name in ("psa", "seed_psa"))
+    after, before = (
+        np.array([getattr(matched, name) for matched in matches]) for name in ("psa", "seed_psa")
+    )
     off = np.mean(after, axis=0) / target.at(matches[0].periods) - 1.0
     scatter = [float(np.mean(np.std(np.log(psa), axis=0, ddof=1))) for psa in (before, after)]
     return (
@@ -189,10 +213,14 @@ def _doubts(matched: Match, within: float) -> list[str]:
     if matched.largest_misfit > within:
         doubts.append(f"{subject}: the misfit stays at {100.0 * matched.largest_misfit:.2g} %")
     if matched.change > _WHOLE:
-        doubts.append(f"{subject}: the change is {matched.change:.2g} times the motion itself: choose another one")
+        doubts.append(
+            f"{subject}: the change is {matched.change:.2g} times the motion itself: choose another one"
+        )
     for part in matched.parts:
         after, before = part.measures
         if after.pgd > _TWICE * before.pgd:
             subject = f"{part.seed.source} {part.seed.component}".rstrip()
-            doubts.append(f"{subject}: the ground moves {after.pgd / before.pgd:.2g} times as far as before")
+            doubts.append(
+                f"{subject}: the ground moves {after.pgd / before.pgd:.2g} times as far as before"
+            )
     return doubts

@@ -15,7 +15,9 @@ from tdint_cli import options
 )
 @click.argument("names", nargs=-1, type=options.analysis.method_name, metavar="[SPEC]...")
 @options.analysis.plugin
-@options.option("--references", is_flag=True, help="A row for each publication of each method, in full.")
+@options.option(
+    "--references", is_flag=True, help="A row for each publication of each method, in full."
+)
 @options.option("--bibtex", is_flag=True, help="The publications as BibTeX, in place of the table.")
 def command(names: tuple[str, ...], references: bool, bibtex: bool) -> None:
     """The time-integration methods: parameters, order, stability, source.
@@ -38,7 +40,9 @@ def command(names: tuple[str, ...], references: bool, bibtex: bool) -> None:
     if bibtex:
         from tdint.methods.catalogue import references_of
 
-        publications = dict.fromkeys(reference for method in methods for reference in references_of(method))
+        publications = dict.fromkeys(
+            reference for method in methods for reference in references_of(method)
+        )
         emit("\n".join(reference.bibtex for reference in publications).encode())
         return
     emit_table(reference_table(methods) if references else method_table(listed))

@@ -19,7 +19,10 @@ if TYPE_CHECKING:
     from tdint_cli.options.output import Outputs
 
 
-MODES = (_OF_BUILDING := Mode("without --target", frozenset({"shapes"})), _PEAKS := Mode("with --target"))
+MODES = (
+    _OF_BUILDING := Mode("without --target", frozenset({"shapes"})),
+    _PEAKS := Mode("with --target"),
+)
 
 
 @options.command(
@@ -34,7 +37,9 @@ MODES = (_OF_BUILDING := Mode("without --target", frozenset({"shapes"})), _PEAKS
     help="Also a column for each floor with its ordinate: 1 at the roof, or such that the participation factor is 1 "
     "(the sum over all modes is 1 at each floor then).",
 )
-@options.studies.target("The peaks of the stories under a design spectrum, by modes, in place of the modes")
+@options.studies.target(
+    "The peaks of the stories under a design spectrum, by modes, in place of the modes"
+)
 @options.output.to_files(
     picture="Also draw the shapes of the first modes, or the peaks of the stories, to this file (.png, .pdf, .svg) or "
     "beside -o.",
@@ -71,7 +76,9 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
     if modes.damping_ratios(matrix) is None:
         note("the damping couples the modes; each ratio is that of the mode moving alone")
     if building.isolators:
-        note("these are before the isolators yield; `tdint run --report` has the period at their peak drift")
+        note(
+            "these are before the isolators yield; `tdint run --report` has the period at their peak drift"
+        )
 
 
 def _peaks(model: Model, target: str, outputs: Outputs) -> None:
@@ -88,7 +95,9 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
     ):
         if count:
             mass = 100.0 * float(result.mass_ratio[-count:].sum())
-            warnings.append(f"{count} modes shorter than the target, {mass:.3g} % of the mass, {text}")
+            warnings.append(
+                f"{count} modes shorter than the target, {mass:.3g} % of the mass, {text}"
+            )
     # Which damping stands in the numbers, and which of the model does not.
     damping, ratio = result.target.damping, assemble(model).first_mode()[1]
     noted = f"the target spectrum stands for every mode{f', at {100.0 * damping:g} % damping' if damping else ''}; "
@@ -120,7 +129,9 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
 def _peak_words(result: ModalResponse, units: OutputUnits) -> str:
     """The base shear and the roof in a sentence."""
     # Both sums are told: modes that lie close to each other differ by them.
-    cqc, srss = (units.text(float(shear[0]), "N") for shear in (result.shear_cqc, result.shear_srss))
+    cqc, srss = (
+        units.text(float(shear[0]), "N") for shear in (result.shear_cqc, result.shear_srss)
+    )
     roof = units.text(float(result.displacement_cqc[-1]), "m")
     share = 100.0 * result.base_shear[0] ** 2 / float((result.base_shear**2).sum())
     return (

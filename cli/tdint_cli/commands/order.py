@@ -58,7 +58,12 @@ _RATIOS = Grid(0.2, 5.0, 15)
 )
 @options.output.to_files(picture=options.output.PICTURE, in_units=False)
 def command(
-    methods: tuple[str, ...], load: str, law: str, frequency_ratio: Grid | None, stride: int, outputs: Outputs
+    methods: tuple[str, ...],
+    load: str,
+    law: str,
+    frequency_ratio: Grid | None,
+    stride: int,
+    outputs: Outputs,
 ) -> None:
     """Observed order of methods, from their errors over halved steps.
 
@@ -75,7 +80,11 @@ def command(
     """
     from tdint.analysis.assessment.order import observed_order, order_problem
 
-    ratios = [float(ratio) for ratio in (frequency_ratio or _RATIOS).values()] if load == "harmonic" else [math.nan]
+    ratios = (
+        [float(ratio) for ratio in (frequency_ratio or _RATIOS).values()]
+        if load == "harmonic"
+        else [math.nan]
+    )
     integrators = options.analysis.integrators(methods)
     problems = [order_problem(load, law, ratio, stride) for ratio in ratios]
     if not problems[0].building.linear:
@@ -89,8 +98,12 @@ def command(
         except AnalysisError as error:
             failures.append(error)
     if measured:
-        outputs.deliver(tables.methods.order_table(measured), lambda: figures.assessment.order_picture(measured))
-        exact = dict.fromkeys(order.method for order in measured if math.isnan(order.order("displacement")))
+        outputs.deliver(
+            tables.methods.order_table(measured), lambda: figures.assessment.order_picture(measured)
+        )
+        exact = dict.fromkeys(
+            order.method for order in measured if math.isnan(order.order("displacement"))
+        )
         note(*(f"{method} has no order here: its errors are rounding" for method in exact))
     if failures:
         raise Failures(failures)

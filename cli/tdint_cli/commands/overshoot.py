@@ -30,7 +30,9 @@ class Request(options.analysis.OscillatorRequest):
         metavar="RATIO",
         help="Step over the undamped period; 10 by default.",
     )
-    steps: int = options.analysis.option(type=Count(1, _MOST_STEPS), default=10, help="Steps to take; 10 by default.")
+    steps: int = options.analysis.option(
+        type=Count(1, _MOST_STEPS), default=10, help="Steps to take; 10 by default."
+    )
     law: str = options.analysis.option(
         type=click.Choice(["linear", "hardening", "softening"]),
         default="linear",
@@ -68,7 +70,8 @@ def command(request: Request) -> None:
         integrators = options.analysis.for_nonlinear(integrators, request.law)
     pairs = {
         (integrator, ratio): [
-            overshoot(integrator, start, request.dt_over_t, request.steps, ratio, request.law) for start in STARTS
+            overshoot(integrator, start, request.dt_over_t, request.steps, ratio, request.law)
+            for start in STARTS
         ]
         for integrator in integrators
         for ratio in request.damping
@@ -79,7 +82,10 @@ def command(request: Request) -> None:
         tables.methods.overshoot_table(motions), lambda: figures.assessment.overshoot_picture(shown)
     )
     several = len(request.damping) > 1
-    named = {integrator.label + f", damping {ratio:g}" * several: pair for (integrator, ratio), pair in pairs.items()}
+    named = {
+        integrator.label + f", damping {ratio:g}" * several: pair
+        for (integrator, ratio), pair in pairs.items()
+    }
     if request.law != "linear":
         _say_largest(named)
     else:
@@ -91,10 +97,18 @@ def _say_powers(pairs: dict[str, list[Overshoot]], verdicts: list[str]) -> None:
 
     rows = [
         ("method", "u from u0", "dt v from u0", "u from dt v0", "dt v from dt v0", "overshoots"),
-        ("exact motion", *(_power(power) for powers in EXACT_POWERS.values() for power in powers), ""),
+        (
+            "exact motion",
+            *(_power(power) for powers in EXACT_POWERS.values() for power in powers),
+            "",
+        ),
     ]
     for (name, pair), words in zip(pairs.items(), verdicts, strict=True):
-        powers = (_power(power) for motion in pair for power in (motion.displacement_power, motion.velocity_power))
+        powers = (
+            _power(power)
+            for motion in pair
+            for power in (motion.displacement_power, motion.velocity_power)
+        )
         rows.append((name, *powers, words))
     say("Powers of omega dt in the first step, as omega dt goes to infinity:")
     say_table(rows)
@@ -103,15 +117,22 @@ def _say_powers(pairs: dict[str, list[Overshoot]], verdicts: list[str]) -> None:
 def _say_largest(pairs: dict[str, list[Overshoot]]) -> None:
     from tdint.analysis.assessment.stability import BEYOND
 
-    rows: list[tuple[str, ...]] = [("method", "u from u0", "v from u0", "u from v0", "v from v0", "overshoots")]
+    rows: list[tuple[str, ...]] = [
+        ("method", "u from u0", "v from u0", "u from v0", "v from v0", "overshoots")
+    ]
     for name, pair in pairs.items():
         largest = [motion.largest for motion in pair]
         beyond = {
             quantity: max(values) > 1.0 + BEYOND
-            for quantity, values in zip(("displacement", "velocity"), zip(*largest, strict=True), strict=True)
+            for quantity, values in zip(
+                ("displacement", "velocity"), zip(*largest, strict=True), strict=True
+            )
         }
         words = " and ".join(quantity for quantity, passes in beyond.items() if passes) or "none"
-        first, second = (["runs away" if math.isinf(value) else f"{value:.3g}" for value in both] for both in largest)
+        first, second = (
+            ["runs away" if math.isinf(value) else f"{value:.3g}" for value in both]
+            for both in largest
+        )
         rows.append((name, *first, *second, words))
     say("Largest displacement and velocity of the steps, over those of the exact motion:")
     say_table(rows)

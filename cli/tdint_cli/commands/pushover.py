@@ -40,10 +40,19 @@ PATTERNS = ("first-mode", "uniform", "triangular")
     default="4%",
     help="How far the roof is pushed: a ratio of the building's height (0.04 or 4%, by default) or a length (200mm).",
 )
-@options.option("--points", type=Count(1, 100_000), default=200, help="Steps of the roof displacement; 200 by default.")
-@options.studies.target("The displacement to which a design spectrum pushes the building, in place of the curve")
+@options.option(
+    "--points",
+    type=Count(1, 100_000),
+    default=200,
+    help="Steps of the roof displacement; 200 by default.",
+)
+@options.studies.target(
+    "The displacement to which a design spectrum pushes the building, in place of the curve"
+)
 @options.output.to_files(picture=options.output.PICTURE, page=True)
-def command(model: str, pattern: str, drift: DriftSize, points: int, target: str | None, outputs: Outputs) -> None:
+def command(
+    model: str, pattern: str, drift: DriftSize, points: int, target: str | None, outputs: Outputs
+) -> None:
     """Base shear of a building over its roof displacement, pushed slowly.
 
     Forces of one pattern on the floors grow until the first story gives way, and fall as it does, to zero at the most.
@@ -98,7 +107,10 @@ def _page(result: Pushover, reached: Sequence[TargetDisplacement], units: Output
     for made in reached:
         roof = f"{made.method}: target displacement {shown.text(made.roof_displacement, 'm')} of the roof"
         verdict.append(
-            (False if made.notes else None, ". ".join([roof, *(note.partition(": ")[2] for note in made.notes)]))
+            (
+                False if made.notes else None,
+                ". ".join([roof, *(note.partition(": ")[2] for note in made.notes)]),
+            )
         )
     said = [*_words(result, shown).splitlines(), *(_reached(made, shown) for made in reached)]
     told = Told(said, (), result.model.page_head, files_read(), verdict)
@@ -129,7 +141,11 @@ def _words(result: Pushover, units: OutputUnits) -> str:
     if not math.isnan(result.height):
         text += f" ({100.0 * result.roof_at_largest / result.height:.3g} % of the height)"
     most = int(result.drift[last].argmax())
-    held = f"At the end {units.text(result.base_shear[last], 'N')}" if result.base_shear[last] else "At the end nothing"
+    held = (
+        f"At the end {units.text(result.base_shear[last], 'N')}"
+        if result.base_shear[last]
+        else "At the end nothing"
+    )
     text += f".\n{held}; story {most + 1} has the largest drift, "
     text += f"{units.text(result.drift[last, most], 'm')}."
     return text + (f" It ends there: {result.ended}." if result.ended else "")

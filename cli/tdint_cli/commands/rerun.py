@@ -43,7 +43,9 @@ class Request:
     """The command line of `tdint rerun`."""
 
     file: str = options.argument("FILE.json|DIR", type=FileName())
-    changed: bool = options.option(help="Also with inputs that are not those of then; they are named.")
+    changed: bool = options.option(
+        help="Also with inputs that are not those of then; they are named."
+    )
     trust: bool = options.option(
         help="Also run what may start programs: plug-ins, and style sheets with text.usetex. Read them first."
     )
@@ -82,21 +84,31 @@ def command(request: Request) -> None:
     told = _Told.read(request.file)
     folder = told.folder()
     # Files that are not what they were are known before the work; what lies in an archive, and standard input, after.
-    digests = {name: digest_of(folder / name) for name in told.inputs if name != STDIN and is_file(folder / name)}
+    digests = {
+        name: digest_of(folder / name)
+        for name in told.inputs
+        if name != STDIN and is_file(folder / name)
+    }
     others = {
-        name: _otherwise(name, told.inputs[name], now) for name, now in digests.items() if now != told.inputs[name]
+        name: _otherwise(name, told.inputs[name], now)
+        for name, now in digests.items()
+        if now != told.inputs[name]
     }
     # Nothing that the command line names is opened by it, nor executed, that was not read then; but a table of one
     # record of several knows this one alone.
     read = [os.path.realpath(folder / name) for name in told.inputs]
     for name in told.code if told.is_folder and told.file.name != SUMMARY else told.files:
         file = os.path.realpath(folder / name)
-        if is_file(file) and not any(path == file or path.startswith(file + os.sep) for path in read):
+        if is_file(file) and not any(
+            path == file or path.startswith(file + os.sep) for path in read
+        ):
             others[name] = _otherwise(name, None, file)
     _judge_inputs(others, request.changed)
     if told.code and not request.trust:
         named = ", ".join(f"{name} (SHA-256 {digest_of(folder / name)})" for name in told.code)
-        raise UsageError(f"{told.file}: executes the Python code of {named}; read it, then give --trust")
+        raise UsageError(
+            f"{told.file}: executes the Python code of {named}; read it, then give --trust"
+        )
     with ExitStack() as stack:
         # What the command writes now goes into the folder of -o, or into one that goes in the end.
         if request.output is None:
@@ -104,7 +116,9 @@ def command(request: Request) -> None:
         else:
             place = Path(request.output).absolute()
             if place.exists() and (not place.is_dir() or any(place.iterdir())):
-                raise OutputError(f"{request.output}: is there and not an empty folder; name a new one")
+                raise OutputError(
+                    f"{request.output}: is there and not an empty folder; name a new one"
+                )
         moved = _Elsewhere(place, told, folder)
         stack.callback(TRUSTED.reset, TRUSTED.set(request.trust))
         code = _carry_out(told.arguments, folder, moved)
@@ -121,8 +135,13 @@ def command(request: Request) -> None:
         # Inputs and plug-ins that are others, or that one of both runs alone has read
         again = _Told.read(str(moved.summary))
         then, today = ({**run.inputs, **run.plugins} for run in (told, again))
-        names = sorted(name for name in {*then, *today} - {*others} if then.get(name) != today.get(name))
-        _judge_inputs({name: _otherwise(name, then.get(name), today.get(name)) for name in names}, request.changed)
+        names = sorted(
+            name for name in {*then, *today} - {*others} if then.get(name) != today.get(name)
+        )
+        _judge_inputs(
+            {name: _otherwise(name, then.get(name), today.get(name)) for name in names},
+            request.changed,
+        )
         # The version of tdint tells of its sources, too.
         for name in dict.fromkeys((*told.versions, *again.versions)):
             before, now = told.versions.get(name), again.versions.get(name)
@@ -197,9 +216,18 @@ class _Told:
             raise UsageError(f"{file}: is no JSON file that tdint wrote beside a table")
         command, given = _parsed(file, content.get("arguments"))
         arguments = content["arguments"]
-        named = next((item for item in command.params if isinstance(item.type, FileName) and item.type.tables), None)
+        named = next(
+            (
+                item
+                for item in command.params
+                if isinstance(item.type, FileName) and item.type.tables
+            ),
+            None,
+        )
         if named is None:
-            raise UsageError(f"{file}: `arguments` name no command that writes a table: {' '.join(arguments)}")
+            raise UsageError(
+                f"{file}: `arguments` name no command that writes a table: {' '.join(arguments)}"
+            )
         output = given.get("output")
         if not isinstance(output, str) or output == STDIN:
             raise UsageError(f"{file}: `arguments` have no -o: {' '.join(arguments)}")
@@ -207,7 +235,11 @@ class _Told:
         export, both = content.get("export", ()), [(command, given)]
         if export:
             both.append(_parsed(file, export))
-            if command.name != "campaign" or export[0] != "campaign" or _words(both[1][1], "words")[:1] != ["export"]:
+            if (
+                command.name != "campaign"
+                or export[0] != "campaign"
+                or _words(both[1][1], "words")[:1] != ["export"]
+            ):
                 raise UsageError(f"{file}: `export` is no command line of `tdint campaign export`")
         # A table's file has a suffix; a folder that was there may have been named without a / at its end.
         whole = Path(output).parts
@@ -215,14 +247,29 @@ class _Told:
         only = isinstance(named.type, FileName) and named.type.kind == "dir"
         to_folder = only or within or output.endswith(("/", os.sep)) or not Path(output).suffix
         try:
-            inputs = {str(source["file"]): str(source["sha256"]) for source in content.get("inputs", ())}
+            inputs = {
+                str(source["file"]): str(source["sha256"]) for source in content.get("inputs", ())
+            }
             versions = dict(content.get("versions", {}))
             plugins = dict(versions.pop("plugins", {}))
         except (LookupError, TypeError, ValueError):
             raise UsageError(f"{file}: is no JSON file that tdint wrote beside a table") from None
         files = [name for line in both for name in _files(*line)]
         code = list(dict.fromkeys(name for _, line in both for name in _words(line, "plugins")))
-        return cls(file, content, arguments, command, output, to_folder, inputs, versions, plugins, export, files, code)
+        return cls(
+            file,
+            content,
+            arguments,
+            command,
+            output,
+            to_folder,
+            inputs,
+            versions,
+            plugins,
+            export,
+            files,
+            code,
+        )
 
     def folder(self) -> Path:
         """The folder that the command line was typed in: the one that its -o leads from, if the file still lies there,
@@ -258,7 +305,11 @@ def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
     UsageError
         It is no command line of tdint.
     """
-    if not isinstance(arguments, list) or not arguments or not all(isinstance(word, str) for word in arguments):
+    if (
+        not isinstance(arguments, list)
+        or not arguments
+        or not all(isinstance(word, str) for word in arguments)
+    ):
         raise UsageError(
             f"{file}: says no command line (`arguments`): an earlier version wrote it; call the command once more"
         )
@@ -268,9 +319,13 @@ def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
     at = next((i for i, word in enumerate(arguments) if not word.startswith("-")), len(arguments))
     command = group.get_command(context, arguments[at]) if at < len(arguments) else None
     if command is None:
-        raise UsageError(f"{file}: `arguments` name no command that writes a table: {' '.join(arguments)}")
+        raise UsageError(
+            f"{file}: `arguments` name no command that writes a table: {' '.join(arguments)}"
+        )
     flags = {flag for parameter in command.params for flag in parameter.opts}
-    parser = command.make_parser(click.Context(command, info_name=arguments[at], resilient_parsing=True))
+    parser = command.make_parser(
+        click.Context(command, info_name=arguments[at], resilient_parsing=True)
+    )
     given, _, _ = parser.parse_args(with_named_files(arguments[at + 1 :], flags))
     return command, given
 
@@ -278,7 +333,9 @@ def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
 def _files(command: click.Command, given: Mapping[str, Any]) -> Iterator[str]:
     """What stands on a command line in the place of files that are read."""
     for item in command.params:
-        if isinstance(item.type, SampleUnitsType) or (isinstance(item.type, FileName) and not item.type.written):
+        if isinstance(item.type, SampleUnitsType) or (
+            isinstance(item.type, FileName) and not item.type.written
+        ):
             yield from _words(given, item.name or "")
 
 
@@ -309,8 +366,14 @@ class _Elsewhere:
         end = os.sep if folder else ""
         if parameter == "output":
             instead = self.place / _last(name)
-            return name if Path(name) == instead else f"{instead}{os.sep if self.told.is_folder else ''}"
-        if name not in [moved for _, moved in self.others]:  # a value may come twice, as typed and moved
+            return (
+                name
+                if Path(name) == instead
+                else f"{instead}{os.sep if self.told.is_folder else ''}"
+            )
+        if name not in [
+            moved for _, moved in self.others
+        ]:  # a value may come twice, as typed and moved
             self.others.append((name, f"{self._apart / str(len(self.others)) / _last(name)}{end}"))
             return self.others[-1][1]
         return name
@@ -332,7 +395,9 @@ class _Elsewhere:
     def tables(self) -> Iterator[tuple[str, Path, Path]]:
         """Each table that was written: its name, where it was before, and where it is now."""
         places = [(self.now, self.told.file.absolute().parent)]
-        places += [(Path(moved).parent, (self.folder / typed).parent) for typed, moved in self.others]
+        places += [
+            (Path(moved).parent, (self.folder / typed).parent) for typed, moved in self.others
+        ]
         for now, before in places:
             for file in sorted(now.rglob("*")):
                 apart = now == self.place and self._apart in file.parents
@@ -400,9 +465,13 @@ def _compare(told: _Told, now: _Told, moved: _Elsewhere) -> bool:
         for difference in differences:
             count += 1
             largest = max(largest or difference, difference, key=_size)
-        text = f"{name}: {how_many(count, 'difference') if count else 'the same, cell by cell'}{but}"
+        text = (
+            f"{name}: {how_many(count, 'difference') if count else 'the same, cell by cell'}{but}"
+        )
         if largest is not None and not math.isnan(largest.relative):
-            text += f", at most {100.0 * largest.relative:.3g} % ({largest.column}, row {largest.row})"
+            text += (
+                f", at most {100.0 * largest.relative:.3g} % ({largest.column}, row {largest.row})"
+            )
         say(text)
         shown += examples[: SHOWN - len(shown)]
         same = same and not count

@@ -16,7 +16,16 @@ from tdint.units import OutputUnits
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.campaigns import kept_words
-from tdint_cli.commands.run_request import ALL_FILES, MODES, SEQUENCE, SEVERAL, SINGLE, STORIES, SUMMARY, Request
+from tdint_cli.commands.run_request import (
+    ALL_FILES,
+    MODES,
+    SEQUENCE,
+    SEVERAL,
+    SINGLE,
+    STORIES,
+    SUMMARY,
+    Request,
+)
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.analysis import with_motion
 from tdint_cli.options.grammar import refuse_idle
@@ -66,7 +75,9 @@ def command(request: Request) -> None:
     campaign status`, `export` and `merge` take; a call that was ended goes on.
     """
     if request.record is not None and request.records:
-        raise UsageError(f"--record {request.record} and {request.records[0]} are given; leave one of them out")
+        raise UsageError(
+            f"--record {request.record} and {request.records[0]} are given; leave one of them out"
+        )
     named = (request.record,) if request.record is not None else request.records
     models = [file for file in named if file.lower().endswith((".yaml", ".yml"))]
     if models:
@@ -84,15 +95,24 @@ def command(request: Request) -> None:
     scale = request.scale if shocks else tuple(dict.fromkeys(request.scale or ())) or None
     request = replace(request, record=named[0] if named else None, scale=scale, shocks=shocks)
     if request.check is False and request.tolerance is not None:
-        raise UsageError("--tolerance estimates the errors that --no-check leaves out; leave one of the two out")
+        raise UsageError(
+            "--tolerance estimates the errors that --no-check leaves out; leave one of the two out"
+        )
     if request.sequence:
         refuse_idle(SEQUENCE, MODES)
         request.check_sequence()
         _run(request)
         return
     if request.factors is not None and (request.scale or not named):
-        raise UsageError("--factors stands in place of --scale, and is for the RECORDs that were scaled: name them")
-    if request.factors is not None or len(named) > 1 or len(request.scale or ()) > 1 or (named and is_folder(named[0])):
+        raise UsageError(
+            "--factors stands in place of --scale, and is for the RECORDs that were scaled: name them"
+        )
+    if (
+        request.factors is not None
+        or len(named) > 1
+        or len(request.scale or ()) > 1
+        or (named and is_folder(named[0]))
+    ):
         refuse_idle(SEVERAL, MODES)
         request.of_floors.check(request.output)
         from tdint_cli.commands.many_runs import run_many
@@ -114,9 +134,15 @@ def _run(request: Request) -> None:
     from tdint.output.summary import model_input
 
     request.check_files()
-    model = load_model(request.model) if request.sequence else with_motion(load_model(request.model), request)
+    model = (
+        load_model(request.model)
+        if request.sequence
+        else with_motion(load_model(request.model), request)
+    )
     asked = request.output_units
-    model = replace(model, output_units=asked or model.output_units, page_units=asked or model.page_units)
+    model = replace(
+        model, output_units=asked or model.output_units, page_units=asked or model.page_units
+    )
     request = replace(request, output_units=model.output_units)
     request.of_floors.chosen_floors(len(model.stories))
     if model.damage:
@@ -132,8 +158,16 @@ def _run(request: Request) -> None:
         assert shock is not None
         shocks.append(shock)
     record = None if shocks else model_record(model)
-    inputs = [model_input(model), *(source for read in shocks or filter(None, [record]) for source in read.inputs)]
-    case = prepare(model, shocks[0] if shocks else record, method=request.method, allow_unstable=request.allow_unstable)
+    inputs = [
+        model_input(model),
+        *(source for read in shocks or filter(None, [record]) for source in read.inputs),
+    ]
+    case = prepare(
+        model,
+        shocks[0] if shocks else record,
+        method=request.method,
+        allow_unstable=request.allow_unstable,
+    )
     if not (shocks or request.tolerance or request.until_rest):
         dt, duration = number_of(request.dt, "dt"), number_of(request.duration, "duration")
         steps = case.steps(dt, duration).count
@@ -154,7 +188,13 @@ def _run(request: Request) -> None:
         _remark(record, failure.notes)
         wall_time, first = time.perf_counter() - began, first_mode(case.building, case.record)
         content = failure_summary(
-            failure, case.model, case.record, inputs, wall_time, first=first, settings=request.settings
+            failure,
+            case.model,
+            case.record,
+            inputs,
+            wall_time,
+            first=first,
+            settings=request.settings,
         )
         _write(request, {}, content)
         raise
@@ -188,7 +228,9 @@ def _judged(response: Response, limit: float | None) -> tuple[bool, str] | None:
         return None
     largest = demands(response.stories).drift_ratio
     if largest.place is None:
-        raise UsageError("--limit: a limit of drift ratios needs story heights, and the model gives none")
+        raise UsageError(
+            "--limit: a limit of drift ratios needs story heights, and the model gives none"
+        )
     kept = bool(largest.value <= limit) and not response.collapse
     words = "within" if kept else "beyond"
     words += f", status {response.status}" if response.collapse else ""
@@ -223,11 +265,18 @@ def _check_room(request: Request, stories: int, steps: int) -> None:
     """Raise OutputError for a history that the disk cannot hold."""
     if file := request.history_file:
         columns = len(tables.responses.history_columns(stories, bool(request.check)))
-        check_room(file, (steps // request.every + 1) * columns * _LEAST_BYTES[file.suffix == ".gz"])
+        check_room(
+            file, (steps // request.every + 1) * columns * _LEAST_BYTES[file.suffix == ".gz"]
+        )
 
 
 def _files(
-    request: Request, response: Response, stories: Table, case: Case, inputs: list[Input], began: float
+    request: Request,
+    response: Response,
+    stories: Table,
+    case: Case,
+    inputs: list[Input],
+    began: float,
 ) -> tuple[dict[Path, Content], dict[str, Any]]:
     """The files of a run but its summary and what writes them, and what the summary tells."""
     from tdint.analysis.spectra.elastic import first_mode
@@ -241,11 +290,18 @@ def _files(
     _check_room(request, len(response.model.stories), response.steps)
     if (file := request.history_file) and (pieces := response.pieces):
         # The error makes it half as large again: of one who asked for it.
-        kept = (piece if request.check else replace(piece, error=None) for piece in pieces(request.every))
+        kept = (
+            piece if request.check else replace(piece, error=None)
+            for piece in pieces(request.every)
+        )
         files[file] = lambda stream: tables.responses.write_pieces(kept, stream, units)
     if request.output:
         of_floors, notes = request.of_floors.files(
-            response, Path(request.output), units, plot=request.plot is not None, export=request.export_floors
+            response,
+            Path(request.output),
+            units,
+            plot=request.plot is not None,
+            export=request.export_floors,
         )
         files |= of_floors
         note(*notes)
@@ -265,7 +321,10 @@ def _files(
         model = response.model
         page = page_units(model.page_units)
         # What was judged; without a limit the largest demands.
-        verdict: tuple[bool | None, str] = (None, f"Largest {_largest(model, response.stories, page, page=True)}.")
+        verdict: tuple[bool | None, str] = (
+            None,
+            f"Largest {_largest(model, response.stories, page, page=True)}.",
+        )
         if judged := _judged(response, request.limit):
             verdict = (judged[0], kept_words(judged[0]) + judged[1])
         # What changes the meaning of a number: a collapse, what is odd about the record, what the run warns of
@@ -308,13 +367,21 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
     folder = Path(request.output)
 
     def summary(digests: Mapping[Path, str]) -> bytes:
-        beside = [{"file": file.name, "sha256": sha} for file, sha in digests.items() if file in every]
+        beside = [
+            {"file": file.name, "sha256": sha} for file, sha in digests.items() if file in every
+        ]
         return options.output.summary_bytes(content | {"files": beside}, request.units_shown, UNITS)
 
     every = request.in_folder(ALL_FILES)
-    earlier = {folder / name: sha for name, sha in listed_files(folder / SUMMARY).items() if folder / name in every}
+    earlier = {
+        folder / name: sha
+        for name, sha in listed_files(folder / SUMMARY).items()
+        if folder / name in every
+    }
     write_files(files, overwrite=request.overwrite, stale=earlier, last=(folder / SUMMARY, summary))
-    if left := [file.name for file in every if file not in files and file.name != SUMMARY and file.exists()]:
+    if left := [
+        file.name for file in every if file not in files and file.name != SUMMARY and file.exists()
+    ]:
         note(f"{folder}: {', '.join(left)}: not as an earlier run wrote it; left as it is")
 
 
@@ -327,7 +394,9 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
     motion = "no ground motion"
     if record is not None:
         pga = units.of(record.pga, "m/s^2")
-        motion = f"{record.name} (PGA {pga:{'.3g' if pga < 1000.0 else '.0f'}} {units.unit('m/s^2')[0]})"
+        motion = (
+            f"{record.name} (PGA {pga:{'.3g' if pga < 1000.0 else '.0f'}} {units.unit('m/s^2')[0]})"
+        )
     clock = "" if system.clock() == "thread_time" else f" of {system.CLOCKS[system.clock()]}"
     cost = "" if page else f"{1e6 * response.march_time / response.steps:.3g} us per step{clock}, "
     lines = [
@@ -374,14 +443,21 @@ def _largest(model: Model, stories: StoryPeaks, units: OutputUnits, page: bool =
     largest = demands(stories)
     worst = f"drift {units.text(largest.drift.value, 'm')} in story {largest.drift.place}"
     if largest.drift_ratio.place is not None:
-        value = f"{100.0 * largest.drift_ratio.value:.4g} %" if page else f"{largest.drift_ratio.value:.4g}"
+        value = (
+            f"{100.0 * largest.drift_ratio.value:.4g} %"
+            if page
+            else f"{largest.drift_ratio.value:.4g}"
+        )
         ratio = f"drift ratio {value} in story {largest.drift_ratio.place}"
         # Where a story has no height, its drift is not among the ratios.
         worst = ratio if all(story.drift_height for story in model.stories) else f"{ratio}, {worst}"
     viscous = ""
     if page or any(story.dashpot or story.power_dashpot for story in model.stories):
         viscous = f" ({units.text(largest.total_base_shear.value, 'N')} with viscous forces)"
-    roof, base = units.text(largest.roof_displacement.value, "m"), units.text(largest.base_shear.value, "N")
+    roof, base = (
+        units.text(largest.roof_displacement.value, "m"),
+        units.text(largest.base_shear.value, "N"),
+    )
     return f"{worst}, roof displacement {roof}, base shear {base}{viscous}"
 
 
@@ -393,11 +469,17 @@ def _damage(response: Response, units: OutputUnits) -> str:
     damage = damage_of_run(response.model, response.stories, response.status)
     assert damage is not None
     states, demand = damage.states, DEMANDS[damage.states.demand]
-    value = f"{damage.demand[0]:.4g}" if demand.unit == "1" else units.text(float(damage.demand[0]), demand.unit)
+    value = (
+        f"{damage.demand[0]:.4g}"
+        if demand.unit == "1"
+        else units.text(float(damage.demand[0]), demand.unit)
+    )
     # Outcomes that are all but impossible would hide the others.
     shares = (
         f"{outcome} {100.0 * probability:.3g} %"
-        for outcome, probability in zip(states.outcomes, damage.probability[0].tolist(), strict=True)
+        for outcome, probability in zip(
+            states.outcomes, damage.probability[0].tolist(), strict=True
+        )
         if probability >= _TOLD
     )
     loss = f"; mean loss ratio {damage.loss[0]:.3g}" if states.losses else ""
@@ -419,7 +501,9 @@ def _chosen(response: Response, choice: StepChoice) -> str:
 def _collapsed(response: Response, collapse: Collapse) -> str:
     """When and where the building collapsed."""
     end = "; the run ends there, for the drift ran away" if collapse.ended else ""
-    cause = f"the drift ratio of story {collapse.story} exceeds {response.model.collapse_drift:g} at"
+    cause = (
+        f"the drift ratio of story {collapse.story} exceeds {response.model.collapse_drift:g} at"
+    )
     if collapse.failed:
         cause = f"story {collapse.story} carries nothing any more from"
     return f"Status {response.status}: {cause} {collapse.time:.6g} s{end}."

@@ -26,7 +26,10 @@ SINGLE = Mode("with a single run", frozenset((*_OF_ONE, "duration", "limit")))
 SEQUENCE = Mode(
     "with --sequence",
     frozenset(_OF_ONE),
-    {"duration": "it has all of each record, and --rest is the time between", "factors": "give them by --scale"},
+    {
+        "duration": "it has all of each record, and --rest is the time between",
+        "factors": "give them by --scale",
+    },
 )
 SEVERAL = Mode(
     "with several runs",
@@ -104,18 +107,26 @@ class Request(BuildingRequest, SuiteRequest):
     )
     limit: float | None = LIMIT
     require: bool = REQUIRE
-    allow_unstable: bool = options.analysis.option(rare=True, help="Run a method beyond its largest stable step.")
-    jobs: int | None = options.output.threads("Threads for several records or scales; one for each processor")
+    allow_unstable: bool = options.analysis.option(
+        rare=True, help="Run a method beyond its largest stable step."
+    )
+    jobs: int | None = options.output.threads(
+        "Threads for several records or scales; one for each processor"
+    )
 
     def check_sequence(self) -> None:
         """Refuse what a sequence cannot have."""
         count, factors = len(self.shocks), len(self.scale or (1.0,))
         if count < 2:
-            raise UsageError("--sequence takes two records or more, one after the other: name them behind the model")
+            raise UsageError(
+                "--sequence takes two records or more, one after the other: name them behind the model"
+            )
         if "-" in self.shocks:
             raise UsageError("the records of a sequence are files, not standard input")
         if factors not in (1, count):
-            raise UsageError(f"--scale: {factors} factors for {count} shocks: give one, or one for each")
+            raise UsageError(
+                f"--scale: {factors} factors for {count} shocks: give one, or one for each"
+            )
 
     def check_files(self) -> None:
         """Refuse, before any work, what can be seen to fail."""
@@ -155,7 +166,9 @@ class Request(BuildingRequest, SuiteRequest):
                 raise UsageError(f"--history {file}: a history is a table; name it .csv or .csv.gz")
             return file
         if self.output is None:
-            raise UsageError("--history alone writes into the folder of -o: add -o DIR, or name it: --history=FILE.csv")
+            raise UsageError(
+                "--history alone writes into the folder of -o: add -o DIR, or name it: --history=FILE.csv"
+            )
         return Path(self.output) / HISTORY
 
     @property

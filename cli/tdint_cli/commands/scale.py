@@ -13,7 +13,16 @@ from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
 from tdint.written_numbers import first_few, how_many
 from tdint_cli import options
-from tdint_cli.options.grammar import Count, FileName, ListOf, Number, PairWish, intensity, span, span_at
+from tdint_cli.options.grammar import (
+    Count,
+    FileName,
+    ListOf,
+    Number,
+    PairWish,
+    intensity,
+    span,
+    span_at,
+)
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
 from tdint_cli.options.studies import pair_measure, read_suite
@@ -98,14 +107,18 @@ class ScaleRequest(RecordsRequest):
         help="Standard deviation of ln Sa that the chosen are to have, or a CSV file with the columns period_s and "
         "scatter.",
     )
-    sa: Units | None = options.option(type=_ACCELERATION, help="Scale to this Sa at the period --at: 0.6g.")
+    sa: Units | None = options.option(
+        type=_ACCELERATION, help="Scale to this Sa at the period --at: 0.6g."
+    )
     sa_avg: Units | None = options.option(
         type=_ACCELERATION, rare=True, help="Scale to this Sa_avg about the period --at."
     )
     at: float | None = options.option(
         type=Number(0.0, min_open=True), metavar="SECONDS", help="Period of --sa and --sa-avg."
     )
-    pga: Units | None = options.option(type=_ACCELERATION, help="Scale to this peak ground acceleration: 0.4g.")
+    pga: Units | None = options.option(
+        type=_ACCELERATION, help="Scale to this peak ground acceleration: 0.4g."
+    )
     pgv: Units | None = options.option(
         type=intensity("velocity"), rare=True, help="Scale to this peak velocity: 40cm/s."
     )
@@ -113,7 +126,9 @@ class ScaleRequest(RecordsRequest):
         type=intensity("velocity"), rare=True, help="Scale to this Arias intensity: 2m/s."
     )
     cav: Units | None = options.option(
-        type=intensity("velocity"), rare=True, help="Scale to this cumulative absolute velocity: 9m/s."
+        type=intensity("velocity"),
+        rare=True,
+        help="Scale to this cumulative absolute velocity: 9m/s.",
     )
     p695: bool = options.option(
         help="Normalize pairs by their peak velocities (FEMA P-695, A.8); with --sa and --at scale the set on, to this "
@@ -157,7 +172,9 @@ class ScaleRequest(RecordsRequest):
         if measure.startswith("sa") and self.at is None:
             raise UsageError(f"--{measure} needs a period: add --at SECONDS")
         if self.at is not None and not (measure.startswith("sa") or by_period):
-            raise UsageError("--at is for --sa, --sa-avg, and for --rule asce7 and ec8 without --range")
+            raise UsageError(
+                "--at is for --sa, --sa-avg, and for --rule asce7 and ec8 without --range"
+            )
         if self.building and (self.at is not None or self.range is not None):
             raise UsageError(
                 f"--building and --{'range' if self.at is None else 'at'} are given; leave one of them out"
@@ -167,7 +184,9 @@ class ScaleRequest(RecordsRequest):
                 f"--rule {self.rule} compares over 0.2 T to 2 T: give the period T by --at, or --building, or --range"
             )
         if (self.p695 or self.rule == "asce7") and self.pairs is not None and self.pairs.measure:
-            raise UsageError(f"--pairs: {'--p695' if self.p695 else '--rule asce7'} says itself what stands for a pair")
+            raise UsageError(
+                f"--pairs: {'--p695' if self.p695 else '--rule asce7'} says itself what stands for a pair"
+            )
 
     @property
     def pair_wish(self) -> PairWish | None:
@@ -233,13 +252,18 @@ def command(request: ScaleRequest) -> None:
     scaling = aim(suite.motions)
     if request.max_factor is not None and (larger := scaling.beyond(0.0, request.max_factor)):
         named = ", ".join(f"{name} {factor:.4g}" for name, factor in larger)
-        raise AnalysisError(f"larger than --max-factor {request.max_factor:g}: {named}; leave them out of the suite")
+        raise AnalysisError(
+            f"larger than --max-factor {request.max_factor:g}: {named}; leave them out of the suite"
+        )
     table = tables.studies.factor_table(scaling)
 
     def summarize() -> dict[str, Any]:
         records = [record_summary(record) for record in suite.records]
         content = table_summary("scale", _settings(request, scaling), records, table.meanings)
-        return content | {"warnings": _doubts(scaling), "factors_sha256": sha256(table.csv()).hexdigest()}
+        return content | {
+            "warnings": _doubts(scaling),
+            "factors_sha256": sha256(table.csv()).hexdigest(),
+        }
 
     outputs.deliver(table, lambda: figures.collapse.suite_picture(scaling, units), summarize)
     if spectra:
@@ -287,18 +311,24 @@ def _aim(request: ScaleRequest) -> Any:
     try:
         target.at(periods)
     except UsageError as error:
-        raise UsageError(f"{error}; name the periods to compare at: --range FIRST:LAST:COUNT") from None
+        raise UsageError(
+            f"{error}; name the periods to compare at: --range FIRST:LAST:COUNT"
+        ) from None
     target.check_damping(request.damping, "of the records")
     if request.select is not None:
         return _selecting(request, target, periods)
     if request.rule == "asce7":
-        return lambda motions: scaling.scale_asce7(motions, target, periods, damping=request.damping)
+        return lambda motions: scaling.scale_asce7(
+            motions, target, periods, damping=request.damping
+        )
     pair = request.pair
     scale = scaling.scale_ec8 if request.rule == "ec8" else scaling.scale_to_target
     return lambda motions: scale(motions, target, periods, damping=request.damping, pair=pair)
 
 
-def _selecting(request: ScaleRequest, target: TargetSpectrum, periods: Array) -> Callable[[Any], Scaling]:
+def _selecting(
+    request: ScaleRequest, target: TargetSpectrum, periods: Array
+) -> Callable[[Any], Scaling]:
     """What chooses from the motions; tables of events and of the scatter are read before."""
     import numpy as np
 
@@ -313,30 +343,51 @@ def _selecting(request: ScaleRequest, target: TargetSpectrum, periods: Array) ->
         try:
             scatter = float(request.scatter)
         except ValueError:
-            table = read_table(request.scatter, "--scatter takes a number, or a CSV file of period_s and scatter")
+            table = read_table(
+                request.scatter, "--scatter takes a number, or a CSV file of period_s and scatter"
+            )
             table.need("period_s", "scatter")
-            of_periods = np.array([table.numbers("period_s", positive=True), table.numbers("scatter")])
+            of_periods = np.array(
+                [table.numbers("period_s", positive=True), table.numbers("scatter")]
+            )
             scatter = np.interp(np.log(periods), np.log(of_periods[0]), of_periods[1])
     of_record: dict[str, str] | None = None
     if request.events is not None:
-        table = read_table(request.events, "events are a CSV file with the columns record and event")
+        table = read_table(
+            request.events, "events are a CSV file with the columns record and event"
+        )
         table.need("record", "event")
-        of_record = dict(zip(table.texts("record", empty=False), table.texts("event", empty=False), strict=True))
+        of_record = dict(
+            zip(table.texts("record", empty=False), table.texts("event", empty=False), strict=True)
+        )
 
     def choose(motions: Any) -> Scaling:
         """The choice; a motion that no event is known of is of one of its own."""
         events: Sequence[object] | None = None
         if of_record is not None:
             records = [components(motion)[0] for motion in motions]
-            names = [(record.source, Path(record.source).name, Path(record.source).stem) for record in records]
+            names = [
+                (record.source, Path(record.source).name, Path(record.source).stem)
+                for record in records
+            ]
             events = [
-                next(filter(None, map(of_record.get, given)), f"{given[0]}: {i}") for i, given in enumerate(names)
+                next(filter(None, map(of_record.get, given)), f"{given[0]}: {i}")
+                for i, given in enumerate(names)
             ]
         elif request.per_event is not None:
             events = begin_together(motions)
-        wishes: dict[str, Any] = {"rule": request.rule or "mean", "damping": request.damping, "pair": request.pair}
+        wishes: dict[str, Any] = {
+            "rule": request.rule or "mean",
+            "damping": request.damping,
+            "pair": request.pair,
+        }
         limits = request.factors or BOUNDS
-        wishes |= {"factors": limits, "events": events, "per_event": request.per_event, "scatter": scatter}
+        wishes |= {
+            "factors": limits,
+            "events": events,
+            "per_event": request.per_event,
+            "scatter": scatter,
+        }
         return select(motions, target, request.select or 1, periods=periods, **wishes)
 
     return choose
@@ -369,11 +420,17 @@ def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
         "target": request.target,
         "building": list(request.building or ()),
         "max_factor": request.max_factor,
-        "periods_s": None if periods is None else [float(periods[0]), float(periods[-1]), int(periods.size)],
+        "periods_s": None
+        if periods is None
+        else [float(periods[0]), float(periods[-1]), int(periods.size)],
         "damping": scaling.damping,
         "pairs": scaling.pair if request.pair_wish else None,
         "least_average_over_target": scaling.least[0] if scaling.least else None,
-        **({"selected": list(scaling.chosen), "left_out": scaling.left_out} if scaling.chosen else {}),
+        **(
+            {"selected": list(scaling.chosen), "left_out": scaling.left_out}
+            if scaling.chosen
+            else {}
+        ),
     }
 
 
@@ -393,9 +450,18 @@ def _words(scaling: Scaling, units: OutputUnits) -> str:
     if scaling.target is not None and scaling.periods is not None:
         text += f" scaled to {scaling.target.source} over {scaling.periods[0]:.4g} to {scaling.periods[-1]:.4g} s"
     text += f": factors {np.min(factors):.4g} to {np.max(factors):.4g}, median {np.median(factors):.4g}."
-    if scaling.chosen and scaling.target is not None and scaling.periods is not None and scaling.rest is not None:
-        off = np.mean(np.log(scaling.spectra(scaling.periods)), axis=0) - np.log(scaling.target.at(scaling.periods))
-        reasons = ", ".join(f"{count} {reason}" for reason, count in scaling.left_out.items() if count)
+    if (
+        scaling.chosen
+        and scaling.target is not None
+        and scaling.periods is not None
+        and scaling.rest is not None
+    ):
+        off = np.mean(np.log(scaling.spectra(scaling.periods)), axis=0) - np.log(
+            scaling.target.at(scaling.periods)
+        )
+        reasons = ", ".join(
+            f"{count} {reason}" for reason, count in scaling.left_out.items() if count
+        )
         text += (
             f"\nSelected from {len(scaling.chosen) + len(scaling.rest)}: the mean of ln Sa is off the target by "
             f"{100.0 * np.sqrt(np.mean(off**2)):.2g} % (root mean square). "

@@ -18,7 +18,9 @@ from tdint_cli.options.record import NAMES, RecordsRequest
 from tdint_cli.terminal import Failures, note, say
 
 
-def _ranges(ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> dict[str, tuple[float, float]]:
+def _ranges(
+    ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
+) -> dict[str, tuple[float, float]]:
     """NAME=LOW:HIGH, several with commas between them."""
     ranges: dict[str, tuple[float, float]] = {}
     for text in (part for text_given in texts for part in text_given.split(",")):
@@ -29,7 +31,9 @@ def _ranges(ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ..
         except UsageError:
             both = None
         if both is None or not both[0] < both[1]:
-            raise UsageError(f"--vary {text!r}: write NAME=LOW:HIGH, such as damping=2%:5% or stiffness_factor=0.8:1.2")
+            raise UsageError(
+                f"--vary {text!r}: write NAME=LOW:HIGH, such as damping=2%:5% or stiffness_factor=0.8:1.2"
+            )
         ranges[name] = both
     return ranges
 
@@ -94,7 +98,9 @@ def command(request: Request) -> None:
         request.outputs.deliver(Table.of_results(CORRELATIONS, correlations))
         return
     if not request.records or not request.ranges:
-        raise UsageError("give RECORDs and --vary NAME=LOW:HIGH, or the folder of a campaign with `vary`")
+        raise UsageError(
+            "give RECORDs and --vary NAME=LOW:HIGH, or the folder of a campaign with `vary`"
+        )
     _one_at_a_time(request)
 
 

@@ -75,7 +75,9 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
 
     kind.check(request)
     if request.is_folder and request.plot not in (None, BESIDE):
-        raise UsageError("--plot=FILE is one picture of all records; give -o a file, or --plot alone for one each")
+        raise UsageError(
+            "--plot=FILE is one picture of all records; give -o a file, or --plot alone for one each"
+        )
     sources = records_of(request.records, request.choice)
     # What to do for the files of each record, after it is clear that its outputs can be written
     files_of = kind.gather(request, sources.files)
@@ -87,15 +89,22 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
         own_tables, tables = [None] * len(files_of), [output]
     written = [file for table in tables for file in _outputs(request, table).files]
     check_outputs(written, overwrite=request.overwrite)
-    tasks = [Task(files[0], table, files[1:]) for files, table in zip(files_of, own_tables, strict=True)]
-    notes, warnings = dict.fromkeys(sources.notes), dict[str, None]()  # sets in the order of arrival
+    tasks = [
+        Task(files[0], table, files[1:]) for files, table in zip(files_of, own_tables, strict=True)
+    ]
+    notes, warnings = (
+        dict.fromkeys(sources.notes),
+        dict[str, None](),
+    )  # sets in the order of arrival
     failures, longest_interval = list[TdintError](sources.failures), 0.0
     together: list[RecordTable] = []
     to_terminal = request.output is None
     width = reading_width() if to_terminal else None
     header = True
     work = partial(_work, request, kind, width)
-    with outcomes(work, tasks, jobs=request.jobs, label="spectra", to_terminal=to_terminal) as results:
+    with outcomes(
+        work, tasks, jobs=request.jobs, label="spectra", to_terminal=to_terminal
+    ) as results:
         for task, outcome in zip(tasks, results, strict=True):
             if isinstance(outcome, TdintError):
                 failures.append(outcome)
@@ -156,7 +165,9 @@ def _picture(request: TablesRequest, kind: Kind, results: Sequence[Any], suffix:
     return stream.getvalue()
 
 
-def _write(request: TablesRequest, kind: Kind, table: Path | None, products: Sequence[RecordTable]) -> None:
+def _write(
+    request: TablesRequest, kind: Kind, table: Path | None, products: Sequence[RecordTable]
+) -> None:
     """Write a table of the records of several files, or of one, with what goes beside it; or a picture alone."""
     from tdint.output.summary import table_summary
 
@@ -165,16 +176,23 @@ def _write(request: TablesRequest, kind: Kind, table: Path | None, products: Seq
     if outputs.table and outputs.summary:
         records = [record for product in products for record in product.records]
         summary = table_summary(
-            str(click.get_current_context().info_name), request.settings(), records, products[0].meanings
+            str(click.get_current_context().info_name),
+            request.settings(),
+            records,
+            products[0].meanings,
         )
         rows = [_without_header(product.text) for product in products[1:]]
         contents[outputs.table] = b"".join([products[0].text, *rows])
         # The columns of the table are those of the products, in the units asked for already.
         of_table = {"columns": summary["columns"]}
-        contents[outputs.summary] = options.output.summary_bytes(summary, request.shown_units, converted=of_table)
+        contents[outputs.summary] = options.output.summary_bytes(
+            summary, request.shown_units, converted=of_table
+        )
     if outputs.picture:
         results = [result for product in products for result in product.results]
-        contents[outputs.picture] = products[0].picture or _picture(request, kind, results, outputs.picture.suffix)
+        contents[outputs.picture] = products[0].picture or _picture(
+            request, kind, results, outputs.picture.suffix
+        )
     write_files(contents, overwrite=request.overwrite)
 
 
@@ -278,7 +296,9 @@ def _write_target(request: SpectrumRequest) -> None:
     refuse_idle(kinds.TARGET, MODES)
     if request.is_folder:
         raise UsageError("-o is the file of one table here, not a folder")
-    outputs = Outputs.checked(request.output, request.plot, request.overwrite, units=request.output_units)
+    outputs = Outputs.checked(
+        request.output, request.plot, request.overwrite, units=request.output_units
+    )
     # Periods that were asked for, else the target's own; a formula has a value at 0, too.
     if request.periods is not None:
         periods = request.chosen_periods()
@@ -288,9 +308,15 @@ def _write_target(request: SpectrumRequest) -> None:
     elif target.curve:
         import numpy as np
 
-        target = replace(target, periods=np.append(0.0, target.periods), psa=np.append(target.at([0.0]), target.psa))
+        target = replace(
+            target,
+            periods=np.append(0.0, target.periods),
+            psa=np.append(target.at([0.0]), target.psa),
+        )
     # A logarithmic axis has no place for the period 0.
-    drawn = replace(target, periods=target.periods[target.periods > 0.0], psa=target.psa[target.periods > 0.0])
+    drawn = replace(
+        target, periods=target.periods[target.periods > 0.0], psa=target.psa[target.periods > 0.0]
+    )
     from tdint.output.summary import table_summary
     from tdint.output.tables.spectra import TARGET
     from tdint.output.tables.table import Table

@@ -48,7 +48,16 @@ AXES = options.output.option(
     "scales of the other two (tripartite), or PSA over SD (adrs).",
 )
 
-_NOT_SETTINGS = ("records", "output", "plot", "axes", "jobs", "overwrite", "output_units", "history")
+_NOT_SETTINGS = (
+    "records",
+    "output",
+    "plot",
+    "axes",
+    "jobs",
+    "overwrite",
+    "output_units",
+    "history",
+)
 
 
 @dataclass(frozen=True)
@@ -127,8 +136,12 @@ class TablesRequest(RecordsRequest):
 
     def settings(self) -> dict[str, Any]:
         """All that the numbers depend on beside the records, for the JSON file."""
-        settings = {name: value for name, value in asdict(self).items() if name not in _NOT_SETTINGS}
-        return settings | {"periods": options.spectra.periods_as_given(self.periods, self.DEFAULT_PERIODS)}
+        settings = {
+            name: value for name, value in asdict(self).items() if name not in _NOT_SETTINGS
+        }
+        return settings | {
+            "periods": options.spectra.periods_as_given(self.periods, self.DEFAULT_PERIODS)
+        }
 
     def chosen_periods(self) -> NDArray[np.float64]:
         """The periods, s."""
@@ -137,7 +150,11 @@ class TablesRequest(RecordsRequest):
 
 def _bandwidth(text: str) -> float:
     """A bandwidth of a smoothing; 0 for none."""
-    return 0.0 if text.strip().lower() == "none" else parse_positive("the bandwidth of --smoothing", text)
+    return (
+        0.0
+        if text.strip().lower() == "none"
+        else parse_positive("the bandwidth of --smoothing", text)
+    )
 
 
 _OF_RECORDS = ("units", "component", "inventory", "layout", "processing", "scale")
@@ -203,7 +220,10 @@ class SpectrumRequest(TablesRequest):
         help="With --history: the motion of elastic oscillators of these periods instead.",
     )
     history: str | None = options.spectra.option(
-        needs="--oscillator", metavar="", rare=True, help="With --oscillator: a row for each sample."
+        needs="--oscillator",
+        metavar="",
+        rare=True,
+        help="With --oscillator: a row for each sample.",
     )
     target: str | None = options.studies.target(
         "Draw this spectrum over those of the records (--plot) or, without RECORD, write it as a table",
@@ -216,7 +236,10 @@ class SpectrumRequest(TablesRequest):
         "(period_s, psa_g; T (s), SD (cm)); at its periods, unless others are given.",
     )
     against_column: str | None = options.spectra.option(
-        needs="--against", metavar="NAME", rare=True, help="Which column of the published spectrum, if it has several."
+        needs="--against",
+        metavar="NAME",
+        rare=True,
+        help="Which column of the published spectrum, if it has several.",
     )
     against_interpolation: str | None = options.spectra.option(
         needs="--against",
@@ -224,7 +247,9 @@ class SpectrumRequest(TablesRequest):
         rare=True,
         help="Take the published spectrum between its periods on straight lines in logarithms.",
     )
-    fourier: bool = options.spectra.option(help="Fourier amplitude spectra of the acceleration instead.")
+    fourier: bool = options.spectra.option(
+        help="Fourier amplitude spectra of the acceleration instead."
+    )
     smoothing: float | None = options.spectra.option(
         needs="--fourier",
         type=grammar.Written("bandwidth", _bandwidth),
@@ -238,7 +263,11 @@ class SpectrumRequest(TablesRequest):
     def read(self, file: str) -> list[Record]:
         """The components of a file, times the factor that is asked for."""
         horizontals = super().read(file)
-        return horizontals if self.scale is None else [record.scaled(self.scale) for record in horizontals]
+        return (
+            horizontals
+            if self.scale is None
+            else [record.scaled(self.scale) for record in horizontals]
+        )
 
     def settings(self) -> dict[str, Any]:
         """As those of all tables, with what is chosen where nothing is given."""
@@ -257,7 +286,9 @@ class SpectrumRequest(TablesRequest):
             "hardening": self.hardening or 0.0 if yields else None,
             "maxima": manner.maxima.name,
             "interpolation": manner.interpolation.name,
-            "against_sha256": self.published(self.damping[0]).input.sha256 if self.against else None,
+            "against_sha256": self.published(self.damping[0]).input.sha256
+            if self.against
+            else None,
         }
 
     @property
@@ -291,7 +322,11 @@ class SpectrumRequest(TablesRequest):
     @property
     def stated(self) -> dict[str, Any]:
         """What was chosen by name and therefore has a column."""
-        return {name: value for name in ("maxima", "interpolation") if (value := getattr(self, name)) is not None}
+        return {
+            name: value
+            for name in ("maxima", "interpolation")
+            if (value := getattr(self, name)) is not None
+        }
 
 
 # ---- Spectrum kinds
@@ -314,7 +349,9 @@ class _OfOscillators(Kind):
         """Refuse, before any work, what makes no sense together."""
         _ = request.manner
         if request.aim and not request.plot:
-            raise UsageError("--target beside records is drawn: add --plot; without records its table is written")
+            raise UsageError(
+                "--target beside records is drawn: add --plot; without records its table is written"
+            )
         if request.aim and request.axes not in (None, "periods"):
             raise UsageError("--target is drawn over the period; leave --axes out")
 
@@ -344,7 +381,9 @@ class _OfOscillators(Kind):
 class Elastic(_OfOscillators):
     """Elastic spectra of single components."""
 
-    mode = Mode("with elastic spectra", _PERIODS | {"method", "maxima", "interpolation", "target", "axes"})
+    mode = Mode(
+        "with elastic spectra", _PERIODS | {"method", "maxima", "interpolation", "target", "axes"}
+    )
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
         """The spectra of each component with each damping ratio."""
@@ -365,7 +404,9 @@ class Elastic(_OfOscillators):
     def picture(self, request: SpectrumRequest, lines: Sequence[Spectrum]) -> Figure:
         """A line for each spectrum."""
         axes = request.axes or "periods"
-        return figures.spectrum_curves.spectrum_picture(lines, axes, request.shown_units, request.aim)
+        return figures.spectrum_curves.spectrum_picture(
+            lines, axes, request.shown_units, request.aim
+        )
 
 
 class Inelastic(_OfOscillators):
@@ -388,9 +429,13 @@ class Inelastic(_OfOscillators):
         for record in records:
             for damping in request.damping:
                 if request.ductility:
-                    lines += constant_ductility(record, periods, request.ductility, damping, hardening=hardening)
+                    lines += constant_ductility(
+                        record, periods, request.ductility, damping, hardening=hardening
+                    )
                 else:
-                    lines += constant_strength(record, periods, request.strength or (), damping, hardening=hardening)
+                    lines += constant_strength(
+                        record, periods, request.strength or (), damping, hardening=hardening
+                    )
         return Results(lines, records)
 
     def picture(self, request: SpectrumRequest, lines: Sequence[InelasticSpectrum]) -> Figure:
@@ -422,7 +467,9 @@ class Histories(Kind):
     def check(self, request: SpectrumRequest) -> None:
         """Refuse, before any work, what makes no sense together."""
         if request.history != BESIDE:
-            raise UsageError(f"--history {request.history}: the table goes to -o; write -o {request.history} --history")
+            raise UsageError(
+                f"--history {request.history}: the table goes to -o; write -o {request.history} --history"
+            )
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
         """The motion of each oscillator with each damping ratio under each component."""
@@ -440,7 +487,9 @@ class Histories(Kind):
 class Rotated(_OfOscillators):
     """Spectra of two horizontal components together, over all directions."""
 
-    mode = Mode("with --rotd", (_PERIODS - {"component"}) | {"rotd", "maxima", "interpolation", "target"})
+    mode = Mode(
+        "with --rotd", (_PERIODS - {"component"}) | {"rotd", "maxima", "interpolation", "target"}
+    )
 
     def gather(self, request: SpectrumRequest, files: Sequence[str]) -> list[tuple[str, ...]]:
         """The files of each motion: those that are named alike but for the component, in the order of the first ones.
@@ -452,7 +501,11 @@ class Rotated(_OfOscillators):
         result, others = files_of_motions(files, request.pairs or USUAL)
         if others:
             note(f"left out, named otherwise than --pairs says: {', '.join(others)}")
-        if len(files) == len(result) == 2 and STDIN not in files and all(_is_single(request, file) for file in files):
+        if (
+            len(files) == len(result) == 2
+            and STDIN not in files
+            and all(_is_single(request, file) for file in files)
+        ):
             return [tuple(files)]
         return result
 
@@ -467,7 +520,11 @@ class Rotated(_OfOscillators):
             rotated_spectrum(motion, periods, damping, request.rotd or (), **request.stated)
             for damping in request.damping
         ]
-        return Results(lines, (motion.first, motion.second), [f"{motion.source}: {note}" for note in motion.notes])
+        return Results(
+            lines,
+            (motion.first, motion.second),
+            [f"{motion.source}: {note}" for note in motion.notes],
+        )
 
     def table(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Table:
         """A row for each damping ratio and period."""
@@ -523,7 +580,10 @@ class Against(Kind):
         return figures.spectrum_curves.difference_picture(lines, request.shown_units)
 
 
-MODES = (TARGET, *(kind.mode for kind in (Elastic, Inelastic, Fourier, Histories, Rotated, Against)))
+MODES = (
+    TARGET,
+    *(kind.mode for kind in (Elastic, Inelastic, Fourier, Histories, Rotated, Against)),
+)
 
 
 def _is_single(request: SpectrumRequest, file: str) -> bool:
@@ -531,7 +591,9 @@ def _is_single(request: SpectrumRequest, file: str) -> bool:
     from tdint.ground_motion.reading.read import read_records
 
     try:
-        records = read_records(file, units=request.units, inventory=request.inventory, layout=request.layout)
+        records = read_records(
+            file, units=request.units, inventory=request.inventory, layout=request.layout
+        )
     except RecordError:
         return False  # It will be told when its turn comes.
     return sum(not is_vertical(record.component) for record in records) == 1

@@ -57,7 +57,11 @@ def command(request: Request) -> None:
     steps = np.unique(np.concatenate([steps.values() for steps in request.dt_over_t]))
     if request.beta_scan:
         steps = np.union1d(steps, np.linspace(*_BAND) / (2.0 * np.pi))
-    curves = [stability(integrator, steps, ratio) for integrator in integrators for ratio in request.damping]
+    curves = [
+        stability(integrator, steps, ratio)
+        for integrator in integrators
+        for ratio in request.damping
+    ]
     shown = curves if scanned else request.drawn(curves, _DRAWN)
     request.outputs.deliver(
         tables.methods.stability_table(curves),
@@ -67,10 +71,18 @@ def command(request: Request) -> None:
     rows = [("method", "damping", "critical omega dt")]
     none = f"none up to omega dt {LARGEST:.0e}".replace("e+0", "e")
     for integrator in integrators:
-        limits = {damping: critical_step(integrator, damping) for damping in (*request.damping, 0.0)}
+        limits = {
+            damping: critical_step(integrator, damping) for damping in (*request.damping, 0.0)
+        }
         if text := false_limit(integrator, limits[0.0]):
             warn(text)
         for damping in request.damping:
             limit = limits[damping]
-            rows.append((integrator.label, f"{damping:g}", f"{limit:#.6g}" if limit < float("inf") else none))
+            rows.append(
+                (
+                    integrator.label,
+                    f"{damping:g}",
+                    f"{limit:#.6g}" if limit < float("inf") else none,
+                )
+            )
     say_table(rows)

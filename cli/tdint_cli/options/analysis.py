@@ -114,13 +114,20 @@ def methods(text: str) -> grammar.Declaration:
     )
 
 
-def _specifications(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) -> tuple[str, ...]:
+def _specifications(
+    _: click.Context, __: click.Parameter, texts: tuple[str, ...]
+) -> tuple[str, ...]:
     """Take lists apart at the commas between methods; `beta=...` behind a comma belongs to the method before it."""
     specifications: list[str] = []
     for text in texts:
         start = len(specifications)
         for part in text.split(","):
-            if len(specifications) > start and ":" in specifications[-1] and "=" in part and ":" not in part:
+            if (
+                len(specifications) > start
+                and ":" in specifications[-1]
+                and "=" in part
+                and ":" not in part
+            ):
                 specifications[-1] += f",{part}"
             else:
                 specifications.append(part.strip())
@@ -227,7 +234,9 @@ def for_nonlinear(integrators: list[Integrator], law: str) -> list[Integrator]:
     """
     suited = [integrator for integrator in integrators if not integrator.family.linear_only]
     if not suited:
-        raise UsageError(f"{integrators[0].label} integrates linear buildings only; not with --law {law}")
+        raise UsageError(
+            f"{integrators[0].label} integrates linear buildings only; not with --law {law}"
+        )
     for integrator in integrators:
         if integrator not in suited:
             note(f"{integrator.label} is left out: it integrates linear buildings only")
@@ -287,21 +296,34 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
     from tdint.model.definition import RecordSource
 
     if request.record is not None:
-        return RecordSource(request.record, request.choice, request.scale[0] if request.scale else 1.0)
+        return RecordSource(
+            request.record, request.choice, request.scale[0] if request.scale else 1.0
+        )
     source = model.excitation.record
     given: dict[str, Any] = {
-        name: value for name in ("units", "component", "inventory") if (value := getattr(request, name)) is not None
+        name: value
+        for name in ("units", "component", "inventory")
+        if (value := getattr(request, name)) is not None
     }
     if source is None:
         options = [*given, *["scale"] * bool(request.scale)]
         if options or request.layout or request.processing:
-            name = f"--{options[0]}" if options else "the layout of a table" if request.layout else "processing"
+            name = (
+                f"--{options[0]}"
+                if options
+                else "the layout of a table"
+                if request.layout
+                else "processing"
+            )
             raise UsageError(f"{name} needs a record, the model has none: add --record FILE")
         return None
     choice = source.choice
     if "units" in given or "inventory" in given:
         # Each of the two excludes the other: who names one on the command line does without the model's other one.
         choice = replace(choice, units=None, inventory=None)
-    processing, layout = request.processing.over(choice.processing), request.layout.over(choice.layout)
+    processing, layout = (
+        request.processing.over(choice.processing),
+        request.layout.over(choice.layout),
+    )
     choice = replace(choice, **given, processing=processing, layout=layout)
     return RecordSource(source.file, choice, request.scale[0] if request.scale else source.scale)

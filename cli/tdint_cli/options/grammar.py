@@ -38,7 +38,9 @@ if TYPE_CHECKING:
 
     ValueType = click.ParamType[Any]
 else:
-    ValueType = click.ParamType  # generic for a type checker alone: click before 8.4 knows no brackets
+    ValueType = (
+        click.ParamType
+    )  # generic for a type checker alone: click before 8.4 knows no brackets
 
 
 class Number(click.FloatRange):
@@ -49,7 +51,9 @@ class Number(click.FloatRange):
         if not math.isfinite(number):
             self.fail(f"{value} is not a finite number", param, ctx)
         if number != 0.0 and not SMALLEST <= abs(number) <= LARGEST:
-            self.fail(f"{value}: its size must lie between {SMALLEST:g} and {LARGEST:g}", param, ctx)
+            self.fail(
+                f"{value}: its size must lie between {SMALLEST:g} and {LARGEST:g}", param, ctx
+            )
         return number
 
 
@@ -114,13 +118,21 @@ class ListOf(ValueType):
         if isinstance(value, tuple):
             return value
         parts = value.split(",") if isinstance(value, str) else [value]
-        return tuple(self.item.convert(part.strip() if isinstance(part, str) else part, param, ctx) for part in parts)
+        return tuple(
+            self.item.convert(part.strip() if isinstance(part, str) else part, param, ctx)
+            for part in parts
+        )
 
-    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
         """Complete what stands after the last comma."""
         head, comma, last = incomplete.rpartition(",")
         items = self.item.shell_complete(ctx, param, last)
-        return [CompletionItem(head + comma + item.value, type=item.type, help=item.help) for item in items]
+        return [
+            CompletionItem(head + comma + item.value, type=item.type, help=item.help)
+            for item in items
+        ]
 
 
 class OutputUnitsType(ListOf):
@@ -130,7 +142,9 @@ class OutputUnitsType(ListOf):
         super().__init__(Name(lambda: (*FORCE, *LENGTH, *MASS, *VELOCITY, *ACCELERATION)))
         self.name = "unit,..."
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> OutputUnits:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> OutputUnits:
         return parse_output_units(value) if isinstance(value, str) else value
 
 
@@ -191,7 +205,11 @@ def _span(text: str) -> tuple[float, float]:
 
 
 def _period(text: str) -> float | None:
-    return None if text.strip().upper() == "T1" else float(Number(0.0, min_open=True).convert(text, None, None))
+    return (
+        None
+        if text.strip().upper() == "T1"
+        else float(Number(0.0, min_open=True).convert(text, None, None))
+    )
 
 
 span = Written("LOW:HIGH", _span)
@@ -245,12 +263,22 @@ class PairsType(ValueType):
             return value
         measures = [part for part in value.split(",") if "{}" not in part]
         if len(measures) > 1:
-            self.fail(f"{value!r}: one of {', '.join(self.measures.choices)}, and two names with {{}}", param, ctx)
+            self.fail(
+                f"{value!r}: one of {', '.join(self.measures.choices)}, and two names with {{}}",
+                param,
+                ctx,
+            )
         measure = str(self.measures.convert(measures[0], param, ctx)) if measures else None
-        names = PairNames.parse(",".join(part for part in value.split(",") if "{}" in part)) if "{}" in value else USUAL
+        names = (
+            PairNames.parse(",".join(part for part in value.split(",") if "{}" in part))
+            if "{}" in value
+            else USUAL
+        )
         return PairWish(measure, names)
 
-    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
         """Complete what stands for a pair."""
         return self.measures.shell_complete(ctx, param, incomplete)
 
@@ -272,7 +300,9 @@ class Name(ValueType):
     def __init__(self, names: Callable[[], Iterable[str]] = tuple) -> None:
         self.names = names
 
-    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
         """The names that begin so."""
         return [CompletionItem(name) for name in self.names() if name.startswith(incomplete)]
 
@@ -286,7 +316,9 @@ class SampleUnitsType(Name):
         return units_of_text(value) if isinstance(value, str) else value
 
 
-ELSEWHERE: ContextVar[Callable[[str, str, bool], str] | None] = ContextVar("elsewhere", default=None)
+ELSEWHERE: ContextVar[Callable[[str, str, bool], str] | None] = ContextVar(
+    "elsewhere", default=None
+)
 """Where a command that is run again writes instead, by parameter, the name that was typed, and whether it is that of a
 folder; None where outputs go where they are typed."""
 
@@ -300,7 +332,9 @@ class FileName(ValueType):
 
     name = "file"
 
-    def __init__(self, *, folder: bool = False, written: bool = False, tables: bool = False) -> None:
+    def __init__(
+        self, *, folder: bool = False, written: bool = False, tables: bool = False
+    ) -> None:
         self.kind = "dir" if folder else "file"
         self.written = written
         self.tables = tables
@@ -312,7 +346,9 @@ class FileName(ValueType):
             return elsewhere(param.name or "" if param else "", value, self.kind == "dir")
         return value
 
-    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
         """Leave it to the shell."""
         return [CompletionItem(incomplete, type=self.kind)]
 
@@ -335,7 +371,9 @@ BESIDE = "\0"
 """The value of such an option alone; no file has such a name."""
 
 _NAMES = {
-    "--plot": re.compile(r".*\.(png|pdf|svg|jpe?g|gif|e?ps|tiff?|webp|bmp|svgz|pgf)", re.IGNORECASE | re.DOTALL),
+    "--plot": re.compile(
+        r".*\.(png|pdf|svg|jpe?g|gif|e?ps|tiff?|webp|bmp|svgz|pgf)", re.IGNORECASE | re.DOTALL
+    ),
     "--history": re.compile(r".*\.csv(\.gz)?", re.IGNORECASE | re.DOTALL),
 }
 """What follows such an option and names its file; pictures that cannot be are refused later, in words."""
@@ -345,7 +383,9 @@ class HeadedOption(click.Option):
     """An option that knows its heading, without which others of the command line it has nothing to act on, and whether
     it is `common`: shown by --help, too, and not by --help-all only."""
 
-    def __init__(self, *arguments: Any, heading: str, needs: str = "", rare: bool = True, **settings: Any) -> None:
+    def __init__(
+        self, *arguments: Any, heading: str, needs: str = "", rare: bool = True, **settings: Any
+    ) -> None:
         super().__init__(*arguments, **settings)
         self.heading = heading
         self.needs = needs
@@ -431,7 +471,9 @@ def request(kind: type[Kind]) -> type[Kind]:
     for name in declared:
         delattr(kind, name)
     made = dataclass(frozen=True, kw_only=True)(kind)
-    _OPTIONS[made] = tuple(value.of_field(name, kind.__annotations__[name]) for name, value in declared.items())
+    _OPTIONS[made] = tuple(
+        value.of_field(name, kind.__annotations__[name]) for name, value in declared.items()
+    )
     return made
 
 
@@ -463,7 +505,9 @@ def together(*declarations: Callable[[Any], Any]) -> Callable[[Function], Functi
     return declared
 
 
-def with_named_files(arguments: Sequence[str], options: Collection[str] = tuple(_NAMES)) -> list[str]:
+def with_named_files(
+    arguments: Sequence[str], options: Collection[str] = tuple(_NAMES)
+) -> list[str]:
     """A command line in which every option of these has its value: the next word if that is such a name or empty."""
     result: list[str] = []
     words = iter(enumerate(arguments))
@@ -483,7 +527,9 @@ def with_named_files(arguments: Sequence[str], options: Collection[str] = tuple(
     return result
 
 
-def shown_when_asked(text: Callable[[click.Context], str]) -> Callable[[click.Context, click.Parameter, bool], None]:
+def shown_when_asked(
+    text: Callable[[click.Context], str],
+) -> Callable[[click.Context, click.Parameter, bool], None]:
     """The callback of a flag in place of the command: a text goes where data go, and the command exits."""
 
     def show(ctx: click.Context, _: click.Parameter, is_asked: bool) -> None:
@@ -528,7 +574,11 @@ class Command(HelpAsData):
     """
 
     def __init__(
-        self, name: str | None, examples: Sequence[str] = (), exits: Mapping[int, str] | None = None, **settings: Any
+        self,
+        name: str | None,
+        examples: Sequence[str] = (),
+        exits: Mapping[int, str] | None = None,
+        **settings: Any,
     ) -> None:
         text = "Show all options, and what the command does in detail, and exit."
         all_help = flag(["--help-all"], shown_when_asked(self.all_help), text)
@@ -548,7 +598,9 @@ class Command(HelpAsData):
         # Of each option the beginning of its help, which is enough to remember it by
         common = [option for option in self.params if getattr(option, "common", False)]
         brief: list[tuple[str, str]] = []
-        for option in sorted(common, key=lambda option: ORDER.index(getattr(option, "heading", GENERAL))):
+        for option in sorted(
+            common, key=lambda option: ORDER.index(getattr(option, "heading", GENERAL))
+        ):
             record = option.get_help_record(ctx)
             assert record is not None and isinstance(option, click.Option)
             text, *more = _CLAUSE.split(option.help or "")
@@ -564,14 +616,19 @@ class Command(HelpAsData):
                 formatter.write_dl([(str(code), meaning) for code, meaning in self.exits.items()])
         with formatter.indentation():
             formatter.write_paragraph()
-            formatter.write_text(f"All options, and more of what it does: {ctx.command_path} --help-all")
+            formatter.write_text(
+                f"All options, and more of what it does: {ctx.command_path} --help-all"
+            )
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """As click does, after `--plot` and the like have got their values; refuse what has nothing to act on."""
         flags = {name for parameter in self.params for name in parameter.opts}
         # An option behind one that needs a value would be taken for the value.
         valued = {
-            name for item in self.params if isinstance(item, click.Option) and not item.is_flag for name in item.opts
+            name
+            for item in self.params
+            if isinstance(item, click.Option) and not item.is_flag
+            for name in item.opts
         }
         typed = takewhile(lambda pair: pair[0] != "--", pairwise(args))
         for word, following in typed:
@@ -587,7 +644,11 @@ class Command(HelpAsData):
         if ctx.resilient_parsing:
             return rest
         # An option without what it needs would be passed over in silence.
-        named = {name: item for item in self.params for name in (*item.opts, (item.metavar or "").strip("[]."))}
+        named = {
+            name: item
+            for item in self.params
+            for name in (*item.opts, (item.metavar or "").strip("[]."))
+        }
         for option in self.params:
             needs = getattr(option, "needs", "")
             if not needs or not _is_given(ctx, option):
@@ -600,7 +661,9 @@ class Command(HelpAsData):
                 is_met = any(_is_given(ctx, named[word]) for word in words)
             if not is_met:
                 name = option.opts[-1]
-                raise UsageError(f"{name} has nothing to act on without {needs}; add it, or leave {name} out")
+                raise UsageError(
+                    f"{name} has nothing to act on without {needs}; add it, or leave {name} out"
+                )
         return rest
 
     def all_help(self, ctx: click.Context) -> str:
@@ -628,7 +691,9 @@ _ENOUGH = 100
 def _is_given(ctx: click.Context, parameter: click.Parameter) -> bool:
     # To click before 8.2 an argument of any number of values, given none, comes from the command line, too.
     name = parameter.name or ""
-    return ctx.get_parameter_source(name) == ParameterSource.COMMANDLINE and ctx.params.get(name) != ()
+    return (
+        ctx.get_parameter_source(name) == ParameterSource.COMMANDLINE and ctx.params.get(name) != ()
+    )
 
 
 @dataclass(frozen=True)
@@ -657,7 +722,11 @@ def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
     for parameter in context.command.params:
         if parameter.name not in idle or not _is_given(context, parameter):
             continue
-        name = parameter.opts[-1] if isinstance(parameter, click.Option) else (parameter.metavar or "").strip("[].")
+        name = (
+            parameter.opts[-1]
+            if isinstance(parameter, click.Option)
+            else (parameter.metavar or "").strip("[].")
+        )
         if parameter.secondary_opts and not context.params[parameter.name]:
             name = parameter.secondary_opts[-1]  # --no-cache
         advice = mode.advice.get(parameter.name, f"leave {name} out")
@@ -675,7 +744,11 @@ def command(
 def general() -> list[click.Parameter]:
     """The options that every command has."""
     return [
-        _setting(["-q", "--quiet"], "quiet", "Say nothing but warnings that change what a number means, and errors."),
+        _setting(
+            ["-q", "--quiet"],
+            "quiet",
+            "Say nothing but warnings that change what a number means, and errors.",
+        ),
         _setting(["--debug"], "debug", "Show a traceback with an error."),
     ]
 
@@ -690,8 +763,16 @@ def _setting(names: list[str], field: str, text: str) -> HeadedOption:
     return flag(names, switch, text)
 
 
-def flag(names: list[str], callback: Callable[[click.Context, click.Parameter, bool], None], text: str) -> HeadedOption:
+def flag(
+    names: list[str], callback: Callable[[click.Context, click.Parameter, bool], None], text: str
+) -> HeadedOption:
     """A flag of all commands, or of none, whose value nobody gets."""
     return HeadedOption(
-        names, heading=GENERAL, is_flag=True, is_eager=True, expose_value=False, callback=callback, help=text
+        names,
+        heading=GENERAL,
+        is_flag=True,
+        is_eager=True,
+        expose_value=False,
+        callback=callback,
+        help=text,
     )

@@ -50,16 +50,22 @@ def _place(context: click.Context, parameter: click.Parameter, value: str | None
     kinds = (parameter.metavar or "").split("|")
     # A folder cannot go to standard output; a table does so without -o.
     if value == STDIN and kinds == ["DIR"]:
-        raise UsageError("-o - is standard output, and this command writes a folder: name it, or leave -o out")
+        raise UsageError(
+            "-o - is standard output, and this command writes a folder: name it, or leave -o out"
+        )
     if value == STDIN:
         return None
     value = refuse_empty(context, parameter, value)
     # What names a folder may end in any way; a file says by its suffix what is written.
     to_folder = "DIR" in kinds and value is not None and is_folder_name(value)
     if value and kinds != ["FILE"] and is_parquet(value) and not to_folder:
-        raise UsageError(f"-o {value}: this command writes CSV alone; Parquet is for commands with a single table")
+        raise UsageError(
+            f"-o {value}: this command writes CSV alone; Parquet is for commands with a single table"
+        )
     if value and "FILE" in kinds and Path(value).suffix.lower() in _NO_TABLES and not to_folder:
-        warn(f"-o {value}: a table is CSV, whatever its file is called: name it .csv; a picture is --plot=FILE")
+        warn(
+            f"-o {value}: a table is CSV, whatever its file is called: name it .csv; a picture is --plot=FILE"
+        )
     if value and "FILE" in kinds and not (Path(value).suffix or to_folder):
         folder = f"; {value}/ is a folder" if "DIR" in kinds else ""
         raise UsageError(
@@ -87,7 +93,9 @@ def refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None
 
 def _page(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
     """Refuse the name of another format."""
-    if (value := refuse_empty(context, parameter, value)) and not value.lower().endswith((".html", ".htm")):
+    if (value := refuse_empty(context, parameter, value)) and not value.lower().endswith(
+        (".html", ".htm")
+    ):
         raise UsageError(f"--report {value}: the page is HTML; name it .html")
     return value
 
@@ -155,7 +163,13 @@ def threads(text: str, heading: str = grammar.OWN, **settings: Any) -> grammar.D
     """The option --jobs; `text` says what the threads of this process do, or several processes."""
     told = f"{text} by default. The output does not depend on it."
     return grammar.option(
-        "--jobs", heading=heading, type=click.IntRange(1, 1024), metavar="N", rare=True, help=told, **settings
+        "--jobs",
+        heading=heading,
+        type=click.IntRange(1, 1024),
+        metavar="N",
+        rare=True,
+        help=told,
+        **settings,
     )
 
 
@@ -209,7 +223,9 @@ class Outputs:
         picture = picture_file(plot, table)
         # Files before the picture's format: that loads matplotlib.
         page = Path(report) if report else None
-        outputs = cls(table, picture, beside(table, ".json") if table else None, overwrite, units, page)
+        outputs = cls(
+            table, picture, beside(table, ".json") if table else None, overwrite, units, page
+        )
         check_outputs(outputs.files, overwrite=overwrite)
         if outputs.picture:
             check_picture(outputs.picture)
@@ -271,20 +287,33 @@ def to_files(
         def collected(**given: Any) -> Any:
             units, report = given.pop("output_units", None), given.pop("report", None)
             outputs = Outputs.checked(
-                given.pop("output"), given.pop("plot", None), given.pop("overwrite"), units=units, report=report
+                given.pop("output"),
+                given.pop("plot", None),
+                given.pop("overwrite"),
+                units=units,
+                report=report,
             )
             return command(**given, outputs=outputs)
 
         plots = () if picture is None else (plot(picture),)
         pages = (report,) if page else ()
-        declarations = (output(text=text), *plots, *pages, *more, *((units,) if in_units else ()), overwrite)
+        declarations = (
+            output(text=text),
+            *plots,
+            *pages,
+            *more,
+            *((units,) if in_units else ()),
+            overwrite,
+        )
         return grammar.together(*declarations)(cast(Function, collected))
 
     return declared
 
 
 def provenance(
-    meanings: Mapping[str, Mapping[str, str]], units: OutputUnits, told: dict[str, Any] | None = None
+    meanings: Mapping[str, Mapping[str, str]],
+    units: OutputUnits,
+    told: dict[str, Any] | None = None,
 ) -> bytes:
     """The JSON file beside a table whose columns mean this: what is `told`, all that was read, and the options of the
     command line where what is told has no schema of its own."""
@@ -294,7 +323,9 @@ def provenance(
     if "schema" not in told:
         context = click.get_current_context()
         left_out = ("output", "plot", "report", "overwrite", "jobs", "output_units")
-        settings = {name: _plain(value) for name, value in context.params.items() if name not in left_out}
+        settings = {
+            name: _plain(value) for name, value in context.params.items() if name not in left_out
+        }
         summary = table_summary(str(context.info_name), settings, [], meanings)
         del summary["records"]
         told = summary | told
@@ -315,14 +346,20 @@ def summary_bytes(
     inputs = list(told.get("inputs", ()))
     read = merged_inputs(files_read())
     told = {**told, "inputs": [*inputs, *(source for source in read if source not in inputs)]}
-    return json_bytes({**in_units(told, units, keys), **converted, "arguments": list(current().arguments)})
+    return json_bytes(
+        {**in_units(told, units, keys), **converted, "arguments": list(current().arguments)}
+    )
 
 
 def _plain(value: Any) -> Any:
     """The value of an option as it was written."""
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
-    return value if value is None or isinstance(value, bool | int | float | str) else getattr(value, "text", str(value))
+    return (
+        value
+        if value is None or isinstance(value, bool | int | float | str)
+        else getattr(value, "text", str(value))
+    )
 
 
 def check_picture(file: Path) -> None:
@@ -348,7 +385,9 @@ def picture_file(plot: str | None, table: Path | None) -> Path | None:
     if plot != grammar.BESIDE:
         return Path(plot) if plot else None
     if table is None:
-        raise UsageError("--plot alone puts the picture beside the output: add -o, or name it: --plot=FILE.png")
+        raise UsageError(
+            "--plot alone puts the picture beside the output: add -o, or name it: --plot=FILE.png"
+        )
     return beside(table, SUFFIX)
 
 

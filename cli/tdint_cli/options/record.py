@@ -39,7 +39,9 @@ class RecordRequest:
         """The same for a suite of motions."""
         from tdint.ground_motion.choice import RecordChoice
 
-        return RecordChoice(self.units, self.component, self.inventory, self.processing, self.layout)
+        return RecordChoice(
+            self.units, self.component, self.inventory, self.processing, self.layout
+        )
 
     def read(self, file: str) -> list[Record]:
         """The components of a file.
@@ -94,7 +96,9 @@ inventory = _rare(
     help="StationXML file by which the instrument's response is removed, where neither the file nor --units says what "
     "the samples are.",
 )
-_factor = partial(option, "--scale", metavar="FACTOR", help="Factor on the ground acceleration, not zero.")
+_factor = partial(
+    option, "--scale", metavar="FACTOR", help="Factor on the ground acceleration, not zero."
+)
 scale = _factor(type=ListOf(Nonzero(), once=False))
 one_scale = _factor(type=Nonzero(), needs="RECORD")
 
@@ -138,8 +142,18 @@ _PROCESSING = (
         metavar="HZ",
         help="Butterworth filter without shift of phase (forwards and backwards: half the amplitude at the corner).",
     ),
-    _rare("--lowpass", type=Number(0.0, min_open=True), metavar="HZ", help="The same from the other side."),
-    _rare("--corners", type=click.IntRange(1, 10), metavar="N", help="Order of the filters; 4 by default."),
+    _rare(
+        "--lowpass",
+        type=Number(0.0, min_open=True),
+        metavar="HZ",
+        help="The same from the other side.",
+    ),
+    _rare(
+        "--corners",
+        type=click.IntRange(1, 10),
+        metavar="N",
+        help="Order of the filters; 4 by default.",
+    ),
     _rare(
         "--resample",
         type=Number(0.0, min_open=True),
@@ -150,7 +164,9 @@ _PROCESSING = (
 
 
 NAMES = frozenset(("units", "component", "inventory")) | {
-    flag.removeprefix("--").replace("-", "_") for declared in (*_LAYOUT, *_PROCESSING) for flag in declared.names
+    flag.removeprefix("--").replace("-", "_")
+    for declared in (*_LAYOUT, *_PROCESSING)
+    for flag in declared.names
 }
 """The parameters by which a record is read and changed, but for its scale."""
 
@@ -205,7 +221,9 @@ def warnings_of_suite(records: Sequence[Record]) -> list[str]:
     return [f"{first_few(list(names), 3)}: {text}" for text, names in kinds.values()]
 
 
-def notes_of_components(records: Sequence[Record], notes_of: Callable[[Record], Sequence[str]]) -> tuple[str, ...]:
+def notes_of_components(
+    records: Sequence[Record], notes_of: Callable[[Record], Sequence[str]]
+) -> tuple[str, ...]:
     """Notes about the components of one file, with its name; what holds for all of them is said once."""
     notes: dict[str, None] = {}  # a set in the order of arrival
     for record in records:

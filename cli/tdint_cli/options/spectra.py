@@ -45,10 +45,16 @@ _PICTURE = output.plot(
 
 def tables_of_records(*more: grammar.Declaration) -> Callable[[grammar.Function], grammar.Function]:
     """The options of a command with a table of each record, or of all; `more` of its picture."""
-    return grammar.together(_PER_RECORD, _PICTURE, *more, output.jobs, output.units, output.overwrite)
+    return grammar.together(
+        _PER_RECORD, _PICTURE, *more, output.jobs, output.units, output.overwrite
+    )
 
 
-SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE = "floor-spectra.csv", "floor-spectra-mean.csv", "floor-spectra.png"
+SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE = (
+    "floor-spectra.csv",
+    "floor-spectra-mean.csv",
+    "floor-spectra.png",
+)
 MOTIONS = "floors.mseed"
 """The files of floors, in the folder of -o."""
 
@@ -132,7 +138,9 @@ class FloorRequest:
     def check(self, folder: str | None, export: str | None = None) -> None:
         """Raise UsageError for files, of spectra or motions, without a folder."""
         if (self.floors or export) and not folder:
-            raise UsageError(f"{_NEEDS if self.floors else '--export-floors'} writes a file: add -o DIR")
+            raise UsageError(
+                f"{_NEEDS if self.floors else '--export-floors'} writes a file: add -o DIR"
+            )
 
     def chosen_floors(self, stories: int) -> tuple[int, ...]:
         """The floors whose spectra are asked for; UsageError if the building has no such floor."""
@@ -184,7 +192,13 @@ class FloorRequest:
         return spectra_of(response, floors, self.chosen_periods(), self.damping)
 
     def files(
-        self, response: Response, folder: Path, units: OutputUnits, *, plot: bool = False, export: str | None = None
+        self,
+        response: Response,
+        folder: Path,
+        units: OutputUnits,
+        *,
+        plot: bool = False,
+        export: str | None = None,
     ) -> tuple[dict[Path, Content], Sequence[str]]:
         """The files in a folder and what they hold, tables in these units, a picture and motions if they are wanted;
         and notes on them."""
@@ -192,7 +206,9 @@ class FloorRequest:
         files: dict[Path, Content] = {}
         notes: Sequence[str] = ()
         if spectra := self.of_run(response):
-            files[folder / SPECTRA] = tables.spectra.floor_spectrum_table(spectra).in_units(units).csv()
+            files[folder / SPECTRA] = (
+                tables.spectra.floor_spectrum_table(spectra).in_units(units).csv()
+            )
             if plot:
                 title = response.model.name
                 draw = partial(figures.runs.floor_picture, spectra, units, title=title)

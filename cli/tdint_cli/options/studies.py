@@ -33,7 +33,9 @@ def target(text: str, heading: str = grammar.OWN) -> grammar.Declaration:
         "a design spectrum by name, asce7:sds=1.0,sd1=0.6,tl=8 (mcer: 1.5 times it) or "
         "ec8:type=1,soil=B,ag=0.25g[,damping=5%], or a CSV file with the columns period_s and sa_g or sa_m_s2."
     )
-    return grammar.option("--target", heading=heading, type=FileName(), metavar="SPECTRUM", help=f"{text}: {named}")
+    return grammar.option(
+        "--target", heading=heading, type=FileName(), metavar="SPECTRUM", help=f"{text}: {named}"
+    )
 
 
 def pairs(text: str) -> grammar.Declaration:
@@ -53,7 +55,11 @@ def damping(needs: str) -> grammar.Declaration:
 
 
 threshold = partial(
-    grammar.option, "--threshold", type=ListOf(Ratio(0.0, min_open=True)), metavar="DRIFT,...", heading=grammar.ANALYSIS
+    grammar.option,
+    "--threshold",
+    type=ListOf(Ratio(0.0, min_open=True)),
+    metavar="DRIFT,...",
+    heading=grammar.ANALYSIS,
 )
 
 

@@ -117,7 +117,9 @@ class Event:
         motion = mean.samples
         if has_offset(motion):
             motion = without_offset(motion, mean.quantity)
-            notes[f"the offset of the base, {mean.samples[0] - motion[0]:.3g} m/s^2 (its median), is removed"] = None
+            notes[
+                f"the offset of the base, {mean.samples[0] - motion[0]:.3g} m/s^2 (its median), is removed"
+            ] = None
         record = Record(motion, mean.dt, start="", id="", component="base", source=recording.source)
         # The translation of each floor: the mean of its sensors, without what the floor turns.
         recorded = []
@@ -131,20 +133,31 @@ class Event:
                 notes[f"{place}: the mean of {len(signals)} sensors is compared"] = None
             signal = replace(signal, start=None if signal.start is None else signal.start + after)
             if signal.quantity == "velocity":
-                raise RecordError(f"{signal.label}: is a velocity; an acceleration or a displacement is compared")
+                raise RecordError(
+                    f"{signal.label}: is a velocity; an acceleration or a displacement is compared"
+                )
             first = _later(signal, base[0], notes) - lead
             if first >= record.duration or first + (signal.samples.size - 1) * signal.dt <= 0.0:
-                raise RecordError(f"{signal.label}: recorded at another time than {base[0].label}; see their starts")
+                raise RecordError(
+                    f"{signal.label}: recorded at another time than {base[0].label}; see their starts"
+                )
             centered = signal.centered()
-            samples = in_band(centered.samples, signal.dt, recording.band, signal.label, signal.quantity)
+            samples = in_band(
+                centered.samples, signal.dt, recording.band, signal.label, signal.quantity
+            )
             recorded.append(RecordedFloor(number, centered.with_samples(samples), first))
         every = [*base, *(signal for signals in floors for signal in signals)]
         return cls(
             recording,
             record,
             tuple(recorded),
-            notes=(*dict.fromkeys(note for signal in every for note in _named(signal, signal.notes)), *notes),
-            warnings=tuple(dict.fromkeys(text for signal in every for text in _named(signal, signal.warnings))),
+            notes=(
+                *dict.fromkeys(note for signal in every for note in _named(signal, signal.notes)),
+                *notes,
+            ),
+            warnings=tuple(
+                dict.fromkeys(text for signal in every for text in _named(signal, signal.warnings))
+            ),
             inputs=tuple(dict.fromkeys(signal.input for signal in every)),
         )
 
@@ -180,10 +193,14 @@ class Event:
         """
         start, end = self.recording.window or (0.0, self.base.duration)
         there = np.flatnonzero(np.isfinite(recorded))
-        first = max(math.ceil(start / self.base.dt - 1e-6), int(there[0]) if there.size else self.count)
+        first = max(
+            math.ceil(start / self.base.dt - 1e-6), int(there[0]) if there.size else self.count
+        )
         last = min(math.floor(end / self.base.dt + 1e-6), int(there[-1]) if there.size else 0)
         if last - first + 1 < _FEWEST:
-            raise RecordError(f"{label}: has fewer than {_FEWEST} samples in the window from {start:g} to {end:g} s")
+            raise RecordError(
+                f"{label}: has fewer than {_FEWEST} samples in the window from {start:g} to {end:g} s"
+            )
         return slice(first, last + 1)
 
 
@@ -219,7 +236,10 @@ def _common(signals: Sequence[Signal], place: str, notes: dict[str, None]) -> tu
     first = signals[0]
     starts = [_later(signal, first, notes) for signal in signals]
     lead = max(starts)
-    ends = [start + (recorded.samples.size - 1) * recorded.dt for start, recorded in zip(starts, signals, strict=True)]
+    ends = [
+        start + (recorded.samples.size - 1) * recorded.dt
+        for start, recorded in zip(starts, signals, strict=True)
+    ]
     count = math.floor((min(ends) - lead) / first.dt + 1e-6) + 1
     if count < _FEWEST:
         raise RecordError(f"{place}: its sensors recorded at different times")
@@ -234,7 +254,9 @@ def _later(signal: Signal, than: Signal, notes: dict[str, None]) -> float:
     """How much later a recording begins than another, s; 0 where their clocks cannot be compared, which is noted."""
     if signal.start is None or than.start is None or signal.clock != than.clock:
         if signal.label != than.label:
-            notes[f"{signal.label}: taken to begin with {than.label}: the files do not tell on one clock"] = None
+            notes[
+                f"{signal.label}: taken to begin with {than.label}: the files do not tell on one clock"
+            ] = None
         return 0.0
     return signal.start - than.start
 
@@ -342,7 +364,10 @@ class Comparison(Tabular):
     floors: tuple[FloorComparison, ...]
 
     def _headline(self) -> str:
-        least, floors = min(floor.correlation for floor in self.floors), how_many(len(self.floors), "floor")
+        least, floors = (
+            min(floor.correlation for floor in self.floors),
+            how_many(len(self.floors), "floor"),
+        )
         return f"of {self.response.model.name!r}: {floors}, correlations of {least:.3f} and more"
 
     def spectra(self, periods: Array, damping: float) -> tuple[FloorSpectra, ...]:
@@ -355,10 +380,14 @@ class Comparison(Tabular):
             dt = self.event.base.dt
             if floor.quantity == "displacement":
                 motion = differentiated(motion, dt, floor.quantity) + floor.base
-            return spectrum(Record(motion, dt, "", "", "", self.event.recording.source), periods, damping).sa
+            return spectrum(
+                Record(motion, dt, "", "", "", self.event.recording.source), periods, damping
+            ).sa
 
         return tuple(
-            FloorSpectra(floor.floor, periods, largest(floor, floor.computed), largest(floor, floor.recorded))
+            FloorSpectra(
+                floor.floor, periods, largest(floor, floor.computed), largest(floor, floor.recorded)
+            )
             for floor in self.floors
         )
 
@@ -372,7 +401,10 @@ def absolute_displacements(comparison: Comparison) -> list[str]:
         first = round(floor.time[0] / event.base.dt)
         base = event.base_displacement[first : first + floor.time.size]
         relative = replace(floor, recorded=floor.recorded - base)
-        if relative.correlation > floor.correlation + _BETTER and relative.rms_difference < floor.rms_difference:
+        if (
+            relative.correlation > floor.correlation + _BETTER
+            and relative.rms_difference < floor.rms_difference
+        ):
             curves.append(
                 f"floor {floor.floor}: less the base's displacement the recording has a correlation of "
                 f"{relative.correlation:.3f} instead of {floor.correlation:.3f}: it seems to be absolute, and a "
@@ -437,7 +469,9 @@ def case_under(model: Model, event: Event, method: str | None = None) -> Case:
 
 def is_linear(model: Model) -> bool:
     """Whether `exact` integrates the model without error under a ground motion alone."""
-    linear = all(story.law.name == "linear" and story.power_dashpot is None for story in model.stories)
+    linear = all(
+        story.law.name == "linear" and story.power_dashpot is None for story in model.stories
+    )
     return linear and not model.excitation.forces
 
 
@@ -481,12 +515,16 @@ def computed_floors(response: Response, event: Event) -> list[Array]:
         )
     motions = {"acceleration": history.acceleration, "displacement": history.displacement}
     return [
-        event.filtered(motions[floor.quantity][::every, floor.floor - 1].astype(np.float64), floor.quantity)
+        event.filtered(
+            motions[floor.quantity][::every, floor.floor - 1].astype(np.float64), floor.quantity
+        )
         for floor in event.floors
     ]
 
 
-def compared_floors(event: Event, computed: Sequence[Array], shift: float) -> tuple[FloorComparison, ...]:
+def compared_floors(
+    event: Event, computed: Sequence[Array], shift: float
+) -> tuple[FloorComparison, ...]:
     """The floors where and when both motions are known."""
     result = []
     time = np.arange(event.count, dtype=np.float64) * event.base.dt
@@ -495,7 +533,12 @@ def compared_floors(event: Event, computed: Sequence[Array], shift: float) -> tu
         part = event.window(recorded, floor.signal.label)
         result.append(
             FloorComparison(
-                floor.floor, floor.quantity, time[part], motion[part], recorded[part], event.base_in_band[part]
+                floor.floor,
+                floor.quantity,
+                time[part],
+                motion[part],
+                recorded[part],
+                event.base_in_band[part],
             )
         )
     return tuple(result)
@@ -518,7 +561,9 @@ def best_shift(event: Event, computed: Sequence[Array]) -> float:
     whole = int(np.argmax(total)) - most
 
     def apart(parts: float) -> float:
-        return -sum(compared.correlation for compared in compared_floors(event, computed, parts * dt))
+        return -sum(
+            compared.correlation for compared in compared_floors(event, computed, parts * dt)
+        )
 
     return float(minimize_scalar(apart, bounds=(whole - 1.0, whole + 1.0), method="bounded").x) * dt
 

@@ -19,7 +19,14 @@ from tdint.analysis.compare import Event
 from tdint.arrays import Array
 from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
-from tdint.model.definition import LAWS, Damping, ModalDamping, Model, RayleighCoefficients, RayleighRatio
+from tdint.model.definition import (
+    LAWS,
+    Damping,
+    ModalDamping,
+    Model,
+    RayleighCoefficients,
+    RayleighRatio,
+)
 from tdint.model.recorded import AUTO
 
 FITTED = ("stiffness", "stiffness-factor", "damping")
@@ -102,7 +109,11 @@ class _Free:
 
 
 def fit(
-    model: Model, event: Event, names: Sequence[str], *, progress: Callable[[int], None] = lambda runs: None
+    model: Model,
+    event: Event,
+    names: Sequence[str],
+    *,
+    progress: Callable[[int], None] = lambda runs: None,
 ) -> Fit:
     """Fit a model to an event.
 
@@ -126,9 +137,17 @@ def fit(
     bounds = np.log([value.bounds for value in free]).T
     start = np.clip(np.log([value.start for value in free]), *bounds)
     candidates = []
-    for first in _starts(problem, start, bounds, any(name.startswith("stiffness") for name in names)):
+    for first in _starts(
+        problem, start, bounds, any(name.startswith("stiffness") for name in names)
+    ):
         solution = least_squares(
-            problem.spectral, first, bounds=bounds, diff_step=_SMALLEST, xtol=1e-4, ftol=1e-4, max_nfev=15
+            problem.spectral,
+            first,
+            bounds=bounds,
+            diff_step=_SMALLEST,
+            xtol=1e-4,
+            ftol=1e-4,
+            max_nfev=15,
         )
         candidates.append((solution.cost, solution.x))
     best = None
@@ -138,16 +157,26 @@ def fit(
         close = _STANDARD_ERRORS**2 / (len(event.floors) * event.count)
         # The gradient ends nothing: beside a recording without noise it is small long before the minimum.
         solution = least_squares(
-            problem.temporal, first, bounds=bounds, diff_step=_SMALLEST, xtol=1e-12, ftol=close, gtol=None
+            problem.temporal,
+            first,
+            bounds=bounds,
+            diff_step=_SMALLEST,
+            xtol=1e-12,
+            ftol=close,
+            gtol=None,
         )
         if best is None or solution.cost < best.cost:
             best = solution
     assert best is not None
     if not best.cost < 0.5 * _FAILED:
-        raise AnalysisError("the fit found no values with which the model has a result; start from other ones")
+        raise AnalysisError(
+            "the fit found no values with which the model has a result; start from other ones"
+        )
     errors = _standard_errors(best)
     values = tuple(
-        FittedValue(value.name, value.place, value.start, math.exp(x), *value.bounds, math.exp(x) * error)
+        FittedValue(
+            value.name, value.place, value.start, math.exp(x), *value.bounds, math.exp(x) * error
+        )
         for value, x, error in zip(free, best.x, errors, strict=True)
     )
     notes = [
@@ -168,7 +197,9 @@ def fit(
 class _Problem:
     """Differences between an event and the model with other values, given by their logarithms."""
 
-    def __init__(self, model: Model, event: Event, free: Sequence[_Free], progress: Callable[[int], None]) -> None:
+    def __init__(
+        self, model: Model, event: Event, free: Sequence[_Free], progress: Callable[[int], None]
+    ) -> None:
         self._start, self._event, self.free, self._progress = model, event, free, progress
         self._method = "exact" if compare.is_linear(model) else None
         stated = event.recording.shift
@@ -189,7 +220,9 @@ class _Problem:
         self._progress(self.runs)
         try:
             case = compare.case_under(self.model(logarithms), self._event, self._method)
-            return compare.computed_floors(compare.respond(case, None, self._event.recording.band), self._event)
+            return compare.computed_floors(
+                compare.respond(case, None, self._event.recording.band), self._event
+            )
         except AnalysisError:
             return None
 
@@ -205,8 +238,13 @@ class _Problem:
         if computed is None:
             return np.full(self._event.count, _FAILED / math.sqrt(self._event.count))
         floors = compare.compared_floors(self._event, computed, self._shift)
-        size = [math.sqrt(len(floors)) * (float(np.linalg.norm(floor.recorded)) or 1.0) for floor in floors]
-        return np.concatenate([(floor.computed - floor.recorded) / of for floor, of in zip(floors, size, strict=True)])
+        size = [
+            math.sqrt(len(floors)) * (float(np.linalg.norm(floor.recorded)) or 1.0)
+            for floor in floors
+        ]
+        return np.concatenate(
+            [(floor.computed - floor.recorded) / of for floor, of in zip(floors, size, strict=True)]
+        )
 
     def spectral(self, logarithms: Array) -> Array:
         """Differences of the logarithms of the smoothed Fourier spectra."""
@@ -216,7 +254,10 @@ class _Problem:
         floors = compare.compared_floors(self._event, computed, self._shift)
         dt, band = self._event.base.dt, self._event.recording.band
         return np.concatenate(
-            [_smoothed(floor.computed, dt, band) - _smoothed(floor.recorded, dt, band) for floor in floors]
+            [
+                _smoothed(floor.computed, dt, band) - _smoothed(floor.recorded, dt, band)
+                for floor in floors
+            ]
         )
 
 
@@ -241,7 +282,9 @@ def _smoothed(samples: Array, dt: float, band: tuple[float, float] | None) -> Ar
     total = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(frequency))])
     centers = np.geomspace(low, high, _FREQUENCIES)
     above, below = centers * math.exp(_BANDWIDTH), centers * math.exp(-_BANDWIDTH)
-    mean = (np.interp(above, frequency, total) - np.interp(below, frequency, total)) / (above - below)
+    mean = (np.interp(above, frequency, total) - np.interp(below, frequency, total)) / (
+        above - below
+    )
     return np.asarray(0.5 * np.log(np.maximum(mean, np.finfo(float).tiny)))
 
 
@@ -262,10 +305,14 @@ def _standard_errors(solution: object) -> Array:
 def _free_values(model: Model, names: Sequence[str]) -> list[_Free]:
     unknown = [name for name in names if name not in FITTED]
     if unknown or not names:
-        raise UsageError(f"fit {', '.join(FITTED)}, got {', '.join(map(repr, unknown)) or 'nothing'}")
+        raise UsageError(
+            f"fit {', '.join(FITTED)}, got {', '.join(map(repr, unknown)) or 'nothing'}"
+        )
     free: list[_Free] = []
     if "stiffness" in names and "stiffness-factor" in names:
-        raise UsageError("fit stiffness or stiffness-factor: the stiffness of each story, or one factor on all of them")
+        raise UsageError(
+            "fit stiffness or stiffness-factor: the stiffness of each story, or one factor on all of them"
+        )
     if "stiffness-factor" in names:
         # One factor on the stiffnesses of all stories.
         every = [_stiffness(model, i) for i in range(len(model.stories))]
@@ -302,7 +349,9 @@ def _stiffness(model: Model, i: int) -> _Free:
 def _damping(damping: Damping) -> list[_Free]:
     """The values of the damping as the model has them; zeros (modes without damping) stay."""
     if damping is None:
-        raise UsageError("the model has no damping to be fitted; write one, such as damping: {modal: 0.02}")
+        raise UsageError(
+            "the model has no damping to be fitted; write one, such as damping: {modal: 0.02}"
+        )
     # Coefficients have no natural size: they may change by three decades either way.
     if isinstance(damping, RayleighCoefficients):
         names = {"mass": "mass_coefficient_1_s", "stiffness": "stiffness_coefficient_s"}
@@ -311,9 +360,13 @@ def _damping(damping: Damping) -> list[_Free]:
             for name, called in names.items()
             if (value := getattr(damping, name)) > 0.0
         ]
-    modes = damping.modes if isinstance(damping, RayleighRatio) else range(1, len(damping.ratios) + 1)
+    modes = (
+        damping.modes if isinstance(damping, RayleighRatio) else range(1, len(damping.ratios) + 1)
+    )
     if isinstance(damping, ModalDamping) and len(damping.ratios) == 1:
-        return [_Free("damping_ratio", None, max(damping.ratios[0], _RATIOS[0]), _RATIOS, _set_ratio(0))]
+        return [
+            _Free("damping_ratio", None, max(damping.ratios[0], _RATIOS[0]), _RATIOS, _set_ratio(0))
+        ]
     return [
         _Free("damping_ratio", mode, ratio, _RATIOS, _set_ratio(i))
         for i, (mode, ratio) in enumerate(zip(modes, damping.ratios, strict=True))

@@ -53,7 +53,9 @@ def model_of(given: Any) -> Model:
     """
     if isinstance(given, Model):
         return given
-    from tdint.model.config.model_file import load_model  # YAML, which a model of Python does without
+    from tdint.model.config.model_file import (
+        load_model,
+    )  # YAML, which a model of Python does without
 
     return load_model(given)
 
@@ -70,7 +72,10 @@ def record_of(given: Any) -> Record:
     """
     if isinstance(given, Record):
         return given
-    from tdint.ground_motion.reading.read import make_record, read_record  # not where only drifts are given
+    from tdint.ground_motion.reading.read import (
+        make_record,
+        read_record,
+    )  # not where only drifts are given
 
     if isinstance(given, str | os.PathLike):
         return read_record(Path(given) if given != "-" else given)
@@ -114,7 +119,9 @@ def motion_of(given: Any) -> Record | Horizontals:
     """A record, or the pair of two. Errors are those of `record_of` and `horizontals_of`."""
     from tdint.ground_motion.horizontals import Horizontals
 
-    return horizontals_of(given) if isinstance(given, tuple | list | Horizontals) else record_of(given)
+    return (
+        horizontals_of(given) if isinstance(given, tuple | list | Horizontals) else record_of(given)
+    )
 
 
 def number_of(given: Any, name: str) -> float | None:
@@ -136,12 +143,21 @@ def number_of(given: Any, name: str) -> float | None:
     return number
 
 
-def between(given: Any, name: str, low: float = 0.0, high: float = math.inf, *, above: bool = False) -> float:
+def between(
+    given: Any, name: str, low: float = 0.0, high: float = math.inf, *, above: bool = False
+) -> float:
     """A finite number from `low` (with `above`, larger than it) to `high`. UsageError as `number_of`."""
     number = number_of(given, name)
-    if number is None or not low <= number <= high or math.isinf(number) or (above and number == low):
+    if (
+        number is None
+        or not low <= number <= high
+        or math.isinf(number)
+        or (above and number == low)
+    ):
         most = f" to {high:g}" if math.isfinite(high) else ""
-        raise UsageError(f"{name} must be a number {'above' if above else 'from'} {low:g}{most}, got {given!r:.60}")
+        raise UsageError(
+            f"{name} must be a number {'above' if above else 'from'} {low:g}{most}, got {given!r:.60}"
+        )
     return number
 
 
@@ -158,7 +174,9 @@ def numbers_of(given: Any, name: str) -> NDArray[np.float64]:
     except (TypeError, ValueError, OverflowError):
         numbers = np.empty((0, 0))
     if numbers.ndim != 1:
-        raise UsageError(f"{name} must be numbers in a row, got {' '.join(repr(given).split()):.60}")
+        raise UsageError(
+            f"{name} must be numbers in a row, got {' '.join(repr(given).split()):.60}"
+        )
     return numbers
 
 

@@ -121,7 +121,8 @@ class Match(Tabular):
     def change(self) -> float:
         """Root mean square of the change over that of the scaled seed."""
         after, before = (
-            np.array([record.acceleration for record in components(motion)]) for motion in (self.record, self.seed)
+            np.array([record.acceleration for record in components(motion)])
+            for motion in (self.record, self.seed)
         )
         scaled = self.factor * before
         return float(np.linalg.norm(after - scaled) / np.linalg.norm(scaled))
@@ -161,7 +162,9 @@ class Match(Tabular):
         for motion in (self.record, self.seed):
             if isinstance(motion, Record):
                 return None
-            middle, largest = rotated_spectrum(motion, self.periods[::10], self.damping, [50, 100]).psa
+            middle, largest = rotated_spectrum(
+                motion, self.periods[::10], self.damping, [50, 100]
+            ).psa
             first, second = components(motion)
             correlation = np.corrcoef(first.acceleration, second.acceleration)[0, 1]
             result.append((float(np.mean(largest / middle)), float(correlation)))
@@ -261,12 +264,16 @@ def match_suite(
     ]
 
 
-def _aim(target: TargetSpectrum | str, periods: tuple[float, float], damping: float) -> tuple[TargetSpectrum, Array]:
+def _aim(
+    target: TargetSpectrum | str, periods: tuple[float, float], damping: float
+) -> tuple[TargetSpectrum, Array]:
     """A target, and the periods at which a match with it is judged."""
     aim = read_target(target) if isinstance(target, str) else target
     shortest, longest = periods
     if not 0.0 < shortest < longest < math.inf:
-        raise UsageError(f"the range of periods must rise from a positive number, got {shortest:g} to {longest:g} s")
+        raise UsageError(
+            f"the range of periods must rise from a positive number, got {shortest:g} to {longest:g} s"
+        )
     aim.check_damping(damping, "of the motion")
     checked = np.geomspace(shortest, longest, CHECKED)
     aim.at(checked)  # refused where it has no value
@@ -275,15 +282,22 @@ def _aim(target: TargetSpectrum | str, periods: tuple[float, float], damping: fl
 
 def _judged(motion: GroundMotion, periods: Array, damping: float) -> Array:
     """Pseudo-accelerations, m/s^2, shape (k,): of a pair RotD100."""
-    fit = all(np.any(record.acceleration) and record.acceleration.size >= 100 for record in components(motion))
+    fit = all(
+        np.any(record.acceleration) and record.acceleration.size >= 100
+        for record in components(motion)
+    )
     if not (fit and damping > 0.0):
-        raise UsageError("a motion is matched that has some acceleration and 100 samples at least, with some damping")
+        raise UsageError(
+            "a motion is matched that has some acceleration and 100 samples at least, with some damping"
+        )
     if isinstance(motion, Record):
         return spectrum(motion, periods, damping).psa
     return np.asarray(rotated_spectrum(motion, periods, damping, [100]).psa[0])
 
 
-def _matched(seed: GroundMotion, aim: TargetSpectrum, checked: Array, damping: float, before: Array) -> Match:
+def _matched(
+    seed: GroundMotion, aim: TargetSpectrum, checked: Array, damping: float, before: Array
+) -> Match:
     """The match of a seed whose spectrum at the periods is `before`."""
     wanted = aim.at(checked)
     factor = float(np.exp(np.mean(np.log(wanted / before))))
@@ -301,7 +315,9 @@ def _matched(seed: GroundMotion, aim: TargetSpectrum, checked: Array, damping: f
         if np.max(off) < _ENOUGH:
             break
         worst = (off > _ENOUGH) & (off >= np.roll(off, 1)) & (off >= np.roll(off, -1))
-        joining = [period for period in checked[worst] if np.min(np.abs(np.log(places / period))) > 0.003]
+        joining = [
+            period for period in checked[worst] if np.min(np.abs(np.log(places / period))) > 0.003
+        ]
         places = np.sort(np.concatenate([places, joining]))
     # Never a motion that is worse than its seed
     as_it_was = np.abs(factor * before / wanted - 1.0)
@@ -309,16 +325,35 @@ def _matched(seed: GroundMotion, aim: TargetSpectrum, checked: Array, damping: f
         best = start
     words = f"matched to {aim.source} from {checked[0]:g} to {checked[-1]:g} s, {100.0 * damping:g} % damping"
     matched = _with_samples(seed, best, words)
-    return Match(matched, seed, factor, aim, checked, _judged(matched, checked, damping), factor * before, damping)
+    return Match(
+        matched,
+        seed,
+        factor,
+        aim,
+        checked,
+        _judged(matched, checked, damping),
+        factor * before,
+        damping,
+    )
 
 
 def _with_samples(motion: GroundMotion, samples: Array, *words: str) -> GroundMotion:
     """A motion with other samples, shape (components, n), and what was done to it."""
     records = [
-        replace(record, acceleration=of_one, processing=(*record.processing, *words), peaks=(None, None), compared=())
+        replace(
+            record,
+            acceleration=of_one,
+            processing=(*record.processing, *words),
+            peaks=(None, None),
+            compared=(),
+        )
         for record, of_one in zip(components(motion), samples, strict=True)
     ]
-    return records[0] if isinstance(motion, Record) else replace(motion, first=records[0], second=records[1])
+    return (
+        records[0]
+        if isinstance(motion, Record)
+        else replace(motion, first=records[0], second=records[1])
+    )
 
 
 @dataclass
@@ -340,7 +375,9 @@ class _Problem:
     impulse: NDArray[np.float32]
 
     @classmethod
-    def of(cls, start: Array, dt: float, periods: Array, *, wanted: Array, damping: float) -> _Problem:
+    def of(
+        cls, start: Array, dt: float, periods: Array, *, wanted: Array, damping: float
+    ) -> _Problem:
         """Put it together."""
         from scipy.fft import irfft, next_fast_len, rfft
 
@@ -356,35 +393,63 @@ class _Problem:
         reach = int(3.0 / low / dt)
         size = next_fast_len(n + 2 * reach, real=True)
         f = np.maximum(np.fft.rfftfreq(size, dt), 1e-12)
-        band = np.minimum(f / _CORNER, 1.0) / np.sqrt((1.0 + (low / f) ** _ORDER) * (1.0 + (f / high) ** _ORDER))
+        band = np.minimum(f / _CORNER, 1.0) / np.sqrt(
+            (1.0 + (low / f) ** _ORDER) * (1.0 + (f / high) ** _ORDER)
+        )
         band[0] = 0.0
-        left = np.arange(n - 1, -1, -1.0)  # what a sample does to the last velocity and displacement
+        left = np.arange(
+            n - 1, -1, -1.0
+        )  # what a sample does to the last velocity and displacement
         ends = np.stack([np.full(n, dt), dt * dt * left])
         # Free vibrations, cosine and sine, over the samples since, from the latest back to `reach` before the moment.
         rate = omega * complex(-damping, math.sqrt(1.0 - damping**2))
         vibrations = np.exp(rate[:, None] * dt * np.arange(n))
         vibrations[:, 0] = 0.0  # the two samples about the moment are dealt with by themselves
         lines = np.stack([vibrations.real, vibrations.imag], axis=1).astype(np.float32)
-        band32, after = band.astype(np.float32), np.concatenate([np.arange(n - 1, -1, -1), -np.arange(1, reach + 1)])
+        band32, after = (
+            band.astype(np.float32),
+            np.concatenate([np.arange(n - 1, -1, -1), -np.arange(1, reach + 1)]),
+        )
         free = irfft(rfft(lines, size) * band32, size)[..., after]
         impulse = irfft(band32, size)[after]
         envelope /= envelope.max()
-        return cls(start, dt, wanted, omega, damping, parts, table, envelope, band, size, ends, free, impulse)
+        return cls(
+            start,
+            dt,
+            wanted,
+            omega,
+            damping,
+            parts,
+            table,
+            envelope,
+            band,
+            size,
+            ends,
+            free,
+            impulse,
+        )
 
     def filtered(self, rows: Array) -> Array:
         """Rows of samples, through the band."""
         from scipy.fft import irfft, rfft
 
-        return np.asarray(irfft(rfft(rows, self.size) * self.band, self.size)[..., : rows.shape[-1]])
+        return np.asarray(
+            irfft(rfft(rows, self.size) * self.band, self.size)[..., : rows.shape[-1]]
+        )
 
     def extremes(self, samples: Array, level: Array) -> tuple[Array, Array]:
         """Extremes above a level, rows WHO, WHEN and VALUE of each component; the largest of each oscillator, and its
         place among them."""
-        found, largest = np.empty((VALUE + len(samples), 400 * level.size)), np.empty((2, level.size))
+        found, largest = (
+            np.empty((VALUE + len(samples), 400 * level.size)),
+            np.empty((2, level.size)),
+        )
         kernel = (extremes if len(samples) == 1 else radii).variant(EVERYTHING)
         motions = np.array(samples[0] if len(samples) == 1 else samples)
         count = kernel(motions, self.dt, self.parts, self.table, level, found, largest)
-        largest[0] = np.maximum(largest[0], np.finfo(float).tiny)  # of what does not move: ln of nothing is none
+        largest[0] = np.maximum(
+            largest[0], np.finfo(float).tiny
+        )  # of what does not move: ln of nothing is none
         return found[:, :count], largest
 
     def rows(self, who: NDArray[np.int64], when: Array, directions: Array) -> NDArray[np.float32]:
@@ -400,8 +465,12 @@ class _Problem:
         rate = w * complex(-z, math.sqrt(1.0 - z * z))
         constant = 2.0 * z / (w**3 * dt)
         begun = constant - 1j * (constant * z * w - 1.0 / (w * w * dt)) / rate.imag
-        ramps = [-t / dt / w**2 + constant - (begun * np.exp(rate * t)).real for t in (late + dt, late)]
-        after = -w * w * begun * (np.exp(rate * dt) - 2.0 + np.exp(-rate * dt)) * np.exp(rate * late)
+        ramps = [
+            -t / dt / w**2 + constant - (begun * np.exp(rate * t)).real for t in (late + dt, late)
+        ]
+        after = (
+            -w * w * begun * (np.exp(rate * dt) - 2.0 + np.exp(-rate * dt)) * np.exp(rate * late)
+        )
         about = w * w * np.stack([ramps[0] - 2.0 * ramps[1], ramps[1]])
         parts = np.stack([after.real, -after.imag, *about], axis=1).astype(np.float32)
         reach = self.impulse.size - n
@@ -416,7 +485,9 @@ class _Problem:
         result *= self.envelope.astype(np.float32)
         return result.reshape(who.size, -1)
 
-    def asked(self, found: Array, largest: Array) -> tuple[NDArray[np.int64], Array, Array, Array, Bools]:
+    def asked(
+        self, found: Array, largest: Array
+    ) -> tuple[NDArray[np.int64], Array, Array, Array, Bools]:
         """What a change is asked for, a row each: oscillator, moment, direction over the components, how much is short
         of the target over it, and whether it is to be the target or not to exceed it."""
         who, values = found[WHO].astype(int), found[VALUE:]
@@ -441,7 +512,9 @@ class _Problem:
 
         damped, stepwise = _DAMPED if first else _POLISHED, not first
         ends = np.kron(np.eye(len(samples)), self.ends)
-        weighted = np.kron(np.eye(len(samples)), self.filtered(self.ends) * self.envelope).astype(np.float32)
+        weighted = np.kron(np.eye(len(samples)), self.filtered(self.ends) * self.envelope).astype(
+            np.float32
+        )
         found, largest = self.extremes(samples, _NEAR * self.wanted)
         merit, misfit = self.merits(largest, stepwise)
         best, least = (samples, multiplied), misfit
@@ -449,7 +522,9 @@ class _Problem:
             if misfit < 0.5 * _ENOUGH:
                 break
             if np.any(largest[1] < 0.0):
-                found, largest = self.extremes(samples, np.minimum(_NEAR * self.wanted, 0.9999 * largest[0]))
+                found, largest = self.extremes(
+                    samples, np.minimum(_NEAR * self.wanted, 0.9999 * largest[0])
+                )
             # The quadratic program: each row's derivatives, how much it is short of, all rows' products
             who, when, directions, short, equal = self.asked(found, largest)
             table = np.vstack([self.rows(who, when, directions), weighted])
@@ -470,7 +545,9 @@ class _Problem:
                 _exchange(gram, toward * scales, equal, damped * uneven, who, scales)
             # The step, more damped until it is one towards the target
             for tried in range(_TRIES):  # noqa: B007
-                multipliers = (scales * program(gram, toward * scales, equal, damped * uneven)).astype(np.float32)
+                multipliers = (
+                    scales * program(gram, toward * scales, equal, damped * uneven)
+                ).astype(np.float32)
                 update = multipliers @ table - (0.0 if stepwise else 1.0) * multiplied
                 changed = samples + self.filtered(self.envelope * update.reshape(samples.shape))
                 found, largest = self.extremes(changed, _NEAR * self.wanted)
@@ -487,10 +564,14 @@ class _Problem:
     def merits(self, largest: Array, stepwise: bool) -> tuple[float, float]:
         """Sum of powers of ln of the largest extremes over the target; the largest of their misfits."""
         part = largest[0] / self.wanted
-        return float(np.sum(np.abs(np.log(part)) ** _POWERS[stepwise])), float(np.max(np.abs(part - 1.0)))
+        return float(np.sum(np.abs(np.log(part)) ** _POWERS[stepwise])), float(
+            np.max(np.abs(part - 1.0))
+        )
 
 
-def _exchange(gram: Array, short: Array, equal: Bools, damped: Array, who: NDArray[np.int64], scales: Array) -> None:
+def _exchange(
+    gram: Array, short: Array, equal: Bools, damped: Array, who: NDArray[np.int64], scales: Array
+) -> None:
     """Where another extreme of a period comes nearer to its target than the largest one, it becomes the equality."""
     for _ in range(2):
         left = (short - gram @ program(gram, short, equal, damped)) / scales

@@ -23,7 +23,14 @@ from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
 from tdint.kernels.laws.compiled_separately import spring_table
-from tdint.kernels.stories.law_state import DISSIPATION, RECOVERABLE, RESULT_COLUMNS, SHEAR, TANGENT, follow
+from tdint.kernels.stories.law_state import (
+    DISSIPATION,
+    RECOVERABLE,
+    RESULT_COLUMNS,
+    SHEAR,
+    TANGENT,
+    follow,
+)
 from tdint.model.building import Building, assemble, variant
 from tdint.model.definition import Model
 from tdint.tabular import Tabular
@@ -172,7 +179,12 @@ class CyclicTest(Tabular):
 
 
 def cyclic_test(
-    model: AnyModel, story: int, sizes: Sequence[DriftSize | str | float], *, cycles: int = 1, points: int = 200
+    model: AnyModel,
+    story: int,
+    sizes: Sequence[DriftSize | str | float],
+    *,
+    cycles: int = 1,
+    points: int = 200,
 ) -> CyclicTest:
     """Impose cycles of drift on the law of one story, as in a slow test in a laboratory.
 
@@ -205,14 +217,18 @@ def cyclic_test(
     model = model_of(model)
     _check_story(model, story)
     if len(sizes) * cycles * 4 * points > MOST_OF_CYCLES:
-        raise UsageError(f"{len(sizes) * cycles} cycles of {4 * points} points are more than {MOST_OF_CYCLES:,} points")
+        raise UsageError(
+            f"{len(sizes) * cycles} cycles of {4 * points} points are more than {MOST_OF_CYCLES:,} points"
+        )
     # Damping has no part in a slow test, and may be impossible where P-delta takes all stiffness.
     building = assemble(replace(model, damping=None))
     amplitudes = [amplitude(drift_of(size), building, story) for size in sizes]
     return _test(model, building, story, cyclic_path(amplitudes, cycles, points), points)
 
 
-def path_test(model: Model, story: int, drifts: Sequence[float], *, in_yield_drifts: bool = False) -> CyclicTest:
+def path_test(
+    model: Model, story: int, drifts: Sequence[float], *, in_yield_drifts: bool = False
+) -> CyclicTest:
     """Impose any path of drifts on the law of one story (from 1), straight from rest to the first and on to each next.
 
     Parameters
@@ -233,11 +249,15 @@ def path_test(model: Model, story: int, drifts: Sequence[float], *, in_yield_dri
     building = assemble(replace(model, damping=None))
     unit = float(building.yield_drift[story - 1]) if in_yield_drifts else 1.0
     if math.isnan(unit):
-        raise UsageError(f"multiples of the yield drift: the law of story {story} does not yield; give drifts in m")
+        raise UsageError(
+            f"multiples of the yield drift: the law of story {story} does not yield; give drifts in m"
+        )
     return _test(model, building, story, unit * np.asarray(drifts, float), None)
 
 
-def _test(model: Model, building: Building, story: int, drifts: Array, points: int | None) -> CyclicTest:
+def _test(
+    model: Model, building: Building, story: int, drifts: Array, points: int | None
+) -> CyclicTest:
     return CyclicTest(
         model=model,
         story=story,
@@ -264,7 +284,11 @@ def amplitude(size: DriftSize, building: Building, story: int) -> float:
     UsageError
         A drift ratio without a height, or a multiple of the yield drift of a law that does not yield.
     """
-    scales = {"length": 1.0, "ratio": building.heights[story - 1], "yield drift": building.yield_drift[story - 1]}
+    scales = {
+        "length": 1.0,
+        "ratio": building.heights[story - 1],
+        "yield drift": building.yield_drift[story - 1],
+    }
     if math.isnan(scales[size.kind]):
         missing = {
             "ratio": f"is a drift ratio, and story {story} has no height",
@@ -296,8 +320,12 @@ def follow_path(building: Building, story: int, drifts: Array) -> LawPath:
     follow.variant(variant(building))(building.law_parameters, story - 1, drifts, springs, result)
     wrong = np.flatnonzero(~np.all(np.isfinite(result), axis=1))
     if wrong.size:
-        raise AnalysisError(f"story {story}: its law has no finite force and energy at drift {drifts[wrong[0]]:.6g} m")
-    return LawPath(drifts, result[:, SHEAR], result[:, TANGENT], result[:, RECOVERABLE], result[:, DISSIPATION])
+        raise AnalysisError(
+            f"story {story}: its law has no finite force and energy at drift {drifts[wrong[0]]:.6g} m"
+        )
+    return LawPath(
+        drifts, result[:, SHEAR], result[:, TANGENT], result[:, RECOVERABLE], result[:, DISSIPATION]
+    )
 
 
 COLUMN = "drift_m"
@@ -311,7 +339,9 @@ def read_drift_path(source: str) -> list[float]:
     UsageError
         The file cannot be read, has no such column, or a cell of it is no finite number.
     """
-    table = read_table(source, f"give a CSV file with a column {COLUMN}", columns=(COLUMN,), error=UsageError)
+    table = read_table(
+        source, f"give a CSV file with a column {COLUMN}", columns=(COLUMN,), error=UsageError
+    )
     if not table.has(COLUMN):
         raise UsageError(f"{source}: the first line names no column {COLUMN}")
     if not table.rows:
@@ -383,7 +413,10 @@ class Pushover(Tabular):
     @property
     def height(self) -> float:
         """Height of the building, m; nan where a story has none."""
-        return math.fsum(story.drift_height or (0.0 if story.isolator else math.nan) for story in self.model.stories)
+        return math.fsum(
+            story.drift_height or (0.0 if story.isolator else math.nan)
+            for story in self.model.stories
+        )
 
     @property
     def roof_drift_ratio(self) -> Array:
@@ -398,7 +431,9 @@ class Pushover(Tabular):
 
 def _triangular(building: Building) -> Array:
     if np.isnan(building.rises).any():
-        raise UsageError("the triangular pattern needs the height of every story; give heights or another --pattern")
+        raise UsageError(
+            "the triangular pattern needs the height of every story; give heights or another --pattern"
+        )
     return building.mass * np.cumsum(building.rises)
 
 
@@ -411,7 +446,11 @@ PATTERNS: Mapping[str, Callable[[Building], Array]] = {
 
 
 def pushover(
-    model: AnyModel, size: DriftSize | str | float, *, pattern: str = "first-mode", points: int = 200
+    model: AnyModel,
+    size: DriftSize | str | float,
+    *,
+    pattern: str = "first-mode",
+    points: int = 200,
 ) -> Pushover:
     """Push a building until its roof has moved by a displacement.
 
@@ -462,15 +501,28 @@ def pushover(
             ended = "the roof comes back, and does not get there"
     if len(drifts) == 1:
         raise AnalysisError(f"the pushover does not leave the start: {ended}")
-    return Pushover(model, pattern, forces, np.array(drifts), np.array(shears), *chain.largest, ended, chain.passed)
+    return Pushover(
+        model,
+        pattern,
+        forces,
+        np.array(drifts),
+        np.array(shears),
+        *chain.largest,
+        ended,
+        chain.passed,
+    )
 
 
 def _target(size: DriftSize, building: Building) -> float:
     scales = {"length": 1.0, "ratio": float(building.rises.sum())}
     if size.kind not in scales:
-        raise UsageError(f"drift {size.text}: the roof has no yield drift; give a drift ratio or a length")
+        raise UsageError(
+            f"drift {size.text}: the roof has no yield drift; give a drift ratio or a length"
+        )
     if math.isnan(scales[size.kind]):
-        raise UsageError(f"drift {size.text} is a drift ratio, and a story has no height; give a length, such as 200mm")
+        raise UsageError(
+            f"drift {size.text} is a drift ratio, and a story has no height; give a length, such as 200mm"
+        )
     return size.value * scales[size.kind]
 
 
@@ -501,7 +553,9 @@ class _Chain:
     @property
     def passed(self) -> tuple[Array, Array]:
         """The way so far: drifts, m, shape (points, n), and base shears, N, shape (points,)."""
-        return np.array([drift for drift, _ in self._way]), np.array([factor for _, factor in self._way])
+        return np.array([drift for drift, _ in self._way]), np.array(
+            [factor for _, factor in self._way]
+        )
 
     def push(self, displacement: float, step: float) -> str:
         """On to the next row; the reason if the way ends before that.
@@ -527,7 +581,9 @@ class _Chain:
             # much a straight line leaves out or adds follows from how far the state is from where the tangents lead.
             if size > _LEAST_PART * usual:
                 moved, grown = drift - self.drift, factor - self.factor
-                bent = abs(grown - tangents[lead] * moved[lead] / self.share[lead]) * abs(moved.sum())
+                bent = abs(grown - tangents[lead] * moved[lead] / self.share[lead]) * abs(
+                    moved.sum()
+                )
                 others = (order != lead) & (tangents > 0.0)
                 straight = grown * self.share[others] / tangents[others]
                 bent += abs(moved[others].sum() - straight.sum()) * abs(grown)
@@ -536,13 +592,18 @@ class _Chain:
                     continue
             # The end of the way: exactly where the building carries nothing any more.
             if factor <= 0.0:
-                drift, _ = self._meet(lambda _, factor: -factor / self.largest[0], lead, size, drift, factor)
+                drift, _ = self._meet(
+                    lambda _, factor: -factor / self.largest[0], lead, size, drift, factor
+                )
                 self._keep(lead, drift, 0.0)
                 return "the building carries nothing any more"
             # The next row of a roof that goes on.
             if drift.sum() >= displacement:
                 self._keep(
-                    lead, *self._meet(lambda drift, _: drift.sum() / displacement - 1.0, lead, size, drift, factor)
+                    lead,
+                    *self._meet(
+                        lambda drift, _: drift.sum() / displacement - 1.0, lead, size, drift, factor
+                    ),
                 )
                 return ""
             way += float(np.abs(drift - self.drift).sum())
@@ -554,7 +615,9 @@ class _Chain:
                 return ""
         return f"the other stories come back as fast as story {lead + 1} goes on; more points may lead on"
 
-    def _meet(self, miss: Miss, lead: int, size: float, drift: Array, factor: float) -> tuple[Array, float]:
+    def _meet(
+        self, miss: Miss, lead: int, size: float, drift: Array, factor: float
+    ) -> tuple[Array, float]:
         """Between here and a step of the leading story with these results, the state that misses nothing: by the
         Illinois algorithm (Dowell and Jarratt 1971). Here a state misses less than nothing, there more."""
         low, high = 0.0, size
@@ -621,8 +684,12 @@ class _Story:
 
     def at(self, drift: float) -> tuple[float, float]:
         """Force and tangent at a drift, reached straight from here."""
-        path = follow_path(self._building, self._number, np.array([*self._turns, self.drift, drift]))
-        return float(path.shear[-1]) + self._geometric * drift, float(path.tangent[-1]) + self._geometric
+        path = follow_path(
+            self._building, self._number, np.array([*self._turns, self.drift, drift])
+        )
+        return float(path.shear[-1]) + self._geometric * drift, float(
+            path.tangent[-1]
+        ) + self._geometric
 
     def go(self, drift: float) -> None:
         """Go to a drift."""

@@ -29,7 +29,9 @@ SITE_FACTORS = {"A": 130.0, "B": 130.0, "C": 90.0, "D": 60.0, "E": 60.0, "F": 60
 """The factor a of C1 by site class (ASCE 41-17, 7.4.3.3.2)."""
 
 _MOST_OF_ELASTIC = 3.0  # no displacement beyond so many times the elastic one (EN 1998-1, B.5)
-_SECANT = 0.6  # of the yield force: where the effective stiffness meets the curve (ASCE 41-17, 7.4.3.2.4)
+_SECANT = (
+    0.6  # of the yield force: where the effective stiffness meets the curve (ASCE 41-17, 7.4.3.2.4)
+)
 _STRONG_AT_1_S = 0.6  # g: sites near faults have more (ASCE 41-17, 7.4.3.3.2)
 _ENOUGH = 1.5  # times the target displacement: so far a curve is to reach (EN 1998-1, 4.3.3.4.2.3)
 _STRAIGHT = 1e-6  # of the force: what equilibrium leaves is a millionth of that, the first yield a thousand times more
@@ -141,11 +143,16 @@ class _Pushed:
         """Base shear and area at a displacement of the roof."""
         shear = float(np.interp(displacement, self.roof, self.shear))
         i = max(int(np.searchsorted(self.roof, displacement)) - 1, 0)
-        return shear, float(self.work[i] + (displacement - self.roof[i]) * (self.shear[i] + shear) / 2.0)
+        return shear, float(
+            self.work[i] + (displacement - self.roof[i]) * (self.shear[i] + shear) / 2.0
+        )
 
     def strongest(self, displacement: float) -> float:
         """The largest base shear up to a displacement of the roof."""
-        return max(float(np.max(self.shear[self.roof <= displacement], initial=0.0)), self.at(displacement)[0])
+        return max(
+            float(np.max(self.shear[self.roof <= displacement], initial=0.0)),
+            self.at(displacement)[0],
+        )
 
 
 @dataclass(frozen=True)
@@ -163,7 +170,11 @@ class _Idealized:
 
 
 def target_displacements(
-    pushed: Pushover, target: TargetSpectrum | str, *, site_class: str = "D", mass_factor: float = 1.0
+    pushed: Pushover,
+    target: TargetSpectrum | str,
+    *,
+    site_class: str = "D",
+    mass_factor: float = 1.0,
 ) -> TargetDisplacements:
     """The displacements to which a design spectrum pushes a building, by N2 and by the coefficient method.
 
@@ -209,12 +220,23 @@ def target_displacements(
     return TargetDisplacements(
         [
             _result("n2", curve, demand, building, n2, participation, mass),
-            _result("coefficients", curve, demand, building, coefficients, c0, float(building.mass.sum()), notes),
+            _result(
+                "coefficients",
+                curve,
+                demand,
+                building,
+                coefficients,
+                c0,
+                float(building.mass.sum()),
+                notes,
+            ),
         ]
     )
 
 
-def _n2(curve: _Pushed, demand: TargetSpectrum, mass: float, participation: float, roof: float) -> _Idealized:
+def _n2(
+    curve: _Pushed, demand: TargetSpectrum, mass: float, participation: float, roof: float
+) -> _Idealized:
     """EN 1998-1:2004, annex B: elastic and perfectly plastic, of the strength and the area up to a displacement."""
     roof = curve.idealized_to(roof)
     strength = curve.strongest(roof) / participation
@@ -226,14 +248,21 @@ def _n2(curve: _Pushed, demand: TargetSpectrum, mass: float, participation: floa
     ratio = acceleration * mass / strength
     larger = 1.0
     if period < demand.corner and ratio > 1.0:  # (B.10)
-        larger = min(max((1.0 + (ratio - 1.0) * demand.corner / period) / ratio, 1.0), _MOST_OF_ELASTIC)
+        larger = min(
+            max((1.0 + (ratio - 1.0) * demand.corner / period) / ratio, 1.0), _MOST_OF_ELASTIC
+        )
     answer = participation * larger * elastic
     yields = strength * participation, yielding * participation
     return _Idealized(period, *yields, acceleration, ratio, (larger, 1.0), answer)
 
 
 def _coefficients(
-    curve: _Pushed, demand: TargetSpectrum, building: Building, site: float, mass_factor: float, roof: float
+    curve: _Pushed,
+    demand: TargetSpectrum,
+    building: Building,
+    site: float,
+    mass_factor: float,
+    roof: float,
 ) -> _Idealized:
     """ASCE 41-17, 7.4.3.3: two lines of the curve's area, the first through its point at 0.6 of the yield force."""
     roof = curve.idealized_to(roof)
@@ -247,7 +276,9 @@ def _coefficients(
     beyond = max(ratio - 1.0, 0.0)
     c1 = 1.0 if period > 1.0 else 1.0 + beyond / (site * max(period, 0.2) ** 2)  # (7-29)
     c2 = 1.0 if period > 0.7 else 1.0 + (beyond / period) ** 2 / 800.0  # (7-30)
-    answer = float(modes.participation[0]) * c1 * c2 * acceleration * (period / (2.0 * math.pi)) ** 2  # (7-28)
+    answer = (
+        float(modes.participation[0]) * c1 * c2 * acceleration * (period / (2.0 * math.pi)) ** 2
+    )  # (7-28)
     return _Idealized(period, strength, yields, acceleration, ratio, (c1, c2), answer)
 
 
@@ -262,7 +293,9 @@ def _two_lines(curve: _Pushed, roof: float) -> tuple[float, float]:
     rising = np.flatnonzero(curve.shear[1:] > before[:-1]) + 1
     rising = rising[before[rising - 1] < _SECANT * largest]
     ends = np.minimum(np.array([before[rising - 1], before[rising]]), _SECANT * largest)
-    along = (curve.roof[rising] - curve.roof[rising - 1]) / (curve.shear[rising] - curve.shear[rising - 1])
+    along = (curve.roof[rising] - curve.roof[rising - 1]) / (
+        curve.shear[rising] - curve.shear[rising - 1]
+    )
     forces = ends / _SECANT
     yields = (curve.roof[rising] - along * (curve.shear[rising] - ends)) / _SECANT
     low, high = (forces * roof + end * (roof - yields)) / 2.0 - area
@@ -270,11 +303,15 @@ def _two_lines(curve: _Pushed, roof: float) -> tuple[float, float]:
     if crossed.size and area > (1.0 + _STRAIGHT) * end * roof / 2.0:
         i = crossed[0]
         part = -low[i] / (high[i] - low[i])
-        return float(forces[0, i] + part * np.ptp(forces[:, i])), float(yields[0, i] + part * np.ptp(yields[:, i]))
+        return float(forces[0, i] + part * np.ptp(forces[:, i])), float(
+            yields[0, i] + part * np.ptp(yields[:, i])
+        )
     # A curve that never yields is its first line, through the first point at which the secant's force is reached.
     secant, i = _SECANT * largest, int(np.argmax(curve.shear >= _SECANT * largest))
     (start, stop), (low_force, high_force) = curve.roof[i - 1 : i + 1], curve.shear[i - 1 : i + 1]
-    return largest, float((start + (stop - start) * (secant - low_force) / (high_force - low_force)) / _SECANT)
+    return largest, float(
+        (start + (stop - start) * (secant - low_force) / (high_force - low_force)) / _SECANT
+    )
 
 
 def _solve(method: str, curve: _Pushed, idealize: Callable[[float], _Idealized]) -> _Idealized:
@@ -287,7 +324,11 @@ def _solve(method: str, curve: _Pushed, idealize: Callable[[float], _Idealized])
         before = roof
     else:
         answer = idealize(before).roof_displacement
-        why = f"; the curve ends there: {curve.pushed.ended}" if curve.pushed.ended else ": push further"
+        why = (
+            f"; the curve ends there: {curve.pushed.ended}"
+            if curve.pushed.ended
+            else ": push further"
+        )
         raise AnalysisError(
             f"the target displacement ({method}) is beyond the curve, some {answer:.4g} m of the roof where it reaches "
             f"{before:.4g} m{why}"
@@ -298,14 +339,18 @@ def _solve(method: str, curve: _Pushed, idealize: Callable[[float], _Idealized])
     return idealize(root)
 
 
-def _beyond_strength(curve: _Pushed, building: Building, made: _Idealized, demand: TargetSpectrum) -> tuple[str, ...]:
+def _beyond_strength(
+    curve: _Pushed, building: Building, made: _Idealized, demand: TargetSpectrum
+) -> tuple[str, ...]:
     """Whether the strength ratio is beyond what the coefficient method is for (ASCE 41-17, 7.4.3.3.2 and 7-32)."""
     peak = curve.peak
     below = np.flatnonzero(curve.shear[peak:] <= _SECANT * made.yield_force)
     last = peak + int(below[0]) if below.size else curve.shear.size - 1
     span = float(curve.roof[last] - curve.roof[peak])
     if last == peak or span <= 0.0 or curve.shear[last] >= curve.shear[peak]:
-        if curve.pushed.ended and last == peak:  # it comes back from its peak: no slope, and no ductility beyond it
+        if (
+            curve.pushed.ended and last == peak
+        ):  # it comes back from its peak: no slope, and no ductility beyond it
             slope = geometric = -math.inf
         else:
             return ()
@@ -320,9 +365,16 @@ def _beyond_strength(curve: _Pushed, building: Building, made: _Idealized, deman
             size = DriftSize(f"{high:.6g}m", high, "length")
             points = max(pushed.base_shear.size - 1, 1)
             other = _Pushed.of(pushover(bare, size, pattern=pushed.pattern, points=points))
-            geometric = slope - (other.at(high)[0] - other.at(float(curve.roof[peak]))[0]) / span / stiffness
+            geometric = (
+                slope
+                - (other.at(high)[0] - other.at(float(curve.roof[peak]))[0]) / span / stiffness
+            )
     near = float(demand.at(np.array([1.0]))[0]) >= _STRONG_AT_1_S * STANDARD_GRAVITY
-    effective = geometric + (0.8 if near else 0.2) * (slope - geometric) if math.isfinite(slope) else -math.inf
+    effective = (
+        geometric + (0.8 if near else 0.2) * (slope - geometric)
+        if math.isfinite(slope)
+        else -math.inf
+    )
     largest = min(made.roof_displacement, float(curve.roof[peak])) / made.yield_displacement
     if effective < 0.0 and math.isfinite(effective):
         largest += abs(effective) ** -(1.0 + 0.15 * math.log(made.period)) / 4.0
@@ -345,7 +397,9 @@ def _result(
     mass: float,
     notes: tuple[str, ...] = (),
 ) -> TargetDisplacement:
-    drift = np.array([np.interp(made.roof_displacement, curve.roof, column) for column in curve.drift.T])
+    drift = np.array(
+        [np.interp(made.roof_displacement, curve.roof, column) for column in curve.drift.T]
+    )
     most = float(np.max(curve.roof))
     if most < _ENOUGH * made.roof_displacement and not notes and method == "n2":
         ended = curve.pushed.ended
@@ -353,7 +407,9 @@ def _result(
         text += f"{most / made.roof_displacement:.3g} times the target displacement"
         asked = f"{_ENOUGH:g} are asked for (EN 1998-1, 4.3.3.4.2.3)"
         # Where the building itself ends, no further push meets what the standard asks for.
-        refused = f" ({ended}), {asked} and are not met: do not use its displacement, run time histories"
+        refused = (
+            f" ({ended}), {asked} and are not met: do not use its displacement, run time histories"
+        )
         notes = (text + (refused if ended else f", {asked}: push further"),)
     yields = np.where(np.isfinite(building.yield_drift), building.yield_drift, np.nan)
     return TargetDisplacement(

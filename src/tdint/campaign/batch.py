@@ -16,7 +16,16 @@ import numpy as np
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.demands import RUN, demand_columns, demand_errors
 from tdint.analysis.run.error_estimate import attempt
-from tdint.analysis.run.outcome import NO_STEP, STORY, Collapse, ErrorEstimate, FailedRun, Response, Shock, StoryPeaks
+from tdint.analysis.run.outcome import (
+    NO_STEP,
+    STORY,
+    Collapse,
+    ErrorEstimate,
+    FailedRun,
+    Response,
+    Shock,
+    StoryPeaks,
+)
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.sequence import sequence_of, shocks_of
 from tdint.analysis.run.step_choice import step_within
@@ -121,7 +130,9 @@ class RunRow(NamedTuple):
 
     def but(self, **values: Any) -> RunRow:
         """The same with other values."""
-        return self._replace(values=tuple(values.get(name, self.values[place]) for name, place in _PLACES.items()))
+        return self._replace(
+            values=tuple(values.get(name, self.values[place]) for name, place in _PLACES.items())
+        )
 
 
 _PLACES = {quantity.name: place for place, quantity in enumerate(RUN)}
@@ -175,10 +186,14 @@ def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
     return [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
 
 
-def story_rows(building: int, run: Run, stories: StoryPeaks, check: ErrorEstimate | None = None) -> list[StoryRow]:
+def story_rows(
+    building: int, run: Run, stories: StoryPeaks, check: ErrorEstimate | None = None
+) -> list[StoryRow]:
     """The rows of the stories of a run, from the ground up."""
     by_story: list[Iterable[tuple[float, ...]]] = [
-        zip(*(getattr(values, quantity.name).tolist() for quantity in STORY), strict=True) if values else repeat(())
+        zip(*(getattr(values, quantity.name).tolist() for quantity in STORY), strict=True)
+        if values
+        else repeat(())
         for values in (stories, check and check.errors)
     ]
     cells = zip(stories.height.tolist(), *by_story, strict=False)
@@ -206,7 +221,11 @@ _TRIED = 24
 
 
 def building_step(
-    subject: Subject, records: Mapping[int, Record], runs: Sequence[Run], settings: RunSettings, tolerance: float
+    subject: Subject,
+    records: Mapping[int, Record],
+    runs: Sequence[Run],
+    settings: RunSettings,
+    tolerance: float,
 ) -> float | None:
     """The largest step (s) with which the peak drifts of a building are within a tolerance under some of its runs, by
     the estimate of `tdint.analysis.run.step_choice`; None if there is none. It is chosen once for all of its runs.
@@ -224,7 +243,9 @@ def building_step(
     of_motion: dict[int, list[Run]] = {}
     for run in sorted(runs, key=lambda run: abs(run.scale)):
         of_motion.setdefault(run.motion, []).append(run)
-    ranked = sorted(of_motion, key=lambda motion: abs(of_motion[motion][-1].scale) * records[motion].pga)
+    ranked = sorted(
+        of_motion, key=lambda motion: abs(of_motion[motion][-1].scale) * records[motion].pga
+    )
     rounds = zip_longest(*(_spread(of_motion[motion]) for motion in _spread(ranked)))
     spread = (run for run in chain.from_iterable(rounds) if run is not None)
 
@@ -235,12 +256,16 @@ def building_step(
         record = records[run.motion].scaled(run.scale)
         case = subject.case(record)
         if isinstance(record, JoinedRecord):
-            case = case.under(sequence_of(case, record.shocks, rest=record.rest, dt=settings.dt).whole)
+            case = case.under(
+                sequence_of(case, record.shocks, rest=record.rest, dt=settings.dt).whole
+            )
         first = attempt(case, case.steps(settings.dt, settings.duration))
         if isinstance(first, Response) and first.collapse:
             continue
         try:
-            step = step_within(case, tolerance, dt=settings.dt, duration=settings.duration, largest=step)
+            step = step_within(
+                case, tolerance, dt=settings.dt, duration=settings.duration, largest=step
+            )
         except FailedRun:
             continue
         looked_at += 1
@@ -317,10 +342,15 @@ class Batch:
         for run in runs:
             if isinstance(self.motions.records[run.motion], JoinedRecord):
                 results.extend(self._sequence(run, largest))
-        runs = [run for run in runs if not isinstance(self.motions.records[run.motion], JoinedRecord)]
+        runs = [
+            run for run in runs if not isinstance(self.motions.records[run.motion], JoinedRecord)
+        ]
         # Steps are those of a motion: all of its runs share them, whatever their factors.
         chosen = math.inf if largest is None else largest
-        steps = {motion: self._steps(motion, chosen) for motion in dict.fromkeys(run.motion for run in runs)}
+        steps = {
+            motion: self._steps(motion, chosen)
+            for motion in dict.fromkeys(run.motion for run in runs)
+        }
         jobs = [_Job(run, steps[run.motion]) for run in runs]
         # Without a step within the tolerance no run is worth its time; the rows tell why.
         if largest is None:
@@ -355,12 +385,16 @@ class Batch:
         # Demands of each shock by itself; a run without a result has none to be divided.
         if row.steps is not None:
             steps = replace(joined.steps(row.dt, sequence.whole.duration), count=row.steps)
-            shocks = shocks_of(joined, sequence, steps, check=self.settings.check and bool(record.fixed))
+            shocks = shocks_of(
+                joined, sequence, steps, check=self.settings.check and bool(record.fixed)
+            )
             rows.shocks = shock_rows(self.number, run, shocks)
             # Behind shocks that only damage the building the demands of the last one alone are those of the run.
             if record.fixed and len(shocks) > record.fixed:
                 last = shocks[-1]
-                errors = demand_errors(last.stories, last.errors) if row.errors and last.errors else ()
+                errors = (
+                    demand_errors(last.stories, last.errors) if row.errors and last.errors else ()
+                )
                 row = row.but(**demand_cells(last.stories)[0])._replace(errors=errors)
         stories = [of_story._replace(scale=run.scale) for of_story in rows.stories]
         return Rows([row._replace(scale=run.scale)], stories, rows.shocks)
@@ -386,7 +420,9 @@ class Batch:
         """Integrate runs of one step; the rows of those that are done join the results, the others are returned with a
         finer step."""
         runs, settings = [(job.run.motion, job.run.scale, job.steps) for job in jobs], self.settings
-        outcomes = run_together(self.subject, self.motions, runs, check=settings.check, to_rest=settings.until_rest)
+        outcomes = run_together(
+            self.subject, self.motions, runs, check=settings.check, to_rest=settings.until_rest
+        )
         again = []
         for i, failure in outcomes.failures.items():
             job = jobs[i]
@@ -416,7 +452,9 @@ class Batch:
                 results.stories += story_rows(self.number, job.run, peaks, check)
         return again
 
-    def _row(self, job: _Job, status: str, collapse: Collapse | None = None, **values: Any) -> RunRow:
+    def _row(
+        self, job: _Job, status: str, collapse: Collapse | None = None, **values: Any
+    ) -> RunRow:
         """The row of a run; of one without a result its step, status, PGA, Sa(T1) and repeats alone."""
         if collapse:
             values |= {"collapse_time": collapse.time, "collapse_story": collapse.story}
@@ -474,7 +512,9 @@ def do(chunk: Chunk) -> Done:
         for motion in dict.fromkeys(run.motion for run in part.runs):
             users.setdefault(motion, []).append(place)
     for motion, places in users.items():
-        values = spectral_accelerations(chunk.records[motion], [subjects[place].period for place in places])
+        values = spectral_accelerations(
+            chunk.records[motion], [subjects[place].period for place in places]
+        )
         for place, value in zip(places, values, strict=True):
             spectral[place][motion] = value
     rows = Rows()
@@ -489,8 +529,12 @@ def spectral_accelerations(record: Record, periods: list[float]) -> list[float |
     """Sa of a record at some periods, m/s^2, 5 % damping; None for a period that is too short for it. Of shocks the
     largest."""
     if isinstance(record, JoinedRecord):
-        of_all = zip(*(spectral_accelerations(shock, periods) for shock in record.shocks), strict=True)
-        return [None if None in values else max(filter(None, values), default=0.0) for values in of_all]
+        of_all = zip(
+            *(spectral_accelerations(shock, periods) for shock in record.shocks), strict=True
+        )
+        return [
+            None if None in values else max(filter(None, values), default=0.0) for values in of_all
+        ]
     try:
         return list(spectrum(record, np.array(periods), SA_DAMPING).psa.tolist())
     except AnalysisError:

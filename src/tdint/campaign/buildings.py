@@ -39,7 +39,10 @@ def plugin_files(buildings: Buildings) -> dict[str, str]:
     if not CODE:
         return {}
     methods = {f"method {building.method.partition(':')[0]}" for building in different(buildings)}
-    return code_of(methods | {f"law {story.law.name}" for model in models_of(buildings) for story in model.stories})
+    return code_of(
+        methods
+        | {f"law {story.law.name}" for model in models_of(buildings) for story in model.stories}
+    )
 
 
 @dataclass(frozen=True)
@@ -87,7 +90,9 @@ class GivenBuilding:
 
 def given_buildings(subjects: Sequence[Subject]) -> tuple[GivenBuilding, ...]:
     """Under their models' names; those that share one, under their files'."""
-    files = Counter(name for name, _ in {(subject.model.name, subject.model.source) for subject in subjects})
+    files = Counter(
+        name for name, _ in {(subject.model.name, subject.model.source) for subject in subjects}
+    )
     result = []
     for subject in subjects:
         model = subject.model
@@ -99,7 +104,17 @@ def given_buildings(subjects: Sequence[Subject]) -> tuple[GivenBuilding, ...]:
 def digest_of(model: Model, method: str) -> str:
     """SHA-256 of what a model says of its building and its steps, and of the method."""
     content = asdict(model)
-    for name in ("name", "source", "text", "output_units", "page_units", "page_head", "varied", "label", "damage"):
+    for name in (
+        "name",
+        "source",
+        "text",
+        "output_units",
+        "page_units",
+        "page_head",
+        "varied",
+        "label",
+        "damage",
+    ):
         del content[name]
     del content["excitation"]["record"]
     return hashlib.sha256(json.dumps([content, method], sort_keys=True).encode()).hexdigest()
@@ -142,12 +157,20 @@ class RowBuilding:
     def subject(self) -> Subject:
         """The building by the rules."""
         rules = self.rules
-        derived = derive_row(self.row, rules.name, stiffness=rules.stiffness, damping=rules.damping, seed=rules.seed)
+        derived = derive_row(
+            self.row, rules.name, stiffness=rules.stiffness, damping=rules.damping, seed=rules.seed
+        )
         bare = simple_model(self.row.id, derived.stories)
         model = replace(
-            bare, source="", damping=derived.damping, p_delta=rules.p_delta, collapse_drift=rules.collapse_drift
+            bare,
+            source="",
+            damping=derived.damping,
+            p_delta=rules.p_delta,
+            collapse_drift=rules.collapse_drift,
         )
-        return Subject(model.changed(dict(self.row.changes)) if self.row.changes else model, rules.method)
+        return Subject(
+            model.changed(dict(self.row.changes)) if self.row.changes else model, rules.method
+        )
 
     @property
     def name(self) -> str:
@@ -213,4 +236,7 @@ def digests_of(buildings: Buildings) -> list[str]:
     """SHA-256 of each; of an inventory one of its table, by the same rules for all."""
     if not isinstance(buildings, RowBuildings):
         return [building.digest for building in buildings]
-    return [hashlib.sha256(repr(buildings.rules).encode()).hexdigest(), buildings.rows.digest(carried=False)]
+    return [
+        hashlib.sha256(repr(buildings.rules).encode()).hexdigest(),
+        buildings.rows.digest(carried=False),
+    ]

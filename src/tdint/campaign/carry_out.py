@@ -105,7 +105,9 @@ def carry_out(
     # Chunks that are kept from a call before count as done.
     numbers = range(plan.chunks) if shard is None else shard.chunks(plan)
     left = sorted(set(numbers) - store.done())
-    before = sum(plan.size(number) for number in numbers) - sum(plan.size(number) for number in left)
+    before = sum(plan.size(number) for number in numbers) - sum(
+        plan.size(number) for number in left
+    )
     # The chunk in which the limit is reached is done to its end: a part of one is never kept.
     if max_runs is not None:
         totals = list(accumulate(plan.size(number) for number in left))
@@ -120,7 +122,9 @@ def carry_out(
     # Kept at once: whatever ends the process, what is done stays.
     for done in engine(plan, left):
         store.add(done)
-        advance = Advance(advance.done + len(done.rows.runs), advance.runs, before, time.perf_counter() - began)
+        advance = Advance(
+            advance.done + len(done.rows.runs), advance.runs, before, time.perf_counter() - began
+        )
         tell(advance)
     return advance
 
@@ -179,7 +183,13 @@ class CampaignRuns(Tabular):
     @classmethod
     def of(cls, store: Store, failures: tuple[TdintError, ...]) -> CampaignRuns:
         """What is in a store, as it is now: it is closed, or written on, when this is asked for."""
-        told = store.meta("name"), int(store.meta("runs")), store.statuses(), failures, store.checked
+        told = (
+            store.meta("name"),
+            int(store.meta("runs")),
+            store.statuses(),
+            failures,
+            store.checked,
+        )
         return cls(*told, store.connection.serialize())
 
     @property
@@ -250,7 +260,13 @@ def campaign(
         # An interrupt loses the chunks under way; the others are kept, and given if that is wished.
         try:
             with told_progress(progress, sum(map(plan.size, range(plan.chunks))), "run") as told:
-                carry_out(plan, store, engine, max_runs=max_runs, tell=lambda now: told(now.done, now.runs))
+                carry_out(
+                    plan,
+                    store,
+                    engine,
+                    max_runs=max_runs,
+                    tell=lambda now: told(now.done, now.runs),
+                )
         except KeyboardInterrupt:
             if not partial:
                 raise
@@ -290,7 +306,10 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
         _check_same(parts[0], parts[-1])
     # What the target has from an earlier call counts when missing runs are told.
     merged = list(parts)
-    with suppress(UsageError), open_existing(target) as before:  # none is there, or nothing is in it yet
+    with (
+        suppress(UsageError),
+        open_existing(target) as before,
+    ):  # none is there, or nothing is in it yet
         merged.append(_part(target, before))
     if (left := _told_left(merged)) and not partial:
         raise AnalysisError(f"{left}; add their folders, or accept that with --partial")
@@ -345,12 +364,17 @@ def _reopened(part: _Part) -> Store:
 def _check_same(part: _Part, other: _Part) -> None:
     if part.about == other.about:
         return
-    if part.about["fingerprint"] == other.about["fingerprint"] and part.about["chunks"] == other.about["chunks"]:
+    if (
+        part.about["fingerprint"] == other.about["fingerprint"]
+        and part.about["chunks"] == other.about["chunks"]
+    ):
         lines = "what the inventory carries along, or damage: differs; call `tdint campaign` for each of them again"
     else:
         with _reopened(part) as one, _reopened(other) as another:
             sides = one.sides(), another.sides()
-            lines = all_differences(*sides, store=part.name, given=other.name, parts=bool(part.shards))
+            lines = all_differences(
+                *sides, store=part.name, given=other.name, parts=bool(part.shards)
+            )
     raise UsageError(f"{part.name} and {other.name} are of different campaigns\n{lines}")
 
 
@@ -375,13 +399,21 @@ def _told_left(parts: Sequence[_Part]) -> str:
 
 def _tell(part: _Part) -> None:
     if part.damaged:
-        _log.warning("%s: %d chunks of runs are not as they were written and are left out", part.name, part.damaged)
+        _log.warning(
+            "%s: %d chunks of runs are not as they were written and are left out",
+            part.name,
+            part.damaged,
+        )
 
 
-def _copy(source: Store, target: Store, table: str, accept: Callable[[Any], bool] = lambda row: True) -> None:
+def _copy(
+    source: Store, target: Store, table: str, accept: Callable[[Any], bool] = lambda row: True
+) -> None:
     rows = source.connection.execute(f"SELECT * FROM {table}")
     marks = ", ".join("?" * len(rows.description))
-    target.connection.executemany(f"INSERT OR IGNORE INTO {table} VALUES({marks})", filter(accept, rows))
+    target.connection.executemany(
+        f"INSERT OR IGNORE INTO {table} VALUES({marks})", filter(accept, rows)
+    )
 
 
 def _take_buildings(parts: Sequence[_Part], target: Store) -> None:
@@ -392,10 +424,19 @@ def _take_buildings(parts: Sequence[_Part], target: Store) -> None:
             target.connection.execute(statement)
         for number, part in enumerate(parts):
             with _reopened(part) as source:
-                for table in (*(("meta", "records") if begins and not number else ()), *_OF_BUILDINGS):
+                for table in (
+                    *(("meta", "records") if begins and not number else ()),
+                    *_OF_BUILDINGS,
+                ):
                     _copy(source, target, table)
-                target.add_unused((kind, reason) for kind, reasons in source.unused().items() for reason in reasons)
-        if shards := list(dict.fromkeys([*target.shards(), *(text for part in parts for text in part.shards)])):
+                target.add_unused(
+                    (kind, reason)
+                    for kind, reasons in source.unused().items()
+                    for reason in reasons
+                )
+        if shards := list(
+            dict.fromkeys([*target.shards(), *(text for part in parts for text in part.shards)])
+        ):
             values = ("shards", json.dumps(shards))
             target.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
         target.seal()

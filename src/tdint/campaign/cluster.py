@@ -60,14 +60,18 @@ class Cluster:
         given = [self.ca, self.cert, self.key]
         if parts.scheme == "tls":
             if None in given:
-                raise UsageError(f"{self.address}: give --tls-ca, --tls-cert and --tls-key, all three")
+                raise UsageError(
+                    f"{self.address}: give --tls-ca, --tls-cert and --tls-key, all three"
+                )
             for file in given:
                 try:
                     read_at_most(str(file), MOST_BYTES, UsageError)
                 except OSError as error:
                     raise UsageError(f"{file}: cannot be read: {error.strerror or error}") from None
         elif any(given):
-            raise UsageError(f"{self.address}: certificates are for an address that begins with tls://")
+            raise UsageError(
+                f"{self.address}: certificates are for an address that begins with tls://"
+            )
         elif not is_loopback(parts.hostname or ""):
             raise UsageError(
                 f"{self.address}: beyond this machine the connection must be encrypted, for whoever reaches the port "
@@ -79,10 +83,15 @@ class Cluster:
 def _parts(address: str) -> Any:
     with suppress(ValueError):  # a port that is no number shows only when it is asked for
         parts = urlsplit(address)
-        is_bare = f"{parts.scheme}://{parts.netloc}".lower() == address.lower() and "@" not in parts.netloc
+        is_bare = (
+            f"{parts.scheme}://{parts.netloc}".lower() == address.lower()
+            and "@" not in parts.netloc
+        )
         if is_bare and parts.scheme in ("tcp", "tls") and parts.hostname and parts.port:
             return parts
-    raise UsageError(f"{address!r} is no address of a scheduler; write tcp://HOST:PORT or tls://HOST:PORT")
+    raise UsageError(
+        f"{address!r} is no address of a scheduler; write tcp://HOST:PORT or tls://HOST:PORT"
+    )
 
 
 def is_loopback(host: str) -> bool:
@@ -95,7 +104,9 @@ def is_loopback(host: str) -> bool:
         return False
 
 
-def on_cluster(cluster: Cluster, chunk: Callable[[int], Chunk], numbers: Sequence[int]) -> Iterator[Done]:
+def on_cluster(
+    cluster: Cluster, chunk: Callable[[int], Chunk], numbers: Sequence[int]
+) -> Iterator[Done]:
     """Each chunk, in the order in which they are done. Those of a worker that is lost are done by others.
 
     Raises
@@ -129,17 +140,24 @@ def _connect(cluster: Cluster) -> Any:
     try:
         from distributed import Client, Security
     except ImportError:
-        raise UsageError("--dask needs Dask: pip install 'tdint[dask]', here and for the workers") from None
+        raise UsageError(
+            "--dask needs Dask: pip install 'tdint[dask]', here and for the workers"
+        ) from None
     # Where certificates are given nothing may go unencrypted.
     security = Security(
-        tls_ca_file=cluster.ca, tls_client_cert=cluster.cert, tls_client_key=cluster.key, require_encryption=True
+        tls_ca_file=cluster.ca,
+        tls_client_cert=cluster.cert,
+        tls_client_key=cluster.key,
+        require_encryption=True,
     )
     answer: Future[Any] = Future()
 
     def connect() -> None:
         try:
             secured = security if cluster.ca else None
-            answer.set_result(Client(cluster.address, security=secured, timeout=_PATIENCE, set_as_default=False))
+            answer.set_result(
+                Client(cluster.address, security=secured, timeout=_PATIENCE, set_as_default=False)
+            )
         except Exception as error:
             answer.set_exception(error)
 
@@ -178,7 +196,9 @@ def _done(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) ->
         try:
             done: Done = future.result()
         except KilledWorker as error:
-            raise AnalysisError(f"workers were lost again and again with the same runs: {error}") from None
+            raise AnalysisError(
+                f"workers were lost again and again with the same runs: {error}"
+            ) from None
         # The scheduler forgets a result that is here.
         future.release()
         yield done

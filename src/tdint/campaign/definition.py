@@ -68,7 +68,9 @@ class Distribution:
         if self.kind == "uniform":
             return self.first + part * (self.second - self.first)
         deviations = self.second * ndtri(part)
-        return np.asarray(self.first * np.exp(deviations) if self.kind == "lognormal" else self.first + deviations)
+        return np.asarray(
+            self.first * np.exp(deviations) if self.kind == "lognormal" else self.first + deviations
+        )
 
 
 @dataclass(frozen=True)
@@ -120,17 +122,29 @@ class ParameterSweep:
         # Refused before any of them is made: a typing error in a grid can mean millions.
         count = math.prod(map(len, self.grids.values())) * max(self.samples, 1)
         if count > _MOST:
-            raise UsageError(f"the sweep has {count} variations of each building; {_MOST} are the most")
-        grid = [dict(zip(self.grids, values, strict=True)) for values in itertools.product(*self.grids.values())]
+            raise UsageError(
+                f"the sweep has {count} variations of each building; {_MOST} are the most"
+            )
+        grid = [
+            dict(zip(self.grids, values, strict=True))
+            for values in itertools.product(*self.grids.values())
+        ]
         if not self.random:
             return grid
 
         # Draws of a Latin hypercube: each parameter's range is covered, however few there are.
         from scipy.stats import qmc
 
-        parts = qmc.LatinHypercube(len(self.random), seed=np.random.default_rng(self.seed)).random(self.samples)
-        columns = [distribution.at(parts[:, i]).tolist() for i, distribution in enumerate(self.random.values())]
-        draws = [dict(zip(self.random, values, strict=True)) for values in zip(*columns, strict=True)]
+        parts = qmc.LatinHypercube(len(self.random), seed=np.random.default_rng(self.seed)).random(
+            self.samples
+        )
+        columns = [
+            distribution.at(parts[:, i]).tolist()
+            for i, distribution in enumerate(self.random.values())
+        ]
+        draws = [
+            dict(zip(self.random, values, strict=True)) for values in zip(*columns, strict=True)
+        ]
         for draw in draws:
             for name, value in draw.items():
                 check_value(name, value)
@@ -148,7 +162,11 @@ class ParameterSweep:
         return tuple(
             replace(
                 model.changed(change),
-                analysis=replace(model.analysis, method=method or model.analysis.method, dt=dt or model.analysis.dt),
+                analysis=replace(
+                    model.analysis,
+                    method=method or model.analysis.method,
+                    dt=dt or model.analysis.dt,
+                ),
                 label=self._label(change, number, method, dt),
             )
             for model in models
@@ -166,11 +184,18 @@ class ParameterSweep:
             A drawn value is out of range; too many variations.
         """
         draws = enumerate(self.changes(), start=1)
-        return replace(rows, changes=[(tuple(draw.items()), self._label(draw, i, None, None)) for i, draw in draws])
+        return replace(
+            rows,
+            changes=[(tuple(draw.items()), self._label(draw, i, None, None)) for i, draw in draws],
+        )
 
-    def _label(self, change: Mapping[str, float], number: int, method: str | None, dt: float | None) -> str:
+    def _label(
+        self, change: Mapping[str, float], number: int, method: str | None, dt: float | None
+    ) -> str:
         """What tells a variation from the others of its building."""
-        parts: list[Any] = [f"{name}={value:.{_SHOWN}g}" for name, value in change.items() if name in self.grids]
+        parts: list[Any] = [
+            f"{name}={value:.{_SHOWN}g}" for name, value in change.items() if name in self.grids
+        ]
         parts += [f"draw {(number - 1) % self.samples + 1}"] if self.random else []
         parts += [method] if method else []
         return ", ".join(parts + ([f"dt={dt:g}"] if dt else []))
@@ -195,7 +220,13 @@ def _distribution(value: Value, kind: str, **numbers: float) -> Distribution | N
 
 _RANDOM = Keys(
     tuple(
-        Key(kind, Keys(tuple(Key(name, _NUMBER, needed=True) for name in two), make=partial(_distribution, kind=kind)))
+        Key(
+            kind,
+            Keys(
+                tuple(Key(name, _NUMBER, needed=True) for name in two),
+                make=partial(_distribution, kind=kind),
+            ),
+        )
         for kind, two in DISTRIBUTIONS.items()
     ),
     # Exactly one kind, so that none is silently taken before another.
@@ -217,7 +248,8 @@ class Varied:
         pattern = {r"^(stories(\[[0-9]+\])?|story [0-9]+)\..+$": either}
         return {
             "type": "object",
-            "properties": named | {key.name: {"description": key.meaning, **key.kind.schema()} for key in _SAMPLES},
+            "properties": named
+            | {key.name: {"description": key.meaning, **key.kind.schema()} for key in _SAMPLES},
             "patternProperties": pattern,
             "additionalProperties": False,
         }
@@ -241,11 +273,19 @@ def read_sweep(
             return None
     if not (vary or methods or steps):
         return None
-    texts = (methods.items("a list of methods", "is empty; give at least one method") if methods else None) or ()
+    texts = (
+        methods.items("a list of methods", "is empty; give at least one method")
+        if methods
+        else None
+    ) or ()
     return replace(
         (_read_vary(vary) if vary else None) or ParameterSweep(),
         place=vary.place if vary else None,
-        methods=tuple(method.label for method in dict.fromkeys(item.parsed(parse_method) for item in texts) if method),
+        methods=tuple(
+            method.label
+            for method in dict.fromkeys(item.parsed(parse_method) for item in texts)
+            if method
+        ),
         steps=tuple(dict.fromkeys((steps.read() if steps else None) or ())),
     )
 
@@ -256,7 +296,9 @@ def _read_vary(value: Value) -> ParameterSweep | None:
     random: dict[str, Distribution] = {}
     names = value.names
     # Names are not declared: any number of a model's stories may be one.
-    section = value.section(Keys((*_SAMPLES, *(Key(name, ANY) for name in names if name not in ("samples", "seed")))))
+    section = value.section(
+        Keys((*_SAMPLES, *(Key(name, ANY) for name in names if name not in ("samples", "seed"))))
+    )
     if section is None:
         return None
     for name in names:

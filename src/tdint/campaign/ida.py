@@ -18,7 +18,13 @@ from tdint.analysis.run.together import Subject
 from tdint.campaign.batch import Batch, Done, Rows, Run, RunRow, RunSettings
 from tdint.campaign.buildings import GivenBuilding
 from tdint.campaign.ida_curve import DamagedState, IdaCurve, IdaRun, LevelSearch, Mainshock, damaged
-from tdint.campaign.intensity import GEOMETRIC_MEAN, IntensityMeasure, SpectralIntensity, factor_to, sa
+from tdint.campaign.intensity import (
+    GEOMETRIC_MEAN,
+    IntensityMeasure,
+    SpectralIntensity,
+    factor_to,
+    sa,
+)
 from tdint.campaign.store import Identity, Store, as_json, open_or_begin
 from tdint.campaign.store_schema import locked
 from tdint.data import dataclass
@@ -123,9 +129,7 @@ class IdaStudy(Tabular):
     checked: bool = False
 
     def _headline(self) -> str:
-        return (
-            f"of {self.model.name!r}: {how_many(len(self.curves), 'record')}, levels of {self.im_name}, {self.method}"
-        )
+        return f"of {self.model.name!r}: {how_many(len(self.curves), 'record')}, levels of {self.im_name}, {self.method}"
 
     @property
     def im_name(self) -> str:
@@ -137,7 +141,8 @@ class IdaStudy(Tabular):
         """The studies of the building in each of its states, the intact one first."""
         damages = dict.fromkeys(curve.damage for curve in self.curves)
         return [
-            replace(self, curves=tuple(curve for curve in self.curves if curve.damage == state)) for state in damages
+            replace(self, curves=tuple(curve for curve in self.curves if curve.damage == state))
+            for state in damages
         ]
 
     def in_units(self, units: OutputUnits) -> IdaStudy:
@@ -146,7 +151,8 @@ class IdaStudy(Tabular):
         if factor == 1.0:
             return self
         curves = (
-            replace(curve, runs=tuple(replace(run, im=run.im / factor) for run in curve.runs)) for curve in self.curves
+            replace(curve, runs=tuple(replace(run, im=run.im / factor) for run in curve.runs))
+            for curve in self.curves
         )
         return replace(self, measure=replace(self.measure, unit=unit), curves=tuple(curves))
 
@@ -229,7 +235,9 @@ def ida(
     subject.prepared.compile([subject.integrator])
     states = _states(subject, records, mainshock, settings)
     # A work is a record after a state of the building: its levels follow from its own runs alone.
-    ordered = [(*part, before) for state in states for part, before in zip(parts, state, strict=True)]
+    ordered = [
+        (*part, before) for state in states for part, before in zip(parts, state, strict=True)
+    ]
     works = [
         _Work.of(number, subject, record, chosen, chosen.of(motion, pair), settings, before)
         for number, (motion, record, before) in enumerate(ordered)
@@ -237,7 +245,10 @@ def ida(
     paired = pair if len(parts) > len(suite) else None
     # What the runs depend on is kept with them: another study in the folder is refused.
     identity = _identity(subject, chosen, settings, [work.record for work in works], paired)
-    with _opened(folder, identity) as (store, remarks), told_progress(progress, len(works), "record") as told:
+    with (
+        _opened(folder, identity) as (store, remarks),
+        told_progress(progress, len(works), "record") as told,
+    ):
         runs_of_works, resumed = _done(works, store, jobs, told)
     collapse_drift = subject.model.collapse_drift
     # Curves in the order of the works: all records of a state, then those of the next.
@@ -298,7 +309,10 @@ class _Work:
         levels = LevelSearch(
             start=intensity * elastic**measure.growth,
             precision=settings.precision,
-            lowest_drift=min((drift for drift in settings.thresholds or () if drift > _ABOVE * left), default=math.inf),
+            lowest_drift=min(
+                (drift for drift in settings.thresholds or () if drift > _ABOVE * left),
+                default=math.inf,
+            ),
             most=settings.max_im,
         )
         how = RunSettings(settings.dt, settings.duration, settings.until_rest, check=settings.check)
@@ -341,7 +355,9 @@ class _Work:
         return tuple(sorted(runs, key=lambda run: run.im))
 
 
-def _done(works: Sequence[_Work], store: Store, jobs: int, progress: Progress) -> tuple[list[RecordRuns], int]:
+def _done(
+    works: Sequence[_Work], store: Store, jobs: int, progress: Progress
+) -> tuple[list[RecordRuns], int]:
     """The runs of all records, and how many records were done before; the others are shared by threads."""
     results: dict[int, RecordRuns] = {}
     for number in sorted(store.done()):
@@ -351,21 +367,31 @@ def _done(works: Sequence[_Work], store: Store, jobs: int, progress: Progress) -
             store.remove({number})
     resumed = len(results)
     progress(resumed, len(works))
-    for done, runs in on_threads(_Work.done, [work for work in works if work.number not in results], max(1, jobs)):
+    for done, runs in on_threads(
+        _Work.done, [work for work in works if work.number not in results], max(1, jobs)
+    ):
         results[done.number] = runs
         store.add(done)
         progress(len(results), len(works))
     return [results[work.number] for work in works], resumed
 
 
-def _prepared(model: Model, settings: IdaSettings, method: str | None) -> tuple[Subject, IdaSettings]:
+def _prepared(
+    model: Model, settings: IdaSettings, method: str | None
+) -> tuple[Subject, IdaSettings]:
     """The building, put together, and settings that make sense."""
     collapse_drift = settings.collapse_drift or model.collapse_drift
     if not 0.0 < settings.precision <= 0.5:
-        raise UsageError(f"the precision of a capacity must be above 0 and at most 50 %, got {settings.precision:g}")
+        raise UsageError(
+            f"the precision of a capacity must be above 0 and at most 50 %, got {settings.precision:g}"
+        )
     # Without thresholds those of the model's own damage states, if these are drift ratios.
     states = model.damage if model.damage and model.damage.demand == "drift_ratio" else None
-    medians = tuple(median for median in states.medians if median <= collapse_drift) if states else THRESHOLDS
+    medians = (
+        tuple(median for median in states.medians if median <= collapse_drift)
+        if states
+        else THRESHOLDS
+    )
     thresholds = medians if settings.thresholds is None else settings.thresholds
     for threshold in thresholds:
         if not 0.0 < threshold <= collapse_drift:
@@ -375,14 +401,21 @@ def _prepared(model: Model, settings: IdaSettings, method: str | None) -> tuple[
     if not settings.max_im > 0.0:
         raise UsageError(f"the largest intensity must be positive, got {settings.max_im:g}")
     # An isolator has no drift ratio and needs no height; of isolators alone there would be none at all.
-    without = [i for i, story in enumerate(model.stories, start=1) if story.height is None and not story.isolator]
+    without = [
+        i
+        for i, story in enumerate(model.stories, start=1)
+        if story.height is None and not story.isolator
+    ]
     if all(story.isolator for story in model.stories):
         without = [1]
     if without:
         raise ModelError(
             f"{model.source}: an incremental dynamic analysis needs drift ratios: give story {without[0]} a height"
         )
-    subject = Subject(replace(model, collapse_drift=collapse_drift), method or model.analysis.method or DEFAULT_METHOD)
+    subject = Subject(
+        replace(model, collapse_drift=collapse_drift),
+        method or model.analysis.method or DEFAULT_METHOD,
+    )
     return subject, replace(settings, collapse_drift=collapse_drift, thresholds=thresholds)
 
 
@@ -396,10 +429,15 @@ def _states(
     UsageError
         A drift is none, or that of a collapse.
     """
-    drift, damages = subject.model.collapse_drift, sorted(set(mainshock.damages if mainshock else ()))
+    drift, damages = (
+        subject.model.collapse_drift,
+        sorted(set(mainshock.damages if mainshock else ())),
+    )
     for damage in damages:
         if not 0.0 < damage < drift:
-            raise UsageError(f"damage {damage:g}: a drift ratio above 0 and below the collapse drift, {drift:g}")
+            raise UsageError(
+                f"damage {damage:g}: a drift ratio above 0 and below the collapse drift, {drift:g}"
+            )
     by_key: dict[tuple[str, float], DamagedState] = {}
     states: list[list[DamagedState | None]] = [[None] * len(records)]
     for damage in damages:
@@ -450,4 +488,6 @@ def _identity(
     }
     name, count = subject.model.name, len(records)
     motions = [SuiteMotion(record, record.source, record.component, record) for record in records]
-    return Identity(name, "study", as_json(about), [GivenBuilding(name, subject)], motions, chunks=count)
+    return Identity(
+        name, "study", as_json(about), [GivenBuilding(name, subject)], motions, chunks=count
+    )

@@ -77,7 +77,9 @@ class IdaRun:
         values: dict[str, float | None] = {"energy_error": row.energy_error}
         for demand, name in _OF_ROW.items():
             values |= {demand: getattr(row, name), f"{demand}_error": errors.get(name)}
-        numbers = {name: math.nan if value is None else float(value) for name, value in values.items()}
+        numbers = {
+            name: math.nan if value is None else float(value) for name, value in values.items()
+        }
         return cls(im, row.scale, row.status, finer=row.repeats, **numbers)
 
     @property
@@ -159,7 +161,9 @@ class LevelSearch:
                 return level
         # Descend until a drift is below the lowest threshold: in proportion, but by no more than a tenth at once.
         if standing and standing[0].drift_ratio >= self.lowest_drift and lowest >= least:
-            return lowest * max(0.1, min(1.0 / _HUNT, 0.8 * self.lowest_drift / standing[0].drift_ratio))
+            return lowest * max(
+                0.1, min(1.0 / _HUNT, 0.8 * self.lowest_drift / standing[0].drift_ratio)
+            )
         # Fill between neighbours whose drifts differ by much.
         for low, high in pairwise(standing):
             small, large = sorted((low.drift_ratio, high.drift_ratio))
@@ -191,7 +195,9 @@ def _between(low: float, high: float, runs: Sequence[IdaRun]) -> float | None:
     tried = [run.im for run in runs if low < run.im < high]
     near = _NEAR * math.log(high / low)
     levels = (low * (high / low) ** place for place in _PLACES)
-    return next((level for level in levels if all(abs(math.log(im / level)) > near for im in tried)), None)
+    return next(
+        (level for level in levels if all(abs(math.log(im / level)) > near for im in tried)), None
+    )
 
 
 @dataclass(frozen=True)
@@ -251,7 +257,9 @@ class IdaCurve:
         Two are tried for that, 1.25 and 1.5 times it, others are met in the search; of those between nothing is known.
         """
         collapse = first_collapse(self.runs)
-        return collapse is not None and any(run.stable and run.im > collapse.im for run in self.runs)
+        return collapse is not None and any(
+            run.stable and run.im > collapse.im for run in self.runs
+        )
 
     @cached_property
     def collapse(self) -> Capacity:
@@ -259,7 +267,9 @@ class IdaCurve:
         lower, high = self.stable[-1].im if self.stable else math.nan, first_collapse(self.runs)
         if high is None:
             return Capacity(self.collapse_drift, lower, lower, math.nan, censored=True)
-        return Capacity(self.collapse_drift, math.sqrt(lower * high.im), lower, high.im, censored=False)
+        return Capacity(
+            self.collapse_drift, math.sqrt(lower * high.im), lower, high.im, censored=False
+        )
 
     def capacity(self, threshold: float) -> Capacity:
         """The capacity for a drift ratio: where the curve first reaches it, straight on logarithmic axes.
@@ -281,21 +291,36 @@ class IdaCurve:
                 part = (threshold - self.left) / (run.drift_ratio - self.left)
                 return Capacity(threshold, run.im * part, 0.0, run.im, censored=False)
             before = self.stable[i - 1]
-            part = math.log(threshold / before.drift_ratio) / math.log(run.drift_ratio / before.drift_ratio)
-            return Capacity(threshold, before.im * (run.im / before.im) ** part, before.im, run.im, censored=False)
+            part = math.log(threshold / before.drift_ratio) / math.log(
+                run.drift_ratio / before.drift_ratio
+            )
+            return Capacity(
+                threshold,
+                before.im * (run.im / before.im) ** part,
+                before.im,
+                run.im,
+                censored=False,
+            )
         collapse = self.collapse
-        return Capacity(threshold, collapse.capacity, collapse.lower, collapse.upper, collapse.censored)
+        return Capacity(
+            threshold, collapse.capacity, collapse.lower, collapse.upper, collapse.censored
+        )
 
     def intensity_at(self, drift_ratios: Array) -> Array:
         """The capacities for drift ratios, shape (k,): inf where censored, nan where nothing is known."""
         capacities = [self.capacity(drift) for drift in drift_ratios.tolist()]
         values = np.array(
-            [math.inf if limit.censored and limit.capacity > 0.0 else limit.capacity for limit in capacities]
+            [
+                math.inf if limit.censored and limit.capacity > 0.0 else limit.capacity
+                for limit in capacities
+            ]
         )
         return np.where(drift_ratios <= self.left, 0.0, values)
 
 
-def fractiles(curves: Sequence[IdaCurve], drift_ratios: Array, parts: Sequence[float] = (0.16, 0.5, 0.84)) -> Array:
+def fractiles(
+    curves: Sequence[IdaCurve], drift_ratios: Array, parts: Sequence[float] = (0.16, 0.5, 0.84)
+) -> Array:
     """Fractiles over the records of the intensity that leads to each drift ratio, shape (len(parts), k).
 
     A fractile is nan from where on it lies among censored capacities. Between two records lies a straight line of the
@@ -382,7 +407,9 @@ class DamagedState:
     rest: float
 
 
-def damaged(subject: Subject, main: Record, drift: float, *, first: float, dt: float | None) -> DamagedState:
+def damaged(
+    subject: Subject, main: Record, drift: float, *, first: float, dt: float | None
+) -> DamagedState:
     """Scale a mainshock so that the largest drift ratio of a building first reaches a value.
 
     Parameters

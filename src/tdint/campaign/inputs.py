@@ -42,7 +42,12 @@ from tdint.csv_table import no_number, number, read_table
 from tdint.data import dataclass
 from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageError
 from tdint.files import MOST_BYTES, note_input, read_at_most
-from tdint.ground_motion.reading.suites import SuiteMotion, read_components, read_suite, suite_motions
+from tdint.ground_motion.reading.suites import (
+    SuiteMotion,
+    read_components,
+    read_suite,
+    suite_motions,
+)
 from tdint.ground_motion.record import JoinedRecord, Record
 from tdint.model.capacity import read_classes
 from tdint.model.config.model_file import load_model
@@ -113,10 +118,16 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     else:
         rows, faults = read_rows(campaign.buildings)
     motions = _READERS[type(campaign.records)](campaign.records)
-    factors = read_factors(campaign.intensity) if isinstance(campaign.intensity, FactorsFile) else None
+    factors = (
+        read_factors(campaign.intensity) if isinstance(campaign.intensity, FactorsFile) else None
+    )
     # What is too far from any site is left out before a sweep multiplies it.
     far: tuple[ModelFault, ...] = ()
-    if isinstance(campaign.records, GridFile | FieldFile) and motions.places is not None and motions.places.places:
+    if (
+        isinstance(campaign.records, GridFile | FieldFile)
+        and motions.places is not None
+        and motions.places.places
+    ):
         rows, lost, far = _placed(campaign, campaign.records, motions.places, rows)
         faults = (*faults, *((ModelError(lost),) if lost else ()))
     # Costs go into no run, but a wrong one would come up only after all of them.
@@ -124,7 +135,10 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
         _check_costs(rows)
     with sweep.told_at_its_place():
         rows = sweep.of_rows(rows) if rows and campaign.sweep else rows
-    assignment, damage = _assignment(campaign, motions.places, rows, len(models)), read_class_damage(campaign.damage)
+    assignment, damage = (
+        _assignment(campaign, motions.places, rows, len(models)),
+        read_class_damage(campaign.damage),
+    )
     return Inputs(models, rows, motions, assignment, factors, damage, faults, far)
 
 
@@ -162,7 +176,9 @@ def adapted(model: Model, analysis: AnalysisWishes) -> Model:
         model = replace(model, collapse_drift=analysis.collapse_drift)
     if analysis.p_delta is not None:
         if analysis.p_delta and any(story.height is None for story in model.stories):
-            raise ModelError(f"{model.source}: p_delta of the campaign needs the heights of all stories")
+            raise ModelError(
+                f"{model.source}: p_delta of the campaign needs the heights of all stories"
+            )
         model = replace(model, p_delta=analysis.p_delta)
     return model
 
@@ -194,7 +210,11 @@ def _check_costs(rows: InventoryRows) -> None:
     for name in filter(rows.of.table.has, (COST, NUMBER)):
         faults += rows.faults(
             name,
-            lambda _, text: no_number(text, "zero or a positive number") if text and not number(text) >= 0.0 else "",
+            lambda _, text: (
+                no_number(text, "zero or a positive number")
+                if text and not number(text) >= 0.0
+                else ""
+            ),
         )
     if faults:
         raise ModelError(sorted(faults, key=lambda fault: (fault.line, fault.column)))
@@ -217,7 +237,9 @@ def _placed(
         None is left.
     """
     if rows is None:
-        raise UsageError(f"{campaign.source}: motions at places need an inventory with Latitude and Longitude")
+        raise UsageError(
+            f"{campaign.source}: motions at places need an inventory with Latitude and Longitude"
+        )
     # A row without a place is a fault of the file; one that is too far away is not.
     lost, nowhere = list[ModelFault](), np.isnan(rows.places[:, 0] + rows.places[:, 1])
     if nowhere.any():
@@ -236,14 +258,19 @@ def _placed(
     if isinstance(motions, FieldMotions):
         kept = replace(kept, near=(motions.sites, sites[~too_far], away[~too_far]))
     limit = f"max_distance is {1e-3 * records.max_distance:g} km"
-    far = placed.only(too_far).faults("Latitude", lambda at, _: f"{beyond[at]:.4g} km from the nearest site; {limit}")
+    far = placed.only(too_far).faults(
+        "Latitude", lambda at, _: f"{beyond[at]:.4g} km from the nearest site; {limit}"
+    )
     if not kept:
         raise ModelError([*lost, *far])
     return kept, lost, tuple(far)
 
 
 def _assignment(
-    campaign: CampaignFile, motions: GridMotions | FieldMotions | None, rows: InventoryRows | None, models: int
+    campaign: CampaignFile,
+    motions: GridMotions | FieldMotions | None,
+    rows: InventoryRows | None,
+    models: int,
 ) -> Assignment | None:
     """The motions of each building: draws near it, or the events of the nearest site, of the one that it names, or,
     without sites, all; None for all motions.
@@ -276,7 +303,9 @@ def _assignment(
     reason = f"is not in {records.file}; known: {', '.join(motions.sites[:5])}{' ...' * (len(numbers) > 5)}"
     if lost := rows.faults("site", lambda _, text: "" if text in numbers else f"{text!r} {reason}"):
         raise ModelError(lost)
-    return FieldDraws(motions, np.repeat([numbers[site] for site in rows.texts("site")], len(rows.changes)))
+    return FieldDraws(
+        motions, np.repeat([numbers[site] for site in rows.texts("site")], len(rows.changes))
+    )
 
 
 def read_motions(records: RecordFiles) -> FoundMotions:
@@ -289,7 +318,9 @@ def read_motions(records: RecordFiles) -> FoundMotions:
     """
     suite = read_suite(records.files, records.choice, records.pairs)
     if not suite.motions:
-        raise RecordError("\n".join(map(str, suite.failures)) or "there is no record in this campaign")
+        raise RecordError(
+            "\n".join(map(str, suite.failures)) or "there is no record in this campaign"
+        )
     return FoundMotions(suite_motions(suite.motions), suite.failures, suite.notes)
 
 
@@ -310,11 +341,14 @@ def read_sequences(sequences: SequenceFile) -> FoundMotions:
     table.need("sequence", "record")
     # Columns that are left out say nothing: all components, the factor 1, the file's own units.
     told = [
-        table.texts(name) if table.has(name) else [""] * len(table.rows) for name in ("component", "factor", "units")
+        table.texts(name) if table.has(name) else [""] * len(table.rows)
+        for name in ("component", "factor", "units")
     ]
     names, records = table.texts("sequence", empty=False), table.texts("record", empty=False)
     shocks: dict[str, list[_Shock]] = {}
-    for name, record, component, text, unit, (line, _) in zip(names, records, *told, table.rows, strict=True):
+    for name, record, component, text, unit, (line, _) in zip(
+        names, records, *told, table.rows, strict=True
+    ):
         file = resolve(record, Path(sequences.file).parent)
         factor = _factor(sequences.file, line, text or "1")
         shocks.setdefault(name, []).append(_Shock(file, component, factor, unit.strip()))
@@ -331,7 +365,12 @@ def read_sequences(sequences: SequenceFile) -> FoundMotions:
 
 
 _READERS: dict[type, Callable[[Any], FoundMotions]]
-_READERS = {GridFile: read_grid, FieldFile: read_field, SequenceFile: read_sequences, RecordFiles: read_motions}
+_READERS = {
+    GridFile: read_grid,
+    FieldFile: read_field,
+    SequenceFile: read_sequences,
+    RecordFiles: read_motions,
+}
 
 
 class _Shock(NamedTuple):
@@ -361,7 +400,9 @@ def _sequence(
     # Components go together by their names; a single one goes with whatever the others have.
     names = [[record.component for record in records] for records in of_shocks]
     if any(part != names[0] for part in names) and any(len(part) > 1 for part in names):
-        raise RecordError("its records have different components; name one of each in the column component")
+        raise RecordError(
+            "its records have different components; name one of each in the column component"
+        )
     for records in zip(*of_shocks, strict=True):
         whole = JoinedRecord.of(records, sequences.rest)
         yield SuiteMotion(whole, name, whole.component, whole.shocks[0])

@@ -100,7 +100,10 @@ class MotionIntensity:
         # Each direction has a record of its own: half a turn, for the other half differs in sign alone.
         angles = np.arange(_DIRECTIONS) * (math.pi / _DIRECTIONS)
         x, y, dt = first.acceleration, second.acceleration, first.dt
-        values = [value(Record(math.cos(a) * x + math.sin(a) * y, dt, "", "", "", "")) for a in angles.tolist()]
+        values = [
+            value(Record(math.cos(a) * x + math.sin(a) * y, dt, "", "", "", ""))
+            for a in angles.tolist()
+        ]
         return _positive(float(np.percentile(values, percentile)), self.name, motion)
 
 
@@ -135,7 +138,9 @@ def sa(period: float, damping: float = SA_DAMPING) -> SpectralIntensity:
     return SpectralIntensity(f"sa({period:.6g})", (float(period),), damping)
 
 
-def sa_average(period: float, damping: float = SA_DAMPING, multiples: Grid = AVERAGE) -> SpectralIntensity:
+def sa_average(
+    period: float, damping: float = SA_DAMPING, multiples: Grid = AVERAGE
+) -> SpectralIntensity:
     """The geometric mean of pseudo-accelerations over multiples of a period (s), in equal ratios."""
     _check_period(period)
     periods = tuple((period * multiples.values()).tolist())
@@ -170,7 +175,9 @@ def measure_of(name: str, damping: float = SA_DAMPING) -> IntensityMeasure:
         return SPECTRAL[kind](float(period), damping)
     except (KeyError, ValueError):
         plain = ", ".join(known for known in levelled() if known not in SPECTRAL)
-        raise UsageError(f"unknown measure {name!r:.60}; known: {plain}, sa(T), sa-avg(T) with T in s") from None
+        raise UsageError(
+            f"unknown measure {name!r:.60}; known: {plain}, sa(T), sa-avg(T) with T in s"
+        ) from None
 
 
 def percentile_of(pair: str) -> int | None:
@@ -182,7 +189,9 @@ def percentile_of(pair: str) -> int | None:
         There is no such name.
     """
     if pair not in PAIRS:
-        raise UsageError(f"pairs must be one of {', '.join(PAIRS)}, got {pair!r}{did_you_mean(pair, PAIRS)}")
+        raise UsageError(
+            f"pairs must be one of {', '.join(PAIRS)}, got {pair!r}{did_you_mean(pair, PAIRS)}"
+        )
     return PAIRS[pair]
 
 
@@ -191,7 +200,9 @@ def geometric_mean(values: Array) -> float:
     return float(np.exp(np.mean(np.log(values)))) if np.all(values > 0.0) else 0.0
 
 
-def pseudo_accelerations(motion: GroundMotion, periods: Array, damping: float, pair: str = GEOMETRIC_MEAN) -> Array:
+def pseudo_accelerations(
+    motion: GroundMotion, periods: Array, damping: float, pair: str = GEOMETRIC_MEAN
+) -> Array:
     """Pseudo-accelerations of a motion at periods (s), m/s^2, shape (k,); of two components that which `pair` names.
 
     Raises
@@ -212,7 +223,9 @@ def pseudo_accelerations(motion: GroundMotion, periods: Array, damping: float, p
 
 def _check_period(period: float) -> None:
     if not (math.isfinite(period) and period > 0.0):
-        raise UsageError(f"the period of an intensity measure must be a positive number of seconds, got {period!r}")
+        raise UsageError(
+            f"the period of an intensity measure must be a positive number of seconds, got {period!r}"
+        )
 
 
 def _positive(value: float, name: str, motion: GroundMotion) -> float:

@@ -92,9 +92,16 @@ class FieldMotions:
     def draws(self, site: int) -> list[Draw]:
         """The motions at a site; the number of a draw is that of its event."""
         here = slice(int(self.start[site]), int(self.start[site + 1]))
-        rows = zip(self.event[here].tolist(), self.record[here].tolist(), self.value[here].tolist(), strict=True)
+        rows = zip(
+            self.event[here].tolist(),
+            self.record[here].tolist(),
+            self.value[here].tolist(),
+            strict=True,
+        )
         return sorted(
-            Draw(motion, event, value / part) for event, record, value in rows for motion, part in self.motions[record]
+            Draw(motion, event, value / part)
+            for event, record, value in rows
+            for motion, part in self.motions[record]
         )
 
 
@@ -119,12 +126,18 @@ class FieldDraws:
 
     def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
         field = self.field
-        of_record = np.array([sum(runs(motion) for motion, _ in motions) for motions in field.motions], dtype=np.int64)
+        of_record = np.array(
+            [sum(runs(motion) for motion, _ in motions) for motions in field.motions],
+            dtype=np.int64,
+        )
         before = np.concatenate([[0], np.cumsum(of_record[field.record])])
         return np.asarray(np.diff(before[field.start])[self.site_of], dtype=np.int64)
 
     def description(self) -> dict[str, object]:
-        field, whole = self.field, hashlib.sha256(repr((self.field.sites, self.field.motions)).encode())
+        field, whole = (
+            self.field,
+            hashlib.sha256(repr((self.field.sites, self.field.motions)).encode()),
+        )
         for part in (field.start, field.event, field.record, field.value, self.site_of):
             whole.update(part.tobytes())
         return {"events": field.events, "field_sha256": whole.hexdigest()}
@@ -249,7 +262,9 @@ class GridDraws:
         if len(each) == 1:
             return np.full(buildings, self.wanted.samples * each.pop(), dtype=np.int64)
         drawn = map(self.draws, range(buildings))
-        return np.array([sum(runs(draw.motion) for draw in draws) for draws in drawn], dtype=np.int64)
+        return np.array(
+            [sum(runs(draw.motion) for draw in draws) for draws in drawn], dtype=np.int64
+        )
 
     def weights(self, building: int) -> tuple[NDArray[np.int64], Array]:
         """The points near a building, and how likely each is: by 1 / distance^2."""
@@ -261,8 +276,16 @@ class GridDraws:
 
     def description(self) -> dict[str, object]:
         grid_file, grid = self.wanted, repr((self._tree.data.tolist(), self.grid.motions))
-        numbers = {"neighbors": grid_file.neighbors, "samples": grid_file.samples, "draw_seed": grid_file.seed}
-        return {**numbers, "distance": grid_file.distance, "grid_sha256": hashlib.sha256(grid.encode()).hexdigest()}
+        numbers = {
+            "neighbors": grid_file.neighbors,
+            "samples": grid_file.samples,
+            "draw_seed": grid_file.seed,
+        }
+        return {
+            **numbers,
+            "distance": grid_file.distance,
+            "grid_sha256": hashlib.sha256(grid.encode()).hexdigest(),
+        }
 
     @cached_property
     def _places(self) -> Array:
@@ -279,7 +302,9 @@ Assignment = EveryMotion | FieldDraws | GridDraws
 
 def nearest(here: Places, there: Places, distance: str) -> NDArray[np.int64]:
     """Of each place the number of the nearest of others."""
-    return np.asarray(cKDTree(coordinates(there, distance)).query(coordinates(here, distance))[1], dtype=np.int64)
+    return np.asarray(
+        cKDTree(coordinates(there, distance)).query(coordinates(here, distance))[1], dtype=np.int64
+    )
 
 
 def meters(here: Places, there: Places) -> Array:
@@ -297,11 +322,18 @@ def unit_vectors(degrees: Array) -> Array:
     """Directions from the center of the earth to places given as longitude and latitude; shape (k, 3)."""
     longitude, latitude = np.radians(degrees).T
     return np.column_stack(
-        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)]
+        [
+            np.cos(latitude) * np.cos(longitude),
+            np.cos(latitude) * np.sin(longitude),
+            np.sin(latitude),
+        ]
     )
 
 
-COORDINATES: Mapping[str, Callable[[Array], Array]] = {"km": unit_vectors, "degrees": lambda degrees: degrees}
+COORDINATES: Mapping[str, Callable[[Array], Array]] = {
+    "km": unit_vectors,
+    "degrees": lambda degrees: degrees,
+}
 """What distances are between: places on the earth, or, as in SimCenter's workflow, degrees of longitude and latitude as
 if they were alike and the plane did not end."""
 
@@ -439,7 +471,13 @@ class MeasureLevels:
         name, damping = measure.name.partition("(")[0], getattr(measure, "damping", SA_DAMPING)
         period = "T1" if self.period is None else self.period
         other = {} if damping == SA_DAMPING else {"damping": damping}
-        return {"measure": name, "period": period, "levels": list(self.values), "pair": self.pair, **other}
+        return {
+            "measure": name,
+            "period": period,
+            "levels": list(self.values),
+            "pair": self.pair,
+            **other,
+        }
 
 
 Levels = Scales | GivenFactors | MeasureLevels

@@ -24,7 +24,15 @@ from tdint.campaign.buildings import Buildings, RowBuildings, Rules, given_build
 from tdint.campaign.definition import CampaignFile, InventoryFile, ParameterSweep
 from tdint.campaign.fragility.type_states import Damage, damage_of
 from tdint.campaign.inputs import Inputs
-from tdint.campaign.motions import Assignment, Draw, EveryMotion, GivenFactors, Levels, MeasureLevels, Scales
+from tdint.campaign.motions import (
+    Assignment,
+    Draw,
+    EveryMotion,
+    GivenFactors,
+    Levels,
+    MeasureLevels,
+    Scales,
+)
 from tdint.data import dataclass
 from tdint.errors import ModelError, ModelFault, TdintError, UsageError
 from tdint.ground_motion.measures import cut_off
@@ -104,19 +112,25 @@ class Plan:
     factors: str = ""
     style: tuple[str, str] = ("", "")
     scaled: Mapping[str, Any] = field(default_factory=dict)
-    _chosen: dict[int, Future[float | None]] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _chosen: dict[int, Future[float | None]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
     _choosing: Lock = field(default_factory=Lock, init=False, repr=False, compare=False)
 
     @property
     def unused(self) -> list[tuple[str, str]]:
         """Of each record and row of an inventory that could not be used `record` or `building`, and why."""
-        reasons_of: dict[tuple[str, str], list[str]] = {("building", str(fault)): [str(fault)] for fault in self.far}
+        reasons_of: dict[tuple[str, str], list[str]] = {
+            ("building", str(fault)): [str(fault)] for fault in self.far
+        }
         for error in self.failures:
             if not isinstance(error, ModelError):
                 reasons_of[("record", str(error))] = [str(error)]
             else:
                 for fault in error.faults:
-                    reasons_of.setdefault(("building", f"{fault.source}:{fault.line}"), []).append(str(fault))
+                    reasons_of.setdefault(("building", f"{fault.source}:{fault.line}"), []).append(
+                        str(fault)
+                    )
         return [(kind, "; ".join(reasons)) for (kind, _), reasons in reasons_of.items()]
 
     @property
@@ -143,7 +157,9 @@ class Plan:
         firsts = np.searchsorted(self._ends, self._cuts[:-1], side="right")
         firsts[0] = 0
         # A building may begin in one chunk and end in the next one.
-        lasts = np.append(firsts[1:] + (self._starts[firsts[1:]] < self._cuts[1:-1]), len(self.buildings))
+        lasts = np.append(
+            firsts[1:] + (self._starts[firsts[1:]] < self._cuts[1:-1]), len(self.buildings)
+        )
         return sorted({at for chunk in chunks for at in range(firsts[chunk], lasts[chunk])})
 
     def chunk(self, number: int) -> Chunk:
@@ -159,19 +175,25 @@ class Plan:
             first, at = until, at + 1
         parts = self._with_runs(chosen)
         used = sorted({run.motion for part in parts for run in part.runs})
-        return Chunk(number, parts, {motion: self.motions[motion].record for motion in used}, self.settings)
+        return Chunk(
+            number, parts, {motion: self.motions[motion].record for motion in used}, self.settings
+        )
 
     def check_steps(self) -> None:
         """Raise UsageError for a step that does not fit a record; of an inventory all buildings are alike in that."""
         from tdint.analysis.run.workspace import choose_steps
 
         settings = self.settings
-        analyses = {(model.analysis.dt, model.analysis.duration) for model in self.models} or {(None, None)}
+        analyses = {(model.analysis.dt, model.analysis.duration) for model in self.models} or {
+            (None, None)
+        }
         for dt, duration in sorted(analyses, key=str):
             for motion in {last.record.dt: last for last in reversed(self.motions)}.values():
                 record = motion.record
                 try:
-                    choose_steps(settings.dt or dt, settings.duration or duration, record.dt, record.duration)
+                    choose_steps(
+                        settings.dt or dt, settings.duration or duration, record.dt, record.duration
+                    )
                 except UsageError as error:
                     raise UsageError(f"{motion.name} {motion.component}: {error}") from None
 
@@ -193,7 +215,11 @@ class Plan:
         """The first run of each chunk, and the number of all runs."""
         steps = np.mean([motion.record.acceleration.size for motion in self.motions])
         of = self.buildings
-        stories = of.rows.stories if isinstance(of, RowBuildings) else np.array([building.stories for building in of])
+        stories = (
+            of.rows.stories
+            if isinstance(of, RowBuildings)
+            else np.array([building.stories for building in of])
+        )
         counts = np.maximum(self._counts, 1)
         # What a run costs, by its steps and stories, and by the building that is made for it.
         each = stories * steps * _SECONDS_PER_STEP + _SECONDS_PER_BUILDING / counts
@@ -217,7 +243,10 @@ class Plan:
             for draw in draws[place]:
                 # Levels of a value leave of a draw's own factor its sign alone.
                 factor = math.copysign(1.0, draw.factor) if self.levels.of_value else draw.factor
-                runs += [Run(draw.motion, factor * scale, draw.sample) for scale in factors[place, draw.motion]]
+                runs += [
+                    Run(draw.motion, factor * scale, draw.sample)
+                    for scale in factors[place, draw.motion]
+                ]
             largest = self._largest_step(number, sources[place], runs)
             parts.append(BuildingRuns(number, sources[place], tuple(runs[part]), largest))
         return tuple(parts)
@@ -238,7 +267,9 @@ class Plan:
         if mine:
             try:
                 records = {run.motion: self.motions[run.motion].record for run in runs}
-                chosen.set_result(building_step(source.subject(), records, runs, self.settings, tolerance))
+                chosen.set_result(
+                    building_step(source.subject(), records, runs, self.settings, tolerance)
+                )
             except BaseException as error:
                 chosen.set_exception(error)
         return chosen.result()
@@ -252,11 +283,15 @@ class Plan:
         for place, of_building in enumerate(draws):
             for motion in dict.fromkeys(draw.motion for draw in of_building):
                 users.setdefault(motion, []).append(place)
-        periods = [source.subject().period if self.levels.by_period else math.nan for source in sources]
+        periods = [
+            source.subject().period if self.levels.by_period else math.nan for source in sources
+        ]
         factors: dict[tuple[int, int], tuple[float, ...]] = {}
         for motion, places in users.items():
             of_places = self.levels.factors(motion, [periods[place] for place in places])
-            factors |= {(place, motion): values for place, values in zip(places, of_places, strict=True)}
+            factors |= {
+                (place, motion): values for place, values in zip(places, of_places, strict=True)
+            }
         return factors
 
 
@@ -279,15 +314,21 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         levels = replace(campaign.intensity, motions=motions.motions)
     else:
         assert inputs.factors is not None
-        levels = GivenFactors({number: inputs.factors.of(motion) for number, motion in enumerate(motions.motions)})
+        levels = GivenFactors(
+            {number: inputs.factors.of(motion) for number, motion in enumerate(motions.motions)}
+        )
     duration = campaign.settings.duration
     ends = [duration or model.analysis.duration for model in inputs.models] or [duration]
-    notes += cut_off((motion.record for motion in motions.motions), min(filter(None, ends), default=math.inf))
+    notes += cut_off(
+        (motion.record for motion in motions.motions), min(filter(None, ends), default=math.inf)
+    )
     # A residual drift at the end of a record is still swinging.
     damage = damage_of(campaign.damage, inputs.damage, buildings)
     residual = damage and any("residual" in type_.demand for type_ in damage.types.values())
     if residual and not campaign.settings.until_rest:
-        notes.append("damage is told by drifts at the end of the records: until_rest of the analysis goes on to rest")
+        notes.append(
+            "damage is told by drifts at the end of the records: until_rest of the analysis goes on to rest"
+        )
     # All that is said before the runs goes along: what was left out, and what may surprise.
     plan = Plan(
         name=campaign.name,
@@ -299,7 +340,10 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         failures=(*motions.failures, *inputs.faults),
         far=inputs.far,
         outputs=campaign.outputs,
-        style=(campaign.style, str(Path(campaign.source).parent.absolute()) if campaign.style else ""),
+        style=(
+            campaign.style,
+            str(Path(campaign.source).parent.absolute()) if campaign.style else "",
+        ),
         rates=motions.rates,
         notes=(*notes, *motions.notes),
         damage=damage,
@@ -320,17 +364,25 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
             if analysis.method is None:
                 notes.append(f"no method is named, {DEFAULT_METHOD} is used")
             scatter = inventory.stiffness_scatter, inventory.damping_scatter, inventory.seed
-            same = analysis.method or DEFAULT_METHOD, analysis.collapse_drift or _COLLAPSE_DRIFT, bool(analysis.p_delta)
+            same = (
+                analysis.method or DEFAULT_METHOD,
+                analysis.collapse_drift or _COLLAPSE_DRIFT,
+                bool(analysis.p_delta),
+            )
             rules = Rules(inventory.rules, *scatter, *same)
             assert inputs.rows is not None
             return RowBuildings(inputs.rows, rules)
     if len({model.output_units for model in inputs.models}) > 1:
-        notes.append("the models want results in different units: they are written in SI; --output-units names others")
+        notes.append(
+            "the models want results in different units: they are written in SI; --output-units names others"
+        )
     # Of a sweep the variations of a model are buildings of their own.
     named = Counter((model.source, model.label) for model in inputs.models)
     again = [source for (source, _), count in named.items() if count > 1]
     if again:
-        notes.append(f"named more than once, and run as often: {first_few(list(dict.fromkeys(again)), _MOST_NAMES)}")
+        notes.append(
+            f"named more than once, and run as often: {first_few(list(dict.fromkeys(again)), _MOST_NAMES)}"
+        )
     # Models may bring methods of their own, unless the campaign names one for all.
     subjects = []
     for model in inputs.models:
@@ -339,5 +391,7 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
             method = DEFAULT_METHOD
             notes.append(f"{model.source}: names no method, {DEFAULT_METHOD} is used")
         subjects.append(Subject(model, method))
-        notes += [f"{model.source}: {text}" for text in doubts(model, subjects[-1].prepared.building)]
+        notes += [
+            f"{model.source}: {text}" for text in doubts(model, subjects[-1].prepared.building)
+        ]
     return given_buildings(subjects)

@@ -61,7 +61,9 @@ class Statistics:
     def errors(cls, values: Array, errors: Array) -> Statistics:
         """By how much these may be off where values, shape (motions, n), are off by their errors: none of them falls
         where a value grows, so they are off most where all are to one side."""
-        return cls(*_may_add(lambda those: np.array(list(vars(cls.of(those)).values())), values, errors))
+        return cls(
+            *_may_add(lambda those: np.array(list(vars(cls.of(those)).values())), values, errors)
+        )
 
 
 def _may_add(rising: Callable[[Array], Array], values: Array, errors: Array) -> Array:
@@ -177,7 +179,9 @@ def check_baseline(baseline: str, buildings: Iterable[str]) -> None:
     names = list(dict.fromkeys(buildings))
     if baseline not in names:
         near = did_you_mean(baseline, names)
-        raise UsageError(f"there is no building {baseline!r}{near}; there are {first_few(names, 10)}")
+        raise UsageError(
+            f"there is no building {baseline!r}{near}; there are {first_few(names, 10)}"
+        )
     if len(names) == 1:
         raise UsageError(f"there is no building beside {baseline!r} to be compared with it")
 
@@ -192,7 +196,11 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
     """
     check_baseline(baseline, (other.building for other in profiles))
     # By the texts of scale and level: nan is a key then, too.
-    bases = {(repr(other.scale), repr(other.level)): other for other in profiles if other.building == baseline}
+    bases = {
+        (repr(other.scale), repr(other.level)): other
+        for other in profiles
+        if other.building == baseline
+    }
     compared = []
     for profile in profiles:
         base = bases.get((repr(profile.scale), repr(profile.level)))
@@ -200,8 +208,13 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
             continue
         for quantity in STORY:
             ours, theirs = profile.statistics(quantity), base.statistics(quantity)
-            values = {name: _over(getattr(ours, name), getattr(theirs, name)) for name in ("mean", "median", "max")}
-            compared.append(Ratios(profile.building, baseline, profile.scale, profile.level, quantity, **values))
+            values = {
+                name: _over(getattr(ours, name), getattr(theirs, name))
+                for name in ("mean", "median", "max")
+            }
+            compared.append(
+                Ratios(profile.building, baseline, profile.scale, profile.level, quantity, **values)
+            )
     return compared
 
 
@@ -209,7 +222,10 @@ def _over(ours: Array, theirs: Array) -> Array:
     common = min(ours.size, theirs.size)
     # First the largest of all stories, which a building may have in another story than the baseline.
     tops = [np.max(values[np.isfinite(values)], initial=-math.inf) for values in (ours, theirs)]
-    over, under = np.concatenate([[tops[0]], ours[:common]]), np.concatenate([[tops[1]], theirs[:common]])
+    over, under = (
+        np.concatenate([[tops[0]], ours[:common]]),
+        np.concatenate([[tops[1]], theirs[:common]]),
+    )
     positive = (under > 0.0) & np.isfinite(over)
     return np.asarray(np.divide(over, under, out=np.full(over.size, math.nan), where=positive))
 
@@ -239,12 +255,19 @@ def check_drift(profile: Profile, limit: float) -> DriftCheck | None:
         return None
     ratios = profile.peaks[DRIFT_RATIO]
     if np.isnan(ratios).all():
-        raise UsageError(f"{profile.building}: a limit of drift ratios needs story heights, and the model gives none")
+        raise UsageError(
+            f"{profile.building}: a limit of drift ratios needs story heights, and the model gives none"
+        )
     # The story with the largest mean, not the mean of the largest: as codes check drifts of a suite.
     mean = np.mean(ratios, axis=0)
     worst = int(np.nanargmax(mean))
     stood = not (profile.collapsed or profile.failed)
-    return DriftCheck(float(mean[worst]), worst + 1, float(np.nanmax(ratios)), stood and bool(mean[worst] <= limit))
+    return DriftCheck(
+        float(mean[worst]),
+        worst + 1,
+        float(np.nanmax(ratios)),
+        stood and bool(mean[worst] <= limit),
+    )
 
 
 def profiles(store: Store) -> Iterator[Profile]:
@@ -252,12 +275,17 @@ def profiles(store: Store) -> Iterator[Profile]:
     if store.connection.execute("SELECT 1 FROM story_rows LIMIT 1").fetchone() is None:
         return
     # What is the same for all buildings is found once: there may be a million.
-    records, counts = store.records(), dict(store.connection.execute("SELECT id, stories FROM buildings"))
+    records, counts = (
+        store.records(),
+        dict(store.connection.execute("SELECT id, stories FROM buildings")),
+    )
     rules, checked = SuiteRules.of(store), store.checked
     for number, (name, _) in store.buildings().items():
         # The values of the stories of each run, with their errors where the campaign has estimated them.
         quantities = [quantity.column for quantity in STORY]
-        columns = ", ".join(("height_m", *quantities, *(f"{name}_error" for name in quantities if checked)))
+        columns = ", ".join(
+            ("height_m", *quantities, *(f"{name}_error" for name in quantities if checked))
+        )
         query = f"SELECT record, scale, sample, {columns} FROM story_rows WHERE building = ? ORDER BY 1, 2, 3, story"
         by_run: dict[Run, list[list[float]]] = defaultdict(list)
         for record, scale, sample, *values in store.connection.execute(query, (number,)):
@@ -266,7 +294,14 @@ def profiles(store: Store) -> Iterator[Profile]:
         for level in rules.levels_of(store, number):
             motions = tuple(motion_name(records[keys[0].motion][0]) for keys in level.stood)
             height, peaks, errors = _peaks(level, kept, counts[number], checked)
-            yield Profile(**vars(level), building=name, motions=motions, height=height, peaks=peaks, peak_errors=errors)
+            yield Profile(
+                **vars(level),
+                building=name,
+                motions=motions,
+                height=height,
+                peaks=peaks,
+                peak_errors=errors,
+            )
 
 
 def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
@@ -302,7 +337,9 @@ class SuiteRules:
     def levels_of(self, store: Store, building: int) -> Iterator[SuiteLevel]:
         """The levels of a building of the store by its number, from the smallest factor."""
         query = "SELECT record, scale, sample, status FROM run_rows WHERE building = ? ORDER BY record, scale, sample"
-        return self.levels({Run(*key): told for *key, told in store.connection.execute(query, (building,))})
+        return self.levels(
+            {Run(*key): told for *key, told in store.connection.execute(query, (building,))}
+        )
 
     def levels(self, status: Mapping[Run, str]) -> Iterator[SuiteLevel]:
         """The levels of a building, from the smallest factor, by the statuses of its runs."""
@@ -316,7 +353,11 @@ class SuiteRules:
             for key in keys:
                 grouped[self.motions[key.motion], key.sample].append(key)
             # A pair is one motion: it failed or fell if one of its components did.
-            failed = [runs for runs in grouped.values() if any(status[key] not in (DONE, *FALLEN) for key in runs)]
+            failed = [
+                runs
+                for runs in grouped.values()
+                if any(status[key] not in (DONE, *FALLEN) for key in runs)
+            ]
             fell = [runs for runs in grouped.values() if any(status[key] in FALLEN for key in runs)]
             yield SuiteLevel(
                 math.nan if self.several or len(scales) > 1 else scales.pop(),
@@ -347,11 +388,15 @@ def _peaks(
         return np.full(stories, math.nan), nothing, nothing if checked else {}
     # A residual drift has a sign.
     stood = [np.abs([kept[key] for key in keys]) for keys in level.stood]
-    values, errors = ([block[:, :, part] for block in stood] for part in (slice(1, _OWN), slice(_OWN, None)))
+    values, errors = (
+        [block[:, :, part] for block in stood] for part in (slice(1, _OWN), slice(_OWN, None))
+    )
     # Of both components the larger.
     larger = partial(np.max, axis=0)
     peaks = np.stack([larger(block) for block in values], axis=-1)
-    off = [_may_add(larger, *block) for block in zip(values, errors, strict=True)] if checked else []
+    off = (
+        [_may_add(larger, *block) for block in zip(values, errors, strict=True)] if checked else []
+    )
     return stood[0][0, :, 0], _by_name(peaks), _by_name(np.stack(off, axis=-1)) if off else {}
 
 
@@ -387,7 +432,9 @@ def level_ranks(runs: Iterable[Run]) -> dict[Run, int]:
     for key in runs:
         factors[key.motion, key.sample].append(key)
     return {
-        key: rank for keys in factors.values() for rank, key in enumerate(sorted(keys, key=lambda key: abs(key.scale)))
+        key: rank
+        for keys in factors.values()
+        for rank, key in enumerate(sorted(keys, key=lambda key: abs(key.scale)))
     }
 
 
@@ -481,13 +528,22 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
     return sorted(floors, key=lambda floors_of_run: (floors_of_run.building, floors_of_run.run))
 
 
-def _spectra(plan: Plan, building: int, subject: Subject, choice: FloorChoice, run: tuple[Run, float]) -> RunFloors:
+def _spectra(
+    plan: Plan, building: int, subject: Subject, choice: FloorChoice, run: tuple[Run, float]
+) -> RunFloors:
     key, dt = run
     settings, case = plan.settings, subject.case(plan.motions[key.motion].record, key.scale)
     response = run_case(
-        case, dt=dt, duration=settings.duration, history=True, check=False, until_rest=settings.until_rest
+        case,
+        dt=dt,
+        duration=settings.duration,
+        history=True,
+        check=False,
+        until_rest=settings.until_rest,
     )
-    return RunFloors(building, key, floor_spectra(response, choice.floors, choice.periods, choice.damping))
+    return RunFloors(
+        building, key, floor_spectra(response, choice.floors, choice.periods, choice.damping)
+    )
 
 
 def floor_suites(store: Store, floors: Sequence[RunFloors]) -> Iterator[FloorSuite]:
@@ -504,7 +560,17 @@ def floor_suites(store: Store, floors: Sequence[RunFloors]) -> Iterator[FloorSui
                 continue
             for i, shown in enumerate(spectra[level.stood[0][0]]):
                 of, name = shown.spectrum, names[number][0]
-                psa = np.array([np.max([spectra[run][i].spectrum.psa for run in runs], axis=0) for runs in level.stood])
+                psa = np.array(
+                    [
+                        np.max([spectra[run][i].spectrum.psa for run in runs], axis=0)
+                        for runs in level.stood
+                    ]
+                )
                 yield FloorSuite(
-                    **vars(level), building=name, floor=shown.floor, damping=of.damping, periods=of.periods, psa=psa
+                    **vars(level),
+                    building=name,
+                    floor=shown.floor,
+                    damping=of.damping,
+                    periods=of.periods,
+                    psa=psa,
                 )

@@ -21,7 +21,14 @@ from tdint.campaign.definition import (
     read_sweep,
 )
 from tdint.campaign.fragility.type_states import DAMAGE, read_wishes
-from tdint.campaign.intensity import GEOMETRIC_MEAN, PAIRS, SPECTRAL, levelled, measure_at, without_levels
+from tdint.campaign.intensity import (
+    GEOMETRIC_MEAN,
+    PAIRS,
+    SPECTRAL,
+    levelled,
+    measure_at,
+    without_levels,
+)
 from tdint.campaign.motions import COORDINATES, MAX_DISTANCE, GridFile, MeasureLevels, Scales
 from tdint.csv_table import number
 from tdint.errors import UsageError
@@ -56,8 +63,14 @@ from tdint.units import GROUND_MOTION, LENGTH, parse_units
 
 SEED = Whole(0, 2**31 - 1)
 _FILES = (
-    Key("files", EntriesOf(Words(), least=1), "records and folders of records, relative to this file"),
-    Key("component", Words(), "component, where files hold several; all horizontal ones without it"),
+    Key(
+        "files",
+        EntriesOf(Words(), least=1),
+        "records and folders of records, relative to this file",
+    ),
+    Key(
+        "component", Words(), "component, where files hold several; all horizontal ones without it"
+    ),
     Key(
         "pairs",
         Either((Flag(), Words())),
@@ -74,13 +87,27 @@ _GRID = (
     Key("samples", Whole(1, 100_000), "draws for each building"),
     Key("seed", SEED, "what is drawn from, with the building's id"),
     Key(
-        "events", Flag(), "nothing is drawn: the rows of the points' files are events, those of the nearest point count"
+        "events",
+        Flag(),
+        "nothing is drawn: the rows of the points' files are events, those of the nearest point count",
     ),
 )
 _FIELDS = (
-    Key("fields", Words(), "CSV file of what each event does (event, site, record, factor), relative to this file"),
-    Key("sites", Words(), "CSV file of the sites' places (site, longitude, latitude), relative to this file"),
-    Key("rates", Words(), "CSV file of how often the events come in a year (event, rate), relative to this file"),
+    Key(
+        "fields",
+        Words(),
+        "CSV file of what each event does (event, site, record, factor), relative to this file",
+    ),
+    Key(
+        "sites",
+        Words(),
+        "CSV file of the sites' places (site, longitude, latitude), relative to this file",
+    ),
+    Key(
+        "rates",
+        Words(),
+        "CSV file of how often the events come in a year (event, rate), relative to this file",
+    ),
 )
 _BY_DISTANCE = Choice(tuple(COORDINATES), "distance")
 _DISTANCE = Key("distance", _BY_DISTANCE, "what is near: in km, or in degrees as SimCenter has it")
@@ -90,8 +117,16 @@ _LARGEST = Key(
     "km on the earth, buildings whose nearest site is farther away are left out; 15 by default",
 )
 _SEQUENCES = (
-    Key("sequences", Words(), "CSV file of shocks (sequence, record, component, factor), relative to this file"),
-    Key("rest", Bounds(0.0), "seconds from the end of a shock to the next; until rest where it is left out"),
+    Key(
+        "sequences",
+        Words(),
+        "CSV file of shocks (sequence, record, component, factor), relative to this file",
+    ),
+    Key(
+        "rest",
+        Bounds(0.0),
+        "seconds from the end of a shock to the next; until rest where it is left out",
+    ),
 )
 _FILE_KEYS, _GRID_KEYS, _FIELD_KEYS, _SEQUENCE_KEYS = (
     tuple(key.name for key in keys) for keys in (_FILES, _GRID, _FIELDS, _SEQUENCES)
@@ -133,12 +168,18 @@ def read_wanted_motions(value: Value) -> RecordFiles | SequenceFile | GridFile |
     section.refuse(("rest",), "belongs to `sequences`")
     # Files are the usual way: without any of the four these are asked for.
     files = section.need("files", "give a list of files and folders, or a `grid` in its place")
-    items = files.items("a list of files and folders", "is empty; give at least one record") if files else None
+    items = (
+        files.items("a list of files and folders", "is empty; give at least one record")
+        if files
+        else None
+    )
     pairs, component = section.get("pairs"), section.get("component")
     both = _pair_names(pairs) if pairs else None
     if both and component:
         component.fault("pairs have both horizontal components; leave one of the two out")
-    return RecordFiles(tuple(file for item in items or () if (file := item.file())), _choice(section), both)
+    return RecordFiles(
+        tuple(file for item in items or () if (file := item.file())), _choice(section), both
+    )
 
 
 def _pair_names(value: Value) -> PairNames | None:
@@ -165,7 +206,11 @@ def _fields(section: Section) -> FieldFile | None:
     if not sites:
         section.refuse(("distance", "max_distance"), "has nothing to act on without `sites`")
     choice, distance = _choice(section), section.read("distance", "km")
-    return FieldFile(file, choice, both, sites, distance, _largest(section), section.file("rates")) if file else None
+    return (
+        FieldFile(file, choice, both, sites, distance, _largest(section), section.file("rates"))
+        if file
+        else None
+    )
 
 
 def _largest(section: Section) -> float:
@@ -179,7 +224,9 @@ def _meters(text: str) -> float:
     match = re.fullmatch(r"\s*([0-9.eE+]+)\s*(km|m)?\s*", text)
     meters = number(match[1]) * (1.0 if match[2] == "m" else 1e3) if match else math.nan
     if not meters > 0.0:
-        raise UsageError(f"must be a positive distance in km, such as 15 or 800 m, got {text!r:.40}")
+        raise UsageError(
+            f"must be a positive distance in km, such as 15 or 800 m, got {text!r:.40}"
+        )
     return meters
 
 
@@ -187,7 +234,9 @@ def _grid(section: Section, units: str | None) -> GridFile | None:
     file, distance = section.file("grid"), section.read("distance", "km")
     # Rows as events are all done: numbers and seed of draws would be without effect.
     if section.read("events"):
-        section.refuse(("neighbors", "samples", "seed"), "has no part in `events`, of which nothing is drawn")
+        section.refuse(
+            ("neighbors", "samples", "seed"), "has no part in `events`, of which nothing is drawn"
+        )
         largest = _largest(section)
         return GridFile(file, units, 1, 0, 0, distance, True, largest) if file and units else None
     neighbors = section.need("neighbors", "give the number of grid points among which is drawn")
@@ -195,7 +244,13 @@ def _grid(section: Section, units: str | None) -> GridFile | None:
     if file is None or units is None or neighbors is None or samples is None:
         return None
     return GridFile(
-        file, units, neighbors.read(), samples.read(), section.read("seed", 0), distance, max_distance=_largest(section)
+        file,
+        units,
+        neighbors.read(),
+        samples.read(),
+        section.read("seed", 0),
+        distance,
+        max_distance=_largest(section),
     )
 
 
@@ -208,19 +263,37 @@ _LEAST_LEVEL, _MOST_LEVEL = 1e-6, 1e6
 _SCATTER = Bounds(0.0, 0.5, ratio=True)
 _LENGTH = Choice(("m", "ft"), "length unit of inventories")
 _UNITS = Keys(
-    (Key("length", _LENGTH, "of the inventory; plan areas are in its square", needed=True, advice="give ft or m"),),
+    (
+        Key(
+            "length",
+            _LENGTH,
+            "of the inventory; plan areas are in its square",
+            needed=True,
+            advice="give ft or m",
+        ),
+    ),
     make=lambda _, length: LENGTH[length],
 )
 _BUILDINGS = Keys(
     (
         Key("models", EntriesOf(Words(), least=1), "model files, relative to this file"),
         Key("inventory", Words(), "CSV file with a building per row, relative to this file"),
-        Key("rules", Choice(tuple(RULES), "set of rules"), "by which the buildings follow from their rows"),
+        Key(
+            "rules",
+            Choice(tuple(RULES), "set of rules"),
+            "by which the buildings follow from their rows",
+        ),
         Key("classes", Words(), "CSV file of the classes' capacity curves, for the rules capacity"),
-        Key("as_published", Flag(), "multiply forces by the factor of oq-vmtk 1.1, for the rules capacity"),
+        Key(
+            "as_published",
+            Flag(),
+            "multiply forces by the factor of oq-vmtk 1.1, for the rules capacity",
+        ),
         Key("units", _UNITS, "units of the inventory"),
         Key(
-            "damping", Choice(("full", "mass-only"), "damping"), "mass-only leaves out the stiffness-proportional part"
+            "damping",
+            Choice(("full", "mass-only"), "damping"),
+            "mass-only leaves out the stiffness-proportional part",
         ),
         Key("stiffness_scatter", _SCATTER, "standard deviation of a factor on each stiffness"),
         Key("damping_scatter", _SCATTER, "standard deviation of a factor on each damping ratio"),
@@ -236,10 +309,18 @@ _INTENSITY = Keys(
     (
         Key("scales", EntriesOf(ANY, least=1), "factors on all motions"),
         Key("measure", Choice(levelled(), "measure"), "intensity measure that takes the levels"),
-        Key("period", Either((Choice((_FIRST,)), POSITIVE)), "of sa and sa-avg; that of each building by default"),
+        Key(
+            "period",
+            Either((Choice((_FIRST,)), POSITIVE)),
+            "of sa and sa-avg; that of each building by default",
+        ),
         Key("damping", RATIO, "damping ratio of sa and sa-avg; 5% by default"),
         Key("levels", EntriesOf(Words(), least=1), "values with their unit: 0.1 g, 0.2 m/s"),
-        Key("pair", Choice(tuple(PAIRS), "measure of pairs"), "what stands for the two components of a pair"),
+        Key(
+            "pair",
+            Choice(tuple(PAIRS), "measure of pairs"),
+            "what stands for the two components of a pair",
+        ),
         Key("factors", Words(), "CSV file of `tdint scale`, relative to this file"),
     ),
     one_of=(("scales", "measure", "factors"),),
@@ -255,7 +336,11 @@ _ANALYSIS = Keys(
             "time step, s, or several, each with all the rest; that of each model, else of each record, without it",
         ),
         Key("duration", POSITIVE, "time to integrate, s"),
-        Key("tolerance", _TOLERANCE, "choose the step of each building by the error of its peak drifts"),
+        Key(
+            "tolerance",
+            _TOLERANCE,
+            "choose the step of each building by the error of its peak drifts",
+        ),
         Key("collapse_drift", POSITIVE_RATIO, "drift ratio beyond which a run counts as collapsed"),
         Key("p_delta", Flag(), "whether gravity acts on the displaced buildings"),
         Key("until_rest", Flag(), "go on with the ground at rest until the motion has died"),
@@ -266,7 +351,11 @@ _TABLES = ("runs", "damage", "losses", "stories", "profiles")
 _OUTPUTS = Keys(
     (
         Key("stories", Flag(), "write the peaks of every story, stories.csv"),
-        Key("profiles", Flag(), "write their mean and fractiles over the motions, profiles.csv; false for inventories"),
+        Key(
+            "profiles",
+            Flag(),
+            "write their mean and fractiles over the motions, profiles.csv; false for inventories",
+        ),
     )
 )
 CAMPAIGN = Keys(
@@ -274,16 +363,31 @@ CAMPAIGN = Keys(
         Key("name", Words(), "the campaign's name; that of the file where it is left out"),
         Key("buildings", _BUILDINGS, "model files, or an inventory", needed=True),
         Key("records", MOTIONS, "files and folders, or a grid", needed=True),
-        Key("intensity", _INTENSITY, "how strong the motions are made; as they are where it is left out"),
+        Key(
+            "intensity",
+            _INTENSITY,
+            "how strong the motions are made; as they are where it is left out",
+        ),
         Key("analysis", _ANALYSIS, "what is the same for all runs"),
         Key("vary", Varied(), "parameters of the buildings, each value with all the others"),
         Key("damage", DAMAGE, "damage states of the buildings, and what they cost"),
         Key(
             "outputs",
-            Either((_OUTPUTS, EntriesOf(Choice(_TABLES, "table"), 1, short="is empty; name at least one table"))),
+            Either(
+                (
+                    _OUTPUTS,
+                    EntriesOf(
+                        Choice(_TABLES, "table"), 1, short="is empty; name at least one table"
+                    ),
+                )
+            ),
             "what is written beside a row for each run, or a list of all that is written",
         ),
-        Key("style", Words(), "looks of the pictures, as --style has them: 90mm, or width=90mm,title=no"),
+        Key(
+            "style",
+            Words(),
+            "looks of the pictures, as --style has them: 90mm, or width=90mm,title=no",
+        ),
     )
 )
 """The keys of a campaign file, and what may stand under them."""
@@ -333,20 +437,27 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         name=section.read("name") or name,
         source=label,
         buildings=read_buildings,
-        records=(read_wanted_motions(records) if records else None) or RecordFiles((), RecordChoice()),
+        records=(read_wanted_motions(records) if records else None)
+        or RecordFiles((), RecordChoice()),
         intensity=_read_intensity(section.get("intensity")) or Scales((1.0,)),
         analysis=_read_analysis(analysis),
         settings=RunSettings(
             dt=dt.read() if dt and not dt.is_list else None,
             **analysis.given("duration", "tolerance", "until_rest", "check"),
             stories=outputs.read("stories", False) if outputs else "stories" in (chosen or ()),
-            profiles=outputs.read("profiles", models) if outputs else "profiles" in (chosen or ("profiles",) * models),
+            profiles=outputs.read("profiles", models)
+            if outputs
+            else "profiles" in (chosen or ("profiles",) * models),
         ),
         sweep=read_sweep(
-            section.get("vary"), analysis.get("methods"), dt if dt and dt.is_list else None, models=models
+            section.get("vary"),
+            analysis.get("methods"),
+            dt if dt and dt.is_list else None,
+            models=models,
         ),
         damage=read_wishes(
-            section.get("damage"), read_buildings.rules if isinstance(read_buildings, InventoryFile) else None
+            section.get("damage"),
+            read_buildings.rules if isinstance(read_buildings, InventoryFile) else None,
         ),
         outputs=chosen,
         style=section.read("style") or "",
@@ -367,9 +478,13 @@ def _check_together(section: Section) -> None:
         pair.fault("has nothing to act on without `pairs: true` of the records")
     # A sequence has its own end: that of its last shock.
     if (duration := said("analysis", "duration")) and said("records", "sequences"):
-        duration.fault("is not for `sequences`, which have all of each record; `rest` of the records is in between")
+        duration.fault(
+            "is not for `sequences`, which have all of each record; `rest` of the records is in between"
+        )
     for name in ("measure", "factors"):
-        if (entry := said("intensity", name)) and (said("records", "fields") or said("records", "events")):
+        if (entry := said("intensity", name)) and (
+            said("records", "fields") or said("records", "events")
+        ):
             entry.fault("has no part in events, whose factors are given; `scales` multiply them")
 
 
@@ -378,7 +493,9 @@ def _read_analysis(section: Section) -> AnalysisWishes:
     named = method.parsed(parse_method) if method else None
     if method and section.has("methods"):
         method.fault("stands in place of `methods`; give one of the two")
-    return AnalysisWishes(named.label if named else None, **section.given("collapse_drift", "p_delta"))
+    return AnalysisWishes(
+        named.label if named else None, **section.given("collapse_drift", "p_delta")
+    )
 
 
 def _read_buildings(value: Value) -> ModelFiles | InventoryFile | None:
@@ -411,12 +528,17 @@ def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
     # Rules by capacity curves read another table and know no scatter.
     if name == CAPACITY:
         section.need("classes", "give the CSV file of the classes (class, sd_m, sa_g)")
-        section.refuse(("damping", "stiffness_scatter", "damping_scatter", "seed"), f"has no part in {CAPACITY}")
+        section.refuse(
+            ("damping", "stiffness_scatter", "damping_scatter", "seed"),
+            f"has no part in {CAPACITY}",
+        )
     else:
         section.refuse(("classes", "as_published"), f"belongs to the rules {CAPACITY}")
     if file is None or name is None or unit is None:
         return None
-    return InventoryFile(file, name, unit, mass_only=kind == "mass-only", classes=classes, **numbers)
+    return InventoryFile(
+        file, name, unit, mass_only=kind == "mass-only", classes=classes, **numbers
+    )
 
 
 def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile | None:
@@ -427,7 +549,10 @@ def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile
     # One way at a time: levels of a measure make the factors that the others give.
     ways = [name for name in ("scales", "measure", "factors") if section.has(name)]
     if len(ways) != 1:
-        value.fault("give one of scales, measure and factors" + (f", not {' and '.join(ways)}" if ways else ""))
+        value.fault(
+            "give one of scales, measure and factors"
+            + (f", not {' and '.join(ways)}" if ways else "")
+        )
         return None
     if ways == ["measure"]:
         return _levels(section)
@@ -436,7 +561,11 @@ def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile
         file = section.file("factors")
         return FactorsFile(file) if file else None
     factors = section.get("scales")
-    items = factors.items("a list of factors", "is empty; give at least one factor") if factors else None
+    items = (
+        factors.items("a list of factors", "is empty; give at least one factor")
+        if factors
+        else None
+    )
     # A factor twice would be the same run twice.
     numbers: dict[float, None] = {}
     for item in items or ():
@@ -462,7 +591,9 @@ def _levels(section: Section) -> MeasureLevels | None:
         return None
     # Each level has its unit in the file: what it must be a unit of hangs on the measure.
     unit = measure_at(name, damping, 1.0).unit
-    quantity = next((one for one, units in GROUND_MOTION.items() if units.get(unit) == 1.0), "acceleration")
+    quantity = next(
+        (one for one, units in GROUND_MOTION.items() if units.get(unit) == 1.0), "acceleration"
+    )
     values = tuple(dict.fromkeys(_level(item, quantity) for item in items or ()))
 
     # The period of a spectral measure, by default that of each building; others have none.
@@ -485,12 +616,18 @@ def _level(value: Value, quantity: str) -> float:
         try:
             units = parse_units(text)
         except UsageError:
-            raise UsageError(f"must be a positive number with its unit, such as {example}, got {text!r}") from None
+            raise UsageError(
+                f"must be a positive number with its unit, such as {example}, got {text!r}"
+            ) from None
         # A bare unit is no value: its factor is the level.
         if units.quantity != quantity or not units.has_factor:
-            raise UsageError(f"must be a number with a unit of {quantity}, such as {example}, got {text!r}")
+            raise UsageError(
+                f"must be a number with a unit of {quantity}, such as {example}, got {text!r}"
+            )
         if not _LEAST_LEVEL <= units.scale <= _MOST_LEVEL:
-            raise UsageError(f"must be from {_LEAST_LEVEL:g} to {_MOST_LEVEL:g} in SI units, got {text!r}")
+            raise UsageError(
+                f"must be from {_LEAST_LEVEL:g} to {_MOST_LEVEL:g} in SI units, got {text!r}"
+            )
         return units.scale
 
     return value.parsed(level) or math.nan

@@ -118,13 +118,18 @@ class Scaling(Tabular):
         return self.factors[:, None] * suite_spectra(self.motions, periods, self.damping, self.pair)
 
 
-def suite_spectra(motions: Sequence[GroundMotion], periods: Array, damping: float, pair: str) -> Array:
+def suite_spectra(
+    motions: Sequence[GroundMotion], periods: Array, damping: float, pair: str
+) -> Array:
     """Pseudo-accelerations of motions at periods (s), m/s^2, shape (n, k)."""
     return np.array([pseudo_accelerations(motion, periods, damping, pair) for motion in motions])
 
 
 def scale_to_value(
-    motions: Sequence[GroundMotion], measure: IntensityMeasure, value: float, pair: str = GEOMETRIC_MEAN
+    motions: Sequence[GroundMotion],
+    measure: IntensityMeasure,
+    value: float,
+    pair: str = GEOMETRIC_MEAN,
 ) -> Scaling:
     """Scale each motion to a value of an intensity measure (SI units).
 
@@ -191,7 +196,9 @@ def scale_asce7(
     """
     _check_pairs(pairs, "asce7")
     if len(pairs) < LEAST_PAIRS:
-        raise UsageError(f"the rule asce7 needs {LEAST_PAIRS} pairs of components at least (16.2.2), got {len(pairs)}")
+        raise UsageError(
+            f"the rule asce7 needs {LEAST_PAIRS} pairs of components at least (16.2.2), got {len(pairs)}"
+        )
     fitted = scale_to_target(pairs, target, periods, damping=damping, pair=MAXIMUM_DIRECTION)
     return _raised(fitted, "asce7")
 
@@ -216,7 +223,9 @@ def scale_ec8(
         A period outside the target's; a target without a value at the period 0.
     """
     if target.zero is None:
-        raise UsageError(f"{target.source}: the rule ec8 compares at the period 0, too, which the table does not have")
+        raise UsageError(
+            f"{target.source}: the rule ec8 compares at the period 0, too, which the table does not have"
+        )
     fitted = scale_to_target(motions, target, periods, damping=damping, pair=pair)
     peaks = fitted.factors * np.array([pga().of(motion, pair) for motion in motions])
     return _raised(fitted, "ec8", target.zero / float(np.mean(peaks)))
@@ -226,7 +235,9 @@ def _raised(fitted: Scaling, rule: str, at_least: float = 1.0) -> Scaling:
     """Fitted motions, all raised by one factor of `at_least` this or 1, by which their average is nowhere too low."""
     average, period = _least(fitted)
     raised = max(1.0, at_least, LEAST_PART / average)
-    return replace(fitted, factors=raised * fitted.factors, rule=rule, least=(raised * average, period))
+    return replace(
+        fitted, factors=raised * fitted.factors, rule=rule, least=(raised * average, period)
+    )
 
 
 def _least(fitted: Scaling) -> tuple[float, float]:
@@ -241,7 +252,9 @@ def _least(fitted: Scaling) -> tuple[float, float]:
     assert periods is not None
     slope = 0.5 / fitted.damping + 2.0
     low, high = float(np.min(periods)), float(np.max(periods))
-    inside = target.periods[(target.periods > low) & (target.periods < high)]  # its corners among them
+    inside = target.periods[
+        (target.periods > low) & (target.periods < high)
+    ]  # its corners among them
     # Halve intervals until none can hide anything lower than the lowest found.
     x, y = np.empty(0), np.empty(0)
     new = np.log(np.unique([*periods, *inside]))
@@ -293,7 +306,9 @@ def scale_p695(
     measure = sa(period, damping)
     # Then one factor for the whole set, so that differences between the motions stay.
     values = [
-        factor * measure.of(record) for pair, factor in zip(pairs, factors, strict=True) for record in components(pair)
+        factor * measure.of(record)
+        for pair, factor in zip(pairs, factors, strict=True)
+        for record in components(pair)
     ]
     factors = factors * (value / float(np.median(values)))
     return Scaling(tuple(pairs), factors, "p695", GEOMETRIC_MEAN, damping, measure, value)
@@ -354,7 +369,9 @@ def scale(
     if rule == "p695":
         of = chosen.periods if isinstance(chosen, SpectralIntensity) else ()
         if chosen is not None and (len(of) != 1 or of == (0.0,)):
-            raise UsageError(f"the rule p695 scales a set on to a value of sa(T), got {chosen.name}")
+            raise UsageError(
+                f"the rule p695 scales a set on to a value of sa(T), got {chosen.name}"
+            )
         return scale_p695(suite, of[0] if of else None, value, damping=damping)
     if chosen is None or value is None:
         raise UsageError("nothing to scale to: give a measure and its value, or a target")
@@ -362,10 +379,16 @@ def scale(
 
 
 _PLACES = 100  # periods of a comparison: 30 or more a decade
-_RULES: dict[str, Callable[..., Scaling]] = {"mean": scale_to_target, "asce7": scale_asce7, "ec8": scale_ec8}
+_RULES: dict[str, Callable[..., Scaling]] = {
+    "mean": scale_to_target,
+    "asce7": scale_asce7,
+    "ec8": scale_ec8,
+}
 
 
-def target_at(target: TargetSpectrum | str, periods: Sequence[float] | Array | None) -> tuple[TargetSpectrum, Array]:
+def target_at(
+    target: TargetSpectrum | str, periods: Sequence[float] | Array | None
+) -> tuple[TargetSpectrum, Array]:
     """A target, and the periods at which it is met: those given, or some over all of it."""
     aim = read_target(target) if isinstance(target, str) else target
     ends = float(aim.periods[0]), float(aim.periods[-1])

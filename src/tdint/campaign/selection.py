@@ -86,9 +86,13 @@ def select(
     """
     low, high = factors
     if not 0.0 < low <= high < np.inf:
-        raise UsageError(f"factors: the limits must be positive, the least first, got {low:g} and {high:g}")
+        raise UsageError(
+            f"factors: the limits must be positive, the least first, got {low:g} and {high:g}"
+        )
     if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-        raise UsageError(f"the number of motions to select must be a whole number, 1 at least, got {count!r:.60}")
+        raise UsageError(
+            f"the number of motions to select must be a whole number, 1 at least, got {count!r:.60}"
+        )
     if per_event is not None and per_event < 1:
         raise UsageError(f"per_event must be 1 at least, got {per_event}")
     if events is not None and len(events) != len(motions):
@@ -102,22 +106,32 @@ def select(
     spectrum_pair = MAXIMUM_DIRECTION if rule == "asce7" else pair
     pool, spectra, left_out = _pool(whole, places, damping, spectrum_pair)
     numbers = (
-        np.arange(len(whole)) if events is None else np.unique([str(event) for event in events], return_inverse=True)[1]
+        np.arange(len(whole))
+        if events is None
+        else np.unique([str(event) for event in events], return_inverse=True)[1]
     )
     of_pool, most = numbers[pool], len(whole) if per_event is None else per_event
     possible = int(np.minimum(np.bincount(of_pool), most).sum()) if len(pool) else 0
     if possible < count:
         why = [f"{number} {reason}" for reason, number in left_out.items() if number]
-        why += [f"at most {per_event} of an event; --events FILE names the events"] if per_event is not None else []
+        why += (
+            [f"at most {per_event} of an event; --events FILE names the events"]
+            if per_event is not None
+            else []
+        )
         told = f" ({', '.join(why)})" if why else ""
-        raise UsageError(f"{count} motions are asked for, {possible} of {len(whole)} can be taken{told}")
+        raise UsageError(
+            f"{count} motions are asked for, {possible} of {len(whole)} can be taken{told}"
+        )
     ln_aim, ln_spectra = np.log(aim.at(places)), np.log(spectra)
     ln_factors = np.clip(np.mean(ln_aim - ln_spectra, axis=1), np.log(low), np.log(high))
     scaled = ln_spectra + ln_factors[:, None]
     chosen = _search(scaled - ln_aim, count, wanted, of_pool, most)
     # Those chosen by the rule; of the mean each keeps its limits.
     taken = [pool[place] for place in chosen]
-    scaling = by_rule(rule)([whole[place] for place in taken], aim, places, damping=damping, pair=pair)
+    scaling = by_rule(rule)(
+        [whole[place] for place in taken], aim, places, damping=damping, pair=pair
+    )
     if rule == "mean":
         scaling = replace(scaling, factors=np.exp(ln_factors[chosen]))
     at_limit = np.isclose(ln_factors, np.log(low)) | np.isclose(ln_factors, np.log(high))
@@ -130,13 +144,18 @@ def select(
 def begin_together(motions: Sequence[GroundMotion]) -> list[str]:
     """The earthquake of each motion by when it begins: those that begin within ten minutes of the first are of one; one
     whose file tells no time is of its own."""
-    known = sorted({start for motion in motions if (start := components(motion)[0].start) > _UNTOLD})
+    known = sorted(
+        {start for motion in motions if (start := components(motion)[0].start) > _UNTOLD}
+    )
     first, event = datetime.min, {}
     for start in known:
         moment = datetime.fromisoformat(start).replace(tzinfo=None)
         first = moment if moment - first > _TOGETHER else first
         event[start] = first.isoformat()
-    return [event.get(components(motion)[0].start, f"motion {place}") for place, motion in enumerate(motions)]
+    return [
+        event.get(components(motion)[0].start, f"motion {place}")
+        for place, motion in enumerate(motions)
+    ]
 
 
 def _pool(
@@ -164,7 +183,9 @@ def _pool(
     return places, np.array(spectra).reshape(-1, len(periods)), left_out
 
 
-def _search(off: Array, count: int, wanted: Array | None, events: NDArray[np.int64], most: int) -> list[int]:
+def _search(
+    off: Array, count: int, wanted: Array | None, events: NDArray[np.int64], most: int
+) -> list[int]:
     """Rows of `off`, ln of scaled spectra over the target, shape (n, k), that have the least score together."""
     random, best, least = np.random.default_rng(0), list[int](), np.inf
     squares = off * off
@@ -183,7 +204,9 @@ def _search(off: Array, count: int, wanted: Array | None, events: NDArray[np.int
             np.add(parts, squares[rest].sum(axis=0), out=parts)
             np.sqrt(np.maximum(parts, 0.0, out=parts), out=parts)
             np.subtract(parts, wanted * np.sqrt(size - 1.0), out=parts)
-            result = result + _OF_SCATTER / ((size - 1) * off.shape[1]) * np.einsum("ij,ij->i", parts, parts)
+            result = result + _OF_SCATTER / ((size - 1) * off.shape[1]) * np.einsum(
+                "ij,ij->i", parts, parts
+            )
         result[rest] = np.inf
         result[np.bincount(events[rest], minlength=events.max() + 1)[events] >= most] = np.inf
         return np.asarray(result)

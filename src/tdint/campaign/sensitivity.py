@@ -122,7 +122,13 @@ def one_at_a_time(model: Model, ranges: Mapping[str, tuple[float, float]]) -> tu
         As `Model.replace`.
     """
     ends = [(name, value) for name, both in ranges.items() for value in both]
-    return (model, *(replace(model.replace(**{name: value}), label=f"{name}={value:g}") for name, value in ends))
+    return (
+        model,
+        *(
+            replace(model.replace(**{name: value}), label=f"{name}={value:g}")
+            for name, value in ends
+        ),
+    )
 
 
 def sensitivity(
@@ -170,7 +176,12 @@ def sensitivity(
     plan = plan_of(building, ranges, motions, method=method, dt=dt)
     with open_store(None, plan)[0] as store:
         with told_progress(progress, sum(map(plan.size, range(plan.chunks))), "run") as told:
-            carry_out(plan, store, threads(jobs or processors()), tell=lambda now: told(now.done, now.runs))
+            carry_out(
+                plan,
+                store,
+                threads(jobs or processors()),
+                tell=lambda now: told(now.done, now.runs),
+            )
         return Several(swings(store, building.name, ranges))
 
 
@@ -186,7 +197,9 @@ def plan_of(
     inputs = Inputs(one_at_a_time(model, ranges), motions=motions)
     files, scales = (ModelFiles((model.source,)), RecordFiles((), RecordChoice())), Scales((1.0,))
     wishes = AnalysisWishes(method and parse(method).label)
-    return make_plan(CampaignFile(model.name, model.source, *files, scales, wishes, RunSettings(dt)), inputs)
+    return make_plan(
+        CampaignFile(model.name, model.source, *files, scales, wishes, RunSettings(dt)), inputs
+    )
 
 
 def swings(store: Store, name: str, ranges: Mapping[str, tuple[float, float]]) -> list[Swing]:
@@ -197,9 +210,13 @@ def swings(store: Store, name: str, ranges: Mapping[str, tuple[float, float]]) -
         of_peak = []
         for i, (parameter, (low, high)) in enumerate(ranges.items()):
             # The order in which `one_at_a_time` makes them: as it is, then low and high of each.
-            at_low, as_it_is, at_high = (float(medians[number][place]) for number in (2 * i + 1, 0, 2 * i + 2))
+            at_low, as_it_is, at_high = (
+                float(medians[number][place]) for number in (2 * i + 1, 0, 2 * i + 2)
+            )
             of_peak.append(Swing(name, parameter, quantity, low, high, at_low, as_it_is, at_high))
-        result += sorted(of_peak, key=lambda swing: -swing.swing if swing.swing == swing.swing else math.inf)
+        result += sorted(
+            of_peak, key=lambda swing: -swing.swing if swing.swing == swing.swing else math.inf
+        )
     return result
 
 
@@ -234,7 +251,9 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
                 moving = all(np.unique(ranks).size > 1 for ranks in both)
                 coefficient = float(spearmanr(*both)[0]) if moving else math.nan
                 correlations.append(
-                    RankCorrelation(building, scale, parameter, quantity, coefficient, int(there.sum()))
+                    RankCorrelation(
+                        building, scale, parameter, quantity, coefficient, int(there.sum())
+                    )
                 )
     return correlations
 
@@ -243,7 +262,9 @@ def _medians(store: Store, *, by_scale: bool) -> dict[tuple[int, float], Array]:
     """The medians of `PEAKS` over the motions by building, and by scale if that is asked for."""
     runs: dict[tuple[int, float], list[list[float | None]]] = {}
     columns = ", ".join(peak.column for peak in PEAKS)
-    for number, scale, *peaks in store.connection.execute(f"SELECT building, scale, {columns} FROM run_rows"):
+    for number, scale, *peaks in store.connection.execute(
+        f"SELECT building, scale, {columns} FROM run_rows"
+    ):
         runs.setdefault((number, scale if by_scale else 0.0), []).append(peaks)
     medians = {}
     for key, rows in runs.items():

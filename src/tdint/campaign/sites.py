@@ -28,7 +28,12 @@ from tdint.ground_motion.horizontals import ONE_MOTION, Horizontals, SingleHoriz
 from tdint.ground_motion.miniseed_checks import LONGEST_STEP, SHORTEST_STEP
 from tdint.ground_motion.reading.read import check_possible
 from tdint.ground_motion.reading.sample_units import file_units
-from tdint.ground_motion.reading.suites import SuiteMotion, read_components, read_pairs, suite_motions
+from tdint.ground_motion.reading.suites import (
+    SuiteMotion,
+    read_components,
+    read_pairs,
+    suite_motions,
+)
 from tdint.ground_motion.record import Record
 from tdint.model.keys.fields import resolve
 from tdint.units import STANDARD_GRAVITY, parse_units
@@ -50,7 +55,9 @@ _SHOWN_FAULTS, _MOST_FAULTS = 10, 1000
 """Faults of a table that are shown, and after which reading ends."""
 
 _COMPONENTS = {"data_x": "x", "data_y": "y"}
-_OTHER = "record_2"  # column of the file of the other horizontal of a pair, where names do not tell it
+_OTHER = (
+    "record_2"  # column of the file of the other horizontal of a pair, where names do not tell it
+)
 
 Value = TypeVar("Value")
 
@@ -71,7 +78,9 @@ def read_grid(grid: GridFile) -> FoundMotions:
             f"{grid.file}: the motions of a grid are accelerations, their units are given as {grid.units}"
         )
     columns = ("GP_file", "Longitude", "Latitude")
-    table = read_table(grid.file, f"a grid is a CSV file with the columns {', '.join(columns)}", columns=columns)
+    table = read_table(
+        grid.file, f"a grid is a CSV file with the columns {', '.join(columns)}", columns=columns
+    )
     table.need(*columns)
     degrees = _degrees(table, "Longitude", "Latitude")
     points = list(zip(table.texts("GP_file", empty=False), degrees, strict=True))
@@ -96,9 +105,13 @@ def read_grid(grid: GridFile) -> FoundMotions:
             of_point.append((numbers[name], factor))
         of_points.append(of_point)
     if not motions:
-        raise RecordError("\n".join(map(str, failures)) or f"{grid.file}: no point has a ground motion")
+        raise RecordError(
+            "\n".join(map(str, failures)) or f"{grid.file}: no point has a ground motion"
+        )
     if grid.events:
-        return FoundMotions(tuple(motions), tuple(failures), places=_rows_as_events(grid.file, points, of_points))
+        return FoundMotions(
+            tuple(motions), tuple(failures), places=_rows_as_events(grid.file, points, of_points)
+        )
     # Points that lose all of their motions drop out: buildings near them draw from the others.
     there = [
         (place, kept)
@@ -110,7 +123,9 @@ def read_grid(grid: GridFile) -> FoundMotions:
 
 
 def _rows_as_events(
-    source: str, points: Sequence[tuple[str, tuple[float, float]]], of_points: Sequence[Sequence[PointMotion]]
+    source: str,
+    points: Sequence[tuple[str, tuple[float, float]]],
+    of_points: Sequence[Sequence[PointMotion]],
 ) -> FieldMotions:
     """The field in which the k-th row of each point's file is event k."""
     # An event is a row of all files: rows that are missing somewhere would shift those below.
@@ -122,10 +137,14 @@ def _rows_as_events(
                 "`events` the rows of these files are the same events at all points"
             )
     records = {
-        both: number for number, both in enumerate(dict.fromkeys(b for motions in of_points for b, _ in motions))
+        both: number
+        for number, both in enumerate(dict.fromkeys(b for motions in of_points for b, _ in motions))
     }
     rows = [(records[both], factor) for motions in of_points for both, factor in motions]
-    record, value = np.array([row[0] for row in rows], np.int32), np.array([row[1] for row in rows], float)
+    record, value = (
+        np.array([row[0] for row in rows], np.int32),
+        np.array([row[1] for row in rows], float),
+    )
     site, event = (numbers.ravel() for numbers in np.indices((len(points), count), np.int32))
     files, places = zip(*points, strict=True)
     motions_of = [tuple((motion, 1.0) for motion in both) for both in records]
@@ -151,7 +170,9 @@ def read_field(field_file: FieldFile) -> FoundMotions:
     if not any(motions):
         raise RecordError("\n".join(map(str, records.failures)))
     events, notes = list(rows.events), tuple(dict.fromkeys(records.notes))
-    field = FieldMotions.of_rows(events, list(rows.sites), rows.arrays(), motions, list(places.values()))
+    field = FieldMotions.of_rows(
+        events, list(rows.sites), rows.arrays(), motions, list(places.values())
+    )
     rates = _rates(field_file.rates, events) if field_file.rates else {}
     return FoundMotions(tuple(records.motions), tuple(records.failures), notes, field, rates)
 
@@ -162,7 +183,9 @@ def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
     event = _called(table, _EVENTS)
     table.need(event, "rate")
     values = table.numbers("rate")
-    table.check("rate", (rate >= 0.0 for rate in values), "must be zero or a positive number a year")
+    table.check(
+        "rate", (rate >= 0.0 for rate in values), "must be zero or a positive number a year"
+    )
     rates = _by_name(table, event, "event", values)
     # An event without a rate would be left out of every annual loss without a word.
     missing = [name for name in events if name not in rates]
@@ -207,7 +230,9 @@ class _FieldRows:
 
     def arrays(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], Array]:
         """Site, event, record and value."""
-        site, event, record = (np.frombuffer(numbers, np.int32) for numbers in (self.site, self.event, self.record))
+        site, event, record = (
+            np.frombuffer(numbers, np.int32) for numbers in (self.site, self.event, self.record)
+        )
         return site, event, record, np.frombuffer(self.value, np.float64)
 
     def first_lines(self) -> list[tuple[int, str, str, str]]:
@@ -224,7 +249,9 @@ class _FieldRows:
         again = np.flatnonzero(np.diff(key[order]) == 0)
         names, events = list(self.sites), list(self.events)
         faults = []
-        for before, place in sorted((int(order[row + 1]), int(order[row])) for row in again[:_MOST_FAULTS].tolist()):
+        for before, place in sorted(
+            (int(order[row + 1]), int(order[row])) for row in again[:_MOST_FAULTS].tolist()
+        ):
             name = names[self.site[before]]
             at = f"site {name!r}" if name else "all buildings"
             faults.append(
@@ -234,7 +261,9 @@ class _FieldRows:
         return faults
 
 
-def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, IntensityMeasure | None]:
+def _field_rows(
+    field: FieldFile, sites: dict[str, int]
+) -> tuple[_FieldRows, IntensityMeasure | None]:
     """The rows, read one after the other, and the measure of their values; None for factors. Sites are those that there
     are places of, or where there are none all that are named.
 
@@ -251,7 +280,9 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, In
     event, site = _called(table, _EVENTS), _called(table, _SITES)
     table.need(event, "record", *([site] if field.sites else ()))
     if table.has(_OTHER) and not field.pairs:
-        raise ModelError(f"{file}:{table.header_line}: {_OTHER} is of pairs: add pairs: true to the records")
+        raise ModelError(
+            f"{file}:{table.header_line}: {_OTHER} is of pairs: add pairs: true to the records"
+        )
     value, unit, measure = _field_values(table)
     names = (event, "record", site, "component", _OTHER, value)
     width = len(table.header)
@@ -267,11 +298,15 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, In
             at_site, of_event = sites.get(place, -1), rows.events.get(event_name, -1)
             of_record = rows.records.get((record, component, other), -1)
             factor = number(text) if text else math.nan
-            if min(at_site, of_event, of_record) >= 0 and (factor > 0.0 or (factor < 0.0 and not measure)):
+            if min(at_site, of_event, of_record) >= 0 and (
+                factor > 0.0 or (factor < 0.0 and not measure)
+            ):
                 rows.add(at_site, of_event, of_record, unit * factor, line)
                 continue
         if table.overfull(cells):
-            faults.append(f"{file}:{line}: {how_many(len(cells), 'cell')} under {how_many(width, 'column')}")
+            faults.append(
+                f"{file}:{line}: {how_many(len(cells), 'cell')} under {how_many(width, 'column')}"
+            )
             continue
         # Cells that are missing at the end are empty ones.
         cells = [*cells[:width], *[""] * (width + 1 - len(cells[:width]))]
@@ -286,7 +321,9 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, In
         elif measure and not text:
             faults.append(f"{file}:{line}: {value} is missing")
         elif math.isnan(factor) or (measure and factor <= 0.0):
-            faults.append(f"{file}:{line}: {value} {no_number(text, 'a positive number' if measure else 'a number')}")
+            faults.append(
+                f"{file}:{line}: {value} {no_number(text, 'a positive number' if measure else 'a number')}"
+            )
         elif factor == 0.0:
             faults.append(f"{file}:{line}: {value} must not be zero, got {text[:40]!r}")
         # Names become numbers, 24 bytes a row.
@@ -298,7 +335,11 @@ def _field_rows(field: FieldFile, sites: dict[str, int]) -> tuple[_FieldRows, In
     faults += rows.twice(file)
     if faults:
         shown, more = faults[:_SHOWN_FAULTS], len(faults) - _SHOWN_FAULTS
-        last = [f"and {'at least ' * (len(faults) >= _MOST_FAULTS)}{more} more faults"] if more > 0 else []
+        last = (
+            [f"and {'at least ' * (len(faults) >= _MOST_FAULTS)}{more} more faults"]
+            if more > 0
+            else []
+        )
         raise ModelError("\n".join([*shown, *last]))
     if not rows.line:
         raise ModelError(f"{file}: has no rows below its header; {needs}")
@@ -328,7 +369,9 @@ def _site_places(file: str) -> dict[str, tuple[float, float]]:
     """Longitude and latitude of each site, degrees."""
     needs = "sites are a CSV file with the columns site, longitude, latitude"
     table = read_table(file, needs, columns=(*_SITES, *_LONGITUDES, *_LATITUDES), comment="#")
-    site, longitude, latitude = (_called(table, names) for names in (_SITES, _LONGITUDES, _LATITUDES))
+    site, longitude, latitude = (
+        _called(table, names) for names in (_SITES, _LONGITUDES, _LATITUDES)
+    )
     table.need(site, longitude, latitude)
     return _by_name(table, site, "site", _degrees(table, longitude, latitude))
 
@@ -356,7 +399,10 @@ class _FieldRecords:
         first = len(self.motions)
         try:
             motions = self._read(record, component, other)
-            measured = [1.0 if measure is None else measure.of(motion.whole, GEOMETRIC_MEAN) for motion in motions]
+            measured = [
+                1.0 if measure is None else measure.of(motion.whole, GEOMETRIC_MEAN)
+                for motion in motions
+            ]
         except (AnalysisError, RecordError, UsageError) as error:
             self.failures.append(RecordError(f"{self._wanted.file}:{line}: {error}"))
             return ()
@@ -381,7 +427,9 @@ class _FieldRecords:
                 suite = read_pairs(self._named_alike(file), choice)
         for error in suite.failures:
             if isinstance(error, SingleHorizontal):
-                raise RecordError(f"{error}: by its name it has no partner, which a column {_OTHER} may name")
+                raise RecordError(
+                    f"{error}: by its name it has no partner, which a column {_OTHER} may name"
+                )
             raise error
         self.notes += suite.notes
         return suite_motions(suite.motions)
@@ -411,14 +459,22 @@ def _json_motions(file: str, named: str, field: FieldFile) -> tuple[SuiteMotion,
         raise RecordError(
             f"{file}: has no component {component!r}; it has {', '.join(motion.component for motion in motions)}"
         )
-    return tuple(kept if field.pairs else (replace(motion, whole=motion.record, direction=1) for motion in kept))
+    return tuple(
+        kept
+        if field.pairs
+        else (replace(motion, whole=motion.record, direction=1) for motion in kept)
+    )
 
 
 def _degrees(table: CsvTable, longitude: str, latitude: str) -> list[tuple[float, float]]:
     """The places of rows, degrees."""
     east, north = table.numbers(longitude), table.numbers(latitude)
-    table.check(longitude, (abs(degrees) <= 360.0 for degrees in east), "must be from -360 to 360 degrees")
-    table.check(latitude, (abs(degrees) <= 90.0 for degrees in north), "must be from -90 to 90 degrees")
+    table.check(
+        longitude, (abs(degrees) <= 360.0 for degrees in east), "must be from -360 to 360 degrees"
+    )
+    table.check(
+        latitude, (abs(degrees) <= 90.0 for degrees in north), "must be from -90 to 90 degrees"
+    )
     return list(zip(east, north, strict=True))
 
 
@@ -456,12 +512,16 @@ def _components_of(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
     dt = content["dT"]
     if not (isinstance(dt, float) and SHORTEST_STEP <= dt <= LONGEST_STEP):
         limits = f"{SHORTEST_STEP:g} to {LONGEST_STEP:g} s"
-        raise RecordError(f"{file}: dT must be a sampling interval, a number from {limits}, got {dt!r:.40}")
+        raise RecordError(
+            f"{file}: dT must be a sampling interval, a number from {limits}, got {dt!r:.40}"
+        )
     records = []
     for key, component in _COMPONENTS.items():
         if key in content:
             samples = content[key]
-            if not isinstance(samples, list) or not all(isinstance(sample, float) for sample in samples):
+            if not isinstance(samples, list) or not all(
+                isinstance(sample, float) for sample in samples
+            ):
                 raise RecordError(f"{file}: {key} is no list of numbers")
             record = Record(np.array(samples) * unit, dt, "", "", component, str(file))
             check_possible(record.acceleration, f"{file}: {key}")

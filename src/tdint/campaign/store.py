@@ -14,10 +14,24 @@ from typing import Any, Self
 from tdint.arrays import cached_property
 from tdint.campaign import store_schema as schema
 from tdint.campaign.batch import Done, RunRow
-from tdint.campaign.buildings import Buildings, RowBuildings, digests_of, model_files, output_units, plugin_files
+from tdint.campaign.buildings import (
+    Buildings,
+    RowBuildings,
+    digests_of,
+    model_files,
+    output_units,
+    plugin_files,
+)
 from tdint.campaign.fragility.type_states import Damage
 from tdint.campaign.plan import Plan
-from tdint.campaign.store_schema import SILENT, UntrustedStoreError, connect, connect_to_read, in_words, transaction
+from tdint.campaign.store_schema import (
+    SILENT,
+    UntrustedStoreError,
+    connect,
+    connect_to_read,
+    in_words,
+    transaction,
+)
 from tdint.data import dataclass
 from tdint.errors import OutputError, UsageError
 from tdint.files import digest_of, is_file, keep_input, refuse_kept
@@ -87,15 +101,29 @@ class Identity:
     @classmethod
     def of(cls, plan: Plan, kept: Sequence[int] | None) -> Identity:
         """What the store of a campaign is of, or of a part of its buildings."""
-        same = ("buildings", "motions", "chunks", "runs", "size", "unused", "damage", "outputs", "rates", "style")
+        same = (
+            "buildings",
+            "motions",
+            "chunks",
+            "runs",
+            "size",
+            "unused",
+            "damage",
+            "outputs",
+            "rates",
+            "style",
+        )
         return cls(
             **{name: getattr(plan, name) for name in same},
             name=plan.name,
             kind="campaign",
-            settings=as_json(asdict(plan.settings) | plan.levels.description() | plan.assignment.description()),
+            settings=as_json(
+                asdict(plan.settings) | plan.levels.description() | plan.assignment.description()
+            ),
             units=output_units(plan.buildings),
             kept=kept,
-            files=model_files(plan.buildings) | {file: digest_of(Path(file)) for file in plan.inventory},
+            files=model_files(plan.buildings)
+            | {file: digest_of(Path(file)) for file in plan.inventory},
         )
 
     @cached_property
@@ -134,7 +162,9 @@ def as_json(settings: dict[str, Any]) -> dict[str, str]:
     return {name: json.dumps(value, sort_keys=True) for name, value in sorted(settings.items())}
 
 
-def differences(before: dict[str, str], now: dict[str, str], *, kind: str, store: str, given: str) -> list[str]:
+def differences(
+    before: dict[str, str], now: dict[str, str], *, kind: str, store: str, given: str
+) -> list[str]:
     """What differs between two sides, one sentence each: from names to values, or to SHA-256 (kind `building`)."""
     lines = []
     for name in dict.fromkeys([*before, *now]):
@@ -143,7 +173,11 @@ def differences(before: dict[str, str], now: dict[str, str], *, kind: str, store
         elif name not in before:
             lines.append(f"{kind} {name}: in {given} alone")
         elif before[name] != now[name]:
-            difference = "differs" if kind != "setting" else f"{before[name]} in {store}, {now[name]} in {given}"
+            difference = (
+                "differs"
+                if kind != "setting"
+                else f"{before[name]} in {store}, {now[name]} in {given}"
+            )
             lines.append(f"{kind} {name}: {difference}")
     if len(lines) > _MOST_DIFFERENCES:
         lines[_MOST_DIFFERENCES:] = [f"and {len(lines) - _MOST_DIFFERENCES} more of kind {kind}"]
@@ -154,15 +188,25 @@ Sides = Sequence[Mapping[str, str]]
 """Settings, buildings, records, files of plug-ins, from names to values or to SHA-256."""
 
 
-def all_differences(before: Sides, now: Sides, *, store: str = "the store", given: str, parts: bool = False) -> str:
+def all_differences(
+    before: Sides, now: Sides, *, store: str = "the store", given: str, parts: bool = False
+) -> str:
     """What differs of two sides, a line each. Of parts of a campaign each tells of its own buildings alone."""
     kinds = ("setting", "building", "record", "plug-in")
     lines = []
     for kind, stored, other in zip(kinds, before, now, strict=True):
-        both = stored.keys() & other.keys() if parts and kind == "building" else stored.keys() | other.keys()
+        both = (
+            stored.keys() & other.keys()
+            if parts and kind == "building"
+            else stored.keys() | other.keys()
+        )
         sides = ({name: side[name] for name in side if name in both} for side in (stored, other))
         lines += differences(*sides, kind=kind, store=store, given=given)
-    rest = "buildings of other parts: differ" if parts else "the order of buildings or records: differs"
+    rest = (
+        "buildings of other parts: differ"
+        if parts
+        else "the order of buildings or records: differs"
+    )
     return "\n".join(lines or [rest])
 
 
@@ -191,7 +235,9 @@ class Store:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, error: type[BaseException] | None, raised: BaseException | None, *_: object) -> None:
+    def __exit__(
+        self, error: type[BaseException] | None, raised: BaseException | None, *_: object
+    ) -> None:
         """Bring all into the one file, unless something failed, and close it.
 
         Raises
@@ -204,18 +250,27 @@ class Store:
                 with in_words(self.name):
                     raise raised
             if error is None:
-                with in_words(self.name), suppress(sqlite3.OperationalError):  # another program may read it
-                    self.connection.executescript(f"PRAGMA busy_timeout={SILENT}; PRAGMA wal_checkpoint(TRUNCATE)")
+                with (
+                    in_words(self.name),
+                    suppress(sqlite3.OperationalError),
+                ):  # another program may read it
+                    self.connection.executescript(
+                        f"PRAGMA busy_timeout={SILENT}; PRAGMA wal_checkpoint(TRUNCATE)"
+                    )
         finally:
             self.connection.close()
 
     def meta(self, key: str) -> str:
         """A value of the table meta."""
-        return str(self.connection.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()[0])
+        return str(
+            self.connection.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()[0]
+        )
 
     def settings(self) -> dict[str, str]:
         """What is the same for all runs."""
-        rows = self.connection.execute("SELECT key, value FROM meta WHERE key LIKE 'setting %' ORDER BY key")
+        rows = self.connection.execute(
+            "SELECT key, value FROM meta WHERE key LIKE 'setting %' ORDER BY key"
+        )
         return {key.removeprefix(_SETTING): value for key, value in rows}
 
     def parameters(self) -> dict[str, Any]:
@@ -254,11 +309,19 @@ class Store:
 
     def statuses(self) -> dict[str, int]:
         """How many runs ended how."""
-        return dict(self.connection.execute("SELECT status, count(*) FROM run_rows GROUP BY status ORDER BY status"))
+        return dict(
+            self.connection.execute(
+                "SELECT status, count(*) FROM run_rows GROUP BY status ORDER BY status"
+            )
+        )
 
     def count(self, condition: str) -> int:
         """How many runs meet a condition on the columns of run_rows."""
-        return int(self.connection.execute(f"SELECT count(*) FROM run_rows WHERE {condition}").fetchone()[0])
+        return int(
+            self.connection.execute(f"SELECT count(*) FROM run_rows WHERE {condition}").fetchone()[
+                0
+            ]
+        )
 
     def add(self, done: Done) -> None:
         """Write the rows of a chunk and that it is done: both or neither.
@@ -274,7 +337,13 @@ class Store:
         with in_words(self.name), transaction(self.connection, self.name):
             for table, of_table in zip(schema.ROW_TABLES, rows, strict=True):
                 table.insert(self.connection, of_table, number)
-            values = (number, len(rows[0]), len(rows[1]), seconds, schema.chunk_digest(number, seconds, *rows))
+            values = (
+                number,
+                len(rows[0]),
+                len(rows[1]),
+                seconds,
+                schema.chunk_digest(number, seconds, *rows),
+            )
             self.connection.execute("INSERT INTO chunks VALUES(?, ?, ?, ?, ?)", values)
 
     def heal(self, identity: Identity | None = None) -> int:
@@ -295,19 +364,30 @@ class Store:
             bad = schema.damaged_chunks(self.connection)
             if identity is not None:  # A chunk cut otherwise has other runs, whole as it may be.
                 chunks = self.connection.execute("SELECT id, runs FROM chunks")
-                bad |= {i for i, runs in chunks if not (0 <= i < identity.chunks and identity.size(i) in (None, runs))}
+                bad |= {
+                    i
+                    for i, runs in chunks
+                    if not (0 <= i < identity.chunks and identity.size(i) in (None, runs))
+                }
             if not bad:
                 return 0
             self.remove(bad)
             if schema.damaged_chunks(self.connection):
-                raise UntrustedStoreError(self.name, "chunks that are not as they were written cannot be taken out")
+                raise UntrustedStoreError(
+                    self.name, "chunks that are not as they were written cannot be taken out"
+                )
             return len(bad)
 
     def remove(self, chunks: Collection[int]) -> None:
         """Take out chunks: they are left to be done."""
         with in_words(self.name), transaction(self.connection, self.name):
-            for table, column in (*((item.name, "chunk") for item in schema.ROW_TABLES), ("chunks", "id")):
-                self.connection.executemany(f"DELETE FROM {table} WHERE {column} IS ?", ((item,) for item in chunks))
+            for table, column in (
+                *((item.name, "chunk") for item in schema.ROW_TABLES),
+                ("chunks", "id"),
+            ):
+                self.connection.executemany(
+                    f"DELETE FROM {table} WHERE {column} IS ?", ((item,) for item in chunks)
+                )
 
     def is_ours(self, file: Path) -> bool:
         """Whether a file is there and as it was made of this store."""
@@ -321,7 +401,11 @@ class Store:
 
     def written(self) -> set[tuple[str, str]]:
         """Name and SHA-256 of the files that were made of this store."""
-        return set() if is_empty(self) else set(self.connection.execute("SELECT file, sha256 FROM written"))
+        return (
+            set()
+            if is_empty(self)
+            else set(self.connection.execute("SELECT file, sha256 FROM written"))
+        )
 
     def will_write(self, files: Mapping[Path, str]) -> None:
         """Keep the names and SHA-256 of files that are about to take their places."""
@@ -333,7 +417,9 @@ class Store:
     def unused(self) -> dict[str, list[str]]:
         """Why records and buildings could not be used, a line for each, by `record` and `building`."""
         reasons: dict[str, list[str]] = {"record": [], "building": []}
-        for kind, reason in self.connection.execute("SELECT kind, reason FROM unused ORDER BY rowid"):
+        for kind, reason in self.connection.execute(
+            "SELECT kind, reason FROM unused ORDER BY rowid"
+        ):
             reasons.setdefault(kind, []).append(reason)
         return reasons
 
@@ -356,7 +442,9 @@ class Store:
             "outputs": json.dumps(identity.outputs),
             "rates": json.dumps(dict(identity.rates)),
             "style": json.dumps(identity.style),
-            "periods": json.dumps([] if carried else [building.subject().period for building in buildings]),
+            "periods": json.dumps(
+                [] if carried else [building.subject().period for building in buildings]
+            ),
         }
         # Most calls say what is there already: nothing is written then, and others can read on.
         before = [(kind, reason) for kind, reasons in self.unused().items() for reason in reasons]
@@ -408,7 +496,9 @@ class Store:
 
     def carried(self, building: int) -> list[str]:
         """What the inventory says of a building in these columns."""
-        row = self.connection.execute("SELECT cells FROM inventory WHERE building = ?", (building,)).fetchone()
+        row = self.connection.execute(
+            "SELECT cells FROM inventory WHERE building = ?", (building,)
+        ).fetchone()
         return list(json.loads(row[0])) if row else []
 
     def _known(self, key: str) -> str | None:
@@ -493,13 +583,17 @@ class Store:
         return {number: (name, component, direction) for number, name, component, direction in rows}
 
 
-def open_store(folder: Path | None, plan: Plan, kept: Sequence[int] | None = None) -> tuple[Store, list[str]]:
+def open_store(
+    folder: Path | None, plan: Plan, kept: Sequence[int] | None = None
+) -> tuple[Store, list[str]]:
     """The store of a campaign in a folder, in memory without one, which tells of all buildings or of those of a shard;
     results and errors are those of `open_or_begin`."""
     return open_or_begin(None if folder is None else folder / FILE, Identity.of(plan, kept))
 
 
-def open_or_begin(file: Path | None, identity: Identity, *, log: bool = True) -> tuple[Store, list[str]]:
+def open_or_begin(
+    file: Path | None, identity: Identity, *, log: bool = True
+) -> tuple[Store, list[str]]:
     """The store in a file, made where there is none; in memory without a file.
 
     Parameters
@@ -528,7 +622,9 @@ def open_or_begin(file: Path | None, identity: Identity, *, log: bool = True) ->
             with in_words(name):
                 _create(store, identity)
         elif healed := store.heal(identity):
-            remarks.append(f"{name}: {healed} chunks of runs are not as they were written; they are done again")
+            remarks.append(
+                f"{name}: {healed} chunks of runs are not as they were written; they are done again"
+            )
         store.tell(identity)
     return store, remarks or []
 
@@ -544,7 +640,9 @@ def open_existing(folder: Path, *, write: bool = False) -> Store:
         It cannot be used, or not be trusted.
     """
     if not (folder / FILE).exists():
-        raise UsageError(f"{folder}: holds no campaign ({FILE}); give the folder of -o of `tdint campaign`")
+        raise UsageError(
+            f"{folder}: holds no campaign ({FILE}); give the folder of -o of `tdint campaign`"
+        )
     keep_input(folder / FILE)
     name = str(folder / FILE)
     with in_words(name):
@@ -605,7 +703,11 @@ def check_same(store: Store, identity: Identity) -> list[str]:
             f"{lines}"
         )
     version = store.meta("version")
-    return [] if version == __version__ else [f"{store.name}: begun with tdint {version}, this is {__version__}"]
+    return (
+        []
+        if version == __version__
+        else [f"{store.name}: begun with tdint {version}, this is {__version__}"]
+    )
 
 
 def foreign(file: Path) -> OutputError:
@@ -670,7 +772,9 @@ def _create(store: Store, identity: Identity) -> None:
         for statement in schema.TABLES:
             store.connection.execute(statement)
         store.connection.executemany("INSERT INTO meta VALUES(?, ?)", about.items())
-        store.connection.executemany("INSERT INTO records VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?)", records)
+        store.connection.executemany(
+            "INSERT INTO records VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?)", records
+        )
         store.seal()
 
 

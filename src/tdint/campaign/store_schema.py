@@ -69,7 +69,9 @@ def connect(name: str, *, log: bool = True) -> sqlite3.Connection:
 def connect_to_read(file: Path) -> sqlite3.Connection:
     """A connection that changes nothing and needs no lock that a writer has. Errors are those of `connect`."""
     _refuse_what_is_no_file(str(file))
-    connection = sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True, isolation_level=None)
+    connection = sqlite3.connect(
+        f"{file.absolute().as_uri()}?mode=ro", uri=True, isolation_level=None
+    )
     with closed_on_failure(connection):
         _guard(connection)
         connection.execute("BEGIN")  # one state of the store for all that is read
@@ -96,7 +98,9 @@ def _guard(connection: sqlite3.Connection) -> None:
 def _refuse_what_is_no_file(name: str) -> None:
     """A named pipe, say, would be waited for without end."""
     if name != ":memory:" and Path(name).exists() and not is_file(name):
-        raise OutputError(f"{name}: is not a regular file; remove it, or give another folder with -o")
+        raise OutputError(
+            f"{name}: is not a regular file; remove it, or give another folder with -o"
+        )
 
 
 def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
@@ -119,7 +123,9 @@ def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
             else:
                 return
             if patience == SILENT:
-                _log.info("%s: another program has locked it; waiting for ten seconds at most", name)
+                _log.info(
+                    "%s: another program has locked it; waiting for ten seconds at most", name
+                )
     finally:
         # Who reads a store holds it for a moment, too, while the log is opened, say: what follows waits without a word.
         connection.execute(f"PRAGMA busy_timeout={_LONGEST}")
@@ -156,8 +162,30 @@ LOCK = ".campaign.lock"
 """Held by the one that writes; an empty SQLite file, for its locks end with their process on every system."""
 
 _NETWORK = {
-    *("nfs", "nfs4", "cifs", "smb3", "smbfs", "ncpfs", "afs", "9p", "ceph", "lustre", "gpfs", "beegfs", "glusterfs"),
-    *("pvfs2", "orangefs", "fuse.sshfs", "fuse.glusterfs", "fuse.ceph", "fuse.s3fs", "fuse.juicefs"),
+    *(
+        "nfs",
+        "nfs4",
+        "cifs",
+        "smb3",
+        "smbfs",
+        "ncpfs",
+        "afs",
+        "9p",
+        "ceph",
+        "lustre",
+        "gpfs",
+        "beegfs",
+        "glusterfs",
+    ),
+    *(
+        "pvfs2",
+        "orangefs",
+        "fuse.sshfs",
+        "fuse.glusterfs",
+        "fuse.ceph",
+        "fuse.s3fs",
+        "fuse.juicefs",
+    ),
     *("webdav", "afpfs", "network drive"),
 }
 
@@ -266,7 +294,9 @@ class RowTable:
     @property
     def create(self) -> str:
         """What makes it."""
-        columns = ", ".join(f"{name} {_TYPES.get(kind, 'REAL')}" for name, kind in (self.key | self.others).items())
+        columns = ", ".join(
+            f"{name} {_TYPES.get(kind, 'REAL')}" for name, kind in (self.key | self.others).items()
+        )
         key = ", ".join(self.key)
         return f"CREATE TABLE {self.name}({columns}, chunk INTEGER NOT NULL, PRIMARY KEY({key})) WITHOUT ROWID"
 
@@ -289,10 +319,14 @@ class RowTable:
         """What reads its columns, and more, in the order of the key."""
         return f"SELECT {', '.join(self.columns)}{more} FROM {self.name} {where} ORDER BY {', '.join(self.key)}"
 
-    def insert(self, connection: sqlite3.Connection, rows: Iterable[tuple[Any, ...]], chunk: int) -> None:
+    def insert(
+        self, connection: sqlite3.Connection, rows: Iterable[tuple[Any, ...]], chunk: int
+    ) -> None:
         """Write plain rows of a chunk."""
         marks = ", ".join("?" * (len(self.columns) + 1))
-        connection.executemany(f"INSERT INTO {self.name} VALUES({marks})", ((*row, chunk) for row in rows))
+        connection.executemany(
+            f"INSERT INTO {self.name} VALUES({marks})", ((*row, chunk) for row in rows)
+        )
 
     def plain(self, rows: Iterable[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
         """Rows as SQLite gives them back, in the order of the key: nan is nothing there, a column has one type, and
@@ -300,10 +334,14 @@ class RowTable:
         kinds = (self.key | self.others).values()
         result = []
         for row in rows:
-            cells = [cell for value in row for cell in (value if isinstance(value, tuple) else (value,))]
+            cells = [
+                cell for value in row for cell in (value if isinstance(value, tuple) else (value,))
+            ]
             cells += [None] * (len(kinds) - len(cells))
             typed = zip(kinds, cells, strict=True)
-            result.append(tuple(None if cell is None or cell != cell else kind(cell) for kind, cell in typed))
+            result.append(
+                tuple(None if cell is None or cell != cell else kind(cell) for kind, cell in typed)
+            )
         return sorted(result, key=lambda row: row[: len(self.key)])
 
 
@@ -374,10 +412,15 @@ def damaged_chunks(connection: sqlite3.Connection) -> set[int]:
     """The numbers of the chunks whose rows, or whose counts of them, are not as they were written; of rows that belong
     to no chunk, too."""
     stated = {
-        number: rest for number, *rest in connection.execute("SELECT id, runs, stories, seconds, sha256 FROM chunks")
+        number: rest
+        for number, *rest in connection.execute(
+            "SELECT id, runs, stories, seconds, sha256 FROM chunks"
+        )
     }
     # All tables are read once, and each row goes into the digest of its chunk.
-    digests = {number: hashlib.sha256(repr((number, rest[2])).encode()) for number, rest in stated.items()}
+    digests = {
+        number: hashlib.sha256(repr((number, rest[2])).encode()) for number, rest in stated.items()
+    }
     counts = {number: [0, 0, 0] for number in stated}
     lost: set[int] = set()
     for kind, table in enumerate(ROW_TABLES):
@@ -416,13 +459,20 @@ def check_store(connection: sqlite3.Connection, name: str) -> None:
     (verdict,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
     if verdict != "ok":
         raise UntrustedStoreError(name, f"SQLite says: {' '.join(verdict.split())}")
-    stated = {sql for (sql,) in connection.execute("SELECT sql FROM sqlite_master WHERE type <> 'trigger'")}
+    stated = {
+        sql
+        for (sql,) in connection.execute("SELECT sql FROM sqlite_master WHERE type <> 'trigger'")
+    }
     if TABLES[0] in stated:
         version = connection.execute("SELECT value FROM meta WHERE key = 'schema'").fetchone()
         if version is not None and version[0] != VERSION:
-            raise UntrustedStoreError(name, f"its layout is {version[0]!r:.20}, that of this tdint is {VERSION!r}")
+            raise UntrustedStoreError(
+                name, f"its layout is {version[0]!r:.20}, that of this tdint is {VERSION!r}"
+            )
     # A trigger would run when tables are written: a store has none.
-    triggers = connection.execute("SELECT count(*) FROM sqlite_master WHERE type = 'trigger'").fetchone()[0]
+    triggers = connection.execute(
+        "SELECT count(*) FROM sqlite_master WHERE type = 'trigger'"
+    ).fetchone()[0]
     if triggers or not stated.issuperset(TABLES):
         raise UntrustedStoreError(name, "its tables are not those of a campaign")
     seal = connection.execute("SELECT value FROM meta WHERE key = ?", (SEAL,)).fetchone()

@@ -77,9 +77,13 @@ class TextLayout(_Wishes):
         object.__setattr__(self, "column", tuple(str(name).strip() for name in columns))
         skipped: Any = self.skip_lines
         if skipped is not None and not (
-            isinstance(skipped, Integral) and not isinstance(skipped, bool) and 0 <= int(skipped) <= MOST_LINES
+            isinstance(skipped, Integral)
+            and not isinstance(skipped, bool)
+            and 0 <= int(skipped) <= MOST_LINES
         ):
-            raise UsageError(f"`skip_lines`: must be a whole number from 0 to {MOST_LINES}, got {skipped!r}")
+            raise UsageError(
+                f"`skip_lines`: must be a whole number from 0 to {MOST_LINES}, got {skipped!r}"
+            )
 
     def check_format(self, name: str) -> None:
         """Raise RecordError for columns or lines of a file that is no table but of the format `name`."""
@@ -154,7 +158,12 @@ class RecordChoice:
     @property
     def reading(self) -> dict[str, Any]:
         """What `tdint.read_record` is told."""
-        return {"units": self.units, "component": self.component, "inventory": self.inventory, "layout": self.layout}
+        return {
+            "units": self.units,
+            "component": self.component,
+            "inventory": self.inventory,
+            "layout": self.layout,
+        }
 
 
 def parse_trim(text: str) -> tuple[float | None, float | None]:

@@ -12,7 +12,16 @@ import numpy as np
 
 from tdint.data import dataclass
 from tdint.ground_motion import miniseed_checks
-from tdint.ground_motion.miniseed_checks import CHECKSUM, LENGTH, PEAK, SAMPLES, Damaged, Statement, check_step, compare
+from tdint.ground_motion.miniseed_checks import (
+    CHECKSUM,
+    LENGTH,
+    PEAK,
+    SAMPLES,
+    Damaged,
+    Statement,
+    check_step,
+    compare,
+)
 from tdint.written_numbers import how_many
 
 # SAC (SAC manual, data format): a header of 158 words, in which much is stated that the samples tell as well.
@@ -59,7 +68,9 @@ def sac_statements(header: tuple[int, tuple[float, ...]], traces: list[Any]) -> 
         # Some programs write the time of the sample that would follow.
         rounding = 1.01 * abs(delta) + _SINGLE * (abs(end) + abs(begin))
         last = begin + (size - 1) * delta
-        statements.append(Statement(f"{LENGTH} (time of the last sample)", end, last, rounding, "s"))
+        statements.append(
+            Statement(f"{LENGTH} (time of the last sample)", end, last, rounding, "s")
+        )
     stated = (words[_SMALLEST], words[_LARGEST], words[_MEAN])
     # Three zeros are placeholders of programs that do not fill them in.
     if size and any(stated) and trace.data.dtype.kind in "iuf":
@@ -80,7 +91,10 @@ def sac_statements(header: tuple[int, tuple[float, ...]], traces: list[Any]) -> 
 # of any length into 83 bytes; ObsPy compares the checksum.
 
 _LINE = 81
-_FIELDS = {"1": (slice(27, 35), slice(74, 78), b"CMP6"), "2": (slice(48, 56), slice(44, 48), b"CM6")}
+_FIELDS = {
+    "1": (slice(27, 35), slice(74, 78), b"CMP6"),
+    "2": (slice(48, 56), slice(44, 48), b"CM6"),
+}
 """Places of the number of samples and of the type of data in the header line, and the type that is compressed."""
 
 _CM6 = re.compile(rb"[-+0-9A-Za-z]*")
@@ -108,21 +122,29 @@ def look_at_gse(data: bytes) -> list[int]:
         if not count.isdigit():
             raise Damaged("a section does not tell its number of samples")
         if lines[0][datatype].strip() == compressed:
-            _check_compressed(lines[heading:], f"DAT{version}".encode(), f"CHK{version}".encode(), int(count))
+            _check_compressed(
+                lines[heading:], f"DAT{version}".encode(), f"CHK{version}".encode(), int(count)
+            )
         counts.append(int(count))
     return counts
 
 
 def gse_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
     """Number of samples; the checksum, which ObsPy has compared, stands for itself."""
-    return [*_of_sections(counts, traces, "sections"), *(Statement(CHECKSUM, 0.0, 0.0) for _ in counts)]
+    return [
+        *_of_sections(counts, traces, "sections"),
+        *(Statement(CHECKSUM, 0.0, 0.0) for _ in counts),
+    ]
 
 
 def _of_sections(counts: list[int], traces: list[Any], name: str) -> list[Statement]:
     """Number of samples of each section."""
     if len(counts) != len(traces):
         raise Damaged(f"it has {len(counts)} {name}, {len(traces)} could be read")
-    return [Statement(SAMPLES, count, len(trace.data)) for count, trace in zip(counts, traces, strict=True)]
+    return [
+        Statement(SAMPLES, count, len(trace.data))
+        for count, trace in zip(counts, traces, strict=True)
+    ]
 
 
 def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) -> None:

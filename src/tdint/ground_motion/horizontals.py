@@ -40,7 +40,9 @@ class SingleHorizontal(RecordError):
     def __init__(self, file: str, component: str) -> None:
         self.file, self.component = file, component
         whose = component or "one"
-        super().__init__(f"{file}: has a single horizontal component, {whose}; name the file of the other one, too")
+        super().__init__(
+            f"{file}: has a single horizontal component, {whose}; name the file of the other one, too"
+        )
 
 
 @dataclass(frozen=True)
@@ -91,8 +93,13 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
     if len(matches) == 1:
         raise SingleHorizontal(source, matches[0].component)
     if len(matches) != 2:
-        names = ", ".join(record.component or record.id or record.source for record in matches) or "none"
-        raise RecordError(f"{source}: two horizontal components are needed, there are {len(matches)}: {names}")
+        names = (
+            ", ".join(record.component or record.id or record.source for record in matches)
+            or "none"
+        )
+        raise RecordError(
+            f"{source}: two horizontal components are needed, there are {len(matches)}: {names}"
+        )
     first, second = matches
     notes = []
 
@@ -103,21 +110,37 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
         if ahead is not None and behind is not None:
             angle = abs((behind - ahead + 90.0) % 180.0 - 90.0)
             raise RecordError(f"{source}: {names} are {angle:g} degrees apart, not at right angles")
-        if first.component.strip() and first.component.strip().upper() == second.component.strip().upper():
+        if (
+            first.component.strip()
+            and first.component.strip().upper() == second.component.strip().upper()
+        ):
             raise RecordError(f"{source}: both components are called {first.component}")
-        notes.append(f"directions unknown from the names: {names} are taken as two horizontals at right angles")
+        notes.append(
+            f"directions unknown from the names: {names} are taken as two horizontals at right angles"
+        )
 
     # Of one instrument: step, station and start are the same, the samples are not.
     if not isclose(first.dt, second.dt, rel_tol=1e-6):
-        raise RecordError(f"{source}: the components are sampled at {first.dt:g} and {second.dt:g} s")
+        raise RecordError(
+            f"{source}: the components are sampled at {first.dt:g} and {second.dt:g} s"
+        )
     stations = [".".join(record.id.split(".")[:2]).strip(".") for record in (first, second)]
     if all(stations) and stations[0] != stations[1]:
-        raise RecordError(f"{source}: the components are of different stations, {stations[0]} and {stations[1]}")
+        raise RecordError(
+            f"{source}: the components are of different stations, {stations[0]} and {stations[1]}"
+        )
     if first.start and second.start:
-        late = (datetime.fromisoformat(second.start) - datetime.fromisoformat(first.start)).total_seconds()
+        late = (
+            datetime.fromisoformat(second.start) - datetime.fromisoformat(first.start)
+        ).total_seconds()
         if abs(late) > 0.5 * first.dt:
-            raise RecordError(f"{source}: the components begin {abs(late):g} s apart; cut both to the same start first")
-    if first.acceleration.size == second.acceleration.size and (first.acceleration == second.acceleration).all():
+            raise RecordError(
+                f"{source}: the components begin {abs(late):g} s apart; cut both to the same start first"
+            )
+    if (
+        first.acceleration.size == second.acceleration.size
+        and (first.acceleration == second.acceleration).all()
+    ):
         raise RecordError(f"{source}: both components are the same")
 
     # The first is the one from which the second is turned clockwise.
@@ -150,24 +173,34 @@ def at_right_angles(component: str, other: str) -> bool:
     if first is not None and second is not None:
         return abs(abs((second - first + 90.0) % 180.0 - 90.0) - 90.0) <= _SKEW
     code, partner = component.strip().upper(), other.strip().upper()
-    return bool(code and partner) and code[:-1] == partner[:-1] and _AXES.get(code[-1]) == partner[-1]
+    return (
+        bool(code and partner) and code[:-1] == partner[:-1] and _AXES.get(code[-1]) == partner[-1]
+    )
 
 
-def _of_equal_length(first: Record, second: Record, source: str) -> tuple[Record, Record, list[str]]:
+def _of_equal_length(
+    first: Record, second: Record, source: str
+) -> tuple[Record, Record, list[str]]:
     """Both without the samples that one of them alone has at its end."""
     sizes = first.acceleration.size, second.acceleration.size
     if sizes[0] == sizes[1]:
         return first, second, []
     size, excess = min(sizes), abs(sizes[0] - sizes[1])
     if excess > _LONGER * max(sizes):
-        raise RecordError(f"{source}: the components have {sizes[0]} and {sizes[1]} samples; cut them to equal length")
+        raise RecordError(
+            f"{source}: the components have {sizes[0]} and {sizes[1]} samples; cut them to equal length"
+        )
     longer = first if sizes[0] > size else second
-    first, second = (replace(record, acceleration=record.acceleration[:size]) for record in (first, second))
+    first, second = (
+        replace(record, acceleration=record.acceleration[:size]) for record in (first, second)
+    )
     lost = "last sample" if excess == 1 else f"last {excess} samples"
     return (
         first,
         second,
-        [f"the {lost} of {longer.component or longer.source} left out: the other component is shorter"],
+        [
+            f"the {lost} of {longer.component or longer.source} left out: the other component is shorter"
+        ],
     )
 
 
@@ -206,7 +239,9 @@ class PairNames:
         """
         parts = [part.strip() for part in text.split(",")]
         if len(parts) != 2 or parts[0] == parts[1] or any(part.count(_MARK) != 1 for part in parts):
-            raise UsageError(f"{text!r}: write two names with {{}} for what they share, such as {{}}_N.AT2,{{}}_E.AT2")
+            raise UsageError(
+                f"{text!r}: write two names with {{}} for what they share, such as {{}}_N.AT2,{{}}_E.AT2"
+            )
         return cls(*parts)
 
     def motion(self, file: str) -> str:
@@ -216,7 +251,9 @@ class PairNames:
         path = Path(file).as_posix()
         for name in (self.first, self.second):
             before, _, after = name.partition(_MARK)
-            if match := re.fullmatch(f"((?:.*/)?){re.escape(before)}([^/]+){re.escape(after)}", path):
+            if match := re.fullmatch(
+                f"((?:.*/)?){re.escape(before)}([^/]+){re.escape(after)}", path
+            ):
                 return f"{match[1]}{match[2]}{_MARK}"
         return ""
 
@@ -244,7 +281,9 @@ def motion_name(file: str) -> str:
     return str(path.with_name(f"{name}{channel}?{path.name[end:]}"))
 
 
-def files_of_motions(files: Sequence[str], names: PairNames = USUAL) -> tuple[list[tuple[str, ...]], list[str]]:
+def files_of_motions(
+    files: Sequence[str], names: PairNames = USUAL
+) -> tuple[list[tuple[str, ...]], list[str]]:
     """The files of each motion, in the order of the first ones, and those that belong to none by the names given.
 
     Raises
@@ -254,7 +293,9 @@ def files_of_motions(files: Sequence[str], names: PairNames = USUAL) -> tuple[li
     """
     motions: dict[str, list[str]] = {}
     for file in files:
-        name = file if file == STDIN else motion_name(file) if names == USUAL else names.motion(file)
+        name = (
+            file if file == STDIN else motion_name(file) if names == USUAL else names.motion(file)
+        )
         motions.setdefault(name, []).append(file)
     others = motions.pop("", [])
     if files and not motions:
@@ -286,14 +327,18 @@ def told_once(failures: Sequence[Failure]) -> list[Failure | RecordError]:
 
 def _component(name: str) -> re.Match[str] | None:
     """Where the name of a file tells the component."""
-    return next((match for kind in (_KNET, _PEER, _SEED, _ENDING) if (match := kind.search(name))), None)
+    return next(
+        (match for kind in (_KNET, _PEER, _SEED, _ENDING) if (match := kind.search(name))), None
+    )
 
 
 def _nearly(files: Sequence[str]) -> list[tuple[str, str]]:
     """Names of pairs, as `PairNames` has them, by which two of the files each would be one."""
     names = sorted(Path(file).name for file in files)
     patterns: list[tuple[str, str]] = []
-    for first, other in map(sorted, [*pairwise(names), *pairwise(sorted(names, key=lambda name: name[::-1]))]):
+    for first, other in map(
+        sorted, [*pairwise(names), *pairwise(sorted(names, key=lambda name: name[::-1]))]
+    ):
         head = _shared(first, other)
         tail = min(_shared(first[::-1], other[::-1]), len(first) - head, len(other) - head)
         while head and all(text[head - 1 : head + 1].isdigit() for text in (first, other)):
@@ -304,11 +349,17 @@ def _nearly(files: Sequence[str]) -> list[tuple[str, str]]:
             patterns.append((_MARK + first[head:], _MARK + other[head:]))
         elif tail > len(suffix := Path(first).suffix):
             patterns.append(
-                (f"{first[: len(first) - tail]}{_MARK}{suffix}", f"{other[: len(other) - tail]}{_MARK}{suffix}")
+                (
+                    f"{first[: len(first) - tail]}{_MARK}{suffix}",
+                    f"{other[: len(other) - tail]}{_MARK}{suffix}",
+                )
             )
     return patterns
 
 
 def _shared(text: str, other: str) -> int:
     """How many letters two texts have in common at their beginning."""
-    return next((i for i, (a, b) in enumerate(zip(text, other, strict=False)) if a != b), min(len(text), len(other)))
+    return next(
+        (i for i, (a, b) in enumerate(zip(text, other, strict=False)) if a != b),
+        min(len(text), len(other)),
+    )

@@ -106,7 +106,10 @@ def measure(record: Record) -> Measures:
         leading, trailing = zeros_at_ends(record.acceleration)
         doubts = _doubts(record, motion, leading, trailing)
     # Of a file that has its velocity and displacement, their peaks are the better ones.
-    both = (("velocity", record.peaks[0], motion.pgv, "m/s"), ("displacement", record.peaks[1], motion.pgd, "m"))
+    both = (
+        ("velocity", record.peaks[0], motion.pgv, "m/s"),
+        ("displacement", record.peaks[1], motion.pgd, "m"),
+    )
     of_file = [
         f"the peak {name} is that of the file's own {name}; integration from rest gives {integrated:.4g} {unit}"
         for name, column, integrated, unit in both
@@ -125,7 +128,9 @@ def integrate(record: Record) -> Motion:
     """Velocity and displacement of the ground, at rest at the first sample; no baseline is corrected."""
     a, h = record.acceleration, record.dt
     velocity = np.concatenate([[0.0], np.cumsum(0.5 * h * (a[:-1] + a[1:]))])
-    displacement = np.concatenate([[0.0], np.cumsum(h * velocity[:-1] + h * h / 6.0 * (2.0 * a[:-1] + a[1:]))])
+    displacement = np.concatenate(
+        [[0.0], np.cumsum(h * velocity[:-1] + h * h / 6.0 * (2.0 * a[:-1] + a[1:]))]
+    )
 
     # The velocity may be largest between samples, where the acceleration passes zero.
     i = np.flatnonzero(a[:-1] * a[1:] < 0.0)
@@ -134,8 +139,12 @@ def integrate(record: Record) -> Motion:
 
     # The displacement may be where the velocity, a parabola between samples, passes zero.
     start, slope = a[:-1], np.diff(a) / h
-    with np.errstate(divide="ignore", invalid="ignore"):  # No root, or one at infinity: not within the interval.
-        q = -0.5 * (start + np.copysign(np.sqrt(start * start - 2.0 * slope * velocity[:-1]), start))
+    with np.errstate(
+        divide="ignore", invalid="ignore"
+    ):  # No root, or one at infinity: not within the interval.
+        q = -0.5 * (
+            start + np.copysign(np.sqrt(start * start - 2.0 * slope * velocity[:-1]), start)
+        )
         roots = np.stack([2.0 * q / slope, velocity[:-1] / q])
     row, i = np.nonzero((roots > 0.0) & (roots < h))
     t = roots[row, i]
@@ -152,16 +161,20 @@ def channels_of(records: Sequence[Record]) -> list[Record]:
     """
     codes = [record.id.split(".") for record in records]
     are_accelerometers = all(_CODES.fullmatch(record.id) for record in records)
-    if not are_accelerometers or len({(network, station, channel) for network, station, _, channel in codes}) < len(
-        codes
-    ):
+    if not are_accelerometers or len(
+        {(network, station, channel) for network, station, _, channel in codes}
+    ) < len(codes):
         codes = [["", f"R{number:02d}", "", "HN1"] for number in range(1, len(records) + 1)]
     channels = []
     for record, (network, station, _, channel) in zip(records, codes, strict=True):
         motion = integrate(record)
         of_each = (record.acceleration, motion.velocity, motion.displacement)
         for location, samples in zip(UNITS_BY_LOCATION, of_each, strict=True):
-            channels.append(replace(record, acceleration=samples, id=f"{network}.{station}.{location}.{channel}"))
+            channels.append(
+                replace(
+                    record, acceleration=samples, id=f"{network}.{station}.{location}.{channel}"
+                )
+            )
     return channels
 
 
@@ -208,7 +221,10 @@ def time_of_energy(record: Record, energy: Array, part: float) -> float:
     a, b = record.acceleration[i : i + 2].tolist()
     rest = (target - float(energy[i])) / record.dt
     _, part_of_interval = halved(
-        lambda x: x * (a * a + a * (b - a) * x + (b - a) ** 2 * x * x / 3.0) < rest, 0.0, 1.0, _HALVINGS
+        lambda x: x * (a * a + a * (b - a) * x + (b - a) ** 2 * x * x / 3.0) < rest,
+        0.0,
+        1.0,
+        _HALVINGS,
     )
     return (i + part_of_interval) * record.dt
 
@@ -232,7 +248,9 @@ def cumulative_absolute_velocity_above(record: Record, threshold: float) -> floa
     def below(value: Array) -> Array:
         """The integral of what counts, over the acceleration, up to a value."""
         size = np.abs(value)
-        return np.asarray(np.copysign(np.maximum(0.5 * (size - threshold) * (size + threshold), 0.0), value))
+        return np.asarray(
+            np.copysign(np.maximum(0.5 * (size - threshold) * (size + threshold), 0.0), value)
+        )
 
     whole = (np.minimum(np.abs(a), np.abs(b)) >= threshold) & (a * b > 0.0)
     means = np.where(whole, 0.5 * (np.abs(a) + np.abs(b)), (below(high) - below(low)) / change)
@@ -355,12 +373,16 @@ def _doubts(record: Record, motion: Motion, leading: int, trailing: int) -> tupl
     ]
     if abs(first) > _JUMP * record.pga:
         share = abs(first) / record.pga
-        notes.append(f"the first sample is {first:.3g} m/s^2, {share:.0%} of the peak: cut off before it?")
+        notes.append(
+            f"the first sample is {first:.3g} m/s^2, {share:.0%} of the peak: cut off before it?"
+        )
     # A baseline that drifts shows in the velocity first; only without that the displacement is looked at.
     end = abs(float(motion.displacement[-1]))
     if abs(last) > _DRIFT * motion.pgv:
         share = abs(last) / motion.pgv
-        notes.append(f"the velocity at the end is {last:.3g} m/s, {share:.0%} of its peak: a baseline that drifts?")
+        notes.append(
+            f"the velocity at the end is {last:.3g} m/s, {share:.0%} of its peak: a baseline that drifts?"
+        )
     elif end > _LEFT * motion.pgd and record.peaks[1] is None:
         share = end / motion.pgd
         notes.append(

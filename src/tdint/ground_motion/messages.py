@@ -19,7 +19,13 @@ _LONGEST = 300
 _DRAWING = "obspy.imaging.source"
 
 # Warnings about code, not about a file: obspy's plugins are imported late, and Python's own changes show up here.
-_ABOUT_CODE = (DeprecationWarning, PendingDeprecationWarning, FutureWarning, SyntaxWarning, ImportWarning)
+_ABOUT_CODE = (
+    DeprecationWarning,
+    PendingDeprecationWarning,
+    FutureWarning,
+    SyntaxWarning,
+    ImportWarning,
+)
 
 
 @contextmanager
@@ -69,7 +75,11 @@ def caught_messages() -> Iterator[list[str]]:
         that are about code.
     """
     messages: list[str] = []
-    with warnings.catch_warnings(record=True) as caught, _lost_in_callbacks() as lost, _printed_by_c() as printed:
+    with (
+        warnings.catch_warnings(record=True) as caught,
+        _lost_in_callbacks() as lost,
+        _printed_by_c() as printed,
+    ):
         warnings.simplefilter("always")
         yield messages
     # ObsPy's own deprecation warning is a UserWarning; importing its class here would load obspy.
@@ -88,7 +98,11 @@ def _lost_in_callbacks() -> Iterator[list[str]]:
 
     def keep(args: sys.UnraisableHookArgs) -> None:
         error = args.exc_value
-        text = error.object.decode("utf-8", "replace") if isinstance(error, UnicodeDecodeError) else str(error)
+        text = (
+            error.object.decode("utf-8", "replace")
+            if isinstance(error, UnicodeDecodeError)
+            else str(error)
+        )
         lost.append(one_line(text))
 
     previous = sys.unraisablehook
@@ -118,7 +132,9 @@ def _printed_by_c() -> Iterator[list[str]]:
             os.dup2(saved, 2)
             os.close(saved)
         spool.seek(0)
-        lines.extend(filter(None, map(one_line, spool.read().decode("utf-8", "replace").splitlines())))
+        lines.extend(
+            filter(None, map(one_line, spool.read().decode("utf-8", "replace").splitlines()))
+        )
 
 
 def _spool() -> IO[bytes]:

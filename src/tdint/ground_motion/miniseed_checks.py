@@ -82,9 +82,7 @@ class Statement:
     def __str__(self) -> str:
         place = f"{self.where}: " if self.where else ""
         unit = f" {self.unit}" if self.unit else ""
-        return (
-            f"{place}the file states a {self.what} of {self.stated:.9g}{unit}, what was read has {self.found:.9g}{unit}"
-        )
+        return f"{place}the file states a {self.what} of {self.stated:.9g}{unit}, what was read has {self.found:.9g}{unit}"
 
 
 def compare(statements: Iterable[Statement]) -> tuple[str, ...]:
@@ -249,10 +247,18 @@ def look_at_mseed(data: bytes) -> list[DataRecord]:
     for name, members in channels.items():
         for other, others in channels.items():
             before, after = members[-1], others[0]
-            if sum(a != b for a, b in zip(before.codes, after.codes, strict=True)) not in range(1, _MISSPELT + 1):
+            if sum(a != b for a, b in zip(before.codes, after.codes, strict=True)) not in range(
+                1, _MISSPELT + 1
+            ):
                 continue
-            if before.rate and before.rate == after.rate and abs(after.start - before.end) < 0.5 / before.rate:
-                raise Damaged(f"record {after.number} of {other} continues record {before.number} of {name}")
+            if (
+                before.rate
+                and before.rate == after.rate
+                and abs(after.start - before.end) < 0.5 / before.rate
+            ):
+                raise Damaged(
+                    f"record {after.number} of {other} continues record {before.number} of {name}"
+                )
     return records
 
 
@@ -271,11 +277,16 @@ def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[State
                 stacklevel=2,
             )
     for name in stated:
-        members = sorted((block for block in records if block.id == name and block.rate), key=lambda block: block.start)
+        members = sorted(
+            (block for block in records if block.id == name and block.rate),
+            key=lambda block: block.start,
+        )
         slips = [
             (after.start - before.end, after.number)
             for before, after in pairwise(members)
-            if max(_SLIP / after.rate, _TICK) <= abs(after.start - before.end) <= _JOINED / after.rate + _TICK
+            if max(_SLIP / after.rate, _TICK)
+            <= abs(after.start - before.end)
+            <= _JOINED / after.rate + _TICK
         ]
         if slips:
             worst, number = max(slips, key=lambda slip: abs(slip[0]))
@@ -288,7 +299,9 @@ def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[State
     for trace in traces:
         if trace.data.dtype.kind in "iuf":
             counts[trace.id] += len(trace.data)
-    return [Statement(SAMPLES, stated[name], counts[name], where=name) for name in {**stated, **counts}]
+    return [
+        Statement(SAMPLES, stated[name], counts[name], where=name) for name in {**stated, **counts}
+    ]
 
 
 def _walk(data: bytes) -> Iterator[DataRecord]:
@@ -306,7 +319,9 @@ def _walk(data: bytes) -> Iterator[DataRecord]:
         if len(header) < _FIXED_HEADER:
             raise Damaged(f"its last {len(header)} bytes are no whole record")
         is_control = (
-            is_volume and header[6:7] in (b"V", b"A", b"S", b"T") and (header[8:11].isdigit() or header[7:8] == b"*")
+            is_volume
+            and header[6:7] in (b"V", b"A", b"S", b"T")
+            and (header[8:11].isdigit() or header[7:8] == b"*")
         )
         if is_control:
             control_length = control_length or _control_length(data)
@@ -331,7 +346,12 @@ def _control_length(data: bytes) -> int | None:
 
 
 def _begins_record(header: bytes) -> bool:
-    return len(header) == 8 and header[:6].isdigit() and header[6:7] in b"VASTDRQM" and header[7:8] in b" *\0"
+    return (
+        len(header) == 8
+        and header[:6].isdigit()
+        and header[6:7] in b"VASTDRQM"
+        and header[7:8] in b" *\0"
+    )
 
 
 def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
@@ -345,7 +365,9 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
     # Nothing before blockette 1000 tells the byte order: the right one makes a year of our time.
     order = ">" if int.from_bytes(data[offset + 20 : offset + 22], "big") in _YEARS else "<"
     fields = struct.unpack_from(order + _HEADER, data, offset)
-    sequence, quality, _, station, location, channel, network, year, day, hour, minute, second = fields[:12]
+    sequence, quality, _, station, location, channel, network, year, day, hour, minute, second = (
+        fields[:12]
+    )
     fraction, samples, factor, multiplier, _, _, _, blockettes, _, begin, first = fields[12:]
     where = f"record {number}"
     is_sequence = not sequence.strip(b"0123456789 \0")
@@ -379,11 +401,15 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
     names = (part.decode("latin-1").strip(" \0") for part in (network, station, location, channel))
     start = ((day * 24.0 + hour) * 60.0 + minute) * 60.0 + second + 1e-4 * fraction
     codes = station + location + channel + network
-    record = DataRecord(number, ".".join(names), codes, samples, encoding, 2**exponent, begin, rate, start)
+    record = DataRecord(
+        number, ".".join(names), codes, samples, encoding, 2**exponent, begin, rate, start
+    )
     if offset + record.length > len(data):
         raise Damaged(f"its last record has {len(data) - offset} of {record.length} bytes")
     if inner := _inner_record(data, record, offset):
-        raise Damaged(f"{where}: its header states {record.length} bytes, but another record begins after {inner}")
+        raise Damaged(
+            f"{where}: its header states {record.length} bytes, but another record begins after {inner}"
+        )
     ends = max(chain.values()) - offset + 8
     content = data[offset : offset + record.length]
     _check_room(record, content, ends, big == 1)
@@ -426,13 +452,19 @@ def _check_room(record: DataRecord, content: bytes, headers_end: int, big: bool)
     room = record.length - record.data
     if record.encoding in _STEIM:
         if record.data % 64:
-            raise Damaged(f"{where}: its header places compressed data at byte {record.data}, no multiple of 64")
+            raise Damaged(
+                f"{where}: its header places compressed data at byte {record.data}, no multiple of 64"
+            )
         most = most_samples(content[record.data :], _STEIM[record.encoding], ">" if big else "<")
     elif record.encoding in _WIDTHS:
         if _WIDTHS[record.encoding] % 4 == 0 and record.data % 4:
-            raise Damaged(f"{where}: its header places the data at byte {record.data}, no multiple of 4")
+            raise Damaged(
+                f"{where}: its header places the data at byte {record.data}, no multiple of 4"
+            )
         most = room // _WIDTHS[record.encoding]
     else:
         return
     if record.samples > most:
-        raise Damaged(f"{where}: its header states {record.samples} samples, it has room for {most}")
+        raise Damaged(
+            f"{where}: its header states {record.samples} samples, it has room for {most}"
+        )

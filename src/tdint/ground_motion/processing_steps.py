@@ -106,7 +106,10 @@ def band_limited(samples: Array, parts: int, *, for_lines: bool = False) -> Arra
 
 LINEAR = Interpolation("linear", _straight, attrgetter("pga"), "straight lines")
 BAND_LIMITED = Interpolation(
-    "band-limited", _band_limited, _band_limited_peak, "free of frequencies above half its sampling rate"
+    "band-limited",
+    _band_limited,
+    _band_limited_peak,
+    "free of frequencies above half its sampling rate",
 )
 INTERPOLATIONS = {interpolation.name: interpolation for interpolation in (LINEAR, BAND_LIMITED)}
 
@@ -157,7 +160,9 @@ def resampled(samples: Array, dt: float, new: float) -> tuple[Array, float]:
             _BETA * np.sqrt(np.maximum(0.0, 1.0 - (distance / half) ** 2))
         )
         weights /= weights.sum(axis=1, keepdims=True)
-        result[start : start + rows] = np.sum(weights * padded[places[:, None] + taps + half], axis=1)
+        result[start : start + rows] = np.sum(
+            weights * padded[places[:, None] + taps + half], axis=1
+        )
     return result, 0.5 / (dt * stretch) * (cutoff - 0.5 * _TRANSITION)
 
 
@@ -235,12 +240,16 @@ def _label(record: Record) -> str:
     return f"{record.source}: {record.id}" if record.id.strip(".") else record.source
 
 
-def _done(record: Record, samples: Array, note: str, *, dt: float | None = None, later: float = 0.0) -> Record:
+def _done(
+    record: Record, samples: Array, note: str, *, dt: float | None = None, later: float = 0.0
+) -> Record:
     """The record with new samples, beginning some seconds later, and a note of what was done."""
     start = record.start
     if start and later:
         try:
-            start = (datetime.fromisoformat(start) + timedelta(seconds=later)).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
+            start = (datetime.fromisoformat(start) + timedelta(seconds=later)).strftime(
+                "%Y-%m-%dT%H:%M:%S.%fZ"
+            )
         except (ValueError, OverflowError):  # Not a date that Python's calendar has.
             start = ""
     return replace(
@@ -289,9 +298,15 @@ def pad(record: Record, *seconds: float) -> Record:
     """Zeros for so many seconds before and after, to whole samples."""
     before, after = (math.ceil(min(part / record.dt, 1e18) - _ROUNDING) for part in seconds)
     if before + after > MOST_SAMPLES:
-        raise RecordError(f"{_label(record)}: pad would add {before + after} samples; take fewer seconds")
-    note = f"padded with zeros, {before * record.dt:.6g} s before and {after * record.dt:.6g} s after"
-    return _done(record, np.pad(record.acceleration, (before, after)), note, later=-before * record.dt)
+        raise RecordError(
+            f"{_label(record)}: pad would add {before + after} samples; take fewer seconds"
+        )
+    note = (
+        f"padded with zeros, {before * record.dt:.6g} s before and {after * record.dt:.6g} s after"
+    )
+    return _done(
+        record, np.pad(record.acceleration, (before, after)), note, later=-before * record.dt
+    )
 
 
 def butterworth(record: Record, kind: str, corner: float, corners: int) -> Record:
@@ -305,7 +320,14 @@ def butterworth(record: Record, kind: str, corner: float, corners: int) -> Recor
 
 
 def zero_phase(
-    samples: Array, dt: float, kind: str, corner: float, corners: int, label: str, *, held: bool = False
+    samples: Array,
+    dt: float,
+    kind: str,
+    corner: float,
+    corners: int,
+    label: str,
+    *,
+    held: bool = False,
 ) -> Array:
     """The samples (along the first axis, dt seconds apart) after the filter of `butterworth`; `label` names them.
 
@@ -317,14 +339,18 @@ def zero_phase(
         The corner is out of the reach of such samples.
     """
     if not corner * dt < 0.5 - _NARROWEST:
-        raise RecordError(f"{label}: {kind} {corner:g} Hz is not below the Nyquist frequency, {0.5 / dt:.6g} Hz")
+        raise RecordError(
+            f"{label}: {kind} {corner:g} Hz is not below the Nyquist frequency, {0.5 / dt:.6g} Hz"
+        )
     if corner * dt < _NARROWEST:
         raise RecordError(f"{label}: {kind} {corner:g} Hz is too low for samples {dt:g} s apart")
     from scipy.signal import sosfilt  # 0.8 s, for filters only
 
     sections, settling = _designed(kind, corner, corners, dt)
     after = [(0, settling), *[(0, 0)] * (samples.ndim - 1)]
-    forwards = sosfilt(sections, np.pad(samples, after, mode="edge" if held else "constant"), axis=0)
+    forwards = sosfilt(
+        sections, np.pad(samples, after, mode="edge" if held else "constant"), axis=0
+    )
     return np.asarray(sosfilt(sections, forwards[::-1], axis=0)[::-1][: len(samples)])
 
 
@@ -343,9 +369,13 @@ def resample(record: Record, dt: float) -> Record:
     if math.isclose(dt, record.dt, rel_tol=1e-12):
         return record
     if record.duration / dt > MOST_SAMPLES:
-        raise RecordError(f"{_label(record)}: resampled at {dt:g} s it would have more than {MOST_SAMPLES} samples")
+        raise RecordError(
+            f"{_label(record)}: resampled at {dt:g} s it would have more than {MOST_SAMPLES} samples"
+        )
     if dt > record.duration:
-        raise RecordError(f"{_label(record)}: resampled at {dt:g} s it would have less than two samples")
+        raise RecordError(
+            f"{_label(record)}: resampled at {dt:g} s it would have less than two samples"
+        )
     samples, band = resampled(record.acceleration, record.dt, dt)
     note = f"resampled from {record.dt:.6g} s to {dt:.6g} s, frequencies up to {band:.4g} Hz kept"
     return _done(record, samples, note, dt=dt)

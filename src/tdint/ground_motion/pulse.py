@@ -53,9 +53,14 @@ class VelocityPulse:
         slow = omega / self.cycles
         since = t - 0.5 * self.duration
         envelope, change = 1.0 + np.cos(slow * since), -slow * np.sin(slow * since)
-        carrier, turn = np.cos(omega * since + self.phase), -omega * np.sin(omega * since + self.phase)
+        carrier, turn = (
+            np.cos(omega * since + self.phase),
+            -omega * np.sin(omega * since + self.phase),
+        )
         inside = np.abs(since) <= 0.5 * self.duration
-        return np.asarray(np.where(inside, 0.5 * self.velocity * (change * carrier + envelope * turn), 0.0))
+        return np.asarray(
+            np.where(inside, 0.5 * self.velocity * (change * carrier + envelope * turn), 0.0)
+        )
 
 
 @dataclass(frozen=True)
@@ -104,10 +109,15 @@ def parse_motion(text: str) -> Artificial:
     numbers = {key: parse_positive(key, value) for key, value in given.items() if key != "pga"}
     if name == "pulse":
         return VelocityPulse(numbers["velocity"], numbers["period"], numbers.get("cycles", 3.0))
-    pga, duration = parse_with_unit(given["pga"], "acceleration", "0.1g", "pga"), numbers["duration"]
+    pga, duration = (
+        parse_with_unit(given["pga"], "acceleration", "0.1g", "pga"),
+        numbers["duration"],
+    )
     first, last = (numbers["frequency" if name == "sine" else end] for end in ("first", "last"))
     if not duration * max(first, last) <= _MOST_TURNS:
-        raise UsageError(f"{name}: {duration * max(first, last):.4g} cycles are too many; at most {_MOST_TURNS}")
+        raise UsageError(
+            f"{name}: {duration * max(first, last):.4g} cycles are too many; at most {_MOST_TURNS}"
+        )
     return Sweep(first, last, duration, pga)
 
 

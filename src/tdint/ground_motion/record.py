@@ -107,15 +107,19 @@ class Record(Tabular):
     peaks: tuple[float | None, float | None] = (None, None)
 
     def _headline(self) -> str:
-        return (
-            f"{self.name}: {how_many(self.acceleration.size, 'sample')}, dt {self.dt:.6g} s, PGA {self.pga:.4g} m/s^2"
-        )
+        return f"{self.name}: {how_many(self.acceleration.size, 'sample')}, dt {self.dt:.6g} s, PGA {self.pga:.4g} m/s^2"
 
     def __post_init__(self) -> None:
         samples = _checked(self.acceleration, self.source)
         dt = self.dt
-        if isinstance(dt, bool) or not isinstance(dt, int | float | np.number) or not 0.0 < float(dt) < math.inf:
-            raise RecordError(f"{self.source or 'record'}: the sampling interval must be a positive number, got {dt!r}")
+        if (
+            isinstance(dt, bool)
+            or not isinstance(dt, int | float | np.number)
+            or not 0.0 < float(dt) < math.inf
+        ):
+            raise RecordError(
+                f"{self.source or 'record'}: the sampling interval must be a positive number, got {dt!r}"
+            )
         object.__setattr__(self, "dt", float(dt))
         if samples is self.acceleration or samples.base is not None:
             samples = samples.copy()
@@ -152,7 +156,12 @@ class Record(Tabular):
         """
         with np.errstate(over="ignore"):
             pgv, pgd = (None if peak is None else peak * abs(factor) for peak in self.peaks)
-            return replace(self, acceleration=self.acceleration * factor, scale=self.scale * factor, peaks=(pgv, pgd))
+            return replace(
+                self,
+                acceleration=self.acceleration * factor,
+                scale=self.scale * factor,
+                peaks=(pgv, pgd),
+            )
 
 
 def masked_samples(samples: NDArray[Any]) -> int:
@@ -175,11 +184,15 @@ def _checked(acceleration: Any, source: str) -> NDArray[np.float64]:
     if given.dtype.kind not in "iuf":
         raise RecordError(f"{whose}: the acceleration must be real numbers, got {given.dtype.name}")
     if given.ndim != 1 or given.size < 2:
-        raise RecordError(f"{whose}: the acceleration must be a row of two samples at least, got shape {given.shape}")
+        raise RecordError(
+            f"{whose}: the acceleration must be a row of two samples at least, got shape {given.shape}"
+        )
     samples = np.ascontiguousarray(given, dtype=np.float64)
     if not np.isfinite(samples).all():
         first = int(np.argmin(np.isfinite(samples)))
-        raise RecordError(f"{whose}: sample {first} (counted from 0) is {samples[first]}, no finite number")
+        raise RecordError(
+            f"{whose}: sample {first} (counted from 0) is {samples[first]}, no finite number"
+        )
     return samples
 
 
@@ -263,7 +276,9 @@ def one_after_another(records: Sequence[Record], starts: Sequence[int]) -> Recor
 
     taken: dict[str, Any] = {}
     for name in ("notes", "warnings", "inputs", "processing"):
-        taken[name] = tuple(dict.fromkeys(item for record in records for item in getattr(record, name)))
+        taken[name] = tuple(
+            dict.fromkeys(item for record in records for item in getattr(record, name))
+        )
     others = {"id": "", "units": "", "units_from": "", "quantity": "acceleration", "scale": 1.0}
     for name, other in others.items():
         values = {getattr(record, name) for record in records}
@@ -305,7 +320,9 @@ class JoinedRecord(Record):
         """The shocks as they are to follow each other. Errors are those of `at_one_interval` and `samples_of`."""
         shocks, starts = at_one_interval(records), [0]
         for shock in shocks[:-1]:
-            starts.append(starts[-1] + shock.acceleration.size - 1 + samples_of(rest or 0.0, shock.dt))
+            starts.append(
+                starts[-1] + shock.acceleration.size - 1 + samples_of(rest or 0.0, shock.dt)
+            )
         whole = one_after_another(shocks, starts)
         plain = {field.name: getattr(whole, field.name) for field in fields(Record)}
         return cls(**plain, shocks=tuple(shocks), rest=rest, fixed=fixed)

@@ -93,7 +93,11 @@ def has_offset(acceleration: Array) -> bool:
 
 
 def in_band(
-    samples: Array, dt: float, band: tuple[float, float] | None, label: str, quantity: str = "acceleration"
+    samples: Array,
+    dt: float,
+    band: tuple[float, float] | None,
+    label: str,
+    quantity: str = "acceleration",
 ) -> Array:
     """Samples (along the first axis) between two frequencies, Hz, by filters without shift of phase; as they are
     without a band. A displacement stays where it ends.

@@ -35,7 +35,9 @@ def main() -> None:
     from tdint.kernels.building.store import identity
     from tdint.kernels.building.target import named
 
-    with suppress(ImportError, AttributeError):  # numba's insides may change: without shortcuts it takes longer
+    with suppress(
+        ImportError, AttributeError
+    ):  # numba's insides may change: without shortcuts it takes longer
         _take_shortcuts()
     targets = [named(target) for target in os.environ["TDINT_KERNELS_TARGETS"].split(",")]
     # After the imports: on Windows numpy's would wait for the pipe that the thread reads.
@@ -44,7 +46,9 @@ def main() -> None:
     while True:
         name, file = json.loads(asked.get())
         module_name, _, attribute = name.partition(":")
-        kernel = getattr(_module(module_name, file) if file else importlib.import_module(module_name), attribute)
+        kernel = getattr(
+            _module(module_name, file) if file else importlib.import_module(module_name), attribute
+        )
         codes, symbol = objects_of(kernel.function, kernel.signature, targets)
         for code, target in zip(codes, targets, strict=True):
             data = pack(code, {**identity(name, variant, target), "symbol": symbol})
@@ -63,8 +67,12 @@ def _take_shortcuts() -> None:
     # What an operator of numbers gives: numba tries all that might fit, and lists what does not.
     resolve = BaseFunction.get_call_type
 
-    def resolve_once(self: Any, context: Any, arguments: tuple[Any, ...], named: dict[str, Any]) -> Any:
-        if named or not all(isinstance(argument, types.Number | types.Boolean) for argument in arguments):
+    def resolve_once(
+        self: Any, context: Any, arguments: tuple[Any, ...], named: dict[str, Any]
+    ) -> Any:
+        if named or not all(
+            isinstance(argument, types.Number | types.Boolean) for argument in arguments
+        ):
             return resolve(self, context, arguments, named)
         resolved = self.__dict__.setdefault("_resolved", {})
         key = arguments, tuple(map(type, arguments))
@@ -91,8 +99,16 @@ def _take_shortcuts() -> None:
     # Labels and names of variables are numbered in each function from one on, not through all: what was compiled before
     # would show in the order of sets of names, and that in the code. Functions are numbered through, so that no two
     # have a symbol in common.
-    number, labels, compile_one = itertools.count(1), ir_utils._the_max_label, compiler.CompilerBase.compile_extra
-    _ = bytecode.FunctionIdentity._unique_ids, labels._value, ir_utils._unique_var_count  # or it is another numba
+    number, labels, compile_one = (
+        itertools.count(1),
+        ir_utils._the_max_label,
+        compiler.CompilerBase.compile_extra,
+    )
+    _ = (
+        bytecode.FunctionIdentity._unique_ids,
+        labels._value,
+        ir_utils._unique_var_count,
+    )  # or it is another numba
 
     def compile_apart(self: Any, function: Any) -> Any:
         identity = bytecode.FunctionIdentity
@@ -134,7 +150,9 @@ def _add_laws(variant: str) -> None:
     for name, code in parse(variant).outside.items():
         LAWS.extend([replace(linear.LAW, name="")] * (code + 1 - len(LAWS)))
         values = list(vars(_module(*files[name])).values())
-        values += [member for value in values if isinstance(value, tuple | list) for member in value]
+        values += [
+            member for value in values if isinstance(value, tuple | list) for member in value
+        ]
         OUTSIDE[name] = files[name][0]
         LAWS[code] = next(law for law in values if isinstance(law, DriftLaw) and law.name == name)
 
@@ -142,7 +160,9 @@ def _add_laws(variant: str) -> None:
 def _listen(asked: SimpleQueue[bytes]) -> None:
     """Take what is asked for; who asks may end at any time, and the process with it."""
     text = b""
-    while new := os.read(0, 4096):  # not sys.stdin, whose lock a thread must not hold when Python ends
+    while new := os.read(
+        0, 4096
+    ):  # not sys.stdin, whose lock a thread must not hold when Python ends
         *lines, text = (text + new).split(b"\n")
         for line in lines:
             asked.put(line)

@@ -13,7 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from tdint.kernels.building.compilable import EVERYTHING, F8, I8, ArrayOf, Compilable, Signature, Variant, parse
+from tdint.kernels.building.compilable import (
+    EVERYTHING,
+    F8,
+    I8,
+    ArrayOf,
+    Compilable,
+    Signature,
+    Variant,
+    parse,
+)
 
 __all__ = [
     "CUBE",
@@ -81,7 +90,14 @@ def kernel(
 
 
 if COMPILES:
-    from tdint.kernels.building.compiler import called, called_at, inlined, local, local_table, specialized
+    from tdint.kernels.building.compiler import (
+        called,
+        called_at,
+        inlined,
+        local,
+        local_table,
+        specialized,
+    )
 else:
     # Nothing is compiled: kernels are Python that a debugger can walk through.
 

@@ -38,7 +38,9 @@ FLOOR_DAMPER = 2  # viscous, floor to ground (mass-proportional damping), N s/m
 STORY_DAMPER = 3  # viscous, floor to floor below (dashpots, stiffness-proportional damping), N s/m
 GEOMETRIC = 4  # geometric stiffness of the story (P-delta), N/m, not positive
 LINK = 5  # 1: the story stands on the floor below; 0: it stands on the ground
-POWER_DAMPER = 6  # power-law dashpot of the story: c v (v^2 + v0^2)^e, c in N (s/m)^(2 e + 1); 0 for none
+POWER_DAMPER = (
+    6  # power-law dashpot of the story: c v (v^2 + v0^2)^e, c in N (s/m)^(2 e + 1); 0 for none
+)
 POWER = 7  # e, half of the exponent less 1
 THRESHOLD = 8  # v0^2, (m/s)^2
 DASHPOT = 9  # of STORY_DAMPER what is a dashpot that the model has, N s/m
@@ -71,8 +73,12 @@ FIRST_TRIAL = SPRING_ROWS
 SECOND_TRIAL = 2 * SPRING_ROWS
 THIRD_TRIAL = 3 * SPRING_ROWS
 SPRING_BLOCKS = 4
-ADDRESS = SPRING_BLOCKS * SPRING_ROWS  # of the story's own compiled function, where its law is not part of the loops
-EXTRA_ROWS = ADDRESS + 1  # where a law needs more rows: again one block for the committed state, then the trial ones
+ADDRESS = (
+    SPRING_BLOCKS * SPRING_ROWS
+)  # of the story's own compiled function, where its law is not part of the loops
+EXTRA_ROWS = (
+    ADDRESS + 1
+)  # where a law needs more rows: again one block for the committed state, then the trial ones
 
 # state: the memory of the method
 DISPLACEMENT = 0
@@ -140,12 +146,20 @@ MOMENTUM = ENERGY_TERMS + 7
 POWER_DAMPED = ENERGY_TERMS + 8  # of all dampers
 RATE_DAMPED = ENERGY_TERMS + 9
 DISSIPATED_BEFORE = ENERGY_TERMS + 10  # by the drift laws on the way to the initial drifts, J
-COLLAPSE_STEP = ENERGY_TERMS + 11  # whole steps after which a story was first beyond a limit; NO_COLLAPSE for none
-COLLAPSE_STORY = ENERGY_TERMS + 12  # the first story that failed, else the one farthest beyond its limit then
+COLLAPSE_STEP = (
+    ENERGY_TERMS + 11
+)  # whole steps after which a story was first beyond a limit; NO_COLLAPSE for none
+COLLAPSE_STORY = (
+    ENERGY_TERMS + 12
+)  # the first story that failed, else the one farthest beyond its limit then
 COLLAPSE_FAILED = ENERGY_TERMS + 13  # 1 if it failed
-COLLAPSE_ENERGIES = ENERGY_TERMS + 14  # the energies then, ENERGY_START and ENERGY_LARGEST after them
+COLLAPSE_ENERGIES = (
+    ENERGY_TERMS + 14
+)  # the energies then, ENERGY_START and ENERGY_LARGEST after them
 ALL_FORCES = COLLAPSE_ENERGIES + ENERGY_TERMS + 2  # masses times accelerations at that time
-DAMPED_BY_ALL = ALL_FORCES + 1  # half of what the damped power's rate gains where floors accelerate by 1 m/s^2 more
+DAMPED_BY_ALL = (
+    ALL_FORCES + 1
+)  # half of what the damped power's rate gains where floors accelerate by 1 m/s^2 more
 ALL_MASSES = ALL_FORCES + 2
 POWER_DEVICES = ALL_FORCES + 3  # of the dashpots alone
 RATE_DEVICES = ALL_FORCES + 4
@@ -158,7 +172,9 @@ NO_COLLAPSE = -1.0
 # limits: by story
 LIMIT = 0  # drift ratio beyond which it has collapsed
 HEIGHT = 1  # m; nan for a story without a limit
-FAILED = 2  # what INTERNAL is once the story carries nothing any more; nan where that does not happen
+FAILED = (
+    2  # what INTERNAL is once the story carries nothing any more; nan where that does not happen
+)
 
 # flags: set before a march and never written
 LINEAR = 0  # 1 if every law is linear
@@ -176,7 +192,9 @@ ALL_BRANCHES = 1  # every law is linear, or linear branch by branch
 SOME_BRANCHES = 2  # some laws have branches, some are curved
 
 # report: what a step leaves: for the next one, for the march, and for people
-CARRIED_GROUND = 0  # ground acceleration that the acceleration of the state stands with, where steps are long
+CARRIED_GROUND = (
+    0  # ground acceleration that the acceleration of the state stands with, where steps are long
+)
 STEPS_DONE = 1  # since the start, or since a step that was halved
 FACTORED_STEP = 2  # the step size of the factorization in work, 0 for none
 WITHIN = 3  # row of work from which on the step has raised its own peaks between its ends; 0 if it has not

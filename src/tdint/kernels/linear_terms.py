@@ -182,5 +182,10 @@ def finite(state, n):
     """Whether the new displacements, velocities and accelerations are numbers."""
     numbers = True
     for i in range(n):
-        numbers &= abs(state[at.DISPLACEMENT, i]) + abs(state[at.VELOCITY, i]) + abs(state[at.ACCELERATION, i]) < 1e300
+        numbers &= (
+            abs(state[at.DISPLACEMENT, i])
+            + abs(state[at.VELOCITY, i])
+            + abs(state[at.ACCELERATION, i])
+            < 1e300
+        )
     return numbers

@@ -33,7 +33,9 @@ _SMOOTH = 1.0  # what an acceleration inside may miss the straight line by, over
 _NOTHING = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _UNLOADED = (0.0, 0.0, 0.0, 0.0)  # no forces on floors: of `_loaded`
 _FADED = 2.0  # tilt over bulge from which neither is taken; up to 1 all of both is
-_SWING = 0.5  # of h times the rates at both ends: what a parabola may go beyond the value at its end
+_SWING = (
+    0.5  # of h times the rates at both ends: what a parabola may go beyond the value at its end
+)
 
 
 @inlined
@@ -52,7 +54,11 @@ def raise_at_nodes(work, first, column, count, row, i):
     if count == 1:
         raise_peak(work, row, i, work[first, column])
     for k in range(0, count - 2, 2):
-        a0, a1, a2 = work[first + k, column], work[first + k + 1, column], work[first + k + 2, column]
+        a0, a1, a2 = (
+            work[first + k, column],
+            work[first + k + 1, column],
+            work[first + k + 2, column],
+        )
         raise_peak(work, row, i, a1)
         raise_peak(work, row, i, a2)
         b = 0.5 * (4.0 * a1 - 3.0 * a0 - a2)
@@ -69,7 +75,9 @@ def may_pass(span, floor, story, shear, stiffness, peaks, i):
     by_story = swing * (abs(story.v0) + abs(story.v1))
     passing = abs(story.u1) + by_story > peaks[at.PEAK_DRIFT, i]
     passing |= abs(shear) + stiffness * by_story > peaks[at.PEAK_SHEAR, i]
-    passing |= abs(floor.u1) + swing * (abs(floor.v0) + abs(floor.v1)) > peaks[at.PEAK_DISPLACEMENT, i]
+    passing |= (
+        abs(floor.u1) + swing * (abs(floor.v0) + abs(floor.v1)) > peaks[at.PEAK_DISPLACEMENT, i]
+    )
     return passing | may_be_fastest(span, floor, peaks[at.PEAK_VELOCITY, i])
 
 
@@ -112,7 +120,9 @@ def look_within(span, scene, passage, springs, turns, turn, peaks, top):
             shearing = peaks[top + at.PEAK_SHEAR, i] - abs(springs[at.FORCE, i])
             rates = swing * (abs(story.v0) + abs(story.v1))
             if rates > passing or stiffness * rates > shearing:
-                far = _turning_point(span, story, min(passing, shearing / stiffness), peaks, top + at.PEAK_DRIFT, i)
+                far = _turning_point(
+                    span, story, min(passing, shearing / stiffness), peaks, top + at.PEAK_DRIFT, i
+                )
                 # A story that has become stiffer may have its largest shear where its drift is largest.
                 if far != story.u1:
                     turns[turn, i] = far
@@ -120,10 +130,17 @@ def look_within(span, scene, passage, springs, turns, turn, peaks, top):
         passing = peaks[top + at.PEAK_DISPLACEMENT, i] - abs(floor.u1)
         if _turns(span, floor) and swing * (abs(floor.v0) + abs(floor.v1)) > passing:
             _turning_point(span, floor, passing, peaks, top + at.PEAK_DISPLACEMENT, i)
-        if floor.a0 * floor.a1 < 0.0 and may_be_fastest(span, floor, peaks[top + at.PEAK_VELOCITY, i]):
+        if floor.a0 * floor.a1 < 0.0 and may_be_fastest(
+            span, floor, peaks[top + at.PEAK_VELOCITY, i]
+        ):
             _fastest(span, floor, peaks, top + at.PEAK_VELOCITY, i)
         fastest = peaks[top + at.PEAK_DRIFT_RATE, i]
-        if DASHPOTS and with_devices and story.a0 * story.a1 < 0.0 and may_be_fastest(span, story, fastest):
+        if (
+            DASHPOTS
+            and with_devices
+            and story.a0 * story.a1 < 0.0
+            and may_be_fastest(span, story, fastest)
+        ):
             _fastest(span, story, peaks, top + at.PEAK_DRIFT_RATE, i)
         if not span.cornered:
             _most_accelerated(span, floor, 1.0, peaks, top + at.PEAK_ACCELERATION, i, _UNLOADED)
@@ -143,7 +160,16 @@ def _floor(fast, passage, i):
     a0 = old[first + 2, i]
     w = old[first + 3, i] if fast else v0
     b = old[first + 4, i] if fast else a0
-    return Ends(old[first, i], v0, a0, state[at.DISPLACEMENT, i], state[at.VELOCITY, i], accelerations[new, i], w, b)
+    return Ends(
+        old[first, i],
+        v0,
+        a0,
+        state[at.DISPLACEMENT, i],
+        state[at.VELOCITY, i],
+        accelerations[new, i],
+        w,
+        b,
+    )
 
 
 @inlined
@@ -192,7 +218,9 @@ def _turning_point(span, ends, passing, peaks, row, i):
     h = span.h
     u0, v0, a0, u1, v1, a1, _, _ = ends
     # Both accelerations tell about what the velocities changed by.
-    told = _calm(span, ends) and abs(v1 - v0 - 0.5 * h * (a0 + a1)) <= _RESOLVED * (abs(v0) + abs(v1))
+    told = _calm(span, ends) and abs(v1 - v0 - 0.5 * h * (a0 + a1)) <= _RESOLVED * (
+        abs(v0) + abs(v1)
+    )
     if span.on_path and not told:
         rise = u1 - u0
         bend = h * (v1 - v0)
@@ -214,7 +242,9 @@ def _turning_point(span, ends, passing, peaks, row, i):
     if not told:
         rise = u1 - u0
         bend = 3.0 * rise - h * (2.0 * v0 + v1)
-        raise_peak(peaks, row + at.PEAK_ROWS, i, _extreme_of_cubic(u0, h * v0, bend, rise - h * v0 - bend))
+        raise_peak(
+            peaks, row + at.PEAK_ROWS, i, _extreme_of_cubic(u0, h * v0, bend, rise - h * v0 - bend)
+        )
         return u1
     c3, c4, c5 = _quintic(h, ends)
     far = _extreme(v0 / (v0 - v1), (u0, h * v0, 0.5 * h * h * a0, c3, c4, c5))
@@ -259,7 +289,9 @@ def _most_accelerated(span, ends, mass, peaks, peak_row, i, loaded):
         told = _calm(span, ends) and _smooth(bulge, tilt, abs(absolute_0) + abs(absolute_1))
         row = peak_row + (0 if told else at.PEAK_ROWS)
         change = absolute_1 - absolute_0 + bulge + tilt
-        raise_peak(peaks, row, i, _extreme_of_cubic(absolute_0, change, -bulge - 3.0 * tilt, 2.0 * tilt))
+        raise_peak(
+            peaks, row, i, _extreme_of_cubic(absolute_0, change, -bulge - 3.0 * tilt, 2.0 * tilt)
+        )
 
 
 @called
@@ -330,7 +362,11 @@ def _quintic(h, ends):
     rise = u1 - u0 - h * (v0 + 0.5 * h * a0)
     change = h * (v1 - v0 - h * a0)
     bend = 0.5 * h * h * (a1 - a0)
-    return 10.0 * rise - 4.0 * change + bend, -15.0 * rise + 7.0 * change - 2.0 * bend, 6.0 * rise - 3.0 * change + bend
+    return (
+        10.0 * rise - 4.0 * change + bend,
+        -15.0 * rise + 7.0 * change - 2.0 * bend,
+        6.0 * rise - 3.0 * change + bend,
+    )
 
 
 @inlined

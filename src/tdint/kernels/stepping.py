@@ -154,5 +154,17 @@ def take_step(step, coefficients, scene, h, load, memory):
     linear_terms, modal, law_parameters, forces, flags = scene
     state, springs, work, report = memory
     return _call_step(
-        step, coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report
+        step,
+        coefficients,
+        linear_terms,
+        modal,
+        law_parameters,
+        forces,
+        flags,
+        h,
+        load,
+        state,
+        springs,
+        work,
+        report,
     )

@@ -30,7 +30,20 @@ _FACTORS = BALANCE_ROWS  # rows of work of the first sub-step, then of the secon
 
 
 @kernel(STEP)
-def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
+def step(
+    coefficients,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    h,
+    load,
+    state,
+    springs,
+    work,
+    report,
+):
     """One step: two sub-steps, each in equilibrium at its end."""
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
@@ -90,8 +103,12 @@ def _guess_end(coefficients, h, state, work, n):
     q1 = coefficients[Q1]
     q2 = coefficients[Q2]
     for i in range(n):
-        v = state[at.VELOCITY, i] + h * (q0 * state[at.ACCELERATION, i] + (q1 + q2) * work[ROW.A, i])
-        work[ROW.U, i] = state[at.DISPLACEMENT, i] + h * (q0 * state[at.VELOCITY, i] + q1 * work[ROW.V, i] + q2 * v)
+        v = state[at.VELOCITY, i] + h * (
+            q0 * state[at.ACCELERATION, i] + (q1 + q2) * work[ROW.A, i]
+        )
+        work[ROW.U, i] = state[at.DISPLACEMENT, i] + h * (
+            q0 * state[at.VELOCITY, i] + q1 * work[ROW.V, i] + q2 * v
+        )
         work[ROW.V, i] = v
 
 
@@ -116,7 +133,9 @@ METHODS = (
         family=FAMILY,
         parameters=(
             Parameter("rho_inf", 0.0, 0.0, 1.0),
-            Parameter("gamma", gamma_of_one_matrix, 0.0, 1.0, low_allowed=False, high_allowed=False),
+            Parameter(
+                "gamma", gamma_of_one_matrix, 0.0, 1.0, low_allowed=False, high_allowed=False
+            ),
         ),
         coefficients=coefficients,
         rho_inf=lambda rho_inf, gamma: rho_inf,

@@ -19,13 +19,43 @@ from tdint.data import dataclass
 from tdint.errors import UsageError, did_you_mean
 from tdint.kernels.laws.law import DriftLaw
 from tdint.kernels.stepping import STEP
-from tdint.methods import bathe, exact, impulse, impulse4, model_based, moment4, multi_step, runge_kutta, single_step
+from tdint.methods import (
+    bathe,
+    exact,
+    impulse,
+    impulse4,
+    model_based,
+    moment4,
+    multi_step,
+    runge_kutta,
+    single_step,
+)
 from tdint.methods.method import Integrator, Method
 from tdint.model.definition import LAWS, register_law
-from tdint.model.plugins import LOG, Origin, check_name, declared, faults_of, home_of, installed, module_of, same_file
+from tdint.model.plugins import (
+    LOG,
+    Origin,
+    check_name,
+    declared,
+    faults_of,
+    home_of,
+    installed,
+    module_of,
+    same_file,
+)
 from tdint.tabular import Several
 
-FAMILIES = (impulse, impulse4, moment4, single_step, multi_step, bathe, model_based, runge_kutta, exact)
+FAMILIES = (
+    impulse,
+    impulse4,
+    moment4,
+    single_step,
+    multi_step,
+    bathe,
+    model_based,
+    runge_kutta,
+    exact,
+)
 
 DEFAULT_METHOD = "impulse4"
 """The method where none is named."""
@@ -79,15 +109,21 @@ def register_method(method: Method, where: str | Origin = "") -> None:
         cannot be called with the defaults.
     """
     if not isinstance(method, Method):
-        raise UsageError(f"{where or repr(method)}: a method is a tdint.plugin.Method, not {type(method).__name__}")
+        raise UsageError(
+            f"{where or repr(method)}: a method is a tdint.plugin.Method, not {type(method).__name__}"
+        )
     origin = where if isinstance(where, Origin) else Origin(where or f"method {method.name!r}")
     where = origin.where
     check_name(method.name, _known(), "method", where)
     families = {id(other.family): other.family for other in _known().values()}
     if id(method.family) not in families:
-        check_name(method.family.name, [family.name for family in families.values()], "family", where)
+        check_name(
+            method.family.name, [family.name for family in families.values()], "family", where
+        )
     if method.family.step.signature != STEP:
-        raise UsageError(f"{where}: method {method.name!r}: its step is no kernel of the signature tdint.plugin.STEP")
+        raise UsageError(
+            f"{where}: method {method.name!r}: its step is no kernel of the signature tdint.plugin.STEP"
+        )
     # What it declares is asked for with its defaults, as it will be; a method that fails there is not kept.
     kinds = {"order": int, "implicit": bool, "stability_limit": float, "rho_inf": float}
     _known()[method.name] = method
@@ -96,8 +132,12 @@ def register_method(method: Method, where: str | Origin = "") -> None:
             integrator = parse(method.name)
             for name, kind in kinds.items():
                 declaration = getattr(integrator, name)
-                if not isinstance(declaration, kind) and not (kind is float and isinstance(declaration, int)):
-                    raise UsageError(f"{where}: {integrator.label}: {name} gives {declaration!r}, no {kind.__name__}")
+                if not isinstance(declaration, kind) and not (
+                    kind is float and isinstance(declaration, int)
+                ):
+                    raise UsageError(
+                        f"{where}: {integrator.label}: {name} gives {declaration!r}, no {kind.__name__}"
+                    )
             if integrator.family.prepare is None:
                 np.array(integrator.method.coefficients(*integrator.values), dtype=np.float64)
             integrator.family.work_rows(0)
@@ -128,11 +168,19 @@ def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
     file = os.fspath(file)
     module = module_of(file)
     if not any(hasattr(module, name) for name in ("METHODS", "LAWS", "PEERS", "MEASURES")):
-        raise UsageError(f"{file}: a plug-in has a tuple METHODS, LAWS, PEERS or MEASURES; this one has none")
+        raise UsageError(
+            f"{file}: a plug-in has a tuple METHODS, LAWS, PEERS or MEASURES; this one has none"
+        )
     with faults_of(file):
-        laws, methods = list(declared(module, "LAWS", DriftLaw, file)), list(declared(module, "METHODS", Method, file))
+        laws, methods = (
+            list(declared(module, "LAWS", DriftLaw, file)),
+            list(declared(module, "METHODS", Method, file)),
+        )
         if hasattr(module, "MEASURES"):
-            from tdint.ground_motion.measures import MEASURES, Measure  # `tdint methods` does without
+            from tdint.ground_motion.measures import (
+                MEASURES,
+                Measure,
+            )  # `tdint methods` does without
 
             for measure in declared(module, "MEASURES", Measure, file):
                 if MEASURES.get(measure.name) is not measure:
@@ -170,8 +218,15 @@ def parse(text: str) -> Integrator:
     for item in items:
         key, equals, number = (part.strip() for part in item.partition("="))
         if key not in allowed:
-            has = ", ".join(f"{parameter.name} in {parameter.range}" for parameter in method.parameters) or "none"
-            raise UsageError(f"method {text!r}: {method.name} has no parameter {key!r}; it has {has}")
+            has = (
+                ", ".join(
+                    f"{parameter.name} in {parameter.range}" for parameter in method.parameters
+                )
+                or "none"
+            )
+            raise UsageError(
+                f"method {text!r}: {method.name} has no parameter {key!r}; it has {has}"
+            )
         if key in given:
             raise UsageError(f"method {text!r}: {key} is given twice")
         above, slash, below = number.partition("/")
@@ -179,7 +234,9 @@ def parse(text: str) -> Integrator:
             given[key] = float(above) / float(below) if slash else float(number)
         except (ValueError, ZeroDivisionError):
             got = f"got {number!r}" if equals else "got nothing"
-            raise UsageError(f"method {text!r}: {key} must be a number in {allowed[key].range}, {got}") from None
+            raise UsageError(
+                f"method {text!r}: {key} must be a number in {allowed[key].range}, {got}"
+            ) from None
     # All of them, in their order: a default may follow from those before it.
     values: list[float] = []
     for parameter in method.parameters:
@@ -189,7 +246,9 @@ def parse(text: str) -> Integrator:
             assert callable(default)
             value = default(*values)
         if not parameter.allows(value):
-            raise UsageError(f"method {text!r}: {parameter.name} must lie in {parameter.range}, got {value!r}")
+            raise UsageError(
+                f"method {text!r}: {parameter.name} must lie in {parameter.range}, got {value!r}"
+            )
         values.append(value)
     typed = ":".join([name, *("".join(item.split()) for item in items)])
     if "," in rest:
@@ -304,7 +363,9 @@ class Publication:
     def text(self) -> str:
         """In one line."""
         authors = self.author.replace(" and ", "; ")
-        head = f"{authors} ({self.year}). {self.title}" if authors else f"{self.title} ({self.year})"
+        head = (
+            f"{authors} ({self.year}). {self.title}" if authors else f"{self.title} ({self.year})"
+        )
         return f"{head}. {self.howpublished}." + (f" doi:{self.doi}" if self.doi else "")
 
 
@@ -314,7 +375,9 @@ def references() -> dict[str, tuple[Publication, ...]]:
     from importlib.resources import files  # which takes longer to load than a run's first step
 
     publications: dict[str, tuple[Publication, ...]] = {}
-    _, *entries = (files("tdint.methods") / "publications.bib").read_text(encoding="utf-8").split("\n\n")
+    _, *entries = (
+        (files("tdint.methods") / "publications.bib").read_text(encoding="utf-8").split("\n\n")
+    )
     for entry in entries:
         fields = dict(_FIELD.findall(entry))
         methods = fields.pop("keywords").split(", ")

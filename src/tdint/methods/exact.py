@@ -27,7 +27,20 @@ _TERMS = 18, 6.0  # and these times the largest omega h
 
 
 @kernel(STEP)
-def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
+def step(
+    coefficients,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    h,
+    load,
+    state,
+    springs,
+    work,
+    report,
+):
     """One step: a matrix times (u0, v0, loads at the start, loads at the end), column by column.
 
     A column is 2 n numbers. The loads are the ground acceleration and the floor forces, one column each per end.
@@ -61,7 +74,9 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
         u = work[0, i]
         state[at.DISPLACEMENT, i] = u
         state[at.VELOCITY, i] = work[1, i]
-        restoring(law_parameters, springs, i, 0, at.FIRST_TRIAL, u - linear_terms[at.LINK, i] * below)
+        restoring(
+            law_parameters, springs, i, 0, at.FIRST_TRIAL, u - linear_terms[at.LINK, i] * below
+        )
         commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
         below = u
     return 1 if finite(state, n) else at.NOT_FINITE
@@ -153,7 +168,8 @@ def prepare(building: Building, forces: Array, h: float) -> Array:
         load_to_modes = to_modes @ patterns
         of_columns = (to_modes, to_modes, load_to_modes, load_to_modes)
         blocks = [
-            [shapes @ (steps[:, row, column, None] * of_columns[column]) for column in range(4)] for row in range(2)
+            [shapes @ (steps[:, row, column, None] * of_columns[column]) for column in range(4)]
+            for row in range(2)
         ]
         matrix = np.block(blocks)
     loads = patterns.shape[1]

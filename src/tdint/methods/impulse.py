@@ -37,7 +37,12 @@ from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse_momentum import correct, guess, in_balance, residuals
 from tdint.kernels.equations.iteration import CLOSE, ITERATIONS, SAME_TANGENT, SMALL
-from tdint.kernels.equations.tridiagonal import COUPLING_ROWS, ModalBlocks, assemble_blocks, factor_blocks
+from tdint.kernels.equations.tridiagonal import (
+    COUPLING_ROWS,
+    ModalBlocks,
+    assemble_blocks,
+    factor_blocks,
+)
 from tdint.kernels.linear_terms import finite, floor_load
 from tdint.kernels.stepping import STEP, Factors, Memory
 from tdint.kernels.stories.law_state import commit, restoring
@@ -63,7 +68,20 @@ _ROW, _STORE = at.chained(_TangentRows, momentum.MOMENTUM_ROWS)
 
 
 @kernel(STEP)
-def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
+def step(
+    coefficients,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    h,
+    load,
+    state,
+    springs,
+    work,
+    report,
+):
     """One step (eqs. 15-23, nonlinear 46-54); Newton with unknowns (u1 - u0, v1 - v0) per floor, the change of the
     tangent left out of the matrix."""
     n = linear_terms.shape[1] - 1
@@ -140,11 +158,19 @@ def _end(coefficients, linear_terms, law_parameters, h, memory):
         tangent = restoring(law_parameters, springs, i, 0, at.FIRST_TRIAL, drift)
         work[_ROW.TANGENT, i] = tangent
         # A drift is a difference: what the displacements round is not out of balance.
-        work[momentum.SIZE, i] = SMALL / CLOSE * law_parameters[at.STIFFNESS, i] * (abs(u) + abs(u - drift))
-        stale = stale or abs(tangent - work[_ROW.FACTORED, i]) > SAME_TANGENT * law_parameters[at.STIFFNESS, i]
+        work[momentum.SIZE, i] = (
+            SMALL / CLOSE * law_parameters[at.STIFFNESS, i] * (abs(u) + abs(u - drift))
+        )
+        stale = (
+            stale
+            or abs(tangent - work[_ROW.FACTORED, i])
+            > SAME_TANGENT * law_parameters[at.STIFFNESS, i]
+        )
         geometric = linear_terms[at.GEOMETRIC, i]
         damper = linear_terms[at.STORY_DAMPER, i]
-        work[momentum.FORCE_1, i] = springs[at.FIRST_TRIAL + at.FORCE, i] + geometric * drift + damper * rate
+        work[momentum.FORCE_1, i] = (
+            springs[at.FIRST_TRIAL + at.FORCE, i] + geometric * drift + damper * rate
+        )
         work[momentum.FORCE_S, i] = (
             h * (springs[at.FORCE, i] + geometric * springs[at.DRIFT, i])
             + (tangent + geometric) * q_drift
@@ -189,7 +215,11 @@ def _limit(beta: float) -> float:
 PUBLISHED = 1.0 / 144.0  # of the paper: no unstable band (`_limit`)
 
 FAMILY = Family(
-    "impulse", step, lambda modes: _STORE + 6 * modes + 1, memory=(at.DISPLACEMENT, at.VELOCITY), power_dampers=False
+    "impulse",
+    step,
+    lambda modes: _STORE + 6 * modes + 1,
+    memory=(at.DISPLACEMENT, at.VELOCITY),
+    power_dampers=False,
 )
 
 METHODS = (

@@ -18,7 +18,15 @@ import math
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.equations import impulse_momentum as momentum
-from tdint.kernels.equations.impulse4 import FACTORS, ROW, factor_rows, join, loads, newton, solve_linear
+from tdint.kernels.equations.impulse4 import (
+    FACTORS,
+    ROW,
+    factor_rows,
+    join,
+    loads,
+    newton,
+    solve_linear,
+)
 from tdint.kernels.laws.choosing import BENDING, CURVES, CURVING
 from tdint.kernels.laws.walking import copy_extra_rows
 from tdint.kernels.linear_terms import FORCES, finite, force_value
@@ -32,12 +40,27 @@ _STRAYED = 0.1  # over the way of the drift: an event that is missed by more was
 # What `_miss` tells: the event is not reached, or something lies before it
 _SHORT = -1.0
 _BEYOND = 1.0
-_BACKWARD = 1e-6  # over the drifts: what a story may go back on a branch that holds for one direction
+_BACKWARD = (
+    1e-6  # over the drifts: what a story may go back on a branch that holds for one direction
+)
 _AT_ONCE = 1e-9  # an event within this part of the step from here happens here
 
 
 @kernel(STEP)
-def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
+def step(
+    coefficients,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    h,
+    load,
+    state,
+    springs,
+    work,
+    report,
+):
     """One step from kink to kink of the laws that have any; where kinks pile up, and without any, straight on."""
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
@@ -88,7 +111,9 @@ def _by_branches(coefficients, scene, h, load, memory):
     while True:
         factors = FACTORS if piece == h else FACTORS + factor_rows(modal.shape[0])
         ground = load[at.GROUND_0] + slope * done
-        loads(linear_terms, forces, load[at.TIME] + done, piece, ground, ground + slope * piece, work)
+        loads(
+            linear_terms, forces, load[at.TIME] + done, piece, ground, ground + slope * piece, work
+        )
         if not CURVING or straight:
             solve_linear(coefficients, scene, piece, memory, factors)
             solves += 1
@@ -104,7 +129,9 @@ def _by_branches(coefficients, scene, h, load, memory):
                 if ending and how == at.TURNED:
                     work[ROW.KINK, story] = 0.0
         if BENDING and flags[at.LINEAR] == 0.0:
-            miss = _miss(linear_terms, piece, state, springs, work, story, how) if ending else _BEYOND
+            miss = (
+                _miss(linear_terms, piece, state, springs, work, story, how) if ending else _BEYOND
+            )
             if miss == _BEYOND:
                 ending = False
                 fraction, story, how = first_event(
@@ -137,7 +164,11 @@ def _by_branches(coefficients, scene, h, load, memory):
             _arrive(True, linear_terms, law_parameters, state, springs, work)
         if BENDING and pieces > 0:
             t = load[at.TIME] + done + piece
-            _look(scene, Span(t, piece, ground, ground + slope * piece, False, flags[at.FAST] != 0.0, False), memory)
+            _look(
+                scene,
+                Span(t, piece, ground, ground + slope * piece, False, flags[at.FAST] != 0.0, False),
+                memory,
+            )
             report[at.WITHIN] = ROW.PEAKS
             report[at.OWN_PEAKS] = ROW.PEAKS
         done += piece
@@ -166,7 +197,11 @@ def _change(linear_terms, law_parameters, state, springs, story, how):
         switch(law_parameters, springs, story, 0, how)
     else:
         go_along(
-            law_parameters, springs, story, 0, springs[at.UPPER, story] if how == at.ABOVE else springs[at.LOWER, story]
+            law_parameters,
+            springs,
+            story,
+            0,
+            springs[at.UPPER, story] if how == at.ABOVE else springs[at.LOWER, story],
         )
         switch(law_parameters, springs, story, 0, how)
         go_along(law_parameters, springs, story, 0, drift)
@@ -191,12 +226,16 @@ def _miss(linear_terms, h, state, springs, work, story, how):
         drift = work[momentum.U1, i] - link * u_below
         change = drift - springs[at.DRIFT, i]
         # The way is longer than the change where the drift comes back.
-        way = h * max(abs(state[at.VELOCITY, i] - link * v_below), abs(work[momentum.V1, i] - link * v1_below))
+        way = h * max(
+            abs(state[at.VELOCITY, i] - link * v_below), abs(work[momentum.V1, i] - link * v1_below)
+        )
         allowed = _STRAYED * max(way, abs(change))
         u_below = work[momentum.U1, i]
         v_below = state[at.VELOCITY, i]
         v1_below = work[momentum.V1, i]
-        backward = springs[at.TURN, i] * change < -_BACKWARD * (abs(drift) + abs(springs[at.DRIFT, i]))
+        backward = springs[at.TURN, i] * change < -_BACKWARD * (
+            abs(drift) + abs(springs[at.DRIFT, i])
+        )
         if backward and work[ROW.KINK, i] == 0.0:
             return _BEYOND
         if drift > springs[at.UPPER, i] + allowed or drift < springs[at.LOWER, i] - allowed:
@@ -271,7 +310,9 @@ def _look(scene, span, memory):
         raise_peak(work, ROW.PEAKS + at.PEAK_SHEAR, i, springs[at.FORCE, i])
         raise_peak(work, ROW.PEAKS + at.PEAK_DISPLACEMENT, i, state[at.DISPLACEMENT, i])
         raise_peak(work, ROW.PEAKS + at.PEAK_VELOCITY, i, state[at.VELOCITY, i])
-        raise_peak(work, ROW.PEAKS + at.PEAK_ACCELERATION, i, state[at.ACCELERATION, i] + span.ground_1)
+        raise_peak(
+            work, ROW.PEAKS + at.PEAK_ACCELERATION, i, state[at.ACCELERATION, i] + span.ground_1
+        )
         if turned > 0 and work[ROW.TURNS, i] != drift:
             reach(scene.law_parameters, springs, i, 0, at.FIRST_TRIAL, work[ROW.TURNS, i])
             raise_peak(work, ROW.PEAKS + at.PEAK_SHEAR, i, springs[at.FIRST_TRIAL + at.FORCE, i])
@@ -342,7 +383,12 @@ def coefficients(rho_inf: float) -> tuple[float, ...]:
     )
 
 
-FAMILY = Family("impulse4", step, lambda modes: FACTORS + 2 * factor_rows(modes), memory=(at.DISPLACEMENT, at.VELOCITY))
+FAMILY = Family(
+    "impulse4",
+    step,
+    lambda modes: FACTORS + 2 * factor_rows(modes),
+    memory=(at.DISPLACEMENT, at.VELOCITY),
+)
 
 METHODS = (
     Method(

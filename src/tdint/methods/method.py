@@ -184,7 +184,9 @@ class Integrator:
         """Spectral radius for omega dt to infinity, nan where the method is not stable there."""
         return self.method.rho_inf(*self.values)
 
-    def coefficients(self, building: Building, forces: NDArray[np.float64], h: float) -> NDArray[np.float64]:
+    def coefficients(
+        self, building: Building, forces: NDArray[np.float64], h: float
+    ) -> NDArray[np.float64]:
         """Coefficients of the compiled step for one building and step h (s)."""
         if self.family.prepare is not None:
             return self.family.prepare(building, forces, h)

@@ -66,7 +66,20 @@ _ROW, _STORE = at.chained(_StepRows)
 
 
 @kernel(STEP)
-def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
+def step(
+    coefficients,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    h,
+    load,
+    state,
+    springs,
+    work,
+    report,
+):
     """One step of KR-alpha or CR: one solve with (1 - alpha_m) M + (1 - alpha_f) X for the change of q."""
     n = linear_terms.shape[1] - 1
     memory = Memory(state, springs, work, report)
@@ -79,7 +92,9 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
         report[at.FACTORED_STEP] = 0.0
     if report[at.FACTORED_STEP] != h:
         combination = Combination(1.0 - coefficients[ALPHA_M], weight * by_c, weight * by_k)
-        factor_combination(linear_terms, modal, law_parameters, at.STIFFNESS, combination, factors, n)
+        factor_combination(
+            linear_terms, modal, law_parameters, at.STIFFNESS, combination, factors, n
+        )
         report[at.FACTORED_STEP] = h
     # The weighted point for q1 = q0: what is out of balance there gives the change of q.
     _weighted_load(linear_terms, forces, weight, h, load, work, n)
@@ -105,7 +120,9 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
 def _start(linear_terms, law_parameters, by_k, state, factors, n):
     """q0 from the acceleration of equilibrium: (M + beta h^2 K0) q0 = M a0."""
     work = factors.table
-    assemble_combination(linear_terms, law_parameters, at.STIFFNESS, Combination(1.0, 0.0, by_k), factors, n)
+    assemble_combination(
+        linear_terms, law_parameters, at.STIFFNESS, Combination(1.0, 0.0, by_k), factors, n
+    )
     factor(factors, n)
     for i in range(n):
         work[_ROW.X, i] = linear_terms[at.MASS, i] * state[at.ACCELERATION, i]
@@ -156,7 +173,20 @@ def _advance(linear_terms, law_parameters, weight, by_k, h, memory):
 
 
 @kernel(STEP)
-def chang_step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
+def chang_step(
+    coefficients,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    h,
+    load,
+    state,
+    springs,
+    work,
+    report,
+):
     """One step of Chang (2002): u1 = u0 + h v0 + h^2/2 D^-1 (M a0 - h/2 K0 v0) with D = M + h/2 C + h^2/4 K0, which is
     the published line without the matrix C on its right; then average acceleration with equilibrium at u1."""
     n = linear_terms.shape[1] - 1
@@ -165,9 +195,23 @@ def chang_step(coefficients, linear_terms, modal, law_parameters, forces, flags,
     second = Factors(work, _ROW.SECOND_PIVOT, _ROW.SECOND_COUPLING, _STORE + 2 * modal.shape[0] + 1)
     if report[at.FACTORED_STEP] != h:
         factor_combination(
-            linear_terms, modal, law_parameters, at.STIFFNESS, Combination(1.0, half, half * half), first, n
+            linear_terms,
+            modal,
+            law_parameters,
+            at.STIFFNESS,
+            Combination(1.0, half, half * half),
+            first,
+            n,
         )
-        factor_combination(linear_terms, modal, law_parameters, at.STIFFNESS, Combination(1.0, half, 0.0), second, n)
+        factor_combination(
+            linear_terms,
+            modal,
+            law_parameters,
+            at.STIFFNESS,
+            Combination(1.0, half, 0.0),
+            second,
+            n,
+        )
         report[at.FACTORED_STEP] = h
     v_below = 0.0
     for i in range(n):
@@ -187,7 +231,9 @@ def chang_step(coefficients, linear_terms, modal, law_parameters, forces, flags,
     for i in range(n):
         v = state[at.VELOCITY, i]
         u = state[at.DISPLACEMENT, i] + h * v + half * h * work[_ROW.X, i]
-        restoring(law_parameters, springs, i, 0, at.FIRST_TRIAL, u - linear_terms[at.LINK, i] * below)
+        restoring(
+            law_parameters, springs, i, 0, at.FIRST_TRIAL, u - linear_terms[at.LINK, i] * below
+        )
         commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
         below = u
         state[at.DISPLACEMENT, i] = u
@@ -213,7 +259,10 @@ FAMILY = Family(
 )
 
 CHANG = replace(
-    FAMILY, step=chang_step, work_rows=lambda modes: _STORE + 2 * (2 * modes + 1), memory=(at.DISPLACEMENT, at.VELOCITY)
+    FAMILY,
+    step=chang_step,
+    work_rows=lambda modes: _STORE + 2 * (2 * modes + 1),
+    memory=(at.DISPLACEMENT, at.VELOCITY),
 )
 
 
@@ -250,7 +299,9 @@ METHODS = (
         coefficients=kr_alpha,
         rho_inf=lambda rho_inf: rho_inf,
         source=f"Kolay and Ricles (2014); {_LIMITED}",
-        parameters=(Parameter("rho_inf", 0.8, 0.0, 1.0),),  # as generalized-alpha, whose spectrum it has
+        parameters=(
+            Parameter("rho_inf", 0.8, 0.0, 1.0),
+        ),  # as generalized-alpha, whose spectrum it has
         implicit=lambda rho_inf: False,
     ),
 )

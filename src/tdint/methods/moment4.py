@@ -48,7 +48,20 @@ from tdint.methods.method import Family, Method, Parameter
 
 
 @kernel(STEP)
-def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
+def step(
+    coefficients,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    h,
+    load,
+    state,
+    springs,
+    work,
+    report,
+):
     """One step. State row ACCELERATION is the next one's first guess, where it needs one."""
     mean_load(linear_terms, forces, load, h, coefficients[R], work, ROW.LOAD)
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
@@ -68,7 +81,9 @@ def coefficients(rho_inf: float) -> tuple[float, ...]:
     return r, 12.0 / (1.0 + 6.0 * r)
 
 
-FAMILY = Family("moment4", step, work_rows, memory=(at.DISPLACEMENT, at.VELOCITY), own_work=True, parabolic=True)
+FAMILY = Family(
+    "moment4", step, work_rows, memory=(at.DISPLACEMENT, at.VELOCITY), own_work=True, parabolic=True
+)
 METHODS = (
     Method(
         name="moment4",

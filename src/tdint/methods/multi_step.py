@@ -45,7 +45,20 @@ START = 2
 
 
 @kernel(STEP)
-def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
+def step(
+    coefficients,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    h,
+    load,
+    state,
+    springs,
+    work,
+    report,
+):
     """One step of the family, of average acceleration for the first two."""
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
@@ -126,7 +139,11 @@ def _family(*memory: int) -> Family:
 
 _BACKWARD = (11.0 / 6.0, -7.0 / 6.0, 2.0 / 6.0)  # the derivative of the cubic through four points
 _SECOND = (2.0, -3.0, 1.0)  # its second derivative
-_PARK = (10.0 / 6.0, -5.0 / 6.0, 1.0 / 6.0)  # the mean of _BACKWARD and of the parabola through three points
+_PARK = (
+    10.0 / 6.0,
+    -5.0 / 6.0,
+    1.0 / 6.0,
+)  # the mean of _BACKWARD and of the parabola through three points
 _NONE = (0.0, 0.0, 0.0)
 _OF_VELOCITY = (MEAN_VELOCITY, OLDER_MEAN_VELOCITY)
 _OF_ACCELERATION = (MEAN_ACCELERATION, OLDER_MEAN_ACCELERATION)

@@ -35,7 +35,13 @@ from tdint.kernels.equations.tridiagonal import (
     link_blocks,
     solve_blocks_damped,
 )
-from tdint.kernels.linear_terms import add_modal_force, finite, floor_load, internal_forces, power_damper
+from tdint.kernels.linear_terms import (
+    add_modal_force,
+    finite,
+    floor_load,
+    internal_forces,
+    power_damper,
+)
 from tdint.kernels.stepping import STEP, Factors, Memory, Scene
 from tdint.kernels.stories.law_state import commit, restoring, settle
 from tdint.methods.method import Family, Method
@@ -63,7 +69,18 @@ _AT, _EXPLICIT_ROWS = at.chained(_ExplicitRows)
 
 @kernel(STEP)
 def explicit_step(
-    coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report
+    coefficients,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    h,
+    load,
+    state,
+    springs,
+    work,
+    report,
 ):
     """One explicit step. The first stage is the end of the step before: state row ACCELERATION, from equilibrium."""
     n = linear_terms.shape[1] - 1
@@ -84,15 +101,33 @@ def explicit_step(
                 work[_AT.V + stage, i] += weight * work[_AT.A + earlier, i]
         below = 0.0
         for i in range(n):
-            restoring(law_parameters, springs, i, 0, at.FIRST_TRIAL, work[_AT.U, i] - linear_terms[at.LINK, i] * below)
+            restoring(
+                law_parameters,
+                springs,
+                i,
+                0,
+                at.FIRST_TRIAL,
+                work[_AT.U, i] - linear_terms[at.LINK, i] * below,
+            )
             below = work[_AT.U, i]
         # Its acceleration from equilibrium at its own time, the ground linear in the step.
         c = coefficients[row]
         ground = load[at.GROUND_0] + c * (load[at.GROUND_1] - load[at.GROUND_0])
         floor_load(linear_terms, forces, load[at.TIME] + c * h, ground, work, _AT.LOAD)
-        internal_forces(linear_terms, modal, springs, at.FIRST_TRIAL, work, _AT.V + stage, _AT.A + stage, _AT.SUM)
+        internal_forces(
+            linear_terms,
+            modal,
+            springs,
+            at.FIRST_TRIAL,
+            work,
+            _AT.V + stage,
+            _AT.A + stage,
+            _AT.SUM,
+        )
         for i in range(n):
-            work[_AT.A + stage, i] = linear_terms[at.INVERSE_MASS, i] * (work[_AT.LOAD, i] - work[_AT.A + stage, i])
+            work[_AT.A + stage, i] = linear_terms[at.INVERSE_MASS, i] * (
+                work[_AT.LOAD, i] - work[_AT.A + stage, i]
+            )
         row += stage + 1
     for i in range(n):
         state[at.DISPLACEMENT, i] = work[_AT.U, i]
@@ -184,7 +219,18 @@ _ROW, _STORE = at.chained(_StageRows)
 
 @kernel(STEP)
 def implicit_step(
-    coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report
+    coefficients,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    h,
+    load,
+    state,
+    springs,
+    work,
+    report,
 ):
     """One step of a two-stage method; Newton on all stories and both stages at once.
 
@@ -206,7 +252,9 @@ def implicit_step(
             break
         if iterations >= PATIENCE:
             # A correction that led farther from balance is taken back by half, and by half again.
-            size = squares(linear_terms, work, _ROW.R, n) + squares(linear_terms, work, _ROW.R + 1, n)
+            size = squares(linear_terms, work, _ROW.R, n) + squares(
+                linear_terms, work, _ROW.R + 1, n
+            )
             if too_far(size, before, part):
                 part *= 0.5
                 add_rows(-part, work, _ROW.CORRECTION, _ROW.STAGE_A, 2, n)
@@ -240,7 +288,9 @@ def _predict(coefficients, scene, h, load, memory):
     for stage in range(2):
         c = coefficients[C + stage]
         ground = load[at.GROUND_0] + c * (load[at.GROUND_1] - load[at.GROUND_0])
-        floor_load(linear_terms, forces, load[at.TIME] + c * h, ground, work, _ROW.STAGE_LOAD + stage)
+        floor_load(
+            linear_terms, forces, load[at.TIME] + c * h, ground, work, _ROW.STAGE_LOAD + stage
+        )
         for i in range(linear_terms.shape[1] - 1):
             work[_ROW.STAGE_A + stage, i] = guess * state[at.ACCELERATION, i]
 
@@ -264,7 +314,11 @@ def _stages(coefficients, linear_terms, law_parameters, h, memory):
         for i in range(n):
             a_1 = work[_ROW.STAGE_A, i]
             a_2 = work[_ROW.STAGE_A + 1, i]
-            u = state[at.DISPLACEMENT, i] + shift * state[at.VELOCITY, i] + (u_by_1 * a_1 + u_by_2 * a_2)
+            u = (
+                state[at.DISPLACEMENT, i]
+                + shift * state[at.VELOCITY, i]
+                + (u_by_1 * a_1 + u_by_2 * a_2)
+            )
             v = state[at.VELOCITY, i] + (v_by_1 * a_1 + v_by_2 * a_2)
             drift = u - linear_terms[at.LINK, i] * u_below
             rate = v - linear_terms[at.LINK, i] * v_below
@@ -275,12 +329,16 @@ def _stages(coefficients, linear_terms, law_parameters, h, memory):
             tangent = restoring(law_parameters, springs, i, past, trial, drift)
             work[_ROW.TANGENT + stage, i] = tangent
             stale = (
-                stale or abs(tangent - work[_ROW.FACTORED + stage, i]) > SAME_TANGENT * law_parameters[at.STIFFNESS, i]
+                stale
+                or abs(tangent - work[_ROW.FACTORED + stage, i])
+                > SAME_TANGENT * law_parameters[at.STIFFNESS, i]
             )
             damper, slope = power_damper(linear_terms, i, rate)
             work[_ROW.SLOPE + stage, i] = slope
             change = abs(slope - work[_ROW.FACTORED_SLOPE + stage, i])
-            stale = stale or change * h * abs(coefficients[A]) > SAME_TANGENT * linear_terms[at.MASS, i]
+            stale = (
+                stale or change * h * abs(coefficients[A]) > SAME_TANGENT * linear_terms[at.MASS, i]
+            )
             total = (
                 springs[trial + at.FORCE, i]
                 + linear_terms[at.GEOMETRIC, i] * drift
@@ -310,7 +368,10 @@ def _in_balance(last, linear_terms, modal, work, report):
             link = linear_terms[at.LINK, i + 1]
             outer = work[_ROW.STAGE_LOAD + stage, i]
             inertia = linear_terms[at.MASS, i] * work[_ROW.STAGE_A + stage, i]
-            damping = linear_terms[at.FLOOR_DAMPER, i] * work[_ROW.STAGE_V + stage, i] + work[_ROW.R + stage, i]
+            damping = (
+                linear_terms[at.FLOOR_DAMPER, i] * work[_ROW.STAGE_V + stage, i]
+                + work[_ROW.R + stage, i]
+            )
             residual = outer - inertia - damping - work[total, i] + link * work[total, i + 1]
             work[_ROW.R + stage, i] = residual
             scale = abs(outer) + abs(inertia) + abs(damping)
@@ -331,7 +392,10 @@ def _factor(coefficients, linear_terms, h, factors, damping):
         by_k = h * h * coefficients[A2 + entry]
         for i in range(n):
             damper = linear_terms[at.STORY_DAMPER, i] + work[_ROW.SLOPE + stage, i]
-            story = by_k * (work[_ROW.TANGENT + stage, i] + linear_terms[at.GEOMETRIC, i]) + by_c * damper
+            story = (
+                by_k * (work[_ROW.TANGENT + stage, i] + linear_terms[at.GEOMETRIC, i])
+                + by_c * damper
+            )
             work[_ROW.COUPLING + entry, i] = story
             work[_ROW.BLOCKS + entry, i] = (
                 by_m * linear_terms[at.MASS, i] + by_c * linear_terms[at.FLOOR_DAMPER, i] + story
@@ -358,13 +422,24 @@ def _finish(coefficients, linear_terms, law_parameters, h, memory):
         a_1 = work[_ROW.STAGE_A, i]
         a_2 = work[_ROW.STAGE_A + 1, i]
         v = state[at.VELOCITY, i]
-        u = state[at.DISPLACEMENT, i] + h * v + h * h * (coefficients[BA] * a_1 + coefficients[BA + 1] * a_2)
+        u = (
+            state[at.DISPLACEMENT, i]
+            + h * v
+            + h * h * (coefficients[BA] * a_1 + coefficients[BA + 1] * a_2)
+        )
         state[at.DISPLACEMENT, i] = u
         state[at.VELOCITY, i] = v + h * (coefficients[B] * a_1 + coefficients[B + 1] * a_2)
         state[at.ACCELERATION, i] = a_2 + beyond * (a_2 - a_1)
         settle(law_parameters, springs, i, 0, at.FIRST_TRIAL)
         settle(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
-        restoring(law_parameters, springs, i, at.SECOND_TRIAL, at.THIRD_TRIAL, u - linear_terms[at.LINK, i] * below)
+        restoring(
+            law_parameters,
+            springs,
+            i,
+            at.SECOND_TRIAL,
+            at.THIRD_TRIAL,
+            u - linear_terms[at.LINK, i] * below,
+        )
         commit(law_parameters, springs, i, at.SECOND_TRIAL, at.THIRD_TRIAL)
         below = u
 
@@ -380,10 +455,17 @@ _SHIFT = math.sqrt(3.0) / 6.0
 GAUSS: Table = ((0.25, 0.25 - _SHIFT), (0.25 + _SHIFT, 0.25))
 
 EXPLICIT = Family(
-    "runge-kutta", explicit_step, lambda modes: _EXPLICIT_ROWS, memory=(at.DISPLACEMENT, at.VELOCITY), halvable=False
+    "runge-kutta",
+    explicit_step,
+    lambda modes: _EXPLICIT_ROWS,
+    memory=(at.DISPLACEMENT, at.VELOCITY),
+    halvable=False,
 )
 IMPLICIT = Family(
-    "runge-kutta", implicit_step, lambda modes: _STORE + 6 * modes + 1, memory=(at.DISPLACEMENT, at.VELOCITY)
+    "runge-kutta",
+    implicit_step,
+    lambda modes: _STORE + 6 * modes + 1,
+    memory=(at.DISPLACEMENT, at.VELOCITY),
 )
 
 METHODS = (

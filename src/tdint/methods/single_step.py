@@ -40,7 +40,20 @@ _FACTORS = _LOAD_0 + 1
 
 
 @kernel(STEP)
-def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
+def step(
+    coefficients,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    h,
+    load,
+    state,
+    springs,
+    work,
+    report,
+):
     """One step of the family; the unknown of the balance is da."""
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
@@ -63,7 +76,9 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
         state[at.DISPLACEMENT, i] = u
         state[at.VELOCITY, i] = v + h * (a + coefficients[L5] * da)
         state[at.ACCELERATION, i] = a + da
-        restoring(law_parameters, springs, i, 0, at.FIRST_TRIAL, u - linear_terms[at.LINK, i] * below)
+        restoring(
+            law_parameters, springs, i, 0, at.FIRST_TRIAL, u - linear_terms[at.LINK, i] * below
+        )
         commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
         below = u
     return code if finite(state, n) else at.NOT_FINITE
@@ -95,7 +110,9 @@ def newmark(beta: float, gamma: float) -> tuple[float, ...]:
     return (1.0, 0.5, beta, gamma, 1.0, beta, gamma)
 
 
-def generalized_alpha(alpha_m: float, alpha_f: float, beta: float, gamma: float) -> tuple[float, ...]:
+def generalized_alpha(
+    alpha_m: float, alpha_f: float, beta: float, gamma: float
+) -> tuple[float, ...]:
     """Chung and Hulbert (1993): equilibrium between the ends of the step, alpha_m and alpha_f from its end."""
     w1 = 1.0 - alpha_f
     return (w1, w1 / 2.0, w1 * beta, w1 * gamma, 1.0 - alpha_m, beta, gamma)
@@ -174,20 +191,32 @@ def _collocation_limit(beta: float, theta: float) -> float:
 
 
 def _member(
-    name: str, row: Callable[..., tuple[float, ...]], source: str, *parameters: Parameter, **declared: Any
+    name: str,
+    row: Callable[..., tuple[float, ...]],
+    source: str,
+    *parameters: Parameter,
+    **declared: Any,
 ) -> Method:
     """A method of the family: what follows from its row unless it is `declared`, by the fields of `Method`."""
 
     def rho_inf(*values: float) -> float:
         return _rho_inf(row(*values)) if method.stability_limit(*values) == math.inf else math.nan
 
-    declared = {"rho_inf": rho_inf, "implicit": lambda *values: row(*values)[L3W3] != 0.0, **declared}
-    method = Method(name=name, family=FAMILY, parameters=parameters, coefficients=row, source=source, **declared)
+    declared = {
+        "rho_inf": rho_inf,
+        "implicit": lambda *values: row(*values)[L3W3] != 0.0,
+        **declared,
+    }
+    method = Method(
+        name=name, family=FAMILY, parameters=parameters, coefficients=row, source=source, **declared
+    )
     return method
 
 
 def _newmark(name: str, beta: float, source: str) -> Method:
-    return _member(name, lambda: newmark(beta, 0.5), source, stability_limit=lambda: _newmark_limit(beta, 0.5))
+    return _member(
+        name, lambda: newmark(beta, 0.5), source, stability_limit=lambda: _newmark_limit(beta, 0.5)
+    )
 
 
 METHODS = (
@@ -200,10 +229,18 @@ METHODS = (
         stability_limit=_newmark_limit,
         order=lambda beta, gamma: 2 if gamma == 0.5 else 1,
     ),
-    _newmark("newmark-average", 1.0 / 4.0, "Newmark (1959), average acceleration: beta 1/4, gamma 1/2"),
-    _newmark("newmark-linear", 1.0 / 6.0, "Newmark (1959), linear acceleration: beta 1/6, gamma 1/2"),
+    _newmark(
+        "newmark-average", 1.0 / 4.0, "Newmark (1959), average acceleration: beta 1/4, gamma 1/2"
+    ),
+    _newmark(
+        "newmark-linear", 1.0 / 6.0, "Newmark (1959), linear acceleration: beta 1/6, gamma 1/2"
+    ),
     _newmark("fox-goodwin", 1.0 / 12.0, "Fox and Goodwin (1949): Newmark beta 1/12, gamma 1/2"),
-    _newmark("central-difference", 0.0, "central difference with implicit damping: Newmark (1959), beta 0, gamma 1/2"),
+    _newmark(
+        "central-difference",
+        0.0,
+        "central difference with implicit damping: Newmark (1959), beta 0, gamma 1/2",
+    ),
     _member(
         "hht",
         lambda alpha: dissipative(0.0, -alpha),
@@ -220,7 +257,9 @@ METHODS = (
     ),
     _member(
         "generalized-alpha",
-        lambda rho_inf: dissipative((2.0 * rho_inf - 1.0) / (1.0 + rho_inf), rho_inf / (1.0 + rho_inf)),
+        lambda rho_inf: dissipative(
+            (2.0 * rho_inf - 1.0) / (1.0 + rho_inf), rho_inf / (1.0 + rho_inf)
+        ),
         "Chung and Hulbert (1993)",
         Parameter("rho_inf", 0.8, 0.0, 1.0),
         rho_inf=lambda rho_inf: rho_inf,

@@ -97,7 +97,9 @@ class Building:
     @cached_property
     def linear(self) -> bool:
         """Whether every story has a linear law, and none a power-law dashpot."""
-        return not self.power_damped and bool(np.all(self.law_parameters[at.CODE, :-1] == CODES["linear"]))
+        return not self.power_damped and bool(
+            np.all(self.law_parameters[at.CODE, :-1] == CODES["linear"])
+        )
 
     @cached_property
     def power_damped(self) -> bool:
@@ -147,8 +149,14 @@ class Building:
 
     def damping_matrix(self) -> Array:
         """Damping matrix without power-law dashpots, N s/m, shape (n, n)."""
-        stories = _tridiagonal(self.linear_terms[at.STORY_DAMPER, :-1], self.linear_terms[at.LINK, :-1])
-        return stories + np.diag(self.linear_terms[at.FLOOR_DAMPER, :-1]) + self.modal[:, :-1].T @ self.modal[:, :-1]
+        stories = _tridiagonal(
+            self.linear_terms[at.STORY_DAMPER, :-1], self.linear_terms[at.LINK, :-1]
+        )
+        return (
+            stories
+            + np.diag(self.linear_terms[at.FLOOR_DAMPER, :-1])
+            + self.modal[:, :-1].T @ self.modal[:, :-1]
+        )
 
     def first_mode(self) -> tuple[float, float]:
         """Circular frequency (rad/s) and damping ratio of the first mode, without power-law dashpots.
@@ -206,7 +214,9 @@ def assemble(model: Model) -> Building:
     linear_terms = np.zeros((at.LINEAR_TERM_ROWS, n + 1))
     linear_terms[at.MASS, :n] = [story.mass for story in stories]
     linear_terms[at.INVERSE_MASS, :n] = 1.0 / linear_terms[at.MASS, :n]
-    linear_terms[at.STORY_DAMPER, :n] = linear_terms[at.DASHPOT, :n] = [story.dashpot for story in stories]
+    linear_terms[at.STORY_DAMPER, :n] = linear_terms[at.DASHPOT, :n] = [
+        story.dashpot for story in stories
+    ]
     for i, story in enumerate(stories):
         # Exponents of the squared drift rate, which has no sign.
         if (dashpot := story.power_dashpot) is not None:
@@ -215,7 +225,9 @@ def assemble(model: Model) -> Building:
             linear_terms[at.THRESHOLD, i] = dashpot.linear_below**2
     # The first story stands on the ground: nothing of it acts on a floor below.
     linear_terms[at.LINK, 1:n] = 1.0
-    heights = np.array([math.nan if story.drift_height is None else story.drift_height for story in stories])
+    heights = np.array(
+        [math.nan if story.drift_height is None else story.drift_height for story in stories]
+    )
     if model.p_delta:
         linear_terms[at.GEOMETRIC, :n] = -weight_over_height(model)
     # As many rows as the law with the most parameters needs.
@@ -272,7 +284,9 @@ class DrawnBuildings:
     @property
     def fastest(self) -> Array:
         """`Building.fastest` of each, shape (draws,)."""
-        stiffness = self.law_parameters[:, at.STIFFNESS, :-1] + self.linear_terms[:, at.GEOMETRIC, :-1]
+        stiffness = (
+            self.law_parameters[:, at.STIFFNESS, :-1] + self.linear_terms[:, at.GEOMETRIC, :-1]
+        )
         return _fastest(stiffness, self.base.linear_terms[at.LINK], self.mass)
 
     def of_runs(self, draws: Sequence[int]) -> Building:
@@ -319,7 +333,9 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
             place = change.story, change.column
             before = drawn.get(place, numbers[change.story][change.column])
             # Draws that leave it as it is have nan.
-            drawn[place] = np.where(np.isnan(given), before, before * given if change.factor else given)
+            drawn[place] = np.where(
+                np.isnan(given), before, before * given if change.factor else given
+            )
             set_laws |= {change.story} if change.of_law else set()
     # The stiffness of laws that have their own follows where their numbers were set.
     for i in set_laws:
@@ -345,33 +361,49 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
         elif column == POWER.start + 1:
             linear_terms[:, at.POWER, i] = 0.5 * (row - 1.0)
         elif column == POWER.start + 2:
-            linear_terms[:, at.THRESHOLD, i] = [speed**2 for speed in row.tolist()]  # numpy's square is another
+            linear_terms[:, at.THRESHOLD, i] = [
+                speed**2 for speed in row.tolist()
+            ]  # numpy's square is another
     linear_terms[:, at.INVERSE_MASS, :n] = 1.0 / linear_terms[:, at.MASS, :n]
     linear_terms[:, at.STORY_DAMPER, :n] = linear_terms[:, at.DASHPOT, :n]
     linear_terms[:, at.FLOOR_DAMPER, :n] = 0.0
     if model.p_delta:
-        tall = [np.broadcast_to(drawn.get((i, HEIGHT), numbers[i][HEIGHT]), draws) for i in range(n)]
-        weight = STANDARD_GRAVITY * np.cumsum(linear_terms[:, at.MASS, :n][:, ::-1], axis=1)[:, ::-1]
+        tall = [
+            np.broadcast_to(drawn.get((i, HEIGHT), numbers[i][HEIGHT]), draws) for i in range(n)
+        ]
+        weight = (
+            STANDARD_GRAVITY * np.cumsum(linear_terms[:, at.MASS, :n][:, ::-1], axis=1)[:, ::-1]
+        )
         linear_terms[:, at.GEOMETRIC, :n] = -(weight / np.stack(tall, axis=1))
     for i in {i for i, column in drawn if column == STIFFNESS or column >= OF_LAW}:
         law, parameters = LAWS[model.stories[i].law.name], len(model.stories[i].law.parameters)
-        rows = law_parameters[:, [at.STIFFNESS, *range(at.FIRST_PARAMETER, at.FIRST_PARAMETER + parameters)], i]
+        rows = law_parameters[
+            :, [at.STIFFNESS, *range(at.FIRST_PARAMETER, at.FIRST_PARAMETER + parameters)], i
+        ]
         for d, (stiffness, *of_law) in enumerate(rows.tolist()):
             if fault := law.fault(stiffness, of_law):
-                raise UsageError(f"{model.name}: story {i + 1} cannot be varied so: {fault} (draw {d + 1})")
+                raise UsageError(
+                    f"{model.name}: story {i + 1} cannot be varied so: {fault} (draw {d + 1})"
+                )
             yield_drift[d, i] = law.yield_drift(stiffness, of_law)
 
     # Damping follows from masses and stiffnesses; where neither changes, the vibration is that of the base.
-    moved = any(column in (MASS, STIFFNESS) or (column == HEIGHT and model.p_delta) for _, column in drawn)
+    moved = any(
+        column in (MASS, STIFFNESS) or (column == HEIGHT and model.p_delta) for _, column in drawn
+    )
     damped = [model.damping] * draws
     if "damping" in values:
         ratios = values["damping"].tolist()
-        damped = [model.damping if math.isnan(ratio) else damped_by(model, ratio) for ratio in ratios]
+        damped = [
+            model.damping if math.isnan(ratio) else damped_by(model, ratio) for ratio in ratios
+        ]
     modal, vibration = [], base.vibration
     for d in range(draws):
         if moved:
             springs = law_parameters[d, at.STIFFNESS, :n] + linear_terms[d, at.GEOMETRIC, :n]
-            vibration = FreeVibration(linear_terms[d, at.MASS, :n], springs, linear_terms[d, at.LINK, :n])
+            vibration = FreeVibration(
+                linear_terms[d, at.MASS, :n], springs, linear_terms[d, at.LINK, :n]
+            )
         stiffness = law_parameters[d, at.STIFFNESS, :n]
         of_draw = replace(model, damping=damped[d]) if "damping" in values else model
         modal.append(add_damping(linear_terms[d], stiffness, of_draw, vibration))
@@ -385,7 +417,9 @@ _TERMS = {MASS: at.MASS, DASHPOT: at.DASHPOT, POWER.start: at.POWER_DAMPER}
 def weight_over_height(model: Model) -> Array:
     """Of each story the weight above over its height, N/m, shape (n,): the stiffness that P-delta takes."""
     mass = np.array([story.mass for story in model.stories])
-    heights = np.array([math.nan if story.height is None else story.height for story in model.stories])
+    heights = np.array(
+        [math.nan if story.height is None else story.height for story in model.stories]
+    )
     return np.asarray(STANDARD_GRAVITY * np.cumsum(mass[::-1])[::-1] / heights)
 
 
@@ -398,7 +432,9 @@ def falling_stories(model: Model) -> tuple[str, ...]:
     unit, size = model.output_units.unit("N/m")
     unit, size = ("MN/m", 1e6) if unit == "N/m" else (unit, size)
     places = []
-    for i, (story, taken) in enumerate(zip(model.stories, weight_over_height(model), strict=True), start=1):
+    for i, (story, taken) in enumerate(
+        zip(model.stories, weight_over_height(model), strict=True), start=1
+    ):
         left = stiffness_after_yield(story)
         if taken > left:
             places.append(f"story {i} {taken / size:.4g} over {left / size:.4g}")
@@ -424,7 +460,10 @@ def _hardening(stiffness: float, law: Mapping[str, float]) -> float:
 
 
 def _to_ultimate(stiffness: float, law: Mapping[str, float]) -> float:
-    rise, way = law["ultimate_force"] - law["yield_force"], law["ultimate_drift"] - law["yield_force"] / stiffness
+    rise, way = (
+        law["ultimate_force"] - law["yield_force"],
+        law["ultimate_drift"] - law["yield_force"] / stiffness,
+    )
     return rise / way if way > 0.0 else 0.0
 
 
@@ -460,7 +499,9 @@ def oscillators(omega: Array, damping: Array) -> Building:
     law_parameters[at.CODE, :k] = CODES["linear"]
     law_parameters[at.STIFFNESS, :k] = omega**2
     unknown = np.full(k, math.nan)
-    vibration = FreeVibration(linear_terms[at.MASS, :k], law_parameters[at.STIFFNESS, :k], linear_terms[at.LINK, :k])
+    vibration = FreeVibration(
+        linear_terms[at.MASS, :k], law_parameters[at.STIFFNESS, :k], linear_terms[at.LINK, :k]
+    )
     return Building(linear_terms, law_parameters, np.zeros((0, k + 1)), unknown, unknown, vibration)
 
 
@@ -475,7 +516,9 @@ def force_table(forces: Sequence[Force]) -> NDArray[np.float64]:
 def variant(building: Building, forces: Array | None = None) -> Variant:
     """What the kernels need for a building under forces; none by default."""
     codes = {CODES["linear"], *building.law_parameters[at.CODE, :-1].tolist()}
-    names = (name if code < OURS else f"{name}@{code}" for name, code in CODES.items() if code in codes)
+    names = (
+        name if code < OURS else f"{name}@{code}" for name, code in CODES.items() if code in codes
+    )
     return Variant(
         laws=tuple(names),
         modal=len(building.modal) > 0,
@@ -487,7 +530,9 @@ def variant(building: Building, forces: Array | None = None) -> Variant:
 _TABLES = 4  # of the size of the stories squared that solving for all modes takes
 
 
-def add_damping(linear_terms: Array, stiffness: Array, model: Model, vibration: FreeVibration) -> Array:
+def add_damping(
+    linear_terms: Array, stiffness: Array, model: Model, vibration: FreeVibration
+) -> Array:
     """Add the model's damping to the dampers of `chain`; return the rows of its modal damping, shape (modes, n + 1).
 
     Rayleigh damping is C = a0 M + a1 K with the initial stiffness K without P-delta: a damper from each floor to the
@@ -529,7 +574,9 @@ def add_damping(linear_terms: Array, stiffness: Array, model: Model, vibration: 
     return np.zeros((0, n + 1))
 
 
-def _without_isolators(linear_terms: Array, stiffness: Array, model: Model, damping: RayleighCoefficients) -> Array:
+def _without_isolators(
+    linear_terms: Array, stiffness: Array, model: Model, damping: RayleighCoefficients
+) -> Array:
     """Rayleigh damping that does not reach isolators; return its rows w of C = sum w w^T, shape (rows, n + 1).
 
     Stiffness-proportional dampers stand beside the other stories alone. Mass-proportional ones act on the motion
@@ -563,7 +610,9 @@ def rayleigh(ratio: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCo
         return RayleighCoefficients(mass=xi_1 * omega_1, stiffness=xi_1 / omega_1)
     difference = omega_2**2 - omega_1**2
     if not 0.0 < abs(difference) < math.inf:
-        raise ModelError("damping: no frequencies of two modes, masses and stiffnesses are too far from each other")
+        raise ModelError(
+            "damping: no frequencies of two modes, masses and stiffnesses are too far from each other"
+        )
     return RayleighCoefficients(
         mass=2.0 * omega_1 * omega_2 * (xi_1 * omega_2 - xi_2 * omega_1) / difference,
         stiffness=2.0 * (xi_2 * omega_2 - xi_1 * omega_1) / difference,

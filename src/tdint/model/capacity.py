@@ -55,10 +55,15 @@ class CapacityCurve:
 
     def __post_init__(self) -> None:
         if not 2 <= len(self.displacement) == len(self.acceleration) <= 4:
-            raise UsageError(f"a capacity curve has two to four points, got {len(self.displacement)}")
+            raise UsageError(
+                f"a capacity curve has two to four points, got {len(self.displacement)}"
+            )
         if not all(0.0 < value < math.inf for value in (*self.displacement, *self.acceleration)):
             raise UsageError("the points of a capacity curve are positive")
-        if any(later <= earlier for earlier, later in zip(self.displacement, self.displacement[1:], strict=False)):
+        if any(
+            later <= earlier
+            for earlier, later in zip(self.displacement, self.displacement[1:], strict=False)
+        ):
             raise UsageError("the displacements of a capacity curve rise from point to point")
 
     @classmethod
@@ -160,12 +165,26 @@ class CapacityBuilding:
         """The stories of a model."""
         losses = _DEGRADING if self.degradation else _INTACT
         stories = []
-        rows = zip(self.mass.tolist(), self.height.tolist(), self.drifts.tolist(), self.forces.tolist(), strict=True)
+        rows = zip(
+            self.mass.tolist(),
+            self.height.tolist(),
+            self.drifts.tolist(),
+            self.forces.tolist(),
+            strict=True,
+        )
         for mass, height, drifts, forces in rows:
             # It yields at the first point. Both directions are alike; beyond the last point a story carries nothing.
             side = [number for point in zip(drifts, forces, strict=True) for number in point]
             parameters = (*side, *side, *_PINCHING, *_PINCHING, drifts[-1], *losses)
-            stories.append(Story(mass, height, forces[0] / drifts[0], Law("multilinear-pinching", parameters), 0.0))
+            stories.append(
+                Story(
+                    mass,
+                    height,
+                    forces[0] / drifts[0],
+                    Law("multilinear-pinching", parameters),
+                    0.0,
+                )
+            )
         return tuple(stories)
 
 
@@ -190,14 +209,23 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
     effective = float(weighted.sum() ** 2 / (weighted * mode).sum())
     above = np.cumsum(weighted[::-1])[::-1] / weighted.sum()
     # Four points, which is what the law of the stories has.
-    points = np.array(four_points(list(zip(curve.displacement, curve.acceleration, strict=True)))).reshape(4, 2)
+    points = np.array(
+        four_points(list(zip(curve.displacement, curve.acceleration, strict=True)))
+    ).reshape(4, 2)
     drifts = participation * np.outer(np.diff(mode, prepend=0.0), points[:, 0])
-    forces = effective * GRAVITY * np.outer(above, points[:, 1])  # as all that follows, per kg of the building
+    forces = (
+        effective * GRAVITY * np.outer(above, points[:, 1])
+    )  # as all that follows, per kg of the building
     # The published program brings forces to the period of the curve by one more factor.
     if facts.as_published and n > 1:
         lowest = solve_modes(shares, above, links).omega[0] ** 2
         frequency = 2.0 * math.pi / curve.period
-        first = curve.acceleration[0] * GRAVITY * effective / (curve.displacement[0] * participation * mode[0])
+        first = (
+            curve.acceleration[0]
+            * GRAVITY
+            * effective
+            / (curve.displacement[0] * participation * mode[0])
+        )
         forces *= frequency**2 / lowest / first
     stiffness = forces[:, 0] / drifts[:, 0]
     omega = solve_modes(shares, stiffness, links).omega
@@ -238,7 +266,9 @@ def read_curve(source: str) -> CapacityCurve:
     ModelError
         It cannot be read, or its points do not make a curve.
     """
-    table = read_table(source, "a capacity curve is a CSV file with the columns sd_m and sa_g", columns=_POINT)
+    table = read_table(
+        source, "a capacity curve is a CSV file with the columns sd_m and sa_g", columns=_POINT
+    )
     return _curve(source, list(zip(*(table.numbers(name) for name in _POINT), strict=True)))
 
 
@@ -265,7 +295,9 @@ def read_classes(source: str) -> dict[str, CapacityClass]:
     }
     return {
         name: CapacityClass(
-            _curve(f"{source}: class {name}", points), name in flags["soft_story"], name in flags["degradation"]
+            _curve(f"{source}: class {name}", points),
+            name in flags["soft_story"],
+            name in flags["degradation"],
         )
         for name, points in points_of.items()
     }

@@ -47,11 +47,17 @@ class DamageDemand:
 
 DEMANDS = {
     "drift_ratio": DamageDemand("1", "largest peak drift over story height"),
-    "roof_drift_ratio": DamageDemand("1", "largest displacement of the roof over the height of the building", "height"),
-    "residual_drift_ratio": DamageDemand("1", "largest drift over story height at the end of the run"),
+    "roof_drift_ratio": DamageDemand(
+        "1", "largest displacement of the roof over the height of the building", "height"
+    ),
+    "residual_drift_ratio": DamageDemand(
+        "1", "largest drift over story height at the end of the run"
+    ),
     "acceleration": DamageDemand("m/s^2", "largest absolute acceleration of a floor"),
     "spectral_displacement": DamageDemand(
-        "m", "largest displacement of the roof over the participation factor of the first mode", "participation"
+        "m",
+        "largest displacement of the roof over the participation factor of the first mode",
+        "participation",
     ),
 }
 """By their names in model and campaign files."""
@@ -88,10 +94,16 @@ class DamageStates:
 
     def __post_init__(self) -> None:
         if len(self.medians) != len(self.states):
-            raise UsageError(f"{len(self.states)} damage states need as many thresholds, got {len(self.medians)}")
-        for state, median, last in zip(self.states, self.medians, (0.0, *self.medians), strict=False):
+            raise UsageError(
+                f"{len(self.states)} damage states need as many thresholds, got {len(self.medians)}"
+            )
+        for state, median, last in zip(
+            self.states, self.medians, (0.0, *self.medians), strict=False
+        ):
             if not median > last:
-                raise UsageError(f"the thresholds of damage states rise from state to state, {state} is {median:g}")
+                raise UsageError(
+                    f"the thresholds of damage states rise from state to state, {state} is {median:g}"
+                )
 
     @classmethod
     def of_json(cls, said: Mapping[str, Any]) -> Self:

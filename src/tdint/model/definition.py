@@ -20,7 +20,16 @@ from tdint.ground_motion.choice import RecordChoice
 from tdint.kernels.laws import LAWS as _LAWS
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.damage_states import DamageStates
-from tdint.model.plugins import Origin, check_name, declared, faults_of, home_of, installed, module_of, same_file
+from tdint.model.plugins import (
+    Origin,
+    check_name,
+    declared,
+    faults_of,
+    home_of,
+    installed,
+    module_of,
+    same_file,
+)
 from tdint.units import SI, OutputUnits
 from tdint.written_numbers import how_many, parse_ratio
 
@@ -57,13 +66,17 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
         No law; a name that is taken or is none; no file.
     """
     if not isinstance(law, DriftLaw):
-        raise UsageError(f"{where or law!r}: a law is a tdint.plugin.DriftLaw, not {type(law).__name__}")
+        raise UsageError(
+            f"{where or law!r}: a law is a tdint.plugin.DriftLaw, not {type(law).__name__}"
+        )
     origin = where if isinstance(where, Origin) else Origin(where or f"law {law.name!r}")
     where = origin.where
     check_name(law.name, LAWS, "law", where)
     home = law.functions.__module__
     if home == "__main__" or getattr(sys.modules.get(home), "__file__", None) is None:
-        raise UsageError(f"{where}: put the law into a module of its own, a file that another process can execute")
+        raise UsageError(
+            f"{where}: put the law into a module of its own, a file that another process can execute"
+        )
     with faults_of(where):
         law.functions()
     from tdint.kernels.building.sources import OUTSIDE
@@ -106,7 +119,9 @@ class Law:
     def __reduce__(self) -> tuple[Any, ...]:
         home = home_of(self.name, "LAWS")
         return (
-            (_law_again, (self.name, self.parameters, CODES[self.name], *home)) if home else (Law, tuple(astuple(self)))
+            (_law_again, (self.name, self.parameters, CODES[self.name], *home))
+            if home
+            else (Law, tuple(astuple(self)))
         )
 
 
@@ -443,18 +458,25 @@ class Model:
         stories = list(self.stories)
         for i, law_set in touched.items():
             story, row = stories[i], table[i]
-            law, stiffness_of = Law(story.law.name, tuple(row[OF_LAW:])), LAWS[story.law.name].initial_stiffness
+            law, stiffness_of = (
+                Law(story.law.name, tuple(row[OF_LAW:])),
+                LAWS[story.law.name].initial_stiffness,
+            )
             stories[i] = replace(
                 story,
                 mass=row[MASS],
                 height=None if story.height is None else row[HEIGHT],
                 # Of a law that has its own stiffness it follows where the law was set.
-                stiffness=stiffness_of(law.parameters) if law_set and stiffness_of else row[STIFFNESS],
+                stiffness=stiffness_of(law.parameters)
+                if law_set and stiffness_of
+                else row[STIFFNESS],
                 law=law,
                 dashpot=row[DASHPOT],
                 power_dashpot=PowerDashpot(*row[POWER]) if story.power_dashpot else None,
             )
-            if fault := LAWS[stories[i].law.name].fault(stories[i].stiffness, stories[i].law.parameters):
+            if fault := LAWS[stories[i].law.name].fault(
+                stories[i].stiffness, stories[i].law.parameters
+            ):
                 raise UsageError(f"{self.name}: story {i + 1} cannot be varied so: {fault}")
         varied = tuple({**dict(self.varied), **numbers}.items())
         return replace(self, stories=tuple(stories), damping=damping, varied=varied)
@@ -464,7 +486,9 @@ class Model:
         return f"<Model {self.name!r}: {how_many(count, 'story')}>"
 
 
-def simple_story(mass: float, law: Law = LINEAR, *, stiffness: float | None = None, dashpot: float = 0.0) -> Story:
+def simple_story(
+    mass: float, law: Law = LINEAR, *, stiffness: float | None = None, dashpot: float = 0.0
+) -> Story:
     """A story without height; the stiffness (N/m) may be left out where the law has its own."""
     if stiffness is None:
         stiffness_of = LAWS[law.name].initial_stiffness
@@ -499,7 +523,15 @@ def simple_model(
 
 # ---- What can be changed in a building: its numbers by name, the same of a model and of arrays of many
 
-_PLAIN = ("mass", "height", "stiffness", "dashpot", "dashpot.coefficient", "dashpot.exponent", "dashpot.linear_below")
+_PLAIN = (
+    "mass",
+    "height",
+    "stiffness",
+    "dashpot",
+    "dashpot.coefficient",
+    "dashpot.exponent",
+    "dashpot.linear_below",
+)
 """The first numbers of a story by their keys; those of its law follow."""
 
 MASS, HEIGHT, STIFFNESS, DASHPOT, POWER, OF_LAW = 0, 1, 2, 3, slice(4, 7), len(_PLAIN)
@@ -526,8 +558,12 @@ class Change(NamedTuple):
     def check(self, name: str, *values: float) -> None:
         """Raise UsageError for a value that the law does not take."""
         for value in values:
-            low, high = (self.bounds.low, self.bounds.high) if self.bounds else (-math.inf, math.inf)
-            inside = low <= value <= high and (value > low or self.bounds is None or self.bounds.low_allowed)
+            low, high = (
+                (self.bounds.low, self.bounds.high) if self.bounds else (-math.inf, math.inf)
+            )
+            inside = low <= value <= high and (
+                value > low or self.bounds is None or self.bounds.low_allowed
+            )
             if not inside or (self.bounds and value == high and not self.bounds.high_allowed):
                 raise UsageError(f"{name} must lie between {low:g} and {high:g}, got {value:.6g}")
 
@@ -551,7 +587,11 @@ def _columns(story: Story) -> dict[str, list[tuple[int, bool, LawParameter | Non
     for parameter in LAWS[story.law.name].parameters:
         path = f"law.{parameter.path}"
         if parameter.points:
-            numbers += [(f"{path}[{k}].{at}", *of, parameter) for k in range(1, 5) for at, of in _OF_POINT.items()]
+            numbers += [
+                (f"{path}[{k}].{at}", *of, parameter)
+                for k in range(1, 5)
+                for at, of in _OF_POINT.items()
+            ]
         elif parameter.many:
             count = len(story.law.parameters) - len(numbers)
             numbers += [(f"{path}[{k}]", 1, -k, parameter) for k in range(1, count + 1)]
@@ -559,7 +599,9 @@ def _columns(story: Story) -> dict[str, list[tuple[int, bool, LawParameter | Non
             numbers.append((path, parameter.force, parameter.length, parameter))
     law = list(enumerate(numbers, start=OF_LAW))
     # What has the dimension of a stiffness or a strength goes with the factor on it.
-    stiff = [at for at, (_, force, length, _) in law if force == 1 and (has_stiffness or length == -1)]
+    stiff = [
+        at for at, (_, force, length, _) in law if force == 1 and (has_stiffness or length == -1)
+    ]
     strong = [at for at, (_, force, length, _) in law if (force, length) == (1, 0)]
     columns: dict[str, list[tuple[int, bool, LawParameter | None]]] = {
         "mass_factor": [(MASS, True, None)],
@@ -591,15 +633,23 @@ def changes_of(model: Model, name: str) -> list[Change]:
     number, key = (said[1] or said[2], said[3]) if said else (None, name)
     if number and not 1 <= int(number) <= len(model.stories):
         counted = "" if int(number) else "; counting starts at 1"
-        raise UsageError(f"{name}: {model.name} has {how_many(len(model.stories), 'story')}{counted}")
+        raise UsageError(
+            f"{name}: {model.name} has {how_many(len(model.stories), 'story')}{counted}"
+        )
     places = [int(number) - 1] if number else range(len(model.stories))
     # In each story a key may mean another number: laws differ.
     columns = {i: _columns(model.stories[i]) for i in places}
     changes = [Change(i, *column) for i in places for column in columns[i].get(key, ())]
     if not changes and key == "strength_factor":
-        raise UsageError(f"{name} has nothing to act on: no such story of {model.name} has a strength")
+        raise UsageError(
+            f"{name} has nothing to act on: no such story of {model.name} has a strength"
+        )
     if not changes:
-        names = list(dict.fromkeys(there for by_name in columns.values() for there, act in by_name.items() if act))
+        names = list(
+            dict.fromkeys(
+                there for by_name in columns.values() for there, act in by_name.items() if act
+            )
+        )
         where = f"story {number}" if number else "no story"
         raise UsageError(
             f"{name}: {where} of {model.name} has {'no' if number else 'a'} {key!r} that can be set"
@@ -631,9 +681,13 @@ def check_parameter(name: str) -> None:
     if name in PARAMETERS or key in _PLAIN or key in _FACTORS or key.startswith("law."):
         return
     near = nearest(key, (*_PLAIN, *_FACTORS)) if said else None
-    hint = f"; did you mean {name[: -len(key)] + near!r}?" if near else did_you_mean(name, PARAMETERS)
+    hint = (
+        f"; did you mean {name[: -len(key)] + near!r}?" if near else did_you_mean(name, PARAMETERS)
+    )
     names = ", ".join(PARAMETERS)
-    raise UsageError(f"no parameter {name!r}{hint}; there are {names}, and numbers of stories, `stories[3].NAME`")
+    raise UsageError(
+        f"no parameter {name!r}{hint}; there are {names}, and numbers of stories, `stories[3].NAME`"
+    )
 
 
 def check_value(name: str, value: float) -> None:

@@ -33,7 +33,16 @@ from tdint.model.capacity import (
 )
 from tdint.model.definition import LAWS, RayleighRatio, Story
 from tdint.model.keys.fields import POSITIVE, RATIO, Bounds
-from tdint.model.mdof_lu import LEVELS, MOST_STORIES, STRUCTURES, YEARS, ZONES, BuildingFacts, DerivedBuilding, Scatter
+from tdint.model.mdof_lu import (
+    LEVELS,
+    MOST_STORIES,
+    STRUCTURES,
+    YEARS,
+    ZONES,
+    BuildingFacts,
+    DerivedBuilding,
+    Scatter,
+)
 from tdint.tabular import Several
 from tdint.units import LENGTH
 from tdint.written_numbers import how_many
@@ -137,7 +146,9 @@ def read_inventory(
         row, width = _Row(of, at, faults), len(table.header)
         # One cell too many shifts those behind it: nothing in the row can be trusted.
         if at in of.overfull:
-            row.fault(width, "", f"{how_many(of.overfull[at], 'cell')} under {how_many(width, 'column')}")
+            row.fault(
+                width, "", f"{how_many(of.overfull[at], 'cell')} under {how_many(width, 'column')}"
+            )
             continue
         building = row.building()
         # By its id a building is found again in tables, and draws are made.
@@ -147,7 +158,9 @@ def read_inventory(
         elif building:
             seen[building.id] = of.lines[at]
             sound[at] = True
-    return InventoryRows(of, np.flatnonzero(sound)), sorted(faults, key=lambda fault: (fault.line, fault.column))
+    return InventoryRows(of, np.flatnonzero(sound)), sorted(
+        faults, key=lambda fault: (fault.line, fault.column)
+    )
 
 
 Item = TypeVar("Item")
@@ -166,7 +179,11 @@ class Made(Sequence[Item]):
     def __getitem__(self, at: slice) -> list[Item]: ...
     def __getitem__(self, at: int | slice) -> Item | list[Item]:
         numbers = range(len(self))[at]
-        return self.make(numbers) if isinstance(numbers, int) else [self.make(number) for number in numbers]
+        return (
+            self.make(numbers)
+            if isinstance(numbers, int)
+            else [self.make(number) for number in numbers]
+        )
 
 
 @dataclass(frozen=True)
@@ -191,17 +208,24 @@ class _Table:
                 self.lines.append(line)
                 if len(cells) > width and self.table.overfull(cells):
                     self.overfull[at] = len(cells)
-            texts = [tuple(map(str.strip, of)) for of in zip_longest(*(cells for _, cells in block), fillvalue="")]
+            texts = [
+                tuple(map(str.strip, of))
+                for of in zip_longest(*(cells for _, cells in block), fillvalue="")
+            ]
             # Cells that are missing at the end of all rows are empty ones.
             blocks.append(texts[:width] + [("",) * len(block)] * (width - len(texts)))
         # Tuples of texts, which the collector of cycles leaves alone.
-        self.columns.extend(tuple(chain.from_iterable(column)) for column in zip(*blocks, strict=True))
+        self.columns.extend(
+            tuple(chain.from_iterable(column)) for column in zip(*blocks, strict=True)
+        )
 
     @cached_property
     def places(self) -> dict[str, int]:
         """The places of the columns that count."""
         names = _COLUMNS if self.classes is None else _OF_CLASSES
-        return {name: self.table.header.index(name.lower()) for name in names if self.table.has(name)}
+        return {
+            name: self.table.header.index(name.lower()) for name in names if self.table.has(name)
+        }
 
     @cached_property
     def carried(self) -> dict[int, str]:
@@ -231,7 +255,11 @@ class _Table:
             sound &= right
         # A word is right if a row with it is read without a fault; each is tried once.
         tried: dict[int, bool] = {}
-        for column in (self.columns[place] for name, place in self.places.items() if name not in ("id", *_NUMBERS)):
+        for column in (
+            self.columns[place]
+            for name, place in self.places.items()
+            if name not in ("id", *_NUMBERS)
+        ):
             firsts = dict(zip(reversed(column), range(len(column) - 1, -1, -1), strict=True))
             for at in firsts.values():
                 if at not in tried:
@@ -279,7 +307,9 @@ class InventoryRows(Made[InventoryRow]):
         if self.near is not None:
             names, sites, away = self.near
             cells = [names[sites[place]], f"{1e-3 * away[place]:.6g}", *cells]
-        return replace(row, columns=self.titles, cells=json.dumps(cells), changes=changes, label=label)
+        return replace(
+            row, columns=self.titles, cells=json.dumps(cells), changes=changes, label=label
+        )
 
     @cached_property
     def titles(self) -> tuple[str, ...]:
@@ -292,7 +322,9 @@ class InventoryRows(Made[InventoryRow]):
 
     def texts(self, place: int | str) -> Sequence[str]:
         """What stands in a column, by its place or its name without regard to case, for a row once."""
-        column = self.of.columns[self.of.table.header.index(place.lower()) if isinstance(place, str) else place]
+        column = self.of.columns[
+            self.of.table.header.index(place.lower()) if isinstance(place, str) else place
+        ]
         return column if len(self.at) == len(column) else [column[at] for at in self.at.tolist()]
 
     def faults(self, name: str, message: Callable[[int, str], str]) -> list[ModelFault]:
@@ -313,7 +345,9 @@ class InventoryRows(Made[InventoryRow]):
     @property
     def stories(self) -> NDArray[np.int64]:
         """How many stories each has."""
-        return np.repeat(self.of.numbers["NumberOfStories"][self.at].astype(np.int64), len(self.changes))
+        return np.repeat(
+            self.of.numbers["NumberOfStories"][self.at].astype(np.int64), len(self.changes)
+        )
 
     @cached_property
     def places(self) -> Array:
@@ -328,18 +362,33 @@ class InventoryRows(Made[InventoryRow]):
         if self.is_varied:
             return range(len(self))
         first: dict[tuple[str, ...], int] = {}
-        columns = (self.texts(place) for name, place in self.of.places.items() if name not in _OF_ONE)
-        return [first.setdefault(cells, number) for number, cells in enumerate(zip(*columns, strict=True))]
+        columns = (
+            self.texts(place) for name, place in self.of.places.items() if name not in _OF_ONE
+        )
+        return [
+            first.setdefault(cells, number)
+            for number, cells in enumerate(zip(*columns, strict=True))
+        ]
 
     def digest(self, *, carried: bool) -> str:
         """SHA-256 of what the buildings are, or of what is carried along, as it is written."""
         of = self.of
-        about = (self.titles,) if carried else (of.length, of.mass_only, of.as_published, of.classes, self.changes)
+        about = (
+            (self.titles,)
+            if carried
+            else (of.length, of.mass_only, of.as_published, of.classes, self.changes)
+        )
         whole = hashlib.sha256(repr(about).encode())
-        for place in of.carried if carried else [of.places[name] for name in of.places if name not in _PLACES]:
+        for place in (
+            of.carried
+            if carried
+            else [of.places[name] for name in of.places if name not in _PLACES]
+        ):
             whole.update("\n".join(self.texts(place)).encode())
         if carried and self.near is not None:
-            whole.update(repr(self.near[0]).encode() + self.near[1].tobytes() + self.near[2].tobytes())
+            whole.update(
+                repr(self.near[0]).encode() + self.near[1].tobytes() + self.near[2].tobytes()
+            )
         return whole.hexdigest()
 
 
@@ -372,10 +421,19 @@ class _Row:
 
     def _facts_of_class(self, classes: Mapping[str, CapacityClass]) -> CapacityFacts | None:
         """What is said of a building of a class; None after a fault."""
-        name, given, length, published = self._cell("class"), self._cell, self._of.length, self._of.as_published
+        name, given, length, published = (
+            self._cell("class"),
+            self._cell,
+            self._of.length,
+            self._of.as_published,
+        )
         if name not in classes:
             names = ", ".join(list(classes)[:10]) + " ..." * (len(classes) > 10)
-            self.fault(self._places["class"], "class", f"unknown {name!r}; known: {names}" if name else "is missing")
+            self.fault(
+                self._places["class"],
+                "class",
+                f"unknown {name!r}; known: {names}" if name else "is missing",
+            )
         # All cells are read before the first fault ends it, so that all are told.
         stories = self._whole("NumberOfStories", 1, MOST_STORIES)
         height = self._number("height") * length if given("height") else None
@@ -384,20 +442,26 @@ class _Row:
         if len(self._faults) > self._before:
             return None
         of = classes[name]
-        return CapacityFacts(of.curve, stories, height, mass, of.soft_story, of.degradation, ratio, published, name)
+        return CapacityFacts(
+            of.curve, stories, height, mass, of.soft_story, of.degradation, ratio, published, name
+        )
 
     def _facts(self) -> BuildingFacts:
         """What is said of a building by its type."""
         given, length = self._cell, self._of.length
         zones = {zone.lower(): zone for zone in ZONES}
         return BuildingFacts(
-            structure=self._word("StructureType", {structure.lower(): structure for structure in STRUCTURES}),
+            structure=self._word(
+                "StructureType", {structure.lower(): structure for structure in STRUCTURES}
+            ),
             stories=self._whole("NumberOfStories", 1, MOST_STORIES),
             year=self._whole("YearBuilt", *YEARS),
             area=self._number("PlanArea") * length**2,
             height=self._number("height") * length if given("height") else None,
             zone=self._word("seismicZone", zones) if given("seismicZone") else "Z4",
-            design_level=self._word("DesignLevel", _DESIGN_LEVELS) if given("DesignLevel") else None,
+            design_level=self._word("DesignLevel", _DESIGN_LEVELS)
+            if given("DesignLevel")
+            else None,
             damping_ratio=self._number("DampingRatio") if given("DampingRatio") else None,
             mass_only=self._of.mass_only,
         )
@@ -429,7 +493,9 @@ class _Row:
         if text.lower() in spellings:
             return spellings[text.lower()]
         words = ", ".join(dict.fromkeys(spellings.values()))
-        message = f"unknown {text!r}; known: {words}" if text else f"is missing; give one of {words}"
+        message = (
+            f"unknown {text!r}; known: {words}" if text else f"is missing; give one of {words}"
+        )
         self.fault(self._places[name], name, message)
         return ""
 
@@ -457,7 +523,12 @@ class InventoryBuilding:
 
 
 def derive_all(
-    rows: Sequence[InventoryRow], rules: str, *, stiffness: float = 0.0, damping: float = 0.0, seed: int = 0
+    rows: Sequence[InventoryRow],
+    rules: str,
+    *,
+    stiffness: float = 0.0,
+    damping: float = 0.0,
+    seed: int = 0,
 ) -> list[InventoryBuilding]:
     """The buildings of all rows.
 
@@ -480,7 +551,9 @@ def derive_all(
         if deviation and rules == CAPACITY:
             raise UsageError(f"the rules {CAPACITY} have no scatter of the {name}")
         if not 0.0 <= deviation <= _MOST_SCATTER:
-            raise UsageError(f"the scatter of the {name} must be from 0 to {_MOST_SCATTER:g}, got {deviation:g}")
+            raise UsageError(
+                f"the scatter of the {name} must be from 0 to {_MOST_SCATTER:g}, got {deviation:g}"
+            )
     derived = partial(derive_row, rules=rules, stiffness=stiffness, damping=damping, seed=seed)
     return [InventoryBuilding(row, derived(row)) for row in rows]
 
@@ -506,7 +579,9 @@ def _factor(random: np.random.Generator, deviation: float) -> float:
 def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: str) -> str:
     """A model file in SI units with everything written out: name, stories from the ground up, damping, method."""
     description = (
-        f"{building.design_level}-code {building.type}" if isinstance(building, DerivedBuilding) else building.name
+        f"{building.design_level}-code {building.type}"
+        if isinstance(building, DerivedBuilding)
+        else building.name
     )
     lines = [
         f"# A {description} building by the rules {rules}, made by `tdint inventory`.",
@@ -517,7 +592,9 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
     for story in building.stories:
         if isinstance(building, DerivedBuilding):
             values = zip(LAWS[story.law.name].parameters, story.law.parameters, strict=True)
-            law = ", ".join([f"type: {story.law.name}", *(f"{key.name}: {value!r}" for key, value in values)])
+            law = ", ".join(
+                [f"type: {story.law.name}", *(f"{key.name}: {value!r}" for key, value in values)]
+            )
         else:
             law = _multilinear(story, building.degradation)
         lines += [f"  - mass: {story.mass!r}", f"    height: {story.height!r}"]
@@ -527,12 +604,16 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
         form = f"ratio: {damping.ratios[0]!r}, modes: [{damping.modes[0]}, {damping.modes[1]}]"
     else:
         form = f"mass: {damping.mass!r}, stiffness: {damping.stiffness!r}"
-    return "\n".join([*lines, f"damping: {{rayleigh: {{{form}}}}}", "analysis: {method: impulse4}", ""])
+    return "\n".join(
+        [*lines, f"damping: {{rayleigh: {{{form}}}}}", "analysis: {method: impulse4}", ""]
+    )
 
 
 def _multilinear(story: Story, degradation: bool) -> str:
     numbers = story.law.parameters
-    points = ", ".join(f"[{d!r}, {f!r}]" for d, f in zip(numbers[0:8:2], numbers[1:8:2], strict=True))
+    points = ", ".join(
+        f"[{d!r}, {f!r}]" for d, f in zip(numbers[0:8:2], numbers[1:8:2], strict=True)
+    )
     drift, force, unloading = numbers[16:19]
     text = (
         f"type: multilinear-pinching, backbone: [{points}], "

@@ -114,7 +114,9 @@ class DerivedBuilding:
         strengths = self.yield_force, self.ultimate_force, self.ultimate_drift
         columns = (self.mass, self.height, self.stiffness, *strengths)
         stories = []
-        for mass, height, stiffness, *of_law in zip(*(column.tolist() for column in columns), strict=True):
+        for mass, height, stiffness, *of_law in zip(
+            *(column.tolist() for column in columns), strict=True
+        ):
             law = Law("trilinear-pinching", (*of_law, self.pinching, self.unloading))
             stories.append(Story(mass, height, stiffness, law, dashpot=0.0))
         return tuple(stories)
@@ -180,7 +182,24 @@ def hazus_types() -> Mapping[tuple[str, str], HazusType]:
     return {(row.design_level, row.type): row for row in rows}
 
 
-STRUCTURES = ("W1", "W2", "S1", "S2", "S3", "S4", "S5", "C1", "C2", "C3", "PC1", "PC2", "RM1", "RM2", "URM", "MH")
+STRUCTURES = (
+    "W1",
+    "W2",
+    "S1",
+    "S2",
+    "S3",
+    "S4",
+    "S5",
+    "C1",
+    "C2",
+    "C3",
+    "PC1",
+    "PC2",
+    "RM1",
+    "RM2",
+    "URM",
+    "MH",
+)
 ZONES = ("Z0", "Z1", "Z2A", "Z2B", "Z3", "Z4")
 MOST_STORIES = 50  # the rules are for regular buildings, not for towers
 YEARS = (1000, 2200)
@@ -202,7 +221,14 @@ _CODES: Mapping[str, tuple[tuple[int, str], ...]] = {
     "Z1": ((1976, "low"),),
     "Z0": (),
 }
-_LEAST = {"Z4": "moderate", "Z3": "moderate", "Z2B": "low", "Z2A": "low", "Z1": "low", "Z0": "low"}  # of W1
+_LEAST = {
+    "Z4": "moderate",
+    "Z3": "moderate",
+    "Z2B": "low",
+    "Z2A": "low",
+    "Z1": "low",
+    "Z0": "low",
+}  # of W1
 
 _FLOOR_MASS = 1000.0  # kg/m^2
 _STORY_HEIGHT = 3.6  # m, where the height of the building is not said
@@ -246,11 +272,20 @@ def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuild
     # Strength by the type's yield acceleration, less from story to story as the shear of a triangular load.
     below = np.arange(n)
     first_mode = 1.0 if n == 1 else 0.09117 / n**3 - 0.3037 / n**2 + 0.402 / n + 0.8106
-    strength = row.yield_acceleration_g * first_mode * mass * _GRAVITY * n * (1.0 - below * (below + 1) / (n * (n + 1)))
+    strength = (
+        row.yield_acceleration_g
+        * first_mode
+        * mass
+        * _GRAVITY
+        * n
+        * (1.0 - below * (below + 1) / (n * (n + 1)))
+    )
     over = row.overstrength - 1.0
     masses = np.full(n, mass)
     modes = solve_modes(masses, stiffness, np.minimum(below, 1.0))
-    ratio = (row.damping_ratio if facts.damping_ratio is None else facts.damping_ratio) * scatter.damping
+    ratio = (
+        row.damping_ratio if facts.damping_ratio is None else facts.damping_ratio
+    ) * scatter.damping
     return DerivedBuilding(
         design_level=row.design_level,
         type=row.type,
@@ -269,12 +304,16 @@ def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuild
     )
 
 
-def _damping(omega: np.ndarray, ratio: float, mass_only: bool) -> RayleighRatio | RayleighCoefficients:
+def _damping(
+    omega: np.ndarray, ratio: float, mass_only: bool
+) -> RayleighRatio | RayleighCoefficients:
     """Rayleigh damping over modes 1 and 3 (or the last one); of one story half from the mass, half from the
     stiffness."""
     last = min(omega.size, 3)
     if last == 1:
-        coefficients = RayleighCoefficients(mass=ratio * float(omega[0]), stiffness=ratio / float(omega[0]))
+        coefficients = RayleighCoefficients(
+            mass=ratio * float(omega[0]), stiffness=ratio / float(omega[0])
+        )
     else:
         target = RayleighRatio((ratio, ratio), (1, last))
         if not mass_only:

@@ -62,7 +62,9 @@ class Modes(Tabular):
 
     def own_damping(self, damping: Array) -> Array:
         """Damping ratio of each mode as if it moved alone under a damping matrix (N s/m, shape (n, n)), shape (n,)."""
-        return np.asarray(np.maximum(np.diagonal(self.modal_damping(damping)), 0.0) / (2.0 * self.omega))
+        return np.asarray(
+            np.maximum(np.diagonal(self.modal_damping(damping)), 0.0) / (2.0 * self.omega)
+        )
 
     def normalized(self, norm: str) -> Array:
         """The shapes as columns, shape (n, n): 1 at the `roof`, or `participation`: with a participation factor of 1.
@@ -79,7 +81,10 @@ class Modes(Tabular):
         modal = self.modal_damping(damping)
         diagonal = np.maximum(np.diagonal(modal), 0.0)
         coupling = np.abs(modal - np.diag(diagonal))
-        if np.any(coupling > CLASSICAL * np.sqrt(np.outer(diagonal, diagonal)) + CLASSICAL * np.max(diagonal)):
+        if np.any(
+            coupling
+            > CLASSICAL * np.sqrt(np.outer(diagonal, diagonal)) + CLASSICAL * np.max(diagonal)
+        ):
             return None
         return diagonal / (2.0 * self.omega)
 
@@ -99,7 +104,9 @@ def solve_modes(mass: Array, stiffness: Array, link: Array) -> Modes:
     root_mass = np.sqrt(mass)
     root_spring = np.sqrt(stiffness)
     # Springs over floors: d = B u, K = B^T diag(k) B; with y = M^(1/2) u the matrix is L^T L.
-    lower = np.diag(root_spring / root_mass) - np.diag((root_spring * link)[1:] / root_mass[:-1], -1)
+    lower = np.diag(root_spring / root_mass) - np.diag(
+        (root_spring * link)[1:] / root_mass[:-1], -1
+    )
     _, omega, right = np.linalg.svd(lower)
     omega = omega[::-1]
     shapes = (right[::-1] / root_mass).T
@@ -163,7 +170,9 @@ class FreeVibration:
             displacement = np.cumsum(shear / self.stiffness)  # K displacement = force
             square = float(np.sum(self.mass * displacement**2))
             if not 0.0 < square < math.inf:
-                raise ModelError("there is no first mode: masses and stiffnesses are too far from each other")
+                raise ModelError(
+                    "there is no first mode: masses and stiffnesses are too far from each other"
+                )
             before, omega = omega, math.sqrt(float(displacement @ force) / square)
             shape = displacement / math.sqrt(square)
             if abs(omega - before) <= _CONVERGED * omega:
@@ -187,7 +196,9 @@ def singular_value(root_spring: Array, root_mass: Array, link: Array, number: in
     beside[1::2] = (root_spring * link)[1:] / root_mass[:-1]
     place = n + number - 1
     # What scipy.linalg.eigh_tridiagonal calls, in a sixth of its time. 2 and "E": one by its place, among all.
-    _, values, *_, failed = dstebz(np.zeros(2 * n), beside, 2, 0.0, 1.0, place + 1, place + 1, _SMALLEST, "E")
+    _, values, *_, failed = dstebz(
+        np.zeros(2 * n), beside, 2, 0.0, 1.0, place + 1, place + 1, _SMALLEST, "E"
+    )
     assert failed == 0
     return float(values[0])
 

@@ -60,7 +60,11 @@ DAMPING = Usual(
     "buildings have 0.01 to 0.07, with dampers up to 0.2: a percentage is written 5% or 0.05",
 )
 HEIGHT = Usual(
-    "story height", 1.5, 15.0, _METERS, "offices have 3 to 5 m, tall halls 15 m: is the unit of length right?"
+    "story height",
+    1.5,
+    15.0,
+    _METERS,
+    "offices have 3 to 5 m, tall halls 15 m: is the unit of length right?",
 )
 FLOOR = Usual(
     "mass of a floor", 1e3, 1e8, "{:.3g} kg",
@@ -88,7 +92,11 @@ STEP = Usual(
     "a tenth of the period leaves peaks several percent off: name a smaller analysis.dt",
 )
 COLLAPSE = Usual(
-    "collapse_drift", 0.0, 0.20, "{:.3g}", "tests of stories end at 0.03 to 0.15: a percentage is written 10% or 0.1"
+    "collapse_drift",
+    0.0,
+    0.20,
+    "{:.3g}",
+    "tests of stories end at 0.03 to 0.15: a percentage is written 10% or 0.1",
 )
 DUCTILITY = Usual(
     "ductility", 0.0, 50.0, "{:.3g}",
@@ -122,13 +130,19 @@ def mistakable(model: Model, building: Building, pga: float = math.nan) -> list[
     # Strengths over the weight above them, as codes give base shears.
     weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     strength = building.yield_drift * np.array([story.stiffness for story in model.stories])
-    return [*told, *unusual_stories(HEIGHT, building.heights), *unusual_stories(STRENGTH, strength / weight)]
+    return [
+        *told,
+        *unusual_stories(HEIGHT, building.heights),
+        *unusual_stories(STRENGTH, strength / weight),
+    ]
 
 
 def unusual_floors(building: Building) -> list[str]:
     """A line on floors too light or too heavy, for `tdint check`: with 200 kg for 200 t a period may be usual. Models
     without heights of stories may be of a laboratory or a textbook."""
-    usual = (building.heights >= HEIGHT.low) & PERIOD.holds(2.0 * math.pi / building.first_mode()[0])
+    usual = (building.heights >= HEIGHT.low) & PERIOD.holds(
+        2.0 * math.pi / building.first_mode()[0]
+    )
     return unusual_stories(FLOOR, np.where(usual, building.mass, math.nan))
 
 
@@ -145,7 +159,11 @@ def unusual_runs(model: Model, building: Building, interval: float | None) -> li
     told = []
     dt = model.analysis.dt or interval
     of_record = interval is not None and dt is not None and dt <= interval
-    if dt is not None and not STEP.holds(period / dt) and not (of_record and period / dt >= _SAMPLES):
+    if (
+        dt is not None
+        and not STEP.holds(period / dt)
+        and not (of_record and period / dt >= _SAMPLES)
+    ):
         told.append(
             f"time step {dt:.4g} s: {STEP.text(period / dt)} steps in the fundamental period, usual: at least "
             f"{STEP.text(STEP.low)} ({STEP.reason})"
@@ -161,15 +179,23 @@ def unusual_runs(model: Model, building: Building, interval: float | None) -> li
 
 def as_meant(model: Model) -> list[str]:
     """A note, where a model says that what is unusual of it is meant so."""
-    return [f"what is unusual of the building is not told: {model.as_meant}"] if model.as_meant else []
+    return (
+        [f"what is unusual of the building is not told: {model.as_meant}"] if model.as_meant else []
+    )
 
 
 def unusual_stories(bound: Usual, values: Array | Sequence[float]) -> list[str]:
     """A line on the stories whose values are not usual; none if all are."""
-    return unusual(bound, {f"story {number}": value for number, value in enumerate(values, start=1)})
+    return unusual(
+        bound, {f"story {number}": value for number, value in enumerate(values, start=1)}
+    )
 
 
 def unusual(bound: Usual, values: Mapping[str, float]) -> list[str]:
     """A line on the places whose values are not usual, the first few by name; none if all are."""
-    places = [f"{bound.text(value)} in {place}" for place, value in values.items() if not bound.holds(value)]
+    places = [
+        f"{bound.text(value)} in {place}"
+        for place, value in values.items()
+        if not bound.holds(value)
+    ]
     return [bound.told(first_few(places, _FEW))] if places else []

@@ -52,7 +52,10 @@ class Origin:
 
     def keep_code(self, kind: str, of: Any) -> None:
         """Keep what the files of a law or a method are while they are as they were executed (`sources.CODE`)."""
-        from tdint.kernels.building.sources import CODE, files_of  # hashes, which most commands do without
+        from tdint.kernels.building.sources import (
+            CODE,
+            files_of,
+        )  # hashes, which most commands do without
 
         package = f"{self.package}: " if self.package else ""
         CODE[f"{kind} {of.name}"] = files_of([self.module, *_modules(of)], package)
@@ -88,9 +91,13 @@ def module_of(file: str) -> ModuleType:
     loaded = sys.modules.get(name)
     if loaded is not None:
         if loaded.__file__ != str(path.resolve()):
-            raise UsageError(f"{file}: {loaded.__file__} has the same name; rename one of the two plug-ins")
+            raise UsageError(
+                f"{file}: {loaded.__file__} has the same name; rename one of the two plug-ins"
+            )
         if vars(loaded)["__digest__"] != digest_of(path):
-            raise UsageError(f"{file}: has changed since this process executed it; start Python anew")
+            raise UsageError(
+                f"{file}: has changed since this process executed it; start Python anew"
+            )
         return loaded
     specification = importlib.util.spec_from_file_location(name, path.resolve())
     assert specification is not None and specification.loader is not None
@@ -105,7 +112,9 @@ def module_of(file: str) -> ModuleType:
         del sys.modules[name]
         place, _, reason = str(error).partition(": ")
         if reason.startswith(("ModuleNotFoundError: ", "ImportError: ")):
-            hint = next((text for text in private_imports(file) if text.startswith(f"{place}: ")), "")
+            hint = next(
+                (text for text in private_imports(file) if text.startswith(f"{place}: ")), ""
+            )
             raise UsageError(str(error) + hint.replace(place, "").replace(":", ";", 1)) from None
         raise
     return module
@@ -118,10 +127,18 @@ def private_imports(file: str) -> list[str]:
     told = []
     for node in ast.walk(ast.parse(Path(file).read_bytes())):
         module = getattr(node, "module", None) or ""
-        if isinstance(node, ast.ImportFrom) and module.startswith("tdint.") and module != "tdint.plugin":
+        if (
+            isinstance(node, ast.ImportFrom)
+            and module.startswith("tdint.")
+            and module != "tdint.plugin"
+        ):
             names = ["at" if alias.name == "layout" else alias.name for alias in node.names]
             public = ", ".join(name for name in names if name in HOMES)
-            write = f"write from tdint.plugin import {public}" if public else "see the names of tdint.plugin"
+            write = (
+                f"write from tdint.plugin import {public}"
+                if public
+                else "see the names of tdint.plugin"
+            )
             told.append(f"{file}:{node.lineno}: {module} may change without notice; {write}")
     return told
 
@@ -132,7 +149,8 @@ def home_of(name: str, attribute: str) -> tuple[str, str] | None:
         if module_name.startswith(_PREFIX) and module.__file__:
             listed = getattr(module, attribute, ())
             if name in [
-                getattr(item, "name", None) for item in (listed if isinstance(listed, Iterable) else (listed,))
+                getattr(item, "name", None)
+                for item in (listed if isinstance(listed, Iterable) else (listed,))
             ]:
                 return module.__file__, digest_of(Path(module.__file__))
     return None
@@ -152,7 +170,9 @@ def same_file(file: str, digest: str) -> str:
         why = "which is another one by now"
     except TdintError:
         why = "which is not there"
-    raise UsageError(f"this is of the plug-in {file}, {why}: load the one it was made with by tdint.load_plugin first")
+    raise UsageError(
+        f"this is of the plug-in {file}, {why}: load the one it was made with by tdint.load_plugin first"
+    )
 
 
 def files_to_send() -> tuple[tuple[str, bytes], ...]:
@@ -176,7 +196,9 @@ def files_received(sent: Iterable[tuple[str, bytes]]) -> list[str]:
         if not loaded:
             file.write_bytes(content)
         elif file.read_bytes() != content:
-            raise UsageError(f"{name}: a worker has executed another version of this plug-in; start the workers anew")
+            raise UsageError(
+                f"{name}: a worker has executed another version of this plug-in; start the workers anew"
+            )
         files.append(str(file))
     return files
 
@@ -192,8 +214,15 @@ def peers() -> list[tuple[str, str, Callable[[Any], Any]]]:
     peers_of = []
     for module in [module for name, module in sys.modules.items() if name.startswith(_PREFIX)]:
         for peer in getattr(module, "PEERS", ()):
-            if not (isinstance(peer, tuple) and len(peer) == 2 and isinstance(peer[0], str) and callable(peer[1])):
-                raise UsageError(f"{module.__file__}: PEERS holds pairs of a name and a function, not {peer!r}")
+            if not (
+                isinstance(peer, tuple)
+                and len(peer) == 2
+                and isinstance(peer[0], str)
+                and callable(peer[1])
+            ):
+                raise UsageError(
+                    f"{module.__file__}: PEERS holds pairs of a name and a function, not {peer!r}"
+                )
             check_name(peer[0].partition(":")[0], (), "peer", str(module.__file__))
             peers_of.append((Path(str(module.__file__)).stem, *peer))
     return peers_of
@@ -217,7 +246,9 @@ def faults_of(where: str) -> Iterator[None]:
     except BaseException as error:  # code of others, whatever it raises
         file = Path(where).name
         lines = [
-            frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename).name == file
+            frame.lineno
+            for frame in traceback.extract_tb(error.__traceback__)
+            if Path(frame.filename).name == file
         ]
         line = error.lineno if isinstance(error, SyntaxError) else lines[-1] if lines else None
         try:
@@ -254,7 +285,9 @@ def declared(plugin: Any, attribute: str, kind: type, where: str) -> Iterator[An
     listed = getattr(plugin, attribute, ()) if isinstance(plugin, ModuleType) else plugin
     for item in (listed,) if isinstance(listed, kind) else listed:
         if not isinstance(item, kind):
-            raise UsageError(f"{where}: {attribute} holds {kind.__name__} objects, not {type(item).__name__}")
+            raise UsageError(
+                f"{where}: {attribute} holds {kind.__name__} objects, not {type(item).__name__}"
+            )
         yield item
 
 
@@ -267,6 +300,8 @@ def check_name(name: str, names: Any, kind: str, where: str) -> None:
         See above.
     """
     if not isinstance(name, str) or not NAME.fullmatch(name):
-        raise UsageError(f"{where}: {name!r} is no name of a {kind}; write small letters, digits and hyphens")
+        raise UsageError(
+            f"{where}: {name!r} is no name of a {kind}; write small letters, digits and hyphens"
+        )
     if name in names:
         raise UsageError(f"{where}: there is a {kind} {name!r} already; give yours another name")

@@ -97,20 +97,33 @@ AUTO = "auto"
 
 _SENSOR = Keys(
     (
-        Key("file", PathOf(), "the recording", needed=True, advice="give the file of the recording"),
+        Key(
+            "file", PathOf(), "the recording", needed=True, advice="give the file of the recording"
+        ),
         Key("component", Words(), "component of a record, where the file holds several"),
         Key("column", Words(), "in place of that: column of a table"),
         Key("units", Words(), "units of its samples, where it does not say them"),
-        Key("quantity", Choice(QUANTITIES, "quantity"), "what its samples are; else what their units say"),
+        Key(
+            "quantity",
+            Choice(QUANTITIES, "quantity"),
+            "what its samples are; else what their units say",
+        ),
         Key("sign", Whole(-1, 1, " (a direction)"), "-1 for a sensor that points the other way"),
     ),
     what="a file or a mapping with the key file",
     make=lambda value, **given: _sensor(value, **given),
 )
 _ONE = Either((PathOf(), _SENSOR), _SENSOR.what)
-_PLACE = Either((*_ONE.kinds, EntriesOf(_ONE, 1, None, "a list of files", "must name at least one file")), _ONE.what)
-_BAND = EntriesOf(POSITIVE, 2, 2, "a list of two frequencies (Hz), the lower one first", growing=True)
-_WINDOW = EntriesOf(NOT_NEGATIVE, 2, 2, "a list of two times (s), the earlier one first", growing=True)
+_PLACE = Either(
+    (*_ONE.kinds, EntriesOf(_ONE, 1, None, "a list of files", "must name at least one file")),
+    _ONE.what,
+)
+_BAND = EntriesOf(
+    POSITIVE, 2, 2, "a list of two frequencies (Hz), the lower one first", growing=True
+)
+_WINDOW = EntriesOf(
+    NOT_NEGATIVE, 2, 2, "a list of two times (s), the earlier one first", growing=True
+)
 _FLOORS = ByName(
     _PLACE,
     f"a mapping from floors (numbers from 1, or {ROOF}) to their files",
@@ -120,11 +133,27 @@ _FLOORS = ByName(
 RECORDING = Keys(
     (
         Key("name", Words(), "name of the event; that of the file where it is left out"),
-        Key("base", _PLACE, "sensors of the ground", True, "give the file that the ground's motion was recorded in"),
-        Key("floors", _FLOORS, "floors, and the sensors of each", True, "give the floors and their files"),
+        Key(
+            "base",
+            _PLACE,
+            "sensors of the ground",
+            True,
+            "give the file that the ground's motion was recorded in",
+        ),
+        Key(
+            "floors",
+            _FLOORS,
+            "floors, and the sensors of each",
+            True,
+            "give the floors and their files",
+        ),
         Key("band", _BAND, "frequencies between which recording and result are compared"),
         Key("window", _WINDOW, "times between which they are compared"),
-        Key("shift", Either((Choice((AUTO,)), ANY), f"{AUTO} or a number of seconds"), "added to the floors' times, s"),
+        Key(
+            "shift",
+            Either((Choice((AUTO,)), ANY), f"{AUTO} or a number of seconds"),
+            "added to the floors' times, s",
+        ),
     ),
     make=lambda _, **given: given,
 )
@@ -149,7 +178,13 @@ def load_recording(source: str | Path, stories: int) -> Recording:
     # Floors by their numbers, from the ground up; the roof is the last one.
     floors: dict[int, tuple[Sensor, ...]] = {}
     for name, (entry, sensors) in given["floors"].items() if given else ():
-        floor = stories if name == ROOF else int(name) if name.isascii() and name.isdecimal() and len(name) < 9 else 0
+        floor = (
+            stories
+            if name == ROOF
+            else int(name)
+            if name.isascii() and name.isdecimal() and len(name) < 9
+            else 0
+        )
         if not 1 <= floor <= stories:
             entry.fault(f"must be a floor from 1 to {stories} (the number of stories), or {ROOF}")
         elif floor in floors:
@@ -157,8 +192,14 @@ def load_recording(source: str | Path, stories: int) -> Recording:
         floors[floor] = _tuple(sensors)
     root.faults.raise_if_any()
     by_number = tuple(sorted(floors.items()))
-    given |= {"name": given["name"] or origin.name, "base": _tuple(given["base"]), "floors": by_number}
-    return Recording(source=origin.label, text=origin.data, **{**given, "shift": given["shift"] or 0.0})
+    given |= {
+        "name": given["name"] or origin.name,
+        "base": _tuple(given["base"]),
+        "floors": by_number,
+    }
+    return Recording(
+        source=origin.label, text=origin.data, **{**given, "shift": given["shift"] or 0.0}
+    )
 
 
 def _tuple(sensors: Any) -> tuple[Sensor, ...]:
@@ -174,4 +215,6 @@ def _sensor(value: Value, units: str | None, sign: int | None, **given: Any) -> 
         column.fault("is for a table, component for a record; leave one of them out")
     if sign_entry and sign == 0:
         sign_entry.fault("must be 1 or -1")
-    return Sensor(units=read_sample_units(value.peek("units"), given["quantity"]), sign=sign or 1, **given)
+    return Sensor(
+        units=read_sample_units(value.peek("units"), given["quantity"]), sign=sign or 1, **given
+    )

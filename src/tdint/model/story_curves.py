@@ -41,8 +41,12 @@ class _System:
 
 
 SYSTEMS = {
-    "si": _System("{length: m, force: kN, mass: t}", "kN, m, g", "m", "kN", 3.5, "mass", 300.0, "m"),
-    "us": _System("{length: in, force: kip}", "kip, in, g", "in", "kip", 144.0, "weight", 600.0, "ft"),
+    "si": _System(
+        "{length: m, force: kN, mass: t}", "kN, m, g", "m", "kN", 3.5, "mass", 300.0, "m"
+    ),
+    "us": _System(
+        "{length: in, force: kip}", "kip, in, g", "in", "kip", 144.0, "weight", 600.0, "ft"
+    ),
 }
 
 
@@ -84,7 +88,9 @@ def story_model(
     """
     units = SYSTEMS[system]
     if weights is not None:
-        units = replace(units, load_key="weight", units=f"{{length: {units.length}, force: {units.force}}}")
+        units = replace(
+            units, load_key="weight", units=f"{{length: {units.length}, force: {units.force}}}"
+        )
     loads = list(weights) if weights is not None else [units.load] * stories
     # Laws that were fitted replace these; masses are the user's or equal.
     stiffness, strength = _in_a_line(units, loads, 2.0 * math.pi / period)
@@ -96,7 +102,9 @@ def story_model(
             initial_stiffness = laws[i].stiffness * LENGTH[units.length] / FORCE[units.force]
             initial = "" if laws[i].backbone else f"stiffness: {initial_stiffness:.9g}, "
             law = _written(laws[i], units)
-        lines.append(f"  - {{{units.load_key}: {load:g}, height: {units.height:g}, {initial}law: {{{law}}}}}")
+        lines.append(
+            f"  - {{{units.load_key}: {load:g}, height: {units.height:g}, {initial}law: {{{law}}}}}"
+        )
     told = [
         "# yields (leave `law` out for a story that stays linear). The stiffness falls with the height so that the",
         f"# first mode is a straight line; the first story yields at {100.0 * _BASE_SHEAR:g} % of the weight.",
@@ -111,7 +119,8 @@ def story_model(
             f"# A building of {how_many(stories, 'story')}{made}, made by `tdint init`:",
             "# an example to replace.",
             f"name: {json.dumps(name, ensure_ascii=False)}",
-            f"units: {units.units}" + ("  # weights in kip; for masses add mass: kip*s^2/in" if system == "us" else ""),
+            f"units: {units.units}"
+            + ("  # weights in kip; for masses add mass: kip*s^2/in" if system == "us" else ""),
             f"# From the ground up: the floor's {units.load_key}, story height, initial stiffness, and how the story",
             *told,
             "stories:",
@@ -121,7 +130,9 @@ def story_model(
     )
 
 
-def _in_a_line(units: _System, loads: Sequence[float], omega: float) -> tuple[list[float], list[float]]:
+def _in_a_line(
+    units: _System, loads: Sequence[float], omega: float
+) -> tuple[list[float], list[float]]:
     """Stiffnesses and strengths with which the first mode is a straight line, in the system's units."""
     in_kg = MASS["t"] if units.load_key == "mass" else FORCE[units.force] / STANDARD_GRAVITY
     masses = [in_kg * load for load in loads]
@@ -135,14 +146,27 @@ def _in_a_line(units: _System, loads: Sequence[float], omega: float) -> tuple[li
 def _written(law: FittedLaw, units: _System) -> str:
     """A law as a model file has it; a parameter's dimension is force, length or none."""
     scale = {"force": FORCE[units.force], "length": LENGTH[units.length], "": 1.0}
-    values = [f"{name}: {value / scale[dimension]:.6g}" for name, value, dimension in law.parameters]
-    points = ", ".join(f"[{d / scale['length']:.6g}, {f / scale['force']:.6g}]" for d, f in law.backbone)
-    backbone = [f"backbone: [{points}]", "pinching: {drift: 1, force: 1, unloading: 0}"] if points else []
+    values = [
+        f"{name}: {value / scale[dimension]:.6g}" for name, value, dimension in law.parameters
+    ]
+    points = ", ".join(
+        f"[{d / scale['length']:.6g}, {f / scale['force']:.6g}]" for d, f in law.backbone
+    )
+    backbone = (
+        [f"backbone: [{points}]", "pinching: {drift: 1, force: 1, unloading: 0}"] if points else []
+    )
     return ", ".join([f"type: {law.type}", *values, *backbone])
 
 
 def type_model(
-    name: str, *, structure: str, stories: int, year: int, area: float, system: str, motion: str | None
+    name: str,
+    *,
+    structure: str,
+    stories: int,
+    year: int,
+    area: float,
+    system: str,
+    motion: str | None,
 ) -> str:
     """A building of a Hazus type by rules: see `tdint.model.config.building_facts`; the area in m^2 or ft^2."""
     units = SYSTEMS[system]
@@ -156,12 +180,19 @@ def type_model(
             f"{units.area}^2. More",
             "# keys: height (of the whole building), zone, design_level, damping_ratio.",
             f"building: {{rules: mdof-lu, type: {structure}, stories: {stories}, year: {year}, area: {area:g}}}",
-            *_rest(units, motion, [f"{0.02 * story:.6g}" for story in range(1, stories + 1)], damping=False),
+            *_rest(
+                units,
+                motion,
+                [f"{0.02 * story:.6g}" for story in range(1, stories + 1)],
+                damping=False,
+            ),
         ]
     )
 
 
-def _rest(units: _System, motion: str | None, pulled: list[str], *, damping: bool = True) -> list[str]:
+def _rest(
+    units: _System, motion: str | None, pulled: list[str], *, damping: bool = True
+) -> list[str]:
     """Damping, load, analysis and units of the output."""
     lines = ["damping: 5%  # Rayleigh damping in modes 1 and 3, or the last one"] if damping else []
     lines.append("p_delta: false  # true: gravity acts on the displaced building")
@@ -183,7 +214,9 @@ def _rest(units: _System, motion: str | None, pulled: list[str], *, damping: boo
     return [*lines, f"output_units: {units.output}", ""]
 
 
-def first_model(stories: int = 5, *, period: float | None = None, name: str = "building", units: str = "si") -> str:
+def first_model(
+    stories: int = 5, *, period: float | None = None, name: str = "building", units: str = "si"
+) -> str:
     """The text of a first model that `load_model(io.StringIO(text))` takes: equal floors on bilinear stories, vibrating
     freely.
 
@@ -210,7 +243,9 @@ def first_model(stories: int = 5, *, period: float | None = None, name: str = "b
     """
     chosen = 0.1 * stories if period is None else period
     if stories < 1 or not 0.0 < chosen < math.inf or units not in SYSTEMS:
-        raise UsageError("a first model has stories from 1 on, a positive period, and units of si or us")
+        raise UsageError(
+            "a first model has stories from 1 on, a positive period, and units of si or us"
+        )
     return story_model(name, stories=stories, period=chosen, system=units, motion=None)
 
 
@@ -256,7 +291,9 @@ def read_story_curves(source: str) -> dict[int, tuple[Array, Array]]:
     shear, force = _column(table, "shear", FORCE)
     table.need("story")
     stories = np.array(table.numbers("story"))
-    values = np.array([np.array(table.numbers(drift)) * length, np.array(table.numbers(shear)) * force])
+    values = np.array(
+        [np.array(table.numbers(drift)) * length, np.array(table.numbers(shear)) * force]
+    )
     # Stories are numbered without a gap: one that is missing would shift all above it.
     count = int(stories.max()) if stories.size else 0
     curves = {story: values[:, stories == story] for story in range(1, count + 1)}
@@ -274,7 +311,9 @@ def read_story_curves(source: str) -> dict[int, tuple[Array, Array]]:
 
 def _column(table: CsvTable, name: str, units: dict[str, float]) -> tuple[str, float]:
     """The column of a quantity by its name with a unit, and that unit in SI."""
-    names = {f"{name}_{re.sub(r'[^a-z]', '', unit.lower())}": factor for unit, factor in units.items()}
+    names = {
+        f"{name}_{re.sub(r'[^a-z]', '', unit.lower())}": factor for unit, factor in units.items()
+    }
     for column, factor in names.items():
         if table.has(column):
             return column, factor
@@ -340,17 +379,23 @@ def _multilinear(d: Array, f: Array, start: float) -> Corners:
     # Points stay apart and below the last one, or two of them would make a jump.
     def points(corners: Array) -> Array:
         inside = np.sort(np.clip(corners, low, 1.0))
-        return np.append(np.minimum(inside + _GAP * np.arange(3), 1.0 - _GAP * np.arange(3, 0, -1)), 1.0)
+        return np.append(
+            np.minimum(inside + _GAP * np.arange(3), 1.0 - _GAP * np.arange(3, 0, -1)), 1.0
+        )
 
     # For given drifts the best shears follow in closed form: only drifts are searched.
     def shears(x: Array) -> tuple[Array, float]:
         hats = np.eye(5)[1:]
-        weights, rest = nnls(np.column_stack([np.interp(d, np.append(0.0, x), hat) for hat in hats]), f)
+        weights, rest = nnls(
+            np.column_stack([np.interp(d, np.append(0.0, x), hat) for hat in hats]), f
+        )
         return np.asarray(weights), float(rest**2)
 
     begin = np.array([0.3 * start, start, 0.5 * (1.0 + start)])
     search = {"xatol": 1e-7, "fatol": 1e-14, "maxiter": 2000}
-    best = points(minimize(lambda x: shears(points(x))[1], begin, method="Nelder-Mead", options=search).x)
+    best = points(
+        minimize(lambda x: shears(points(x))[1], begin, method="Nelder-Mead", options=search).x
+    )
     return np.concatenate([best, shears(best)[0]]), shears(best)[1]
 
 
@@ -358,7 +403,9 @@ def _bilinear_law(corners: Array, scale: float, top: float) -> FittedLaw:
     corner, first, second = corners
     hardening = float(np.clip(second / first, 0.0, 0.999))
     yield_force = ("yield_force", float(first * corner * top), "force")
-    return FittedLaw("bilinear", float(first * top / scale), (yield_force, ("hardening", hardening, "")))
+    return FittedLaw(
+        "bilinear", float(first * top / scale), (yield_force, ("hardening", hardening, ""))
+    )
 
 
 def _trilinear_law(corners: Array, scale: float, top: float) -> FittedLaw:
@@ -381,7 +428,9 @@ def _multilinear_law(corners: Array, scale: float, top: float) -> FittedLaw:
     return FittedLaw("multilinear-pinching", float(shears[0] / drifts[0]), (), backbone)
 
 
-_KINDS: dict[str, tuple[Callable[[Array, Array, float], Corners], Callable[[Array, float, float], FittedLaw]]] = {
+_KINDS: dict[
+    str, tuple[Callable[[Array, Array, float], Corners], Callable[[Array, float, float], FittedLaw]]
+] = {
     "bilinear": (partial(_broken_line, (1.0,), False), _bilinear_law),
     "trilinear": (partial(_broken_line, (0.4, 1.0), True), _trilinear_law),
     "multilinear": (_multilinear, _multilinear_law),

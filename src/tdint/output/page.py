@@ -53,7 +53,12 @@ code { font-size: 8pt; overflow-wrap: anywhere } ul { margin: 1mm 0 2.5mm; paddi
 _PAGE, _WIDTH = 262.0, 180.0
 _LINE, _LETTERS = 4.94, 96  # of a paragraph: 10 points times 1.4, letters of 1.87 mm
 _TABLE_LINE, _TABLE_LETTER = 4.2, 1.65
-_PARAGRAPH, _HEADING, _ROW, _FIGURE = 2.5, 12.0, 1.3, 9.5  # margins, of which the larger counts; a caption with them
+_PARAGRAPH, _HEADING, _ROW, _FIGURE = (
+    2.5,
+    12.0,
+    1.3,
+    9.5,
+)  # margins, of which the larger counts; a caption with them
 _KEPT = 34.0  # a heading with less below it goes to the next page with what it heads
 _WHITE = 52.0  # less than a quarter of a page: so much may stay white before a picture
 _LEAST_PART = 0.6  # of a picture's size: one that would be smaller waits for what comes behind it
@@ -126,7 +131,9 @@ class _Flow:
 
     def text(self, element: str, text: str, *, more: str = "", height: float = 0.0) -> None:
         """A paragraph: its element, what stands in it, and mm beside its lines."""
-        lines = sum(-(-max(len(line), 1) // _LETTERS) for line in re.sub("<br>", "\n", text).split("\n"))
+        lines = sum(
+            -(-max(len(line), 1) // _LETTERS) for line in re.sub("<br>", "\n", text).split("\n")
+        )
         self.body.append(f"<{element}{more}>{text}</{element.split()[0]}>")
         self.go(lines * _LINE + (height or _PARAGRAPH))
 
@@ -152,15 +159,22 @@ class _Flow:
     def picture(self, image: str, caption: str, ratio: float, *, last: bool = False) -> None:
         """A picture as large as there is room for; one that would be small waits for what comes behind it."""
         first = not any(text.startswith("<figure") for text in self.body)
-        whole, room = min(_WIDTH * ratio, _TALLEST if first else _USUAL), _PAGE - self.down - _FIGURE
+        whole, room = (
+            min(_WIDTH * ratio, _TALLEST if first else _USUAL),
+            _PAGE - self.down - _FIGURE,
+        )
         large = whole <= room
         if not large and room >= _WHITE - _FIGURE and room < _LEAST_PART * whole and not last:
             self.waiting.append((image, caption, ratio))
             return
         onward = self.kept(_WHITE) if not large else ""
-        height = min(whole, _PAGE - self.down - _FIGURE, math.inf if self.since < _SURE or first else _WHITE)
+        height = min(
+            whole, _PAGE - self.down - _FIGURE, math.inf if self.since < _SURE or first else _WHITE
+        )
         size = f'style="width: {min(height / ratio, _WIDTH):.0f}mm"'
-        self.body.append(f"<figure{onward}><img {size} {image}><figcaption>{caption}</figcaption></figure>")
+        self.body.append(
+            f"<figure{onward}><img {size} {image}><figcaption>{caption}</figcaption></figure>"
+        )
         self.go(height + _FIGURE)
 
     def place(self, *, last: bool = False) -> None:
@@ -190,7 +204,9 @@ def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> byt
     for text in once(told.warnings):
         flow.text("p", f"<strong>Warning:</strong> {_said(text)}", more=' class="w"')
     # Last come the files, each once.
-    files: list[tuple[Cell, ...]] = list(dict.fromkeys((given["file"], given["sha256"]) for given in told.inputs))
+    files: list[tuple[Cell, ...]] = list(
+        dict.fromkeys((given["file"], given["sha256"]) for given in told.inputs)
+    )
     for chapter in (*chapters, Chapter("Inputs", (Table(("file", DIGEST), files),))):
         # What there is nothing to say of has no heading.
         if parts := [part for part in chapter.parts if _has(part)]:
@@ -203,7 +219,8 @@ def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> byt
     text = (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n" + "\n".join(flow.body)
+        f"<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
+        + "\n".join(flow.body)
     )
     return (text + "\n</body>\n</html>\n").encode("utf-8", "replace")
 
@@ -240,7 +257,13 @@ def _plain(text: str) -> str:
 
     def written(found: re.Match[str]) -> str:
         value = float(found[0])
-        return "below 0.0001" if 0.0 < abs(value) < 1e-4 else f"{value:.0f}" if abs(value) >= 1e4 else f"{value:.4g}"
+        return (
+            "below 0.0001"
+            if 0.0 < abs(value) < 1e-4
+            else f"{value:.0f}"
+            if abs(value) >= 1e4
+            else f"{value:.4g}"
+        )
 
     return _POWER.sub(written, text)
 
@@ -276,14 +299,23 @@ def _add_table(flow: _Flow, table: Table) -> None:
         unit, factor = table.meanings.get(name, {}).get("unit", TEXT), 1.0
         error = " error" * name.endswith("_error")
         bare = name.removesuffix("_error").removesuffix(suffix(unit)).replace("_", " ")
-        largest = max((abs(cell) for cell in column if isinstance(cell, float) and math.isfinite(cell)), default=0.0)
+        largest = max(
+            (abs(cell) for cell in column if isinstance(cell, float) and math.isfinite(cell)),
+            default=0.0,
+        )
         if "drift_ratio" in name:
             unit, factor = "%", 0.01
         elif unit == "m" and 0.0 < largest < _MILLIMETERS:
             unit, factor = "mm", 1e-3
-        heads.append(escape(f"{bare}{error}" + ("" if unit in (TEXT, "1") else f" ({unit.replace('^2', '²')})")))
+        heads.append(
+            escape(
+                f"{bare}{error}" + ("" if unit in (TEXT, "1") else f" ({unit.replace('^2', '²')})")
+            )
+        )
         sides.append(' class="d"' if name == DIGEST else ' class="t"' if unit == TEXT else "")
-        if name == "record":  # files by the names that tell them apart: where they lie stands under Inputs
+        if (
+            name == "record"
+        ):  # files by the names that tell them apart: where they lie stands under Inputs
             called = figures.style.record_names(map(str, column))
             column = [called[str(cell)] for cell in column]
         written = [_shown(converted(cell, factor), largest / factor) for cell in column]
@@ -302,19 +334,26 @@ def _add_table(flow: _Flow, table: Table) -> None:
         part = min(1.0, max(words, 20.0) / max(sum(most[i] for i in wide), 1))
         head = "".join(f"<th{sides[i]}>{heads[i]}</th>" for i in columns)
         one_line = numbers + sum(len(heads[i]) for i in columns) < words + numbers
-        high = (1 if one_line else max(-(-len(heads[i]) // 15) for i in columns)) * _TABLE_LINE + _ROW
+        high = (
+            1 if one_line else max(-(-len(heads[i]) // 15) for i in columns)
+        ) * _TABLE_LINE + _ROW
         onward = flow.kept(high + 3.0 * (_TABLE_LINE + _ROW))
         flow.go(high + 1.0)
         lines = []
         for number in range(len(table.rows)):
             row = "".join(f"<td{sides[i]}>{escape(cells[i][number])}</td>" for i in columns)
             lines.append(f"<tr>{row}</tr>")
-            tall = max((math.ceil(len(cells[i][number]) / max(part * most[i], 1.0)) for i in wide), default=1)
+            tall = max(
+                (math.ceil(len(cells[i][number]) / max(part * most[i], 1.0)) for i in wide),
+                default=1,
+            )
             step = max(tall, 1) * _TABLE_LINE + _ROW
             # The heading is there again on each page.
             flow.go(step if flow.down + step <= _PAGE else _PAGE - flow.down + high + step)
         rows = "\n".join(lines)
-        flow.body.append(f"<table{onward}><thead><tr>{head}</tr></thead><tbody>\n{rows}\n</tbody></table>")
+        flow.body.append(
+            f"<table{onward}><thead><tr>{head}</tr></thead><tbody>\n{rows}\n</tbody></table>"
+        )
 
 
 _MILLIMETERS = 0.01
@@ -329,5 +368,11 @@ def _shown(cell: Cell, largest: float = 1.0) -> str:
         return _plain(str(cell))
     text = f"{cell:.4g}"
     if "e" in text:
-        text = f"{float(text):.0f}" if abs(cell) >= 1.0 else "0" if abs(cell) < 1e-4 * largest else f"{cell:.7f}"
+        text = (
+            f"{float(text):.0f}"
+            if abs(cell) >= 1.0
+            else "0"
+            if abs(cell) < 1e-4 * largest
+            else f"{cell:.7f}"
+        )
     return text

@@ -111,14 +111,22 @@ def plot(
     shown = several[0] if kind.alone else several
     output_units = parse_output_units(units) if units else SI
     wide = figure_width(width, "plot:") if isinstance(width, str) else width
-    written = parse_style(style, "plot: style") if isinstance(style, str) else PrintedAs(style=str(style or "") or None)
+    written = (
+        parse_style(style, "plot: style")
+        if isinstance(style, str)
+        else PrintedAs(style=str(style or "") or None)
+    )
     printed = PrintedAs(wide, font, title, tuple((label or {}).items())).over(written)
     if ax is not None:
         # Axes of others: their figure decides on all but the lines.
         if file is not None or printed != PrintedAs():
-            raise UsageError("on axes that are there, size, letters and file are those of their figure")
+            raise UsageError(
+                "on axes that are there, size, letters and file are those of their figure"
+            )
         if kind.on_axes is None:
-            raise UsageError(f"a {type(several[0]).__name__} has no single panel: plot it without axes")
+            raise UsageError(
+                f"a {type(several[0]).__name__} has no single panel: plot it without axes"
+            )
         with style_context():
             kind.on_axes(ax, shown, output_units.in_pictures)
         return ax
@@ -143,7 +151,9 @@ def _kind_of(results: _Shown) -> _Look:
     if looks and (len(results) == 1 or not looks.alone):
         return looks
     kinds_named = " and ".join(sorted(result.__name__ for result in kinds)) or "nothing"
-    raise UsageError(f"{'several of ' * (len(results) > 1)}{kinds_named}: there is no picture of it")
+    raise UsageError(
+        f"{'several of ' * (len(results) > 1)}{kinds_named}: there is no picture of it"
+    )
 
 
 def _compared(results: _Shown, units: OutputUnits) -> Figure:
@@ -163,13 +173,17 @@ _INFO = _Look(
 )
 _LOOKS: dict[str, _Look] = {
     "Chart": _Look(
-        lambda result, _: assessment.chart_picture(result, name="Time against accuracy", target="peak-drift"),
+        lambda result, _: assessment.chart_picture(
+            result, name="Time against accuracy", target="peak-drift"
+        ),
         alone=True,
     ),
     "Comparison": _Look(_compared),
     "CyclicTest": _Look(comparison.cyclic_picture, comparison.draw_loop, alone=True),
     "DriftSpectrum": _Look(spectrum_curves.drift_spectrum_picture),
-    "FieldChart": _Look(lambda result, _: comparison.profile_picture(result, target="peak-drift"), alone=True),
+    "FieldChart": _Look(
+        lambda result, _: comparison.profile_picture(result, target="peak-drift"), alone=True
+    ),
     "FloorSpectrum": _Look(runs.floor_picture),
     "FourierSpectrum": _Look(comparison.fourier_picture, comparison.draw_fourier),
     "Fragility": _Look(
@@ -188,7 +202,9 @@ _LOOKS: dict[str, _Look] = {
     ),
     "InelasticSpectrum": _Look(spectrum_curves.inelastic_picture),
     "Match": _Look(comparison.match_picture, comparison.draw_match, alone=True),
-    "ModalResponse": _Look(comparison.modal_response_picture, comparison.draw_modal_drifts, alone=True),
+    "ModalResponse": _Look(
+        comparison.modal_response_picture, comparison.draw_modal_drifts, alone=True
+    ),
     "Modes": _Look(
         lambda result, _: comparison.mode_picture(result, name="Modes"),
         lambda ax, result, _: comparison.draw_modes(ax, result),

@@ -82,11 +82,16 @@ def parse_style(text: str, of: str = "--style", before: PrintedAs = ON_SCREEN) -
     """
     # What is left between the parts are commas, or a quotation mark that nothing closes.
     if not text.strip() or re.sub(_PART, "", text).strip(","):
-        raise UsageError(f"{of} {text!r}: write a width (90mm), a style sheet (paper.mplstyle) or KEY=VALUE,...")
+        raise UsageError(
+            f"{of} {text!r}: write a width (90mm), a style sheet (paper.mplstyle) or KEY=VALUE,..."
+        )
     printed = before
     for part in (part.strip() for part in _PART.findall(text)):
         key, equals, value = part.partition("=")
-        key, value = (_QUOTED.sub(lambda match: match[1] or match[2] or "", words).strip() for words in (key, value))
+        key, value = (
+            _QUOTED.sub(lambda match: match[1] or match[2] or "", words).strip()
+            for words in (key, value)
+        )
         name = key.removeprefix("label:")
         # A style sheet and a width say by themselves what they are.
         if not equals and key.lower().endswith(".mplstyle"):
@@ -128,7 +133,9 @@ def figure_width(text: str, of: str = "--style") -> float:
     except (KeyError, ValueError):
         width = 0.0
     if not NARROWEST <= width <= WIDEST:
-        raise UsageError(f"{of} width {text!r}: write a length from 30 to 600 mm, such as 90mm or 3.5in")
+        raise UsageError(
+            f"{of} width {text!r}: write a length from 30 to 600 mm, such as 90mm or 3.5in"
+        )
     return width
 
 

@@ -53,14 +53,20 @@ LEFT_OUT = (
 """What a shear building leaves out."""
 
 
-def model_chapter(model: Model, units: OutputUnits = SI, peaks: StoryPeaks | None = None) -> Chapter:
+def model_chapter(
+    model: Model, units: OutputUnits = SI, peaks: StoryPeaks | None = None
+) -> Chapter:
     """The building: its stories from the ground up, period and damping ratio of its first mode, P-delta; with the peaks
     of a run the period of the isolators' secant stiffness there, too."""
     omega, damping = assemble(model).first_mode()
     p_delta = "with P-delta" if model.p_delta else "without P-delta"
     of_isolators = ""
     if any(story.isolator for story in model.stories):
-        told = f"; {_period_at(model, peaks):.4g} s with their secant stiffness at the peak drift" if peaks else ""
+        told = (
+            f"; {_period_at(model, peaks):.4g} s with their secant stiffness at the peak drift"
+            if peaks
+            else ""
+        )
         of_isolators = f" (before the isolators yield{told})"
     facts = (
         f"{how_many(len(model.stories), 'story')}, first period {2.0 * math.pi / omega:.4g} s{of_isolators} with "
@@ -74,14 +80,20 @@ def _period_at(model: Model, peaks: StoryPeaks) -> float:
     """The first period with the secant stiffness of isolators at their peak drifts, s."""
     stories = tuple(
         replace(story, stiffness=shear / drift) if story.isolator and drift > 0.0 else story
-        for story, shear, drift in zip(model.stories, peaks.peak_shear.tolist(), peaks.peak_drift.tolist(), strict=True)
+        for story, shear, drift in zip(
+            model.stories, peaks.peak_shear.tolist(), peaks.peak_drift.tolist(), strict=True
+        )
     )
     return 2.0 * math.pi / assemble(replace(model, stories=stories)).first_mode()[0]
 
 
 def damping_words(model: Model) -> str:
     """The damping besides dashpots, in a few words."""
-    left_out = "" if all(story.rayleigh for story in model.stories) else ", less what it would be in isolators"
+    left_out = (
+        ""
+        if all(story.rayleigh for story in model.stories)
+        else ", less what it would be in isolators"
+    )
     match model.damping:
         case RayleighRatio(ratios, modes):
             pairs = dict.fromkeys(zip(ratios, modes, strict=True))
@@ -123,11 +135,18 @@ _OF_STORIES = (
     "peak_displacement",
     "peak_absolute_acceleration",
 )
-_OF_SUITE = ("residual_drift", "peak_total_shear", "peak_absolute_acceleration", "peak_damper_force")
+_OF_SUITE = (
+    "residual_drift",
+    "peak_total_shear",
+    "peak_absolute_acceleration",
+    "peak_damper_force",
+)
 _ERRORS = "Estimated errors of the time integration, in percent; of residual drifts in percent of the peak drifts:"
 
 
-def run_page(response: Response, told: Told, *, floors: Sequence[FloorSpectrum] = (), units: OutputUnits = SI) -> bytes:
+def run_page(
+    response: Response, told: Told, *, floors: Sequence[FloorSpectrum] = (), units: OutputUnits = SI
+) -> bytes:
     """The page of a run.
 
     Parameters
@@ -142,19 +161,38 @@ def run_page(response: Response, told: Told, *, floors: Sequence[FloorSpectrum] 
     # A building with dampers has their forces in place of the restoring ones, a page has no room for both.
     damped = any(response.stories.peak_damper_force)
     places = {_quantity(whole, name): name for name in whole.columns}
-    names = [places[name] for name in _OF_STORIES if name in places and not (damped and name == "peak_shear")]
-    drawn = [Picture(lambda: figures.runs.run_picture(response, units), "Histories, energies, profiles, hysteresis")]
-    spectra = Picture(lambda: figures.runs.floor_picture(floors, units, title=model.name), "Floor spectra")
+    names = [
+        places[name]
+        for name in _OF_STORIES
+        if name in places and not (damped and name == "peak_shear")
+    ]
+    drawn = [
+        Picture(
+            lambda: figures.runs.run_picture(response, units),
+            "Histories, energies, profiles, hysteresis",
+        )
+    ]
+    spectra = Picture(
+        lambda: figures.runs.floor_picture(floors, units, title=model.name), "Floor spectra"
+    )
     chapters = [
         Chapter("Result", (list(told.said), *(drawn if response.history is not None else ()))),
-        Chapter("Peaks of the stories", (whole.chosen(["story", *names]), *_errors_of_run(response, whole, names))),
+        Chapter(
+            "Peaks of the stories",
+            (whole.chosen(["story", *names]), *_errors_of_run(response, whole, names)),
+        ),
         Chapter("Floor spectra", (spectra,) if floors else ()),
         model_chapter(model, units, response.stories),
         _motions([[(response.record, 1.0)]] if response.record else [], units),
-        _assumptions(f"{method_words(response.method)}, {how_many(response.steps, 'step')} of {response.dt:.6g} s", ()),
+        _assumptions(
+            f"{method_words(response.method)}, {how_many(response.steps, 'step')} of {response.dt:.6g} s",
+            (),
+        ),
         Chapter("Notes", (once(response.notes),)),
     ]
-    return page(model.name, f"Response in time of {model.name}: status {response.status}.", chapters, told)
+    return page(
+        model.name, f"Response in time of {model.name}: status {response.status}.", chapters, told
+    )
 
 
 def method_words(specification: str) -> str:
@@ -181,15 +219,27 @@ def _errors_of_run(response: Response, whole: Table, names: Sequence[str]) -> tu
     for name in shown:
         # A residual drift may be next to nothing, and its error a large part of that.
         over = cells[drift if name.startswith("residual") else name]
-        columns.append([_percent(error, size) for error, size in zip(cells[f"{name}_error"], over, strict=True)])
+        columns.append(
+            [
+                _percent(error, size)
+                for error, size in zip(cells[f"{name}_error"], over, strict=True)
+            ]
+        )
     labels = [_quantity(whole, name) for name in shown]
-    meanings = {label: {"meaning": "", "unit": "%"} for label in labels} | {"story": whole.meanings["story"]}
+    meanings = {label: {"meaning": "", "unit": "%"} for label in labels} | {
+        "story": whole.meanings["story"]
+    }
     return _ERRORS, Table(("story", *labels), list(zip(*columns, strict=True)), meanings)
 
 
 def _percent(error: Cell, size: Cell) -> float | None:
     """An error in percent of what it is one of, two digits; none where that is nothing."""
-    if not isinstance(error, float) or not isinstance(size, float) or math.isnan(error) or size == 0.0:
+    if (
+        not isinstance(error, float)
+        or not isinstance(size, float)
+        or math.isnan(error)
+        or size == 0.0
+    ):
         return None
     return float(f"{100.0 * error / abs(size):.2g}")
 
@@ -226,16 +276,31 @@ def suite_page(
         lambda: figures.runs.profile_picture(profiles, units, limit=limit, title=plan.name),
         f"Drifts, floor accelerations, total shears: motions, mean, largest{limits}",
     )
-    spectra = Picture(lambda: figures.runs.floor_suite_picture(floors, units), "Floor spectra: mean, envelope")
+    spectra = Picture(
+        lambda: figures.runs.floor_suite_picture(floors, units), "Floor spectra: mean, envelope"
+    )
     # Of many buildings the first ones: a page is read, not searched.
-    models = [item.subject() for item in {item.name: item for item in plan.buildings[:_MOST_MODELS]}.values()]
+    models = [
+        item.subject()
+        for item in {item.name: item for item in plan.buildings[:_MOST_MODELS]}.values()
+    ]
     methods = ", ".join(dict.fromkeys(method_words(item.method) for item in models))
     step_given = plan.settings.dt
-    step = f"{methods}, steps of {step_given:g} s" if step_given else f"{methods}, steps of the models or the records"
-    rest = ("runs go on with the ground at rest until the building is",) if plan.settings.until_rest else ()
+    step = (
+        f"{methods}, steps of {step_given:g} s"
+        if step_given
+        else f"{methods}, steps of the models or the records"
+    )
+    rest = (
+        ("runs go on with the ground at rest until the building is",)
+        if plan.settings.until_rest
+        else ()
+    )
     # What scaling and records leave doubtful stands at the top, as a warning.
     scaled, doubts = _scaling(plan, units)
-    of_records = [f"{item.record.source}: {text}" for item in plan.motions for text in item.record.warnings]
+    of_records = [
+        f"{item.record.source}: {text}" for item in plan.motions for text in item.record.warnings
+    ]
     warned = [text.partition(": ")[2] for text in of_records]
     chapters = [
         Chapter("Result", (list(told.said), *((profile,) if profiles else ()))),
@@ -252,7 +317,9 @@ def suite_page(
     whole = {"file": "the whole campaign, its fingerprint", "sha256": content["fingerprint"]}
     inputs = [*(told.inputs or content["inputs"]), whole]
     told = replace(told, warnings=[*told.warnings, *doubts, *of_records], inputs=inputs)
-    return page(plan.name, f"{runs['done']} of {how_many(runs['all'], 'run')}: {about}.", chapters, told)
+    return page(
+        plan.name, f"{runs['done']} of {how_many(runs['all'], 'run')}: {about}.", chapters, told
+    )
 
 
 def _over_motions(profile: Profile, units: OutputUnits) -> Chapter:
@@ -279,12 +346,22 @@ def _one_by_one(store: Store) -> Chapter:
     several = len({row[0] for row in rows}) > 1
     of_drift = ("peak_drift_ratio", "peak_drift_m")
     numbers = ("factor", *of_drift, "story", "ductility")
-    meanings = {name: {"meaning": "", "unit": "1"} for name in numbers} | {"peak_drift_m": {"unit": "m"}}
-    whole = Table(("building", "record", "component", *numbers, "status"), rows[:_MOST_MOTIONS], meanings)
+    meanings = {name: {"meaning": "", "unit": "1"} for name in numbers} | {
+        "peak_drift_m": {"unit": "m"}
+    }
+    whole = Table(
+        ("building", "record", "component", *numbers, "status"), rows[:_MOST_MOTIONS], meanings
+    )
     # A drift ratio says more than its length.
     left_out = of_drift[any(row[4] is not None for row in rows)]
-    shown = whole.chosen([name for name in whole.columns if name != left_out and (several or name != "building")])
-    more = f"The first {_MOST_MOTIONS} of {len(rows)} runs; runs.csv has all." if len(rows) > _MOST_MOTIONS else ""
+    shown = whole.chosen(
+        [name for name in whole.columns if name != left_out and (several or name != "building")]
+    )
+    more = (
+        f"The first {_MOST_MOTIONS} of {len(rows)} runs; runs.csv has all."
+        if len(rows) > _MOST_MOTIONS
+        else ""
+    )
     return Chapter("Motions one by one, largest drift first", (shown, more))
 
 
@@ -342,11 +419,15 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
     if not plan.factors:
         return (), []
     if not plan.scaled:
-        return (f"Factors: {plan.factors}; no file of `tdint scale` beside it says how they came about.",), []
+        return (
+            f"Factors: {plan.factors}; no file of `tdint scale` beside it says how they came about.",
+        ), []
     # In the words of the command: target or measure, rule, range, damping, pairs.
     settings = plan.scaled["settings"]
     aim = settings["target"] or " ".join(
-        f"{settings['measure']} = {settings['value']:.4g} {settings['unit']}".split() if settings["measure"] else ()
+        f"{settings['measure']} = {settings['value']:.4g} {settings['unit']}".split()
+        if settings["measure"]
+        else ()
     )
     words = [
         f"Factors: {plan.factors}, found by `tdint scale`",
@@ -358,10 +439,15 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
     words.append(f"{100.0 * settings['damping']:g} % damping")
     words += [f"pairs by their {settings['pairs']}"] if settings["pairs"] else []
     if settings["least_average_over_target"] is not None:
-        words.append(f"the average is {100.0 * settings['least_average_over_target']:.3g} % of the target at the least")
+        words.append(
+            f"the average is {100.0 * settings['least_average_over_target']:.3g} % of the target at the least"
+        )
     parts: list[Part] = ["; ".join(words) + "."]
     if settings["target"] and isinstance(plan.levels, GivenFactors):
-        wholes = {id(motion.whole): (motion.whole, plan.levels.by_motion[i]) for i, motion in enumerate(plan.motions)}
+        wholes = {
+            id(motion.whole): (motion.whole, plan.levels.by_motion[i])
+            for i, motion in enumerate(plan.motions)
+        }
         # Several factors for a motion are several suites, which one picture does not show.
         if all(len(factors) == 1 for _, factors in wholes.values()):
             scaling = Scaling(
@@ -373,16 +459,23 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
                 target=read_target(settings["target"]),
                 periods=np.geomspace(*settings["periods_s"]),
                 # Of the rules that check the average: the picture shows it, and 90 % of the target, by this.
-                least=None if (least := settings["least_average_over_target"]) is None else (least, math.nan),
+                least=None
+                if (least := settings["least_average_over_target"]) is None
+                else (least, math.nan),
             )
             parts.append(
-                Picture(partial(figures.collapse.suite_picture, scaling, units), "The scaled motions and the target")
+                Picture(
+                    partial(figures.collapse.suite_picture, scaling, units),
+                    "The scaled motions and the target",
+                )
             )
     return tuple(parts), [f"{plan.factors}: {text}" for text in plan.scaled.get("warnings", ())]
 
 
 def _motions(
-    levels: Sequence[Sequence[tuple[Record, float]]], units: OutputUnits, scaled: Sequence[Part] = ()
+    levels: Sequence[Sequence[tuple[Record, float]]],
+    units: OutputUnits,
+    scaled: Sequence[Part] = (),
 ) -> Chapter:
     """The ground motions as they were run, and their spectra, level by level, unless a picture of their scaling has
     these."""
@@ -448,13 +541,18 @@ def pushover_page(
         model_chapter(model, units),
         Chapter("Assumptions", ((*_PUSHED, *LEFT_OUT),)),
     ]
-    return page(model.name, f"Pushover of {model.name}, {result.pattern} pattern of forces.", chapters, told)
+    return page(
+        model.name, f"Pushover of {model.name}, {result.pattern} pattern of forces.", chapters, told
+    )
 
 
 def _words_of_methods(table: Table) -> Table:
     """The methods in words."""
     place = table.columns.index("method")
-    return replace(table, rows=[(*row[:place], _METHODS[str(row[place])], *row[place + 1 :]) for row in table.rows])
+    return replace(
+        table,
+        rows=[(*row[:place], _METHODS[str(row[place])], *row[place + 1 :]) for row in table.rows],
+    )
 
 
 _METHODS = {"n2": "N2, EN 1998-1 annex B", "coefficients": "ASCE 41-17, 7.4.3.3"}
@@ -472,13 +570,21 @@ def modal_page(result: ModalResponse, told: Told, units: OutputUnits = SI) -> by
     table = buildings.modal_response_table(result)
     table = table.chosen([name for name in table.columns if name == "story" or "_cqc" in name])
     chapters = [
-        Chapter("Result", (list(told.said), Picture(drawn, f"Peaks of the stories under {result.target.source}"))),
+        Chapter(
+            "Result",
+            (list(told.said), Picture(drawn, f"Peaks of the stories under {result.target.source}")),
+        ),
         Chapter("Peaks of the stories", (table.in_units(units),)),
         Chapter("Modes", (buildings.modal_share_table(result).in_units(units),)),
         model_chapter(model, units),
         Chapter("Assumptions", ((*_MODAL, *LEFT_OUT),)),
     ]
-    return page(model.name, f"Response spectrum analysis of {model.name}: {result.target.source}.", chapters, told)
+    return page(
+        model.name,
+        f"Response spectrum analysis of {model.name}: {result.target.source}.",
+        chapters,
+        told,
+    )
 
 
 _MODAL = (
@@ -489,16 +595,25 @@ _MODAL = (
 
 
 def comparison_page(
-    comparisons: Sequence[Comparison], draw: Callable[[], Figure], told: Told, fitted: Table | None, units: OutputUnits
+    comparisons: Sequence[Comparison],
+    draw: Callable[[], Figure],
+    told: Told,
+    fitted: Table | None,
+    units: OutputUnits,
 ) -> bytes:
     """The page of a building's result beside recordings; `fitted` are the values that were fitted to one of them."""
     response, units = comparisons[0].response, page_units(units)
     words = f"{method_words(response.method)}, steps of {response.dt:.6g} s"
     chapters = [
         Chapter("Result", (list(told.said), buildings.comparison_table(comparisons))),
-        Chapter("Recorded and computed", (Picture(draw, "Recorded and computed histories and spectra of the floors"),)),
+        Chapter(
+            "Recorded and computed",
+            (Picture(draw, "Recorded and computed histories and spectra of the floors"),),
+        ),
         Chapter("Fitted", (fitted,) if fitted else ()),
         model_chapter(response.model, units),
-        _assumptions(words, ("recording and result are taken to the same band, without shift of phase",)),
+        _assumptions(
+            words, ("recording and result are taken to the same band, without shift of phase",)
+        ),
     ]
     return page(response.model.name, f"{response.model.name} beside recordings.", chapters, told)

@@ -17,7 +17,15 @@ from tdint.system import CLOCKS, clock
 from tdint.units import suffix
 
 if TYPE_CHECKING:
-    from tdint.analysis.run.outcome import Collapse, ErrorEstimate, FailedRun, Response, Shock, StoryErrors, StoryPeaks
+    from tdint.analysis.run.outcome import (
+        Collapse,
+        ErrorEstimate,
+        FailedRun,
+        Response,
+        Shock,
+        StoryErrors,
+        StoryPeaks,
+    )
     from tdint.analysis.spectra.elastic import FirstMode
 
 
@@ -48,14 +56,23 @@ MEANINGS = {
     "stiffness_s": ("s", "Rayleigh coefficient of the initial stiffness matrix"),
     "start_J": ("J", "kinetic and stored energy at the start, relative to the ground"),
     "error": ("1", "imbalance of the energies over the largest input energy"),
-    "dts_s": ("s", "time step of the run that the errors come from; of a tolerance those of the pair"),
+    "dts_s": (
+        "s",
+        "time step of the run that the errors come from; of a tolerance those of the pair",
+    ),
     "drift_error": ("1", "largest estimated error of a peak drift over that drift"),
     "drift_error_story": ("1", "its story"),
     "tolerance": ("1", "what drift_error was asked to stay below"),
     "runs_for_the_step": ("1", "runs that were made to choose the step for the tolerance"),
     "samples_in_the_step": ("1", "sampling intervals of the record in the step that was chosen"),
-    "solves_at_record_step": ("1", "solves of a run with the record's own step, where one was made to choose"),
-    "moving_drift_m": ("m", "amplitude with which a drift still moves about its rest at the end, about"),
+    "solves_at_record_step": (
+        "1",
+        "solves of a run with the record's own step, where one was made to choose",
+    ),
+    "moving_drift_m": (
+        "m",
+        "amplitude with which a drift still moves about its rest at the end, about",
+    ),
     "moving_drift_story": ("1", "its story"),
     "rest_s": ("s", "time by which the building was at rest, where the run went on until then"),
     "start_s": ("s", "time of a shock's first sample in the sequence"),
@@ -68,12 +85,18 @@ MEANINGS = {
     "version": ("1", "version of this file's layout"),
 }
 MEANINGS |= {
-    f"{name}_J": ("J", f"{meaning}, at the end or the last time reached") for name, meaning in ENERGY_TERMS.items()
+    f"{name}_J": ("J", f"{meaning}, at the end or the last time reached")
+    for name, meaning in ENERGY_TERMS.items()
 }
-MEANINGS |= {f"{name}{suffix(one.unit)}": (one.unit, one.meaning) for name, one in DEMANDS_OF_DAMAGE.items()}
+MEANINGS |= {
+    f"{name}{suffix(one.unit)}": (one.unit, one.meaning) for name, one in DEMANDS_OF_DAMAGE.items()
+}
 MEANINGS |= {one.column: (one.unit, one.meaning) for one in DEMANDS}
 MEANINGS |= {one.of_place: ("1", f"its {one.place}") for one in DEMANDS}
-MEANINGS |= {f"{one.column}_error": (one.unit, f"estimated absolute error of {one.column}") for one in DEMANDS}
+MEANINGS |= {
+    f"{one.column}_error": (one.unit, f"estimated absolute error of {one.column}")
+    for one in DEMANDS
+}
 """Unit and meaning of the number under a key."""
 
 UNITS = {key: unit for key, (unit, _) in MEANINGS.items()}
@@ -181,7 +204,9 @@ def _ended(
     content |= {
         "record": motion_summary(record) if record else None,
         # What was not asked for is left out: `tdint rerun` goes by the arguments.
-        "settings": {name: value for name, value in (settings or {}).items() if value not in (None, [])},
+        "settings": {
+            name: value for name, value in (settings or {}).items() if value not in (None, [])
+        },
         "notes": list(notes),
         "inputs": inputs_summary(inputs),
         "versions": versions(),
@@ -193,7 +218,9 @@ def meanings(content: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     """Unit and meaning of every key of a summary under which there is a number."""
     # Settings are as they were given, and mean what the help says; parameters what the method's paper says.
     apart = ("settings", "method_parameters")
-    names = dict.fromkeys(_numbers({key: part for key, part in content.items() if key not in apart}))
+    names = dict.fromkeys(
+        _numbers({key: part for key, part in content.items() if key not in apart})
+    )
     return {key: {"meaning": MEANINGS[key][1], "unit": MEANINGS[key][0]} for key in names}
 
 
@@ -227,7 +254,9 @@ def peaks(stories: StoryPeaks) -> dict[str, float | int | None]:
 
 def peak_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float | None]:
     """Estimated errors of the numbers in `peaks`; None where there is none."""
-    errors_by_column = {f"{demand.column}_error": demand.error(stories, errors) for demand in DEMANDS}
+    errors_by_column = {
+        f"{demand.column}_error": demand.error(stories, errors) for demand in DEMANDS
+    }
     return {key: None if math.isnan(error) else error for key, error in errors_by_column.items()}
 
 
@@ -240,7 +269,11 @@ def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
             damping = {"type": "rayleigh", "ratios": list(ratios), "modes": list(modes)}
         case ModalDamping(ratios):
             damping = {"type": "modal", "ratios": list(ratios)}
-    content: dict[str, Any] = {"stories": len(model.stories), "p_delta": model.p_delta, "damping": damping}
+    content: dict[str, Any] = {
+        "stories": len(model.stories),
+        "p_delta": model.p_delta,
+        "damping": damping,
+    }
     # Without a first mode, or a record, there is no spectral acceleration at its period.
     if first is not None:
         content |= {"t1_s": first.period, "t1_damping": first.damping}
@@ -252,7 +285,12 @@ def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
 def _shock(shock: Shock) -> dict[str, Any]:
     errors = peak_errors(shock.stories, shock.errors) if shock.errors else None
     record = motion_summary(shock.record)
-    return {"record": record, "start_s": shock.start, "peaks": peaks(shock.stories), "errors": errors}
+    return {
+        "record": record,
+        "start_s": shock.start,
+        "peaks": peaks(shock.stories),
+        "errors": errors,
+    }
 
 
 def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] | None:
@@ -288,7 +326,9 @@ def _damage(response: Response) -> dict[str, Any]:
         "state": damage.state[0],
         "outcomes": [
             {"outcome": outcome, "probability": probability}
-            for outcome, probability in zip(states.outcomes, damage.probability[0].tolist(), strict=True)
+            for outcome, probability in zip(
+                states.outcomes, damage.probability[0].tolist(), strict=True
+            )
         ],
         **({"loss_ratio": float(damage.loss[0])} if states.losses else {}),
     }
@@ -298,4 +338,9 @@ def _damage(response: Response) -> dict[str, Any]:
 def _collapse(collapse: Collapse | None) -> dict[str, Any] | None:
     if collapse is None:
         return None
-    return {"time_s": collapse.time, "story": collapse.story, "run_ended": collapse.ended, "failed": collapse.failed}
+    return {
+        "time_s": collapse.time,
+        "story": collapse.story,
+        "run_ended": collapse.ended,
+        "failed": collapse.failed,
+    }

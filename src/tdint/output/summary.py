@@ -59,7 +59,10 @@ def record_summary(record: Record) -> dict[str, Any]:
 
 
 def table_summary(
-    command: str, settings: dict[str, Any], records: Sequence[dict[str, Any]], meanings: Mapping[str, Mapping[str, str]]
+    command: str,
+    settings: dict[str, Any],
+    records: Sequence[dict[str, Any]],
+    meanings: Mapping[str, Mapping[str, str]],
 ) -> dict[str, Any]:
     """Content of the JSON file beside a table.
 
@@ -105,8 +108,15 @@ def campaign_summary(store: Store) -> dict[str, Any]:
         "buildings": buildings,
         "inputs": [{"file": file, "sha256": digest} for file, digest in store.files().items()],
         "records": [dict(zip(keys, row, strict=True)) for row in records],
-        "runs": {"all": int(store.meta("runs")), "done": sum(statuses.values()), "by_status": statuses},
-        "not_used": {f"{kind}s": {"count": len(reasons), "reasons": reasons} for kind, reasons in unused.items()},
+        "runs": {
+            "all": int(store.meta("runs")),
+            "done": sum(statuses.values()),
+            "by_status": statuses,
+        },
+        "not_used": {
+            f"{kind}s": {"count": len(reasons), "reasons": reasons}
+            for kind, reasons in unused.items()
+        },
         "repeated_with_finer_steps": store.count("repeats > 0"),
         "not_at_rest_at_their_end": store.count("at_rest = 0"),
         "processor_time_s": store.seconds(),
@@ -120,7 +130,11 @@ def campaign_summary(store: Store) -> dict[str, Any]:
 
 def without_error(store: Store) -> int | None:
     """Runs with demands whose errors could not be estimated; None where this was not asked for."""
-    return store.count("peak_drift_m IS NOT NULL AND peak_drift_m_error IS NULL") if store.checked else None
+    return (
+        store.count("peak_drift_m IS NOT NULL AND peak_drift_m_error IS NULL")
+        if store.checked
+        else None
+    )
 
 
 def schema(name: str) -> dict[str, str | int]:
@@ -140,7 +154,9 @@ def in_units(
     keys : mapping
         SI units of keys, beside those that summaries share.
     """
-    result: dict[str, Any] = content if units == SI else _in_units(content, units, {**_UNITS, **keys}, 1.0)
+    result: dict[str, Any] = (
+        content if units == SI else _in_units(content, units, {**_UNITS, **keys}, 1.0)
+    )
     return result
 
 
@@ -218,7 +234,8 @@ def motion_summary(record: Record) -> dict[str, Any]:
         "scale": record.scale,
         "processing": list(record.processing),
         "warnings": list(record.warnings),
-        "compared_with_file": list(record.compared) or ["nothing: the file states no number that its samples tell too"],
+        "compared_with_file": list(record.compared)
+        or ["nothing: the file states no number that its samples tell too"],
     }
 
 
@@ -244,13 +261,21 @@ def versions() -> dict[str, Any]:
     of the files of plug-ins, by name, where there are any."""
     packages = {package: _version(package) for package in _PACKAGES}
     own_version, sources = version_of_sources()
-    told = {"tdint": own_version, **packages, "python": platform.python_version(), "sources": sources}
+    told = {
+        "tdint": own_version,
+        **packages,
+        "python": platform.python_version(),
+        "sources": sources,
+    }
     return told | ({"plugins": code_of(CODE)} if CODE else {})
 
 
 @cache
 def _version(package: str) -> str | None:
-    from importlib.metadata import PackageNotFoundError, version  # 14 ms, and asked for where a JSON file is written
+    from importlib.metadata import (
+        PackageNotFoundError,
+        version,
+    )  # 14 ms, and asked for where a JSON file is written
 
     try:
         return version(package)
@@ -287,7 +312,9 @@ def chart_summary(
         "model": asdict(model_input(model)),
         "record": record_summary(record) if record else None,
         "target": target,
-        "method_parameters": _parameters_of(point.line for chart in charts for point in chart.points),
+        "method_parameters": _parameters_of(
+            point.line for chart in charts for point in chart.points
+        ),
         "interval_s": charts[0].interval,
         "timing": [_timing(chart.timing) for chart in charts],
         "references": [
@@ -296,7 +323,10 @@ def chart_summary(
                 "method": chart.reference.method,
                 "dt_s": chart.reference.dt,
                 "confirmed_by": chart.reference.confirmed_by,
-                "gap": {quantity.replace("-", "_"): chart.reference.gap.of(quantity) for quantity in QUANTITIES},
+                "gap": {
+                    quantity.replace("-", "_"): chart.reference.gap.of(quantity)
+                    for quantity in QUANTITIES
+                },
             }
             for chart in charts
         ],
@@ -323,7 +353,17 @@ def field_summary(
     """Content of the JSON file beside the table of performance profiles: the problems, how well their references are
     known, all that was measured, what is recommended."""
     peaks = [name.replace("-", "_") for name in PEAKS]
-    names = ("name", "motion", "reason", "stories", "interval", "duration", "ductility", "changes", "confirmed_by")
+    names = (
+        "name",
+        "motion",
+        "reason",
+        "stories",
+        "interval",
+        "duration",
+        "ductility",
+        "changes",
+        "confirmed_by",
+    )
     return {
         "schema": schema("profiles"),
         "command": "chart",
@@ -342,7 +382,14 @@ def field_summary(
             for case in chart.measured
         ],
         # What stands in the lists of points: a field has thousands, and each would name its numbers.
-        "points": ["method", "dt_s", "outcome", "solves", "time_min_s", *(f"{quantity}_error" for quantity in peaks)],
+        "points": [
+            "method",
+            "dt_s",
+            "outcome",
+            "solves",
+            "time_min_s",
+            *(f"{quantity}_error" for quantity in peaks),
+        ],
         "recommended": chart.leaders()._asdict(),
         "timing": _timing(chart.timing),
         "peers": [asdict(peer) for peer in chart.peers],
@@ -409,7 +456,12 @@ def comparison_summary(
     if fitted is not None:
         table = fitted_table(fitted.values, units)
         values = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
-        fit = {"runs": fitted.runs, "values": values, "notes": list(fitted.notes), "columns": table.meanings}
+        fit = {
+            "runs": fitted.runs,
+            "values": values,
+            "notes": list(fitted.notes),
+            "columns": table.meanings,
+        }
     inputs = [model_input(model)]
     for event in (comparison.event for comparison in comparisons):
         inputs += [input_of(event.recording.source, event.recording.text), *event.inputs]
@@ -442,7 +494,10 @@ def _event(comparison: Comparison) -> dict[str, Any]:
         "shift_s": comparison.shift,
         "floors": [
             {"floor": floor.floor, "quantity": floor.quantity, "samples": floor.time.size}
-            | {name: getattr(floor, name) for name in ("correlation", "peak_ratio", "rms_difference")}
+            | {
+                name: getattr(floor, name)
+                for name in ("correlation", "peak_ratio", "rms_difference")
+            }
             for floor in comparison.floors
         ],
         "notes": [*event.notes, *response.notes],

@@ -66,7 +66,9 @@ def test_the_soft_node_follows_the_limit_of_a_rigid_base():
     times = np.linspace(0.0, 10.0, 101)
     u = smooth(lambda t, u, v: math.sin(1.2 * t) - u, 0.0, 0.0, times)[0]
     assert soft_node_motion(times) == pytest.approx(u, abs=1e-11)
-    assert soft_node_motion(times) == pytest.approx(2.7273 * np.sin(times) - 2.2727 * np.sin(1.2 * times), abs=1e-4)
+    assert soft_node_motion(times) == pytest.approx(
+        2.7273 * np.sin(times) - 2.2727 * np.sin(1.2 * times), abs=1e-4
+    )
 
 
 def test_the_pair_has_the_pendulums_frequencies():
@@ -75,12 +77,16 @@ def test_the_pair_has_the_pendulums_frequencies():
     assert sorted(omega) == pytest.approx([math.sqrt(9.81), math.sqrt(1e8)], rel=1e-6)
 
 
-@pytest.mark.parametrize("name", [name for name in problems() if not problems()[name].model.excitation.forces])
+@pytest.mark.parametrize(
+    "name", [name for name in problems() if not problems()[name].model.excitation.forces]
+)
 def test_the_energy_in_closed_form_is_that_of_the_compiled_run(name):
     """At the start and at the end, where no support moves."""
     problem = problems()[name]
     dt, steps = problem.steps[0]
-    response = run(problem.model, method="impulse4:rho_inf=0.5", dt=dt, duration=dt * steps, history=True)
+    response = run(
+        problem.model, method="impulse4:rho_inf=0.5", dt=dt, duration=dt * steps, history=True
+    )
     energy = problem.energy(response.history)
     assert energy[0] == pytest.approx(response.energy.start, rel=1e-12)
     assert energy[0] == pytest.approx(problem.energy_scale, rel=1e-6)
@@ -94,7 +100,9 @@ def test_the_model_files_are_the_problems(name, file):
     problem, model = problems()[name], load_model(CONFIGS / f"{file}.yaml")
     assert model.stories == problem.model.stories
     assert model.excitation == problem.model.excitation
-    assert model.initial.displacement == pytest.approx(problem.model.initial.displacement, rel=1e-15)
+    assert model.initial.displacement == pytest.approx(
+        problem.model.initial.displacement, rel=1e-15
+    )
     assert model.initial.velocity == problem.model.initial.velocity
     steps = dict(problem.steps)[model.analysis.dt]
     assert model.analysis.duration == pytest.approx(steps * model.analysis.dt, rel=1e-12)
@@ -122,7 +130,9 @@ def test_verdicts(method, name, dt, verdict):
     found = trial(method, name, dt)
     assert (found.outcome, found.verdict) == ("done", verdict)
     if verdict in ("gains energy", "loses energy"):
-        assert found.measure == (found.energy_ratio_max if verdict == "gains energy" else found.energy_ratio_min)
+        assert found.measure == (
+            found.energy_ratio_max if verdict == "gains energy" else found.energy_ratio_min
+        )
     if name in ("stiff-node", "stiff-pair"):
         assert found.error == found.measure
 
@@ -144,7 +154,12 @@ def test_explicit_model_based_methods_blow_up_in_a_hardening_story():
         assert (blown.outcome, blown.verdict) == ("diverged", "blows up")
         assert blown.time == pytest.approx(blown.steps * blown.dt)
         assert blown.steps < 10
-        assert all(map(math.isnan, (blown.energy_ratio_min, blown.energy_ratio_max, blown.error, blown.measure)))
+        assert all(
+            map(
+                math.isnan,
+                (blown.energy_ratio_min, blown.energy_ratio_max, blown.error, blown.measure),
+            )
+        )
 
 
 def test_the_dissipative_member_of_impulse4_at_the_stiff_and_soft_node():
@@ -153,7 +168,9 @@ def test_the_dissipative_member_of_impulse4_at_the_stiff_and_soft_node():
     assert trial("impulse4:rho_inf=0.5", "soft-node").error == pytest.approx(2.3e-3, rel=0.02)
     assert math.isnan(trial("impulse4", "stiff-node").energy_ratio_min)
     # The largest energy is that of an infinite stiffness, to what the steps make of it.
-    assert trial("impulse4:rho_inf=0.5", "stiff-node").energy_ratio_max == pytest.approx(1.0, abs=2e-3)
+    assert trial("impulse4:rho_inf=0.5", "stiff-node").energy_ratio_max == pytest.approx(
+        1.0, abs=2e-3
+    )
 
 
 # ---- README
@@ -162,9 +179,13 @@ def test_the_dissipative_member_of_impulse4_at_the_stiff_and_soft_node():
 def digest():
     """Rows of the digest in the methods' README: problem, dt, method, text of the cell."""
     lines = [line.strip("|").split("|") for line in readmes.digest("failures").splitlines() if line]
-    header, *body = [[cell.strip(" `") for cell in line] for line in lines if not line[0].startswith("---")]
+    header, *body = [
+        [cell.strip(" `") for cell in line] for line in lines if not line[0].startswith("---")
+    ]
     return [
-        (row[0], float(row[1]), method, cell) for row in body for method, cell in zip(header[2:], row[2:], strict=True)
+        (row[0], float(row[1]), method, cell)
+        for row in body
+        for method, cell in zip(header[2:], row[2:], strict=True)
     ]
 
 
@@ -200,7 +221,11 @@ def measured_from(method, name, dt, part):
 
 @pytest.mark.parametrize(
     ("method", "name"),
-    [("central-difference", "limit-2"), ("fox-goodwin", "limit-sqrt-6"), ("newmark-linear", "limit-sqrt-12")],
+    [
+        ("central-difference", "limit-2"),
+        ("fox-goodwin", "limit-sqrt-6"),
+        ("newmark-linear", "limit-sqrt-12"),
+    ],
 )
 def test_below_and_above_the_limit(method, name):
     below, above = attempt(parse(method), problems()[name])
@@ -212,7 +237,9 @@ def test_overshoot():
     """Wilson's method overshoots from both starts, U0-V0 and impulse4 from none, cr from a velocity only."""
     for method, expected in {"wilson": (True, True), "u0v0": (False, False), "impulse4": (False, False),
                              "cr": (False, True)}.items():  # fmt: skip
-        found = tuple(trial(method, f"overshoot-{start}").verdict for start in ("displacement", "velocity"))
+        found = tuple(
+            trial(method, f"overshoot-{start}").verdict for start in ("displacement", "velocity")
+        )
         assert found == tuple("overshoots" if one else "pass" for one in expected)
     # It grows with the square of omega dt.
     assert trial("wilson", "overshoot-displacement").error > 100.0
@@ -241,5 +268,8 @@ def test_every_trial_ends_with_a_verdict_and_its_numbers(name):
 
 
 def test_problems_by_name():
-    assert [problem.name for problem in find_problems(["sqrt-12", "softening", "sqrt-12"])] == ["sqrt-12", "softening"]
+    assert [problem.name for problem in find_problems(["sqrt-12", "softening", "sqrt-12"])] == [
+        "sqrt-12",
+        "softening",
+    ]
     assert find_problems([]) == list(problems().values())

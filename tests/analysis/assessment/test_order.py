@@ -74,7 +74,10 @@ def test_where_the_published_order_4_holds(problem, load, law, published):
 @pytest.mark.parametrize(
     ("method", "order"),
     [
-        *((method, 1.0) for method in ("hht", "wbz", "generalized-alpha:rho_inf=0.5", "u0v0", "kr-alpha")),
+        *(
+            (method, 1.0)
+            for method in ("hht", "wbz", "generalized-alpha:rho_inf=0.5", "u0v0", "kr-alpha")
+        ),
         ("newmark", 2.0),
         *((method, np.nan) for method in ("gauss4", "impulse", "houbolt", "exact")),
     ],
@@ -92,15 +95,17 @@ def test_errors_that_are_rounding_have_no_order(problem):
     observed = observed_order(parse("exact"), problem("record", "linear"))
     assert np.isnan(observed.order("displacement"))
     assert observed.displacement[-1] < 1e-12
-    assert observed_order(parse("exact"), problem("harmonic", "linear")).order("displacement") == pytest.approx(
-        2.0, abs=0.01
-    )
+    assert observed_order(parse("exact"), problem("harmonic", "linear")).order(
+        "displacement"
+    ) == pytest.approx(2.0, abs=0.01)
 
 
 def test_the_slope_is_that_of_the_finest_three():
     steps = 0.02 / 2.0 ** np.arange(5)
     errors = np.where(steps > 0.004, 1.0, steps**3)
-    observed = ObservedOrder("x", "free", "linear", np.nan, steps, errors, steps**2, steps, 1e-13 * steps)
+    observed = ObservedOrder(
+        "x", "free", "linear", np.nan, steps, errors, steps**2, steps, 1e-13 * steps
+    )
     assert observed.order("displacement") > 3.0
     assert observed.order("velocity") == pytest.approx(2.0)
     assert np.isnan(observed.order("own_acceleration"))
@@ -132,7 +137,10 @@ def test_the_exact_motion_satisfies_its_equation(problem, load, law):
         u, v, a = solved.exact[:, sample]
         assert a == pytest.approx(acceleration(0.0, u, v), rel=1e-9, abs=1e-9)
         np.testing.assert_allclose(
-            smooth(acceleration, u, v, [0.0, h])[:, -1], solved.exact[:2, sample + 1], rtol=1e-11, atol=1e-12
+            smooth(acceleration, u, v, [0.0, h])[:, -1],
+            solved.exact[:2, sample + 1],
+            rtol=1e-11,
+            atol=1e-12,
         )
 
 
@@ -182,7 +190,10 @@ def assert_same(one, other):
 @pytest.mark.parametrize(
     ("law", "methods"),
     [
-        ("linear", ("newmark", "generalized-alpha:rho_inf=1", "hht:alpha=0", "wbz:rho_inf=1", "u0v0:r=1")),
+        (
+            "linear",
+            ("newmark", "generalized-alpha:rho_inf=1", "hht:alpha=0", "wbz:rho_inf=1", "u0v0:r=1"),
+        ),
         ("duffing", ("newmark", "hht:alpha=0", "wbz:rho_inf=1")),
     ],
 )
@@ -196,7 +207,10 @@ def test_average_acceleration_by_other_names(law, methods):
 
 
 def test_impulse4_is_impulse_in_a_linear_building_under_a_sampled_record():
-    assert_same(history(LINEAR_BUILDING, "impulse4", noise(401)), history(LINEAR_BUILDING, "impulse", noise(401)))
+    assert_same(
+        history(LINEAR_BUILDING, "impulse4", noise(401)),
+        history(LINEAR_BUILDING, "impulse", noise(401)),
+    )
 
 
 def duffing():
@@ -212,7 +226,9 @@ def radau_iia(rate, y, h, steps):
         slopes = np.zeros((2, len(y)))
         for _ in range(30):  # each brings the stages ten times nearer
             stages = result[-1] + h * a @ slopes
-            slopes = np.array([rate((step + part) * h, stage) for part, stage in zip(c, stages, strict=True)])
+            slopes = np.array(
+                [rate((step + part) * h, stage) for part, stage in zip(c, stages, strict=True)]
+            )
         result.append(stages[1])
     return np.array(result)
 
@@ -220,7 +236,11 @@ def radau_iia(rate, y, h, steps):
 @pytest.mark.parametrize("law", ["linear", "duffing"])
 def test_impulse4_with_rho_inf_0_is_radau_iia(law):
     record, omega = noise(101), 2.0 * np.pi
-    case = duffing() if law == "duffing" else oscillator(omega, 0.05, displacement=(0.3,), velocity=(1.0,))
+    case = (
+        duffing()
+        if law == "duffing"
+        else oscillator(omega, 0.05, displacement=(0.3,), velocity=(1.0,))
+    )
 
     def rate(t, y):
         u, v = y

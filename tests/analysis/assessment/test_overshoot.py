@@ -74,7 +74,10 @@ WORDS = {
     NONE: "none", ALL_LEFT: "none", POWERS["exact"]: "none", VELOCITY: "velocity", BOTH: "displacement and velocity",
     DISPLACEMENT: "displacement", POWERS["cr"]: "displacement",
 }  # fmt: skip
-UNSTABLE = (*(method for method in POWERS if math.isfinite(parse(method).stability_limit)), "wilson:theta=1.36")
+UNSTABLE = (
+    *(method for method in POWERS if math.isfinite(parse(method).stability_limit)),
+    "wilson:theta=1.36",
+)
 
 
 def both(method, **more):
@@ -82,7 +85,9 @@ def both(method, **more):
 
 
 def powers(pair):
-    return [power for motion in pair for power in (motion.displacement_power, motion.velocity_power)]
+    return [
+        power for motion in pair for power in (motion.displacement_power, motion.velocity_power)
+    ]
 
 
 def test_the_table_holds_every_method():
@@ -91,7 +96,9 @@ def test_the_table_holds_every_method():
 
 @pytest.mark.parametrize("method", POWERS)
 def test_powers(method):
-    tolerance = 0.06 if method == "exact" else 0.02  # the amplitude of a sine is that of a few of its values
+    tolerance = (
+        0.06 if method == "exact" else 0.02
+    )  # the amplitude of a sine is that of a few of its values
     assert powers(both(method)) == pytest.approx(POWERS[method], abs=tolerance)
 
 
@@ -156,7 +163,10 @@ def test_powers_of_the_exact_motion_are_the_bound():
 
 # ---- Nonlinear motion: hardening u'' + 100 u (1 + 10 u^2) = 0 up to 1.5 m, softening u'' + 100 tanh u = 0 up to 4 m
 
-SPRINGS = {"hardening": lambda u: 100.0 * u * (1.0 + 10.0 * u**2), "softening": lambda u: 100.0 * math.tanh(u)}
+SPRINGS = {
+    "hardening": lambda u: 100.0 * u * (1.0 + 10.0 * u**2),
+    "softening": lambda u: 100.0 * math.tanh(u),
+}
 PULLED = {"hardening": 1.5, "softening": 4.0}
 FASTEST = {
     "hardening": math.sqrt(100.0 * 1.5**2 + 500.0 * 1.5**4),
@@ -212,11 +222,15 @@ def test_moment4_does_not_overshoot_in_nonlinear_motion(law, start, dt_over_t):
 
 
 def test_what_ran_away_is_infinitely_large():
-    assert overshoot("central-difference", "displacement", law="hardening").largest == (math.inf, math.inf)
+    assert overshoot("central-difference", "displacement", law="hardening").largest == (
+        math.inf,
+        math.inf,
+    )
 
 
 @pytest.mark.parametrize(
-    ("method", "law", "words"), [("hht", "bent", "linear, hardening"), ("exact", "softening", "linear")]
+    ("method", "law", "words"),
+    [("hht", "bent", "linear, hardening"), ("exact", "softening", "linear")],
 )
 def test_a_law_that_there_is_not(method, law, words):
     with pytest.raises(UsageError, match=words):

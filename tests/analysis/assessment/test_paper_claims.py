@@ -20,7 +20,9 @@ def test_a_damping_that_lags_tightens_the_limit_of_the_central_difference(dampin
 
     def radius(w):
         # u(t + h) = (2 - w^2 - 2 xi w) u(t) - (1 - 2 xi w) u(t - h)
-        return np.max(np.abs(np.roots([1.0, w * w + 2.0 * damping * w - 2.0, 1.0 - 2.0 * damping * w])))
+        return np.max(
+            np.abs(np.roots([1.0, w * w + 2.0 * damping * w - 2.0, 1.0 - 2.0 * damping * w]))
+        )
 
     assert radius(limit * 0.999) <= 1.0 + 1e-12
     assert radius(limit * 1.001) > 1.0
@@ -33,7 +35,9 @@ def test_damping_relaxes_the_limit_of_newmark_with_gamma_above_a_half(damping):
     gamma = 0.6
     lead = damping * (gamma - 0.5)
     limit = (lead + math.sqrt(0.5 * gamma + lead**2)) / (0.5 * gamma)
-    assert critical_step(parse(f"newmark:beta=0:gamma={gamma}"), damping) == pytest.approx(limit, rel=1e-6)
+    assert critical_step(parse(f"newmark:beta=0:gamma={gamma}"), damping) == pytest.approx(
+        limit, rel=1e-6
+    )
 
 
 @pytest.mark.parametrize(("damping", "cusp"), [(0.0, 2.29), (0.05, 2.69)])
@@ -45,7 +49,9 @@ def test_the_cusp_of_wilson(damping, cusp):
     assert dt_over_t[lowest] == pytest.approx(cusp, abs=0.005)
     slopes = np.diff(radius) / np.diff(dt_over_t)
     assert slopes[lowest - 1] < 0.0 < slopes[lowest]
-    assert slopes[lowest] - slopes[lowest - 1] > 50.0 * np.max(np.abs(np.diff(slopes[: lowest - 1])))
+    assert slopes[lowest] - slopes[lowest - 1] > 50.0 * np.max(
+        np.abs(np.diff(slopes[: lowest - 1]))
+    )
 
 
 def test_the_first_frequency_of_example_3():

@@ -61,11 +61,15 @@ def test_the_model_files_are_the_examples(number, file):
 # ---- What the paper has
 
 
-@pytest.mark.parametrize(("number", "dt"), [(1, 0.001), (2, 0.001), pytest.param(3, 0.002, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("number", "dt"), [(1, 0.001), (2, 0.001), pytest.param(3, 0.002, marks=pytest.mark.slow)]
+)
 def test_what_the_paper_calls_exact(number, dt):
     """Linear acceleration with 0.001 s or 0.002 s: the same as a run of it, and off by 5e-5 m at most."""
     example = examples()[number]
-    history = run(example.model, method="newmark-linear", dt=dt, duration=example.duration, history=True).history
+    history = run(
+        example.model, method="newmark-linear", dt=dt, duration=example.duration, history=True
+    ).history
     paper = runs(number, 0.02)["rk5", ""].paper
     assert np.array_equal(paper.displacement, history.displacement[:: round(0.02 / dt)])
     assert 1e-5 < gap(example, 0.02, EXACT, exact_steps(example, 0.02)) < 5e-5
@@ -95,7 +99,9 @@ def test_the_reference_of_example_1_is_dop853():
     motion = reference(examples()[1], 0.02)
 
     def acceleration(t, u, v):
-        return (500 * math.cos(25 * t) - 200 * math.sin(10 * t) - 5 * v - 200 * u - 3 * u * u) / 10.0
+        return (
+            500 * math.cos(25 * t) - 200 * math.sin(10 * t) - 5 * v - 200 * u - 3 * u * u
+        ) / 10.0
 
     u, v = smooth(acceleration, 0.0, 0.0, motion.time)
     assert motion.displacement[:, 0] == pytest.approx(u, abs=5e-12)
@@ -129,7 +135,9 @@ def test_errors_of_example_1(method, errors):
 def test_rk5_and_its_load():
     """4.0e-8 with the load itself, 4.76e-3 with the load linear between the steps, 0.13 with the load held."""
     assert error(1, 0.02, "rk5") == pytest.approx(4.0e-8, rel=0.01)
-    assert error(1, 0.02, "rk5", "load linear between the steps") == pytest.approx(4.76e-3, rel=1e-3)
+    assert error(1, 0.02, "rk5", "load linear between the steps") == pytest.approx(
+        4.76e-3, rel=1e-3
+    )
     assert error(1, 0.02, "rk5", "load held over each step") == pytest.approx(0.13, abs=0.005)
 
 
@@ -138,7 +146,11 @@ def test_rk5_and_its_load():
 
 def digest():
     """Rows of the digest in the methods' README: method, variant, both errors of the three examples as they stand."""
-    lines = [line.strip("| ").split("|") for line in readmes.digest("examples").splitlines() if "`" in line]
+    lines = [
+        line.strip("| ").split("|")
+        for line in readmes.digest("examples").splitlines()
+        if "`" in line
+    ]
     rows = []
     for head, *cells in lines:
         method, _, variant = head.replace("`", "").strip().partition(", ")
@@ -201,7 +213,9 @@ def test_the_wrong_start_is_the_recursion_from_two_zeros():
 # ---- Runs without an end
 
 
-@pytest.mark.parametrize(("method", "outcome"), [("central-difference", "unstable-step"), ("exact", "refused")])
+@pytest.mark.parametrize(
+    ("method", "outcome"), [("central-difference", "unstable-step"), ("exact", "refused")]
+)
 def test_runs_without_an_end(method, outcome):
     (one, *_) = run_example(examples()[1], 0.5, [parse(method)])
     assert one.outcome == outcome

@@ -62,7 +62,11 @@ def test_period_error_and_numerical_damping(method):
 
 
 MEMBERS = (
-    *("bathe:rho_inf=0.0:gamma=0.95", "bathe:rho_inf=0.3:gamma=0.05", "bathe:rho_inf=1.0:gamma=0.95"),
+    *(
+        "bathe:rho_inf=0.0:gamma=0.95",
+        "bathe:rho_inf=0.3:gamma=0.05",
+        "bathe:rho_inf=1.0:gamma=0.95",
+    ),
     *("bathe:rho_inf=0.3", "bathe:rho_inf=0.8", "bathe:rho_inf=0.8:gamma=0.5", "bathe:rho_inf=1.0"),
     *("kr-alpha:rho_inf=0.0", "kr-alpha:rho_inf=0.5", "kr-alpha:rho_inf=1.0"),
 )
@@ -79,7 +83,12 @@ def test_declared_stability_limit(method):
 
 def test_which_methods_are_explicit():
     assert {name for name in catalogue() if not parse(name).implicit} == EXPLICIT
-    conditional = {"central-difference", "fox-goodwin", "newmark-linear", "rk5"}  # no limit at infinity to speak of
+    conditional = {
+        "central-difference",
+        "fox-goodwin",
+        "newmark-linear",
+        "rk5",
+    }  # no limit at infinity to speak of
     assert {name for name in catalogue() if math.isnan(parse(name).rho_inf)} == conditional
 
 
@@ -89,7 +98,8 @@ def test_wilson_below_1_366_is_unstable():
 
 
 @pytest.mark.parametrize(
-    "method", [method for method in (*catalogue(), *MEMBERS) if not math.isnan(parse(method).rho_inf)]
+    "method",
+    [method for method in (*catalogue(), *MEMBERS) if not math.isnan(parse(method).rho_inf)],
 )
 def test_declared_radius_at_infinity(method):
     """The matrix tends to its limit like 1 / (omega h)^2, and m roots that meet there like the m-th root of that: m is
@@ -119,24 +129,37 @@ def test_k_steps_are_the_kth_power_of_the_matrix(method, damping):
     memory = list(family.memory)
     units = h ** -np.array([float(family.derivatives[row]) for row in memory])[:, None]
     space = workspace(building, integrator)
-    space.state[memory, :-1] = units * np.random.default_rng(3).standard_normal((len(memory), omega.size))
+    space.state[memory, :-1] = units * np.random.default_rng(3).standard_normal(
+        (len(memory), omega.size)
+    )
     space.report[at.STEPS_DONE] = 100.0
     if at.ACCELERATION in memory:  # the march starts it from equilibrium
         u, v = space.state[0, :-1], space.state[at.VELOCITY, :-1]
-        space.state[at.ACCELERATION, :-1] = -(omega**2) * u - building.linear_terms[at.STORY_DAMPER, :-1] * v
+        space.state[at.ACCELERATION, :-1] = (
+            -(omega**2) * u - building.linear_terms[at.STORY_DAMPER, :-1] * v
+        )
     matrices = amplification(integrator, omega, np.full_like(omega, damping), h)
     powers = np.linalg.matrix_power(matrices, k)
     expected = np.einsum("jab,bj->aj", powers, space.state[memory, :-1])
-    assert PreparedBuilding(building).loop(integrator, h, np.zeros(1), space)(Steps(h, k), 0, k) == 0
-    np.testing.assert_allclose(space.state[memory, :-1] / units, expected / units, rtol=0.0, atol=1e-11)
+    assert (
+        PreparedBuilding(building).loop(integrator, h, np.zeros(1), space)(Steps(h, k), 0, k) == 0
+    )
+    np.testing.assert_allclose(
+        space.state[memory, :-1] / units, expected / units, rtol=0.0, atol=1e-11
+    )
 
 
 def test_oscillators_are_measured_alike_alone_and_together():
     """The coefficients of `exact` belong to a building; many oscillators share one."""
     integrator = parse("exact")
     omega, damping = np.geomspace(1e-3, 1e4, 60), np.tile([0.0, 0.05, 0.9], 20)
-    alone = [amplification(integrator, omega[j : j + 1], damping[j : j + 1], 1.0)[0] for j in range(omega.size)]
-    np.testing.assert_allclose(amplification(integrator, omega, damping, 1.0), alone, rtol=1e-13, atol=0.0)
+    alone = [
+        amplification(integrator, omega[j : j + 1], damping[j : j + 1], 1.0)[0]
+        for j in range(omega.size)
+    ]
+    np.testing.assert_allclose(
+        amplification(integrator, omega, damping, 1.0), alone, rtol=1e-13, atol=0.0
+    )
 
 
 def test_the_principal_root_is_found_at_any_step_alone():
@@ -155,7 +178,9 @@ def test_no_period_beyond_half_a_period():
     assert np.isnan(curve.period_error[2:]).all()
     np.testing.assert_allclose(curve.amplitude_decay[:2], 0.0, atol=1e-12)
     assert np.isnan(curve.amplitude_decay[2:]).all()
-    np.testing.assert_allclose(curve.spectral_radius, np.exp(-0.05 * 2.0 * math.pi * curve.dt_over_t), rtol=1e-12)
+    np.testing.assert_allclose(
+        curve.spectral_radius, np.exp(-0.05 * 2.0 * math.pi * curve.dt_over_t), rtol=1e-12
+    )
 
 
 def test_damping_of_the_oscillator_is_not_counted():
@@ -174,6 +199,10 @@ def test_declared_limits_are_the_measured_ones():
         integrator = parse(name)
         assert false_limit(integrator, critical_step(integrator)) == ""
     explicit, implicit = parse("central-difference"), parse("newmark-average")
-    assert "declares that it is stable up to omega dt 2, measured is 1.9" in false_limit(explicit, 1.9)
+    assert "declares that it is stable up to omega dt 2, measured is 1.9" in false_limit(
+        explicit, 1.9
+    )
     assert "measured is none up to 10000" in false_limit(explicit, math.inf)
-    assert "declares that it is stable up to omega dt inf, measured is 3.5" in false_limit(implicit, 3.5)
+    assert "declares that it is stable up to omega dt inf, measured is 3.5" in false_limit(
+        implicit, 3.5
+    )

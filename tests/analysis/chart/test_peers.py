@@ -23,14 +23,20 @@ from tdint.errors import UsageError
 from tdint.methods.catalogue import load_plugin, parse
 from tdint.model.definition import ModalDamping, RayleighCoefficients
 
-installed = pytest.mark.skipif(find_spec("openseespy") is None, reason="openseespy is not installed")
+installed = pytest.mark.skipif(
+    find_spec("openseespy") is None, reason="openseespy is not installed"
+)
 NOTHING = Errors(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def dashpots():
     """Dashpots that are in no proportion to the stiffness, a story that stays linear among bilinear ones."""
     weak = Law("bilinear", (4e4, 0.05))
-    stories = [story(1e3, 1e6, weak, dashpot=5e3), story(1e3, 8e5), story(8e2, 5e5, weak, dashpot=1e3)]
+    stories = [
+        story(1e3, 1e6, weak, dashpot=5e3),
+        story(1e3, 8e5),
+        story(8e2, 5e5, weak, dashpot=1e3),
+    ]
     return model(stories)
 
 
@@ -85,12 +91,22 @@ def opensees(request, monkeypatch, capfdbinary):
 
 @pytest.mark.usefixtures("opensees")
 @pytest.mark.parametrize(
-    ("name", "parts"), [("linear", 4), ("bilinear", 1), ("bilinear", 4), ("dashpots", 4), ("leaning", 4), ("forced", 1)]
+    ("name", "parts"),
+    [
+        ("linear", 4),
+        ("bilinear", 1),
+        ("bilinear", 4),
+        ("dashpots", 4),
+        ("leaning", 4),
+        ("forced", 1),
+    ],
 )
 def test_average_acceleration_of_openseespy_is_ours(name, parts):
     problem = PROBLEMS[name]()
     dt = problem.interval / parts
-    points, notes = openseespy_points(problem, [dt], ours(problem, "newmark-average", dt), repeats=1)
+    points, notes = openseespy_points(
+        problem, [dt], ours(problem, "newmark-average", dt), repeats=1
+    )
     assert notes == ([] if name == "linear" else [peers.ITERATED])
     point = next(point for point in points if point.line == "openseespy/newmark-average")
     assert (point.outcome, point.dt, point.steps) == ("done", dt, problem.samples * parts)
@@ -107,17 +123,27 @@ def test_a_law_is_shown_to_be_one_at_fine_steps(monkeypatch):
     gap, said = peers.opensees_gap(problem, reference, 2e-4)
     assert gap < 2e-4 and said.startswith("extrapolated to dt 0 from ")
     monkeypatch.setattr(peers, "_CHECKED", (2, 4))
-    monkeypatch.setitem(peers._MATERIALS, "bilinear", lambda k, _, f, b, *__: ("Steel01", f, k, 2.0 * b))
+    monkeypatch.setitem(
+        peers._MATERIALS, "bilinear", lambda k, _, f, b, *__: ("Steel01", f, k, 2.0 * b)
+    )
     assert peers.opensees_gap(problem, reference, 2e-4)[0] > 1e-2
 
 
 @installed
 @pytest.mark.parametrize(
-    "law", [Law("tanh", (2e4,)), Law("polynomial", (1e6, 0.0, 1e9)), Law("bouc-wen", (4e4, 0.05, 2.0, 0.5))]
+    "law",
+    [
+        Law("tanh", (2e4,)),
+        Law("polynomial", (1e6, 0.0, 1e9)),
+        Law("bouc-wen", (4e4, 0.05, 2.0, 0.5)),
+    ],
 )
 def test_curves_of_openseespy_are_ours(law):
     problem = pose(model([story(1e3, 1e6, law), story(1e3, 8e5)]), noise(samples=201, peak=6.0))
-    assert peers.opensees_gap(problem, ours(problem, "impulse4", problem.interval / 16), 2e-5)[0] <= 2e-5
+    assert (
+        peers.opensees_gap(problem, ours(problem, "impulse4", problem.interval / 16), 2e-5)[0]
+        <= 2e-5
+    )
 
 
 def test_a_curve_is_a_table_that_is_near_it():
@@ -130,7 +156,9 @@ def test_a_curve_is_a_table_that_is_near_it():
         drifts, forces = numbers[: len(numbers) // 2], numbers[len(numbers) // 2 + 1 :]
         assert (kind, strain, numbers[len(drifts)]) == ("ElasticMultiLinear", "-strain", "-stress")
         sought = np.linspace(-6.0, 6.0, 9_973)
-        np.testing.assert_allclose(np.interp(sought, drifts, forces), force(sought), atol=2e-6 * force(6.0))
+        np.testing.assert_allclose(
+            np.interp(sought, drifts, forces), force(sought), atol=2e-6 * force(6.0)
+        )
 
 
 @pytest.mark.usefixtures("opensees")
@@ -205,19 +233,27 @@ def test_an_openseespy_that_does_not_answer_is_one_line(monkeypatch, answer, wor
 
 @pytest.mark.skipif(find_spec("openseespy") is not None, reason="openseespy is installed")
 def test_the_worker_says_that_openseespy_is_missing():
-    done = subprocess.run([sys.executable, "-m", opensees_worker.__name__], input=b"", capture_output=True)
+    done = subprocess.run(
+        [sys.executable, "-m", opensees_worker.__name__], input=b"", capture_output=True
+    )
     assert done.returncode == opensees_worker.NOT_INSTALLED
 
 
-@pytest.mark.parametrize(("name", "part"), [("forced", 0.05), pytest.param("dashpots", 0.5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("name", "part"), [("forced", 0.05), pytest.param("dashpots", 0.5, marks=pytest.mark.slow)]
+)
 def test_the_errors_of_solve_ivp_fall_with_its_tolerance(name, part, monkeypatch):
     """By less where stories yield: the error estimates do not see how far a step went past a kink, and which steps meet
     one hangs on the last bits of a product of matrices (RK45: below .25 on one processor, .27 on another)."""
     monkeypatch.setattr(peers, "TOLERANCES", (1e-4, 1e-6))
     problem = PROBLEMS[name]()
-    points, notes = solve_ivp_points(problem, find_reference(problem, problem.samples, cached=False), seconds=60.0)
+    points, notes = solve_ivp_points(
+        problem, find_reference(problem, problem.samples, cached=False), seconds=60.0
+    )
     assert notes == []
-    assert [point.line for point in points] == [f"scipy/{method}" for method in peers.METHODS for _ in range(2)]
+    assert [point.line for point in points] == [
+        f"scipy/{method}" for method in peers.METHODS for _ in range(2)
+    ]
     for coarse, fine in zip(points[::2], points[1::2], strict=True):
         assert coarse.errors.displacement < 0.05
         assert fine.errors.displacement < part * coarse.errors.displacement
@@ -229,11 +265,17 @@ def test_solve_ivp_is_left_out_where_it_takes_long_or_cannot():
     problem = PROBLEMS["linear"]()
     points, notes = solve_ivp_points(problem, ours(problem, "impulse4", 0.01), seconds=0.0)
     assert points == []
-    assert notes == [f"scipy's {method} is left out from rtol 0.001 on: it takes over 0 s" for method in peers.METHODS]
+    assert notes == [
+        f"scipy's {method} is left out from rtol 0.001 on: it takes over 0 s"
+        for method in peers.METHODS
+    ]
     hardening = model([story(1.0, 400.0, Law("polynomial", (400.0, 0.0, 4.0)))])
     problem = pose(hardening, noise(samples=51))
     points, notes = solve_ivp_points(problem, ours(problem, "impulse4", 0.01))
-    assert (points, notes) == ([], ["scipy's solve_ivp is left out: a story's law is neither linear nor bilinear"])
+    assert (points, notes) == (
+        [],
+        ["scipy's solve_ivp is left out: a story's law is neither linear nor bilinear"],
+    )
 
 
 def test_peers_stand_behind_the_methods(monkeypatch):
@@ -243,7 +285,9 @@ def test_peers_stand_behind_the_methods(monkeypatch):
     both, notes = with_peers(problem, chart, [0.02], repeats=1)
     assert both.points[: len(chart.points)] == chart.points
     lines = [point.line for point in both.points]
-    assert [line for line in lines if line.startswith("scipy")] == [f"scipy/{name}" for name in peers.METHODS]
+    assert [line for line in lines if line.startswith("scipy")] == [
+        f"scipy/{name}" for name in peers.METHODS
+    ]
     assert any(line.startswith("openseespy") for line in lines) == (
         not any(note.startswith("openseespy is left out") for note in notes)
     )
@@ -267,7 +311,10 @@ def test_a_program_of_a_plugin_is_charted(leapfrog):
     assert notes == []
     assert [peer.name for peer in both.peers] == ["leapfrog"]
     coarse, fine = both.points[1:]
-    assert (coarse.method, coarse.line, fine.line) == ("leapfrog/leapfrog:parts=4", *2 * ["leapfrog/leapfrog"])
+    assert (coarse.method, coarse.line, fine.line) == (
+        "leapfrog/leapfrog:parts=4",
+        *2 * ["leapfrog/leapfrog"],
+    )
     assert (coarse.dt, coarse.steps, coarse.outcome, len(coarse.times)) == (0.0025, 1200, "done", 2)
     assert coarse.errors.displacement / fine.errors.displacement == pytest.approx(2.0, abs=0.1)
     assert math.isnan(coarse.errors.velocity)
@@ -277,10 +324,19 @@ def test_a_program_of_a_plugin_is_charted(leapfrog):
     ("function", "said"),
     [
         (lambda problem: problem.nothing, "AttributeError: "),
-        (lambda problem: (np.arange(3.0), np.zeros((3, 1))), "ValueError: gives times (3,) and displacements (3, 1)"),
-        (lambda problem: (0.01 * np.arange(3.0), np.zeros((3, 10))), "ValueError: ends at 0.02 s, before the last"),
+        (
+            lambda problem: (np.arange(3.0), np.zeros((3, 1))),
+            "ValueError: gives times (3,) and displacements (3, 1)",
+        ),
+        (
+            lambda problem: (0.01 * np.arange(3.0), np.zeros((3, 10))),
+            "ValueError: ends at 0.02 s, before the last",
+        ),
         (lambda problem: (0.003 * np.arange(3.0), np.zeros((3, 10))), "UsageError: "),
-        (lambda problem: (0.01 * np.arange(400.0) ** 1.5, np.zeros((400, 10))), "ValueError: gives times that do not"),
+        (
+            lambda problem: (0.01 * np.arange(400.0) ** 1.5, np.zeros((400, 10))),
+            "ValueError: gives times that do not",
+        ),
     ],
 )
 def test_what_a_program_of_a_plugin_gives_amiss_is_told(function, said, leapfrog, monkeypatch):

@@ -24,7 +24,12 @@ from tdint.analysis.chart.profiles import (
     measure_problem,
     read_problems,
 )
-from tdint.analysis.chart.work_precision import PerformanceProfile, Point, performance_ratios, within
+from tdint.analysis.chart.work_precision import (
+    PerformanceProfile,
+    Point,
+    performance_ratios,
+    within,
+)
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.methods.catalogue import parse
 
@@ -36,16 +41,26 @@ NAN, INF = math.nan, math.inf
 
 def test_ratios_are_costs_over_the_least_of_their_problem():
     costs = np.array([[1.0, 2.0, NAN], [4.0, 2.0, 8.0], [NAN, NAN, NAN]])
-    np.testing.assert_array_equal(performance_ratios(costs, [True] * 3), [[1.0, 2.0, INF], [2.0, 1.0, 4.0], [INF] * 3])
+    np.testing.assert_array_equal(
+        performance_ratios(costs, [True] * 3), [[1.0, 2.0, INF], [2.0, 1.0, 4.0], [INF] * 3]
+    )
     # One that is not ours leaves the least as it is.
     np.testing.assert_array_equal(
-        performance_ratios(costs, [True, False, False]), [[1.0, 2.0, INF], [1.0, 0.5, 2.0], [INF] * 3]
+        performance_ratios(costs, [True, False, False]),
+        [[1.0, 2.0, INF], [1.0, 0.5, 2.0], [INF] * 3],
     )
 
 
 def test_a_profile_counts_what_is_solved_at_a_factor():
     profile = PerformanceProfile("peak_drift", 0.01, "a", (1.0, 1.05, 3.0, INF), 4)
-    assert [profile.within(factor) for factor in (0.9, 1.0, 1.1, 2.0, 3.0, 1e9)] == [0, 1, 2, 2, 3, 3]
+    assert [profile.within(factor) for factor in (0.9, 1.0, 1.1, 2.0, 3.0, 1e9)] == [
+        0,
+        1,
+        2,
+        2,
+        3,
+        3,
+    ]
     assert (profile.problems, profile.solved, profile.median, profile.worst) == (4, 3, 2.025, 3.0)
     none = PerformanceProfile("peak_drift", 0.01, "a", (INF, INF), 2)
     assert (none.solved, none.median) == (0, INF) and math.isnan(none.worst)
@@ -65,35 +80,51 @@ def points(line, order, cost, error=1.0, fails=()):
 
 
 def measured(*lines, name="one", gap=0.0):
-    return Measured(name, "noise", "", 1, 1.0, 1.0, NAN, 0, "", PeakErrors(*3 * (gap,)), tuple(chain(*lines)))
+    return Measured(
+        name, "noise", "", 1, 1.0, 1.0, NAN, 0, "", PeakErrors(*3 * (gap,)), tuple(chain(*lines))
+    )
 
 
 def test_a_small_error_at_a_large_step_is_no_merit():
     line = points("a", 2, 1.0)
     line[0] = replace(line[0], errors=PeakErrors(0.0, 0.0, 0.0))  # 16 samples, by chance
-    assert [point.dt for point in within(line, "a", "peak_drift", 0.05)] == sorted(p for p in PARTS if p**2 <= 0.05)
+    assert [point.dt for point in within(line, "a", "peak_drift", 0.05)] == sorted(
+        p for p in PARTS if p**2 <= 0.05
+    )
     assert within(line, "b", "peak_drift", 0.05) == []
 
 
 def test_methods_of_two_orders_fare_as_their_formulas_say():
     """Order 2 at cost 1 a step, order 4 at cost 3: within e the steps are the largest part <= sqrt(e), e^(1/4)."""
-    chart = field_chart([measured(points("two", 2, 1.0), points("four", 4, 3.0), points("none", 0, 1.0))])
-    found = {(one.tolerance, one.method): one.ratios[0] for one in chart.profiles if one.quantity == "peak_drift"}
+    chart = field_chart(
+        [measured(points("two", 2, 1.0), points("four", 4, 3.0), points("none", 0, 1.0))]
+    )
+    found = {
+        (one.tolerance, one.method): one.ratios[0]
+        for one in chart.profiles
+        if one.quantity == "peak_drift"
+    }
     for tolerance in TOLERANCES:
         costs = [
             cost / max((part for part in PARTS if part**order <= tolerance), default=NAN)
             for order, cost in ((2, 1.0), (4, 3.0))
         ]
         for line, cost in zip(("two", "four"), costs, strict=True):
-            assert found[tolerance, line] == pytest.approx(INF if math.isnan(cost) else cost / np.nanmin(costs))
+            assert found[tolerance, line] == pytest.approx(
+                INF if math.isnan(cost) else cost / np.nanmin(costs)
+            )
         assert found[tolerance, "none"] == INF
     assert found[0.0001, "two"] == INF  # 1/16 has an error of 4e-3
     assert chart.lines == ["two", "four", "none"]
 
 
 def test_a_reference_judges_what_it_is_known_well_enough_for():
-    chart = field_chart([measured(points("a", 4, 1.0), gap=1e-3), measured(points("a", 4, 1.0), gap=1e-9)])
-    problems = {one.tolerance: one.problems for one in chart.profiles if one.quantity == "peak_acceleration"}
+    chart = field_chart(
+        [measured(points("a", 4, 1.0), gap=1e-3), measured(points("a", 4, 1.0), gap=1e-9)]
+    )
+    problems = {
+        one.tolerance: one.problems for one in chart.profiles if one.quantity == "peak_acceleration"
+    }
     assert problems == {0.1: 2, 0.03: 2, 0.01: 2, 0.003: 1, 0.001: 1, 0.0001: 1}
     with pytest.raises(AnalysisError, match="no reference is known well enough"):
         field_chart([measured(points("a", 4, 1.0), gap=1.0)]).leaders()
@@ -101,13 +132,24 @@ def test_a_reference_judges_what_it_is_known_well_enough_for():
 
 def test_leaders():
     """Cheap and coarse, dear and sure, and one that is for some problems only."""
-    both = [points("coarse", 1, 1.0, error=1e-2), points("sure", 4, 5.0, error=1e-6), points("fine", 4, 2.0, error=0.1)]
+    both = [
+        points("coarse", 1, 1.0, error=1e-2),
+        points("sure", 4, 5.0, error=1e-6),
+        points("fine", 4, 2.0, error=0.1),
+    ]
     blow = [
         points("coarse", 1, 1.0, fails=PARTS),
         points("sure", 4, 8.0, error=1e-6),
         points("fine", 4, 2.0, error=0.1),
     ]
-    chart = field_chart([measured(*both), measured(*both), measured(*blow), measured(*both, points("exact", 9, 1e-9))])
+    chart = field_chart(
+        [
+            measured(*both),
+            measured(*both),
+            measured(*blow),
+            measured(*both, points("exact", 9, 1e-9)),
+        ]
+    )
     leaders = chart.leaders()
     assert leaders.safest == "sure"
     assert leaders.coarse in ("coarse", "sure")
@@ -120,14 +162,20 @@ def test_leaders():
 def test_what_chooses_its_steps_stands_beside_the_methods():
     """A line with the time of all of it: it changes no ratio and is not recommended."""
     ours, choosing = points("a", 2, 1.0), points("a by tolerance", 9, 1e-9)
-    alone, beside = field_chart([measured(ours)]), field_chart([measured(choosing, ours, points("x/b", 2, 1.0))])
+    alone, beside = (
+        field_chart([measured(ours)]),
+        field_chart([measured(choosing, ours, points("x/b", 2, 1.0))]),
+    )
     assert beside.lines == ["a", "a by tolerance", "x/b"] and beside.leaders() == ("a", "a", "a")
     assert [p for p in beside.profiles if p.method == "a"] == list(alone.profiles)
 
 
 def test_other_programs_do_not_change_what_is_best():
     ours, theirs = points("a", 2, 1.0), points("prog/b", 2, 0.25)
-    alone, beside = field_chart([measured(ours)]), field_chart([measured(ours, theirs), measured(ours)])
+    alone, beside = (
+        field_chart([measured(ours)]),
+        field_chart([measured(ours, theirs), measured(ours)]),
+    )
     one = {(p.quantity, p.tolerance): p.ratios for p in alone.profiles}
     for profile in beside.profiles:
         if profile.method == "a":
@@ -165,7 +213,12 @@ def test_all_faults_of_a_file_of_problems_at_their_places(tmp_path):
     with pytest.raises(ModelError) as caught:
         read_problems(file)
     told = str(caught.value)
-    for part in ("4:6: records.b.file: is missing", "stiffnes", "scales.a: must not be zero", "scales.c: unknown key"):
+    for part in (
+        "4:6: records.b.file: is missing",
+        "stiffnes",
+        "scales.a: must not be zero",
+        "scales.c: unknown key",
+    ):
         assert part in told, told
 
 
@@ -182,15 +235,21 @@ def test_errors_are_those_of_runs_beside_fine_steps():
     """The fine ones of average acceleration, which has no part in the reference but to confirm it."""
     building, record = ten_bilinear(), noise(samples=161, peak=6.0)
     methods = [parse(name) for name in ("newmark-average", "impulse4", "moment4")]
-    found = measure_problem(FieldProblem("one", "noise", "", pose(building, record)), methods, repeats=1)
+    found = measure_problem(
+        FieldProblem("one", "noise", "", pose(building, record)), methods, repeats=1
+    )
     assert found.gap.worst < 2e-4
     fine = run(building, record, method="newmark-average", dt=record.dt / 128).stories
-    done = [point for point in found.points if point.errors is not None and point.dt < 8.5 * record.dt]
+    done = [
+        point for point in found.points if point.errors is not None and point.dt < 8.5 * record.dt
+    ]
     assert len(done) > 2 * len(methods)
     for point in done:
         peaks = run(building, record, method=point.method, dt=point.dt).stories
         again = [np.max(np.abs(getattr(peaks, name) / getattr(fine, name) - 1.0)) for name in PEAKS]
-        np.testing.assert_allclose([point.error(name) for name in PEAKS], again, atol=1e-3, rtol=1e-6)
+        np.testing.assert_allclose(
+            [point.error(name) for name in PEAKS], again, atol=1e-3, rtol=1e-6
+        )
 
 
 def test_many_from_python():
@@ -204,6 +263,12 @@ def test_many_from_python():
     assert chart.lines[3:] == ["impulse4 by tolerance"]
     chosen = [point for point in chart.measured[0].points if point.line == chart.lines[3]]
     assert [point.method for point in chosen] == ["impulse4 within 0.1", "impulse4 within 0.01"]
-    assert all(0.0 < point.error("peak_drift") <= e for point, e in zip(chosen, (0.1, 0.01), strict=True))
-    assert all(1 <= solved <= 2 for solved, e in zip(table["solved"], table["tolerance"], strict=True) if e == 0.1)
+    assert all(
+        0.0 < point.error("peak_drift") <= e for point, e in zip(chosen, (0.1, 0.01), strict=True)
+    )
+    assert all(
+        1 <= solved <= 2
+        for solved, e in zip(table["solved"], table["tolerance"], strict=True)
+        if e == 0.1
+    )
     assert min(ratio for one in chart.profiles for ratio in one.ratios) == 1.0

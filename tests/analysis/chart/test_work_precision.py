@@ -12,7 +12,14 @@ from building_cases import Force, Law, model, noise, oscillator, story, ten_bili
 from references import drifts, exact_linear
 from tdint import run, system
 from tdint.analysis.chart import problem as references
-from tdint.analysis.chart.problem import Errors, FloorMotion, errors, find_reference, pose, stretched
+from tdint.analysis.chart.problem import (
+    Errors,
+    FloorMotion,
+    errors,
+    find_reference,
+    pose,
+    stretched,
+)
 from tdint.analysis.chart.work_precision import (
     CHOOSING,
     Point,
@@ -33,7 +40,9 @@ HARDENING = Law("polynomial", (400.0, 0.0, 4000.0))
 def forced(duration=2.0):
     """Two hardening stories under a smooth force: no kink anywhere."""
     stories = [story(1.0, 400.0, HARDENING, dashpot=1.0) for _ in range(2)]
-    return model(stories, forces=[Force(2, 20.0, 0.0, 5.0)], velocity=(0.3, 0.5), dt=0.02, duration=duration)
+    return model(
+        stories, forces=[Force(2, 20.0, 0.0, 5.0)], velocity=(0.3, 0.5), dt=0.02, duration=duration
+    )
 
 
 def integrators(*names):
@@ -49,7 +58,9 @@ def motion(displacement, stride=1):
 def test_all_steps_end_at_one_time():
     """A motion that grows to its end: one that goes on for a step more has larger peaks."""
     growing = model([story(1.0, 400.0)], forces=[Force(1, 20.0, 0.0, 20.0)], dt=0.02, duration=0.7)
-    chart = measure(pose(growing), integrators("impulse4"), (0.08, 0.04, 0.02), repeats=1, cached=False)
+    chart = measure(
+        pose(growing), integrators("impulse4"), (0.08, 0.04, 0.02), repeats=1, cached=False
+    )
     assert [point.dt * point.steps for point in chart.points] == pytest.approx([0.72] * 3)
     assert [point.errors.peak_drift < 0.01 for point in chart.points] == [False, True, True]
 
@@ -74,7 +85,9 @@ def test_peaks_a_thousand_times_smaller_than_the_largest_do_not_count():
     true = motion([[1.0, 1.0001], [-1.0, -1.0001]])
     wrong = replace(true, peak_drift=true.peak_drift * [1.01, 2.0])
     assert errors(wrong, true).peak_drift == pytest.approx(0.01)
-    assert errors(replace(wrong, peak_drift=wrong.peak_drift), motion([[1.0, 1.1]])).peak_drift > 0.9
+    assert (
+        errors(replace(wrong, peak_drift=wrong.peak_drift), motion([[1.0, 1.1]])).peak_drift > 0.9
+    )
 
 
 # ---- the reference
@@ -86,7 +99,9 @@ def harmonic_motion(problem, force):
     n = building.stories
     inverse = np.diag(1.0 / building.mass)
     c, k = building.damping_matrix(), building.stiffness_matrix()
-    step = expm(problem.interval * np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ k, -inverse @ c]]))
+    step = expm(
+        problem.interval * np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ k, -inverse @ c]])
+    )
     amplitude = np.zeros(n)
     amplitude[force.floor - 1] = force.cosine
     dynamic = k - force.omega**2 * np.diag(building.mass) + 1j * force.omega * c
@@ -105,7 +120,10 @@ def test_the_gap_tells_how_far_the_reference_is_from_the_truth(stiffness):
     """Also where a stiff part is not resolved, in which methods of one kind would agree on the same wrong motion."""
     force = Force(2, 5.0, 0.0, 1.2)
     building = model(
-        [story(1.0, stiffness, dashpot=1.0), story(1.0, 1.0, dashpot=0.1)], forces=[force], dt=0.25, duration=10.0
+        [story(1.0, stiffness, dashpot=1.0), story(1.0, 1.0, dashpot=0.1)],
+        forces=[force],
+        dt=0.25,
+        duration=10.0,
     )
     problem = pose(building)
     found = find_reference(problem, problem.samples, cached=False)
@@ -117,8 +135,15 @@ def test_the_gap_tells_how_far_the_reference_is_from_the_truth(stiffness):
 
 def test_a_building_that_cannot_be_solved_has_no_reference():
     """Softening beyond its strength: the story loses all stiffness and runs away."""
-    falling = model([story(1.0, 1.0, Law("polynomial", (1.0, 0.0, -1.0)))], velocity=(3.0,), dt=0.1, duration=20.0)
-    with pytest.raises(AnalysisError, match=r"no reference: impulse4 with dt .* does not reach the end"):
+    falling = model(
+        [story(1.0, 1.0, Law("polynomial", (1.0, 0.0, -1.0)))],
+        velocity=(3.0,),
+        dt=0.1,
+        duration=20.0,
+    )
+    with pytest.raises(
+        AnalysisError, match=r"no reference: impulse4 with dt .* does not reach the end"
+    ):
         find_reference(pose(falling), 200, cached=False)
 
 
@@ -142,7 +167,10 @@ def test_another_problem_has_another_reference(cache, monkeypatch):
     folder, solved = cache
     base = pose(forced(0.2))
     own = base.model
-    softer = (own.stories[0], replace(own.stories[1], stiffness=399.0, law=Law("polynomial", (399.0, 0.0, 4000.0))))
+    softer = (
+        own.stories[0],
+        replace(own.stories[1], stiffness=399.0, law=Law("polynomial", (399.0, 0.0, 4000.0))),
+    )
     others = [
         pose(replace(own, initial=replace(own.initial, velocity=(0.3, 0.6)))),
         pose(replace(own, excitation=replace(own.excitation, forces=(Force(2, 21.0, 0.0, 5.0),)))),
@@ -169,12 +197,22 @@ def test_the_reference_is_kept_and_a_damaged_file_is_computed_anew(cache, damage
     data = bytearray(file.read_bytes())
     kept = bytes(data)
     data[len(data) // 2] ^= 0xFF
-    damaged = {"none": kept, "empty": b"", "cut": data[: len(data) // 3], "text": b"hello", "flipped": data}
+    damaged = {
+        "none": kept,
+        "empty": b"",
+        "cut": data[: len(data) // 3],
+        "text": b"hello",
+        "flipped": data,
+    }
     file.write_bytes(damaged[damage])
     for _ in range(2):
         again = find_reference(problem, problem.samples)
         assert len(solved) == (1 if damage == "none" else 2)
-        assert (again.method, again.dt, again.confirmed_by) == (good.method, good.dt, good.confirmed_by)
+        assert (again.method, again.dt, again.confirmed_by) == (
+            good.method,
+            good.dt,
+            good.confirmed_by,
+        )
         assert again.gap == good.gap
         for name in ("displacement", "velocity", "acceleration", "peak_drift"):
             np.testing.assert_array_equal(getattr(again.motion, name), getattr(good.motion, name))
@@ -198,12 +236,23 @@ def test_a_cache_that_cannot_be_written_is_none(cache, monkeypatch, tmp_path):
 
 def test_the_points_of_a_chart():
     problem = pose(ten_linear(), noise(samples=201))
-    chart = measure(problem, integrators("central-difference", "exact"), [0.01, 0.08, 0.02], repeats=3, cached=False)
+    chart = measure(
+        problem,
+        integrators("central-difference", "exact"),
+        [0.01, 0.08, 0.02],
+        repeats=3,
+        cached=False,
+    )
     steps = ((0.08, 25), (0.02, 100), (0.01, 200))
     expected = [(name, *step) for name in ("central-difference", "exact") for step in steps]
     assert [(point.line, point.dt, point.steps) for point in chart.points] == expected
     unstable, *others = chart.points
-    assert (unstable.outcome, unstable.errors, unstable.iterations, unstable.times) == ("unstable-step", None, None, ())
+    assert (unstable.outcome, unstable.errors, unstable.iterations, unstable.times) == (
+        "unstable-step",
+        None,
+        None,
+        (),
+    )
     assert math.isnan(unstable.time)
     assert math.isnan(unstable.fastest)
     for point in others:
@@ -219,12 +268,16 @@ def test_the_points_of_a_chart():
 
 def test_errors_are_those_of_a_run():
     building, record = ten_linear(), noise(samples=201)
-    chart = measure(pose(building, record), integrators("newmark-average"), [0.005], repeats=1, cached=False)
+    chart = measure(
+        pose(building, record), integrators("newmark-average"), [0.005], repeats=1, cached=False
+    )
     response = run(building, record, method="newmark-average", dt=0.005, history=True)
     exact = exact_linear(building, record)
     difference = response.history.displacement[::2] - exact
     found = chart.points[0].errors
-    assert found.displacement == pytest.approx(np.linalg.norm(difference) / np.linalg.norm(exact), rel=1e-6)
+    assert found.displacement == pytest.approx(
+        np.linalg.norm(difference) / np.linalg.norm(exact), rel=1e-6
+    )
     drift = np.linalg.norm(drifts(difference)) / np.linalg.norm(drifts(exact))
     assert found.drift == pytest.approx(drift, rel=1e-6)
 
@@ -241,14 +294,21 @@ def test_a_march_that_fails_stays_among_the_points(name, monkeypatch):
         return (lambda *_: code) if integrator.label == "houbolt" else loop(self, integrator, *rest)
 
     monkeypatch.setattr(PreparedBuilding, "loop", fail)
-    chart = measure(pose(forced()), integrators("houbolt", "impulse4"), [0.02], repeats=2, cached=False)
-    assert [(point.outcome, point.errors is None) for point in chart.points] == [(name, True), ("done", False)]
+    chart = measure(
+        pose(forced()), integrators("houbolt", "impulse4"), [0.02], repeats=2, cached=False
+    )
+    assert [(point.outcome, point.errors is None) for point in chart.points] == [
+        (name, True),
+        ("done", False),
+    ]
     assert cheapest(chart.points, "displacement", 1.0).line == "impulse4"
 
 
 def point(line, dt, time, error):
     found = None if error is None else Errors(error, error, error, error, error)
-    return Point(line, dt, 1, "done" if found else "unstable-step", 1, found, (time, 2.0 * time), line=line)
+    return Point(
+        line, dt, 1, "done" if found else "unstable-step", 1, found, (time, 2.0 * time), line=line
+    )
 
 
 def test_what_is_recommended():
@@ -284,7 +344,9 @@ def test_running_what_is_recommended_meets_the_error():
     building, record = stretched(ten_bilinear(), 4), noise(samples=201, peak=6.0)
     problem = pose(building, record)
     methods = integrators("impulse4", "newmark-average", "central-difference", "bathe")
-    chart = measure(problem, methods, default_steps(problem, len(methods), 1), repeats=1, cached=False)
+    chart = measure(
+        problem, methods, default_steps(problem, len(methods), 1), repeats=1, cached=False
+    )
     assert chart.reference.method == "impulse4"
     assert "newmark-average" in chart.reference.confirmed_by
     assert chart.reference.gap.worst < 1e-6
@@ -371,7 +433,9 @@ def timed(dt, times, walls):
     return Point("one", dt, 1, "done", 1, Errors(0.0, 0.0, 0.0, 0.0, 0.0), times, walls=walls)
 
 
-@pytest.mark.parametrize(("walls", "stretch", "disturbed"), [((1.05, 1.05), 1.05, False), ((1.0, 1.3), 1.15, True)])
+@pytest.mark.parametrize(
+    ("walls", "stretch", "disturbed"), [((1.05, 1.05), 1.05, False), ((1.0, 1.3), 1.15, True)]
+)
 def test_wall_time_beside_processor_time(walls, stretch, disturbed, monkeypatch):
     monkeypatch.setattr(system, "clock", lambda: "thread_time")
     unstable = Point("one", 1.0, 1, "unstable-step")
@@ -389,16 +453,27 @@ def test_lines_by_tolerance_are_runs_with_that_tolerance():
     """Against the runs themselves and a reference of their own: error of the peak drifts, times, nothing else known."""
     building, record = ten_bilinear(), noise(samples=101)
     charted = chart(
-        building, record, method="impulse4", dt=record.dt, repeats=2, tolerances=["0.1%", 0.02], cached=False
+        building,
+        record,
+        method="impulse4",
+        dt=record.dt,
+        repeats=2,
+        tolerances=["0.1%", 0.02],
+        cached=False,
     )
     lines = [point for point in charted.points if math.isnan(point.dt)]
     assert [(point.line, point.method.rpartition(" ")[2]) for point in lines] == [
-        (f"{method} by tolerance", tolerance) for method in CHOOSING for tolerance in ("0.02", "0.001")
+        (f"{method} by tolerance", tolerance)
+        for method in CHOOSING
+        for tolerance in ("0.02", "0.001")
     ]
     fine = run(building, record, dt=record.dt / 64).stories.peak_drift
     for point in lines:
         own = run(
-            building, record, method=point.line.partition(" ")[0], tolerance=float(point.method.rpartition(" ")[2])
+            building,
+            record,
+            method=point.line.partition(" ")[0],
+            tolerance=float(point.method.rpartition(" ")[2]),
         )
         error = np.max(np.abs(own.stories.peak_drift / fine - 1.0))
         assert point.error("peak-drift") == pytest.approx(error, rel=1e-3, abs=1e-6)
@@ -406,12 +481,26 @@ def test_lines_by_tolerance_are_runs_with_that_tolerance():
         assert math.isnan(point.error("drift")) and point.steps is None
         assert len(point.times) == 2 and min(point.times) > 0.0
     plain = next(point for point in charted.points if point.line == "impulse4")
-    assert min(point.fastest for point in lines) > plain.fastest  # a run with its error is more than a march
+    assert (
+        min(point.fastest for point in lines) > plain.fastest
+    )  # a run with its error is more than a march
 
 
 def test_a_tolerance_that_no_step_meets_leaves_an_outcome():
     charted = chart(
-        ten_linear(), noise(samples=51), method="exact", repeats=1, tolerances=[1e-300], cached=False, dt=[0.01]
+        ten_linear(),
+        noise(samples=51),
+        method="exact",
+        repeats=1,
+        tolerances=[1e-300],
+        cached=False,
+        dt=[0.01],
     )
-    outcomes = {point.line: (point.outcome, point.errors) for point in charted.points if math.isnan(point.dt)}
-    assert outcomes == {f"{method} by tolerance": ("not-within-tolerance", None) for method in CHOOSING}
+    outcomes = {
+        point.line: (point.outcome, point.errors)
+        for point in charted.points
+        if math.isnan(point.dt)
+    }
+    assert outcomes == {
+        f"{method} by tolerance": ("not-within-tolerance", None) for method in CHOOSING
+    }

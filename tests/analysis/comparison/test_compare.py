@@ -57,7 +57,9 @@ FLOORS = recording()
 
 def noise(seed, size=SIZE):
     """A motion that fills the band, m/s^2, and rests at both ends."""
-    return np.random.default_rng(seed).normal(size=size) * np.sin(np.linspace(0.0, math.pi, size)) ** 2
+    return (
+        np.random.default_rng(seed).normal(size=size) * np.sin(np.linspace(0.0, math.pi, size)) ** 2
+    )
 
 
 @pytest.fixture
@@ -86,7 +88,13 @@ def made(tmp_path):
         return write(**(columns | changed))
 
     return SimpleNamespace(
-        model=model, base=base, motions=motions, displacements=displacements, write=write, event=event, usual=usual
+        model=model,
+        base=base,
+        motions=motions,
+        displacements=displacements,
+        write=write,
+        event=event,
+        usual=usual,
     )
 
 
@@ -121,7 +129,9 @@ def test_noise_lowers_the_correlation_by_what_it_adds(made):
     roof = compare(made.model, made.event()).floors[-1]
     sampling = 3.0 / math.sqrt(SIZE)
     assert roof.correlation == pytest.approx(1.0 / math.sqrt(1.0 + part**2), abs=part * sampling)
-    assert roof.rms_difference == pytest.approx(part / math.sqrt(1.0 + part**2), abs=part * sampling)
+    assert roof.rms_difference == pytest.approx(
+        part / math.sqrt(1.0 + part**2), abs=part * sampling
+    )
 
 
 def test_sensors_of_a_place_are_averaged_and_a_sensor_may_be_turned(made):
@@ -133,7 +143,10 @@ def test_sensors_of_a_place_are_averaged_and_a_sensor_may_be_turned(made):
     sides = {f"{place}_west_m_s2": motions[place] + turns[place] for place in turns}
     sides |= {f"{place}_east_cm_s2": -100.0 * (motions[place] - turns[place]) for place in turns}
     made.usual(**sides, roof_east_m=made.displacements["floor_3"])
-    base, roof = (f"[{sensor(f'{place}_west_m_s2')}, {sensor(f'{place}_east_cm_s2', ', sign: -1')}]" for place in turns)
+    base, roof = (
+        f"[{sensor(f'{place}_west_m_s2')}, {sensor(f'{place}_east_cm_s2', ', sign: -1')}]"
+        for place in turns
+    )
     mean = compare(made.model, made.event(recording(base, roof=roof)))
     for one, other in zip(mean.floors, plain.floors, strict=True):
         assert one.rms_difference == pytest.approx(other.rms_difference, abs=1e-9)
@@ -141,7 +154,9 @@ def test_sensors_of_a_place_are_averaged_and_a_sensor_may_be_turned(made):
     assert "floor 3: the mean of 2 sensors is compared" in mean.event.notes
     assert len([note for note in mean.event.notes if "mean of 2 sensors" in note]) == 2
     mixed = f"[{sensor('roof_west_m_s2')}, {sensor('roof_east_m')}]"
-    with pytest.raises(RecordError, match="floor 3: its sensors are of acceleration and displacement"):
+    with pytest.raises(
+        RecordError, match="floor 3: its sensors are of acceleration and displacement"
+    ):
         made.event(recording(roof=mixed))
 
 
@@ -161,7 +176,9 @@ def test_a_displacement_of_the_base_is_differentiated(made):
     by_acceleration = compare(made.model, made.event())
     by_displacement = compare(made.model, made.event(recording(sensor("base_m"))))
     for one, other in zip(by_displacement.floors, by_acceleration.floors, strict=True):
-        np.testing.assert_allclose(one.computed, other.computed, atol=1e-6 * np.max(np.abs(other.computed)))
+        np.testing.assert_allclose(
+            one.computed, other.computed, atol=1e-6 * np.max(np.abs(other.computed))
+        )
 
 
 def test_a_shift_of_the_clocks_is_found(made):
@@ -185,9 +202,13 @@ def test_a_shift_of_the_clocks_is_found(made):
 def test_weak_motions_are_shifted_as_strong_ones(made):
     weak = {name: 1e-4 * values for name, values in made.motions.items()}
     made.usual(
-        base_m_s2=1e-4 * made.base, floor_1_m_s2=np.roll(weak["floor_1"], 7), floor_3_m_s2=np.roll(weak["floor_3"], 7)
+        base_m_s2=1e-4 * made.base,
+        floor_1_m_s2=np.roll(weak["floor_1"], 7),
+        floor_3_m_s2=np.roll(weak["floor_3"], 7),
     )
-    assert compare(made.model, made.event(FLOORS + "shift: auto\n")).shift == pytest.approx(-7 * DT, abs=1e-3)
+    assert compare(made.model, made.event(FLOORS + "shift: auto\n")).shift == pytest.approx(
+        -7 * DT, abs=1e-3
+    )
 
 
 def test_recordings_of_clocks_that_cannot_be_compared_begin_together(made, tmp_path):
@@ -198,7 +219,9 @@ def test_recordings_of_clocks_that_cannot_be_compared_begin_together(made, tmp_p
     made.usual()
     plain = compare(made.model, made.event())
     header = {"delta": DT, "starttime": UTCDateTime(2016, 11, 13), "channel": "HNE"}
-    Trace(made.motions["floor_1"].copy(), header).write(str(tmp_path / "floor.mseed"), format="MSEED")
+    Trace(made.motions["floor_1"].copy(), header).write(
+        str(tmp_path / "floor.mseed"), format="MSEED"
+    )
     mixed = recording(first="{file: floor.mseed, units: m/s^2}")
     other = compare(made.model, made.event(mixed))
     np.testing.assert_allclose(other.floors[0].recorded, plain.floors[0].recorded, atol=1e-9)
@@ -226,7 +249,9 @@ def test_the_window_is_what_is_compared(made):
     (first, _) = compare(made.model, made.event(FLOORS + "window: [4, 12.5]\n")).floors
     assert (first.time[0], first.time[-1]) == pytest.approx((4.0, 12.5))
     assert first.time.size == 426
-    with pytest.raises(RecordError, match=r"fewer than 10 samples in the window from 29\.9 to 40 s"):
+    with pytest.raises(
+        RecordError, match=r"fewer than 10 samples in the window from 29\.9 to 40 s"
+    ):
         compare(made.model, made.event(FLOORS + "window: [29.9, 40]\n"))
 
 
@@ -271,7 +296,9 @@ def test_an_offset_that_the_samples_tell_is_removed(made):
     made.usual(base_m_s2=base)
     event = made.event()
     assert np.median(event.base.acceleration) == pytest.approx(0.0, abs=1e-9)
-    assert any("the offset of the base, 0.3 m/s^2 (its median), is removed" in note for note in event.notes)
+    assert any(
+        "the offset of the base, 0.3 m/s^2 (its median), is removed" in note for note in event.notes
+    )
     assert has_offset(np.full(50, 9.81) + 1e-3 * noise(4, 50))
     assert not has_offset(np.zeros(50))
 
@@ -301,7 +328,10 @@ def test_what_cannot_be_fitted_is_refused(made):
             recording(first=sensor("floor_1_m_s2", DISPLACEMENT)),
             r"units say acceleration, its quantity says displacement.*one of m, cm",
         ),
-        (recording(first=sensor("floor_9_m_s2")), "there is no column 'floor_9_m_s2'; did you mean"),
+        (
+            recording(first=sensor("floor_9_m_s2")),
+            "there is no column 'floor_9_m_s2'; did you mean",
+        ),
         (recording(roof=sensor("roof", file="other.csv")), "does not end with its units"),
         (recording(roof=sensor("roof", ", units: g", "other.csv")), "recorded at another time"),
         (recording(more="band: [0.5, 25]\n"), "is not below the Nyquist frequency, 25 Hz"),
@@ -362,12 +392,17 @@ def test_a_displacement_that_remains_leaves_no_jump(made):
 
 def test_an_absolute_displacement_is_told(made):
     wave = np.cumsum(np.cumsum(made.base)) * DT * DT
-    made.usual(floor_3_m=made.displacements["floor_3"] + wave, right_m=made.displacements["floor_3"])
+    made.usual(
+        floor_3_m=made.displacements["floor_3"] + wave, right_m=made.displacements["floor_3"]
+    )
     absolute, relative = (
-        recording(roof=sensor(column, DISPLACEMENT), more="band: [0.5, 20]\n") for column in ("floor_3_m", "right_m")
+        recording(roof=sensor(column, DISPLACEMENT), more="band: [0.5, 20]\n")
+        for column in ("floor_3_m", "right_m")
     )
     (text,) = absolute_displacements(compare(made.model, made.event(absolute)))
-    assert text.startswith("floor 3: less the base's displacement the recording has a correlation of ")
+    assert text.startswith(
+        "floor 3: less the base's displacement the recording has a correlation of "
+    )
     assert absolute_displacements(compare(made.model, made.event(relative))) == []
 
 
@@ -382,14 +417,21 @@ def test_a_common_factor_is_what_a_roof_sensor_tells(made):
         record = Record(base, DT, "", "", "", "noise")
         history = run_case(prepare(made.model, record, method="exact"), history=True).history
         made.write(base_m_s2=base, floor_3_m_s2=history.acceleration[:, 2])
-        event = made.event(f"base: {sensor('base_m_s2')}\nfloors: {{roof: {sensor('floor_3_m_s2')}}}\n")
+        event = made.event(
+            f"base: {sensor('base_m_s2')}\nfloors: {{roof: {sensor('floor_3_m_s2')}}}\n"
+        )
         assert np.median(event.base.acceleration) == pytest.approx(median)
-    soft = replace(made.model, stories=tuple(replace(one, stiffness=one.stiffness / 1.3) for one in made.model.stories))
+    soft = replace(
+        made.model,
+        stories=tuple(replace(one, stiffness=one.stiffness / 1.3) for one in made.model.stories),
+    )
     found = fit(soft, event, ["stiffness-factor"])
     (value,) = found.values
     assert (value.name, value.place, value.low, value.high) == ("stiffness_factor", None, 0.1, 10.0)
     assert value.value == pytest.approx(1.3, rel=1e-9)
-    assert [one.stiffness for one in found.model.stories] == pytest.approx([900, 700, 500], rel=1e-9)
+    assert [one.stiffness for one in found.model.stories] == pytest.approx(
+        [900, 700, 500], rel=1e-9
+    )
     assert not value.on_bound
     with pytest.raises(UsageError, match="stiffness or stiffness-factor"):
         fit(soft, event, ["stiffness", "stiffness-factor"])
@@ -403,7 +445,10 @@ def test_a_fit_that_ends_on_a_bound_says_so(made):
     made.usual(floor_1_m_s2=history.acceleration[:, 0], floor_3_m_s2=history.acceleration[:, 2])
     found = fit(replace(made.model, damping=ModalDamping((0.02,))), made.event(), ["damping"])
     assert found.values[0].on_bound
-    assert any(note.startswith("damping_ratio ended on a bound of the fit, 0.0001 to 0.5") for note in found.notes)
+    assert any(
+        note.startswith("damping_ratio ended on a bound of the fit, 0.0001 to 0.5")
+        for note in found.notes
+    )
 
 
 def test_a_fit_begins_at_the_best_factors_of_its_scan():
@@ -441,7 +486,11 @@ def test_the_window_by_counting():
         first, last = np.sort(random.integers(0, 100, 2))
         recorded = np.full(100, np.nan)
         recorded[first : last + 1] = 1.0
-        window = None if random.random() < 0.3 else tuple(np.sort(np.round(random.uniform(-0.1, 1.1, 2), 2)))
+        window = (
+            None
+            if random.random() < 0.3
+            else tuple(np.sort(np.round(random.uniform(-0.1, 1.1, 2), 2)))
+        )
         event = Event(SimpleNamespace(window=window), base, (), (), (), ())
         start, end = window or (0.0, 0.99)
         wanted = [i for i in range(first, last + 1) if start - 1e-9 <= 0.01 * i <= end + 1e-9]
@@ -462,8 +511,20 @@ def test_sensors_have_in_common_what_all_of_them_recorded(shortest):
     motion = np.random.default_rng(4).normal(size=200)
     begins = (30, 35, 20)
     signals = [
-        Signal(factor * motion[begin:end], 0.01, "acceleration", "a", 1.0 + 0.01 * begin, "UTC", (), (), None)
-        for factor, begin, end in zip((1.0, 2.0, 6.0), begins, (140, 35 + shortest, 120), strict=True)
+        Signal(
+            factor * motion[begin:end],
+            0.01,
+            "acceleration",
+            "a",
+            1.0 + 0.01 * begin,
+            "UTC",
+            (),
+            (),
+            None,
+        )
+        for factor, begin, end in zip(
+            (1.0, 2.0, 6.0), begins, (140, 35 + shortest, 120), strict=True
+        )
     ]
     if shortest < 10:
         with pytest.raises(RecordError, match="floor 1: its sensors recorded at different times"):
@@ -490,7 +551,10 @@ def test_coefficients_of_rayleigh_are_fitted_within_a_thousand_times():
         free = _damping(RayleighCoefficients(mass, stiffness))
         given = [
             (name, value)
-            for name, value in (("mass_coefficient_1_s", mass), ("stiffness_coefficient_s", stiffness))
+            for name, value in (
+                ("mass_coefficient_1_s", mass),
+                ("stiffness_coefficient_s", stiffness),
+            )
             if value
         ]
         assert [(one.name, one.start) for one in free] == given
@@ -527,22 +591,35 @@ def test_of_many_floors_those_that_agree_least_are_drawn_and_all_below(made):
     above, below, *panels = figure.axes
     for axes, values in ((above, "correlation"), (below, "peak_ratio")):
         points = [(*line.get_xdata(), *line.get_ydata()) for line in axes.lines[:8]]
-        assert points == [(i // 2 + 1, getattr(floor, values)) for i, (_, floor) in enumerate(floors)]
+        assert points == [
+            (i // 2 + 1, getattr(floor, values)) for i, (_, floor) in enumerate(floors)
+        ]
     assert below.lines[8].get_ydata() == [1.0, 1.0]
     worst = sorted(floors, key=lambda pair: pair[1].correlation)[:4]
     assert len(panels) == 12
-    for (event, floor), history, close, spectrum in zip(worst, panels[::3], panels[1::3], panels[2::3], strict=True):
-        assert f"correlation {floor.correlation:.3f}, peaks {floor.peak_ratio:.3f}" in history.get_title("left")
+    for (event, floor), history, close, spectrum in zip(
+        worst, panels[::3], panels[1::3], panels[2::3], strict=True
+    ):
+        assert (
+            f"correlation {floor.correlation:.3f}, peaks {floor.peak_ratio:.3f}"
+            in history.get_title("left")
+        )
         for axes in (history, close):
             recorded, computed = (line.get_ydata() * 9.80665 for line in axes.lines)
-            np.testing.assert_allclose([recorded, computed], [floor.recorded, floor.computed], rtol=1e-12, atol=1e-12)
+            np.testing.assert_allclose(
+                [recorded, computed], [floor.recorded, floor.computed], rtol=1e-12, atol=1e-12
+            )
         parts = [np.cumsum(one.recorded**2) / np.sum(one.recorded**2) for one in event.floors]
-        left, right = np.transpose([np.interp(history.get_xlim(), floor.time, part) for part in parts])
+        left, right = np.transpose(
+            [np.interp(history.get_xlim(), floor.time, part) for part in parts]
+        )
         assert [np.max(left), np.min(right)] == pytest.approx([0.0005, 0.9995], abs=1e-4)
         roof = event.floors[-1]
         within = (roof.time >= close.get_xlim()[0]) & (roof.time <= close.get_xlim()[1])
         assert np.count_nonzero(np.diff(np.signbit(roof.recorded[within]))) == 15
         assert np.max(np.abs(roof.recorded)) == np.max(np.abs(roof.recorded[within]))
         of_floor = event.spectra(periods, 0.05)[event.floors.index(floor)]
-        for line, values in zip(spectrum.lines, (of_floor.recorded, of_floor.computed), strict=True):
+        for line, values in zip(
+            spectrum.lines, (of_floor.recorded, of_floor.computed), strict=True
+        ):
             np.testing.assert_allclose(line.get_ydata() * 9.80665, values, rtol=1e-12)

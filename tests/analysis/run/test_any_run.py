@@ -12,7 +12,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from building_cases import LINEAR, Force, Law, ModalDamping, RayleighCoefficients, model, noise, story
+from building_cases import (
+    LINEAR,
+    Force,
+    Law,
+    ModalDamping,
+    RayleighCoefficients,
+    model,
+    noise,
+    story,
+)
 from tdint import run
 from tdint.analysis.run.outcome import ENERGY_TERMS, FailedRun
 from tdint.methods.catalogue import catalogue, parse
@@ -43,7 +52,11 @@ def law(generator, strength):
         Law("gap", (strength / STIFFNESS, 100.0 * STIFFNESS)),
         Law(
             "polynomial",
-            (STIFFNESS, float(generator.normal()) * STIFFNESS, 10.0 ** generator.uniform(0, 4) * STIFFNESS),
+            (
+                STIFFNESS,
+                float(generator.normal()) * STIFFNESS,
+                10.0 ** generator.uniform(0, 4) * STIFFNESS,
+            ),
         ),
         Law("polynomial", (STIFFNESS, 0.0, -(10.0 ** generator.uniform(0, 4)) * STIFFNESS)),
     ]
@@ -58,16 +71,34 @@ def random_run(seed):
     strength = STIFFNESS * 10.0 ** generator.uniform(-4.0, -1.0)
     height = [None, 3.0][int(generator.integers(2))]
     stories = [
-        story(mass, STIFFNESS, law(generator, strength), height, float(generator.choice([0.0, 1e3, 1e6])))
+        story(
+            mass,
+            STIFFNESS,
+            law(generator, strength),
+            height,
+            float(generator.choice([0.0, 1e3, 1e6])),
+        )
         for _ in range(n)
     ]
     method = METHODS[int(generator.integers(len(METHODS)))]
     if generator.random() < 0.2 and parse(method).family.power_dampers:
-        dashpot = PowerDashpot(10.0 ** generator.uniform(1.0, 6.0), float(generator.choice([0.2, 0.5, 1.7])), 1e-3)
+        dashpot = PowerDashpot(
+            10.0 ** generator.uniform(1.0, 6.0), float(generator.choice([0.2, 0.5, 1.7])), 1e-3
+        )
         stories[0] = replace(stories[0], power_dashpot=dashpot)
-    damping = [None, ModalDamping((0.05,)), RayleighCoefficients(0.5, 0.002)][int(generator.integers(3))]
-    forces = [Force(n, 10.0 ** generator.uniform(1.0, 7.0), 0.0, 5.0)] if generator.random() < 0.3 else []
-    start = 10.0 ** generator.uniform(-3.0, 2.0) * generator.normal(size=n) if generator.random() < 0.4 else None
+    damping = [None, ModalDamping((0.05,)), RayleighCoefficients(0.5, 0.002)][
+        int(generator.integers(3))
+    ]
+    forces = (
+        [Force(n, 10.0 ** generator.uniform(1.0, 7.0), 0.0, 5.0)]
+        if generator.random() < 0.3
+        else []
+    )
+    start = (
+        10.0 ** generator.uniform(-3.0, 2.0) * generator.normal(size=n)
+        if generator.random() < 0.4
+        else None
+    )
     case = model(
         stories,
         damping=damping,
@@ -77,7 +108,11 @@ def random_run(seed):
     )
     shaken = generator.random() < 0.6
     record = noise(101, 0.02, seed, 10.0 ** generator.uniform(-1.0, 3.0)) if shaken else None
-    dt = 0.02 * float(generator.choice([0.25, 1.0, 3.0, 10.0])) if shaken else 10.0 ** generator.uniform(-3.0, 2.0)
+    dt = (
+        0.02 * float(generator.choice([0.25, 1.0, 3.0, 10.0]))
+        if shaken
+        else 10.0 ** generator.uniform(-3.0, 2.0)
+    )
     return case, record, {"method": method, "dt": dt, "duration": 50 * dt}
 
 
@@ -98,7 +133,10 @@ def check_response(response):
         assert np.all(np.isfinite(values))
     assert b"nan" not in story_table(stories).csv() and b"inf" not in story_table(stories).csv()
     history = response.history
-    assert len(history_columns(len(stories.height))) == 2 + 7 * len(stories.height) + len(ENERGY_TERMS) + 1
+    assert (
+        len(history_columns(len(stories.height)))
+        == 2 + 7 * len(stories.height) + len(ENERGY_TERMS) + 1
+    )
     for values in (history.displacement, history.velocity, history.acceleration, history.drift, history.shear,
                    *vars(history.energy).values()):  # fmt: skip
         assert np.all(np.isfinite(values))
@@ -125,7 +163,11 @@ def check_failure(failure, case, record):
 
 
 @pytest.mark.parametrize(
-    "batch", [pytest.param(i, marks=[pytest.mark.slow] if i >= USUAL // BATCH else []) for i in range(RUNS // BATCH)]
+    "batch",
+    [
+        pytest.param(i, marks=[pytest.mark.slow] if i >= USUAL // BATCH else [])
+        for i in range(RUNS // BATCH)
+    ],
 )
 def test_every_run_ends_as_one_of_the_named_outcomes(batch):
     ends = Counter()

@@ -19,7 +19,9 @@ PEAKS = StoryPeaks(**VALUES, height=HEIGHT)
 
 def largest(numbers):
     """Value and place from 1, without those that are no numbers; nan and none where there is none."""
-    known = [(value, place) for place, value in enumerate(numbers, start=1) if not math.isnan(value)]
+    known = [
+        (value, place) for place, value in enumerate(numbers, start=1) if not math.isnan(value)
+    ]
     return max(known) if known else (math.nan, 0)
 
 
@@ -31,9 +33,13 @@ def by_hand(run):
         "base_shear": (of["peak_shear"][0], 1),
         "total_base_shear": (of["peak_total_shear"][0], 1),
         "drift": largest(of["peak_drift"]),
-        "drift_ratio": largest([value / height for value, height in zip(of["peak_drift"], HEIGHT, strict=True)]),
+        "drift_ratio": largest(
+            [value / height for value, height in zip(of["peak_drift"], HEIGHT, strict=True)]
+        ),
         "residual_drift": largest(residual),
-        "residual_drift_ratio": largest([value / height for value, height in zip(residual, HEIGHT, strict=True)]),
+        "residual_drift_ratio": largest(
+            [value / height for value, height in zip(residual, HEIGHT, strict=True)]
+        ),
         "ductility": largest(of["ductility"]),
         "acceleration": largest(of["peak_acceleration"]),
     }
@@ -43,7 +49,9 @@ def test_largest_values_and_where_they_are():
     found = demands_of_runs(PEAKS)
     assert {one.name for one in DECLARED} == set(by_hand(0))
     for run in (0, 1):
-        single = demands(StoryPeaks(**{name: values[run] for name, values in VALUES.items()}, height=HEIGHT))
+        single = demands(
+            StoryPeaks(**{name: values[run] for name, values in VALUES.items()}, height=HEIGHT)
+        )
         for name, expected in by_hand(run).items():
             of_many = getattr(found, name)
             assert (of_many.value[run], of_many.place[run]) == pytest.approx(expected), name
@@ -51,8 +59,12 @@ def test_largest_values_and_where_they_are():
 
 
 def test_where_no_story_has_a_height_the_story_of_a_row_is_that_of_the_largest_drift():
-    bare = StoryPeaks(**VALUES | {"peak_drift_ratio": np.full((2, 3), math.nan)}, height=np.full(3, math.nan))
-    assert [cells["peak_drift_story"] for cells in demand_cells(bare)] == [by_hand(run)["drift"][1] for run in (0, 1)]
+    bare = StoryPeaks(
+        **VALUES | {"peak_drift_ratio": np.full((2, 3), math.nan)}, height=np.full(3, math.nan)
+    )
+    assert [cells["peak_drift_story"] for cells in demand_cells(bare)] == [
+        by_hand(run)["drift"][1] for run in (0, 1)
+    ]
 
 
 def test_the_error_is_the_largest_of_those_that_may_have_the_largest_value():

@@ -31,7 +31,17 @@ def pairs(response, reference):
 
 
 @pytest.mark.parametrize(
-    "method", ["impulse4", "newmark-average", "central-difference", "bathe", "houbolt", "wilson", "gauss4", "exact"]
+    "method",
+    [
+        "impulse4",
+        "newmark-average",
+        "central-difference",
+        "bathe",
+        "houbolt",
+        "wilson",
+        "gauss4",
+        "exact",
+    ],
 )
 @pytest.mark.parametrize("dt", [0.02, 0.05, 0.08])
 def test_free_vibration(method, dt):
@@ -66,7 +76,9 @@ def test_the_told_error_is_the_largest_of_three(method):
         peaks, told = getattr(response.stories, name), getattr(response.check.errors, name)
         relative = 4.0 / 3.0 * np.abs(peaks - getattr(other.stories, name)) / peaks
         least = np.maximum(np.maximum(relative, 0.2 * np.sqrt(np.mean(relative**2))), 1e-5)
-        assert told == pytest.approx(np.maximum(least * peaks, getattr(response.unresolved, name)), rel=1e-9)
+        assert told == pytest.approx(
+            np.maximum(least * peaks, getattr(response.unresolved, name)), rel=1e-9
+        )
     assert np.array_equal(response.check.corrected.peak_drift, other.stories.peak_drift)
     assert (response.check.dts, response.check.method) == ((other.dt,), other.method)
 
@@ -103,7 +115,9 @@ def test_random_buildings():
     for seed in range(SEEDS):
         case, record, method = checked_building(seed, SAMPLES, STEP)
         response = run(case, record, method=method, check=True)
-        truth, other = (run(case, record, method=fine, dt=STEP / FINE) for fine in ("impulse4", "moment4"))
+        truth, other = (
+            run(case, record, method=fine, dt=STEP / FINE) for fine in ("impulse4", "moment4")
+        )
         for (name, found, true), doubt in zip(
             pairs(response, truth),
             (np.abs(getattr(truth.stories, name) - getattr(other.stories, name)) for name in NAMES),
@@ -117,7 +131,9 @@ def test_random_buildings():
             told = true > np.maximum(10.0 * doubt, 1e-6 * size[np.isfinite(size)])
             ratios.append(found[told] / true[told])
     good, ratios = np.concatenate(good), np.concatenate(ratios)
-    print(f"{good.size} peaks, {100 * good.mean():.2f} %, ratio {np.median(ratios):.2f}, {np.mean(ratios >= 1):.3f}")
+    print(
+        f"{good.size} peaks, {100 * good.mean():.2f} %, ratio {np.median(ratios):.2f}, {np.mean(ratios >= 1):.3f}"
+    )
     assert good.size > 400
     assert good.mean() >= 0.99
     assert 1.0 <= np.median(ratios) <= 2.0
@@ -143,7 +159,9 @@ def test_the_steps_of_the_repetitions():
     assert finer(Steps(0.03, 7, 1, 3)) == Steps(0.015, 14, 2, 3)
     response = run(ten_linear(), noise(), method="newmark-average", dt=0.03, check=True)
     assert response.check.dts == pytest.approx((0.015,))
-    true = run(ten_linear(), noise(), method="exact", dt=0.001, duration=response.steps * response.dt)
+    true = run(
+        ten_linear(), noise(), method="exact", dt=0.001, duration=response.steps * response.dt
+    )
     for _, found, error in pairs(response, true):
         assert np.sum(error <= 2.0 * found) >= 0.9 * error.size
 
@@ -152,13 +170,19 @@ def test_a_building_at_rest_has_no_error():
     still = replace(noise(), acceleration=np.zeros(50))
     response = run(ten_linear(), still, method="newmark-average", check=True)
     assert response.check.drift_error == 0.0
-    assert all(not np.any(found) and not np.any(true) for _, found, true in pairs(response, response))
+    assert all(
+        not np.any(found) and not np.any(true) for _, found, true in pairs(response, response)
+    )
 
 
 def test_a_repetition_that_fails_leaves_the_errors_unknown(monkeypatch):
     monkeypatch.setattr(Case, "march", broken(0.008))
     response = run(ten_linear(), noise(), method="newmark-average", check=True)
-    assert (response.check.drift_error, response.check.drift_story, response.check.dts) == (None, None, ())
+    assert (response.check.drift_error, response.check.drift_story, response.check.dts) == (
+        None,
+        None,
+        (),
+    )
     assert all(np.all(np.isnan(getattr(response.check.errors, name))) for name in NAMES)
     assert response.notes[-1] == "no error is told: the run with dt 0.005 s failed (diverged)"
 
@@ -170,14 +194,19 @@ def test_a_collapse_is_compared_up_to_its_time():
     response = run(falling, method="newmark-average", dt=0.01, duration=100.0, check=True)
     assert response.collapse.ended
     assert 0.0 < response.check.drift_error < 0.01
-    assert any(f"the run ends with the step to {response.collapse.time:.6g} s" in note for note in response.notes)
+    assert any(
+        f"the run ends with the step to {response.collapse.time:.6g} s" in note
+        for note in response.notes
+    )
 
 
 def test_a_history_has_the_error_of_each_moment():
     """True less computed by the run that tells the peaks' errors, at the same times; asked for by check=True alone."""
     record = noise(samples=201)
     response = run(ten_bilinear(), record, method="newmark-average", history=True, check=True)
-    other = run(ten_bilinear(), record, method="impulse4", dt=record.dt / 2, history=True, check=False).history
+    other = run(
+        ten_bilinear(), record, method="impulse4", dt=record.dt / 2, history=True, check=False
+    ).history
     for name in ("displacement", "velocity", "drift", "shear"):
         off = getattr(other, name)[::2] - getattr(response.history, name)
         assert np.array_equal(getattr(response.history.error, name), off) and np.any(off)

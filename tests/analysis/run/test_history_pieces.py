@@ -17,11 +17,17 @@ from tdint.model.definition import Law
 from tdint.output.tables.responses import write_history, write_pieces
 
 ONE = [story(2.0e4, 2.0e7)]
-THREE = [*ONE, story(2.0e4, 2.0e7, Law("bilinear", (4.0e4, 0.05))), story(2.0e4, 1.5e7, dashpot=2.0e4)]
+THREE = [
+    *ONE,
+    story(2.0e4, 2.0e7, Law("bilinear", (4.0e4, 0.05))),
+    story(2.0e4, 1.5e7, dashpot=2.0e4),
+]
 MOTION = Record(3.0 * np.sin(0.31 * np.arange(240)) * np.hanning(240), 0.02, "", "", "HN1", "made")
 
 
-def whole_and_pieces(monkeypatch: pytest.MonkeyPatch, rows: int = 7, **wanted: Any) -> tuple[Response, Any]:
+def whole_and_pieces(
+    monkeypatch: pytest.MonkeyPatch, rows: int = 7, **wanted: Any
+) -> tuple[Response, Any]:
     """A run with its history, and what makes it again in pieces of so many rows."""
     response = run(model(THREE), MOTION, history=True, **wanted)
     monkeypatch.setattr("tdint.analysis.run.prepared._PIECE_BYTES", 8 * 26 * rows)
@@ -31,7 +37,9 @@ def whole_and_pieces(monkeypatch: pytest.MonkeyPatch, rows: int = 7, **wanted: A
 
 def same(one: Any, other: Any) -> bool:
     if is_dataclass(one):
-        return all(same(getattr(one, field.name), getattr(other, field.name)) for field in fields(one))
+        return all(
+            same(getattr(one, field.name), getattr(other, field.name)) for field in fields(one)
+        )
     return one is other if one is None else np.array_equal(one, other, equal_nan=True)
 
 
@@ -42,7 +50,9 @@ def same(one: Any, other: Any) -> bool:
         {"method": "moment4", "dt": 0.06, "duration": 6.0}, {"method": "park"},
     ],
 )  # fmt: skip
-def test_pieces_are_the_whole_bit_for_bit(monkeypatch: pytest.MonkeyPatch, wanted: dict[str, Any]) -> None:
+def test_pieces_are_the_whole_bit_for_bit(
+    monkeypatch: pytest.MonkeyPatch, wanted: dict[str, Any]
+) -> None:
     response, pieces = whole_and_pieces(monkeypatch, **wanted)
     assert response.history is not None
     for every in (1, 3, 10, 240, 5000):
@@ -77,7 +87,12 @@ def test_memory_does_not_grow_with_the_steps() -> None:
         assert peak < 6e7, every
 
 
-def test_what_the_memory_cannot_hold_is_refused_with_the_number(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_the_memory_cannot_hold_is_refused_with_the_number(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr("tdint.analysis.run.workspace.available_memory", lambda: 1e6)
-    with pytest.raises(AnalysisError, match=r"a history of 1000001 rows takes 0\.22 GB of memory, 0\.001 GB are free"):
+    with pytest.raises(
+        AnalysisError,
+        match=r"a history of 1000001 rows takes 0\.22 GB of memory, 0\.001 GB are free",
+    ):
         run(model(ONE), MOTION, dt=1e-5, duration=10.0, history=True, method="newmark-average")

@@ -29,7 +29,11 @@ def test_energies_of_a_damped_vibration_over_time():
     whole = 0.5 * omega**2
     assert np.allclose(energy.kinetic, 0.5 * v**2, atol=1e-6 * whole)
     assert np.allclose(energy.recoverable, 0.5 * omega**2 * u**2, atol=1e-6 * whole)
-    assert np.allclose(energy.damping + energy.devices, whole - 0.5 * v**2 - 0.5 * omega**2 * u**2, atol=1e-6 * whole)
+    assert np.allclose(
+        energy.damping + energy.devices,
+        whole - 0.5 * v**2 - 0.5 * omega**2 * u**2,
+        atol=1e-6 * whole,
+    )
     assert not energy.input.any() and not energy.dissipated.any()
     assert np.max(np.abs(energy.error)) < 1e-6
 
@@ -92,7 +96,8 @@ def test_a_refused_step_names_the_largest_stable_one():
 def test_methods_that_fear_stiffening_say_so(method):
     def notes(*coefficients):
         case = model(
-            [story(1.0, 100.0), story(1.0, 100.0, Law("polynomial", coefficients))], forces=[Force(1, 1, 0, 2)]
+            [story(1.0, 100.0), story(1.0, 100.0, Law("polynomial", coefficients))],
+            forces=[Force(1, 1, 0, 2)],
         )
         return run(case, method=method, dt=0.01, duration=0.1).notes
 
@@ -107,23 +112,37 @@ def test_a_method_that_makes_energy_has_diverged():
 
     def overshooting(height, allow_unstable=False):
         case = model([story(1.0, 1.0, height=height)], velocity=(1.0,))
-        return run(case, method="wilson", dt=20.0 * np.pi, duration=100.0 * np.pi, allow_unstable=allow_unstable)
+        return run(
+            case,
+            method="wilson",
+            dt=20.0 * np.pi,
+            duration=100.0 * np.pi,
+            allow_unstable=allow_unstable,
+        )
 
-    with pytest.raises(FailedRun, match=r"diverged .* passed the collapse drift on .* times the input energy") as one:
+    with pytest.raises(
+        FailedRun, match=r"diverged .* passed the collapse drift on .* times the input energy"
+    ) as one:
         overshooting(15.0)
-    with pytest.raises(FailedRun, match=r"diverged .* the motion ends with .* times the input energy") as two:
+    with pytest.raises(
+        FailedRun, match=r"diverged .* the motion ends with .* times the input energy"
+    ) as two:
         overshooting(None)
     for failure in (one, two):
         assert (failure.value.status, failure.value.story) == ("diverged", 1)
         assert failure.value.energy > 0.0
     allowed = overshooting(15.0, allow_unstable=True)
-    assert allowed.status == "collapsed" and any("made by the method" in one for one in allowed.warnings)
+    assert allowed.status == "collapsed" and any(
+        "made by the method" in one for one in allowed.warnings
+    )
 
 
 @pytest.mark.parametrize("method", ["houbolt", "park"])
 def test_a_multi_step_method_takes_the_pieces_of_a_halved_step_as_it_starts(method):
     """The first step halved: two steps of average acceleration with half of it."""
-    case = model([story(1.0, 100.0, Law("tanh", (5.0,)), height=None)] * 3, velocity=(-27.0, -6.0, 2.0))
+    case = model(
+        [story(1.0, 100.0, Law("tanh", (5.0,)), height=None)] * 3, velocity=(-27.0, -6.0, 2.0)
+    )
     whole = run(case, method=method, dt=20.0, duration=20.0, history=True)
     average = run(case, method="newmark-average", dt=10.0, duration=20.0, history=True)
     assert (whole.halvings, average.halvings) == (1, 0)
@@ -143,14 +162,20 @@ def test_a_change_of_branch_that_a_large_step_misses_is_not_followed(method, dt)
     assert np.all(history.energy.dissipated >= -1e-9 * np.max(history.energy.kinetic))
 
 
-@pytest.mark.parametrize("method", ["newmark-average", "impulse4", "houbolt", "park", "gauss4", "wilson", "hht"])
+@pytest.mark.parametrize(
+    "method", ["newmark-average", "impulse4", "houbolt", "park", "gauss4", "wilson", "hht"]
+)
 def test_halving_rescues_and_is_counted(method, monkeypatch):
     """Stories of little strength hit hard, a step of thirty periods: without halving it does not converge."""
-    case = model([story(1.0, 100.0, Law("tanh", (5.0,)), height=None)] * 3, velocity=(100.0, -50.0, 10.0))
+    case = model(
+        [story(1.0, 100.0, Law("tanh", (5.0,)), height=None)] * 3, velocity=(100.0, -50.0, 10.0)
+    )
     response = run(case, method=method, dt=20.0, duration=800.0)
     assert response.halvings > 0
     assert any(f"were halved, {response.halvings} time" in note for note in response.notes)
-    assert np.all(response.stories.peak_drift > 0.0) and np.all(np.isfinite(response.stories.peak_drift))
+    assert np.all(response.stories.peak_drift > 0.0) and np.all(
+        np.isfinite(response.stories.peak_drift)
+    )
     monkeypatch.setattr(prepared, "HALVINGS", 0)
     with pytest.raises(FailedRun) as failure:
         run(case, method=method, dt=20.0, duration=800.0)
@@ -162,10 +187,15 @@ def test_halving_rescues_and_is_counted(method, monkeypatch):
 def test_a_history_has_the_ground_motion_and_an_error_that_is_a_ratio():
     """Under a ten-thousandth of a motion a linear building has 1e-8 of the energy, and the same error."""
     record = noise(samples=201)
-    whole, small = (run(ten_linear(), one, method="bathe", history=True) for one in (record, record.scaled(1e-4)))
+    whole, small = (
+        run(ten_linear(), one, method="bathe", history=True)
+        for one in (record, record.scaled(1e-4))
+    )
     assert np.array_equal(whole.history.ground_acceleration, record.acceleration)
     assert np.max(np.abs(whole.history.energy.error)) > 1e-6
-    assert small.history.energy.error == pytest.approx(whole.history.energy.error, rel=1e-6, abs=1e-12)
+    assert small.history.energy.error == pytest.approx(
+        whole.history.energy.error, rel=1e-6, abs=1e-12
+    )
 
 
 def test_the_story_that_runs_away_is_that_with_the_largest_drift():
@@ -186,15 +216,27 @@ def test_the_largest_stable_step_ends_the_first_range_of_them():
     def within(*ranges):
         return lambda step: asked.append(step) or any(low < step <= high for low, high in ranges)
 
-    for ends, expected in ((((0.0, 0.37),), 0.37), (((0.0, 0.113), (0.2, 9.0)), 0.113), (((0.0, 9.0),), 2.0)):
+    for ends, expected in (
+        (((0.0, 0.37),), 0.37),
+        (((0.0, 0.113), (0.2, 9.0)), 0.113),
+        (((0.0, 9.0),), 2.0),
+    ):
         found = largest_stable(within(*ends), 2.0)
         assert found <= expected and found == pytest.approx(expected, rel=1e-9)
     assert largest_stable(within((0.5, 9.0)), 2.0) == 0.0
     assert min(asked) > 0.0 and max(asked) <= 2.0
 
 
-@pytest.mark.parametrize(("duration", "noted"), [(1.0, False), (0.99 * 2, False), (2.0, True), (2.5, True)])
+@pytest.mark.parametrize(
+    ("duration", "noted"), [(1.0, False), (0.99 * 2, False), (2.0, True), (2.5, True)]
+)
 def test_that_the_record_ends_before_the_run_is_noted(duration, noted):
     """A record of 199 intervals of 0.01 s ends at 1.99 s."""
-    response = run(oscillator(6.0, 0.05), noise(samples=200), method="newmark-average", duration=duration, dt=0.01)
+    response = run(
+        oscillator(6.0, 0.05),
+        noise(samples=200),
+        method="newmark-average",
+        duration=duration,
+        dt=0.01,
+    )
     assert ("the record ends at 1.99 s; the ground is at rest after it" in response.notes) == noted

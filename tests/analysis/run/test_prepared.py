@@ -61,7 +61,9 @@ def test_forces_are_not_scaled_with_the_motion():
     forced = model(ten_linear().stories, forces=[Force(10, 1e5, 0.0, 3.0)])
     case = prepare(forced, noise(samples=11), method="newmark-average")
     small = run_case(case.scaled(1e-14)).stories.peak_drift
-    np.testing.assert_allclose(small, run_case(case.under(None), dt=0.01, duration=0.1).stories.peak_drift, rtol=1e-6)
+    np.testing.assert_allclose(
+        small, run_case(case.under(None), dt=0.01, duration=0.1).stories.peak_drift, rtol=1e-6
+    )
 
 
 def test_without_a_motion_there_is_nothing_to_scale():
@@ -91,12 +93,16 @@ def test_a_method_for_linear_buildings_refuses_others():
 def same(one, other):
     """Whether two results are alike, arrays compared entry by entry."""
     if isinstance(one, np.ndarray):
-        return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
+        return one.dtype == other.dtype and np.array_equal(
+            one, other, equal_nan=one.dtype.kind == "f"
+        )
     if isinstance(one, float):
         return one == other or (np.isnan(one) and np.isnan(other))
     if is_dataclass(one):
         return type(one) is type(other) and all(
-            same(getattr(one, field.name), getattr(other, field.name)) for field in fields(one) if field.compare
+            same(getattr(one, field.name), getattr(other, field.name))
+            for field in fields(one)
+            if field.compare
         )
     if isinstance(one, tuple | list):
         return len(one) == len(other) and all(map(same, one, other))
@@ -108,7 +114,8 @@ def travelled(thing):
 
 
 @pytest.mark.parametrize(
-    "text", [*catalogue(), "newmark:beta=1/6:gamma=0.55", "impulse4:rho_inf=0.3", "wilson:theta=1.4"]
+    "text",
+    [*catalogue(), "newmark:beta=1/6:gamma=0.55", "impulse4:rho_inf=0.3", "wilson:theta=1.4"],
 )
 def test_integrators_travel(text):
     integrator = parse(text)
@@ -151,14 +158,19 @@ def test_instabilities_are_found_by_the_modes_of_the_whole_building():
     found = building.instability(parse("central-difference"), 0.05)
     vibration = building.building.modes()
     ratios = vibration.damping_ratios(building.building.damping_matrix())
-    assert found == workspace.find_instability(parse("central-difference"), vibration.omega, ratios, 0.05)
+    assert found == workspace.find_instability(
+        parse("central-difference"), vibration.omega, ratios, 0.05
+    )
     assert building.instability(parse("newmark-average"), 0.05) is None
 
 
 @pytest.mark.parametrize("scene", [ten_linear, ten_bilinear])
 def test_a_march_in_pieces_is_the_march(scene, monkeypatch):
     """Whoever runs it can be interrupted between the pieces, and nothing else is to be seen of them."""
-    case, steps = prepare(scene(), noise(samples=201, peak=30.0), method="impulse4"), Steps(0.01, 200)
+    case, steps = (
+        prepare(scene(), noise(samples=201, peak=30.0), method="impulse4"),
+        Steps(0.01, 200),
+    )
     whole = case.march(steps, history=True)
     monkeypatch.setattr(prepared, "_FIRST_PIECE", 1)
     monkeypatch.setattr(prepared, "_PIECE", 0.0)
@@ -170,10 +182,16 @@ def test_a_march_in_pieces_is_the_march(scene, monkeypatch):
 
 
 def test_a_collapse_is_noted_at_the_first_step_whose_peaks_are_beyond():
-    case = prepare(replace(ten_bilinear(), collapse_drift=0.004), noise(samples=401, peak=8.0), method="impulse4")
+    case = prepare(
+        replace(ten_bilinear(), collapse_drift=0.004),
+        noise(samples=401, peak=8.0),
+        method="impulse4",
+    )
     found = case.march(Steps(0.01, 400)).collapse
     last = round(found.time / 0.01)
-    before, then = (case.march(Steps(0.01, count)).stories.peak_drift_ratio for count in (last - 1, last))
+    before, then = (
+        case.march(Steps(0.01, count)).stories.peak_drift_ratio for count in (last - 1, last)
+    )
     assert np.max(before) <= 0.004 < np.max(then)
     assert found.story == int(np.argmax(then)) + 1
 

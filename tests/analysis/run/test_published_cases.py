@@ -9,7 +9,18 @@ from tdint.ground_motion.record import Record
 from tdint.model.building import assemble
 
 # A. K. Chopra, Dynamics of Structures, 4th ed., example 5.3
-AVERAGE_A = [17.4666, 23.1801, 12.3719, -11.5175, -38.1611, -54.6722, -33.6997, -2.1211, 28.4423, 47.3701]
+AVERAGE_A = [
+    17.4666,
+    23.1801,
+    12.3719,
+    -11.5175,
+    -38.1611,
+    -54.6722,
+    -33.6997,
+    -2.1211,
+    28.4423,
+    47.3701,
+]
 
 
 def test_acceleration_table():
@@ -28,8 +39,14 @@ def test_five_linear_stories_by_their_first_two_modes():
     """Roof displacement at 2 s of ag = 1.93 sin 2 pi t for t <= 1 s: two modes as oscillators, added up."""
     modes = assemble(model([story(25910.0, 1e7)] * 5)).modes()
     t, roof = 0.1 * np.arange(21), 0.0
-    record = Record(np.where(t < 1.05, 1.93 * np.sin(2.0 * np.pi * t), 0.0), 0.1, "", "", "", "sine")
+    record = Record(
+        np.where(t < 1.05, 1.93 * np.sin(2.0 * np.pi * t), 0.0), 0.1, "", "", "", "sine"
+    )
     for j in range(2):
-        history = run(oscillator(modes.omega[j], 0.05), record, method="newmark-linear", history=True).history
-        roof += modes.shapes[-1, j] * (modes.mass @ modes.shapes[:, j]) * history.displacement[-1, 0]
+        history = run(
+            oscillator(modes.omega[j], 0.05), record, method="newmark-linear", history=True
+        ).history
+        roof += (
+            modes.shapes[-1, j] * (modes.mass @ modes.shapes[:, j]) * history.displacement[-1, 0]
+        )
     assert roof == pytest.approx(0.05888401249961952, rel=1e-12)

@@ -7,7 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from building_cases import FIVE_PERCENT, Force, model, noise, oscillator, story, ten_bilinear, ten_linear
+from building_cases import (
+    FIVE_PERCENT,
+    Force,
+    model,
+    noise,
+    oscillator,
+    story,
+    ten_bilinear,
+    ten_linear,
+)
 from random_buildings import checked_building
 from tdint import load_model, run
 from tdint.analysis.run.case import AT_REST, REST_PERIODS
@@ -27,27 +36,42 @@ def moves(response):
 def test_it_is_the_run_of_a_campaign(damping, rests):
     record, building = noise(seed=3), ten_bilinear(damping)
     response = run(building, record, method="impulse4", until_rest=True)
-    of = Batch(0, Subject(building, "impulse4"), Motions({0: record}), {0: None}, RunSettings(until_rest=True))
+    of = Batch(
+        0,
+        Subject(building, "impulse4"),
+        Motions({0: record}),
+        {0: None},
+        RunSettings(until_rest=True),
+    )
     row = of.results([Run(0, 1.0)]).runs[0]
     assert (row.steps, row.at_rest) == (response.steps, rests)
     ratios = np.abs(response.stories.residual_drift) / response.stories.height
     assert row.residual_drift_ratio == np.max(ratios)
 
 
-@pytest.mark.parametrize("more", [{}, {"tolerance": 0.01}, {"check": True, "dt": 0.04}, {"history": True}])
+@pytest.mark.parametrize(
+    "more", [{}, {"tolerance": 0.01}, {"check": True, "dt": 0.04}, {"history": True}]
+)
 def test_residual_drifts_are_at_rest(more):
     """Those of a run ten times as long, which without the option moves at the record's end and says so."""
     record = noise(seed=3)
     plain = run(ten_bilinear(), record, method="impulse4")
     rest = run(ten_bilinear(), record, method="impulse4", until_rest=True, **more)
-    last = run(ten_bilinear(), record, method="impulse4", duration=10.0 * rest.rest_time, dt=more.get("dt"))
+    last = run(
+        ten_bilinear(), record, method="impulse4", duration=10.0 * rest.rest_time, dt=more.get("dt")
+    )
     scale = np.max(rest.stories.peak_displacement)
-    assert rest.rest_time == pytest.approx(rest.steps * rest.dt) and rest.rest_time > record.duration
+    assert (
+        rest.rest_time == pytest.approx(rest.steps * rest.dt) and rest.rest_time > record.duration
+    )
     assert not moves(rest) and moves(plain) and plain.rest_time is None
     if "dt" not in more and "tolerance" not in more:
         assert np.array_equal(plain.stories.peak_drift, rest.stories.peak_drift)
     if "tolerance" not in more:
-        assert np.max(np.abs(rest.stories.residual_drift - last.stories.residual_drift)) < 2.0 * AT_REST * scale
+        assert (
+            np.max(np.abs(rest.stories.residual_drift - last.stories.residual_drift))
+            < 2.0 * AT_REST * scale
+        )
     far = np.abs(plain.stories.residual_drift - last.stories.residual_drift)
     assert np.max(far) > 5.0 * AT_REST * scale
     assert np.max(far) < 2.0 * np.max(plain.moving_drift)
@@ -55,7 +79,11 @@ def test_residual_drifts_are_at_rest(more):
     assert f"largest drift {np.max(peaks):.4g} m in story {np.argmax(peaks) + 1}" in repr(plain)
     told = f"{MOVES} {np.argmax(plain.moving_drift) + 1} by about {1e3 * np.max(plain.moving_drift):.2g} mm"
     assert any(note.startswith(told) for note in plain.notes)
-    in_inches = run(replace(ten_bilinear(), output_units=parse_output_units("in,kip")), record, method="impulse4")
+    in_inches = run(
+        replace(ten_bilinear(), output_units=parse_output_units("in,kip")),
+        record,
+        method="impulse4",
+    )
     told = f"{MOVES} {np.argmax(plain.moving_drift) + 1} by about {np.max(plain.moving_drift) / 0.0254:.2g} in"
     assert any(note.startswith(told) for note in in_inches.notes)
     if rest.history is not None:
@@ -66,14 +94,18 @@ def test_residual_drifts_are_at_rest(more):
 def test_a_run_that_ends_with_a_collapse_has_no_rest_to_go_on_to():
     frame = load_model(Path(__file__).parents[3] / "configs" / "collapse-prone-frame.yaml")
     response = run(frame, noise(seed=3).scaled(20.0), method="impulse4")
-    assert response.collapse.ended and np.max(response.moving_drift) > 0.1 * np.max(response.stories.peak_drift)
+    assert response.collapse.ended and np.max(response.moving_drift) > 0.1 * np.max(
+        response.stories.peak_drift
+    )
     assert not moves(response)
 
 
 def test_an_undamped_building_never_rests():
     response = run(oscillator(10.0), noise(), method="impulse4", until_rest=True)
     assert response.rest_time is None and moves(response)
-    assert any(note.endswith("; --until-rest waits for 100 first periods") for note in response.notes)
+    assert any(
+        note.endswith("; --until-rest waits for 100 first periods") for note in response.notes
+    )
     assert response.steps * response.dt == pytest.approx(8.0 + REST_PERIODS * 0.2 * np.pi, rel=0.01)
 
 
@@ -86,7 +118,10 @@ def test_the_amplitude_of_what_still_moves(duration):
 
 
 def test_there_is_no_rest_under_forces():
-    shaken = replace(ten_linear(), excitation=replace(ten_linear().excitation, forces=(Force(10, 1e5, 0.0, 5.0),)))
+    shaken = replace(
+        ten_linear(),
+        excitation=replace(ten_linear().excitation, forces=(Force(10, 1e5, 0.0, 5.0),)),
+    )
     assert not moves(run(shaken, noise(), method="impulse4"))
 
 
@@ -112,7 +147,9 @@ def test_residual_drifts_of_steps_that_end_after_the_record(samples):
         if response.check.drift_error is None:
             continue
         far = np.abs(response.stories.residual_drift - true.stories.residual_drift)
-        good.append(far <= 2.0 * response.check.errors.residual_drift + 1e-6 * true.stories.peak_drift)
+        good.append(
+            far <= 2.0 * response.check.errors.residual_drift + 1e-6 * true.stories.peak_drift
+        )
         changed.append(np.max(response.unresolved.residual_drift))
     assert len(good) >= 12 and min(changed) > 0.0
     assert np.mean(np.concatenate(good)) >= 0.98
@@ -124,7 +161,9 @@ def test_the_amplitudes_of_a_first_mode():
     two = model([story(1.0, 100.0), story(1.0, 100.0)], velocity=(0.3, 0.3 * golden))
     for duration in (1.0, 1.37):
         response = run(two, method="exact", dt=0.001, duration=duration)
-        assert response.moving_drift == pytest.approx(0.3 / omega * np.array([1.0, golden - 1.0]), rel=1e-5)
+        assert response.moving_drift == pytest.approx(
+            0.3 / omega * np.array([1.0, golden - 1.0]), rel=1e-5
+        )
 
 
 def test_what_is_left_of_the_motion_is_part_of_the_error():
@@ -133,6 +172,10 @@ def test_what_is_left_of_the_motion_is_part_of_the_error():
     assert response.rest_time is not None
     left = np.abs(response.stories.residual_drift)
     assert np.all(left <= 2.0 * response.check.errors.residual_drift)
-    assert np.max(response.check.errors.residual_drift) < AT_REST * np.max(response.stories.peak_displacement)
-    plain = run(ten_linear(), noise(seed=3), method="moment4", duration=response.rest_time, check=True)
+    assert np.max(response.check.errors.residual_drift) < AT_REST * np.max(
+        response.stories.peak_displacement
+    )
+    plain = run(
+        ten_linear(), noise(seed=3), method="moment4", duration=response.rest_time, check=True
+    )
     assert np.any(left > 2.0 * plain.check.errors.residual_drift)

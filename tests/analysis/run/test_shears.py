@@ -52,9 +52,12 @@ def test_the_total_shear_is_largest_where_a_story_yields_with_forces_on_floors_t
     yields = replace(story(1e5, 4e7, Law("bilinear", (2e5, 0.0))), dashpot=3e5)
     pushed = building_cases.model([yields], velocity=(0.2,), forces=[Force(1, 1e4, 20.0, 0.0)])
     peaks = [
-        run(pushed, method="impulse4", dt=dt, duration=0.1).stories.peak_total_shear[0] for dt in (0.01, 0.01 / 3, 1e-3)
+        run(pushed, method="impulse4", dt=dt, duration=0.1).stories.peak_total_shear[0]
+        for dt in (0.01, 0.01 / 3, 1e-3)
     ]
-    assert peaks[0] == pytest.approx(peaks[2], rel=1e-5) and peaks[1] == pytest.approx(peaks[2], rel=1e-7)
+    assert peaks[0] == pytest.approx(peaks[2], rel=1e-5) and peaks[1] == pytest.approx(
+        peaks[2], rel=1e-7
+    )
     response = run(pushed, method="impulse4", dt=1e-3, duration=0.1, history=True)
     assert peaks[2] > 1.0001 * np.max(np.abs(response.history.total_shear))
 
@@ -65,8 +68,13 @@ def test_the_total_shear_has_its_peak_between_steps_under_a_sine_force():
     mass, stiffness, force, w = 1e5, 4e7, 1e6, 9.0
     pushed = building_cases.model([story(mass, stiffness)], forces=[Force(1, 0.0, force, w)])
     omega, times = np.sqrt(stiffness / mass), np.linspace(0.0, 0.96, 200_001)
-    moved = force / (stiffness - mass * w**2) * (np.sin(w * times) - w / omega * np.sin(omega * times))
-    peaks = [run(pushed, method="impulse4", dt=dt, duration=0.96).stories.peak_total_shear[0] for dt in (0.02, 0.01)]
+    moved = (
+        force / (stiffness - mass * w**2) * (np.sin(w * times) - w / omega * np.sin(omega * times))
+    )
+    peaks = [
+        run(pushed, method="impulse4", dt=dt, duration=0.96).stories.peak_total_shear[0]
+        for dt in (0.02, 0.01)
+    ]
     missed = np.abs(np.array(peaks) / (stiffness * np.max(np.abs(moved))) - 1.0)
     assert missed[0] < 1e-4 and missed[1] < missed[0] / 8.0, missed
 
@@ -76,8 +84,13 @@ def test_modal_damping_is_in_the_total_shear():
     response = run(replace(model, damping=ModalDamping((0.05,))), history=True, duration=8.0)
     history = response.history
     size = np.max(np.abs(history.total_shear))
-    np.testing.assert_allclose(history.total_shear, by_parts(response.model, history), atol=1e-9 * size)
-    assert np.all(response.stories.peak_total_shear >= np.max(np.abs(history.total_shear), axis=0) * (1.0 - 1e-12))
+    np.testing.assert_allclose(
+        history.total_shear, by_parts(response.model, history), atol=1e-9 * size
+    )
+    assert np.all(
+        response.stories.peak_total_shear
+        >= np.max(np.abs(history.total_shear), axis=0) * (1.0 - 1e-12)
+    )
     assert not np.any(response.stories.peak_damper_force)
 
 
@@ -99,7 +112,9 @@ def test_the_work_of_dashpots_is_apart_from_that_of_damping():
     work = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * response.dt)])
     np.testing.assert_allclose(history.energy.devices, work, atol=2e-4 * energy.devices)
     assert abs(energy.error) < 1e-4 and energy.damping > 0.0
-    bare = replace(model, stories=tuple(replace(one, dashpot=0.0, power_dashpot=None) for one in model.stories))
+    bare = replace(
+        model, stories=tuple(replace(one, dashpot=0.0, power_dashpot=None) for one in model.stories)
+    )
     without = run(bare, duration=12.0)
     assert without.energy.devices == 0.0 and not np.any(without.stories.peak_damper_force)
     undamped = run(replace(model, damping=None), duration=12.0).energy

@@ -27,7 +27,9 @@ def off(stories, building=ten_bilinear):
     return np.max(np.abs(stories.peak_drift / truth(building) - 1.0))
 
 
-@pytest.mark.parametrize("method", ["newmark-average", "impulse4", "moment4", "bathe", "central-difference"])
+@pytest.mark.parametrize(
+    "method", ["newmark-average", "impulse4", "moment4", "bathe", "central-difference"]
+)
 @pytest.mark.parametrize("tolerance", [0.02, 1e-3])
 def test_the_largest_step_within_the_tolerance_is_taken(method, tolerance):
     """Twice of it is not within; the true error is. The step is a halving of four samples, the run that of the step."""
@@ -47,7 +49,9 @@ def test_the_largest_step_within_the_tolerance_is_taken(method, tolerance):
     if halvings < 1 + pairs:
         return
     try:
-        before = run(ten_bilinear(), record, method=method, dt=(4.0 if pairs else 2.0) * response.dt)
+        before = run(
+            ten_bilinear(), record, method=method, dt=(4.0 if pairs else 2.0) * response.dt
+        )
     except FailedRun as failure:
         assert (method, failure.status) == ("central-difference", "unstable-step")
     else:
@@ -61,7 +65,9 @@ def test_the_finer_run_of_a_pair_has_a_third_of_the_error_that_the_pair_tells(to
     check = response.check
     assert (check.choice.runs == 2) == (tolerance == 0.02)
     assert check.dts == (2.0 * response.dt, response.dt) and check.method.startswith("impulse4")
-    coarse = run(ten_bilinear(), noise(), method="impulse4", dt=2.0 * response.dt, check=False).stories
+    coarse = run(
+        ten_bilinear(), noise(), method="impulse4", dt=2.0 * response.dt, check=False
+    ).stories
     part = 8.0 / 9.0 if tolerance == 0.02 else 4.0 / 9.0
     relative = part * np.abs(coarse.peak_drift / response.stories.peak_drift - 1.0)
     least = np.maximum(np.maximum(relative, 0.2 * np.sqrt(np.mean(relative**2))), 1e-5)
@@ -79,7 +85,9 @@ def test_a_step_is_no_larger_than_is_allowed():
 
 def test_a_given_step_is_the_largest():
     response = run(ten_linear(), noise(), method="impulse4", tolerance=0.05, dt=DT / 2)
-    assert response.check.dts == (DT / 2, DT / 4) and response.check.choice.samples == 0.25  # the first pair
+    assert (
+        response.check.dts == (DT / 2, DT / 4) and response.check.choice.samples == 0.25
+    )  # the first pair
     response = run(ten_linear(), noise(), method="newmark-average", tolerance=0.05, dt=DT / 2)
     assert response.dt == DT / 2 and response.check.choice.samples == 0.5
 
@@ -95,7 +103,8 @@ def test_without_a_record_the_step_is_halved():
 def test_a_tolerance_that_no_step_reaches():
     record = noise(samples=101)
     with pytest.raises(
-        FailedRun, match=r"does not come within 1e-09 %: with dt 3.90625e-05 s .* of story \d+ is still"
+        FailedRun,
+        match=r"does not come within 1e-09 %: with dt 3.90625e-05 s .* of story \d+ is still",
     ) as failure:
         run(ten_linear(), record, method="newmark-average", tolerance=1e-11)
     assert failure.value.status == "not-within-tolerance"
@@ -112,7 +121,9 @@ def test_a_tolerance_and_steps_that_fail(monkeypatch, threshold):
 
 @pytest.mark.parametrize("tolerance", [0.0, 1.0, -0.1, np.nan])
 def test_a_tolerance_is_a_part(tolerance):
-    with pytest.raises(UsageError, match=r"a tolerance lies between 0 and 1|tolerance must be a number, got nan"):
+    with pytest.raises(
+        UsageError, match=r"a tolerance lies between 0 and 1|tolerance must be a number, got nan"
+    ):
         run(ten_linear(), noise(samples=101), method="newmark-average", tolerance=tolerance)
 
 

@@ -28,11 +28,17 @@ from tdint.model.building import assemble
 )
 def test_steps_under_a_record(dt, duration, expected):
     chosen = choose_steps(dt, duration, 0.01, 40.0)
-    assert (chosen.count, chosen.per_sample, chosen.stride) == (expected.count, expected.per_sample, expected.stride)
+    assert (chosen.count, chosen.per_sample, chosen.stride) == (
+        expected.count,
+        expected.per_sample,
+        expected.stride,
+    )
     assert chosen.h == pytest.approx(expected.h, rel=1e-15)
 
 
-@pytest.mark.parametrize(("dt", "below", "above"), [(0.004, "0.00333333333333", "0.005"), (0.025, "0.02", "0.03")])
+@pytest.mark.parametrize(
+    ("dt", "below", "above"), [(0.004, "0.00333333333333", "0.005"), (0.025, "0.02", "0.03")]
+)
 def test_a_step_that_does_not_fit_names_its_neighbors(dt, below, above):
     with pytest.raises(UsageError, match=f"the nearest steps are {below} and {above} s"):
         choose_steps(dt, None, 0.01, 40.0)
@@ -50,10 +56,14 @@ def test_the_method_where_none_is_named_is_said():
     response = run(ten_linear(), noise())
     assert response.method == run(ten_linear(), noise(), method=DEFAULT_METHOD).method
     assert response.notes[0] == f"no method is named: it is {DEFAULT_METHOD}"
-    assert not any("no method" in note for note in run(ten_linear(), noise(), method="impulse4").notes)
+    assert not any(
+        "no method" in note for note in run(ten_linear(), noise(), method="impulse4").notes
+    )
 
 
-@pytest.mark.parametrize(("dt", "duration"), [(0.0, 1.0), (-1.0, 1.0), (np.nan, 1.0), (0.1, np.inf), (0.1, 0.0)])
+@pytest.mark.parametrize(
+    ("dt", "duration"), [(0.0, 1.0), (-1.0, 1.0), (np.nan, 1.0), (0.1, np.inf), (0.1, 0.0)]
+)
 def test_steps_and_durations_are_positive_numbers(dt, duration):
     with pytest.raises(UsageError, match=r"must be a (positive number of seconds|number, got nan)"):
         run(oscillator(1.0), method="impulse4", dt=dt, duration=duration)
@@ -61,7 +71,9 @@ def test_steps_and_durations_are_positive_numbers(dt, duration):
 
 def test_memory_does_not_grow_with_the_steps():
     """Without a history: the same peak of memory for a hundred times as many steps."""
-    building = model([story(1.0, 100.0, dashpot=0.1) for _ in range(5)], forces=[Force(5, 1.0, 0.0, 3.0)])
+    building = model(
+        [story(1.0, 100.0, dashpot=0.1) for _ in range(5)], forces=[Force(5, 1.0, 0.0, 3.0)]
+    )
 
     def peak(steps):
         tracemalloc.start()
@@ -93,7 +105,9 @@ def test_a_history_whose_rows_do_not_divide_the_steps_is_refused():
 def test_a_wave_may_be_far_from_the_end_of_a_long_chain(method):
     """Ahead of the wave forces fall below the smallest number that the processor holds."""
     law = Law("polynomial", (500.0, 0.2))
-    chain = model([story(50.0, 500.0, law) for _ in range(100)], forces=[Force(1, 1000.0, 0.0, 50.0)], dt=2e-4)
+    chain = model(
+        [story(50.0, 500.0, law) for _ in range(100)], forces=[Force(1, 1000.0, 0.0, 50.0)], dt=2e-4
+    )
     response = run(chain, method=method, duration=0.1)
     assert response.status == "done"
     assert 0.0 < response.stories.peak_drift[0] < 0.1
@@ -102,7 +116,13 @@ def test_a_wave_may_be_far_from_the_end_of_a_long_chain(method):
 
 @pytest.mark.parametrize(
     ("dt", "duration", "record_dt"),
-    [(1e-300, None, 0.01), (1e-13, None, 0.01), (None, 1e20, 0.01), (None, 1e308, 0.01), (0.01, 1e308, None)],
+    [
+        (1e-300, None, 0.01),
+        (1e-13, None, 0.01),
+        (None, 1e20, 0.01),
+        (None, 1e308, 0.01),
+        (0.01, 1e308, None),
+    ],
 )
 def test_out_of_all_proportion(dt, duration, record_dt):
     with pytest.raises(UsageError, match=r"at most 1e\+09 are taken|out of all proportion"):

@@ -13,14 +13,26 @@ DT, SAMPLES = 0.01, 801
 FREQUENCIES = np.array([1.3, 3.7, 9.1, 17.3, 28.9, 40.1])  # Hz; half the sampling rate is 50 Hz
 AMPLITUDES = np.array([1.0, 1.0, 0.8, 0.8, 0.6, 0.6])
 PHASES = np.array([0.5, 1.5, 5.0, 3.6, 0.6, 2.7])
-WINDOW = {0: 3 / 8, 1: -1 / 4, -1: -1 / 4, 2: 1 / 16, -2: 1 / 16}  # (1 - cos(2 pi t / D))^2 / 4 by its frequencies
+WINDOW = {
+    0: 3 / 8,
+    1: -1 / 4,
+    -1: -1 / 4,
+    2: 1 / 16,
+    -2: 1 / 16,
+}  # (1 - cos(2 pi t / D))^2 / 4 by its frequencies
 DAMPING = 0.05
 
 
 DURATION = (SAMPLES - 1) * DT
 OMEGA = 2.0 * math.pi * np.array([f + k / DURATION for f in FREQUENCIES for k in WINDOW])
 """Circular frequencies of the windowed motion, and complex amplitudes."""
-WAVES = np.array([a * w * np.exp(1j * p) for a, p in zip(AMPLITUDES, PHASES, strict=True) for w in WINDOW.values()])
+WAVES = np.array(
+    [
+        a * w * np.exp(1j * p)
+        for a, p in zip(AMPLITUDES, PHASES, strict=True)
+        for w in WINDOW.values()
+    ]
+)
 
 
 def motion(t):
@@ -61,14 +73,17 @@ def record():
 
 
 @pytest.mark.parametrize(
-    ("period", "bound"), [(0.005, 1e-5), (0.01, 1e-5), (0.025, 5e-6), (0.1, 2e-6), (1.0, 2e-7), (10.0, 5e-7)]
+    ("period", "bound"),
+    [(0.005, 1e-5), (0.01, 1e-5), (0.025, 5e-6), (0.1, 2e-6), (1.0, 2e-7), (10.0, 5e-7)],
 )
 def test_response_to_the_motion_itself(record, dense, period, bound):
     exact = [largest(values) for values in response(period, *dense)]
     result = spectrum(record, np.array([period]), DAMPING, interpolation="band-limited")
     np.testing.assert_allclose([result.sd[0], result.sv[0], result.sa[0]], exact, rtol=bound)
     if period < 0.3:  # and the lines between the samples are another motion
-        assert abs(spectrum(record, np.array([period]), DAMPING).psa[0] / result.psa[0] - 1.0) > 2e-3
+        assert (
+            abs(spectrum(record, np.array([period]), DAMPING).psa[0] / result.psa[0] - 1.0) > 2e-3
+        )
 
 
 def test_peak_ground_acceleration(record, dense):

@@ -29,7 +29,9 @@ def uniform(period, stories, damping):
 )
 def test_drifts_are_those_of_the_matrix_exponential(stories, period, damping):
     record = noise(samples=401)
-    spectrum = drift_spectrum(record, np.array([period]), damping, stories=stories, height_period=MANY)
+    spectrum = drift_spectrum(
+        record, np.array([period]), damping, stories=stories, height_period=MANY
+    )
     motion = exact_linear(uniform(period, stories, damping), finer(record, 16))
     ratios = np.max(np.abs(drifts(motion)), axis=0) * stories / spectrum.heights[0]
     roof = np.max(np.abs(motion[:, -1])) / spectrum.heights[0]
@@ -90,7 +92,12 @@ def test_the_damped_beam_is_the_convolution_with_its_impulse_response(period, da
     # Mid points of the kernel, means of the motion over its steps
     means = 0.5 * (motion.acceleration[1:] + motion.acceleration[:-1])
     twice = 2 * means.size
-    drift = np.fft.irfft(np.fft.rfft(means, twice) * np.fft.rfft(kernel[:-1], twice), twice)[: means.size] * motion.dt
+    drift = (
+        np.fft.irfft(np.fft.rfft(means, twice) * np.fft.rfft(kernel[:-1], twice), twice)[
+            : means.size
+        ]
+        * motion.dt
+    )
     expected = np.max(np.abs(drift)) / spectrum.heights[0]
     assert spectrum.peak_drift_ratio[0] == pytest.approx(expected, rel=2e-4)
 
@@ -100,8 +107,12 @@ def test_heights_and_numbers_of_stories():
     spectrum = drift_spectrum(noise(samples=21), periods)
     assert 0.0731 * spectrum.heights**0.75 == pytest.approx(periods, rel=1e-14)
     assert np.array_equal(spectrum.stories, [1, 2, 9, 24])
-    assert np.array_equal(drift_spectrum(noise(samples=21), periods, story_height=3.0).stories, [1, 2, 11, 27])
-    assert np.array_equal(drift_spectrum(noise(samples=21), periods, stories=4).stories, [4, 4, 4, 4])
+    assert np.array_equal(
+        drift_spectrum(noise(samples=21), periods, story_height=3.0).stories, [1, 2, 11, 27]
+    )
+    assert np.array_equal(
+        drift_spectrum(noise(samples=21), periods, stories=4).stories, [4, 4, 4, 4]
+    )
     assert parse_height_period("0.0466, 0.9") == HeightPeriod(0.0466, 0.9)
 
 
@@ -125,7 +136,9 @@ def test_five_stories_under_el_centro():
     height = spectrum.heights[0]
     assert spectrum.roof_drift_ratio[0] * height / 0.0254 == pytest.approx(6.857, rel=2e-3)
     assert spectrum.story[0] == 1
-    assert spectrum.peak_drift_ratio[0] * height / 5 / 0.0254 * 31.54 == pytest.approx(73.09, rel=2e-3)
+    assert spectrum.peak_drift_ratio[0] * height / 5 / 0.0254 * 31.54 == pytest.approx(
+        73.09, rel=2e-3
+    )
 
 
 @pytest.mark.parametrize(
@@ -152,11 +165,15 @@ def test_wrong_arguments(arguments, message):
 def test_periods_that_do_not_fit_the_sampling_interval():
     with pytest.raises(AnalysisError, match=r"too many modes .* ask for periods up to 200 s"):
         drift_spectrum(noise(samples=21), np.array([300.0]), beam=True)
-    with pytest.raises(AnalysisError, match=r"the period 9e-06 s is less than .* ask for periods from 1e-05 s on"):
+    with pytest.raises(
+        AnalysisError, match=r"the period 9e-06 s is less than .* ask for periods from 1e-05 s on"
+    ):
         drift_spectrum(noise(samples=21), np.array([9e-6, 1.0]))
 
 
-@pytest.mark.parametrize("text", ["", "0.07", "0.07,0.75,1", "a,b", "0,0.75", "0.07,-1", "nan,1", "0.07,inf"])
+@pytest.mark.parametrize(
+    "text", ["", "0.07", "0.07,0.75,1", "a,b", "0,0.75", "0.07,-1", "nan,1", "0.07,inf"]
+)
 def test_wrong_height_periods(text):
     with pytest.raises(UsageError, match="a height-period relation must be two positive numbers"):
         parse_height_period(text)

@@ -60,11 +60,20 @@ def test_a_method_of_the_catalogue_converges_to_the_exact_spectrum():
         assert measured.method == "newmark-average"
         errors.append(np.max(np.abs(measured.sd / exact.sd - 1.0)))
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.05)
-    assert np.max(np.abs(spectrum(record, periods, method="impulse4").sd / spectrum(record, periods).sd - 1)) < 1e-5
+    assert (
+        np.max(
+            np.abs(
+                spectrum(record, periods, method="impulse4").sd / spectrum(record, periods).sd - 1
+            )
+        )
+        < 1e-5
+    )
 
 
 def test_an_unstable_method_is_refused():
-    with pytest.raises(AnalysisError, match=r"central-difference is unstable .* for the period 0\.01 s"):
+    with pytest.raises(
+        AnalysisError, match=r"central-difference is unstable .* for the period 0\.01 s"
+    ):
         spectrum(noise(samples=201), PERIODS, method="central-difference")
     stable = spectrum(noise(samples=201), PERIODS[3:], method="central-difference")
     assert np.all(np.isfinite(stable.sd))
@@ -79,9 +88,24 @@ def test_an_unstable_method_is_refused():
         ([1.0], 1.0, {}, "damping must be a ratio"),
         ([1.0], -0.1, {}, "damping must be a ratio"),
         ([1.0], 0.05, {"maxima": "best"}, "maxima must be one of exact, peer, samples, got 'best'"),
-        ([1.0], 0.05, {"interpolation": "cubic"}, "interpolation must be one of linear, band-limited, got 'cubic'"),
-        ([1.0], 0.05, {"method": "newmark", "maxima": "exact"}, "the maxima are those of its own motion"),
-        ([1.0], 0.05, {"method": "newmark", "interpolation": "band-limited"}, "the interpolation is linear"),
+        (
+            [1.0],
+            0.05,
+            {"interpolation": "cubic"},
+            "interpolation must be one of linear, band-limited, got 'cubic'",
+        ),
+        (
+            [1.0],
+            0.05,
+            {"method": "newmark", "maxima": "exact"},
+            "the maxima are those of its own motion",
+        ),
+        (
+            [1.0],
+            0.05,
+            {"method": "newmark", "interpolation": "band-limited"},
+            "the interpolation is linear",
+        ),
         (
             *([1.0], 0.05, {"maxima": "peer", "interpolation": "band-limited"}),
             "maxima peer are those of the linear interpolation",
@@ -107,5 +131,8 @@ def test_the_choices_are_told(asked, told):
 
 
 def test_a_period_far_below_the_sampling_interval_is_refused():
-    with pytest.raises(AnalysisError, match=r"the period 0\.0004 s is less than 0\.05 sampling intervals of 0\.01 s"):
+    with pytest.raises(
+        AnalysisError,
+        match=r"the period 0\.0004 s is less than 0\.05 sampling intervals of 0\.01 s",
+    ):
         spectrum(noise(samples=21), np.array([1.0, 4e-4]))

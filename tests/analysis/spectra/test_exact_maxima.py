@@ -24,7 +24,9 @@ def values(result):
 
 
 def reference(record, periods, damping=0.05):
-    return np.stack([OscillatorResponse(record, 2.0 * math.pi / t, damping).largest() for t in periods], axis=1)
+    return np.stack(
+        [OscillatorResponse(record, 2.0 * math.pi / t, damping).largest() for t in periods], axis=1
+    )
 
 
 @pytest.mark.parametrize(
@@ -72,17 +74,23 @@ def test_two_extremes_within_one_interval():
     """The velocity has the same sign at both samples and the other one between them; it ends with the largest."""
     record = Record(np.array([8.0, -6.0, 3.0, -5.0]), 1.0, "", "", "", "")
     periods = np.linspace(4.4, 4.6, 9)
-    np.testing.assert_allclose(values(spectrum(record, periods, 0.0)), reference(record, periods, 0.0), rtol=1e-9)
+    np.testing.assert_allclose(
+        values(spectrum(record, periods, 0.0)), reference(record, periods, 0.0), rtol=1e-9
+    )
 
 
 def test_the_largest_value_may_be_the_last():
     """A pulse that the record ends in: the displacement still grows at its last sample."""
     record = Record(np.linspace(0.0, 1.0, 40), 0.01, "", "", "", "")
     result = spectrum(record, np.array([5.0]))
-    assert result.sd[0] == pytest.approx(abs(OscillatorResponse(record, 0.4 * math.pi, 0.05).at(1.0)[0, -1]), rel=1e-12)
+    assert result.sd[0] == pytest.approx(
+        abs(OscillatorResponse(record, 0.4 * math.pi, 0.05).at(1.0)[0, -1]), rel=1e-12
+    )
 
 
-@pytest.mark.parametrize(("maxima", "steps_per_period"), [("peer", 10.0), ("samples", 0.0)], ids=["peer", "usgs"])
+@pytest.mark.parametrize(
+    ("maxima", "steps_per_period"), [("peer", 10.0), ("samples", 0.0)], ids=["peer", "usgs"]
+)
 def test_maxima_at_samples(maxima, steps_per_period):
     """PEER samples at ten or more steps per period, USGS at the record's own step."""
     record = noise(samples=401)
@@ -106,6 +114,8 @@ def test_peak_displacements_of_el_centro_1940():
         (2.0, 0.00, 9.91, 9.919),
         (2.0, 0.05, 5.37, 5.375),
     ):
-        assert spectrum(record, np.array([period]), damping).sd[0] / INCH == pytest.approx(published, abs=0.03)
+        assert spectrum(record, np.array([period]), damping).sd[0] / INCH == pytest.approx(
+            published, abs=0.03
+        )
         sampled = spectrum(record, np.array([period]), damping, maxima="samples").sd[0] / INCH
         assert sampled == pytest.approx(recomputed, abs=0.0006)  # fmt: skip

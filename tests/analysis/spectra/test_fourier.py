@@ -28,7 +28,9 @@ def noise() -> Record:
 def test_a_sinusoid_of_whole_cycles_has_one_frequency(cycles) -> None:
     """A sin(2 pi k t / T) over T: A T / 2 at k / T, nothing elsewhere."""
     duration = SIZE * DT
-    found = tdint.fourier_spectrum(record(3.0 * np.sin(2.0 * math.pi * cycles * np.arange(SIZE) / SIZE)), None)
+    found = tdint.fourier_spectrum(
+        record(3.0 * np.sin(2.0 * math.pi * cycles * np.arange(SIZE) / SIZE)), None
+    )
     assert found.frequencies[cycles - 1] == pytest.approx(cycles / duration, rel=1e-14)
     assert found.amplitude[cycles - 1] == pytest.approx(1.5 * duration, rel=1e-12)
     assert np.max(np.delete(found.amplitude, cycles - 1)) < 1e-10
@@ -55,16 +57,26 @@ def test_the_window_is_that_of_konno_and_ohmachi(noise, bandwidth) -> None:
     found = tdint.fourier_spectrum(noise, bandwidth)
     assert found.frequencies.size <= 300
     for frequency, amplitude in list(zip(found.frequencies, found.amplitude, strict=True))[::10]:
-        window = konno_ohmachi_smoothing_window(plain.frequencies, frequency, bandwidth, normalize=True)
+        window = konno_ohmachi_smoothing_window(
+            plain.frequencies, frequency, bandwidth, normalize=True
+        )
         assert amplitude == pytest.approx(window @ plain.amplitude, rel=1e-9)
 
 
 def test_scaled_motions_have_scaled_spectra(noise) -> None:
     twice = tdint.fourier_spectrum(noise.scaled(-2.0))
-    np.testing.assert_allclose(twice.amplitude, 2.0 * tdint.fourier_spectrum(noise).amplitude, rtol=1e-12)
+    np.testing.assert_allclose(
+        twice.amplitude, 2.0 * tdint.fourier_spectrum(noise).amplitude, rtol=1e-12
+    )
     assert twice.bandwidth == 40.0
     assert "smoothed with b = 40" in repr(twice)
-    assert list(twice.to_dict()) == ["record", "component", "bandwidth", "frequency_hz", "fourier_amplitude_m_s"]
+    assert list(twice.to_dict()) == [
+        "record",
+        "component",
+        "bandwidth",
+        "frequency_hz",
+        "fourier_amplitude_m_s",
+    ]
 
 
 @pytest.mark.parametrize("bandwidth", [0.0, -40.0, math.nan, 1e6])

@@ -59,18 +59,25 @@ def test_ductility_1_is_the_exact_elastic_spectrum(damping):
 
 
 @pytest.mark.parametrize(
-    ("load", "hardening"), [(0.55, 0.0), (0.7, 0.0), (0.97, 0.0), (0.6, 0.01), (1.0, 0.1), (1.5, 0.5), (3.0, 0.999)]
+    ("load", "hardening"),
+    [(0.55, 0.0), (0.7, 0.0), (0.97, 0.0), (0.6, 0.01), (1.0, 0.1), (1.5, 0.5), (3.0, 0.999)],
 )
 def test_a_suddenly_applied_force(load, hardening):
     """F mu = 1/2 + (mu - 1) + hardening (mu - 1)^2 / 2: the work of the force is the energy taken up. Of an
     elastoplastic oscillator 1 / (2 (1 - F)) (Biggs 1964, Chopra 7.1)."""
     strength = 2.0
     (spectrum,) = constant_strength(
-        steady(load * strength, 20.0), np.array([1.0]), [strength / STANDARD_GRAVITY], 0.0, hardening=hardening
+        steady(load * strength, 20.0),
+        np.array([1.0]),
+        [strength / STANDARD_GRAVITY],
+        0.0,
+        hardening=hardening,
     )
     ductility = 0.5 / (1.0 - load) if hardening == 0.0 else 1.0
     if hardening:
-        ductility += ((load - 1.0) + math.sqrt((load - 1.0) ** 2 + hardening * (2.0 * load - 1.0))) / hardening
+        ductility += (
+            (load - 1.0) + math.sqrt((load - 1.0) ** 2 + hardening * (2.0 * load - 1.0))
+        ) / hardening
     assert spectrum.ductility[0] == pytest.approx(ductility, rel=1e-11)
 
 
@@ -79,7 +86,9 @@ def test_a_suddenly_applied_force(load, hardening):
 def test_the_found_strength_reaches_the_ductility_in_a_run(period, hardening):
     """`tdint run` of a one-story building with impulse4 at a fine step, which shares no code with the kernel."""
     record = noise(samples=401)
-    for spectrum in constant_ductility(record, np.array([period]), [1.5, 4.0], 0.05, hardening=hardening):
+    for spectrum in constant_ductility(
+        record, np.array([period]), [1.5, 4.0], 0.05, hardening=hardening
+    ):
         building = one_story(period, 0.05, spectrum.yield_acceleration[0], hardening)
         response = run(building, record, method="impulse4", dt=record.dt / 32)
         stories = response.stories
@@ -98,7 +107,9 @@ def test_the_residual_is_where_a_long_run_ends(hardening):
     for i, period in enumerate(periods):
         building = one_story(period, 0.1, spectrum.yield_acceleration[i], hardening)
         stories = run(building, quiet, method="impulse4", dt=record.dt / 8).stories
-        assert spectrum.residual[i] == pytest.approx(stories.residual_drift[0], abs=1e-5 * spectrum.sd[i])
+        assert spectrum.residual[i] == pytest.approx(
+            stories.residual_drift[0], abs=1e-5 * spectrum.sd[i]
+        )
     assert np.all(np.abs(spectrum.residual) > 1e-3 * spectrum.sd)
 
 
@@ -139,7 +150,11 @@ def test_a_strong_oscillator_stays_elastic():
 def test_a_motion_of_zeros_needs_no_strength():
     record = Record(np.zeros(50), 0.01, "", "", "", "")
     (spectrum,) = constant_ductility(record, np.array([1.0]), [2.0])
-    assert (spectrum.yield_strength_ratio[0], spectrum.sd[0], spectrum.residual[0]) == (0.0, 0.0, 0.0)
+    assert (spectrum.yield_strength_ratio[0], spectrum.sd[0], spectrum.residual[0]) == (
+        0.0,
+        0.0,
+        0.0,
+    )
     assert np.isnan(spectrum.ductility[0])
     (spectrum,) = constant_strength(record, np.array([1.0]), [0.1])
     assert (spectrum.ductility[0], spectrum.sd[0]) == (0.0, 0.0)
@@ -148,7 +163,9 @@ def test_a_motion_of_zeros_needs_no_strength():
 def test_elastoplastic_oscillators_under_el_centro():
     """Chopra, Dynamics of Structures, 7.4: T = 0.5 s, 5 %, strengths of 1, 1/2, 1/4, 1/8 of the elastic one. Largest
     displacements 2.25, 1.62, 1.75, 2.07 in, ductilities 1, 1.44, 3.11, 7.36."""
-    record = read_record(real_file("elCentro1940_180.at2")).scaled(386.4 * 0.0254 / STANDARD_GRAVITY)
+    record = read_record(real_file("elCentro1940_180.at2")).scaled(
+        386.4 * 0.0254 / STANDARD_GRAVITY
+    )
     record = replace(record, acceleration=np.append(0.0, record.acceleration))
     period = np.array([0.5])
     (elastic,) = constant_ductility(record, period, [1.0])
@@ -156,7 +173,9 @@ def test_elastoplastic_oscillators_under_el_centro():
     spectra = constant_strength(record, period, strengths)
     inches = [spectrum.sd[0] / 0.0254 for spectrum in spectra]
     assert inches == pytest.approx([2.25, 1.62, 1.75, 2.07], abs=0.006)
-    assert [spectrum.ductility[0] for spectrum in spectra] == pytest.approx([1.0, 1.44, 3.11, 7.36], abs=0.011)
+    assert [spectrum.ductility[0] for spectrum in spectra] == pytest.approx(
+        [1.0, 1.44, 3.11, 7.36], abs=0.011
+    )
 
 
 # The search
@@ -177,7 +196,9 @@ def bumpy(heights, places, widths):
 
 
 @given(
-    st.lists(st.tuples(st.floats(-2.0, 4.0), st.floats(0.1, 2.0), st.floats(0.05, 0.5)), max_size=3),
+    st.lists(
+        st.tuples(st.floats(-2.0, 4.0), st.floats(0.1, 2.0), st.floats(0.05, 0.5)), max_size=3
+    ),
     st.floats(1.05, 10.0),
 )
 def test_of_several_strengths_the_largest_is_found(bumps, target):
@@ -185,7 +206,11 @@ def test_of_several_strengths_the_largest_is_found(bumps, target):
     ratio = largest_ratio(ductility, target)
     assert ductility(ratio) == pytest.approx(target, rel=1e-7)
     # Where a maximum only grazes the target either answer is right.
-    assert all(ductility(x) < 1.001 * target for x in np.geomspace(1.0005 * ratio, 1.0, 400) if x > 1.0005 * ratio)
+    assert all(
+        ductility(x) < 1.001 * target
+        for x in np.geomspace(1.0005 * ratio, 1.0, 400)
+        if x > 1.0005 * ratio
+    )
 
 
 def test_a_narrow_summit_between_the_steps_is_found():
@@ -197,7 +222,9 @@ def test_a_narrow_summit_between_the_steps_is_found():
 
 
 def test_a_steep_rise_is_followed():
-    assert largest_ratio(lambda ratio: 1.0 + 1e6 * (1.0 - ratio), 3.0) == pytest.approx(1.0 - 2e-6, rel=1e-12)
+    assert largest_ratio(lambda ratio: 1.0 + 1e6 * (1.0 - ratio), 3.0) == pytest.approx(
+        1.0 - 2e-6, rel=1e-12
+    )
 
 
 def test_a_ductility_that_is_never_reached_is_an_error():
@@ -207,9 +234,14 @@ def test_a_ductility_that_is_never_reached_is_an_error():
 
 def test_periods_that_are_too_short():
     for function, wanted in ((constant_ductility, [2.0]), (constant_strength, [0.1])):
-        with pytest.raises(AnalysisError, match=r"the period 9e-06 s is less than .* ask for periods from 1e-05 s on"):
+        with pytest.raises(
+            AnalysisError,
+            match=r"the period 9e-06 s is less than .* ask for periods from 1e-05 s on",
+        ):
             function(NOISE, np.array([1.0, 9e-6]), wanted)
-        assert np.isfinite(function(replace(NOISE, acceleration=NOISE.acceleration[:9]), [1e-5], wanted)[0].sd[0])
+        assert np.isfinite(
+            function(replace(NOISE, acceleration=NOISE.acceleration[:9]), [1e-5], wanted)[0].sd[0]
+        )
 
 
 @pytest.mark.parametrize(

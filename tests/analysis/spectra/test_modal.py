@@ -15,14 +15,19 @@ from tdint.units import STANDARD_GRAVITY as G
 def table(folder, periods, psa):
     """The file of a target with these pseudo-accelerations (m/s^2)."""
     file = folder / "target.csv"
-    file.write_text("period_s,sa_m_s2\n" + "".join(f"{t:.12g},{a:.12g}\n" for t, a in zip(periods, psa, strict=True)))
+    file.write_text(
+        "period_s,sa_m_s2\n"
+        + "".join(f"{t:.12g},{a:.12g}\n" for t, a in zip(periods, psa, strict=True))
+    )
     return str(file)
 
 
 def test_a_two_story_frame_by_hand(tmp_path):
     """Masses 2m, m and springs 2k, k: omega^2 = k/2m, 2k/m, shapes (1/2, 1), (-1, 1), factors 4/3, -1/3 (Chopra)."""
     m, k, a = 100.0, 4e4, 0.3 * G
-    result = tdint.modal_response(model([story(2 * m, 2 * k), story(m, k)]), table(tmp_path, [0.01, 9.0], [a, a]))
+    result = tdint.modal_response(
+        model([story(2 * m, 2 * k), story(m, k)]), table(tmp_path, [0.01, 9.0], [a, a])
+    )
     omega = np.sqrt([k / (2 * m), 2 * k / m])
     assert result.period == pytest.approx(2.0 * math.pi / omega, rel=1e-12)
     assert result.mass_ratio == pytest.approx([8.0 / 9.0, 1.0 / 9.0], rel=1e-12)

@@ -15,14 +15,21 @@ from tdint_cli.main import cli
 
 
 def noise(samples=500, dt=0.02):
-    return Record(np.random.default_rng(3).standard_normal(samples), dt, "", "", "HN1", "noise.mseed")
+    return Record(
+        np.random.default_rng(3).standard_normal(samples), dt, "", "", "HN1", "noise.mseed"
+    )
 
 
 @pytest.mark.parametrize("period", [0.05, 0.7, 8.0])
 def test_against_scipy_and_the_spectrum(period):
     record, damping, omega = noise(), 0.05, 2.0 * math.pi / period
     found = oscillator_motion(record, period, damping)
-    system = ([[0.0, 1.0], [-(omega**2), -2.0 * damping * omega]], [[0.0], [-1.0]], np.eye(2), np.zeros((2, 1)))
+    system = (
+        [[0.0, 1.0], [-(omega**2), -2.0 * damping * omega]],
+        [[0.0], [-1.0]],
+        np.eye(2),
+        np.zeros((2, 1)),
+    )
     _, motion, _ = lsim(system, record.acceleration, found.time)
     largest = np.max(np.abs(motion), axis=0)
     assert found.displacement / largest[0] == pytest.approx(motion[:, 0] / largest[0], abs=1e-9)
@@ -50,7 +57,16 @@ def test_the_command(tmp_path, monkeypatch):
         rows = list(csv.DictReader(stream))
     assert len(rows) == 4 * 50 and (tmp_path / "motion.json").exists()
     one = oscillator_motion(Record(np.sin(np.arange(50.0)), 0.02, "", "", "", ""), 1.0, 0.02)
-    found = [float(row["displacement_m"]) for row in rows if (row["period_s"], row["damping"]) == ("1", "0.02")]
+    found = [
+        float(row["displacement_m"])
+        for row in rows
+        if (row["period_s"], row["damping"]) == ("1", "0.02")
+    ]
     assert found == pytest.approx(one.displacement, rel=1e-9)
-    for more in ((), ("--history=x.csv",), ("--history", "--period", "1"), ("--history", "--plot=x.png")):
+    for more in (
+        (),
+        ("--history=x.csv",),
+        ("--history", "--period", "1"),
+        ("--history", "--plot=x.png"),
+    ):
         assert CliRunner().invoke(cli, [*run, *more]).exit_code == 2

@@ -32,7 +32,12 @@ def rotated(motion, degrees):
 
 def each_direction(motion, periods, damping=0.05, **choices):
     """Pseudo-accelerations of the motion turned to each direction, shape (180, k)."""
-    return np.array([spectrum(rotated(motion, degrees), periods, damping, **choices).psa for degrees in range(180)])
+    return np.array(
+        [
+            spectrum(rotated(motion, degrees), periods, damping, **choices).psa
+            for degrees in range(180)
+        ]
+    )
 
 
 @pytest.mark.parametrize(
@@ -45,7 +50,9 @@ def test_percentiles_are_those_of_the_turned_motions(choices):
     psa = each_direction(motion, PERIODS, **choices)
     result = rotated_spectrum(motion, PERIODS, 0.05, ALL, **choices)
     np.testing.assert_allclose(result.psa, np.percentile(psa, ALL, axis=0), rtol=1e-11)
-    np.testing.assert_allclose(psa[result.angle.astype(int), np.arange(PERIODS.size)], psa.max(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(
+        psa[result.angle.astype(int), np.arange(PERIODS.size)], psa.max(axis=0), rtol=1e-12
+    )
     np.testing.assert_allclose(result.geometric_mean, np.sqrt(psa[0] * psa[90]), rtol=1e-12)
 
 
@@ -59,7 +66,9 @@ def test_percentiles_are_those_of_the_turned_motions(choices):
 )
 def test_white_noise(seed, samples, period, damping, second):
     generator = np.random.default_rng(seed)
-    one, other = (Record(generator.standard_normal(samples), 0.01, "", "", "", "") for _ in range(2))
+    one, other = (
+        Record(generator.standard_normal(samples), 0.01, "", "", "", "") for _ in range(2)
+    )
     motion, periods = Horizontals(one, other.scaled(second)), np.array([0.01 * period])
     result = rotated_spectrum(motion, periods, damping, (0, 50, 100))
     expected = np.percentile(each_direction(motion, periods, damping), (0, 50, 100), axis=0)
@@ -69,8 +78,13 @@ def test_white_noise(seed, samples, period, damping, second):
 @pytest.mark.parametrize("interpolation", ["linear", "band-limited"])
 def test_period_zero_is_the_peak_in_each_direction(interpolation):
     motion = pair(samples=101)
-    result = rotated_spectrum(motion, np.array([0.0, 1.0]), 0.05, (0, 50, 100), interpolation=interpolation)
-    peaks = [spectrum(rotated(motion, d), np.array([0.0]), interpolation=interpolation).psa[0] for d in range(180)]
+    result = rotated_spectrum(
+        motion, np.array([0.0, 1.0]), 0.05, (0, 50, 100), interpolation=interpolation
+    )
+    peaks = [
+        spectrum(rotated(motion, d), np.array([0.0]), interpolation=interpolation).psa[0]
+        for d in range(180)
+    ]
     np.testing.assert_allclose(result.psa[:, 0], np.percentile(peaks, (0, 50, 100)), rtol=1e-12)
     assert result.angle[0] == np.argmax(peaks)
 

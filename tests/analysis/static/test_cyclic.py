@@ -36,10 +36,17 @@ def imposed(law, *drifts, **more):
 def test_the_bilinear_loop(hardening, ductility):
     """A closed loop dissipates 4 (1 - a) Fy (d - dy); its damping ratio is 2 (m - 1) (1 - a) / (pi m (1 + a m - a))
     (FEMA 440, eq. 6-1 with the secant period)."""
-    second = imposed(Law("bilinear", (FY, hardening)), f"{ductility}dy", cycles=2, points=7).cycles[1]
+    second = imposed(Law("bilinear", (FY, hardening)), f"{ductility}dy", cycles=2, points=7).cycles[
+        1
+    ]
     force = FY * (1.0 + hardening * (ductility - 1.0))
     loop = 4.0 * (1.0 - hardening) * FY * DY * (ductility - 1.0)
-    ratio = 2.0 * (ductility - 1.0) * (1.0 - hardening) / (math.pi * ductility * (1.0 + hardening * (ductility - 1.0)))
+    ratio = (
+        2.0
+        * (ductility - 1.0)
+        * (1.0 - hardening)
+        / (math.pi * ductility * (1.0 + hardening * (ductility - 1.0)))
+    )
     assert second.shear == pytest.approx((force, -force), rel=1e-12)
     assert second.secant_stiffness == pytest.approx(force / (ductility * DY), rel=1e-12)
     assert second.dissipated == pytest.approx(loop, rel=1e-11, abs=1e-12)
@@ -54,13 +61,19 @@ def test_work_is_stored_or_dissipated(name):
     for points in (500, 1000):
         test = imposed(example(name, K, FY), "7mm", "4cm", points=points)
         path = test.path
-        work = np.append(0.0, np.cumsum(0.5 * (path.shear[1:] + path.shear[:-1]) * np.diff(path.drift)))
-        errors.append(np.max(np.abs(path.recoverable + path.dissipated - work)) / np.max(np.abs(work)))
+        work = np.append(
+            0.0, np.cumsum(0.5 * (path.shear[1:] + path.shear[:-1]) * np.diff(path.drift))
+        )
+        errors.append(
+            np.max(np.abs(path.recoverable + path.dissipated - work)) / np.max(np.abs(work))
+        )
         assert np.min(np.diff(path.dissipated)) > -1e-12 * np.max(path.recoverable)
     assert errors[0] < 1e-5
     assert errors[1] < 0.5 * errors[0] or errors[1] < 1e-12
     # Of a cycle it is what is lost from its first point to its last; elastic laws lose nothing.
-    assert [cycle.dissipated for cycle in test.cycles] == pytest.approx(np.diff(path.dissipated[:: 4 * points]))
+    assert [cycle.dissipated for cycle in test.cycles] == pytest.approx(
+        np.diff(path.dissipated[:: 4 * points])
+    )
     assert name not in ELASTIC or np.all(path.dissipated == 0.0)
     assert path.tangent[0] == pytest.approx(K, rel=1e-12)
 
@@ -82,7 +95,39 @@ def test_a_run_lies_on_the_same_law(name):
 
 
 def test_the_path():
-    expected = [0, 1, 2, 1, 0, -1, -2, -1, 0, 1, 2, 1, 0, -1, -2, -1, 0, 3, 6, 3, 0, -3, -6, -3, 0, 3, 6, 3, 0, -3, -6]
+    expected = [
+        0,
+        1,
+        2,
+        1,
+        0,
+        -1,
+        -2,
+        -1,
+        0,
+        1,
+        2,
+        1,
+        0,
+        -1,
+        -2,
+        -1,
+        0,
+        3,
+        6,
+        3,
+        0,
+        -3,
+        -6,
+        -3,
+        0,
+        3,
+        6,
+        3,
+        0,
+        -3,
+        -6,
+    ]
     assert cyclic_path([2.0, 6.0], 2, 2).tolist() == [*expected, -3, 0]
     test = imposed(Law("linear", ()), "2mm", "6mm", cycles=2, points=2)
     assert test.cycle_numbers.tolist() == [0, *(cycle for cycle in (1, 2, 3, 4) for _ in range(8))]
@@ -98,7 +143,9 @@ def test_the_path():
 def test_the_secant_stiffness_lies_between_the_ends(coefficients, shears, secant, ratio):
     """f = 2 d + d^2 between -1 and 1: forces 3 and -1, the slope between them 2; none positive, no damping ratio."""
     law = Law("polynomial", coefficients)
-    (cycle,) = cyclic_test(model([story(1.0, coefficients[0], law)]), 1, [parse_drift("1m")], points=4).cycles
+    (cycle,) = cyclic_test(
+        model([story(1.0, coefficients[0], law)]), 1, [parse_drift("1m")], points=4
+    ).cycles
     assert (cycle.shear, cycle.secant_stiffness) == (shears, secant)
     assert cycle.damping_ratio == pytest.approx(ratio, nan_ok=True)
 
@@ -111,7 +158,9 @@ def test_p_delta_is_told_apart():
     assert test.initial_stiffness == K
     assert test.geometric_stiffness == pytest.approx(geometric, rel=1e-14)
     np.testing.assert_allclose(test.path.shear, K * test.path.drift, rtol=1e-14)
-    np.testing.assert_allclose(test.shear_with_p_delta, (K + geometric) * test.path.drift, rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(
+        test.shear_with_p_delta, (K + geometric) * test.path.drift, rtol=1e-12, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize(
@@ -149,7 +198,9 @@ def test_drifts_that_are_none(text, message):
 
 
 def test_stories_are_counted_from_1():
-    with pytest.raises(UsageError, match="story 0: the model has 1 story, counted from 1 at the bottom"):
+    with pytest.raises(
+        UsageError, match="story 0: the model has 1 story, counted from 1 at the bottom"
+    ):
         cyclic_test(one_story(Law("linear", ())), 0, [parse_drift("1%")])
 
 
@@ -162,7 +213,11 @@ def test_a_story_among_others_is_as_if_alone():
     ]
     among = cyclic_test(model(stories), 2, [parse_drift("2%"), parse_drift("4dy")], points=10)
     alone = cyclic_test(model([stories[1]]), 1, [parse_drift("2%"), parse_drift("4dy")], points=10)
-    assert (among.law, among.height, among.yield_drift) == ("peak-oriented", HEIGHT, pytest.approx(DY))
+    assert (among.law, among.height, among.yield_drift) == (
+        "peak-oriented",
+        HEIGHT,
+        pytest.approx(DY),
+    )
     assert [one.amplitude for one in among.cycles] == pytest.approx([0.02 * HEIGHT, 4.0 * DY])
     assert among.initial_stiffness == alone.initial_stiffness == K
     np.testing.assert_array_equal(among.path.shear, alone.path.shear)
@@ -180,6 +235,7 @@ def test_as_many_points_as_are_allowed(monkeypatch):
     assert len(path.drift) == 121
     for more in ({"cycles": 3, "points": 4}, {"cycles": 2, "points": 6}):
         with pytest.raises(
-            UsageError, match=f"{3 * more['cycles']} cycles of {4 * more['points']} points are more than 120"
+            UsageError,
+            match=f"{3 * more['cycles']} cycles of {4 * more['points']} points are more than 120",
         ):
             cyclic_test(building, 1, sizes, **more)

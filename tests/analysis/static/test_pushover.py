@@ -34,7 +34,9 @@ def test_a_linear_building(pattern):
     share = np.cumsum(forces[::-1])[::-1]
     assert result.forces == pytest.approx(forces, rel=1e-12)
     assert result.roof_displacement == pytest.approx(0.09 * np.arange(6) / 5, rel=1e-10)
-    assert result.base_shear == pytest.approx(result.roof_displacement / np.sum(share / k), rel=1e-9)
+    assert result.base_shear == pytest.approx(
+        result.roof_displacement / np.sum(share / k), rel=1e-9
+    )
     assert result.roof_drift_ratio[-1] == pytest.approx(0.01, rel=1e-10)
 
 
@@ -49,7 +51,9 @@ def test_one_story_is_its_backbone():
     expected = backbone - 0.01 * x
     assert result.ended == "the building carries nothing any more"
     assert result.base_shear == pytest.approx(expected[: x.size], abs=1e-9)
-    assert x[-1] == pytest.approx((1.1 + 5.0 * 1.1 / 8.0) / (1.1 / 8.0 + 0.01), rel=1e-9)  # fall is 0.01 x
+    assert x[-1] == pytest.approx(
+        (1.1 + 5.0 * 1.1 / 8.0) / (1.1 / 8.0 + 0.01), rel=1e-9
+    )  # fall is 0.01 x
     assert result.roof_at_largest == pytest.approx(5.0, abs=1e-9)
 
 
@@ -69,7 +73,9 @@ def test_a_roof_that_comes_back_is_followed():
     case = model([story(1.0, 1.0, softening(1.0, 1.0)), story(1.0, 0.05)])
     result = pushover(case, parse_drift("40m"), pattern="uniform", points=100)
     back = np.flatnonzero(np.diff(result.roof_displacement) < 0.0)
-    before = result.drift[:, 0] < 12.0  # beyond, the residual strength carries the upper one as far as one likes
+    before = (
+        result.drift[:, 0] < 12.0
+    )  # beyond, the residual strength carries the upper one as far as one likes
     assert np.max(result.roof_displacement[before]) == pytest.approx(5.0 + 11.0, abs=0.2)
     assert back.size > 10
     assert np.all(result.roof_displacement >= 0.0)
@@ -83,7 +89,10 @@ def test_a_tall_frame_with_p_delta_is_followed_down_to_nothing():
     """Every story loses stiffness by yielding: the first that yields falls alone, all others spring back. Closed form
     of its drift where k, hardening a k beyond yield and P-delta -g leave nothing."""
     k, a, strength, weight = 1e8, 0.03, 5e6, 2e6
-    stories = [story(weight / STANDARD_GRAVITY, k, Law("bilinear", (strength, a)), height=3.0) for _ in range(40)]
+    stories = [
+        story(weight / STANDARD_GRAVITY, k, Law("bilinear", (strength, a)), height=3.0)
+        for _ in range(40)
+    ]
     result = pushover(model(stories, p_delta=True), parse_drift("2%"), pattern="uniform", points=30)
     fall = 40.0 * weight / 3.0
     assert result.ended == "the building carries nothing any more"
@@ -127,7 +136,9 @@ def test_every_story_carries_its_share_at_every_row(name):
     for i in range(building.stories):
         path = follow_path(building, i + 1, result.drift[:, i].copy())
         carried = path.shear + building.linear_terms[at.GEOMETRIC, i] * path.drift
-        assert carried == pytest.approx(share[i] * result.base_shear, abs=2e-5 * np.max(result.base_shear))
+        assert carried == pytest.approx(
+            share[i] * result.base_shear, abs=2e-5 * np.max(result.base_shear)
+        )
     goals = np.arange(13) / 12 * _target(parse_drift(drift), building)
     rows = result.base_shear.size - bool(result.ended)  # a fall to nothing ends where it does
     assert result.roof_displacement[:rows] == pytest.approx(goals[:rows], rel=1e-8)
@@ -137,7 +148,13 @@ class Staircase(_Story):
     """A story whose force goes up in steps, x + 0.99 sin x: tangents from 0.01 to 1.99 lead astray on either side."""
 
     def __init__(self):
-        self.drift, self.force, self.initial, self.tangent, self._largest = 0.0, 0.0, 1.99, 1.99, 100.0
+        self.drift, self.force, self.initial, self.tangent, self._largest = (
+            0.0,
+            0.0,
+            1.99,
+            1.99,
+            100.0,
+        )
 
     def at(self, drift):
         return drift + 0.99 * math.sin(drift), 1.0 + 0.99 * math.cos(drift)

@@ -38,13 +38,24 @@ def flat(tmp_path, acceleration):
     ("mass", "strength", "yields", "period", "ratio", "displacement"),
     [
         (1.2e6, 2.4e6, 0.06, 1.088280, None, 0.116582),  # T* > TC: equal displacements
-        (4.0e5, 1.2e6, 0.008, 0.324462, 2.349510, 0.027964),  # T* < TC: more than the elastic 0.018796
+        (
+            4.0e5,
+            1.2e6,
+            0.008,
+            0.324462,
+            2.349510,
+            0.027964,
+        ),  # T* < TC: more than the elastic 0.018796
     ],
 )
 def test_n2_of_an_oscillator(mass, strength, yields, period, ratio, displacement):
     """EN 1998-1:2004, annex B, by hand, to the six digits that were written down."""
-    n2, _ = target_displacements(pushover(oscillator(mass, strength, yields), "200mm", points=POINTS), EC8)
-    assert (n2.period, n2.roof_displacement) == pytest.approx((period, displacement), rel=2e-6, abs=5e-7)
+    n2, _ = target_displacements(
+        pushover(oscillator(mass, strength, yields), "200mm", points=POINTS), EC8
+    )
+    assert (n2.period, n2.roof_displacement) == pytest.approx(
+        (period, displacement), rel=2e-6, abs=5e-7
+    )
     assert (n2.yield_force, n2.yield_displacement) == pytest.approx((strength, yields), rel=1e-6)
     assert n2.ductility[0] == pytest.approx(displacement / yields, rel=2e-5)
     if ratio:
@@ -52,7 +63,16 @@ def test_n2_of_an_oscillator(mass, strength, yields, period, ratio, displacement
 
 
 @pytest.mark.parametrize(
-    ("period", "acceleration", "strength", "site", "mass_factor", "ratio", "factors", "displacement"),
+    (
+        "period",
+        "acceleration",
+        "strength",
+        "site",
+        "mass_factor",
+        "ratio",
+        "factors",
+        "displacement",
+    ),
     [
         (1.1, 0.55, 0.12, "D", 1.0, 4.583333, (1.0, 1.0), 0.214908 / 1.3),
         (0.45, 1.0, 0.2, "D", 0.9, 4.5, (1.288066, 1.075617), 0.083630 / 1.2),
@@ -67,24 +87,36 @@ def test_coefficients_of_an_oscillator(
     force = strength * mass * G
     case = oscillator(mass, force, force / mass * (period / (2.0 * math.pi)) ** 2)
     options = {"site_class": site, "mass_factor": mass_factor}
-    _, made = target_displacements(pushover(case, "0.5m", points=POINTS), flat(tmp_path, acceleration), **options)
+    _, made = target_displacements(
+        pushover(case, "0.5m", points=POINTS), flat(tmp_path, acceleration), **options
+    )
     assert made.participation == pytest.approx(1.0, rel=1e-12)
     assert (made.period, made.strength_ratio) == pytest.approx((period, ratio), rel=1e-6)
     assert made.factors == pytest.approx(factors, rel=1e-6)
-    assert made.roof_displacement == pytest.approx(displacement, rel=5e-5)  # the digits that were written down
+    assert made.roof_displacement == pytest.approx(
+        displacement, rel=5e-5
+    )  # the digits that were written down
 
 
 def test_a_building_that_stays_elastic_has_its_elastic_displacement():
     """Both methods then give Gamma S_d(T1): one straight line, whatever the pattern's shape is the first mode's."""
     case = model([story(2e5, 1.5e8, Law("bilinear", (4e6, 0.03)), height=3.0)] * 3)
-    n2, coefficients = target_displacements(pushover(case, "4%", points=POINTS), "asce7:sds=0.2,sd1=0.1,tl=8")
-    omega = 2.0 * math.sqrt(1.5e8 / 2e5) * math.sin(math.pi / 14.0)  # three equal masses and springs, fixed at one end
+    n2, coefficients = target_displacements(
+        pushover(case, "4%", points=POINTS), "asce7:sds=0.2,sd1=0.1,tl=8"
+    )
+    omega = (
+        2.0 * math.sqrt(1.5e8 / 2e5) * math.sin(math.pi / 14.0)
+    )  # three equal masses and springs, fixed at one end
     shape = np.sin(np.arange(1, 4) * math.pi / 7.0) / math.sin(3.0 * math.pi / 7.0)
-    expected = shape.sum() / (shape @ shape) * min(0.2, 0.1 * omega / (2.0 * math.pi)) * G / omega**2
+    expected = (
+        shape.sum() / (shape @ shape) * min(0.2, 0.1 * omega / (2.0 * math.pi)) * G / omega**2
+    )
     for made in (n2, coefficients):
         assert made.period == pytest.approx(2.0 * math.pi / omega, rel=1e-6)
         assert made.roof_displacement == pytest.approx(expected, rel=1e-6)
-        assert made.drift == pytest.approx(np.diff(np.concatenate(([0.0], shape))) * expected, rel=1e-6)
+        assert made.drift == pytest.approx(
+            np.diff(np.concatenate(([0.0], shape))) * expected, rel=1e-6
+        )
         assert np.max(made.ductility) < 1.0
     assert n2.strength_ratio < 1.0
 
@@ -92,8 +124,14 @@ def test_a_building_that_stays_elastic_has_its_elastic_displacement():
 def test_two_lines_have_the_area_of_the_curve_and_meet_it():
     """Hardening stories in series, whose curve has a corner where each yields: the idealized lines of both methods
     enclose the same work up to the target displacement, and the first one of coefficients meets the curve."""
-    strengths, stiffness, hardening = np.array([8e5, 5e5]), np.array([1.5e8, 1.2e8]), np.array([0.1, 0.05])
-    laws = [Law("bilinear", (strength, a)) for strength, a in zip(strengths, hardening, strict=True)]
+    strengths, stiffness, hardening = (
+        np.array([8e5, 5e5]),
+        np.array([1.5e8, 1.2e8]),
+        np.array([0.1, 0.05]),
+    )
+    laws = [
+        Law("bilinear", (strength, a)) for strength, a in zip(strengths, hardening, strict=True)
+    ]
     case = model([story(2e5, k, law, height=3.0) for k, law in zip(stiffness, laws, strict=True)])
     pushed = pushover(case, "4%", points=POINTS)
     share = np.cumsum(pushed.forces[::-1])[::-1]
@@ -105,7 +143,11 @@ def test_two_lines_have_the_area_of_the_curve_and_meet_it():
         corners = np.array([0.0, *sorted(strengths / share), result.base_shear])
         work = np.sum(np.diff(roof(corners)) * (corners[1:] + corners[:-1])) / 2.0
         lines = result.yield_force * result.yield_displacement / 2.0
-        lines += (result.yield_force + end) / 2.0 * (result.roof_displacement - result.yield_displacement)
+        lines += (
+            (result.yield_force + end)
+            / 2.0
+            * (result.roof_displacement - result.yield_displacement)
+        )
         assert lines == pytest.approx(work, rel=1e-7)
     assert roof(0.6 * made.yield_force) == pytest.approx(0.6 * made.yield_displacement, rel=1e-7)
 
@@ -119,11 +161,17 @@ def test_coefficients_of_a_bilinear_oscillator(tmp_path, hardening, ductility):
     period = 2.0 * math.pi * math.sqrt(mass * yields / strength)
     # C1 C2 R = ductility: a polynomial of R - 1, by (7-28) to (7-30) with the site class D.
     a, b = 1.0 / (60.0 * max(period, 0.2) ** 2), 1.0 / (800.0 * period**2)
-    beyond = np.roots(np.polymul(np.polymul([a, 1.0], [b, 0.0, 1.0]), [1.0, 1.0]) - [0, 0, 0, 0, ductility])
+    beyond = np.roots(
+        np.polymul(np.polymul([a, 1.0], [b, 0.0, 1.0]), [1.0, 1.0]) - [0, 0, 0, 0, ductility]
+    )
     ratio = 1.0 + next(x.real for x in beyond if abs(x.imag) < 1e-9 and x.real > 0.0)
     case = oscillator(mass, strength, yields, hardening)
-    _, made = target_displacements(pushover(case, "4m", points=POINTS), flat(tmp_path, ratio * strength / mass / G))
-    assert (made.yield_force, made.yield_displacement) == pytest.approx((strength, yields), rel=1e-6)
+    _, made = target_displacements(
+        pushover(case, "4m", points=POINTS), flat(tmp_path, ratio * strength / mass / G)
+    )
+    assert (made.yield_force, made.yield_displacement) == pytest.approx(
+        (strength, yields), rel=1e-6
+    )
     assert (made.period, made.strength_ratio) == pytest.approx((period, ratio), rel=1e-6)
     assert made.ductility[0] == pytest.approx(ductility, rel=1e-6)
 
@@ -172,13 +220,18 @@ def test_a_curve_that_ends_short_does_not_meet_ec8(tmp_path):
     """The building carries nothing beyond: 1.5 times the target is refused, not to be pushed for; a curve that was not
     pushed that far is."""
     mass = 2e5
-    case = oscillator(mass, 0.1 * mass * G, 0.02, p_delta=True)  # nothing any more at 3 m of 0.1: 0.3 m
+    case = oscillator(
+        mass, 0.1 * mass * G, 0.02, p_delta=True
+    )  # nothing any more at 3 m of 0.1: 0.3 m
     pushed, short = pushover(case, "0.31m", points=POINTS), pushover(case, "0.22m", points=POINTS)
     assert pushed.ended == "the building carries nothing any more"
     assert pushed.base_shear[-1] == 0.0
     target = flat(tmp_path, 0.33)
     (told,) = target_displacements(pushed, target)[0].notes
-    assert "1.5 are asked for (EN 1998-1, 4.3.3.4.2.3) and are not met: do not use its displacement" in told
+    assert (
+        "1.5 are asked for (EN 1998-1, 4.3.3.4.2.3) and are not met: do not use its displacement"
+        in told
+    )
     (told,) = target_displacements(short, target)[0].notes
     assert told.endswith(": push further")
 
@@ -204,11 +257,15 @@ def test_strength_that_is_lost_is_told(tmp_path):
     k, geometric = 0.1 * mass * G / 0.02, mass * G / height
     period = 2.0 * math.pi * math.sqrt(mass / (k - geometric))
     largest = 1.0 + (geometric / (k - geometric)) ** -(1.0 + 0.15 * math.log(period)) / 4.0
-    weak, strong = (target_displacements(pushed, flat(tmp_path, demand))[1] for demand in (0.4, 0.45))
+    weak, strong = (
+        target_displacements(pushed, flat(tmp_path, demand))[1] for demand in (0.4, 0.45)
+    )
     assert weak.strength_ratio < largest < strong.strength_ratio
     assert not weak.notes
     (note,) = strong.notes
-    assert float(note.split("beyond ")[1].split(",")[0]) == pytest.approx(largest, rel=5e-3)  # 3 digits
+    assert float(note.split("beyond ")[1].split(",")[0]) == pytest.approx(
+        largest, rel=5e-3
+    )  # 3 digits
     assert not target_displacements(bare, flat(tmp_path, 0.45))[1].notes
 
 
@@ -216,11 +273,23 @@ def test_strength_that_is_lost_is_told(tmp_path):
     ("drift", "options", "error", "message"),
     [
         ("30mm", {}, AnalysisError, "is beyond the curve"),
-        ("200mm", {"site_class": "X"}, UsageError, "site_class must be one of A, B, C, D, E, F, got 'X'"),
-        ("200mm", {"mass_factor": 2.0}, UsageError, "mass_factor must be above 0 and at most 1, got 2.0"),
+        (
+            "200mm",
+            {"site_class": "X"},
+            UsageError,
+            "site_class must be one of A, B, C, D, E, F, got 'X'",
+        ),
+        (
+            "200mm",
+            {"mass_factor": 2.0},
+            UsageError,
+            "mass_factor must be above 0 and at most 1, got 2.0",
+        ),
     ],
 )
 def test_what_is_refused(drift, options, error, message):
     with pytest.raises(error) as caught:
-        target_displacements(pushover(oscillator(1.2e6, 2.4e6, 0.06), drift, points=POINTS), EC8, **options)
+        target_displacements(
+            pushover(oscillator(1.2e6, 2.4e6, 0.06), drift, points=POINTS), EC8, **options
+        )
     assert message in str(caught.value)

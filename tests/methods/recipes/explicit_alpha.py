@@ -26,7 +26,20 @@ LOAD, V, INNER, SUMS, ROWS = range(5)  # rows of work
 
 
 @kernel(STEP)
-def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
+def step(
+    coefficients,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    h,
+    load,
+    state,
+    springs,
+    work,
+    report,
+):
     """One step; row ACCELERATION of the state is the method's own, which lags behind that of equilibrium."""
     n = linear_terms.shape[1] - 1
     alpha, beta, gamma = coefficients[ALPHA], coefficients[BETA], coefficients[GAMMA]
@@ -40,7 +53,14 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
         balanced = linear_terms[at.INVERSE_MASS, i] * (work[LOAD, i] - work[INNER, i])
         a1 = (balanced - alpha * a0) / (1.0 - alpha)
         u = state[at.DISPLACEMENT, i] + h * (work[V, i] + h * ((0.5 - beta) * a0 + beta * a1))
-        restoring(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL, u - linear_terms[at.LINK, i] * below)
+        restoring(
+            law_parameters,
+            springs,
+            i,
+            at.COMMITTED,
+            at.FIRST_TRIAL,
+            u - linear_terms[at.LINK, i] * below,
+        )
         commit(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)
         state[at.DISPLACEMENT, i] = below = u
         state[at.VELOCITY, i] = work[V, i] + h * ((1.0 - gamma) * a0 + gamma * a1)

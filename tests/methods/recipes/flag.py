@@ -8,7 +8,12 @@ line f = k d to zero: no drift stays.
 from tdint.plugin import DriftLaw, LawParameter, at, yields_at_its_strength
 
 STRENGTH, HARDENING, LOSS = range(at.FIRST_PARAMETER, at.FIRST_PARAMETER + 3)
-ELASTIC, SLIDING, BETWEEN, RETURNING = 0.0, 1.0, 2.0, 3.0  # the branch in row INTERNAL, times its side
+ELASTIC, SLIDING, BETWEEN, RETURNING = (
+    0.0,
+    1.0,
+    2.0,
+    3.0,
+)  # the branch in row INTERNAL, times its side
 
 
 def _functions():
@@ -63,7 +68,9 @@ def _functions():
             return 0.5 * f * f / k
         end = law_parameters[STRENGTH, i] / k - way_between(law_parameters, i)
         d = abs(springs[at.DRIFT, i])
-        line = k * end + law_parameters[HARDENING, i] * k * (d - end)  # the lower line below the story's point
+        line = k * end + law_parameters[HARDENING, i] * k * (
+            d - end
+        )  # the lower line below the story's point
         back = (f - line) / ((1.0 - law_parameters[HARDENING, i]) * k)
         met = f - k * back
         return 0.5 * ((f + met) * back + (met + k * end) * (d - back - end) + k * end * end)
@@ -83,6 +90,8 @@ LAWS = (
         ),
         kinked=True,
         yield_drift=yields_at_its_strength,
-        fault=lambda stiffness, values: None if values[1] + values[2] < 1.0 else "hardening + loss must be below 1",
+        fault=lambda stiffness, values: (
+            None if values[1] + values[2] < 1.0 else "hardening + loss must be below 1"
+        ),
     ),
 )

@@ -9,7 +9,9 @@ From each turn (d0, f0) to the asymptote of the side moved towards, which the li
 from tdint.plugin import DriftLaw, LawFunctions, LawParameter, at, yields_at_its_strength
 
 STRENGTH, HARDENING, CURVATURE, FADING, HALF = range(at.FIRST_PARAMETER, at.FIRST_PARAMETER + 5)
-SIDE, FROM_DRIFT, FROM_FORCE, REACH, POWER, HIGH, LOW, DONE, ROWS = range(9)  # rows of the story's own
+SIDE, FROM_DRIFT, FROM_FORCE, REACH, POWER, HIGH, LOW, DONE, ROWS = range(
+    9
+)  # rows of the story's own
 
 
 def _functions():
@@ -57,7 +59,9 @@ def _functions():
             springs[own + POWER, i] = law_parameters[CURVATURE, i] - faded
         f, tangent = on_curve(law_parameters, springs, i, own, drift)
         middle = on_curve(law_parameters, springs, i, own, before + 0.5 * way)[0]
-        springs[own + DONE, i] += way / 6.0 * (springs[past + at.FORCE, i] + 4.0 * middle + f)  # Simpson
+        springs[own + DONE, i] += (
+            way / 6.0 * (springs[past + at.FORCE, i] + 4.0 * middle + f)
+        )  # Simpson
         springs[trial + at.FORCE, i] = f
         return tangent
 
@@ -67,7 +71,9 @@ def _functions():
 
     @inlined
     def dissipated(law_parameters, springs, i):
-        return springs[extra_rows(springs, at.COMMITTED) + DONE, i] - recoverable(law_parameters, springs, i)
+        return springs[extra_rows(springs, at.COMMITTED) + DONE, i] - recoverable(
+            law_parameters, springs, i
+        )
 
     @inlined
     def keep(law_parameters, springs, i, past, trial):
@@ -79,7 +85,9 @@ def _functions():
         """The drift rate has turned: `force` sees that by itself."""
         springs[block + at.TURN, i] = -springs[block + at.TURN, i]
 
-    return LawFunctions(force=force, recoverable=recoverable, dissipated=dissipated, keep=keep, switch=switch)
+    return LawFunctions(
+        force=force, recoverable=recoverable, dissipated=dissipated, keep=keep, switch=switch
+    )
 
 
 LAWS = (

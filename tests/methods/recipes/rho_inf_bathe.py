@@ -31,7 +31,20 @@ FACTORS = BALANCE_ROWS  # rows of work: of the first part; those of the second b
 
 
 @kernel(STEP)
-def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
+def step(
+    coefficients,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    h,
+    load,
+    state,
+    springs,
+    work,
+    report,
+):
     """One step; the unknown of each balance is the acceleration at its end."""
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
@@ -52,19 +65,27 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
         work[ROW.U, i] = state[at.DISPLACEMENT, i] + half * (v + work[ROW.V, i])
     ground = load[at.GROUND_0] + gamma * (load[at.GROUND_1] - load[at.GROUND_0])
     floor_load(linear_terms, forces, load[at.TIME] + gamma * h, ground, work, ROW.LOAD)
-    first = balance(Weights(half * half, half, 1.0), FACTORS, at.COMMITTED, at.FIRST_TRIAL, scene, memory)
+    first = balance(
+        Weights(half * half, half, 1.0), FACTORS, at.COMMITTED, at.FIRST_TRIAL, scene, memory
+    )
     if first < 0:
         return first
     # To the end, from a guess of its acceleration: that of the inner point
     q0, q1, q2 = coefficients[Q0], coefficients[Q1], coefficients[Q2]
     for i in range(n):
         inner = work[ROW.V, i]
-        v = state[at.VELOCITY, i] + h * (q0 * state[at.ACCELERATION, i] + (q1 + q2) * work[ROW.A, i])
-        work[ROW.U, i] = state[at.DISPLACEMENT, i] + h * (q0 * state[at.VELOCITY, i] + q1 * inner + q2 * v)
+        v = state[at.VELOCITY, i] + h * (
+            q0 * state[at.ACCELERATION, i] + (q1 + q2) * work[ROW.A, i]
+        )
+        work[ROW.U, i] = state[at.DISPLACEMENT, i] + h * (
+            q0 * state[at.VELOCITY, i] + q1 * inner + q2 * v
+        )
         work[ROW.V, i] = v
     by_v = q2 * h
     floor_load(linear_terms, forces, load[at.TIME] + h, load[at.GROUND_1], work, ROW.LOAD)
-    last = balance(Weights(by_v * by_v, by_v, 1.0), second, at.FIRST_TRIAL, at.SECOND_TRIAL, scene, memory)
+    last = balance(
+        Weights(by_v * by_v, by_v, 1.0), second, at.FIRST_TRIAL, at.SECOND_TRIAL, scene, memory
+    )
     if last < 0:
         return last
     for i in range(n):

@@ -52,7 +52,20 @@ ROW, STORE = chained(_Rows)
 
 
 @kernel(STEP)
-def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
+def step(
+    coefficients,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    h,
+    load,
+    state,
+    springs,
+    work,
+    report,
+):
     """One step: one factorization, two solves."""
     n = linear_terms.shape[1] - 1
     by = G * h
@@ -62,8 +75,12 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
     # The matrix, by the tangents at the start
     for i in range(n):
         drift = springs[at.DRIFT, i]
-        work[ROW.TANGENT, i] = restoring(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL, drift)
-    factor_combination(linear_terms, modal, work, ROW.TANGENT, Combination(1.0, by, by * by), factors, n)
+        work[ROW.TANGENT, i] = restoring(
+            law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL, drift
+        )
+    factor_combination(
+        linear_terms, modal, work, ROW.TANGENT, Combination(1.0, by, by * by), factors, n
+    )
     # The first stage, from the start
     for i in range(n):
         work[ROW.V, i] = state[at.VELOCITY, i]
@@ -77,7 +94,14 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
     below = 0.0
     for i in range(n):
         u = state[at.DISPLACEMENT, i] + work[ROW.KU, i]
-        restoring(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL, u - linear_terms[at.LINK, i] * below)
+        restoring(
+            law_parameters,
+            springs,
+            i,
+            at.COMMITTED,
+            at.FIRST_TRIAL,
+            u - linear_terms[at.LINK, i] * below,
+        )
         below = u
         work[ROW.V, i] = state[at.VELOCITY, i] + work[ROW.KV, i]
         work[ROW.KU + 1, i] = h * work[ROW.V, i] - 2.0 * work[ROW.KU, i]
@@ -92,7 +116,14 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
         u = state[at.DISPLACEMENT, i] + 1.5 * work[ROW.KU, i] + 0.5 * work[ROW.KU + 1, i]
         state[at.DISPLACEMENT, i] = u
         state[at.VELOCITY, i] += 1.5 * work[ROW.KV, i] + 0.5 * work[ROW.KV + 1, i]
-        restoring(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL, u - linear_terms[at.LINK, i] * below)
+        restoring(
+            law_parameters,
+            springs,
+            i,
+            at.COMMITTED,
+            at.FIRST_TRIAL,
+            u - linear_terms[at.LINK, i] * below,
+        )
         commit(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)
         below = u
     return 1 if finite(state, n) else at.NOT_FINITE
@@ -118,7 +149,12 @@ def _stage(linear_terms, modal, by, factors, ku, kv, n):
 METHODS = (
     Method(
         name="ros2",
-        family=Family("rosenbrock", step, lambda modes: STORE + 2 * modes + 1, memory=(at.DISPLACEMENT, at.VELOCITY)),
+        family=Family(
+            "rosenbrock",
+            step,
+            lambda modes: STORE + 2 * modes + 1,
+            memory=(at.DISPLACEMENT, at.VELOCITY),
+        ),
         coefficients=lambda: (),
         rho_inf=lambda: 0.0,
         source="ROS2, Verwer, Spee, Blom and Hundsdorfer (1999); no iterations",

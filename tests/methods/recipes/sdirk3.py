@@ -31,12 +31,28 @@ from tdint.plugin import (
 G = 0.43586652150845967  # the root of x^3 - 3 x^2 + 3/2 x - 1/6 between 1/6 and 1/2
 B1, B2 = -0.25 * (6.0 * G * G - 16.0 * G + 1.0), 0.25 * (6.0 * G * G - 20.0 * G + 5.0)
 A = np.array([[G, 0.0, 0.0], [0.5 * (1.0 - G), G, 0.0], [B1, B2, G]])
-STAGE_V, STAGE_A = BALANCE_ROWS, BALANCE_ROWS + 3  # rows of work: velocities and accelerations of the stages
+STAGE_V, STAGE_A = (
+    BALANCE_ROWS,
+    BALANCE_ROWS + 3,
+)  # rows of work: velocities and accelerations of the stages
 FACTORS = STAGE_A + 3
 
 
 @kernel(STEP)
-def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report):
+def step(
+    coefficients,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    h,
+    load,
+    state,
+    springs,
+    work,
+    report,
+):
     """One step: three balances with one matrix; the unknown of each is the acceleration of its stage."""
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
@@ -64,7 +80,9 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
         ground = load[at.GROUND_0] + part * (load[at.GROUND_1] - load[at.GROUND_0])
         floor_load(linear_terms, forces, load[at.TIME] + part * h, ground, work, ROW.LOAD)
         past = stage * at.FIRST_TRIAL  # blocks of springs follow each other
-        code = balance(Weights(by * by, by, 1.0), FACTORS, past, past + at.FIRST_TRIAL, scene, memory)
+        code = balance(
+            Weights(by * by, by, 1.0), FACTORS, past, past + at.FIRST_TRIAL, scene, memory
+        )
         if code < 0:
             return code
         iterations += code
@@ -83,7 +101,12 @@ def step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, lo
 METHODS = (
     Method(
         name="sdirk3",
-        family=Family("sdirk", step, lambda modes: FACTORS + factor_rows(modes), memory=(at.DISPLACEMENT, at.VELOCITY)),
+        family=Family(
+            "sdirk",
+            step,
+            lambda modes: FACTORS + factor_rows(modes),
+            memory=(at.DISPLACEMENT, at.VELOCITY),
+        ),
         coefficients=lambda: (),
         order=lambda: 3,
         rho_inf=lambda: 0.0,

@@ -120,7 +120,9 @@ def hardening_motion(time: Array) -> Array:
     from scipy.special import ellipj
 
     square = _SPRING + _CUBIC * _STRETCH**2
-    return np.asarray(_STRETCH * ellipj(math.sqrt(square) * time, _CUBIC * _STRETCH**2 / (2.0 * square))[1])
+    return np.asarray(
+        _STRETCH * ellipj(math.sqrt(square) * time, _CUBIC * _STRETCH**2 / (2.0 * square))[1]
+    )
 
 
 def _hardening() -> HardProblem:
@@ -129,7 +131,10 @@ def _hardening() -> HardProblem:
         return _kinetic(history, (1.0,)) + 0.5 * _SPRING * u**2 + 0.25 * _CUBIC * u**4
 
     def error(history: History) -> float:
-        return float(np.max(np.abs(history.displacement[:, 0] - hardening_motion(history.time)))) / _STRETCH
+        return (
+            float(np.max(np.abs(history.displacement[:, 0] - hardening_motion(history.time))))
+            / _STRETCH
+        )
 
     return HardProblem(
         name="hardening",
@@ -167,7 +172,14 @@ def _softening_model() -> Model:
 @cache
 def softening_motion(dt: float, steps: int) -> Array:
     """The softening oscillator at the ends of the steps, m: gauss4 with 64 steps in one."""
-    fine = run(_softening_model(), method="gauss4", dt=dt / FINER, duration=dt * steps, history=True, check=False)
+    fine = run(
+        _softening_model(),
+        method="gauss4",
+        dt=dt / FINER,
+        duration=dt * steps,
+        history=True,
+        check=False,
+    )
     assert fine.history is not None
     return fine.history.displacement[::FINER, 0]
 
@@ -211,7 +223,11 @@ def _bathe_noh() -> tuple[HardProblem, HardProblem]:
 
     def energy(history: History) -> Array:
         stretch = history.displacement[:, 0] - np.sin(_DRIVE * history.time)
-        return _kinetic(history, (1.0, 1.0)) + 0.5 * _STIFF * stretch**2 + 0.5 * history.drift[:, 1] ** 2
+        return (
+            _kinetic(history, (1.0, 1.0))
+            + 0.5 * _STIFF * stretch**2
+            + 0.5 * history.drift[:, 1] ** 2
+        )
 
     def acceleration_error(history: History) -> float:
         exact = -(_DRIVE**2) * np.sin(_DRIVE * history.time)
@@ -348,9 +364,13 @@ def problems() -> Mapping[str, HardProblem]:
         _softening(),
         *_bathe_noh(),
         _stiff_pair(),
-        _limit("limit-2", "about the limit of the central difference, omega dt = 2", hughes, 1.99, 2.01),
+        _limit(
+            "limit-2", "about the limit of the central difference, omega dt = 2", hughes, 1.99, 2.01
+        ),
         _limit("limit-sqrt-6", "about Fox and Goodwin's limit, the root of 6", hughes, 2.44, 2.46),
-        _limit("limit-sqrt-12", "about linear acceleration's limit, the root of 12", hughes, 3.45, 3.48),
+        _limit(
+            "limit-sqrt-12", "about linear acceleration's limit, the root of 12", hughes, 3.45, 3.48
+        ),
         _limit(
             "sqrt-12",
             "omega dt the root of 12: eqs. 15 to 23 of the impulse method divide by zero",
@@ -358,7 +378,10 @@ def problems() -> Mapping[str, HardProblem]:
             math.sqrt(12.0),
         ),
         _limit(
-            "large-step", "omega dt = 100: Wilson's theta below 1.366 is unstable", "Bathe and Wilson (1973)", 100.0
+            "large-step",
+            "omega dt = 100: Wilson's theta below 1.366 is unstable",
+            "Bathe and Wilson (1973)",
+            100.0,
         ),
         _overshoot("displacement", (1.0, 0.0)),
         _overshoot("velocity", (0.0, 1.0)),
@@ -438,12 +461,17 @@ def find_problems(names: Sequence[str]) -> list[HardProblem]:
     by_name = problems()
     for name in names:
         if name not in by_name:
-            raise UsageError(f"unknown problem {name!r}{did_you_mean(name, by_name)} (known: {', '.join(by_name)})")
+            raise UsageError(
+                f"unknown problem {name!r}{did_you_mean(name, by_name)} (known: {', '.join(by_name)})"
+            )
     return [by_name[name] for name in dict.fromkeys(names or by_name)]
 
 
 def failures(
-    methods: str | Iterable[str] | None = None, problems: Sequence[str] = (), *, progress: bool | Progress = False
+    methods: str | Iterable[str] | None = None,
+    problems: Sequence[str] = (),
+    *,
+    progress: bool | Progress = False,
 ) -> Several[Trial]:
     """Put methods to hard problems with known answers.
 
@@ -487,7 +515,9 @@ def compile_for(integrators: Sequence[Integrator], hard: Iterable[HardProblem]) 
         for integrator in [*integrators, *reference]:
             if not integrator.family.linear_only or prepared.building.linear:
                 needed += kernels(integrator, prepared.variant)
-                if integrator.stability_limit < math.inf:  # whether a step is too long is seen on oscillators
+                if (
+                    integrator.stability_limit < math.inf
+                ):  # whether a step is too long is seen on oscillators
                     needed.append((integrator.family.step, LINEAR_OSCILLATORS))
     obtain(list(dict.fromkeys(needed)))
 
@@ -512,7 +542,9 @@ def _attempt(integrator: Integrator, problem: HardProblem, dt: float, count: int
         ended = error_estimate.attempt(replace(case, allow_unstable=True), steps, history=True)
     if isinstance(ended, FailedRun):
         done = round(ended.time / dt)
-        return replace(trial, outcome=outcome, verdict=_ENDS[ended.status], time=ended.time, steps=done)
+        return replace(
+            trial, outcome=outcome, verdict=_ENDS[ended.status], time=ended.time, steps=done
+        )
     history = ended.history
     assert history is not None
     ratio = problem.energy(history) / problem.energy_scale

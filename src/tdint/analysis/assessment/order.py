@@ -17,7 +17,14 @@ from tdint.analysis.assessment.stability import critical_step, false_limit, stab
 from tdint.analysis.given import between
 from tdint.analysis.run.case import energy_of
 from tdint.analysis.run.prepared import PreparedBuilding
-from tdint.analysis.run.workspace import HALVINGS, LOOKED_AT, Steps, Workspace, find_instability, shifts
+from tdint.analysis.run.workspace import (
+    HALVINGS,
+    LOOKED_AT,
+    Steps,
+    Workspace,
+    find_instability,
+    shifts,
+)
 from tdint.analysis.static import cyclic_test
 from tdint.arrays import Array
 from tdint.data import dataclass
@@ -56,7 +63,13 @@ _AMPLITUDE = 20.0  # of the harmonic force, N
 _SAMPLES = 200  # coarsest steps
 _HIGHEST = 10.0  # frequency in a record of which several samples go into a step, Hz
 _ROUNDING = 3e-12  # errors below this, over the largest value, are rounding
-_ENDS = (40, 90, 130, 170, 200)  # coarse steps at whose ends the method's own acceleration is looked at
+_ENDS = (
+    40,
+    90,
+    130,
+    170,
+    200,
+)  # coarse steps at whose ends the method's own acceleration is looked at
 
 
 @dataclass(frozen=True, repr=False)
@@ -86,7 +99,9 @@ class ObservedOrder(Tabular):
 
     def _headline(self) -> str:
         order = self.order("displacement")
-        return f"of {self.method}: {order:.3g} of the displacement, load {self.load}, law {self.law}"
+        return (
+            f"of {self.method}: {order:.3g} of the displacement, load {self.load}, law {self.law}"
+        )
 
     def order(self, quantity: str) -> float:
         """Slope of the error over the step, by regression over the finest three errors that are not rounding.
@@ -161,7 +176,8 @@ def order(
         The method is for linear buildings and the law is not linear, or it failed.
     """
     return observed_order(
-        parse(method) if isinstance(method, str) else method, order_problem(load, law, frequency_ratio, stride)
+        parse(method) if isinstance(method, str) else method,
+        order_problem(load, law, frequency_ratio, stride),
     )
 
 
@@ -188,14 +204,18 @@ def order_problem(
         An unknown load or law, a frequency ratio out of range, a stride that is none or without a record.
     """
     if not isinstance(stride, int | np.integer) or stride < 1 or stride & (stride - 1):
-        raise UsageError(f"the stride is a power of 2, so that halved steps are whole samples, got {stride}")
+        raise UsageError(
+            f"the stride is a power of 2, so that halved steps are whole samples, got {stride}"
+        )
     if stride > 1 and load != "record":
         raise UsageError(f"a stride is about the samples of a record; the load {load!r} has none")
     if load not in LOADS or law not in STORY_LAWS:
         names = f"loads {', '.join(LOADS)}; laws {', '.join(STORY_LAWS)}"
         raise UsageError(f"no order problem {load!r} with {law!r}: {names}")
     # With 10 there are five coarsest steps to a period of the load.
-    ratio = between(frequency_ratio, "frequency_ratio", 0.01, 10.0) if load == "harmonic" else math.nan
+    ratio = (
+        between(frequency_ratio, "frequency_ratio", 0.01, 10.0) if load == "harmonic" else math.nan
+    )
     applied = (Force(1, _AMPLITUDE, 0.0, ratio * _OMEGA),) if load == "harmonic" else ()
     story = simple_story(1.0, STORY_LAWS[law], stiffness=_OMEGA**2, dashpot=2.0 * _XI * _OMEGA)
     building = assemble(simple_model("oscillator", [story]))
@@ -217,7 +237,9 @@ def order_problem(
     return OrderProblem(load, law, ratio, prepared, ground, exact[:, ::stride], stride)
 
 
-def observed_order(integrator: Integrator, problem: OrderProblem, halvings: int = OBSERVED_HALVINGS) -> ObservedOrder:
+def observed_order(
+    integrator: Integrator, problem: OrderProblem, halvings: int = OBSERVED_HALVINGS
+) -> ObservedOrder:
     """Measure the order of a method on one problem, with the steps 0.02 s / 2^j for j = 0 .. halvings.
 
     Raises
@@ -244,14 +266,25 @@ def observed_order(integrator: Integrator, problem: OrderProblem, halvings: int 
         motion[2] -= history[:, 0]
         carried_error = math.nan
         if carries:
-            carried_error = max(abs(_march(integrator, problem, parts, end)[0] - exact[2, end]) for end in _ENDS)
-        errors.append([*np.max(np.abs(motion - exact), axis=1) / largest, carried_error / largest[2]])
+            carried_error = max(
+                abs(_march(integrator, problem, parts, end)[0] - exact[2, end]) for end in _ENDS
+            )
+        errors.append(
+            [*np.max(np.abs(motion - exact), axis=1) / largest, carried_error / largest[2]]
+        )
     return ObservedOrder(
-        label, problem.load, problem.law, problem.frequency_ratio, COARSEST / all_parts, *np.array(errors).T
+        label,
+        problem.load,
+        problem.law,
+        problem.frequency_ratio,
+        COARSEST / all_parts,
+        *np.array(errors).T,
     )
 
 
-def _march(integrator: Integrator, problem: OrderProblem, parts: int, count: int) -> tuple[float, Array]:
+def _march(
+    integrator: Integrator, problem: OrderProblem, parts: int, count: int
+) -> tuple[float, Array]:
     """The method's own acceleration at the end, and the history."""
     within = math.gcd(parts, problem.stride)
     steps = Steps(COARSEST / parts, parts * count, parts // within, problem.stride // within)
@@ -355,12 +388,20 @@ def check_method(integrator: Integrator) -> MethodCheck:
     try:
         _plain_march("linear", integrator, 1)
         yielding = {} if integrator.family.linear_only else _yielding_faults(integrator)
-        observed = [observed_order(integrator, order_problem(load)) for load in ("free", "harmonic")]
+        observed = [
+            observed_order(integrator, order_problem(load)) for load in ("free", "harmonic")
+        ]
     except AnalysisError as error:
         told = tuple(yielding.values()) or (str(error),)
         return MethodCheck(integrator, math.nan, math.nan, math.nan, told)
-    orders = [order_seen.order(quantity) for order_seen in observed for quantity in ("displacement", "velocity")]
-    order = min((order_seen for order_seen in orders if not math.isnan(order_seen)), default=math.nan)
+    orders = [
+        order_seen.order(quantity)
+        for order_seen in observed
+        for quantity in ("displacement", "velocity")
+    ]
+    order = min(
+        (order_seen for order_seen in orders if not math.isnan(order_seen)), default=math.nan
+    )
     limit = critical_step(integrator)
     with np.errstate(all="ignore"):
         fast = stability(integrator, np.array([_FAST / (2.0 * math.pi)])).spectral_radius
@@ -374,7 +415,9 @@ def check_method(integrator: Integrator) -> MethodCheck:
     declared = integrator.rho_inf
     if not (math.isnan(declared) and math.isnan(radius)) and not abs(declared - radius) <= _RADIUS:
         measured_words = "none, for steps have a limit" if math.isnan(radius) else f"{radius:.4g}"
-        faults.append(f"{label}: declares the spectral radius {declared:.4g} at infinity, measured is {measured_words}")
+        faults.append(
+            f"{label}: declares the spectral radius {declared:.4g} at infinity, measured is {measured_words}"
+        )
     faults += yielding.values()
     return MethodCheck(integrator, order, limit, radius, tuple(faults))
 
@@ -384,7 +427,11 @@ def faults_of_step(integrator: Integrator) -> list[str]:
     one law alone, for it is waited for (3 s)."""
     try:
         _plain_march("linear", integrator, 1)
-        return [] if integrator.family.linear_only else list(_yielding_faults(integrator, ["bilinear"]).values())
+        return (
+            []
+            if integrator.family.linear_only
+            else list(_yielding_faults(integrator, ["bilinear"]).values())
+        )
     except AnalysisError as error:
         return [str(error)]
 
@@ -406,21 +453,27 @@ def check_law(model: Model, story: int) -> list[str]:
     except AnalysisError as error:  # compiled code would do the same in silence
         return [str(error)]
     high = model.stories[story - 1].height is not None
-    path = cyclic_test(model, story, ["0.5%", "1%", "2%"] if high else ["5mm", "10mm", "20mm"], points=2000).path
+    path = cyclic_test(
+        model, story, ["0.5%", "1%", "2%"] if high else ["5mm", "10mm", "20mm"], points=2000
+    ).path
     # The work done is stored or dissipated.
     step, mean = np.diff(path.drift), 0.5 * (path.shear[1:] + path.shear[:-1])
     done = np.append(0.0, np.cumsum(mean * step))
     kept = path.recoverable + path.dissipated
     off = np.max(np.abs(done - (kept - kept[0]))) / np.max(np.abs(done))
     if not off <= _ENERGY:
-        faults.append(f"law {name}: stored and dissipated energy differ from the work done by {off:.2g} of the most")
+        faults.append(
+            f"law {name}: stored and dissipated energy differ from the work done by {off:.2g} of the most"
+        )
     # Where a path turns or a branch ends the slopes on both sides differ: any tangent between them will do.
     slopes = np.diff(path.shear) / step
     least, most = np.minimum(slopes[1:], slopes[:-1]), np.maximum(slopes[1:], slopes[:-1])
     room = _TANGENT * np.max(np.abs(slopes))
     tangent = path.tangent[1:-1]
     if wrong := np.count_nonzero((tangent < least - room) | (tangent > most + room)):
-        faults.append(f"law {name}: the tangent is not the slope of the force at {wrong} of {step.size} points")
+        faults.append(
+            f"law {name}: the tangent is not the slope of the force at {wrong} of {step.size} points"
+        )
     if np.any(np.diff(path.dissipated) < -_ENERGY * np.max(np.abs(done))):
         faults.append(f"law {name}: dissipated energy comes back")
     return faults
@@ -455,9 +508,14 @@ class _Guarded(np.ndarray):
 
     def _check(self, key: Any) -> None:
         for axis, place in enumerate(key if isinstance(key, tuple) else (key,)):
-            if isinstance(place, int | np.integer) and not -self.shape[axis] <= place < self.shape[axis]:
+            if (
+                isinstance(place, int | np.integer)
+                and not -self.shape[axis] <= place < self.shape[axis]
+            ):
                 kind = "row" if axis == 0 else "column"
-                raise _Beyond(f"{kind} {place} of {self.name} is used, {self.shape[axis]} are declared")
+                raise _Beyond(
+                    f"{kind} {place} of {self.name} is used, {self.shape[axis]} are declared"
+                )
 
 
 _YIELDING = {"bilinear": (30.0, 0.05), "tanh": (30.0,), "peak-oriented": (30.0, 0.05, 0.3)}
@@ -467,10 +525,14 @@ _H, _SECONDS = 0.01, 1.2  # s; the building has periods of 0.35 and 0.13 s, and 
 _KINK_ORDER = 2  # of any method that does not look for the kinks within its steps
 _ROOM = 0.6  # of an order over one halving or two: where kinks lie in their steps changes errors by half
 _NOTHING = 1e-6  # over the largest drift: an error as small as the reference's own
-_BALANCE = 1e-2  # of the largest input energy at the finest step, where methods of order 2 are within 1e-3
+_BALANCE = (
+    1e-2  # of the largest input energy at the finest step, where methods of order 2 are within 1e-3
+)
 
 
-def _plain_march(law: str, integrator: Integrator, parts: int, *, fresh_at: int = -1, halve_at: int = -1) -> Workspace:
+def _plain_march(
+    law: str, integrator: Integrator, parts: int, *, fresh_at: int = -1, halve_at: int = -1
+) -> Workspace:
     """March in plain Python with steps `_H` / parts.
 
     Parameters
@@ -487,12 +549,19 @@ def _plain_march(law: str, integrator: Integrator, parts: int, *, fresh_at: int 
     """
     # Two stories of a law, under no force, let go with a velocity: the ground is given to the march.
     story = simple_story(1.0, Law(law, _YIELDING.get(law, ())), stiffness=1000.0, dashpot=1.0)
-    prepared = PreparedBuilding(assemble(simple_model(law, [story, story])), velocity=np.array([0.2, 0.3]))
+    prepared = PreparedBuilding(
+        assemble(simple_model(law, [story, story])), velocity=np.array([0.2, 0.3])
+    )
     h, count, building = _H / parts, round(_SECONDS / _H) * parts, prepared.building
     space = prepared.arrays(integrator, h, count + 1)
     ground = 9.0 * np.sin(14.0 * np.arange(round(_SECONDS / _H) + 1) * _H)
-    guarded = {name: _Guarded.of(getattr(space, name), name) for name in ("state", "springs", "work", "report")}
-    scene = Scene(building.linear_terms, building.modal, building.law_parameters, prepared.forces, space.flags)
+    guarded = {
+        name: _Guarded.of(getattr(space, name), name)
+        for name in ("state", "springs", "work", "report")
+    }
+    scene = Scene(
+        building.linear_terms, building.modal, building.law_parameters, prepared.forces, space.flags
+    )
     scene = Scene(*(_Guarded.of(array, name) for name, array in scene._asdict().items()))
     home = sys.modules.get(integrator.family.step.function.__module__)
     calls = 0
@@ -514,13 +583,31 @@ def _plain_march(law: str, integrator: Integrator, parts: int, *, fresh_at: int 
         with np.errstate(all="ignore"), _faults_in(home, integrator.label):
             code = march.function(
                 *(step, begin.function, take_stock.function, raise_shears.function),
-                *(count, first, last, 1, 0, parts, 1, HALVINGS if integrator.family.halvable else 0, h),
-                *(ground, prepared.coefficients(integrator, h), shifts(integrator, h), *scene, *guarded.values()),
+                *(
+                    count,
+                    first,
+                    last,
+                    1,
+                    0,
+                    parts,
+                    1,
+                    HALVINGS if integrator.family.halvable else 0,
+                    h,
+                ),
+                *(
+                    ground,
+                    prepared.coefficients(integrator, h),
+                    shifts(integrator, h),
+                    *scene,
+                    *guarded.values(),
+                ),
                 *(np.zeros(at.LOAD_SIZE), *space.seen),
             )
         if code < 0:
             words = "does not converge" if code == at.NOT_CONVERGED else "gives no finite numbers"
-            raise AnalysisError(f"{integrator.label}: {words} with dt {h:.4g} s, stories of law {law}")
+            raise AnalysisError(
+                f"{integrator.label}: {words} with dt {h:.4g} s, stories of law {law}"
+            )
     return space
 
 
@@ -533,7 +620,11 @@ def _faults_in(module: Any, name: str) -> Iterator[None]:
         raise
     except Exception as error:
         file = getattr(module, "__file__", None) or ""
-        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file]
+        lines = [
+            frame.lineno
+            for frame in traceback.extract_tb(error.__traceback__)
+            if frame.filename == file
+        ]
         place = f"{file}:{lines[-1]}" if lines else name
         kind = "" if isinstance(error, _Beyond) else f"{type(error).__name__}: "
         raise AnalysisError(f"{place}: {kind}{error}") from None
@@ -556,10 +647,17 @@ def _yielding_faults(integrator: Integrator, laws: Iterable[str] = _YIELDING) ->
         except AnalysisError as error:
             faults["failed"] = str(error)
             continue
-        errors = {parts: _distance(_displacements(space, parts), true) / size for parts, space in spaces.items()}
+        errors = {
+            parts: _distance(_displacements(space, parts), true) / size
+            for parts, space in spaces.items()
+        }
         # It comes to the motion of impulse4, with its order, or that of the kinks.
         due = min(integrator.order, 4 if law == "tanh" else _KINK_ORDER)
-        rates = (0.5 * math.log2(errors[1] / errors[4]), math.log2(errors[2] / errors[4])) if errors[4] else (math.inf,)
+        rates = (
+            (0.5 * math.log2(errors[1] / errors[4]), math.log2(errors[2] / errors[4]))
+            if errors[4]
+            else (math.inf,)
+        )
         if not (max(rates) >= due - _ROOM or errors[4] <= _NOTHING):
             faults.setdefault(
                 "order",
@@ -584,7 +682,10 @@ def _yielding_faults(integrator: Integrator, laws: Iterable[str] = _YIELDING) ->
                 f"{label}: goes on otherwise in fresh rows of work: what a step needs of the one before is state",
             )
         if integrator.family.halvable:
-            halved = _distance(_displacements(_plain_march(law, integrator, 1, halve_at=60), 1), true) / size
+            halved = (
+                _distance(_displacements(_plain_march(law, integrator, 1, halve_at=60), 1), true)
+                / size
+            )
             if not halved <= 2.0 * errors[1] + _NOTHING:
                 faults.setdefault(
                     "halved",
@@ -619,7 +720,10 @@ def _branch_faults(model: Model, story: int) -> list[str]:
     rows = at.EXTRA_ROWS + at.SPRING_BLOCKS * law.extra_rows
     springs = _Guarded.of(np.zeros((rows, len(model.stories) + 1)), "springs")
     parameters = _Guarded.of(building.law_parameters, "law_parameters")
-    functions, turns = law.functions(), size * np.array([0.0, 1.0, 0.4, 1.5, -1.2, 0.1, -2.0, 2.0, -0.3])
+    functions, turns = (
+        law.functions(),
+        size * np.array([0.0, 1.0, 0.4, 1.5, -1.2, 0.1, -2.0, 2.0, -0.3]),
+    )
     module = sys.modules[law.functions.__module__]
     with np.errstate(all="ignore"), _faults_in(module, f"law {law.name}"):
         start(parameters, springs, i, 0.0)

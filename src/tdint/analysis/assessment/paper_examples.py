@@ -23,7 +23,15 @@ from tdint.model.building import assemble, force_table
 from tdint.model.definition import Force, Law, Model, simple_model, simple_story
 from tdint.tabular import Several
 
-METHODS = ("impulse", "newmark-average", "newmark-linear", "central-difference", "wilson", "u0v0", "rk5")
+METHODS = (
+    "impulse",
+    "newmark-average",
+    "newmark-linear",
+    "central-difference",
+    "wilson",
+    "u0v0",
+    "rk5",
+)
 """The paper's seven methods; `impulse` is the one that it proposes."""
 
 FIVE = ("impulse", "central-difference", "newmark-linear", "newmark-average", "wilson")
@@ -127,7 +135,11 @@ class ExampleRun:
 
     def error(self, quantity: str, reference: str = "paper") -> float:
         """Largest error over all floors and steps, SI, against one of `REFERENCES`; nan without an end."""
-        return float(np.max(np.abs(getattr(self.motion, quantity) - getattr(self.exact(reference), quantity))))
+        return float(
+            np.max(
+                np.abs(getattr(self.motion, quantity) - getattr(self.exact(reference), quantity))
+            )
+        )
 
 
 _REMARKS = {
@@ -165,7 +177,11 @@ def examples() -> Mapping[int, Example]:
         ],
         forces=[Force(1, 150.0, 0.0, 6.0), Force(2, 0.0, 100.0, 4.0)],
     )
-    pushes = [force for floor in (1, 150) for force in (Force(floor, 1e3, 0.0, 50.0), Force(floor, 0.0, 500.0, 30.0))]
+    pushes = [
+        force
+        for floor in (1, 150)
+        for force in (Force(floor, 1e3, 0.0, 50.0), Force(floor, 0.0, 500.0, 30.0))
+    ]
     masses = [simple_story(50.0, Law("polynomial", (500.0, 0.2)), dashpot=10.0)] * 150
     chain = simple_model("example 3", masses, forces=pushes)
     return {
@@ -206,7 +222,9 @@ def exact_steps(example: Example, dt: float) -> int:
     return math.ceil(dt / example.exact_dt - 1e-9)
 
 
-def reference(example: Example, dt: float, method: str = "rk5", finer: int = FINER) -> ExampleMotion:
+def reference(
+    example: Example, dt: float, method: str = "rk5", finer: int = FINER
+) -> ExampleMotion:
     """The motion at the ends of steps dt, by a method that takes several steps in one; rk5 with the load at its stages.
 
     Raises
@@ -215,10 +233,15 @@ def reference(example: Example, dt: float, method: str = "rk5", finer: int = FIN
         A step so large that even a part of it is too large.
     """
     end = _steps(example, dt) * dt
-    history = run(example.model, method=method, dt=dt / finer, duration=end, history=True, check=False).history
+    history = run(
+        example.model, method=method, dt=dt / finer, duration=end, history=True, check=False
+    ).history
     assert history is not None
     return ExampleMotion(
-        history.time[::finer], history.displacement[::finer], history.velocity[::finer], history.acceleration[::finer]
+        history.time[::finer],
+        history.displacement[::finer],
+        history.velocity[::finer],
+        history.acceleration[::finer],
     )
 
 
@@ -228,7 +251,9 @@ def gap(example: Example, dt: float, method: str, finer: int = FINER) -> float:
     return float(np.max(np.abs(reference(example, dt).displacement - other.displacement)))
 
 
-def run_example(example: Example, dt: float, integrators: Sequence[Integrator]) -> Iterator[ExampleRun]:
+def run_example(
+    example: Example, dt: float, integrators: Sequence[Integrator]
+) -> Iterator[ExampleRun]:
     """Methods on an example, and the variants of those that have some, each beside both references."""
     paper, finer = reference(example, dt, EXACT, exact_steps(example, dt)), reference(example, dt)
     unknown = np.full_like(finer.displacement, math.nan)
@@ -241,7 +266,9 @@ def run_example(example: Example, dt: float, integrators: Sequence[Integrator]) 
                 outcome = failure.status
             except AnalysisError:
                 outcome = "refused" if integrator.family.linear_only else DIVERGED
-            yield ExampleRun(example.number, integrator.label, variant, dt, outcome, motion, paper, finer)
+            yield ExampleRun(
+                example.number, integrator.label, variant, dt, outcome, motion, paper, finer
+            )
 
 
 def _steps(example: Example, dt: float) -> int:
@@ -290,12 +317,20 @@ def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotio
             begin = loads[j]
             end = loads[j] if hold else loads[j + 1]
             slope = (end - begin) / math.sin(_SLOW)
-            constant = [Force(floor, value, 0.0, 0.0) for floor, value in enumerate(begin.tolist(), start=1) if value]
+            constant = [
+                Force(floor, value, 0.0, 0.0)
+                for floor, value in enumerate(begin.tolist(), start=1)
+                if value
+            ]
             ramp = [
-                Force(floor, 0.0, value, _SLOW / dt) for floor, value in enumerate(slope.tolist(), start=1) if value
+                Force(floor, 0.0, value, _SLOW / dt)
+                for floor, value in enumerate(slope.tolist(), start=1)
+                if value
             ]
             forces = force_table(constant + ramp)
-            marched = PreparedBuilding(building, forces, *state).march(integrator, Steps(dt, 1), rows=1)
+            marched = PreparedBuilding(building, forces, *state).march(
+                integrator, Steps(dt, 1), rows=1
+            )
             if marched.code < 0:
                 raise AnalysisError(f"{integrator.label} ran away with dt {dt:.6g} s")
             motion[:, j] = marched.space.history[0, 1 : 1 + 3 * n].reshape(3, n)
@@ -306,7 +341,10 @@ def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotio
 
 
 VARIANTS: Mapping[str, Mapping[str, Callable[[Example, float, Integrator], ExampleMotion]]] = {
-    "rk5": {"load linear between the steps": _stepwise(False), "load held over each step": _stepwise(True)},
+    "rk5": {
+        "load linear between the steps": _stepwise(False),
+        "load held over each step": _stepwise(True),
+    },
     "central-difference": {"start with u(-dt) = 0": _from_rest_before},
 }
 """What else is done with a method, by its name: the likely reasons for the paper's ranking."""
@@ -318,7 +356,9 @@ def default_integrators() -> list[Integrator]:
 
 
 def paper_examples(
-    numbers: Sequence[int] = (1, 2, 3), method: str | Iterable[str] | None = None, dt: float | Sequence[float] = DT
+    numbers: Sequence[int] = (1, 2, 3),
+    method: str | Iterable[str] | None = None,
+    dt: float | Sequence[float] = DT,
 ) -> Several[ExampleRun]:
     """The examples of the paper of 2022, run.
 
@@ -343,7 +383,16 @@ def paper_examples(
     """
     by_number = examples()
     if unknown := [number for number in numbers if number not in by_number]:
-        raise UsageError(f"the paper has no example {unknown[0]}; there are {', '.join(map(str, by_number))}")
+        raise UsageError(
+            f"the paper has no example {unknown[0]}; there are {', '.join(map(str, by_number))}"
+        )
     integrators = default_integrators() if method is None else chosen(method)
     steps = numbers_of(dt, "dt").tolist()
-    return Several([run for one in numbers for h in steps for run in run_example(by_number[one], h, integrators)])
+    return Several(
+        [
+            run
+            for one in numbers
+            for h in steps
+            for run in run_example(by_number[one], h, integrators)
+        ]
+    )

@@ -72,7 +72,9 @@ class StabilityCurve(Tabular):
     spurious_radius: Array
 
     def _headline(self) -> str:
-        return f"of {self.method}, damping {self.damping:g}, {how_many(self.dt_over_t.size, 'step')}"
+        return (
+            f"of {self.method}, damping {self.damping:g}, {how_many(self.dt_over_t.size, 'step')}"
+        )
 
 
 @each_of
@@ -108,7 +110,10 @@ def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) 
     # Roots are followed from a small step on, with steps in between where those that are asked for lie far apart.
     ends = [min(_SMALLEST, dt_over_t[0]), *dt_over_t]
     counts = [2 + int(math.log(high / low) / math.log(_APART)) for low, high in pairwise(ends)]
-    ways = [np.geomspace(low, high, count)[:-1] for (low, high), count in zip(pairwise(ends), counts, strict=True)]
+    ways = [
+        np.geomspace(low, high, count)[:-1]
+        for (low, high), count in zip(pairwise(ends), counts, strict=True)
+    ]
     places = np.cumsum([way.size for way in ways])
     ratios = np.concatenate([*ways, dt_over_t[-1:]])
     ratios[places] = dt_over_t
@@ -142,7 +147,9 @@ def _checked(method: Integrator | str, damping: float) -> Integrator:
     return parse(method) if isinstance(method, str) else method
 
 
-def _followed(roots: NDArray[np.complex128], first: float, damping: float) -> tuple[NDArray[np.complex128], Array]:
+def _followed(
+    roots: NDArray[np.complex128], first: float, damping: float
+) -> tuple[NDArray[np.complex128], Array]:
     """Of the roots at rising steps, the first one omega h, the one that stands for the oscillation, followed from there
     on (positive imaginary part while complex), and the largest modulus beside it and its conjugate."""
     guess = np.exp((-damping + np.emath.sqrt(damping**2 - 1.0)) * first)
@@ -153,7 +160,9 @@ def _followed(roots: NDArray[np.complex128], first: float, damping: float) -> tu
         principal[index] = guess = upper[nearest[0]]
         # Real roots are no pair: which one of the others is the partner is not told.
         if candidates.size > 2:
-            spurious[index] = math.nan if guess.imag <= _REAL else np.max(np.abs(upper[nearest[2:]]))
+            spurious[index] = (
+                math.nan if guess.imag <= _REAL else np.max(np.abs(upper[nearest[2:]]))
+            )
     return principal, spurious
 
 
@@ -180,7 +189,9 @@ def critical_step(method: Integrator, damping: float = 0.0) -> float:
     high = grid[unstable[0]]
     low = grid[unstable[0] - 1] if unstable[0] else 0.0
     # 50 halvings are beyond rounding, for neighbors differ by half a percent.
-    low, _ = halved(lambda middle: not _grows(method, np.array([middle]), damping)[0], low, high, 50)
+    low, _ = halved(
+        lambda middle: not _grows(method, np.array([middle]), damping)[0], low, high, 50
+    )
     return float(low)
 
 
@@ -269,7 +280,11 @@ class Overshoot(Tabular):
         """Which of displacement and velocity grow with a higher power than in the exact motion."""
         powers = {"displacement": self.displacement_power, "velocity": self.velocity_power}
         bounds = EXACT_POWERS[self.start]
-        return {name for (name, power), bound in zip(powers.items(), bounds, strict=True) if power > bound + _LARGER}
+        return {
+            name
+            for (name, power), bound in zip(powers.items(), bounds, strict=True)
+            if power > bound + _LARGER
+        }
 
 
 @each_of
@@ -317,7 +332,10 @@ def overshoot(
         raise UsageError(f"a motion starts from one of {', '.join(STARTS)}, got {start!r:.60}")
     if law not in LAWS:
         raise UsageError(f"the law of an oscillator is one of {', '.join(LAWS)}, got {law!r:.60}")
-    dt_over_t, steps = between(dt_over_t, "dt_over_t", above=True), int(between(steps, "steps", 1.0, _MOST_STEPS))
+    dt_over_t, steps = (
+        between(dt_over_t, "dt_over_t", above=True),
+        int(between(steps, "steps", 1.0, _MOST_STEPS)),
+    )
     if law != "linear":
         return _nonlinear_overshoot(method, start, dt_over_t, steps, damping, law)
     omega_h = 2.0 * math.pi * dt_over_t
@@ -325,7 +343,10 @@ def overshoot(
     amplitude = math.hypot(STARTS[start][0], STARTS[start][1] / omega_h)
     # Powers of u and h v after one step: the slopes over the last decade of omega h that rounding leaves.
     largest = np.array(
-        [np.max(np.abs(_first_steps(method, start, level * _SPREAD, 1, damping)[:, 1]), axis=1) for level in _LEVELS]
+        [
+            np.max(np.abs(_first_steps(method, start, level * _SPREAD, 1, damping)[:, 1]), axis=1)
+            for level in _LEVELS
+        ]
     )
     powers = []
     for values in largest.T:
@@ -349,7 +370,9 @@ def verdict(method: Integrator, both: Sequence[Overshoot]) -> str:
     return " and ".join(sorted(growing)) or "none"
 
 
-def _first_steps(method: Integrator, start: str, omega_h: Array, steps: int, damping: float) -> Array:
+def _first_steps(
+    method: Integrator, start: str, omega_h: Array, steps: int, damping: float
+) -> Array:
     """u and h v of the first steps of oscillators, shape (2, steps + 1, oscillators), h = 1 s; nan after a response
     that ran away."""
     displacement, velocity = np.multiply(_TINY, STARTS[start])
@@ -377,7 +400,9 @@ def _nonlinear_overshoot(
     prepared = PreparedBuilding(building, displacement=u_start, velocity=v_start)
     u, v = _marched(prepared, method, Steps(2.0 * math.pi * dt_over_t / omega, steps))[:, :, 0]
     powers = (math.nan, math.nan)
-    return Overshoot(method.label, dt_over_t, damping, start, u / displacement, v / velocity, *powers, law)
+    return Overshoot(
+        method.label, dt_over_t, damping, start, u / displacement, v / velocity, *powers, law
+    )
 
 
 def _marched(prepared: PreparedBuilding, method: Integrator, steps: Steps) -> Array:

@@ -112,8 +112,12 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
         for j, (kind, *numbers) in enumerate((materials[i], *beside)):
             if j == 0 or numbers[0] != 0.0:
                 tag = i + 1 + j * _BESIDE
-                ops.uniaxialMaterial(kind, tag, *(word if isinstance(word, str) else float(word) for word in numbers))
-                ops.element("zeroLength", tag, i, i + 1, "-mat", tag, "-dir", 1, "-doRayleigh", int(j == 0))
+                ops.uniaxialMaterial(
+                    kind, tag, *(word if isinstance(word, str) else float(word) for word in numbers)
+                )
+                ops.element(
+                    "zeroLength", tag, i, i + 1, "-mat", tag, "-dir", 1, "-doRayleigh", int(j == 0)
+                )
     ops.rayleigh(float(problem["alpha_mass"]), 0.0, float(problem["beta_stiffness"]), 0.0)
     _load_floors(ops, problem)
     if problem["ground"].size > 1:
@@ -145,7 +149,9 @@ def _load_floors(ops: Any, problem: Content) -> None:
                 ops.timeSeries("Constant", tag, "-factor", float(factor) * math.sin(shift))
             else:
                 period = 2.0 * math.pi / float(omega)
-                ops.timeSeries("Trig", tag, 0.0, _FOREVER, period, "-factor", float(factor), "-shift", shift)
+                ops.timeSeries(
+                    "Trig", tag, 0.0, _FOREVER, period, "-factor", float(factor), "-shift", shift
+                )
             ops.pattern("Plain", tag, tag)
             ops.load(int(floor) + 1, 1.0)
             tag += 1
@@ -159,7 +165,9 @@ def _march(ops: Any, problem: Content, run: Content) -> Content:
     with TemporaryDirectory() as folder:
         # OpenSees itself writes what nodes do: asked for in Python this takes longer than the steps.
         for name in _KINDS:
-            ops.recorder("Node", "-binary", f"{folder}/{name}", "-node", *range(1, n + 1), "-dof", 1, name)
+            ops.recorder(
+                "Node", "-binary", f"{folder}/{name}", "-node", *range(1, n + 1), "-dof", 1, name
+            )
         code = done = 0
         while done < run["steps"] and (code := ops.analyze(1, run["h"])) == 0:
             iterations += 1 if problem["one_solve"] else ops.testIter()
@@ -167,10 +175,14 @@ def _march(ops: Any, problem: Content, run: Content) -> Content:
         ops.wipe()  # and the files are closed
         if code != 0:
             return {"outcome": np.array("not-converged")}
-        row = np.dtype([("nodes", float, (n,)), ("end", "V1")])  # and the end of a line, of binary ones, too
+        row = np.dtype(
+            [("nodes", float, (n,)), ("end", "V1")]
+        )  # and the end of a line, of binary ones, too
         rows = {name: np.fromfile(f"{folder}/{name}", row)["nodes"] for name in _KINDS}
     starts = (problem["u_start"], problem["v_start"], problem["a_start"])
-    u, v, a = (np.vstack([start, values]) for start, values in zip(starts, rows.values(), strict=True))
+    u, v, a = (
+        np.vstack([start, values]) for start, values in zip(starts, rows.values(), strict=True)
+    )
     if not np.all(np.isfinite(u)):
         return {"outcome": np.array("diverged")}
     times, size = run["h"] * np.arange(run["steps"] + 1), problem["ground"].size
@@ -178,7 +190,10 @@ def _march(ops: Any, problem: Content, run: Content) -> Content:
     absolute = a + ground[:, None]
     shear = np.cumsum((problem["mass"] * absolute)[:, ::-1], axis=1)[:, ::-1]
     shear *= math.nan if problem["forces"].size else 1.0
-    peaks = (np.max(np.abs(values), axis=0) for values in (np.diff(u, axis=1, prepend=0.0), absolute, shear))
+    peaks = (
+        np.max(np.abs(values), axis=0)
+        for values in (np.diff(u, axis=1, prepend=0.0), absolute, shear)
+    )
     return {
         "outcome": np.array("done"),
         "motion": np.array([u, v, a])[:, :: run["per_sample"]],

@@ -35,14 +35,24 @@ _REPEATS = 3  # at most: a peer takes up to 500 times as long as tdint
 _MINUTES = 5.0  # after which the process is ended
 _TABLE = np.linspace(-1.0, 1.0, 8001)  # drifts of a curve: its chords are 1e-6 of the force from it
 _REACH = 4.0  # times the reference's peak drifts: long steps go farther than it
-_CHECKED = (8, 16, 32, 64, 128)  # parts of the interval, until two of them tell that the law is the same
+_CHECKED = (
+    8,
+    16,
+    32,
+    64,
+    128,
+)  # parts of the interval, until two of them tell that the law is the same
 _SAME = 1e-9  # beyond what a division of rounded numbers leaves
 
 
 _OPENSEES: dict[str, Callable[[float], tuple[Any, ...]]] = {
     "newmark-average": lambda _: ("Newmark", 0.5, 0.25),
     "hht": lambda alpha: ("HHT", 1.0 + alpha),
-    "generalized-alpha": lambda rho: ("GeneralizedAlpha", (2.0 - rho) / (1.0 + rho), 1.0 / (1.0 + rho)),
+    "generalized-alpha": lambda rho: (
+        "GeneralizedAlpha",
+        (2.0 - rho) / (1.0 + rho),
+        1.0 / (1.0 + rho),
+    ),
 }
 """Our method and, of its first parameter, OpenSees' name for it with its parameters, as weights of the end of the step
 instead of the start."""
@@ -70,7 +80,9 @@ def _tanh(k: float, reach: float, strength: float, *_: float) -> tuple[Any, ...]
 
 def _polynomial(_: float, reach: float, *coefficients: float) -> tuple[Any, ...]:
     drifts = reach * _TABLE
-    return _elastic(drifts, np.asarray(np.polynomial.polynomial.polyval(drifts, (0.0, *coefficients))))
+    return _elastic(
+        drifts, np.asarray(np.polynomial.polynomial.polyval(drifts, (0.0, *coefficients)))
+    )
 
 
 _MATERIALS: dict[str, Callable[..., tuple[Any, ...]]] = {
@@ -123,19 +135,30 @@ def openseespy_points(
     done = int(answer["done"])
     points = []
     for number, (integrator, steps) in enumerate(runs[:done]):
-        got = {name.partition("_")[2]: value for name, value in answer.items() if name.startswith(f"{number}_")}
+        got = {
+            name.partition("_")[2]: value
+            for name, value in answer.items()
+            if name.startswith(f"{number}_")
+        }
         label, outcome = f"openseespy/{integrator.label}", str(got["outcome"])
         point = Point(label, steps.h, steps.count, outcome, line=label)
         if outcome == DONE:
             motion = _motion(problem, steps, got["motion"], got["peak_drift"])
             off = judge(SimpleNamespace(**got)) if judge else errors(motion, reference.motion)
-            point = replace(point, iterations=int(got["iterations"]), errors=off, times=tuple(got["times"].tolist()))
+            point = replace(
+                point,
+                iterations=int(got["iterations"]),
+                errors=off,
+                times=tuple(got["times"].tolist()),
+            )
         points.append(point)
     order = [f"openseespy/{name}" for name in _OPENSEES]
     points.sort(key=lambda point: (order.index(point.line), -point.dt))
     missing = len(runs) - done
     notes = (
-        [f"openseespy: {missing} of {len(runs)} runs, those with the smallest steps, take too long"] if missing else []
+        [f"openseespy: {missing} of {len(runs)} runs, those with the smallest steps, take too long"]
+        if missing
+        else []
     )
     if points and not _one_solve(problem):
         notes.append(ITERATED)
@@ -165,8 +188,13 @@ def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[f
             limits.append(limits[-1] + (limits[-1] - coarse) / (power - 1.0))
         before = limits
         if len(limits) > len(powers):
-            off = errors(_motion(problem, steps, limits[-1], reference.motion.peak_drift), reference.motion)
-            gap, said = max(off.drift, off.acceleration), f"extrapolated to dt 0 from {steps.h:.3g} s and larger"
+            off = errors(
+                _motion(problem, steps, limits[-1], reference.motion.peak_drift), reference.motion
+            )
+            gap, said = (
+                max(off.drift, off.acceleration),
+                f"extrapolated to dt 0 from {steps.h:.3g} s and larger",
+            )
             if gap <= goal:
                 break
     return gap, said
@@ -175,7 +203,9 @@ def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[f
 def _unsupported(problem: Problem) -> str:
     """Why OpenSees is not given this building; nothing if it can do it."""
     building = problem.building
-    if not np.all(np.isin(building.law_parameters[at.CODE, :-1], [CODES[name] for name in _MATERIALS])):
+    if not np.all(
+        np.isin(building.law_parameters[at.CODE, :-1], [CODES[name] for name in _MATERIALS])
+    ):
         return f"a story's law is none of {', '.join(_MATERIALS)}"
     if building.power_damped:
         return "the model has power-law dashpots"
@@ -196,17 +226,26 @@ def _one_solve(problem: Problem) -> bool:
     """Whether a step takes one solve. The tangent of Viscous is not that of a dashpot: with it a single one does not
     do."""
     building = problem.building
-    dampers, stiffness = building.linear_terms[at.STORY_DAMPER, :-1], building.law_parameters[at.STIFFNESS, :-1]
+    dampers, stiffness = (
+        building.linear_terms[at.STORY_DAMPER, :-1],
+        building.law_parameters[at.STIFFNESS, :-1],
+    )
     return building.linear and _proportion(dampers, stiffness) is not None
 
 
 def _ask(
-    problem: Problem, runs: Sequence[tuple[Integrator, Steps]], reference: Reference, repeats: int, share: float
+    problem: Problem,
+    runs: Sequence[tuple[Integrator, Steps]],
+    reference: Reference,
+    repeats: int,
+    share: float,
 ) -> tuple[dict[str, Any], str]:
     """The worker's answer, and why there is none."""
     jobs = [
         {
-            "integrator": _OPENSEES[integrator.method.name](next(iter(integrator.values), math.nan)),
+            "integrator": _OPENSEES[integrator.method.name](
+                next(iter(integrator.values), math.nan)
+            ),
             "h": steps.h,
             "steps": steps.count,
             "per_sample": steps.per_sample,
@@ -217,10 +256,17 @@ def _ask(
     ]
     # In a process of its own: OpenSees' libraries would stay in this one, and may end it.
     stream = io.BytesIO()
-    np.savez(stream, runs=np.array(json.dumps(jobs)), share=np.array(share), **_arrays(problem, reference))
+    np.savez(
+        stream,
+        runs=np.array(json.dumps(jobs)),
+        share=np.array(share),
+        **_arrays(problem, reference),
+    )
     command = [sys.executable, "-P", "-m", opensees_worker.__name__]
     try:
-        done = subprocess.run(command, input=stream.getvalue(), capture_output=True, timeout=60.0 * _MINUTES)
+        done = subprocess.run(
+            command, input=stream.getvalue(), capture_output=True, timeout=60.0 * _MINUTES
+        )
     except (OSError, subprocess.TimeoutExpired):
         return {}, "its process did not start or did not end"
     if done.returncode == opensees_worker.NOT_INSTALLED:
@@ -248,13 +294,18 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
     dampers = building.linear_terms[at.STORY_DAMPER, :-1]
     beta = _proportion(dampers, stiffness)
     # The start is that of equilibrium, which OpenSees does not look for.
-    start_force = -building.damping_matrix() @ problem.velocity - building.stiffness_matrix() @ problem.displacement
+    start_force = (
+        -building.damping_matrix() @ problem.velocity
+        - building.stiffness_matrix() @ problem.displacement
+    )
     for row in problem.forces:
         start_force[int(row[at.FLOOR])] += row[at.COSINE]
     return {
         "mass": building.mass,
         "materials": np.array(json.dumps(materials)),
-        "alpha_mass": np.array(_proportion(building.linear_terms[at.FLOOR_DAMPER, :-1], building.mass)),
+        "alpha_mass": np.array(
+            _proportion(building.linear_terms[at.FLOOR_DAMPER, :-1], building.mass)
+        ),
         "beta_stiffness": np.array(0.0 if beta is None else beta),
         "dashpot": dampers if beta is None else np.zeros_like(dampers),
         "geometric": building.linear_terms[at.GEOMETRIC, :-1],
@@ -285,7 +336,9 @@ _OPENSEES_SETTINGS = (
     f"{opensees_worker.ITERATIONS} iterations at most (Linear -factorOnce in linear buildings); least of {_REPEATS} "
     "times at most"
 )
-_SCIPY_SETTINGS = "solve_ivp, atol = rtol times the largest displacement, velocity and yield force; one time each"
+_SCIPY_SETTINGS = (
+    "solve_ivp, atol = rtol times the largest displacement, velocity and yield force; one time each"
+)
 
 Rate = Callable[[float, Array], Array]
 
@@ -317,7 +370,9 @@ def solve_ivp_points(
         for tolerance in TOLERANCES:
             point = _solve(problem, reference, law, method, tolerance, seconds)
             if point is None:
-                notes.append(f"scipy's {method} is left out from rtol {tolerance:g} on: it takes over {seconds:g} s")
+                notes.append(
+                    f"scipy's {method} is left out from rtol {tolerance:g} on: it takes over {seconds:g} s"
+                )
                 break
             points.append(point)
     return points, notes
@@ -332,11 +387,17 @@ def _stories(problem: Problem) -> tuple[Array, Array, Array] | None:
     bilinear = laws[at.CODE, :-1] == CODES["bilinear"]
     if not np.all(bilinear | (laws[at.CODE, :-1] == CODES["linear"])):
         return None
-    yields, after = laws[at.FIRST_PARAMETER : at.FIRST_PARAMETER + 2, :-1] if bilinear.any() else (0.0, 1.0)
+    yields, after = (
+        laws[at.FIRST_PARAMETER : at.FIRST_PARAMETER + 2, :-1] if bilinear.any() else (0.0, 1.0)
+    )
     hardening = np.where(bilinear, after, 1.0)
     stiffness, soft = laws[at.STIFFNESS, :-1], 1.0 - hardening
     strength = np.where(bilinear, soft * yields, math.inf)
-    return hardening * stiffness + problem.building.linear_terms[at.GEOMETRIC, :-1], soft * stiffness, strength
+    return (
+        hardening * stiffness + problem.building.linear_terms[at.GEOMETRIC, :-1],
+        soft * stiffness,
+        strength,
+    )
 
 
 def _rate(problem: Problem, law: tuple[Array, Array, Array], deadline: float) -> Rate:
@@ -349,7 +410,11 @@ def _rate(problem: Problem, law: tuple[Array, Array, Array], deadline: float) ->
     times = problem.interval * np.arange(problem.ground.size + 1)
     ground = np.append(problem.ground, 0.0)
     floors = problem.forces[:, at.FLOOR].astype(int)
-    cosine, sine, omega = problem.forces[:, at.COSINE], problem.forces[:, at.SINE], problem.forces[:, at.OMEGA]
+    cosine, sine, omega = (
+        problem.forces[:, at.COSINE],
+        problem.forces[:, at.SINE],
+        problem.forces[:, at.OMEGA],
+    )
 
     def rate(t: float, state: Array) -> Array:
         if system.seconds() > deadline:
@@ -388,7 +453,10 @@ def _solve(
     inner = [np.clip(hysteretic * drift, -strength, strength)] if hysteretic.any() else []
     start = np.concatenate([problem.displacement, problem.velocity, *inner])
     true = reference.motion
-    sizes = [np.full(n, np.max(np.abs(true.displacement))), np.full(n, np.max(np.abs(true.velocity)))]
+    sizes = [
+        np.full(n, np.max(np.abs(true.displacement))),
+        np.full(n, np.max(np.abs(true.velocity))),
+    ]
     if inner:
         sizes.append(np.where(np.isfinite(strength), strength, 1.0))
     times = problem.interval * np.arange(problem.samples + 1)
@@ -406,11 +474,15 @@ def _solve(
     u, v = solution.y[:n].T, solution.y[n : 2 * n].T
     quiet = _rate(problem, law, math.inf)
     a = np.array([quiet(t, state)[n : 2 * n] for t, state in zip(times, solution.y.T, strict=True)])
-    size = min(times.size, problem.ground.size)  # A duration may end before the record does, or after.
+    size = min(
+        times.size, problem.ground.size
+    )  # A duration may end before the record does, or after.
     ground = np.interp(times, times[:size], problem.ground[:size], right=0.0)
     peaks = np.max(np.abs(np.diff(u, axis=1, prepend=0.0)), axis=0)
     motion = FloorMotion(1, u, v, a + ground[:, None], peaks)
-    return Point(name, math.nan, None, DONE, int(solution.nfev), errors(motion, true), (taken,), line=line)
+    return Point(
+        name, math.nan, None, DONE, int(solution.nfev), errors(motion, true), (taken,), line=line
+    )
 
 
 def with_plugins(
@@ -428,15 +500,25 @@ def with_plugins(
         progress(plugin, len(points) / (len(points) + 1.0))
         full, line = f"{plugin}/{name}", f"{plugin}/{name.partition(':')[0]}"
         try:
-            points.append(replace(_called(problem, chart.reference, function, repeats), method=full, line=line))
+            points.append(
+                replace(
+                    _called(problem, chart.reference, function, repeats), method=full, line=line
+                )
+            )
         except Exception as error:  # whatever a function of somebody else's raises
-            notes.append(f"{full} is left out: {type(error).__name__}: {' '.join(str(error).split())}")
+            notes.append(
+                f"{full} is left out: {type(error).__name__}: {' '.join(str(error).split())}"
+            )
     others = {point.line.partition("/")[0]: None for point in points}
-    told = tuple(Peer(plugin, "of a plug-in", "those of its function", "its whole call") for plugin in others)
+    told = tuple(
+        Peer(plugin, "of a plug-in", "those of its function", "its whole call") for plugin in others
+    )
     return replace(chart, points=(*chart.points, *points), peers=(*chart.peers, *told)), notes
 
 
-def _called(problem: Problem, reference: Reference, function: Callable[[Any], Any], repeats: int) -> Point:
+def _called(
+    problem: Problem, reference: Reference, function: Callable[[Any], Any], repeats: int
+) -> Point:
     """The point that a function of the problem makes, yet without a name; ValueError where it gives something else."""
     taken = []
     for _ in range(repeats):
@@ -446,12 +528,16 @@ def _called(problem: Problem, reference: Reference, function: Callable[[Any], An
     times, u = (np.asarray(values, dtype=np.float64) for values in answer)
     n = problem.building.stories
     if times.ndim != 1 or times.size < 2 or u.shape != (times.size, n):
-        raise ValueError(f"gives times {times.shape} and displacements {u.shape}, not (rows,) and (rows, {n})")
+        raise ValueError(
+            f"gives times {times.shape} and displacements {u.shape}, not (rows,) and (rows, {n})"
+        )
     if not np.all(np.isfinite(u)):
         return Point("", math.nan, times.size - 1, DIVERGED, times=tuple(taken))
     dt = float(times[1])
     steps = problem.steps(dt)
-    if np.max(np.abs(times - dt * np.arange(times.size))) > 1e-6 * dt:  # a clock that was summed up is no nearer
+    if (
+        np.max(np.abs(times - dt * np.arange(times.size))) > 1e-6 * dt
+    ):  # a clock that was summed up is no nearer
         raise ValueError("gives times that do not begin with 0 or are not equally spaced")
     rows = steps.count // steps.per_sample + 1
     if times.size <= steps.count:
@@ -460,21 +546,32 @@ def _called(problem: Problem, reference: Reference, function: Callable[[Any], An
     u = u[:: steps.per_sample][:rows]
     unknown = np.full_like(u, math.nan)
     motion = FloorMotion(steps.stride, u, unknown, unknown, peaks)
-    return Point("", dt, steps.count, DONE, errors=errors(motion, reference.motion), times=tuple(taken))
+    return Point(
+        "", dt, steps.count, DONE, errors=errors(motion, reference.motion), times=tuple(taken)
+    )
 
 
 def with_peers(
-    problem: Problem, chart: Chart, dts: Sequence[float], *, repeats: int, progress: Progress = silent
+    problem: Problem,
+    chart: Chart,
+    dts: Sequence[float],
+    *,
+    repeats: int,
+    progress: Progress = silent,
 ) -> tuple[Chart, list[str]]:
     """The chart with the points of other programs behind its own, and what of them is left out, a sentence each.
 
     Their errors are against the same reference; their times are those of their analysis loops alone.
     """
     progress("openseespy", 0.0)
-    openseespy, notes = openseespy_points(problem, sorted(set(dts), reverse=True), chart.reference, repeats=repeats)
+    openseespy, notes = openseespy_points(
+        problem, sorted(set(dts), reverse=True), chart.reference, repeats=repeats
+    )
     progress("scipy", 0.5)
     others, more = solve_ivp_points(problem, chart.reference)
-    chart = replace(chart, points=(*chart.points, *openseespy, *others), peers=peers_of([*openseespy, *others]))
+    chart = replace(
+        chart, points=(*chart.points, *openseespy, *others), peers=peers_of([*openseespy, *others])
+    )
     return chart, [*notes, *more]
 
 

@@ -32,7 +32,14 @@ from tdint.kernels.laws import OURS
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble
-from tdint.model.definition import CODES, Initial, ModalDamping, Model, RayleighCoefficients, RayleighRatio
+from tdint.model.definition import (
+    CODES,
+    Initial,
+    ModalDamping,
+    Model,
+    RayleighCoefficients,
+    RayleighRatio,
+)
 from tdint.system import cache_subfolder
 
 
@@ -63,7 +70,11 @@ class FloorMotion:
         """The first `rows` rows of this motion `stride` samples apart."""
         part = slice(0, (rows - 1) * stride + 1, stride)
         return FloorMotion(
-            stride, self.displacement[part], self.velocity[part], self.acceleration[part], self.peak_drift
+            stride,
+            self.displacement[part],
+            self.velocity[part],
+            self.acceleration[part],
+            self.peak_drift,
         )
 
 
@@ -129,7 +140,9 @@ class Problem:
         except UsageError as error:
             if self.record:
                 raise
-            raise UsageError(str(error).replace("record's sampling interval", "model's own step")) from None
+            raise UsageError(
+                str(error).replace("record's sampling interval", "model's own step")
+            ) from None
 
     def case(self, integrator: Integrator) -> Case:
         """What `tdint run` integrates with a method."""
@@ -139,17 +152,25 @@ class Problem:
         """The largest error of a story's peak drift, over it, that `tdint run` tells beside these; nan for none."""
         response = told_run(self.case(integrator), steps)
         peaks = response.stories.peak_drift
-        return math.nan if response.check is None else largest_relative(peaks + response.check.errors.peak_drift, peaks)
+        return (
+            math.nan
+            if response.check is None
+            else largest_relative(peaks + response.check.errors.peak_drift, peaks)
+        )
 
     def within(self, integrator: Integrator, tolerance: float) -> Response:
         """What `tdint run --tolerance` gives over all samples; FailedRun where it ends otherwise."""
         dt = None if self.record else self.interval
-        return run_case(self.case(integrator), dt=dt, duration=self.samples * self.interval, tolerance=tolerance)
+        return run_case(
+            self.case(integrator), dt=dt, duration=self.samples * self.interval, tolerance=tolerance
+        )
 
     def motion(self, integrator: Integrator, steps: Steps) -> FloorMotion | None:
         """The motion at the samples (or at the steps, if these are longer); None where the march does not reach its
         end."""
-        marched = self.prepared.march(integrator, steps, self.ground, rows=steps.count // steps.per_sample)
+        marched = self.prepared.march(
+            integrator, steps, self.ground, rows=steps.count // steps.per_sample
+        )
         if marched.code < 0:
             return None
         space, n = marched.space, self.building.stories
@@ -158,7 +179,11 @@ class Problem:
 
 
 def pose(
-    model: Model, record: Record | None = None, *, duration: float | None = None, dts: tuple[float, ...] = ()
+    model: Model,
+    record: Record | None = None,
+    *,
+    duration: float | None = None,
+    dts: tuple[float, ...] = (),
 ) -> Problem:
     """The problem that a model is under a record, by default its own.
 
@@ -177,11 +202,20 @@ def pose(
     if duration is not None and not (math.isfinite(duration) and duration > 0.0):
         raise UsageError(f"duration must be a positive number of seconds, got {duration!r}")
     interval = record.dt if record else model.analysis.dt or max(dts, default=None)
-    whole = choose_steps(interval, duration, record.dt if record else None, record.duration if record else 0.0)
+    whole = choose_steps(
+        interval, duration, record.dt if record else None, record.duration if record else 0.0
+    )
     problem = Problem(model, record, whole.h, whole.count)
-    causes = (problem.ground[: problem.samples + 1], problem.forces[:, 1:3], problem.displacement, problem.velocity)
+    causes = (
+        problem.ground[: problem.samples + 1],
+        problem.forces[:, 1:3],
+        problem.displacement,
+        problem.velocity,
+    )
     if not any(np.any(cause) for cause in causes):
-        raise AnalysisError(f"{model.name}: nothing moves this building: no ground motion, no force, no initial state")
+        raise AnalysisError(
+            f"{model.name}: nothing moves this building: no ground motion, no force, no initial state"
+        )
     return problem
 
 
@@ -213,13 +247,18 @@ def stretched(model: Model, count: int) -> Model:
         building = assemble(model)
         first = model.stories[0]
         damping = RayleighCoefficients(
-            mass=float(building.linear_terms[at.FLOOR_DAMPER, 0] / building.linear_terms[at.MASS, 0]),
-            stiffness=float((building.linear_terms[at.STORY_DAMPER, 0] - first.dashpot) / first.stiffness),
+            mass=float(
+                building.linear_terms[at.FLOOR_DAMPER, 0] / building.linear_terms[at.MASS, 0]
+            ),
+            stiffness=float(
+                (building.linear_terms[at.STORY_DAMPER, 0] - first.dashpot) / first.stiffness
+            ),
         )
     elif isinstance(damping, ModalDamping):
         damping = ModalDamping(damping.ratios[:count])
     forces = tuple(
-        replace(force, floor=max(1, math.ceil(force.floor * count / stories))) for force in model.excitation.forces
+        replace(force, floor=max(1, math.ceil(force.floor * count / stories)))
+        for force in model.excitation.forces
     )
     return replace(
         model,
@@ -227,7 +266,8 @@ def stretched(model: Model, count: int) -> Model:
         damping=damping,
         excitation=replace(model.excitation, forces=forces),
         initial=Initial(
-            tuple(model.initial.displacement[i] for i in floors), tuple(model.initial.velocity[i] for i in floors)
+            tuple(model.initial.displacement[i] for i in floors),
+            tuple(model.initial.velocity[i] for i in floors),
         ),
     )
 
@@ -296,7 +336,9 @@ def errors(motion: FloorMotion, reference: FloorMotion) -> Errors:
 def errors_of_peaks(response: Response, reference: FloorMotion) -> Errors:
     """The error of the peak drifts of a run that keeps no history; nan for the others."""
     unknown = dict.fromkeys(QUANTITIES[:-1], math.nan)
-    return Errors(**unknown, peak_drift=largest_relative(response.stories.peak_drift, reference.peak_drift))
+    return Errors(
+        **unknown, peak_drift=largest_relative(response.stories.peak_drift, reference.peak_drift)
+    )
 
 
 def largest_relative(peaks: Array, true: Array) -> float:
@@ -412,9 +454,19 @@ def _cache_file(problem: Problem, samples: int) -> Path | None:
     digest = hashlib.sha256(Path(__file__).read_bytes() + digest_of_all().encode())
     digest.update(repr((problem.interval, samples)).encode())
     # Laws of plug-ins have numbers in the order of their loading.
-    laws = {name for name, code in CODES.items() if code >= OURS and code in building.law_parameters[at.CODE]}
+    laws = {
+        name
+        for name, code in CODES.items()
+        if code >= OURS and code in building.law_parameters[at.CODE]
+    }
     digest.update(repr((sorted(laws), code_of(f"law {name}" for name in laws))).encode())
-    tables = (building.linear_terms, building.law_parameters, building.modal, problem.ground, problem.forces)
+    tables = (
+        building.linear_terms,
+        building.law_parameters,
+        building.modal,
+        problem.ground,
+        problem.forces,
+    )
     for table in (*tables, problem.displacement, problem.velocity):
         digest.update(repr(table.shape).encode())
         digest.update(np.ascontiguousarray(table).tobytes())
@@ -427,12 +479,26 @@ def _load(file: Path, problem: Problem, samples: int) -> Reference | None:
         return None
     shape = (samples + 1, problem.building.stories)
     # A zip file, a text or an array that is broken: whatever is raised, the reference is computed anew.
-    with suppress(Exception), file.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
+    with (
+        suppress(Exception),
+        file.open("rb") as stream,
+        np.load(stream, allow_pickle=False) as content,
+    ):
         table = content["table"]
         motion = FloorMotion(1, table[0], table[1], table[2], content["peak_drift"])
-        if table.shape == (3, *shape) and motion.peak_drift.shape == shape[1:] and np.all(np.isfinite(table)):
+        if (
+            table.shape == (3, *shape)
+            and motion.peak_drift.shape == shape[1:]
+            and np.all(np.isfinite(table))
+        ):
             gap = Errors(*content["gap"].tolist())
-            return Reference(str(content["method"]), float(content["dt"]), str(content["confirmed_by"]), gap, motion)
+            return Reference(
+                str(content["method"]),
+                float(content["dt"]),
+                str(content["confirmed_by"]),
+                gap,
+                motion,
+            )
     return None
 
 
@@ -452,7 +518,9 @@ def _save(file: Path, reference: Reference) -> None:
         file.parent.mkdir(exist_ok=True, mode=0o700)
         write_file(file, lambda stream: np.savez(stream, **content), overwrite=True)
         size = 0
-        for old in sorted(file.parent.glob("*.npz"), key=lambda old: old.stat().st_mtime, reverse=True):
+        for old in sorted(
+            file.parent.glob("*.npz"), key=lambda old: old.stat().st_mtime, reverse=True
+        ):
             size += old.stat().st_size
             if size > _KEPT and old != file:
                 old.unlink(missing_ok=True)

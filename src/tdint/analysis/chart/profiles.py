@@ -72,14 +72,32 @@ METHODS = (
 
 TOLERANCES = (0.1, 0.03, 0.01, 0.003, 0.001, 0.0001)
 
-PARTS = (16.0, 12.0, 8.0, 6.0, 4.0, 3.0, 2.0, 1.0, 1 / 2, 1 / 3, 1 / 4, 1 / 6, 1 / 8, 1 / 12, 1 / 16)
+PARTS = (
+    16.0,
+    12.0,
+    8.0,
+    6.0,
+    4.0,
+    3.0,
+    2.0,
+    1.0,
+    1 / 2,
+    1 / 3,
+    1 / 4,
+    1 / 6,
+    1 / 8,
+    1 / 12,
+    1 / 16,
+)
 """Steps over the record's interval: halvings, and some between, for with these alone costs would come by twos."""
 
 PEAKS = ("peak_drift", "peak_acceleration", "peak_total_shear")
 
 _FINE = 32  # parts of the interval that the reference steps with
 _FINER = (32, 128)  # and the second method: the latter where the former does not confirm it
-_SURE = 0.2  # of a tolerance: what the reference must be known to, so that an error within it is one
+_SURE = (
+    0.2  # of a tolerance: what the reference must be known to, so that an error within it is one
+)
 _NEAR = 1.5  # times the least: costs that may yet turn out to be it when they are measured again
 _FAR_BELOW = 0.25  # of the smallest tolerance: two steps with such errors are followed by none that is smaller
 _SHARE = 0.3  # of the time that OpenSees has for one problem: with all of it many take longer than our own methods
@@ -159,7 +177,10 @@ class Measured:
         """Least time of each method within a tolerance, there and with all smaller steps, s; nan for none."""
         lines = dict.fromkeys(point.line for point in self.points)
         return {
-            line: min((point.fastest for point in within(self.points, line, quantity, tolerance)), default=math.nan)
+            line: min(
+                (point.fastest for point in within(self.points, line, quantity, tolerance)),
+                default=math.nan,
+            )
             for line in lines
         }
 
@@ -217,15 +238,23 @@ class FieldChart(Tabular):
             if not sure:
                 continue
             judged = [measured.costs(quantity, tolerance) for measured in sure]
-            table = np.array([[costs.get(line, math.nan) for line in self.lines] for costs in judged])
+            table = np.array(
+                [[costs.get(line, math.nan) for line in self.lines] for costs in judged]
+            )
             for line, ratios in zip(self.lines, performance_ratios(table, ours).T, strict=True):
                 taken = sum(line in costs for costs in judged)
-                profiles.append(PerformanceProfile(quantity, tolerance, line, tuple(sorted(ratios.tolist())), taken))
+                profiles.append(
+                    PerformanceProfile(
+                        quantity, tolerance, line, tuple(sorted(ratios.tolist())), taken
+                    )
+                )
         return tuple(profiles)
 
     def named(self, line: str) -> str:
         """The method, and how many problems it takes if not all."""
-        taken = sum(any(point.line == line for point in measured.points) for measured in self.measured)
+        taken = sum(
+            any(point.line == line for point in measured.points) for measured in self.measured
+        )
         return line if taken == len(self.measured) else f"{line} ({taken} of {len(self.measured)})"
 
     def leaders(self) -> Leaders:
@@ -234,7 +263,9 @@ class FieldChart(Tabular):
         profiles = [profile for profile in self.profiles if of_steps(profile.method)]
         lines = [line for line in self.lines if any(p.method == line and p.taken for p in profiles)]
         if not lines:
-            raise AnalysisError("no reference is known well enough for any tolerance: nothing can be recommended")
+            raise AnalysisError(
+                "no reference is known well enough for any tolerance: nothing can be recommended"
+            )
 
         def near(line: str, least: float) -> int:
             return sum(p.within(2.0) for p in profiles if p.method == line and p.tolerance >= least)
@@ -308,7 +339,9 @@ def measure_problem(
     points: dict[tuple[Integrator, float], Point] = {}
     for done, integrator in enumerate(able):
         progress("errors", 0.2 + 0.6 * done / len(able))
-        points |= {(integrator, point.dt): point for point in _line(posed, integrator, dts, true.stories)}
+        points |= {
+            (integrator, point.dt): point for point in _line(posed, integrator, dts, true.stories)
+        }
     contenders = _contenders(points.values())
     for turn in range(1, repeats):
         progress("times", 0.8 + 0.2 * turn / repeats)
@@ -321,7 +354,9 @@ def measure_problem(
     choosing: list[Point] = []
     for integrator in able:
         if integrator.label in CHOOSING:
-            choosing += by_tolerance(posed, integrator, tolerances, partial(_off, true.stories), repeats)
+            choosing += by_tolerance(
+                posed, integrator, tolerances, partial(_off, true.stories), repeats
+            )
     others, agreed, said = _others(posed, dts, true.stories) if peers else ([], math.nan, "")
     return Measured(
         name=problem.name,
@@ -345,7 +380,9 @@ def _off(true: StoryPeaks, response: Response) -> PeakErrors:
     return PeakErrors.between(response.stories, true)
 
 
-def _line(posed: Problem, integrator: Integrator, dts: Sequence[float], true: StoryPeaks) -> list[Point]:
+def _line(
+    posed: Problem, integrator: Integrator, dts: Sequence[float], true: StoryPeaks
+) -> list[Point]:
     """One method with all steps, until two in a row are far below all tolerances. Each has one time yet."""
     points: list[Point] = []
     for dt in dts:
@@ -355,7 +392,12 @@ def _line(posed: Problem, integrator: Integrator, dts: Sequence[float], true: St
         if isinstance(response, FailedRun):
             points.append(replace(bare, outcome=response.status))
             continue
-        point = replace(bare, outcome=response.status, iterations=response.iterations, times=(response.march_time,))
+        point = replace(
+            bare,
+            outcome=response.status,
+            iterations=response.iterations,
+            times=(response.march_time,),
+        )
         if response.status == DONE:
             point = replace(point, errors=_off(true, response))
         points.append(point)
@@ -370,14 +412,18 @@ def _contenders(points: Iterable[Point]) -> list[Point]:
     """Points whose cost is the least of their line for some quantity and tolerance, or may be when timed again."""
     points = list(points)
     contenders: dict[int, Point] = {}
-    for line, quantity, tolerance in product(dict.fromkeys(point.line for point in points), PEAKS, TOLERANCES):
+    for line, quantity, tolerance in product(
+        dict.fromkeys(point.line for point in points), PEAKS, TOLERANCES
+    ):
         good = within(points, line, quantity, tolerance)
         least = min((point.fastest for point in good), default=math.nan)
         contenders |= {id(point): point for point in good if point.fastest <= _NEAR * least}
     return list(contenders.values())
 
 
-def _others(posed: Problem, dts: Sequence[float], true: StoryPeaks) -> tuple[list[Point], float, str]:
+def _others(
+    posed: Problem, dts: Sequence[float], true: StoryPeaks
+) -> tuple[list[Point], float, str]:
     """OpenSeesPy's points, `peer_gap` and `peer_note` of `Measured`. It has points where with fine steps it has the
     reference's histories but for a fifth of the smallest tolerance: the law is one.
     """
@@ -453,8 +499,17 @@ def chart_many(
     elif models is not None and problems is None:
         given = crossed(models, records)
     else:
-        raise UsageError("chart_many takes either models (with records) or problems: 'standard' or a file")
-    return measure_all(given, chosen(method), repeats=repeats, tolerances=tolerances, peers=peers, progress=progress)
+        raise UsageError(
+            "chart_many takes either models (with records) or problems: 'standard' or a file"
+        )
+    return measure_all(
+        given,
+        chosen(method),
+        repeats=repeats,
+        tolerances=tolerances,
+        peers=peers,
+        progress=progress,
+    )
 
 
 def measure_all(
@@ -474,7 +529,14 @@ def measure_all(
             progress(f"{problem.name}, {problem.motion}: {act}", (done + part) / len(given))
 
         measured.append(
-            measure_problem(problem, integrators, repeats=repeats, tolerances=tolerances, peers=peers, progress=tell)
+            measure_problem(
+                problem,
+                integrators,
+                repeats=repeats,
+                tolerances=tolerances,
+                peers=peers,
+                progress=tell,
+            )
         )
     return field_chart(measured)
 
@@ -487,7 +549,9 @@ def field_chart(measured: Sequence[Measured]) -> FieldChart:
     return FieldChart(tuple(measured), Timing.of(points), peers_of(points))
 
 
-def crossed(models: AnyModel | Sequence[AnyModel], records: AnyRecord | Sequence[AnyRecord]) -> list[FieldProblem]:
+def crossed(
+    models: AnyModel | Sequence[AnyModel], records: AnyRecord | Sequence[AnyRecord]
+) -> list[FieldProblem]:
     """Each building under each motion, or under its own where there is none."""
     buildings = models if isinstance(models, list | tuple) else [models]
     motions = records if isinstance(records, list | tuple) else [records]
@@ -496,7 +560,11 @@ def crossed(models: AnyModel | Sequence[AnyModel], records: AnyRecord | Sequence
     for model in map(model_of, buildings):
         given: Sequence[Record | None] = read or [model_record(model)]
         for record in given:
-            motion = " ".join(filter(None, (Path(record.source).stem, record.component))) if record else "its forces"
+            motion = (
+                " ".join(filter(None, (Path(record.source).stem, record.component)))
+                if record
+                else "its forces"
+            )
             problems.append(FieldProblem(model.name, motion, "", pose(model, record)))
     return problems
 
@@ -512,11 +580,15 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
         A record cannot be read.
     """
     standard = source == STANDARD
-    origin, root = read_document(_SET if standard else source, "file of problems", "`records` and `problems`")
+    origin, root = read_document(
+        _SET if standard else source, "file of problems", "`records` and `problems`"
+    )
     if standard:
         folder = next((folder for folder in _RECORDS if folder.is_dir()), None)
         if folder is None:
-            raise RecordError("the records of the standard problems are not installed; give a file of problems")
+            raise RecordError(
+                "the records of the standard problems are not installed; give a file of problems"
+            )
         root.faults.folder = folder
     # What the file says: motions by name, and buildings that name them
     section = root.section(("records", "problems"))
@@ -529,7 +601,9 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
         for name, motion in (motions or {}).items():
             if (stated := record_within(motion)) is not None:
                 sources[name] = stated
-        for item in (listed.items("a list of problems", "is empty; give at least one") if listed else None) or ():
+        for item in (
+            listed.items("a list of problems", "is empty; give at least one") if listed else None
+        ) or ():
             entry = item.section(("name", "reason", "model", "scales"))
             if entry and (problem := _entry(entry, origin, named.names if named else ())):
                 entries.append(problem)
@@ -555,8 +629,14 @@ def _entry(
 ) -> tuple[str, str, Model | str, dict[str, float]] | None:
     """One problem: its name, its reason, its model or the file of it, and the factor of each motion; None after a
     fault."""
-    name, value = entry.need("name", "give the problem a name"), entry.need("model", "give a model or its file")
-    scales, reason = entry.need("scales", "give a factor for each record: {NAME: 1}"), entry.get("reason")
+    name, value = (
+        entry.need("name", "give the problem a name"),
+        entry.need("model", "give a model or its file"),
+    )
+    scales, reason = (
+        entry.need("scales", "give a factor for each record: {NAME: 1}"),
+        entry.get("reason"),
+    )
     label = name.text() if name else None
     # A model stands here itself or in a file; what it says of a record does not count.
     model: Model | str | None = None
@@ -571,4 +651,8 @@ def _entry(
             factors[motion] = factor.number()
             if factors[motion] == 0.0:
                 factor.fault("must not be zero")
-    return (label, (reason.text() if reason else "") or "", model, factors) if label and model else None
+    return (
+        (label, (reason.text() if reason else "") or "", model, factors)
+        if label and model
+        else None
+    )

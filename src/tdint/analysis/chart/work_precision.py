@@ -74,7 +74,10 @@ _STORY_STEP = 6e-8  # s, of one step of one story, roughly
 
 _SAME_COST = 1.1  # times on a shared machine scatter by 10 %
 _MORE_REPEATS = 4  # times the repeats that are asked for, at most
-_COMPILED, _PREPARED = 0.1, 0.25  # of all work, when the methods are compiled and when there is a reference
+_COMPILED, _PREPARED = (
+    0.1,
+    0.25,
+)  # of all work, when the methods are compiled and when there is a reference
 
 Progress = Callable[[str, float], None]
 """Told what is being done and how much of it is done, from 0 to 1."""
@@ -177,7 +180,11 @@ class Timing:
     def told(self) -> str:
         """The number of times, and how busy the machine was, in words."""
         times = " to ".join(str(count) for count in dict.fromkeys(self.repeats))
-        load = "" if self.load is None else f", load {self.load:.1f} on {how_many(self.processors, 'processor')}"
+        load = (
+            ""
+            if self.load is None
+            else f", load {self.load:.1f} on {how_many(self.processors, 'processor')}"
+        )
         return f"least of {times} times{load}"
 
     @property
@@ -244,7 +251,9 @@ def default_steps(problem: Problem, methods: int, repeats: int) -> tuple[float, 
     """
     at_interval = problem.samples * problem.building.stories * _STORY_STEP * methods * (repeats + 1)
     halvings = HALVINGS
-    while halvings > 3 and at_interval * 2.0 ** (halvings + 1) / COARSEST * _WITH_BETWEEN > _SECONDS:
+    while (
+        halvings > 3 and at_interval * 2.0 ** (halvings + 1) / COARSEST * _WITH_BETWEEN > _SECONDS
+    ):
         halvings -= 1
     halved = halved_steps(problem, halvings)
     between = (problem.interval * part for part in _BETWEEN)
@@ -310,13 +319,19 @@ def measure(
     record_steps = problem.steps(problem.interval)
     usual = (parse(USUAL), record_steps)
     progress("compiling", 0.0)
-    problem.prepared.compile([*integrators, usual[0]], lambda part: progress("compiling", _COMPILED * part))
+    problem.prepared.compile(
+        [*integrators, usual[0]], lambda part: progress("compiling", _COMPILED * part)
+    )
     progress("reference", _COMPILED)
-    samples = max(steps.count * steps.stride // steps.per_sample for steps in (*choices, record_steps))
+    samples = max(
+        steps.count * steps.stride // steps.per_sample for steps in (*choices, record_steps)
+    )
     reference = find_reference(problem, samples, cached=cached)
     # The usual method at the record's step is measured in any case: other costs are told over its cost.
     pairs = [(integrator, steps) for integrator in integrators for steps in choices]
-    points = _timed(problem, reference, pairs if usual in pairs else [*pairs, usual], repeats, judge, progress)
+    points = _timed(
+        problem, reference, pairs if usual in pairs else [*pairs, usual], repeats, judge, progress
+    )
     return Chart(
         stories=problem.building.stories,
         interval=problem.interval,
@@ -328,7 +343,9 @@ def measure(
     )
 
 
-def with_tolerances(problem: Problem, chart: Chart, tolerances: Sequence[float], *, repeats: int) -> Chart:
+def with_tolerances(
+    problem: Problem, chart: Chart, tolerances: Sequence[float], *, repeats: int
+) -> Chart:
     """The chart with lines of `CHOOSING` behind its own: what `tdint run --tolerance` takes, and how far off it is.
 
     Timed is the whole of it: runs made again, the errors that it tells, and what Python does between them. A march
@@ -376,7 +393,11 @@ def by_tolerance(
             times.append(system.seconds() - begin)
             walls.append(time.perf_counter() - wall)
         off = judge(response)
-        points.append(replace(point, outcome=response.status, errors=off, times=tuple(times), walls=tuple(walls)))
+        points.append(
+            replace(
+                point, outcome=response.status, errors=off, times=tuple(times), walls=tuple(walls)
+            )
+        )
     return points
 
 
@@ -426,7 +447,9 @@ def chart(
         Nothing moves the building; the reference cannot be had.
     """
     dts = tuple(numbers_of(dt, "dt").tolist())
-    problem = pose(model_of(model), None if record is None else record_of(record), duration=duration, dts=dts)
+    problem = pose(
+        model_of(model), None if record is None else record_of(record), duration=duration, dts=dts
+    )
     integrators = suited(problem, chosen(method))
     steps = dts or default_steps(problem, len(integrators), repeats)
     limits = [limit for text in tolerances if (limit := ratio_of(text, "tolerance")) is not None]
@@ -436,7 +459,9 @@ def chart(
         def in_percent(act: str, part: float) -> None:
             told(round(100.0 * part), 100)
 
-        measured = measure(problem, integrators, steps, repeats=repeats, cached=cached, progress=in_percent)
+        measured = measure(
+            problem, integrators, steps, repeats=repeats, cached=cached, progress=in_percent
+        )
         return with_tolerances(problem, measured, limits, repeats=repeats)
 
 
@@ -465,8 +490,13 @@ def _timed(
         advance("errors", steps)
         ended = attempt(problem.case(integrator), steps)
         point = Point(integrator.label, steps.h, steps.count, ended.status, line=integrator.label)
-        if isinstance(ended, Response) and (motion := problem.motion(integrator, steps)) is not None:
-            point = replace(point, iterations=ended.iterations, errors=errors(motion, reference.motion))
+        if (
+            isinstance(ended, Response)
+            and (motion := problem.motion(integrator, steps)) is not None
+        ):
+            point = replace(
+                point, iterations=ended.iterations, errors=errors(motion, reference.motion)
+            )
         points[integrator, steps] = point
     # One time of each by turns, so that other work on the machine falls on all alike: that of the loop as `tdint run`
     # without --history has it, with peaks and energies.
@@ -477,7 +507,9 @@ def _timed(
                 advance("times", pair[1])
             if point.errors:
                 march = problem.prepared.march(*pair, problem.ground)
-                points[pair] = replace(point, times=(*point.times, march.seconds), walls=(*point.walls, march.wall))
+                points[pair] = replace(
+                    point, times=(*point.times, march.seconds), walls=(*point.walls, march.wall)
+                )
         before, verdict = verdict, judge(list(points.values())) if judge else None
         if turn >= repeats and verdict == before:
             break
@@ -514,7 +546,12 @@ def performance_ratios(costs: Array, ours: Sequence[bool]) -> Array:
     none of ours.
     """
     unsolved = np.isnan(costs)
-    least = np.min(np.where(unsolved, math.inf, costs)[:, np.array(ours)], axis=1, keepdims=True, initial=math.inf)
+    least = np.min(
+        np.where(unsolved, math.inf, costs)[:, np.array(ours)],
+        axis=1,
+        keepdims=True,
+        initial=math.inf,
+    )
     return np.where(unsolved, math.inf, costs / least)
 
 

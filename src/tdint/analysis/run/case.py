@@ -52,7 +52,9 @@ Telling = Callable[[Building, Array, Array, Array], Array]
 
 def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
     """The peaks of all stories."""
-    return peaks_of(building, space.peaks.copy(), space.springs[at.DRIFT, : building.stories].copy())
+    return peaks_of(
+        building, space.peaks.copy(), space.springs[at.DRIFT, : building.stories].copy()
+    )
 
 
 def peaks_of(building: Building, peaks: Array, residual_drift: Array) -> StoryPeaks:
@@ -66,12 +68,16 @@ def moving_drift(building: Building, space: Workspace) -> Array:
     At rest no story has a force. One is as far from that as the force it has takes by its present stiffness, and moves
     with the largest displacement of the run over the largest velocity (s), longer as it is softer than at first.
     """
-    drift, force, slope = (space.springs[row, : building.stories] for row in (at.DRIFT, at.FORCE, at.SLOPE))
+    drift, force, slope = (
+        space.springs[row, : building.stories] for row in (at.DRIFT, at.FORCE, at.SLOPE)
+    )
     stiffness = building.initial_stiffness
     softer = np.where((slope > 0.0) & (slope < stiffness), slope, stiffness)
     away = (force + building.linear_terms[at.GEOMETRIC, :-1] * drift) / softer
     rate = _of_drifts(building, space.state[at.VELOCITY])
-    displacement, velocity = (np.max(space.peaks[row]) for row in (at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY))
+    displacement, velocity = (
+        np.max(space.peaks[row]) for row in (at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY)
+    )
     swing = displacement / velocity if velocity > 0.0 else 0.0
     return np.asarray(np.hypot(away, rate * swing * np.sqrt(stiffness / softer)))
 
@@ -85,7 +91,10 @@ def unresolved_errors(building: Building, space: Workspace, late: float) -> Stor
     """How much larger the peaks may be between steps that do not resolve the motion; and by how much, about, the drifts
     have changed since the time that was asked for, which was `late` (s) before the end."""
     peaks, rest = space.peaks[: at.PEAK_ROWS], np.zeros(building.stories)
-    rate, bend = (_of_drifts(building, row) for row in (space.state[at.VELOCITY], space.watch[at.ACCELERATION_NOW]))
+    rate, bend = (
+        _of_drifts(building, row)
+        for row in (space.state[at.VELOCITY], space.watch[at.ACCELERATION_NOW])
+    )
     changed = late * np.abs(rate) + 0.5 * late**2 * np.abs(bend)
     told = story_values(building, peaks, rest)
     doubt = story_values(building, np.maximum(space.peaks[at.PEAK_ROWS :], peaks), changed)
@@ -98,7 +107,9 @@ def energy_errors(totals: Array) -> Array:
     spent = reduce(add, [term for name, term in terms.items() if name != "input"])
     largest = totals[:, at.ENERGY_LARGEST]
     imbalance = totals[:, at.ENERGY_START] + terms["input"] - spent
-    return np.asarray(np.divide(imbalance, largest, out=np.zeros_like(largest), where=largest > 0.0))
+    return np.asarray(
+        np.divide(imbalance, largest, out=np.zeros_like(largest), where=largest > 0.0)
+    )
 
 
 def energy_of(numbers: Array) -> Energy:
@@ -108,7 +119,9 @@ def energy_of(numbers: Array) -> Energy:
     return Energy(**terms, start=start, largest=largest)
 
 
-def history_of(building: Building, forces: Array, space: Workspace, h: float, largest: float | None = None) -> History:
+def history_of(
+    building: Building, forces: Array, space: Workspace, h: float, largest: float | None = None
+) -> History:
     """The history of a march with steps h (s) under forces on floors (`force_table`); of a piece of it the largest
     energy of the whole must be told."""
     n = building.stories
@@ -117,7 +130,10 @@ def history_of(building: Building, forces: Array, space: Workspace, h: float, la
     # Energies stand behind the motion: what is put in is somewhere, or missing.
     behind = 1 + at.HISTORY_FIELDS * n
     terms = list(table[:, behind : behind + at.ENERGY_TERMS].T)
-    start, largest = space.totals[at.ENERGY_START], space.totals[at.ENERGY_LARGEST] if largest is None else largest
+    start, largest = (
+        space.totals[at.ENERGY_START],
+        space.totals[at.ENERGY_LARGEST] if largest is None else largest,
+    )
     imbalance = reduce(sub, terms[1:], start + terms[0])
     missing = imbalance / largest if largest > 0.0 else np.zeros_like(imbalance)
     return History(
@@ -152,7 +168,9 @@ def _total_shear(building: Building, forces: Array, time: Array, table: Array) -
     moved = -building.linear_terms[at.MASS, :-1] * _ACCELERATION(building, forces, time, table)
     for force in forces:
         angle = force[at.OMEGA] * time
-        moved[:, int(force[at.FLOOR])] += force[at.COSINE] * np.cos(angle) + force[at.SINE] * np.sin(angle)
+        moved[:, int(force[at.FLOOR])] += force[at.COSINE] * np.cos(angle) + force[
+            at.SINE
+        ] * np.sin(angle)
     return np.asarray(np.cumsum(moved[:, ::-1], axis=1)[:, ::-1])
 
 
@@ -272,7 +290,9 @@ class Case:
             if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise UsageError(f"{name} must be a positive number of seconds, got {value!r}")
         record = self.record
-        return choose_steps(dt, duration, record.dt if record else None, record.duration if record else 0.0)
+        return choose_steps(
+            dt, duration, record.dt if record else None, record.duration if record else 0.0
+        )
 
     def march(self, steps: Steps, history: bool = False) -> Response:
         """Integrate over the steps.
@@ -283,10 +303,20 @@ class Case:
             The step is beyond the method's limit; the run diverged or did not converge.
         """
         # A step beyond the method's limit for the building's modes in its initial state is refused.
-        instability = None if self.allow_unstable else self.prepared.instability(self.method, steps.h)
+        instability = (
+            None if self.allow_unstable else self.prepared.instability(self.method, steps.h)
+        )
         if instability is not None:
-            h, omega, stable = steps.h, self.building.modes().omega[instability.index], instability.largest_stable
-            cure = f"the largest stable step is {stable:.6g} s" if stable > 0.0 else "no smaller step is stable"
+            h, omega, stable = (
+                steps.h,
+                self.building.modes().omega[instability.index],
+                instability.largest_stable,
+            )
+            cure = (
+                f"the largest stable step is {stable:.6g} s"
+                if stable > 0.0
+                else "no smaller step is stable"
+            )
             message = (
                 f"{self.method.label} is unstable at dt {h:.6g} s: mode {instability.index + 1} (omega {omega:.6g} "
                 f"rad/s, omega dt {omega * h:.6g}) grows; {cure}, or use --allow-unstable"
@@ -315,7 +345,9 @@ class Case:
             yield history_of(self.building, self.prepared.forces, space, steps.h, largest)
 
     def _integrate(self, steps: Steps, history: bool = False) -> Marched:
-        return self.prepared.march(self.method, steps, self.ground, rows=steps.count if history else 0)
+        return self.prepared.march(
+            self.method, steps, self.ground, rows=steps.count if history else 0
+        )
 
     def _failure(self, steps: Steps, space: Workspace, code: int) -> FailedRun:
         residual = float(space.report[at.RESIDUAL])
@@ -327,7 +359,9 @@ class Case:
             f"did not converge after {reached:.6g} s, with the step halved {HALVINGS} times: story {story} is out of "
             f"balance by {residual:.1e} of its forces"
         )
-        return self._failed(steps, NOT_CONVERGED, event, time=reached, story=story, residual=residual)
+        return self._failed(
+            steps, NOT_CONVERGED, event, time=reached, story=story, residual=residual
+        )
 
     def _ran_away(self, steps: Steps, space: Workspace, reason: str = "") -> FailedRun:
         """That a run diverged up to where it came; by default for the story whose drift is the largest."""
@@ -336,9 +370,13 @@ class Case:
             energy = float(0.5 * np.sum(self.building.mass * space.state[at.VELOCITY, :-1] ** 2))
         reached, story = float(space.totals[at.STEPS_REACHED]) * steps.h, _runaway_story(space)
         reason = reason or f"the drift of story {story} ran away"
-        return self._diverged(steps, reached, energy if math.isfinite(energy) else None, reason, story)
+        return self._diverged(
+            steps, reached, energy if math.isfinite(energy) else None, reason, story
+        )
 
-    def _diverged(self, steps: Steps, reached: float, energy: float | None, reason: str, story: int) -> FailedRun:
+    def _diverged(
+        self, steps: Steps, reached: float, energy: float | None, reason: str, story: int
+    ) -> FailedRun:
         size = "" if energy is None else f", kinetic energy {energy:.3g} J"
         event = f"diverged after {reached:.6g} s: {reason}{size}"
         return self._failed(steps, DIVERGED, event, time=reached, story=story, energy=energy)
@@ -346,7 +384,11 @@ class Case:
     def _failed(self, steps: Steps, status: str, event: str, **told: Any) -> FailedRun:
         """That a run ended before its time: how, in words and in numbers."""
         label = self.method.label
-        notes = (*self.remarks, *(self.record.notes if self.record else ()), *self._stiffening_note())
+        notes = (
+            *self.remarks,
+            *(self.record.notes if self.record else ()),
+            *self._stiffening_note(),
+        )
         message = f"{label} with dt {steps.h:.6g} s {event}; {_CURE}"
         return FailedRun(message, status, label, steps.h, notes=notes, **told)
 
@@ -365,18 +407,27 @@ class Case:
         if numbers[at.COLLAPSE_STEP] == at.NO_COLLAPSE:
             return None
         taken, story = int(numbers[at.COLLAPSE_STEP]), int(numbers[at.COLLAPSE_STORY]) + 1
-        failed, energy = bool(numbers[at.COLLAPSE_FAILED]), energy_of(numbers[at.COLLAPSE_ENERGIES :])
+        failed, energy = (
+            bool(numbers[at.COLLAPSE_FAILED]),
+            energy_of(numbers[at.COLLAPSE_ENERGIES :]),
+        )
         time, made = taken * steps.h, -energy.error
         its_own = made < _MADE and taken > 0
         if its_own or (code == 0 and (taken == 0 or self.allow_unstable)):
             return Collapse(time, story, ended=code < 0, failed=failed)
         if code < 0:
             return None
-        event = f"story {story} failed" if failed else f"the drift ratio of story {story} passed the collapse drift"
+        event = (
+            f"story {story} failed"
+            if failed
+            else f"the drift ratio of story {story} passed the collapse drift"
+        )
         reason = f"{event} on {made:.3g} times the input energy"
         raise self._diverged(steps, time, energy.kinetic, reason, story)
 
-    def settle(self, steps: Steps, marched: MarchedRuns, i: int, history: bool = False) -> Collapse | Response:
+    def settle(
+        self, steps: Steps, marched: MarchedRuns, i: int, history: bool = False
+    ) -> Collapse | Response:
         """This run, which is the i-th of many that were marched together, where its end is in doubt (`doubtful`).
 
         A collapse is judged from what the many left. Else the run is made again by itself: as far as the many came,
@@ -440,21 +491,31 @@ class Case:
         ended = response.collapse is not None and response.collapse.ended
         notes = [*as_meant(self.model), *self.remarks, *(record.notes if record else ())]
         if record and end > record.duration * (1.0 + 1e-9):
-            notes.append(f"the record ends at {record.duration:.6g} s; the ground is at rest after it")
+            notes.append(
+                f"the record ends at {record.duration:.6g} s; the ground is at rest after it"
+            )
         elif record and not ended:
             notes += cut_off([record], end)
         if self.method.family.linear_only and self.model.excitation.forces:
             notes.append("exact takes harmonic forces as linear between the steps")
         notes += self._stiffening_note()
         if response.halvings:
-            notes.append(f"steps that did not converge were halved, {how_many(response.halvings, 'time')} in all")
+            notes.append(
+                f"steps that did not converge were halved, {how_many(response.halvings, 'time')} in all"
+            )
         # Peaks that the step is too long to tell.
-        kinds = {"drifts": "peak_drift", "displacements": "peak_displacement", "velocities": "peak_velocity"}
+        kinds = {
+            "drifts": "peak_drift",
+            "displacements": "peak_displacement",
+            "velocities": "peak_velocity",
+        }
         kinds["accelerations"] = "peak_acceleration"
         hidden = [
             words
             for words, name in kinds.items()
-            if np.any(getattr(response.unresolved, name) > _UNRESOLVED * getattr(response.stories, name))
+            if np.any(
+                getattr(response.unresolved, name) > _UNRESOLVED * getattr(response.stories, name)
+            )
         ]
         if hidden:
             notes.append(
@@ -466,10 +527,14 @@ class Case:
         still = moving[i] <= _MOVING * np.max(response.stories.peak_drift)
         if record and not (ended or self.model.excitation.forces or still):
             length, size = self.model.output_units.unit("m")
-            by = f"{1e3 * moving[i]:.2g} mm" if length == "m" else f"{moving[i] / size:.2g} {length}"
+            by = (
+                f"{1e3 * moving[i]:.2g} mm" if length == "m" else f"{moving[i] / size:.2g} {length}"
+            )
             beyond = end - record.duration  # the period is looked for where it is asked for alone
             waited = beyond > 0.0 and beyond >= REST_PERIODS * self.prepared.period
-            until = f"--until-rest waits for {REST_PERIODS:g} first periods" if waited else _UNTIL_REST
+            until = (
+                f"--until-rest waits for {REST_PERIODS:g} first periods" if waited else _UNTIL_REST
+            )
             notes.append(
                 f"the building still moves at the end, the drift of story {i + 1} by about {by} to "
                 f"either side: residual drifts are those of the last moment; {until}"
@@ -480,7 +545,9 @@ class Case:
         if not self.method.family.limited_by_stiffening:
             return ()
         laws = [story.law for story in self.model.stories]
-        stories = [i for i, law in enumerate(laws, start=1) if LAWS[law.name].stiffens(law.parameters)]
+        stories = [
+            i for i, law in enumerate(laws, start=1) if LAWS[law.name].stiffens(law.parameters)
+        ]
         if not stories:
             return ()
         return (
@@ -492,7 +559,9 @@ class Case:
 def case_of(given: Case) -> Case:
     """A case; UsageError for what is none."""
     if not isinstance(given, Case):
-        raise UsageError(f"a case is what prepare(model, record) gives, got a {type(given).__name__}")
+        raise UsageError(
+            f"a case is what prepare(model, record) gives, got a {type(given).__name__}"
+        )
     return given
 
 

@@ -58,7 +58,9 @@ class Demand(Quantity):
         values = np.atleast_2d(self._of(stories, stories.height))
         if self.story is not None:
             value = values[:, self.story]
-            return LargestOfRuns(value, np.where(np.isnan(value), 0, self.story % values.shape[1] + 1))
+            return LargestOfRuns(
+                value, np.where(np.isnan(value), 0, self.story % values.shape[1] + 1)
+            )
         place = np.where(np.isnan(values), -1.0, values).argmax(axis=1)
         value = values[np.arange(len(values)), place]
         return LargestOfRuns(value, np.where(np.isnan(value), 0, place + 1))
@@ -79,7 +81,11 @@ class Demand(Quantity):
 
     def _of(self, given: StoryValues, height: Array) -> Array:
         """The numbers of the stories, shape (..., n)."""
-        return np.asarray(self.value(given, height) if self.value else getattr(given, self.of_stories or self.name))
+        return np.asarray(
+            self.value(given, height)
+            if self.value
+            else getattr(given, self.of_stories or self.name)
+        )
 
 
 Found = TypeVar("Found")
@@ -92,13 +98,19 @@ class Demands(Generic[Found]):
     roof_displacement: Annotated[
         Found,
         Demand(
-            "m", "largest displacement of the roof, relative to the ground", of_stories="peak_displacement", story=-1
+            "m",
+            "largest displacement of the roof, relative to the ground",
+            of_stories="peak_displacement",
+            story=-1,
         ),
     ]
     base_shear: Annotated[
         Found,
         Demand(
-            "N", "largest restoring force of the first story, without viscous forces", of_stories="peak_shear", story=0
+            "N",
+            "largest restoring force of the first story, without viscous forces",
+            of_stories="peak_shear",
+            story=0,
         ),
     ]
     total_base_shear: Annotated[
@@ -111,13 +123,20 @@ class Demands(Generic[Found]):
         ),
     ]
     drift: Annotated[
-        Found, Demand("m", "largest drift of a story, relative to the floor below", of_stories="peak_drift")
+        Found,
+        Demand(
+            "m", "largest drift of a story, relative to the floor below", of_stories="peak_drift"
+        ),
     ]
-    drift_ratio: Annotated[Found, Demand("1", "largest drift over story height", of_stories="peak_drift_ratio")]
+    drift_ratio: Annotated[
+        Found, Demand("1", "largest drift over story height", of_stories="peak_drift_ratio")
+    ]
     residual_drift: Annotated[
         Found,
         Demand(
-            "m", "largest absolute drift at the end of the run", lambda stories, height: np.abs(stories.residual_drift)
+            "m",
+            "largest absolute drift at the end of the run",
+            lambda stories, height: np.abs(stories.residual_drift),
         ),
     ]
     residual_drift_ratio: Annotated[
@@ -128,7 +147,9 @@ class Demands(Generic[Found]):
             lambda stories, height: np.abs(stories.residual_drift) / height,
         ),
     ]
-    ductility: Annotated[Found, Demand("1", "largest drift over drift at first yield", of_stories="ductility")]
+    ductility: Annotated[
+        Found, Demand("1", "largest drift over drift at first yield", of_stories="ductility")
+    ]
     acceleration: Annotated[
         Found,
         Demand(
@@ -141,7 +162,9 @@ class Demands(Generic[Found]):
     ]
 
 
-DECLARED: tuple[Demand, ...] = tuple(demand for demand in quantities(Demands) if isinstance(demand, Demand))
+DECLARED: tuple[Demand, ...] = tuple(
+    demand for demand in quantities(Demands) if isinstance(demand, Demand)
+)
 """The demands of `Demands`."""
 
 _SAID = frozenset((
@@ -197,22 +220,29 @@ class RunValues:
     collapse_time: Annotated[Array, Quantity("s", "time of the collapse")]
     collapse_story: Annotated[Counts, Quantity("1", "story that collapsed first", kind=int)]
     peak_drift_ratio: Annotated[
-        Array, Quantity("1", "largest peak drift over story height", attrgetter("drift_ratio.value"))
+        Array,
+        Quantity("1", "largest peak drift over story height", attrgetter("drift_ratio.value")),
     ]
     peak_drift_story: Annotated[
         Counts,
         Quantity(
             "1",
             "story that has it; without heights that of the largest drift",
-            lambda largest: np.where(largest.drift_ratio.place > 0, largest.drift_ratio.place, largest.drift.place),
+            lambda largest: np.where(
+                largest.drift_ratio.place > 0, largest.drift_ratio.place, largest.drift.place
+            ),
             kind=int,
         ),
     ]
-    peak_drift: Annotated[Array, Quantity("m", "largest peak drift, of any story", attrgetter("drift.value"))]
+    peak_drift: Annotated[
+        Array, Quantity("m", "largest peak drift, of any story", attrgetter("drift.value"))
+    ]
     residual_drift_ratio: Annotated[
         Array,
         Quantity(
-            "1", "largest drift over story height at the end of the run", attrgetter("residual_drift_ratio.value")
+            "1",
+            "largest drift over story height at the end of the run",
+            attrgetter("residual_drift_ratio.value"),
         ),
     ]
     peak_acceleration: Annotated[
@@ -228,21 +258,30 @@ class RunValues:
         Counts, Quantity("1", "floor that has it", attrgetter("acceleration.place"), kind=int)
     ]
     peak_roof_displacement: Annotated[
-        Array, Quantity("m", "largest displacement of the roof", attrgetter("roof_displacement.value"))
+        Array,
+        Quantity("m", "largest displacement of the roof", attrgetter("roof_displacement.value")),
     ]
     peak_base_shear: Annotated[
-        Array, Quantity("N", "largest restoring force of the first story", attrgetter("base_shear.value"))
+        Array,
+        Quantity("N", "largest restoring force of the first story", attrgetter("base_shear.value")),
     ]
     energy_error: Annotated[Array, Quantity("1", "imbalance over the largest input energy")]
     steps: Annotated[Counts, Quantity("1", "time steps", kind=int)]
     pga: Annotated[Array, Quantity("m/s^2", "peak ground acceleration, scaled")]
     sa_t1: Annotated[
-        Array, Quantity("m/s^2", "pseudo-acceleration at the building's first period, 5 % damping, scaled")
+        Array,
+        Quantity(
+            "m/s^2", "pseudo-acceleration at the building's first period, 5 % damping, scaled"
+        ),
     ]
     at_rest: Annotated[
-        Counts, Quantity("1", "whether it came to rest, where that was waited for", shown=HIDDEN, kind=int)
+        Counts,
+        Quantity("1", "whether it came to rest, where that was waited for", shown=HIDDEN, kind=int),
     ]
-    repeats: Annotated[Counts, Quantity("1", "how often it was repeated with half of the step", shown=HIDDEN, kind=int)]
+    repeats: Annotated[
+        Counts,
+        Quantity("1", "how often it was repeated with half of the step", shown=HIDDEN, kind=int),
+    ]
 
 
 RUN = quantities(RunValues)
@@ -263,5 +302,7 @@ def demand_columns(stories: StoryPeaks) -> dict[str, Array]:
 
 def demand_errors(stories: StoryPeaks, errors: StoryErrors) -> tuple[float, ...]:
     """The estimated errors of the demands of a run, in the order of `RUN_WITH_ERROR`."""
-    largest = Demands(**{demand.name: Largest(demand.error(stories, errors), None) for demand in DECLARED})
+    largest = Demands(
+        **{demand.name: Largest(demand.error(stories, errors), None) for demand in DECLARED}
+    )
     return tuple(float(quantity.value(largest)) for quantity in RUN_WITH_ERROR if quantity.value)

@@ -24,7 +24,15 @@ from functools import partial
 import numpy as np
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.outcome import ErrorEstimate, ErrorHistory, FailedRun, History, Response, Shock, StoryErrors
+from tdint.analysis.run.outcome import (
+    ErrorEstimate,
+    ErrorHistory,
+    FailedRun,
+    History,
+    Response,
+    Shock,
+    StoryErrors,
+)
 from tdint.analysis.run.workspace import Steps, finer
 from tdint.arrays import Array
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
@@ -48,7 +56,9 @@ _LONG = 2.0
 """Processor time of time loops, s, from which a run says what its errors take."""
 
 
-def told_run(case: Case, steps: Steps, history: bool = False, *, of_history: bool = False) -> Response:
+def told_run(
+    case: Case, steps: Steps, history: bool = False, *, of_history: bool = False
+) -> Response:
     """The response to `steps` with its errors; `of_history`: with those of its history, too.
 
     Raises
@@ -56,7 +66,9 @@ def told_run(case: Case, steps: Steps, history: bool = False, *, of_history: boo
     FailedRun
         As from `Case.march`.
     """
-    case.prepared.compile([case.method, reference(case).method])  # both side by side, where they are not yet
+    case.prepared.compile(
+        [case.method, reference(case).method]
+    )  # both side by side, where they are not yet
     return told(case, steps, case.march(steps, history), of_history=of_history)
 
 
@@ -78,7 +90,11 @@ def told(case: Case, steps: Steps, response: Response, *, of_history: bool = Fal
     if abs(other.steps * other.dt - response.steps * response.dt) > 0.5 * other.dt:
         return _unknown(response, f"the run with dt {other.dt:.6g} s ends at another time")
     check = ErrorEstimate.of(
-        response.stories, story_errors(response, other), dts=(other.dt,), method=other.method, corrected=other.stories
+        response.stories,
+        story_errors(response, other),
+        dts=(other.dt,),
+        method=other.method,
+        corrected=other.stories,
     )
     # What goes on to grow when a run ends is not corrected: the other one may have ended a step before.
     if response.collapse is not None and response.collapse.ended:
@@ -86,7 +102,10 @@ def told(case: Case, steps: Steps, response: Response, *, of_history: bool = Fal
             f"the run ends with the step to {response.collapse.time:.6g} s, in which it collapses: what that adds to "
             "peaks that grow until then is no part of their errors"
         )
-        response, check = replace(response, notes=(*response.notes, note)), replace(check, corrected=None)
+        response, check = (
+            replace(response, notes=(*response.notes, note)),
+            replace(check, corrected=None),
+        )
     if (spent := response.march_time + other.march_time) > _LONG:
         note = f"{other.march_time:.2g} of {spent:.2g} s of the time loops tell the errors; --no-check leaves them out"
         response = replace(response, notes=(*response.notes, note))
@@ -126,7 +145,9 @@ def ended_at_rest(response: Response) -> Response:
     of the motion keeps them."""
     if response.check is None:
         return response
-    moving = np.maximum(response.moving_drift, _COMMON * common(response.moving_drift, response.stories.peak_drift))
+    moving = np.maximum(
+        response.moving_drift, _COMMON * common(response.moving_drift, response.stories.peak_drift)
+    )
     errors = response.check.errors
     errors = replace(errors, residual_drift=errors.residual_drift + moving)
     return replace(response, check=replace(response.check, errors=errors))
@@ -148,12 +169,17 @@ def _unknown(response: Response, reason: str) -> Response:
 
 
 def _pieces_with_error(
-    pieces: Callable[[int], Iterator[History]], others: Callable[[int], Iterator[History]], every: int = 1
+    pieces: Callable[[int], Iterator[History]],
+    others: Callable[[int], Iterator[History]],
+    every: int = 1,
 ) -> Iterator[History]:
     return map(_with_error, pieces(every), others(2 * every))
 
 
 def _with_error(history: History, other: History) -> History:
     """A history with its error, true less computed, where another run's at the same times is true."""
-    errors = {one.name: getattr(other, one.name) - getattr(history, one.name) for one in fields(ErrorHistory)}
+    errors = {
+        one.name: getattr(other, one.name) - getattr(history, one.name)
+        for one in fields(ErrorHistory)
+    }
     return replace(history, error=ErrorHistory(**errors))

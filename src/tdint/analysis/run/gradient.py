@@ -12,7 +12,14 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.errors import UsageError
-from tdint.model.definition import DASHPOT, Model, changes_of, check_parameter, check_value, story_numbers
+from tdint.model.definition import (
+    DASHPOT,
+    Model,
+    changes_of,
+    check_parameter,
+    check_value,
+    story_numbers,
+)
 
 SCALE = "record.scale"
 """What of `vary` is not the building's: a factor on the ground motion."""
@@ -35,7 +42,9 @@ def slopes(base: Array, near: Array, offsets: Array) -> tuple[Array, Array]:
     offsets : ndarray, shape (runs, parameters, 2)
     """
     one, other = np.moveaxis(offsets.reshape(offsets.shape + (1,) * (near.ndim - 3)), 2, 0)
-    to_one, to_other = ((near[:, :, side] - base[:, None]) / at for side, at in ((0, one), (1, other)))
+    to_one, to_other = (
+        (near[:, :, side] - base[:, None]) / at for side, at in ((0, one), (1, other))
+    )
     return (to_one * other - to_other * one) / (other - one), 0.5 * np.abs(to_other - to_one)
 
 
@@ -53,7 +62,9 @@ def number_at(model: Model, name: str) -> float:
     if name == "damping":
         numbers = set(getattr(model.damping, "ratios", ()))
         if not numbers:
-            raise UsageError(f"gradient: damping has no ratio to vary: {model.name} has none, or coefficients")
+            raise UsageError(
+                f"gradient: damping has no ratio to vary: {model.name} has none, or coefficients"
+            )
     else:
         numbers = {
             1.0 if change.factor else story_numbers(model.stories[change.story])[change.column]
@@ -62,7 +73,9 @@ def number_at(model: Model, name: str) -> float:
     if len(numbers) > 1:
         told = ", ".join(f"{number:.6g}" for number in sorted(numbers))
         hint = "" if name == "damping" else "; take one story, stories[1]..., or a factor"
-        raise UsageError(f"gradient: {name} is {told} in {model.name}: no one number to change{hint}")
+        raise UsageError(
+            f"gradient: {name} is {told} in {model.name}: no one number to change{hint}"
+        )
     return float(numbers.pop())
 
 
@@ -78,13 +91,18 @@ def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
     changes = [] if name == SCALE else changes_of(model, name)
     if not size:
         # Of a ratio 1 is the measure, of a dashpot that of the story's own motion.
-        bounds, story = changes[0].bounds if changes else None, model.stories[changes[0].story if changes else 0]
+        bounds, story = (
+            changes[0].bounds if changes else None,
+            model.stories[changes[0].story if changes else 0],
+        )
         if changes and changes[0].column == DASHPOT:
             size = SIZE * math.sqrt(story.stiffness * story.mass)
         elif name == "damping" or (bounds and not bounds.force and not bounds.length):
             size = SIZE
         else:
-            raise UsageError(f"gradient: {name} is 0, and nothing tells what is near it; take another number")
+            raise UsageError(
+                f"gradient: {name} is 0, and nothing tells what is near it; take another number"
+            )
 
     def allowed(number: float) -> bool:
         try:

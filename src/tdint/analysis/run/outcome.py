@@ -40,7 +40,11 @@ class StoryValues:
 
     peak_drift: Annotated[
         Array,
-        Quantity("m", "largest drift to either side: displacement relative to the floor below", _peak(at.PEAK_DRIFT)),
+        Quantity(
+            "m",
+            "largest drift to either side: displacement relative to the floor below",
+            _peak(at.PEAK_DRIFT),
+        ),
     ]
     peak_drift_ratio: Annotated[
         Array,
@@ -50,11 +54,15 @@ class StoryValues:
             lambda building, peaks, end: peaks[..., at.PEAK_DRIFT, :] / building.heights,
         ),
     ]
-    residual_drift: Annotated[Array, Quantity("m", "drift at the end of the run", lambda building, peaks, end: end)]
+    residual_drift: Annotated[
+        Array, Quantity("m", "drift at the end of the run", lambda building, peaks, end: end)
+    ]
     peak_shear: Annotated[
         Array,
         Quantity(
-            "N", "largest restoring force of the story to either side, without viscous forces", _peak(at.PEAK_SHEAR)
+            "N",
+            "largest restoring force of the story to either side, without viscous forces",
+            _peak(at.PEAK_SHEAR),
         ),
     ]
     peak_damper_force: Annotated[
@@ -82,10 +90,18 @@ class StoryValues:
         ),
     ]
     peak_displacement: Annotated[
-        Array, Quantity("m", "largest displacement of the floor, relative to the ground", _peak(at.PEAK_DISPLACEMENT))
+        Array,
+        Quantity(
+            "m",
+            "largest displacement of the floor, relative to the ground",
+            _peak(at.PEAK_DISPLACEMENT),
+        ),
     ]
     peak_velocity: Annotated[
-        Array, Quantity("m/s", "largest velocity of the floor, relative to the ground", _peak(at.PEAK_VELOCITY))
+        Array,
+        Quantity(
+            "m/s", "largest velocity of the floor, relative to the ground", _peak(at.PEAK_VELOCITY)
+        ),
     ]
     peak_acceleration: Annotated[
         Array,
@@ -104,7 +120,9 @@ STORY = quantities(StoryValues)
 
 def story_values(building: Building, peaks: Array, end: Array) -> dict[str, Array]:
     """The quantities of all stories by their names."""
-    return {quantity.name: quantity.value(building, peaks, end) for quantity in STORY if quantity.value}
+    return {
+        quantity.name: quantity.value(building, peaks, end) for quantity in STORY if quantity.value
+    }
 
 
 @dataclass(frozen=True, repr=False)
@@ -166,7 +184,8 @@ class Gradient(StoryValues):
         """Those of one of many runs."""
         kept = {name: array[number] for name, array in self.history.items()}
         peaks, doubt = (
-            {one.name: getattr(of, one.name)[number] for one in fields(StoryErrors)} for of in (self, self.doubt)
+            {one.name: getattr(of, one.name)[number] for one in fields(StoryErrors)}
+            for of in (self, self.doubt)
         )
         both: dict[str, Any] = {**peaks, "doubt": StoryErrors(**doubt)}
         return replace(self, **both, values=self.values[number], history=kept)
@@ -250,7 +269,8 @@ class EnergyTerms(Generic[Amount]):
 
 
 ENERGY_TERMS: dict[str, str] = {
-    name: hint.__metadata__[0] for name, hint in get_type_hints(EnergyTerms, include_extras=True).items()
+    name: hint.__metadata__[0]
+    for name, hint in get_type_hints(EnergyTerms, include_extras=True).items()
 }
 """What each term is, by its name: that of columns and keys, too."""
 
@@ -276,7 +296,9 @@ class Energy(EnergyTerms[float]):
     def error(self) -> float:
         """Imbalance over the largest input energy; 0 for a run without energy."""
         spent = reduce(add, [getattr(self, name) for name in ENERGY_TERMS if name != "input"])
-        return float((self.start + self.input - spent) / self.largest) if self.largest > 0.0 else 0.0
+        return (
+            float((self.start + self.input - spent) / self.largest) if self.largest > 0.0 else 0.0
+        )
 
 
 @dataclass(frozen=True)
@@ -290,8 +312,12 @@ class EnergyHistory(EnergyTerms[Array]):
 class ErrorHistory:
     """The error at all steps, true less computed, by the run that tells a run's errors; shape (steps + 1, n)."""
 
-    displacement: Annotated[Array, Quantity("m", "estimated error, true less computed", shown=("floor",))]
-    velocity: Annotated[Array, Quantity("m/s", "estimated error, true less computed", shown=("floor",))]
+    displacement: Annotated[
+        Array, Quantity("m", "estimated error, true less computed", shown=("floor",))
+    ]
+    velocity: Annotated[
+        Array, Quantity("m/s", "estimated error, true less computed", shown=("floor",))
+    ]
     drift: Annotated[Array, Quantity("m", "estimated error, true less computed", shown=("story",))]
     shear: Annotated[Array, Quantity("N", "estimated error, true less computed", shown=("story",))]
 
@@ -304,23 +330,38 @@ class History(Tabular):
     """
 
     time: Annotated[Array, Quantity("s", "time from the first sample", shown=("ground",))]
-    ground_acceleration: Annotated[Array, Quantity("m/s^2", "acceleration of the ground", shown=("ground",))]
+    ground_acceleration: Annotated[
+        Array, Quantity("m/s^2", "acceleration of the ground", shown=("ground",))
+    ]
     displacement: Annotated[Array, Quantity("m", "relative to the ground", shown=("floor",))]
     velocity: Annotated[Array, Quantity("m/s", "relative to the ground", shown=("floor",))]
     acceleration: Annotated[
-        Array, Quantity("m/s^2", "absolute, from equilibrium", shown=("floor",), called="absolute_acceleration")
+        Array,
+        Quantity(
+            "m/s^2", "absolute, from equilibrium", shown=("floor",), called="absolute_acceleration"
+        ),
     ]
     drift: Annotated[Array, Quantity("m", "relative to the floor below", shown=("story",))]
-    shear: Annotated[Array, Quantity("N", "restoring force, without viscous forces", shown=("story",))]
+    shear: Annotated[
+        Array, Quantity("N", "restoring force, without viscous forces", shown=("story",))
+    ]
     damper_force: Annotated[Array, Quantity("N", "force of the story's dashpots", shown=("story",))]
     total_shear: Annotated[
-        Array, Quantity("N", "moves all floors above: restoring, P-delta and all viscous forces", shown=("story",))
+        Array,
+        Quantity(
+            "N",
+            "moves all floors above: restoring, P-delta and all viscous forces",
+            shown=("story",),
+        ),
     ]
     energy: EnergyHistory
     error: ErrorHistory | None = None
 
     def _headline(self) -> str:
-        stories, steps = how_many(self.displacement.shape[1], "story"), how_many(len(self.time) - 1, "step")
+        stories, steps = (
+            how_many(self.displacement.shape[1], "story"),
+            how_many(len(self.time) - 1, "step"),
+        )
         return f"of {stories}, {steps} to {self.time[-1]:.6g} s"
 
     @staticmethod
@@ -342,7 +383,9 @@ def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.
     if isinstance(parts[0], np.ndarray):
         return join(parts)
     names = [member.name for member in fields(parts[0])]
-    return type(parts[0])(**{name: _joined([getattr(part, name) for part in parts], join) for name in names})
+    return type(parts[0])(
+        **{name: _joined([getattr(part, name) for part in parts], join) for name in names}
+    )
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,9 @@ class Overview(Tabular):
     def laws(self) -> str:
         """The drift laws from the ground up, with the number of stories that have each where there are several."""
         counted = Counter(story.law.name for story in self.model.stories)
-        return ", ".join(counted if len(counted) == 1 else (f"{count} {name}" for name, count in counted.items()))
+        return ", ".join(
+            counted if len(counted) == 1 else (f"{count} {name}" for name, count in counted.items())
+        )
 
     @property
     def method(self) -> str:
@@ -92,7 +94,9 @@ def overview(source: str | Path) -> Overview:
     RecordError
         The record that it names cannot be read.
     """
-    model = load_judged(source, {"analysis.method": lambda text, _: parse(text), **dict.fromkeys(_RECORD, _there)})
+    model = load_judged(
+        source, {"analysis.method": lambda text, _: parse(text), **dict.fromkeys(_RECORD, _there)}
+    )
     try:
         building = assemble(model)
         omega, damping = building.first_mode()
@@ -100,11 +104,20 @@ def overview(source: str | Path) -> Overview:
         raise ModelError(f"{model.source}: {error}") from None
     # The ground motion that it names, processed and scaled; standard input is not read for a look.
     pga, interval, source_of_record = math.nan, None, model.excitation.record
-    if source_of_record is not None and source_of_record.file != "-" and (record := model_record(model)):
+    if (
+        source_of_record is not None
+        and source_of_record.file != "-"
+        and (record := model_record(model))
+    ):
         pga, interval = record.pga, record.dt
-    unusual = (*([] if model.as_meant else unusual_floors(building)), *unusual_runs(model, building, interval))
+    unusual = (
+        *([] if model.as_meant else unusual_floors(building)),
+        *unusual_runs(model, building, interval),
+    )
     period, warnings = 2.0 * math.pi / omega, (*doubts(model, building, pga), *unusual)
-    return Overview(model, float(building.mass.sum()), float(building.rises.sum()), period, damping, warnings)
+    return Overview(
+        model, float(building.mass.sum()), float(building.rises.sum()), period, damping, warnings
+    )
 
 
 def modes(model: AnyModel) -> Modes:

@@ -95,7 +95,9 @@ class Motions:
     def starts(self) -> Mapping[int, int]:
         """Where each begins in `samples`."""
         sizes = [record.acceleration.size for record in self.records.values()]
-        return dict(zip(self.records, accumulate(sizes, initial=0), strict=False))  # the last is where all end
+        return dict(
+            zip(self.records, accumulate(sizes, initial=0), strict=False)
+        )  # the last is where all end
 
     def lane(self, number: int, scale: float, steps: Steps) -> Lane:
         """A run under one of them, times a factor."""
@@ -125,7 +127,9 @@ class MarchedRuns:
 
     def part(self, first: int, last: int) -> MarchedRuns:
         """Some of the runs: the arrays are parts of these."""
-        return MarchedRuns(*(array[first:last] for array in (self.peaks, self.drifts, self.totals, self.ends)))
+        return MarchedRuns(
+            *(array[first:last] for array in (self.peaks, self.drifts, self.totals, self.ends))
+        )
 
     @classmethod
     def empty(cls, runs: int, stories: int) -> MarchedRuns:
@@ -178,7 +182,9 @@ class PreparedBuilding:
     displacement: Array | float = 0.0
     velocity: Array | float = 0.0
     collapse_drift: float = math.inf
-    _coefficients: dict[tuple[str, float], Array] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _coefficients: dict[tuple[str, float], Array] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
     _instability: dict[tuple[str, float], Instability | None] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -210,7 +216,11 @@ class PreparedBuilding:
         """First period of the initial stiffness, s."""
         return 2.0 * math.pi / self.building.vibration.frequency(1)
 
-    def compile(self, integrators: Iterable[Integrator], progress: Callable[[float], None] = lambda part: None) -> None:
+    def compile(
+        self,
+        integrators: Iterable[Integrator],
+        progress: Callable[[float], None] = lambda part: None,
+    ) -> None:
         """Load what marches with these methods call, compiled if it is not yet: before a clock starts.
 
         Parameters
@@ -218,7 +228,10 @@ class PreparedBuilding:
         progress : callable
             Told how much is done, from 0 to 1.
         """
-        obtain([kernel for integrator in integrators for kernel in kernels(integrator, self.variant)], progress)
+        obtain(
+            [kernel for integrator in integrators for kernel in kernels(integrator, self.variant)],
+            progress,
+        )
 
     def coefficients(self, integrator: Integrator, h: float) -> Array:
         """Coefficients of the method's step for this building and the step h (s)."""
@@ -238,16 +251,23 @@ class PreparedBuilding:
         Modes are solved for a method that has a limit, and once. That a method of ours has none is tested; of a
         plug-in's it is measured.
         """
-        if integrator.stability_limit == math.inf and f"method {integrator.method.name}" not in CODE:
+        if (
+            integrator.stability_limit == math.inf
+            and f"method {integrator.method.name}" not in CODE
+        ):
             return None
         key = (integrator.label, h)
         if key not in self._instability:
             modes = self.building.modes()
-            damping = np.diagonal(modes.modal_damping(self.building.damping_matrix())) / (2.0 * modes.omega)
+            damping = np.diagonal(modes.modal_damping(self.building.damping_matrix())) / (
+                2.0 * modes.omega
+            )
             self._instability[key] = find_instability(integrator, modes.omega, damping, h)
         return self._instability[key]
 
-    def march(self, integrator: Integrator, steps: Steps, ground: Array | None = None, *, rows: int = 0) -> Marched:
+    def march(
+        self, integrator: Integrator, steps: Steps, ground: Array | None = None, *, rows: int = 0
+    ) -> Marched:
         """Integrate from the initial state over the steps.
 
         Parameters
@@ -274,7 +294,9 @@ class PreparedBuilding:
         code = self._in_pieces(go, steps)
         return Marched(space, code, system.seconds() - began, time.perf_counter() - wall)
 
-    def march_pieces(self, integrator: Integrator, steps: Steps, ground: Array, *, every: int) -> Iterator[Workspace]:
+    def march_pieces(
+        self, integrator: Integrator, steps: Steps, ground: Array, *, every: int
+    ) -> Iterator[Workspace]:
         """Integrate as `march` does, and see the history in pieces, a row every so many steps.
 
         Yields
@@ -326,7 +348,9 @@ class PreparedBuilding:
         """
         space = self._ready(integrator, steps.h)
         go = self.loop(integrator, steps.h, ground, space)
-        for done, last in pairwise((*(first for first in firsts if first < steps.count), steps.count)):
+        for done, last in pairwise(
+            (*(first for first in firsts if first < steps.count), steps.count)
+        ):
             if self._in_pieces(go, replace(steps, count=last, done=done)) < 0:
                 return
             yield space
@@ -336,7 +360,12 @@ class PreparedBuilding:
                 space.work[own : own + 2 * at.PEAK_ROWS] = 0.0
 
     def march_many(
-        self, integrator: Integrator, h: float, samples: Array, runs: Sequence[Lane], rest: Rest = NO_REST
+        self,
+        integrator: Integrator,
+        h: float,
+        samples: Array,
+        runs: Sequence[Lane],
+        rest: Rest = NO_REST,
     ) -> MarchedRuns:
         """Integrate many runs of one step h (s) in one compiled call; each is the one that `march` makes.
 
@@ -358,7 +387,12 @@ class PreparedBuilding:
         return marched
 
     def march_drawn(
-        self, integrator: Integrator, h: float, samples: Array, runs: Sequence[tuple[int, Lane]], drawn: DrawnBuildings
+        self,
+        integrator: Integrator,
+        h: float,
+        samples: Array,
+        runs: Sequence[tuple[int, Lane]],
+        drawn: DrawnBuildings,
     ) -> MarchedRuns:
         """Integrate runs of buildings that differ from this one in numbers: each is the one that `march` makes of it.
 
@@ -379,14 +413,19 @@ class PreparedBuilding:
             The method does not integrate this building.
         """
         marched = MarchedRuns.empty(len(runs), self.building.stories)
-        lanes, drawn_arrays = [lane for _, lane in runs], ("linear_terms", "law_parameters", "modal")
+        lanes, drawn_arrays = (
+            [lane for _, lane in runs],
+            ("linear_terms", "law_parameters", "modal"),
+        )
         fast, devices = drawn.fastest * h > _RESOLVED, drawn.with_devices.tolist()
         shared: dict[tuple[bool, int], tuple[PreparedBuilding, Workspace, Callable[..., None]]] = {}
         for r, (d, lane) in enumerate(runs):
             # What is compiled hangs on whether there are dashpots, and arrays on the rows of modal damping.
             kind = devices[d], len(drawn.modal[d])
             if kind not in shared:
-                building = replace(self.building, **{name: getattr(drawn, name)[d].copy() for name in drawn_arrays})
+                building = replace(
+                    self.building, **{name: getattr(drawn, name)[d].copy() for name in drawn_arrays}
+                )
                 prepared = replace(self, building=building)
                 space = prepared._ready(integrator, h)
                 shared[kind] = prepared, space, prepared._many(integrator, h, samples, lanes, space)
@@ -399,17 +438,32 @@ class PreparedBuilding:
         return marched
 
     def _many(
-        self, integrator: Integrator, h: float, samples: Array, runs: Sequence[Lane], space: Workspace
+        self,
+        integrator: Integrator,
+        h: float,
+        samples: Array,
+        runs: Sequence[Lane],
+        space: Workspace,
     ) -> Callable[..., None]:
         """The compiled loop over some of the runs with all its arrays: takes those, where to leave what, and a rest."""
         called = (march, integrator.family.step, begin, take_stock, raise_shears)
         # A run begins in the arrays as they are now: copies of state and springs are its start.
-        before = *(kernel.variant(self.variant) for kernel in called), HALVINGS if integrator.family.halvable else 0, h
+        before = (
+            *(kernel.variant(self.variant) for kernel in called),
+            HALVINGS if integrator.family.halvable else 0,
+            h,
+        )
         building = self.building
         behind = (
             self.coefficients(integrator, h),
             shifts(integrator, h),
-            *Scene(building.linear_terms, building.modal, building.law_parameters, self.forces, space.flags),
+            *Scene(
+                building.linear_terms,
+                building.modal,
+                building.law_parameters,
+                self.forces,
+                space.flags,
+            ),
             *space.memory,
             space.totals,
             *Memory(space.state.copy(), space.springs.copy(), space.work, space.report.copy()),
@@ -423,7 +477,10 @@ class PreparedBuilding:
 
         # The loop over the runs is compiled, too: its arguments are put together once for all.
         def go(lanes: Sequence[Lane], marched: MarchedRuns, rest: Rest = NO_REST) -> None:
-            table = [(*lane[:3], lane.steps.count, lane.steps.per_sample, lane.steps.stride) for lane in lanes]
+            table = [
+                (*lane[:3], lane.steps.count, lane.steps.per_sample, lane.steps.stride)
+                for lane in lanes
+            ]
             many.compiled(
                 *(*before, samples, np.array(table, float), *behind),
                 *(rest.window, rest.windows, rest.quiet),
@@ -464,7 +521,10 @@ class PreparedBuilding:
         rows = max(steps.count for _, _, steps in motions) // every + 1
         space = self._ready(integrator, h, rows)
         # What a run changes is put back before the next one.
-        begun = [(array, array.copy()) for array in (*space.memory, space.watch, space.peaks, space.totals)]
+        begun = [
+            (array, array.copy())
+            for array in (*space.memory, space.watch, space.peaks, space.totals)
+        ]
         ground = np.zeros(max(len(acceleration) for acceleration, _, _ in motions))
         space.every = every
         go = self.loop(integrator, h, ground, space)
@@ -503,19 +563,38 @@ class PreparedBuilding:
         building = self.building
         arrays = (
             *(ground, self.coefficients(integrator, h), shifts(integrator, h)),
-            *Scene(building.linear_terms, building.modal, building.law_parameters, self.forces, space.flags),
+            *Scene(
+                building.linear_terms,
+                building.modal,
+                building.law_parameters,
+                self.forces,
+                space.flags,
+            ),
             *space.memory,
             np.zeros(at.LOAD_SIZE),
             *space.seen,
         )
-        called = [kernel.variant(self.variant) for kernel in (integrator.family.step, begin, take_stock, raise_shears)]
+        called = [
+            kernel.variant(self.variant)
+            for kernel in (integrator.family.step, begin, take_stock, raise_shears)
+        ]
         halvings = HALVINGS if integrator.family.halvable else 0
 
         def go(steps: Steps, first: int, last: int) -> int:
             code: int
             code = march.variant(self.variant)(
                 *called,
-                *(steps.count, first, last, space.every, space.before, steps.per_sample, steps.stride, halvings, h),
+                *(
+                    steps.count,
+                    first,
+                    last,
+                    space.every,
+                    space.before,
+                    steps.per_sample,
+                    steps.stride,
+                    halvings,
+                    h,
+                ),
                 *arrays,
             )
             return code
@@ -525,7 +604,10 @@ class PreparedBuilding:
     def _in_pieces(self, go: Loop, steps: Steps) -> int:
         """March over the steps that are left in pieces that take about `_PIECE`, between which Python can be
         interrupted. 0, or the code of the step that failed."""
-        done, size = steps.done, max(_FIRST_PIECE // (self.building.stories * (1 + len(self.building.modal))), 1)
+        done, size = (
+            steps.done,
+            max(_FIRST_PIECE // (self.building.stories * (1 + len(self.building.modal))), 1),
+        )
         # The first piece is a guess; each next one is as long as the last one's pace allows, at most doubled.
         while True:
             last = min(done + size, steps.count)
@@ -542,10 +624,14 @@ class PreparedBuilding:
 
 def of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel, Variant]]:
     """What a run of a model calls with all its tables, and a cyclic test of its stories."""
-    return [item for group in _of_building(PreparedBuilding.of(model), integrator) for item in group]
+    return [
+        item for group in _of_building(PreparedBuilding.of(model), integrator) for item in group
+    ]
 
 
-def _of_building(prepared: PreparedBuilding, integrator: Integrator) -> tuple[list[tuple[Kernel, Variant]], ...]:
+def _of_building(
+    prepared: PreparedBuilding, integrator: Integrator
+) -> tuple[list[tuple[Kernel, Variant]], ...]:
     """What a march calls, and what else a run does."""
     others = (peaks, *kernels_apart(prepared.building.law_parameters))
     of_scene = [(follow, prepared.variant), *((kernel, EVERYTHING) for kernel in others)]
@@ -568,7 +654,11 @@ def begin_at_once(prepared: PreparedBuilding, methods: Sequence[Integrator], ste
     Never with power-law dashpots, whose iterations take fifteen times as long.
     """
     building = prepared.building
-    if steps * (building.stories + 1) > _SHORT or building.power_damped or unsuited(methods[0], building):
+    if (
+        steps * (building.stories + 1) > _SHORT
+        or building.power_damped
+        or unsuited(methods[0], building)
+    ):
         return False
     called, others = zip(*(_of_building(prepared, method) for method in methods), strict=True)
     return begin_as_written(*(list(dict.fromkeys(chain(*groups))) for groups in (called, others)))
@@ -583,7 +673,17 @@ def of_everything() -> list[tuple[Kernel, Variant]]:
     from tdint.kernels.oscillators.rotated import rotated_peaks
 
     steps = [item for name in catalogue() for item in kernels(parse(name), EVERYTHING)]
-    others = (many, follow, peaks, extremes, radii, rotated_peaks, largest_drifts, bilinear_response, *kernels_apart())
+    others = (
+        many,
+        follow,
+        peaks,
+        extremes,
+        radii,
+        rotated_peaks,
+        largest_drifts,
+        bilinear_response,
+        *kernels_apart(),
+    )
     return [*steps, *((kernel, EVERYTHING) for kernel in others)]
 
 

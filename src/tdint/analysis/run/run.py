@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from tdint.analysis.given import AnyModel, AnyRecord, model_of, model_record, number_of, ratio_of, record_of
+from tdint.analysis.given import (
+    AnyModel,
+    AnyRecord,
+    model_of,
+    model_record,
+    number_of,
+    ratio_of,
+    record_of,
+)
 from tdint.analysis.run.case import Case, case_of
 from tdint.analysis.run.case import until_rest as go_on
 from tdint.analysis.run.error_estimate import ended_at_rest, told_run
@@ -88,7 +96,13 @@ def run(
     case = prepare(model, record, method=method, allow_unstable=allow_unstable)
     names = [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient))
     response = run_case(
-        case, dt=dt, duration=duration, history=history, check=check, tolerance=tolerance, until_rest=until_rest
+        case,
+        dt=dt,
+        duration=duration,
+        history=history,
+        check=check,
+        tolerance=tolerance,
+        until_rest=until_rest,
     )
     if not names:
         return response
@@ -98,7 +112,11 @@ def run(
 
 
 def prepare(
-    model: AnyModel, record: AnyRecord | None = None, *, method: str | None = None, allow_unstable: bool = False
+    model: AnyModel,
+    record: AnyRecord | None = None,
+    *,
+    method: str | None = None,
+    allow_unstable: bool = False,
 ) -> Case:
     """Put a model together for any number of runs: `run_case(case)`, `run_case(case.scaled(2.0))`, ...
 
@@ -162,12 +180,18 @@ def run_case(
         As by `run` (`FailedRun`).
     """
     case = case_of(case)
-    dt, duration, tolerance = number_of(dt, "dt"), number_of(duration, "duration"), ratio_of(tolerance, "tolerance")
+    dt, duration, tolerance = (
+        number_of(dt, "dt"),
+        number_of(duration, "duration"),
+        ratio_of(tolerance, "tolerance"),
+    )
     # How long that takes a run without history tells; the steps of a tolerance are chosen over the whole of it.
     if until_rest:
         steps, at_rest = go_on(case, case.steps(dt, duration))
         end = steps.count * steps.h
-        response = run_case(case, dt=dt, duration=end, history=history, check=check, tolerance=tolerance)
+        response = run_case(
+            case, dt=dt, duration=end, history=history, check=check, tolerance=tolerance
+        )
         response = ended_at_rest(response)
         return replace(response, rest_time=response.steps * response.dt) if at_rest else response
     if tolerance is not None:
@@ -175,4 +199,8 @@ def run_case(
 
         return choose_step(case, tolerance, dt=dt, duration=duration, history=history)
     steps = case.steps(dt, duration)
-    return case.march(steps, history) if check is False else told_run(case, steps, history, of_history=bool(check))
+    return (
+        case.march(steps, history)
+        if check is False
+        else told_run(case, steps, history, of_history=bool(check))
+    )

@@ -20,7 +20,15 @@ from tdint.analysis.given import AnyModel, AnyRecord, model_of, number_of, numbe
 from tdint.analysis.run import case as run_totals
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.gradient import SCALE, neighbors, number_at, slopes
-from tdint.analysis.run.outcome import STORY, Gradient, History, Response, StoryErrors, StoryPeaks, StoryValues
+from tdint.analysis.run.outcome import (
+    STORY,
+    Gradient,
+    History,
+    Response,
+    StoryErrors,
+    StoryPeaks,
+    StoryValues,
+)
 from tdint.analysis.run.prepared import MarchedRuns, Motions
 from tdint.analysis.run.together import Subject, run_drawn, run_together
 from tdint.analysis.run.workspace import Steps
@@ -40,7 +48,11 @@ from tdint.written_numbers import how_many
 if TYPE_CHECKING:
     from xarray import Dataset
 
-KEPT = {one.called or one.name: one.name for one in quantities(History) if one.name in run_totals.HISTORIES}
+KEPT = {
+    one.called or one.name: one.name
+    for one in quantities(History)
+    if one.name in run_totals.HISTORIES
+}
 """What may be kept of a history: its fields by the names of their columns, without the unit."""
 
 _AT_ONCE = 64
@@ -131,11 +143,16 @@ class Runs(Tabular):
         """The runs of a building by its number, and their peaks, shape (runs of it, its stories)."""
         runs = np.flatnonzero(self.model == number)
         n = len(self.models[number].stories)
-        values = {quantity.name: getattr(self.stories, quantity.name)[runs, :n] for quantity in STORY}
+        values = {
+            quantity.name: getattr(self.stories, quantity.name)[runs, :n] for quantity in STORY
+        }
         return runs, StoryPeaks(height=self.stories.height[runs, :n], **values)
 
     def _headline(self) -> str:
-        buildings, records = how_many(len(self.models), "building"), how_many(len(self.records), "record")
+        buildings, records = (
+            how_many(len(self.models), "building"),
+            how_many(len(self.records), "record"),
+        )
         kept = f", histories of {', '.join(self.history)}" if self.history else ""
         lost = f", {len(self.failures)} without a result" if self.failures else ""
         return f"{len(self.model)} of {buildings} under {records}{kept}{lost}"
@@ -232,9 +249,19 @@ def run_many(
     motions = tuple(map(record_of, _several(records, "records")))
     if any(isinstance(record, JoinedRecord) for record in motions):
         raise UsageError("a sequence of shocks is run by run_sequence, one at a time")
-    subjects = tuple(Subject(model, method or model.analysis.method or DEFAULT_METHOD) for model in buildings)
+    subjects = tuple(
+        Subject(model, method or model.analysis.method or DEFAULT_METHOD) for model in buildings
+    )
     methods = tuple(subject.integrator.label for subject in subjects)
-    work = _RunsRequest(subjects, methods, motions, number_of(dt, "dt"), number_of(duration, "duration"), check, drawn)
+    work = _RunsRequest(
+        subjects,
+        methods,
+        motions,
+        number_of(dt, "dt"),
+        number_of(duration, "duration"),
+        check,
+        drawn,
+    )
     if errors not in ("raise", "keep"):
         raise UsageError(f"errors is 'raise' or 'keep', got {errors!r:.60}")
     lost = work.out_of_range() if errors == "keep" else {}
@@ -253,7 +280,10 @@ def run_many(
     result = _unfilled(work, plan, every, _room(work, plan, kept, every, None if file else out))
     for run in plan if lost else ():
         if (run.model, run.draw) in lost:
-            result.status[run.number], result.failures[run.number] = OUT_OF_RANGE, lost[run.model, run.draw]
+            result.status[run.number], result.failures[run.number] = (
+                OUT_OF_RANGE,
+                lost[run.model, run.draw],
+            )
     plan = [run for run in plan if (run.model, run.draw) not in lost]
     # The threads share the runs in small parts, so that they end together.
     parts = [plan[first : first + _AT_ONCE] for first in range(0, len(plan), _AT_ONCE)]
@@ -276,10 +306,15 @@ def run_many(
         stop.set()
         for _ in range(threads):  # the parts that are under way come to their end
             marching.acquire()
-        result.failures.update(dict.fromkeys(np.flatnonzero(result.status == INTERRUPTED).tolist(), _NOT_RUN))
+        result.failures.update(
+            dict.fromkeys(np.flatnonzero(result.status == INTERRUPTED).tolist(), _NOT_RUN)
+        )
     runs = replace(result, failures=dict(sorted(result.failures.items())))
     if names := [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient)):
-        runs = replace(runs, gradient=_differentiated(work, plan, runs.stories, runs.history, every, names, threads))
+        runs = replace(
+            runs,
+            gradient=_differentiated(work, plan, runs.stories, runs.history, every, names, threads),
+        )
     if file:
         runs.to_parquet(file)
     return runs
@@ -304,7 +339,9 @@ def _drawn(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
     count = max(sizes, default=1)
     if not count or sizes - {1, count}:
         told = ", ".join(f"{len(values)} of {name}" for name, values in given.items())
-        raise UsageError(f"vary: as many values of each name as there are draws, or one for all; got {told}")
+        raise UsageError(
+            f"vary: as many values of each name as there are draws, or one for all; got {told}"
+        )
     return {name: np.broadcast_to(values, count).copy() for name, values in given.items()}
 
 
@@ -347,7 +384,9 @@ class _RunsRequest:
         numbers = {name: float(values[draw]) for name, values in self.of_buildings.items()}
         # What is nan stays as it is: neighbors of a run (`_differentiated`) differ in one number each.
         return Subject(
-            subject.model.changed({name: number for name, number in numbers.items() if not math.isnan(number)}),
+            subject.model.changed(
+                {name: number for name, number in numbers.items() if not math.isnan(number)}
+            ),
             subject.method,
         )
 
@@ -358,7 +397,11 @@ class _RunsRequest:
         if not self.of_buildings:
             return -1
         hangs = method.family.prepare is not None or method.stability_limit != math.inf
-        return run.draw if self.check or history or hangs or f"method {method.method.name}" in CODE else -1
+        return (
+            run.draw
+            if self.check or history or hangs or f"method {method.method.name}" in CODE
+            else -1
+        )
 
     def check_draws(self, but: Set[int]) -> None:
         """Raise UsageError for a name or a value that some building does not have, but for the values of some draws."""
@@ -370,7 +413,9 @@ class _RunsRequest:
                 check_value(name, value)
             for subject in self.subjects:
                 for change in changes_of(subject.model, name):
-                    change.check(name, *map(float, (values.min(), values.max()) if values.size else ()))
+                    change.check(
+                        name, *map(float, (values.min(), values.max()) if values.size else ())
+                    )
                 if name == "damping":
                     damped_by(subject.model, 0.0)
 
@@ -402,13 +447,17 @@ def _several(given: Any, name: str) -> Sequence[Any]:
     return items
 
 
-def _planned(work: _RunsRequest, scales: float | Iterable[float], paired: bool, lost: Set[int]) -> list[_Run]:
+def _planned(
+    work: _RunsRequest, scales: float | Iterable[float], paired: bool, lost: Set[int]
+) -> list[_Run]:
     factors = numbers_of(scales, "scales").tolist()
     if not factors or not all(math.isfinite(factor) and factor for factor in factors):
         raise UsageError(f"scales must be numbers other than zero, got {scales!r:.60}")
     work.check_draws(lost)
     of_draws = work.vary.get(SCALE, np.ones(work.draws)).tolist()
-    if not all(math.isfinite(factor) and factor for draw, factor in enumerate(of_draws) if draw not in lost):
+    if not all(
+        math.isfinite(factor) and factor for draw, factor in enumerate(of_draws) if draw not in lost
+    ):
         raise UsageError(f"{SCALE} must be numbers other than zero")
     if paired:
         # Each list has the common length, or one member that stands for all.
@@ -417,12 +466,16 @@ def _planned(work: _RunsRequest, scales: float | Iterable[float], paired: bool, 
         count = max(sizes.values())
         for name, size in sizes.items():
             if size not in (1, count):
-                raise UsageError(f"paired: {size} {name} beside {count} of the others; give one, or as many")
+                raise UsageError(
+                    f"paired: {size} {name} beside {count} of the others; give one, or as many"
+                )
         places: Iterable[tuple[int, ...]] = zip(
             *((np.arange(count) % size).tolist() for size in sizes.values()), strict=True
         )
     else:
-        places = combined(*map(range, (len(work.subjects), work.draws, len(work.records), len(factors))))
+        places = combined(
+            *map(range, (len(work.subjects), work.draws, len(work.records), len(factors)))
+        )
     # Steps hang on few numbers of model and record: each combination is worked out once.
     steps: dict[tuple[Any, ...], Steps] = {}
     plan = []
@@ -439,7 +492,9 @@ def _kept(history: str | Sequence[str]) -> tuple[str, ...]:
     names = (history,) if isinstance(history, str) else tuple(history)
     for name in names:
         if name not in KEPT:
-            raise UsageError(f"unknown quantity {name!r}{did_you_mean(str(name), KEPT)} (known: {', '.join(KEPT)})")
+            raise UsageError(
+                f"unknown quantity {name!r}{did_you_mean(str(name), KEPT)} (known: {', '.join(KEPT)})"
+            )
     return tuple(dict.fromkeys(names))
 
 
@@ -460,16 +515,27 @@ def _room(
         return {name: np.full(shape, math.nan) for name in kept}
     given = dict(out) if isinstance(out, Mapping) else dict.fromkeys(kept[:1], out)
     if tuple(sorted(given)) != tuple(sorted(kept)) or not kept:
-        raise UsageError(f"out must have an array for each quantity of the history: {', '.join(kept) or 'none'}")
+        raise UsageError(
+            f"out must have an array for each quantity of the history: {', '.join(kept) or 'none'}"
+        )
     for name, array in given.items():
         if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype.kind != "f":
-            kind = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
-            raise UsageError(f"out of {name} must be an array of floating-point numbers, shape {shape}, got {kind}")
+            kind = (
+                f"{array.dtype} {array.shape}"
+                if isinstance(array, np.ndarray)
+                else type(array).__name__
+            )
+            raise UsageError(
+                f"out of {name} must be an array of floating-point numbers, shape {shape}, got {kind}"
+            )
     return given
 
 
 def _unfilled(
-    work: _RunsRequest, plan: Sequence[_Run], every: int, history: dict[str, NDArray[np.floating[Any]]]
+    work: _RunsRequest,
+    plan: Sequence[_Run],
+    every: int,
+    history: dict[str, NDArray[np.floating[Any]]],
 ) -> Runs:
     """The result, whose arrays each thread fills for the runs that it has."""
     peaks, errors, corrected = (
@@ -508,7 +574,9 @@ def _march(work: _RunsRequest, result: Runs, part: Sequence[_Run]) -> None:
         motions = Motions({run.record: work.records[run.record] for run in runs})
         lanes = [(run.record, run.scale, run.steps) for run in runs]
         if work.of_buildings and alone < 0:
-            draws = {draw: place for place, draw in enumerate(dict.fromkeys(run.draw for run in runs))}
+            draws = {
+                draw: place for place, draw in enumerate(dict.fromkeys(run.draw for run in runs))
+            }
             values = {name: column[list(draws)] for name, column in work.of_buildings.items()}
             drawn = draw_buildings(subject.model, subject.prepared.building, values)
             numbered = [(draws[run.draw], lane) for run, lane in zip(runs, lanes, strict=True)]
@@ -522,7 +590,9 @@ def _march(work: _RunsRequest, result: Runs, part: Sequence[_Run]) -> None:
                 lanes,
                 check=work.check,
                 history=bool(result.history),
-                march=partial(_march_and_keep, subject, work, result, runs) if result.history else None,
+                march=partial(_march_and_keep, subject, work, result, runs)
+                if result.history
+                else None,
             )
         # Into the places of these runs: first all as done, then those that ended otherwise.
         result.status[places] = "done"
@@ -541,7 +611,9 @@ def _march(work: _RunsRequest, result: Runs, part: Sequence[_Run]) -> None:
             result.failures[places[i]] = str(failure)
 
 
-def _put(arrays: StoryValues | None, places: int | Sequence[int], values: StoryValues | None) -> None:
+def _put(
+    arrays: StoryValues | None, places: int | Sequence[int], values: StoryValues | None
+) -> None:
     """Write the values of runs where theirs are."""
     if arrays and values:
         for quantity in fields(arrays):
@@ -558,10 +630,14 @@ def _put_history(result: Runs, place: int, history: History | None) -> None:
             kept[place, : len(rows), : rows.shape[1]] = rows
 
 
-def _march_and_keep(subject: Subject, work: _RunsRequest, result: Runs, runs: Sequence[_Run]) -> MarchedRuns:
+def _march_and_keep(
+    subject: Subject, work: _RunsRequest, result: Runs, runs: Sequence[_Run]
+) -> MarchedRuns:
     """Runs of one building and one step with what is kept of their histories."""
     prepared, h = subject.prepared, runs[0].steps.h
-    time = result.every * h * np.arange(next(iter(result.history.values())).shape[1], dtype=np.float64)
+    time = (
+        result.every * h * np.arange(next(iter(result.history.values())).shape[1], dtype=np.float64)
+    )
     # Each history is taken over before the next run writes over it.
     telling = [(kept, run_totals.HISTORIES[KEPT[name]]) for name, kept in result.history.items()]
     building, forces, n = prepared.building, prepared.forces, prepared.building.stories
@@ -587,14 +663,22 @@ def _march_and_keep(subject: Subject, work: _RunsRequest, result: Runs, runs: Se
 def gradient_of(case: Case, response: Response, names: Sequence[str]) -> Gradient:
     """Derivatives of a run that was made by itself, and of its history, if that was kept."""
     if case.allow_unstable:
-        raise UsageError("gradient: not with allow_unstable: what a step beyond its limit gives has no derivative")
+        raise UsageError(
+            "gradient: not with allow_unstable: what a step beyond its limit gives has no derivative"
+        )
     label, dt = case.method.label, response.dt
     record = case.record or Record(np.zeros(response.steps + 1), dt, "", "", "", "")
     subject = Subject(case.model, label)
     work = _RunsRequest((subject,), (label,), (record,), None, None, False, {})
     plan = [_Run(0, 0, 0, 0, 1.0, subject.case(record).steps(dt, response.steps * dt))]
-    peaks = StoryPeaks(**{one.name: getattr(response.stories, one.name)[None] for one in fields(StoryPeaks)})
-    kept = {name: getattr(response.history, own)[None] for name, own in KEPT.items()} if response.history else {}
+    peaks = StoryPeaks(
+        **{one.name: getattr(response.stories, one.name)[None] for one in fields(StoryPeaks)}
+    )
+    kept = (
+        {name: getattr(response.history, own)[None] for name, own in KEPT.items()}
+        if response.history
+        else {}
+    )
     return _differentiated(work, plan, peaks, kept, 1, names, processors()).of_run(0)
 
 
@@ -609,18 +693,29 @@ def _differentiated(
 ) -> Gradient:
     """Derivatives of the runs of a plan, whose peaks and histories are known, by numbers of buildings and scales."""
     # Each building in each of its draws has numbers of its own, and two neighbors of each.
-    numbers, near = dict[tuple[int, int], list[float]](), dict[tuple[int, int], list[tuple[float, float]]]()
+    numbers, near = (
+        dict[tuple[int, int], list[float]](),
+        dict[tuple[int, int], list[tuple[float, float]]](),
+    )
     for site in dict.fromkeys((run.model, run.draw) for run in plan):
         model = work.varied(*site).model
         numbers[site] = [
-            float(work.vary[name][site[1]]) if name in work.vary else number_at(model, name) for name in names
+            float(work.vary[name][site[1]]) if name in work.vary else number_at(model, name)
+            for name in names
         ]
-        near[site] = [neighbors(model, name, number) for name, number in zip(names, numbers[site], strict=True)]
+        near[site] = [
+            neighbors(model, name, number)
+            for name, number in zip(names, numbers[site], strict=True)
+        ]
     # A draw for each neighbor: what it leaves as it is has the value of its site's own draw, or nan.
     draws = {key: draw for draw, key in enumerate(combined(near, range(len(names)), range(2)))}
     origin = [draw for (_, draw), _, _ in draws]
     columns = {name: column[origin] for name, column in work.of_buildings.items()}
-    columns |= {name: np.full(len(draws), math.nan) for name in names if name not in columns and name != SCALE}
+    columns |= {
+        name: np.full(len(draws), math.nan)
+        for name in names
+        if name not in columns and name != SCALE
+    }
     for (site, i, side), draw in draws.items():
         if names[i] != SCALE:
             columns[names[i]][draw] = near[site][i][side]
@@ -660,5 +755,7 @@ def _differentiated(
         parameters=tuple(names),
         values=of_all(values),
         doubt=StoryErrors(**{name: doubt for name, (_, doubt) in of_peaks.items()}),
-        history={name: differences(array, result.history[name])[0] for name, array in history.items()},
+        history={
+            name: differences(array, result.history[name])[0] for name, array in history.items()
+        },
     )

@@ -88,7 +88,9 @@ def sequence_of(
         else:
             before = one_after_another(shocks[:number], starts)
             quiet, at_rest = until_rest(case.under(before), _steps(case, before, dt))
-            begin = max(math.ceil(quiet.count * quiet.stride / quiet.per_sample), last) + 1  # a sample leads to it
+            begin = (
+                max(math.ceil(quiet.count * quiet.stride / quiet.per_sample), last) + 1
+            )  # a sample leads to it
             restless += [] if at_rest else [number]
         starts.append(math.ceil(begin / steps.stride) * steps.stride)  # a shock begins with a step
     return ShockSequence(tuple(shocks), tuple(starts), tuple(restless))
@@ -130,18 +132,33 @@ def run_sequence(
     FailedRun
         As by `tdint.run`.
     """
-    sequence = sequence_of(case_of(case), records, rest=number_of(rest, "rest"), dt=number_of(dt, "dt"))
+    sequence = sequence_of(
+        case_of(case), records, rest=number_of(rest, "rest"), dt=number_of(dt, "dt")
+    )
     whole = sequence.whole
-    joined, duration = replace(case.under(whole), remarks=(*case.remarks, *sequence.notes)), whole.duration
+    joined, duration = (
+        replace(case.under(whole), remarks=(*case.remarks, *sequence.notes)),
+        whole.duration,
+    )
     response = run_case(
-        joined, dt=dt, duration=duration, history=history, check=check, tolerance=tolerance, until_rest=until_rest
+        joined,
+        dt=dt,
+        duration=duration,
+        history=history,
+        check=check,
+        tolerance=tolerance,
+        until_rest=until_rest,
     )
     # Each shock's peaks come from one more march, with the steps that were taken.
     steps = replace(joined.steps(response.dt, duration), count=response.steps)
-    return replace(response, shocks=shocks_of(joined, sequence, steps, check=response.check is not None))
+    return replace(
+        response, shocks=shocks_of(joined, sequence, steps, check=response.check is not None)
+    )
 
 
-def shocks_of(joined: Case, sequence: ShockSequence, steps: Steps, *, check: bool = False) -> tuple[Shock, ...]:
+def shocks_of(
+    joined: Case, sequence: ShockSequence, steps: Steps, *, check: bool = False
+) -> tuple[Shock, ...]:
     """What each shock of a sequence did, as far as the steps of the `joined` case go; with errors by one more run."""
     shocks = _parts(joined, sequence, steps)
     if not check:
@@ -171,4 +188,6 @@ def _parts(joined: Case, sequence: ShockSequence, steps: Steps) -> tuple[Shock, 
 
 def _steps(case: Case, record: Record, dt: float | None) -> Steps:
     """Steps over a whole record: the duration of the model's own analysis is not that of a sequence."""
-    return choose_steps(case.model.analysis.dt if dt is None else dt, None, record.dt, record.duration)
+    return choose_steps(
+        case.model.analysis.dt if dt is None else dt, None, record.dt, record.duration
+    )

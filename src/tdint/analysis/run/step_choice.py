@@ -41,7 +41,12 @@ _SAME = 1e-9
 
 
 def choose_step(
-    case: Case, tolerance: float, *, dt: float | None = None, duration: float | None = None, history: bool = False
+    case: Case,
+    tolerance: float,
+    *,
+    dt: float | None = None,
+    duration: float | None = None,
+    history: bool = False,
 ) -> Response:
     """The response, with its errors, with the largest step in the row that keeps to a tolerance.
 
@@ -70,7 +75,9 @@ def choose_step(
     choice = StepChoice(
         tolerance=tolerance,
         runs=search.count,
-        samples=search.steps(level).stride / search.steps(level).per_sample if case.record else None,
+        samples=search.steps(level).stride / search.steps(level).per_sample
+        if case.record
+        else None,
         solves_at_record=usual.iterations if isinstance(usual, Response) else None,
     )
     check = replace(response.check, choice=choice)
@@ -78,7 +85,12 @@ def choose_step(
 
 
 def step_within(
-    case: Case, tolerance: float, *, dt: float | None = None, duration: float | None = None, largest: float = math.inf
+    case: Case,
+    tolerance: float,
+    *,
+    dt: float | None = None,
+    duration: float | None = None,
+    largest: float = math.inf,
 ) -> float:
     """The step that `choose_step` takes, s, or the first one in its row that is no larger than `largest` and will do.
 
@@ -130,7 +142,11 @@ class _Search:
     def within(self, largest: float) -> tuple[int, Response]:
         """The first level with a step up to `largest` (s) that is within the tolerance, and its run with its errors."""
         by_itself = reference(self.case).method.label == self.case.method.label
-        first = max(0, math.ceil(math.log2(self.coarsest.h / largest) - _SAME)) if largest < math.inf else 0
+        first = (
+            max(0, math.ceil(math.log2(self.coarsest.h / largest) - _SAME))
+            if largest < math.inf
+            else 0
+        )
         first = max(first, 1) if by_itself else first  # the finer one of a pair
         last = max(self.power + _MOST_HALVINGS, first)
         for level in range(first, last + 1):
@@ -160,10 +176,15 @@ class _Search:
         if abs(coarse.steps * coarse.dt - response.steps * response.dt) > coarse.dt:
             return response  # a collapse ended one of them earlier
         before = self.runs.get(level - 2)
-        closer = isinstance(before, Response) and _apart(before, coarse) > _CLOSER * _apart(coarse, response)
+        closer = isinstance(before, Response) and _apart(before, coarse) > _CLOSER * _apart(
+            coarse, response
+        )
         errors = story_errors(response, coarse, _OF_FINER if closer else _AT_FIRST)
         dts = (coarse.dt, response.dt)
-        return replace(response, check=ErrorEstimate.of(response.stories, errors, dts=dts, method=response.method))
+        return replace(
+            response,
+            check=ErrorEstimate.of(response.stories, errors, dts=dts, method=response.method),
+        )
 
     def _told(self, level: int) -> Response | FailedRun:
         """The run of a level with the errors that one of the reference method tells."""

@@ -108,7 +108,9 @@ class Outcomes:
     @classmethod
     def of(cls, building: Building, marched: MarchedRuns, to_rest: bool) -> Outcomes:
         """As a compiled call left them; where each run has its own building, its arrays have the runs first."""
-        waited = marched.ends[:, AT_REST].astype(int).tolist() if to_rest else [None] * len(marched.ends)
+        waited = (
+            marched.ends[:, AT_REST].astype(int).tolist() if to_rest else [None] * len(marched.ends)
+        )
         return cls(
             peaks_of(building, marched.peaks, marched.drifts),
             energy_errors(marched.totals),
@@ -119,7 +121,10 @@ class Outcomes:
     @property
     def status(self) -> dict[int, str]:
         """How those ended that are not simply done, by their places."""
-        return {i: ended.status for i, ended in (self.collapses | self.responses | self.failures).items()}
+        return {
+            i: ended.status
+            for i, ended in (self.collapses | self.responses | self.failures).items()
+        }
 
     def stories_of(self, i: int) -> StoryPeaks:
         """The peaks of a run."""
@@ -145,7 +150,9 @@ class Outcomes:
 
     def _put(self, i: int, stories: StoryPeaks | None, energy_error: float, steps: int) -> None:
         for quantity in STORY:
-            getattr(self.stories, quantity.name)[i] = getattr(stories, quantity.name) if stories else np.nan
+            getattr(self.stories, quantity.name)[i] = (
+                getattr(stories, quantity.name) if stories else np.nan
+            )
         self.energy_error[i], self.steps[i] = energy_error, steps
 
 
@@ -183,18 +190,27 @@ def run_together(
         return subject.case(motions.records[runs[i][0]], runs[i][1])
 
     if check or prepared.instability(subject.integrator, h):
-        outcomes = Outcomes.of(prepared.building, MarchedRuns.empty(len(runs), prepared.building.stories), to_rest)
+        outcomes = Outcomes.of(
+            prepared.building, MarchedRuns.empty(len(runs), prepared.building.stories), to_rest
+        )
         for i, (_, _, steps) in enumerate(runs):
-            outcomes.replace(i, partial(_alone, case(i), steps, check=check, to_rest=to_rest, history=history))
+            outcomes.replace(
+                i, partial(_alone, case(i), steps, check=check, to_rest=to_rest, history=history)
+            )
         return outcomes
     if march:
         marched = march()
     else:
-        lanes, rest = [motions.lane(*run) for run in runs], windows(prepared, h) if to_rest else NO_REST
+        lanes, rest = (
+            [motions.lane(*run) for run in runs],
+            windows(prepared, h) if to_rest else NO_REST,
+        )
         marched = prepared.march_many(subject.integrator, h, motions.samples, lanes, rest)
     outcomes = Outcomes.of(prepared.building, marched, to_rest)
     for i in np.flatnonzero(doubtful(marched)).tolist():
-        outcomes.replace(i, partial(_judged, case(i), runs[i][2], marched, i, to_rest=to_rest, history=history))
+        outcomes.replace(
+            i, partial(_judged, case(i), runs[i][2], marched, i, to_rest=to_rest, history=history)
+        )
     return outcomes
 
 
@@ -228,9 +244,13 @@ def run_drawn(
     return outcomes
 
 
-def _judged(case: Case, steps: Steps, marched: MarchedRuns, i: int, *, to_rest: bool, history: bool) -> Settled:
+def _judged(
+    case: Case, steps: Steps, marched: MarchedRuns, i: int, *, to_rest: bool, history: bool
+) -> Settled:
     """A run that the compiled call of all has left for its own case to judge."""
-    return case.settle(steps, marched, i, history), int(marched.ends[i, AT_REST]) if to_rest else None
+    return case.settle(steps, marched, i, history), int(
+        marched.ends[i, AT_REST]
+    ) if to_rest else None
 
 
 def _alone(case: Case, steps: Steps, *, check: bool, to_rest: bool, history: bool) -> Settled:

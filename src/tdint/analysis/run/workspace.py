@@ -67,7 +67,9 @@ class Workspace:
         return Seen(self.watch, self.peaks, self.limits, self.totals, self.history)
 
 
-def workspace(building: Building, integrator: Integrator, rows: int = 0, collapse_drift: float = math.inf) -> Workspace:
+def workspace(
+    building: Building, integrator: Integrator, rows: int = 0, collapse_drift: float = math.inf
+) -> Workspace:
     """Fresh arrays for one run, with so many rows of its history.
 
     Raises
@@ -155,7 +157,9 @@ def look_at_once(integrator: Integrator) -> None:
             LOOKED_AT.add(step)
             if faults := faults_of_step(integrator):
                 LOOKED_AT.remove(step)
-                raise AnalysisError(f"{'; '.join(faults)} (`tdint check --plugin` looks at all that it declares)")
+                raise AnalysisError(
+                    f"{'; '.join(faults)} (`tdint check --plugin` looks at all that it declares)"
+                )
             if file is not None:
                 with suppress(OSError):
                     file.touch()
@@ -165,7 +169,10 @@ def look_at_once(integrator: Integrator) -> None:
 def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Variant]]:
     """The kernels that a march calls, those first that take the longest to compile. Errors are `look_at_once`'s."""
     look_at_once(integrator)
-    return [(kernel, variant) for kernel in (integrator.family.step, march, begin, take_stock, raise_shears)]
+    return [
+        (kernel, variant)
+        for kernel in (integrator.family.step, march, begin, take_stock, raise_shears)
+    ]
 
 
 def shifts(integrator: Integrator, h: float) -> Array:
@@ -177,7 +184,9 @@ def shifts(integrator: Integrator, h: float) -> Array:
 def unsuited(integrator: Integrator, building: Building) -> str:
     """Why a method does not integrate a building: nonlinear stories, power-law dashpots; empty if it does."""
     if integrator.family.linear_only and not building.linear:
-        return f"{integrator.label} integrates linear buildings only; this one has nonlinear stories"
+        return (
+            f"{integrator.label} integrates linear buildings only; this one has nonlinear stories"
+        )
     if building.power_damped and not integrator.family.power_dampers:
         return f"{integrator.label} takes no power-law dashpots; impulse4 and newmark-average do"
     return ""
@@ -226,7 +235,9 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
     coefficients = integrator.coefficients(building, forces, h)
     step = integrator.family.step.variant(LINEAR_OSCILLATORS)
     space = workspace(building, integrator)
-    scene = Scene(building.linear_terms, building.modal, building.law_parameters, forces, space.flags)
+    scene = Scene(
+        building.linear_terms, building.modal, building.law_parameters, forces, space.flags
+    )
     result = np.empty((k, len(memory), len(memory)))
     state, springs, stiffness = space.state, space.springs, building.initial_stiffness
     for column, row in enumerate(memory):
@@ -234,10 +245,16 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
         state[row, :k] = 1.0
         # Committed springs, and the acceleration of equilibrium where the method does not carry its own.
         u, v = state[at.DISPLACEMENT, :-1], state[at.VELOCITY, :-1]
-        springs[at.DRIFT, :-1], springs[at.FORCE, :-1], springs[at.SLOPE, :-1] = u, stiffness * u, stiffness
+        springs[at.DRIFT, :-1], springs[at.FORCE, :-1], springs[at.SLOPE, :-1] = (
+            u,
+            stiffness * u,
+            stiffness,
+        )
         springs[at.UPPER, :-1], springs[at.LOWER, :-1] = math.inf, -math.inf
         if at.ACCELERATION not in memory:
-            state[at.ACCELERATION, :-1] = -stiffness * u - building.linear_terms[at.STORY_DAMPER, :-1] * v
+            state[at.ACCELERATION, :-1] = (
+                -stiffness * u - building.linear_terms[at.STORY_DAMPER, :-1] * v
+            )
         space.report[at.STEPS_DONE] = _SETTLED
         code = step(coefficients, *scene, h, np.zeros(at.LOAD_SIZE), *space.memory)
         if code < 0:
@@ -270,7 +287,9 @@ class Instability:
         return largest_stable(self.stable, self.h)
 
 
-def find_instability(integrator: Integrator, omega: Array, damping: Array, h: float) -> Instability | None:
+def find_instability(
+    integrator: Integrator, omega: Array, damping: Array, h: float
+) -> Instability | None:
     """Whether a step h (s) is beyond the method's limit for one of some oscillators; the stiffest such one.
 
     A method that is unconditionally stable is not measured.
@@ -333,7 +352,9 @@ MOST_STEPS = 1_000_000_000
 """Steps that a run may have, some quarter of an hour for a few stories: a slip in dt does not run for years."""
 
 
-def choose_steps(dt: float | None, duration: float | None, record_dt: float | None, record_duration: float) -> Steps:
+def choose_steps(
+    dt: float | None, duration: float | None, record_dt: float | None, record_duration: float
+) -> Steps:
     """Time steps for a wished dt (s) and duration (s) under a record, or without one (`record_dt` None).
 
     A step divides the record's sampling interval or is a whole multiple of it. The last step ends at the duration or
@@ -346,12 +367,18 @@ def choose_steps(dt: float | None, duration: float | None, record_dt: float | No
     """
     if record_dt is None:
         if dt is None:
-            raise UsageError("no time step: without a record, give --dt or analysis.dt in the model file")
+            raise UsageError(
+                "no time step: without a record, give --dt or analysis.dt in the model file"
+            )
         if duration is None:
-            raise UsageError("no duration: without a record, give --duration or analysis.duration in the model file")
+            raise UsageError(
+                "no duration: without a record, give --duration or analysis.duration in the model file"
+            )
         return Steps(dt, _count(duration, dt), end=duration)
     if dt is not None and not record_dt / MOST_STEPS <= dt <= record_dt * MOST_STEPS:
-        raise UsageError(f"dt {dt:.6g} s is out of all proportion to the record's sampling interval {record_dt:.6g} s")
+        raise UsageError(
+            f"dt {dt:.6g} s is out of all proportion to the record's sampling interval {record_dt:.6g} s"
+        )
     duration = record_duration if duration is None else duration
     if dt is None:
         return Steps(record_dt, _count(duration, record_dt), end=duration)
@@ -360,7 +387,9 @@ def choose_steps(dt: float | None, duration: float | None, record_dt: float | No
         whole = round(ratio)
         if whole >= 1 and abs(ratio - whole) <= _SAME * whole:
             h = record_dt / whole if per_sample else record_dt * whole
-            return Steps(h, _count(duration, h), *((whole, 1) if per_sample else (1, whole)), end=duration)
+            return Steps(
+                h, _count(duration, h), *((whole, 1) if per_sample else (1, whole)), end=duration
+            )
     # The next larger and the next smaller step that would fit.
     whole = math.floor(dt / record_dt if dt > record_dt else record_dt / dt)
     if dt > record_dt:

@@ -29,7 +29,9 @@ from tdint.written_numbers import how_many
 MOST_STORIES = 1000  # beyond any building: a mistaken story height or period
 MOST_BEAM_MODES = 20_000  # 160 kB a period; more are asked for by a mistake alone
 
-_RESOLVED = 20.0  # modes up to so many times the fundamental frequency are followed within their own radian
+_RESOLVED = (
+    20.0  # modes up to so many times the fundamental frequency are followed within their own radian
+)
 _BEAM_MODES = 64  # at least; and all down to the period of half a sampling interval
 
 
@@ -57,7 +59,9 @@ class HeightPeriod:
         with np.errstate(all="ignore"):
             height = np.asarray((period / self.a) ** (1.0 / self.b))
         if not np.all(np.isfinite(height) & (height > 0.0)):
-            raise UsageError(f"the relation T = {self.a:g} H^{self.b:g} gives no height for a period")
+            raise UsageError(
+                f"the relation T = {self.a:g} H^{self.b:g} gives no height for a period"
+            )
         return height
 
 
@@ -75,7 +79,10 @@ class DriftSpectrum(Tabular):
     stories: NDArray[np.int64]
     peak_drift_ratio: Annotated[Array, Quantity("1", "largest story drift over story height")]
     story: Annotated[
-        NDArray[np.int64], Quantity("1", "where that is, from 1", lambda one: np.where(one.story > 0, one.story, None))
+        NDArray[np.int64],
+        Quantity(
+            "1", "where that is, from 1", lambda one: np.where(one.story > 0, one.story, None)
+        ),
     ]
     roof_drift_ratio: Annotated[
         Array, Quantity("1", "largest roof displacement relative to the ground, over the height")
@@ -142,7 +149,9 @@ def drift_spectrum(
     buildings: Sequence[_Stories | _Beam]
     if beam:
         numbers = np.zeros(periods.size, dtype=np.int64)
-        buildings = [_Beam(period, height, _modes_of_beam(period, record.dt)) for period, height in pairs]
+        buildings = [
+            _Beam(period, height, _modes_of_beam(period, record.dt)) for period, height in pairs
+        ]
     else:
         numbers = number_of_stories(heights, stories, story_height)
         buildings = [_Stories(*pair, n) for pair, n in zip(pairs, numbers.tolist(), strict=True)]
@@ -151,7 +160,9 @@ def drift_spectrum(
     return DriftSpectrum(record, damping, periods, heights, numbers, peak, where, roof)
 
 
-def number_of_stories(heights: Array, stories: int | None, story_height: float) -> NDArray[np.int64]:
+def number_of_stories(
+    heights: Array, stories: int | None, story_height: float
+) -> NDArray[np.int64]:
     """Number of stories of buildings with these heights (m), `stories` if given; see `drift_spectrum`.
 
     Raises
@@ -161,7 +172,9 @@ def number_of_stories(heights: Array, stories: int | None, story_height: float) 
     """
     if stories is None:
         if not 0.0 < story_height < math.inf:
-            raise UsageError(f"the story height must be a positive number of meters, got {story_height!r}")
+            raise UsageError(
+                f"the story height must be a positive number of meters, got {story_height!r}"
+            )
         counts = np.maximum(np.floor(heights / story_height + 0.5), 1.0)
     else:
         counts = np.full(heights.size, float(stories))
@@ -200,7 +213,10 @@ class _Stories:
         floors = np.sin(np.outer(self.theta, np.arange(self.n + 1)))
         participation = floors.sum(axis=1) / np.square(floors).sum(axis=1)
         drifts_of_stories = np.diff(floors, axis=1) * (self.n / self.height)
-        return np.asarray(participation[:, None] * np.column_stack([drifts_of_stories, floors[:, -1] / self.height]))
+        return np.asarray(
+            participation[:, None]
+            * np.column_stack([drifts_of_stories, floors[:, -1] / self.height])
+        )
 
     @property
     def static(self) -> Array:
@@ -227,7 +243,10 @@ class _Beam:
     @property
     def shapes(self) -> Array:
         signs = np.where(np.arange(self.modes) % 2 == 0, 1.0, -1.0)
-        return np.column_stack([np.full(self.modes, 2.0), 4.0 / math.pi * signs / self.odd]) / self.height
+        return (
+            np.column_stack([np.full(self.modes, 2.0), 4.0 / math.pi * signs / self.odd])
+            / self.height
+        )
 
     @property
     def static(self) -> Array:
@@ -259,7 +278,9 @@ def _march(record: Record, buildings: Sequence[_Stories | _Beam], damping: float
     """Results of the kernel for each building, shape (buildings, RESULTS)."""
     omegas = [building.omega for building in buildings]
     # The steps resolve these circular frequencies.
-    parts = [max(1, math.ceil(min(omega[-1], _RESOLVED * omega[0]) * record.dt)) for omega in omegas]
+    parts = [
+        max(1, math.ceil(min(omega[-1], _RESOLVED * omega[0]) * record.dt)) for omega in omegas
+    ]
     steps = [np.full(omega.size, record.dt / p) for omega, p in zip(omegas, parts, strict=True)]
     ends = np.cumsum([omega.size for omega in omegas])[:-1]
     # The kernel's table of modes: those of all buildings are computed at once.
@@ -297,5 +318,7 @@ def parse_height_period(text: str) -> HeightPeriod:
     except ValueError:
         a = b = math.nan
     if not (0.0 < a < math.inf and 0.0 < b < math.inf):
-        raise UsageError(f"a height-period relation must be two positive numbers, such as 0.0731,0.75, got {text!r}")
+        raise UsageError(
+            f"a height-period relation must be two positive numbers, such as 0.0731,0.75, got {text!r}"
+        )
     return HeightPeriod(a, b)

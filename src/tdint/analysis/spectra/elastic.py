@@ -36,11 +36,17 @@ Parts = NDArray[np.int64]
 _ASKED = ("asked",)
 DampingRatio = Annotated[float, Quantity("1", "viscous damping ratio")]
 Periods = Annotated[Array, Quantity("s", "natural period", called="period")]
-MaximaName = Annotated[str, Quantity("text", "where the largest values were looked for", shown=_ASKED)]
-InterpolationName = Annotated[str, Quantity("text", "the ground motion between its samples", shown=_ASKED)]
+MaximaName = Annotated[
+    str, Quantity("text", "where the largest values were looked for", shown=_ASKED)
+]
+InterpolationName = Annotated[
+    str, Quantity("text", "the ground motion between its samples", shown=_ASKED)
+]
 """What all spectra declare alike; the last two are columns where they are asked for."""
 
-_LANES = 56  # oscillators marched together at most: their numbers stay in the processor's first cache
+_LANES = (
+    56  # oscillators marched together at most: their numbers stay in the processor's first cache
+)
 _REGISTER = 8  # numbers that the processor handles at once
 _ROUNDING = 1e-9  # keeps a quotient that is a whole number from the next one
 
@@ -118,9 +124,13 @@ def _whole(omega: Array, dt: float) -> Parts:
 
 
 EXACT = Maxima("exact", _resolving, between=True, words="between them, too")
-PEER = Maxima("peer", _ten_per_period, between=False, words=f"at {STEPS_PER_PERIOD} or more steps per period")
+PEER = Maxima(
+    "peer", _ten_per_period, between=False, words=f"at {STEPS_PER_PERIOD} or more steps per period"
+)
 SAMPLES = Maxima("samples", _whole, between=False, words="at the samples only")
-INTERPOLATED = Maxima("interpolated", _whole, between=True, words="between them, too, on the method's own motion")
+INTERPOLATED = Maxima(
+    "interpolated", _whole, between=True, words="between them, too, on the method's own motion"
+)
 MAXIMA = {maxima.name: maxima for maxima in (EXACT, PEER, SAMPLES)}
 
 
@@ -142,7 +152,9 @@ def largest(ground: Array, dt: float, omega: Array, damping: float, maxima: Maxi
         lanes = _lanes(chosen.size)
         peaks = np.empty((spectra.PEAKS, chosen.size))
         scratch = spectra.scratch(ground.size, parts, lanes)
-        spectra.peaks.compiled(ground, dt, parts, table, lanes, int(maxima.between), peaks, *scratch)
+        spectra.peaks.compiled(
+            ground, dt, parts, table, lanes, int(maxima.between), peaks, *scratch
+        )
         result[:, chosen] = peaks
     return result
 
@@ -271,7 +283,9 @@ def spectrum(
         if settings.method is not None:
             label, values[:, positive] = _integrated(record, oscillating, damping, settings.method)
         else:
-            ground, dt = settings.interpolation.resample(record, 2.0 * math.pi / float(np.max(oscillating)))
+            ground, dt = settings.interpolation.resample(
+                record, 2.0 * math.pi / float(np.max(oscillating))
+            )
             values[:, positive] = largest(ground, dt, oscillating, damping, settings.maxima)
     sd, sv, sa = values
     psv, psa = omega * sd, omega**2 * sd
@@ -315,7 +329,9 @@ class OscillatorMotion:
     )
 
     @property
-    def ground_acceleration(self) -> Annotated[Array, Quantity("m/s^2", "acceleration of the ground")]:
+    def ground_acceleration(
+        self,
+    ) -> Annotated[Array, Quantity("m/s^2", "acceleration of the ground")]:
         """Of the record."""
         return self.record.acceleration
 
@@ -345,7 +361,9 @@ def oscillator_motion(record: Record, period: float, damping: float = 0.05) -> O
     omega = 2.0 * math.pi / period
     # Python's floats: a loop over numbers of numpy takes several times as long.
     table = recursion_table(np.array([omega]), np.array([record.dt]), damping, 0)[:, 0].tolist()
-    a11, a12, b10, b11, a21, a22, b20, b21 = (table[row] for row in (A11, A12, B10, B11, A21, A22, B20, B21))
+    a11, a12, b10, b11, a21, a22, b20, b21 = (
+        table[row] for row in (A11, A12, B10, B11, A21, A22, B20, B21)
+    )
     ground = record.acceleration.tolist()
     motion = np.zeros((len(ground), 2))
     u = v = 0.0
@@ -368,11 +386,15 @@ def checked_periods(periods: Array) -> Array:
     if periods.size == 0 or not np.all(np.isfinite(periods) & (periods >= 0.0)):
         raise UsageError("periods must be numbers of seconds, 0 or positive")
     if np.max(periods) > LONGEST_PERIOD:
-        raise UsageError(f"a period of {np.max(periods):.3g} s is beyond {LONGEST_PERIOD:.0e} s: no structure has it")
+        raise UsageError(
+            f"a period of {np.max(periods):.3g} s is beyond {LONGEST_PERIOD:.0e} s: no structure has it"
+        )
     return periods
 
 
-def choose_settings(method: str | None, maxima: str | None, interpolation: str | None) -> SpectrumSettings:
+def choose_settings(
+    method: str | None, maxima: str | None, interpolation: str | None
+) -> SpectrumSettings:
     """What is meant by the names that are given; those that are None follow from the others.
 
     Raises
@@ -381,7 +403,11 @@ def choose_settings(method: str | None, maxima: str | None, interpolation: str |
         An unknown name, or choices that do not go together.
     """
     integrated = method is not None and _parse(method).method.name != "exact"
-    where = INTERPOLATED if integrated and maxima is None else _named(MAXIMA, maxima or EXACT.name, "maxima")
+    where = (
+        INTERPOLATED
+        if integrated and maxima is None
+        else _named(MAXIMA, maxima or EXACT.name, "maxima")
+    )
     between = _named(INTERPOLATIONS, interpolation or LINEAR.name, "interpolation")
     if integrated and (where is not INTERPOLATED or between is not LINEAR):
         raise UsageError(
@@ -389,7 +415,9 @@ def choose_settings(method: str | None, maxima: str | None, interpolation: str |
             "also between the samples, and the interpolation is linear"
         )
     if between is not LINEAR and where is not EXACT:
-        raise UsageError(f"maxima {where.name} are those of the linear interpolation; leave one of the two out")
+        raise UsageError(
+            f"maxima {where.name} are those of the linear interpolation; leave one of the two out"
+        )
     return SpectrumSettings(method if integrated else None, where, between)
 
 
@@ -423,9 +451,13 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
             f"{2.0 * math.pi / omega[instability.index]:.6g} s; ask for longer periods or use another method"
         )
     steps = Steps(record.dt, record.acceleration.size - 1)
-    marched = PreparedBuilding(oscillators(omega, ratios)).march(integrator, steps, record.acceleration.copy())
+    marched = PreparedBuilding(oscillators(omega, ratios)).march(
+        integrator, steps, record.acceleration.copy()
+    )
     if marched.code < 0:
-        raise AnalysisError(f"{integrator.label} diverged at the record's step {record.dt:.6g} s; use another method")
+        raise AnalysisError(
+            f"{integrator.label} diverged at the record's step {record.dt:.6g} s; use another method"
+        )
     rows = [at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY, at.PEAK_ACCELERATION]
     return integrator.label, marched.space.peaks[rows]
 

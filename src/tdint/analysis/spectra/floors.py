@@ -39,7 +39,13 @@ def floor_numbers(names: Sequence[str], stories: int) -> tuple[int, ...]:
     """
     numbers = []
     for name in names:
-        floor = stories if name == ROOF else int(name) if name.isascii() and name.isdecimal() and len(name) < 9 else 0
+        floor = (
+            stories
+            if name == ROOF
+            else int(name)
+            if name.isascii() and name.isdecimal() and len(name) < 9
+            else 0
+        )
         if not 1 <= floor <= stories:
             raise UsageError(
                 f"floor {name!r}: the building has the floors 1 to {stories}, the last of them is the {ROOF}"
@@ -64,7 +70,11 @@ def floor_motion(response: Response, floor: int) -> Record:
         raise UsageError("the motion of a floor needs the run's history: run(..., history=True)")
     ground = response.record
     component = ground.component if ground else ""
-    channel = component if len(component) == 3 and component.isalnum() and component[1] == "N" else _CHANNEL
+    channel = (
+        component
+        if len(component) == 3 and component.isalnum() and component[1] == "N"
+        else _CHANNEL
+    )
     station = f"F{floor:0{max(2, len(str(len(response.model.stories))))}d}"
     return Record(
         acceleration=history.acceleration[:, floor - 1],
@@ -77,7 +87,10 @@ def floor_motion(response: Response, floor: int) -> Record:
 
 
 def floor_spectra(
-    response: Response, floors: Sequence[int | str], periods: Array, damping: Sequence[float] = (0.05,)
+    response: Response,
+    floors: Sequence[int | str],
+    periods: Array,
+    damping: Sequence[float] = (0.05,),
 ) -> tuple[FloorSpectrum, ...]:
     """Elastic response spectra of floors: exact for motions that are linear between the steps of the run.
 
@@ -105,5 +118,7 @@ def floor_spectra(
     numbers = floor_numbers([str(floor) for floor in floors], len(response.model.stories))
     motions = [(floor, floor_motion(response, floor)) for floor in numbers]
     return tuple(
-        FloorSpectrum(floor, spectrum(motion, periods, ratio)) for floor, motion in motions for ratio in damping
+        FloorSpectrum(floor, spectrum(motion, periods, ratio))
+        for floor, motion in motions
+        for ratio in damping
     )

@@ -40,14 +40,23 @@ class FourierSpectrum(Tabular):
     """
 
     record: Record
-    bandwidth: Annotated[float, Quantity("1", "bandwidth b of the smoothing (Konno and Ohmachi 1998)")]
+    bandwidth: Annotated[
+        float, Quantity("1", "bandwidth b of the smoothing (Konno and Ohmachi 1998)")
+    ]
     frequencies: Annotated[Array, Quantity("Hz", "frequency", called="frequency")]
     amplitude: Annotated[
-        Array, Quantity("m/s", "amplitude of the acceleration's Fourier transform", called="fourier_amplitude")
+        Array,
+        Quantity(
+            "m/s", "amplitude of the acceleration's Fourier transform", called="fourier_amplitude"
+        ),
     ]
 
     def _headline(self) -> str:
-        smoothed = "not smoothed" if math.isnan(self.bandwidth) else f"smoothed with b = {self.bandwidth:g}"
+        smoothed = (
+            "not smoothed"
+            if math.isnan(self.bandwidth)
+            else f"smoothed with b = {self.bandwidth:g}"
+        )
         return f"of {self.record.name}, {self.frequencies.size} frequencies, {smoothed}"
 
 
@@ -73,7 +82,9 @@ def fourier_spectrum(record: AnyRecord, smoothing: float | None = BANDWIDTH) -> 
     """
     record = record_of(record)
     if smoothing is not None and not _BOUNDS[0] <= smoothing <= _BOUNDS[1]:
-        raise UsageError(f"smoothing: the bandwidth is from {_BOUNDS[0]:g} to {_BOUNDS[1]:g}, got {smoothing!r:.40}")
+        raise UsageError(
+            f"smoothing: the bandwidth is from {_BOUNDS[0]:g} to {_BOUNDS[1]:g}, got {smoothing!r:.40}"
+        )
     amplitude = record.dt * np.abs(np.fft.rfft(record.acceleration))[1:]
     size = record.acceleration.size
     frequencies: Array = np.arange(1, size // 2 + 1) / (size * record.dt)

@@ -46,14 +46,29 @@ class InelasticSpectrum(Tabular):
     damping: DampingRatio
     hardening: Annotated[float, Quantity("1", "stiffness after yielding over the initial one")]
     target: Annotated[float | None, Quantity("1", "ductility asked for", called="target_ductility")]
-    periods: Annotated[Array, Quantity("s", "natural period of the initial stiffness", called="period")]
-    yield_displacement: Annotated[Array, Quantity("m", "displacement at first yield", called="yield_sd")]
+    periods: Annotated[
+        Array, Quantity("s", "natural period of the initial stiffness", called="period")
+    ]
+    yield_displacement: Annotated[
+        Array, Quantity("m", "displacement at first yield", called="yield_sd")
+    ]
     sd: Annotated[Array, Quantity("m", "largest displacement relative to the ground")]
     elastic_sd: Array
-    residual: Annotated[Array, Quantity("m", "displacement at rest after the record, with its sign")]
+    residual: Annotated[
+        Array, Quantity("m", "displacement at rest after the record, with its sign")
+    ]
 
     columns: ClassVar = (
-        *("damping", "hardening", "target", "periods", "yield_strength_ratio", "ductility", "residual", "sd"),
+        *(
+            "damping",
+            "hardening",
+            "target",
+            "periods",
+            "yield_strength_ratio",
+            "ductility",
+            "residual",
+            "sd",
+        ),
         *("yield_displacement", "yield_acceleration", "reduction_factor"),
     )
 
@@ -66,7 +81,9 @@ class InelasticSpectrum(Tabular):
         return _quotient(self.sd, self.yield_displacement)
 
     @property
-    def yield_acceleration(self) -> Annotated[Array, Quantity("m/s^2", "yield force over mass", called="yield_psa")]:
+    def yield_acceleration(
+        self,
+    ) -> Annotated[Array, Quantity("m/s^2", "yield force over mass", called="yield_psa")]:
         """Omega^2 times the yield displacement, m/s^2."""
         return np.asarray((2.0 * math.pi / self.periods) ** 2 * self.yield_displacement)
 
@@ -76,18 +93,27 @@ class InelasticSpectrum(Tabular):
         return self.yield_acceleration / STANDARD_GRAVITY
 
     @property
-    def reduction_factor(self) -> Annotated[Array, Quantity("1", "largest elastic force over yield force")]:
+    def reduction_factor(
+        self,
+    ) -> Annotated[Array, Quantity("1", "largest elastic force over yield force")]:
         """Nan without strength."""
         return _quotient(self.elastic_sd, self.yield_displacement)
 
 
 def _quotient(above: Array, below: Array) -> Array:
     """Nan where `below` is zero."""
-    return np.asarray(np.divide(above, below, out=np.full(above.shape, math.nan), where=below > 0.0))
+    return np.asarray(
+        np.divide(above, below, out=np.full(above.shape, math.nan), where=below > 0.0)
+    )
 
 
 def constant_ductility(
-    record: AnyRecord, periods: Array, ductilities: Sequence[float], damping: float = 0.05, *, hardening: float = 0.0
+    record: AnyRecord,
+    periods: Array,
+    ductilities: Sequence[float],
+    damping: float = 0.05,
+    *,
+    hardening: float = 0.0,
 ) -> list[InelasticSpectrum]:
     """Spectra of the strengths that lead to given ductilities.
 
@@ -129,12 +155,21 @@ def constant_ductility(
             # A continuous function that starts at 1 reaches the smaller ductilities first.
             ratio = largest_ratio(oscillator.ductility, target, ratio)
             strength = ratio * oscillator.elastic
-            result[i] = (strength, *oscillator.response(strength)) if target > 1.0 else (strength, strength, 0.0)
+            result[i] = (
+                (strength, *oscillator.response(strength))
+                if target > 1.0
+                else (strength, strength, 0.0)
+            )
     return [_spectrum(given, oscillators, target, results[target]) for target in ductilities]
 
 
 def constant_strength(
-    record: AnyRecord, periods: Array, strengths: Sequence[float], damping: float = 0.05, *, hardening: float = 0.0
+    record: AnyRecord,
+    periods: Array,
+    strengths: Sequence[float],
+    damping: float = 0.05,
+    *,
+    hardening: float = 0.0,
 ) -> list[InelasticSpectrum]:
     """Spectra of oscillators of given strengths.
 
@@ -159,7 +194,9 @@ def constant_strength(
     """
     given, oscillators = _oscillators(record, periods, damping, hardening)
     if not all(_WEAKEST <= strength <= _STRONGEST for strength in strengths):
-        raise UsageError(f"yield strength ratios must be positive numbers from {_WEAKEST:g} to {_STRONGEST:g}")
+        raise UsageError(
+            f"yield strength ratios must be positive numbers from {_WEAKEST:g} to {_STRONGEST:g}"
+        )
     results = np.zeros((len(strengths), len(oscillators), 3))
     for i, oscillator in enumerate(oscillators):
         for result, strength in zip(results, strengths, strict=True):
@@ -180,17 +217,30 @@ def _oscillators(
     if not 0.0 <= hardening < 1.0:
         raise UsageError(f"hardening must be a ratio in [0, 1), got {hardening!r}")
     check_shortest(periods, record.dt, SHORTEST)
-    ground, omegas = record.acceleration.copy(), [2.0 * math.pi / period for period in periods.tolist()]
+    ground, omegas = (
+        record.acceleration.copy(),
+        [2.0 * math.pi / period for period in periods.tolist()],
+    )
     oscillators = [_Oscillator(ground, record.dt, omega, damping, hardening) for omega in omegas]
-    return {"record": record, "damping": damping, "hardening": hardening, "periods": periods}, oscillators
+    return {
+        "record": record,
+        "damping": damping,
+        "hardening": hardening,
+        "periods": periods,
+    }, oscillators
 
 
 def _spectrum(
     given: dict[str, Any], oscillators: Sequence[_Oscillator], target: float | None, result: Array
 ) -> InelasticSpectrum:
     """Of the yield displacement, the largest one and the one at rest of each oscillator, a row each."""
-    names, elastic = ("yield_displacement", "sd", "residual"), np.array([one.elastic for one in oscillators])
-    return InelasticSpectrum(**given, target=target, elastic_sd=elastic, **dict(zip(names, result.T, strict=True)))
+    names, elastic = (
+        ("yield_displacement", "sd", "residual"),
+        np.array([one.elastic for one in oscillators]),
+    )
+    return InelasticSpectrum(
+        **given, target=target, elastic_sd=elastic, **dict(zip(names, result.T, strict=True))
+    )
 
 
 @dataclass(frozen=True)
@@ -207,7 +257,13 @@ class _Oscillator:
         """Largest displacement and displacement at rest afterwards, m."""
         results = np.empty(inelastic.RESULTS)
         code = inelastic.bilinear_response.compiled(
-            self.ground, self.dt, self.omega, self.damping, self.hardening, yield_displacement, results
+            self.ground,
+            self.dt,
+            self.omega,
+            self.damping,
+            self.hardening,
+            yield_displacement,
+            results,
         )
         if code < 0:
             raise AnalysisError(
@@ -265,7 +321,9 @@ Point = tuple[float, float]
 """A ratio and its ductility."""
 
 
-def _bracket(ductility: Callable[[float], float], target: float, start: float) -> tuple[Point, Point]:
+def _bracket(
+    ductility: Callable[[float], float], target: float, start: float
+) -> tuple[Point, Point]:
     """The first ratio from above that reaches the target, and one above it that does not."""
     before = high = (start, min(ductility(start), target))
     while high[1] < target:
@@ -310,7 +368,9 @@ def _summit(ductility: Callable[[float], float], target: float, low: float, high
         return -value
 
     try:
-        minimum = minimize_scalar(depth, bounds=(low, high), method="bounded", options={"xatol": _SUMMIT * high})
+        minimum = minimize_scalar(
+            depth, bounds=(low, high), method="bounded", options={"xatol": _SUMMIT * high}
+        )
     except _Reached as reached:
         return reached.point
     return float(minimum.x), -float(minimum.fun)

@@ -23,7 +23,9 @@ from tdint.model.building import assemble
 from tdint.model.definition import Model
 from tdint.tabular import Tabular
 
-_USUAL_DAMPING = 0.05  # of a target that does not say which damping it is for, as design spectra have it
+_USUAL_DAMPING = (
+    0.05  # of a target that does not say which damping it is for, as design spectra have it
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -106,7 +108,9 @@ def modal_response(model: AnyModel, target: TargetSpectrum | str) -> ModalRespon
     # Modes that are shorter than the target goes move with the ground: with its peak acceleration, if that is known.
     short = period < (0.0 if demand.curve else demand.periods[0])
     if period[0] > demand.periods[-1] * (1.0 + 1e-9):
-        raise UsageError(f"{demand.source}: ends at {demand.periods[-1]:g} s, and the first mode has {period[0]:.4g} s")
+        raise UsageError(
+            f"{demand.source}: ends at {demand.periods[-1]:g} s, and the first mode has {period[0]:.4g} s"
+        )
     acceleration = np.full(period.size, demand.zero if demand.zero is not None else 0.0)
     acceleration[~short] = demand.at(period[~short])
     # Peaks of each mode, a row each.
@@ -114,7 +118,8 @@ def modal_response(model: AnyModel, target: TargetSpectrum | str) -> ModalRespon
     displacement = (modes.shapes * (factor * acceleration / modes.omega**2)).T
     forces = (modes.mass[:, None] * modes.shapes * (factor * acceleration)).T
     peaks = {
-        "drift": displacement - building.linear_terms[at.LINK, :-1] * np.roll(displacement, 1, axis=1),
+        "drift": displacement
+        - building.linear_terms[at.LINK, :-1] * np.roll(displacement, 1, axis=1),
         "shear": np.cumsum(forces[:, ::-1], axis=1)[:, ::-1],
         "displacement": displacement,
         "force": forces,
@@ -132,7 +137,9 @@ def modal_response(model: AnyModel, target: TargetSpectrum | str) -> ModalRespon
     }
     rigid, left_out = (int(short.sum()), 0) if demand.zero is not None else (0, int(short.sum()))
     ratios, base = modes.mass_ratio, peaks["shear"][:, 0]
-    return ModalResponse(model, demand, period, acceleration, ratios, rigid, left_out, base, **combined)
+    return ModalResponse(
+        model, demand, period, acceleration, ratios, rigid, left_out, base, **combined
+    )
 
 
 def correlations(omega: Array, damping: float) -> Array:

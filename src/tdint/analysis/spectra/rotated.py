@@ -99,7 +99,9 @@ def rotated_spectrum(
         A period is too short for the record.
     """
     if not percentiles or not all(0 <= percentile <= 100 for percentile in percentiles):
-        raise UsageError(f"percentiles must be from 0 to 100, got {', '.join(map(str, percentiles)) or 'none'}")
+        raise UsageError(
+            f"percentiles must be from 0 to 100, got {', '.join(map(str, percentiles)) or 'none'}"
+        )
     motion = horizontals_of(motion)
     damping = damping_of(damping)
     periods = checked_periods(periods)
@@ -113,7 +115,9 @@ def rotated_spectrum(
     if not np.all(positive):
         # A rigid oscillator has the peak ground acceleration in each direction.
         first, second = motion.first.acceleration, motion.second.acceleration
-        rotated = (replace(motion.first, acceleration=c * first + s * second) for c, s in _directions().T)
+        rotated = (
+            replace(motion.first, acceleration=c * first + s * second) for c, s in _directions().T
+        )
         psa[~positive] = [settings.interpolation.peak(record) for record in rotated]
     return RotatedSpectrum(
         motion=motion,
@@ -128,16 +132,25 @@ def rotated_spectrum(
     )
 
 
-def _displacements(motion: Horizontals, omega: Array, damping: float, settings: SpectrumSettings) -> Array:
+def _displacements(
+    motion: Horizontals, omega: Array, damping: float, settings: SpectrumSettings
+) -> Array:
     """Largest displacement (m) of each oscillator in each direction, shape (k, ANGLES)."""
     shortest = 2.0 * math.pi / float(np.max(omega))
-    components = (settings.interpolation.resample(record, shortest) for record in (motion.first, motion.second))
+    components = (
+        settings.interpolation.resample(record, shortest)
+        for record in (motion.first, motion.second)
+    )
     (first, dt), (second, _) = components
     result, between = np.empty((omega.size, rotation.ANGLES)), int(settings.maxima.between)
-    for chosen, parts, table in groups(omega, damping, dt, settings.maxima, lambda count: rotation.LANES):
+    for chosen, parts, table in groups(
+        omega, damping, dt, settings.maxima, lambda count: rotation.LANES
+    ):
         peaks = np.empty((chosen.size, rotation.ANGLES))
         scratch = rotation.scratch(first.size, parts)
-        rotation.rotated_peaks.compiled(first, second, dt, parts, table, _directions(), between, peaks, *scratch)
+        rotation.rotated_peaks.compiled(
+            first, second, dt, parts, table, _directions(), between, peaks, *scratch
+        )
         result[chosen] = peaks
     return result
 

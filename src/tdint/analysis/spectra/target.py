@@ -58,7 +58,9 @@ _LEAST_ETA = 0.55  # EN 1998-1 3.2.2.2 (3)
 _EC8_END = 4.0  # s; beyond it stands Annex A, for type 1 alone
 _TE = {"A": 4.5, "B": 5.0, "C": 6.0, "D": 6.0, "E": 6.0}  # s, EN 1998-1:2004 table A.1
 _TF = 10.0  # s; from here on the displacement is that of the ground
-_LONGEST_PERIOD = 20.0  # s; TL of the maps is 4 to 16 s, and isolated and tall buildings are asked for up to 2 T1
+_LONGEST_PERIOD = (
+    20.0  # s; TL of the maps is 4 to 16 s, and isolated and tall buildings are asked for up to 2 T1
+)
 
 
 DesignSpectrum: TypeAlias = tuple[Callable[[Array], Array], tuple[float, ...], float, float]
@@ -79,7 +81,11 @@ def _two_period(given: Texts, factor: float = 1.0) -> DesignSpectrum:
     def curve(periods: Array) -> Array:
         t = np.maximum(periods, t0)  # no branch divides by 0
         shape = np.where(t <= ts, sds, np.where(t <= tl, sd1 / t, sd1 * tl / t**2))
-        return factor * STANDARD_GRAVITY * np.where(periods < t0, sds * (0.4 + 0.6 * periods / t0), shape)
+        return (
+            factor
+            * STANDARD_GRAVITY
+            * np.where(periods < t0, sds * (0.4 + 0.6 * periods / t0), shape)
+        )
 
     return curve, (t0, ts, tl), 0.05, _LONGEST_PERIOD
 
@@ -93,9 +99,14 @@ def _ec8(given: Texts) -> DesignSpectrum:
     if given["soil"].upper() not in soils:
         raise UsageError(f"soil must be one of {', '.join(soils)}, got {given['soil']!r}")
     recommended = dict(zip(("s", "tb", "tc", "td"), soils[given["soil"].upper()], strict=True))
-    s, tb, tc, td = (parse_positive(key, given[key]) if key in given else value for key, value in recommended.items())
+    s, tb, tc, td = (
+        parse_positive(key, given[key]) if key in given else value
+        for key, value in recommended.items()
+    )
     if not tb < tc < td < _EC8_END:
-        raise UsageError(f"tb, tc, td must rise, below {_EC8_END:g} s, got {tb:g}, {tc:g}, {td:g} s")
+        raise UsageError(
+            f"tb, tc, td must rise, below {_EC8_END:g} s, got {tb:g}, {tc:g}, {td:g} s"
+        )
     ag = parse_with_unit(given["ag"], "acceleration", "0.25g", "ag")
     damping = parse_ratio(given.get("damping", "5%"))
     if not 0.0 < damping < 1.0:
@@ -107,7 +118,9 @@ def _ec8(given: Texts) -> DesignSpectrum:
     def curve(periods: Array) -> Array:
         t = np.maximum(periods, tb)  # no branch divides by 0
         shape = plateau * np.where(t <= tc, 1.0, np.where(t <= td, tc / t, tc * td / t**2))
-        displacement = 0.025 * tc * td * (plateau + np.clip((t - te) / (_TF - te), 0.0, 1.0) * (1.0 - plateau))
+        displacement = (
+            0.025 * tc * td * (plateau + np.clip((t - te) / (_TF - te), 0.0, 1.0) * (1.0 - plateau))
+        )
         shape = np.where(t <= te, shape, displacement * (2.0 * np.pi / t) ** 2)
         return ag * s * np.where(periods < tb, 1.0 + periods / tb * (plateau - 1.0), shape)
 
@@ -120,7 +133,16 @@ CODES: Mapping[str, tuple[Callable[[Texts], DesignSpectrum], Mapping[str, bool]]
     "mcer": (partial(_two_period, factor=_MCER), _TWO_PERIOD),
     "ec8": (
         _ec8,
-        {"type": True, "soil": True, "ag": True, "damping": False, "s": False, "tb": False, "tc": False, "td": False},
+        {
+            "type": True,
+            "soil": True,
+            "ag": True,
+            "damping": False,
+            "s": False,
+            "tb": False,
+            "tc": False,
+            "td": False,
+        },
     ),
 }
 """By name what makes the spectrum, and its parameters: whether each must be given."""
@@ -138,7 +160,10 @@ _NEEDS = (
     "a target spectrum is a CSV file with the columns period_s and sa_g or sa_m_s2, or a design spectrum by name, such "
     "as asce7:sds=1.0,sd1=0.6,tl=8"
 )
-_GRID = (0.01, 241)  # s, and how many periods at which a named spectrum is drawn and written, beside its corners
+_GRID = (
+    0.01,
+    241,
+)  # s, and how many periods at which a named spectrum is drawn and written, beside its corners
 
 
 @dataclass(frozen=True)
@@ -225,7 +250,9 @@ class TargetSpectrum:
             )
         if self.curve is not None:
             return self.curve(periods)
-        return np.asarray(np.exp(np.interp(np.log(periods), np.log(self.periods), np.log(self.psa))))
+        return np.asarray(
+            np.exp(np.interp(np.log(periods), np.log(self.periods), np.log(self.psa)))
+        )
 
 
 def read_target(source: str) -> TargetSpectrum:
@@ -246,10 +273,14 @@ def read_target(source: str) -> TargetSpectrum:
     if name not in CODES:
         if words is None:
             return _read_points(source)
-        raise UsageError(f"{source[:60]!r}: no design spectrum {name!r}; there are {', '.join(CODES)}")
+        raise UsageError(
+            f"{source[:60]!r}: no design spectrum {name!r}; there are {', '.join(CODES)}"
+        )
     make, parameters = CODES[name]
     try:
-        curve, corners, damping, longest = make(parse_named(name, words or "", parameters, EXAMPLES[name]))
+        curve, corners, damping, longest = make(
+            parse_named(name, words or "", parameters, EXAMPLES[name])
+        )
     except UsageError as error:
         raise UsageError(f"{source[:60]!r}: {error}") from None
     low, count = _GRID
@@ -263,10 +294,16 @@ def _read_points(source: str) -> TargetSpectrum:
     table = read_table(source, _NEEDS)
     # The columns of periods and of accelerations with their units; pseudo-accelerations before others.
     columns = [(name, *name_and_units(name)) for name in table.header]
-    in_seconds = (name for name, quantity, unit in columns if quantity in _PERIODS and unit in ("", "s", "sec"))
+    in_seconds = (
+        name
+        for name, quantity, unit in columns
+        if quantity in _PERIODS and unit in ("", "s", "sec")
+    )
     period = next(in_seconds, "period_s")
     values = [
-        name for name, quantity, unit in columns if _VALUE.fullmatch(quantity) and canonical(unit) in ACCELERATION
+        name
+        for name, quantity, unit in columns
+        if _VALUE.fullmatch(quantity) and canonical(unit) in ACCELERATION
     ]
     values = [name for name in values if "psa" in name] or values
     if not values:
@@ -275,9 +312,14 @@ def _read_points(source: str) -> TargetSpectrum:
             f"{', '.join(table.header)[:200]}"
         )
     if len(values) > 1:
-        raise ModelError(f"{table.source}:1: several spectra, {', '.join(values)}; leave one of them")
+        raise ModelError(
+            f"{table.source}:1: several spectra, {', '.join(values)}; leave one of them"
+        )
     value, factor = values[0], ACCELERATION[canonical(name_and_units(values[0])[1])]
-    periods, psa = np.array(table.numbers(period)), factor * np.array(table.numbers(value, positive=True))
+    periods, psa = (
+        np.array(table.numbers(period)),
+        factor * np.array(table.numbers(value, positive=True)),
+    )
     falls = np.flatnonzero(np.diff(periods, prepend=-1.0) <= 0.0)
     if falls.size or periods[0] < 0.0:
         place = int(falls[0]) if falls.size else 0
@@ -353,8 +395,14 @@ class PublishedSpectrum:
         low, high = self.periods[positive][0], self.periods[positive][-1]
         outside = (periods < low * (1.0 - _SAME)) | (periods > high * (1.0 + _SAME))
         if np.any(outside):
-            raise UsageError(f"{self.source} goes from {low:.6g} to {high:.6g} s, without {periods[outside][0]:.6g} s")
-        return np.exp(np.interp(np.log(periods), np.log(self.periods[positive]), np.log(self.values[positive])))
+            raise UsageError(
+                f"{self.source} goes from {low:.6g} to {high:.6g} s, without {periods[outside][0]:.6g} s"
+            )
+        return np.exp(
+            np.interp(
+                np.log(periods), np.log(self.periods[positive]), np.log(self.values[positive])
+            )
+        )
 
 
 @dataclass(frozen=True)
@@ -412,7 +460,9 @@ class SpectrumDifference:
         return float(difference[i]), float(self.periods[i])
 
 
-def read_published(source: str | Path, damping: float, column: str | None = None) -> PublishedSpectrum:
+def read_published(
+    source: str | Path, damping: float, column: str | None = None
+) -> PublishedSpectrum:
     """Read a published spectrum: CSV with names in its first line, which say quantity and units.
 
     Parameters
@@ -438,10 +488,14 @@ def read_published(source: str | Path, damping: float, column: str | None = None
     place = next((place for place, (name, _) in enumerate(columns) if name in _PERIODS), None)
     if place is None:
         listed = ", ".join(table.names)[:200]
-        raise RecordError(f"{table.source}: has no column of periods (period_s); there are {listed}")
+        raise RecordError(
+            f"{table.source}: has no column of periods (period_s); there are {listed}"
+        )
     text, units = table.names[place], columns[place][1]
     if units not in SECONDS:
-        raise RecordError(f"{table.source}: the name of the column {text!r} must say its unit, such as period_s")
+        raise RecordError(
+            f"{table.source}: the name of the column {text!r} must say its unit, such as period_s"
+        )
     quantity, values = _values(table, column)
     periods = SECONDS[units] * table.numbers(place)
     # The rows of the damping ratio, by rising periods.
@@ -461,14 +515,21 @@ def read_published(source: str | Path, damping: float, column: str | None = None
     return PublishedSpectrum(str(source), quantity, periods, values, table.input)
 
 
-def differences(spectra: Sequence[Spectrum], published: PublishedSpectrum, log_log: bool) -> list[SpectrumDifference]:
+def differences(
+    spectra: Sequence[Spectrum], published: PublishedSpectrum, log_log: bool
+) -> list[SpectrumDifference]:
     """Computed spectra beside a published one."""
-    return [SpectrumDifference(spectrum, published, published.at(spectrum.periods, log_log)) for spectrum in spectra]
+    return [
+        SpectrumDifference(spectrum, published, published.at(spectrum.periods, log_log))
+        for spectrum in spectra
+    ]
 
 
 def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
     """Quantity and values (SI units) of the column."""
-    columns = {text: name_and_units(text) for text in table.names if name_and_units(text)[0] in QUANTITIES}
+    columns = {
+        text: name_and_units(text) for text in table.names if name_and_units(text)[0] in QUANTITIES
+    }
     if column is not None:
         table.place(column)
         if column not in columns:
@@ -477,7 +538,9 @@ def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
             )
     elif len(columns) != 1:
         if columns:
-            raise UsageError(f"{table.source}: name one of its columns with --against-column: {', '.join(columns)}")
+            raise UsageError(
+                f"{table.source}: name one of its columns with --against-column: {', '.join(columns)}"
+            )
         raise RecordError(
             f"{table.source}: has no column of a spectrum ({', '.join(QUANTITIES)}, with units: psa_g); there are "
             f"{', '.join(table.names)[:200]}"
@@ -492,6 +555,8 @@ def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
             f"{table.source}: the name of the column {chosen!r} must end with its units (psa_g)"
         ) from None
     if units.quantity != QUANTITIES[name][0]:
-        raise RecordError(f"{table.source}: the column {chosen!r} has units of a {units.quantity}: {text}")
+        raise RecordError(
+            f"{table.source}: the column {chosen!r} has units of a {units.quantity}: {text}"
+        )
     values = units.scale * table.numbers(table.place(chosen))
     return name, values

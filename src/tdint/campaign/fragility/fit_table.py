@@ -104,17 +104,24 @@ class FragilityResult(Tabular):
     @property
     def disagreements(self) -> list[str]:
         """Where functions and counts part by more than their scatter allows, and what no count stands beside."""
-        return [*(text for fit in self.functions if (text := fit.disagreement)), *extrapolated(self.functions)]
+        return [
+            *(text for fit in self.functions if (text := fit.disagreement)),
+            *extrapolated(self.functions),
+        ]
 
     @classmethod
     def of(cls, results: Iterable[Fragility | AnalysisError], *warnings: str) -> Self:
         """What came of several fits."""
         every = list(results)
         functions = tuple(fit for fit in every if isinstance(fit, Fragility))
-        return cls(functions, tuple(fit for fit in every if isinstance(fit, AnalysisError)), warnings)
+        return cls(
+            functions, tuple(fit for fit in every if isinstance(fit, AnalysisError)), warnings
+        )
 
     def _headline(self) -> str:
-        medians = ", ".join(f"{function.theta:.4g} {function.unit}".rstrip() for function in self.functions)
+        medians = ", ".join(
+            f"{function.theta:.4g} {function.unit}".rstrip() for function in self.functions
+        )
         return f"of {how_many(len(self.functions), 'function')}, medians {medians}"
 
 
@@ -176,7 +183,13 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
     folder, file = Path(source), source
     if source != "-" and is_folder(folder):
         has_ida = request.fit == CLOUD and (folder / "ida.csv").is_file()
-        names = ["runs.csv"] if request.fit == STRIPES else ["ida.csv"] if has_ida else ["capacities.csv", "runs.csv"]
+        names = (
+            ["runs.csv"]
+            if request.fit == STRIPES
+            else ["ida.csv"]
+            if has_ida
+            else ["capacities.csv", "runs.csv"]
+        )
         path = next((folder / name for name in names if (folder / name).is_file()), None)
         if path is None:
             raise ModelError(
@@ -197,7 +210,9 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
     if len(suited) > 1:
         both = " and of ".join(",".join(kind.columns) for kind in suited)
         fits = " or ".join(f"--fit {kind.fits[0]}" for kind in suited)
-        raise UsageError(f"{table.source}:1: this is a table of {both}; say which is meant by {fits}")
+        raise UsageError(
+            f"{table.source}:1: this is a table of {both}; say which is meant by {fits}"
+        )
     # The dispersion of the model is not fitted: each function takes it along.
     result = suited[0].fit(table, request)
     functions = [replace(function, beta_model=request.beta_model) for function in result.functions]
@@ -210,15 +225,25 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     table.check("records", total > 0.0, "must be positive")
     for name, counts in (("records", total), ("collapses", hits)):
         table.check(name, counts == np.floor(counts), "must be a whole number")
-    table.check("collapses", (hits >= 0.0) & (hits <= total), "must be from 0 to the number of records")
+    table.check(
+        "collapses", (hits >= 0.0) & (hits <= total), "must be from 0 to the number of records"
+    )
 
     # The counts go along with the function, for pictures and for the test of its shape.
     def fit(chosen: NDArray[np.bool_]) -> Fragility:
-        levels, all_runs, share = im[chosen], total[chosen], np.sum(hits[chosen]) / np.sum(total[chosen])
+        levels, all_runs, share = (
+            im[chosen],
+            total[chosen],
+            np.sum(hits[chosen]) / np.sum(total[chosen]),
+        )
         function = fit_stripes(levels, hits[chosen], all_runs)
         told = function.beside_counts(levels, hits[chosen] / all_runs, runs=all_runs)
         # Counts that others publish with their interval keep it where the median alone lies beyond their levels.
-        return replace(told, covariance=function.covariance) if SELDOM <= share <= 1.0 - SELDOM else told
+        return (
+            replace(told, covariance=function.covariance)
+            if SELDOM <= share <= 1.0 - SELDOM
+            else told
+        )
 
     functions = _by_threshold(table, request, fit)
     return FragilityResult.of(functions)
@@ -243,7 +268,9 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
             # Capacities of motions of their own are independent: their errors are known in closed form.
             alike = motion is not None and np.unique(motion[of]).size < np.sum(of)
             (function,) = over_motions(
-                lambda taken: [fit_capacities(capacity[taken], censored[taken].tolist())], of, motion if alike else None
+                lambda taken: [fit_capacities(capacity[taken], censored[taken].tolist())],
+                of,
+                motion if alike else None,
             )
             assert isinstance(function, Fragility)
             # Known ones are all beyond.
@@ -253,15 +280,23 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
             if isinstance(function, Fragility):
                 functions.append(replace(function, damage=state))
             else:
-                functions.append(function if math.isnan(state) else AnalysisError(f"damage {state:g}: {function}"))
+                functions.append(
+                    function
+                    if math.isnan(state)
+                    else AnalysisError(f"damage {state:g}: {function}")
+                )
     without = int(np.sum(~finite))
-    warnings = (f"{table.source}: {how_many(without, 'row')} without a capacity left out",) * (without > 0)
+    warnings = (f"{table.source}: {how_many(without, 'row')} without a capacity left out",) * (
+        without > 0
+    )
     return FragilityResult.of(functions, *warnings)
 
 
 def _fit_cloud(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     im, edp = (np.array(table.numbers(name, positive=True)) for name in ("im", "edp"))
-    return _cloud(table, request, im, edp, np.array(table.truths("censored")), motion=_told_motions(table))
+    return _cloud(
+        table, request, im, edp, np.array(table.truths("censored")), motion=_told_motions(table)
+    )
 
 
 def _told_motions(table: CsvTable) -> NDArray[np.intp] | None:
@@ -278,7 +313,9 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     fit = request.fit or (STRIPES if in_stripes else CLOUD)
     # A cloud's runs have intensities of their own: each would be a stripe of one.
     if fit == STRIPES and not in_stripes:
-        raise UsageError(f"{table.source}: the runs do not stand at common levels of intensity; use --fit cloud")
+        raise UsageError(
+            f"{table.source}: the runs do not stand at common levels of intensity; use --fit cloud"
+        )
     _check_thresholds(table, request)
     lost = int(np.sum(~runs.result))
     left_out = f"{table.source}: {lost} of {lost + int(np.sum(runs.result))} runs have no result and are left out"
@@ -286,10 +323,14 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
         # A collapse is beyond every threshold, and no more is known: where a runaway stopped is the method's.
         of = runs.result
         drift = np.where(runs.collapsed, max(request.thresholds), runs.drift)[of]
-        result = _cloud(table, request, runs.im[of], drift, runs.collapsed[of], runs.names, runs.motion[of])
+        result = _cloud(
+            table, request, runs.im[of], drift, runs.collapsed[of], runs.names, runs.motion[of]
+        )
         of_cloud = tuple(replace(item, failed=lost) for item in result.functions)
         return replace(result, functions=of_cloud, warnings=(left_out,) * (lost > 0))
-    functions = [_tried(drift, runs.names, partial(_of_stripes, runs, drift)) for drift in request.thresholds]
+    functions = [
+        _tried(drift, runs.names, partial(_of_stripes, runs, drift)) for drift in request.thresholds
+    ]
     leaning = "which leans the fits; how far at most tell those with all of them counted as exceeding, and as not"
     return FragilityResult.of(functions, *(f"{left_out}, {leaning}",) * (lost > 0))
 
@@ -312,7 +353,9 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
     try:
         table.only("building")
     except ModelError as error:
-        raise ModelError(f"{error}, or of a campaign's folder fit functions of each with --by building") from None
+        raise ModelError(
+            f"{error}, or of a campaign's folder fit functions of each with --by building"
+        ) from None
     status = np.array(table.texts("status"))
     drift = np.array(table.numbers("peak_drift_ratio", empty=True))
 
@@ -322,8 +365,13 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
     else:
         measure = measure_named(request.measure or "sa")
         name = measure.label(period_beside(table))
-        if request.measure is None and not any(table.has(f"{measure.column}{suffix(unit)}") for unit in ACCELERATION):
-            column, unit = f"{measure.column}{suffix('m/s^2')}", "m/s^2"  # which the table is then said to lack
+        if request.measure is None and not any(
+            table.has(f"{measure.column}{suffix(unit)}") for unit in ACCELERATION
+        ):
+            column, unit = (
+                f"{measure.column}{suffix('m/s^2')}",
+                "m/s^2",
+            )  # which the table is then said to lack
         else:
             column, unit = column_of(table, measure.column)
     im = np.array(table.numbers(column, empty=True))
@@ -367,7 +415,11 @@ def _stripes(runs: _Runs, over: NDArray[np.bool_], taken: NDArray[np.bool_]) -> 
     places = [taken & (runs.level == level) for level in np.unique(runs.level[taken])]
     # A level's intensities differ by rounding: their geometric mean stands for all.
     middle = [float(np.exp(np.mean(np.log(runs.im[place])))) for place in places]
-    return fit_stripes(middle, [int(np.sum(over[place])) for place in places], [int(np.sum(place)) for place in places])
+    return fit_stripes(
+        middle,
+        [int(np.sum(over[place])) for place in places],
+        [int(np.sum(place)) for place in places],
+    )
 
 
 def _cloud(
@@ -393,7 +445,9 @@ def _cloud(
         return [*fit_cloud(im[of], np.minimum(edp, high)[of], request.thresholds, censored[of])]
 
     try:
-        functions = [item for item in over_motions(fit, kept, motion) if isinstance(item, Fragility)]
+        functions = [
+            item for item in over_motions(fit, kept, motion) if isinstance(item, Fragility)
+        ]
     except AnalysisError as error:
         return FragilityResult((), (error,))
     # Counts stand beside it of the runs that are known to be on one side of the threshold.
@@ -412,14 +466,18 @@ def _by_threshold(
     # Without the column all rows are of one threshold, whatever it is.
     if not table.has("threshold"):
         if len(request.thresholds) > 1:
-            raise UsageError(f"{table.source}: has no column threshold: one --threshold at most, the one it is for")
+            raise UsageError(
+                f"{table.source}: has no column threshold: one --threshold at most, the one it is for"
+            )
         every = np.ones(len(table.rows), bool)
         return [_tried(next(iter(request.thresholds), math.nan), names, lambda: fit(every))]
     # Thresholds went through a text: they are compared but for rounding.
     thresholds = np.array(table.numbers("threshold", empty=True))
     there = list(dict.fromkeys(thresholds[np.isfinite(thresholds)].tolist()))
     if not there:
-        raise ModelError(f"{table.source}: no row has a threshold; fill the column in or leave it out")
+        raise ModelError(
+            f"{table.source}: no row has a threshold; fill the column in or leave it out"
+        )
     functions = []
     for threshold in request.thresholds or there:
         rows = np.isclose(thresholds, threshold, rtol=SAME_LEVEL, atol=0.0)
@@ -430,12 +488,16 @@ def _by_threshold(
     return functions
 
 
-def _tried(threshold: float, names: tuple[str, str], fit: Callable[[], Fragility]) -> Fragility | AnalysisError:
+def _tried(
+    threshold: float, names: tuple[str, str], fit: Callable[[], Fragility]
+) -> Fragility | AnalysisError:
     """The function of a threshold, or why there is none."""
     try:
         return fit().named(threshold, *names)
     except AnalysisError as error:
-        return AnalysisError(f"threshold {threshold:g}: {error}" if math.isfinite(threshold) else str(error))
+        return AnalysisError(
+            f"threshold {threshold:g}: {error}" if math.isfinite(threshold) else str(error)
+        )
 
 
 def _check_thresholds(table: CsvTable, request: FragilityRequest) -> None:
@@ -466,7 +528,9 @@ _OF_RUNS = _Kind(("status", "peak_drift_ratio"), (STRIPES, CLOUD), _fit_runs)
 # probabilities of exceedance, a cloud sees each run with thresholds so dispersed.
 
 _SAME_PERIOD = 1e-6  # tables write six digits or more
-_THREE = math.sqrt(1.5) * np.array([-1.0, 0.0, 1.0])  # of mean 0 and variance 1; twenty give losses the same to 1 %
+_THREE = math.sqrt(1.5) * np.array(
+    [-1.0, 0.0, 1.0]
+)  # of mean 0 and variance 1; twenty give losses the same to 1 %
 
 
 @dataclass(frozen=True)
@@ -518,7 +582,9 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
     """
     # States of the campaign are told apart by type; a threshold is one for all buildings.
     if request.thresholds and by == TYPE:
-        raise UsageError("functions by type are of the damage states of the campaign: leave --threshold out")
+        raise UsageError(
+            "functions by type are of the damage states of the campaign: leave --threshold out"
+        )
     if request.fit == IDA:
         raise UsageError(f"functions by {by} are fitted to runs: --fit stripes or cloud")
     measure = measure_named(request.measure or "sa")
@@ -526,7 +592,9 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
     medians = tuple(sorted(request.thresholds))
     names = request.states or tuple(f"ds{number}" for number in range(1, len(medians) + 1))
     if medians and len(names) != len(medians):
-        raise UsageError(f"{how_many(len(medians), 'threshold')}: name as many --states, got {len(names)}")
+        raise UsageError(
+            f"{how_many(len(medians), 'threshold')}: name as many --states, got {len(names)}"
+        )
     of_all = DamageStates("drift_ratio", names, medians) if medians else None
     # The store is read once, building by building; fits follow when it is closed.
     with open_existing(folder) as store:
@@ -542,7 +610,9 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
         for of in building_damages(store, of_all):
             name = of.type if by == TYPE else of.building
             gathered.setdefault(name, _Gathered(of.states)).add(of, intensities.of(of), motions)
-        of_types = {name: gathered[name].runs(measure, intensities.unit) for name in sorted(gathered)}
+        of_types = {
+            name: gathered[name].runs(measure, intensities.unit) for name in sorted(gathered)
+        }
     # What cannot be fitted says of which type and state, and stops no other.
     fitted = [
         AnalysisError(f"{name}, {state}: {function}")
@@ -573,9 +643,16 @@ class _Gathered:
         """Take the runs of a building with their intensities."""
         taken = of.known & (im > 0.0)
         fallen = np.isin(of.status, FALLEN)
-        motion = np.array([motions[record] if motions else sample for record, _, sample in of.keys], np.int64)
+        motion = np.array(
+            [motions[record] if motions else sample for record, _, sample in of.keys], np.int64
+        )
         demand = np.where(fallen, of.states.medians[-1], of.demand)
-        columns = (self.im, im), (self.demand, demand), (self.fallen, fallen.astype(np.int8)), (self.motion, motion)
+        columns = (
+            (self.im, im),
+            (self.demand, demand),
+            (self.fallen, fallen.astype(np.int8)),
+            (self.motion, motion),
+        )
         for kept, values in columns:
             kept.frombytes(values[taken].tobytes())
         self.failed += int(np.sum(~of.known))
@@ -586,7 +663,10 @@ class _Gathered:
         first, last = self.periods
         common = 0.0 < last < math.inf and last - first <= _SAME_PERIOD * first
         im, demand = np.frombuffer(self.im, np.float64), np.frombuffer(self.demand, np.float64)
-        fallen, motion = np.frombuffer(self.fallen, np.int8).astype(bool), np.frombuffer(self.motion, np.int64)
+        fallen, motion = (
+            np.frombuffer(self.fallen, np.int8).astype(bool),
+            np.frombuffer(self.motion, np.int64),
+        )
         name = measure.label(first if common else None)
         return TypeRuns(self.states, im, demand, fallen, motion, self.failed, name, unit)
 
@@ -597,23 +677,33 @@ def _fitted(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | Analy
         return [AnalysisError("no run has a result") for _ in runs.states.states]
     # Stripes need motions enough at every level, with the buildings of a type taken together.
     level = levels_of(runs.im)
-    of_level = np.bincount(np.unique(np.column_stack([level, runs.motion]), axis=0)[:, 0])  # how many motions
+    of_level = np.bincount(
+        np.unique(np.column_stack([level, runs.motion]), axis=0)[:, 0]
+    )  # how many motions
     stripes = of_level.size > 1 and int(of_level.min()) >= _LEAST_STRIPE
     if request.fit == STRIPES and not stripes:
-        raise UsageError("the runs do not stand at common levels of intensity; use --fit cloud, or another --im")
+        raise UsageError(
+            "the runs do not stand at common levels of intensity; use --fit cloud, or another --im"
+        )
     chosen = request.fit or (STRIPES if stripes else CLOUD)
 
     def fit(taken: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
-        return _type_stripes(runs, level, taken) if chosen == STRIPES else _type_cloud(runs, request, taken)
+        return (
+            _type_stripes(runs, level, taken)
+            if chosen == STRIPES
+            else _type_cloud(runs, request, taken)
+        )
 
     functions = over_motions(fit, np.ones(runs.im.size, bool), runs.motion)
     return [
         function
         if isinstance(function, AnalysisError)
-        else replace(function.named(median, runs.name, runs.unit), failed=runs.failed).beside_counts(
-            runs.im, over, motion=runs.motion
+        else replace(
+            function.named(median, runs.name, runs.unit), failed=runs.failed
+        ).beside_counts(runs.im, over, motion=runs.motion)
+        for function, median, over in zip(
+            functions, runs.states.medians, _beyond(runs).T, strict=True
         )
-        for function, median, over in zip(functions, runs.states.medians, _beyond(runs).T, strict=True)
     ]
 
 
@@ -622,7 +712,9 @@ def _beyond(runs: TypeRuns) -> Array:
     return np.where(runs.fallen[:, np.newaxis], 1.0, exceedance(runs.states, runs.demand))
 
 
-def _type_stripes(runs: TypeRuns, level: NDArray[np.intp], taken: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
+def _type_stripes(
+    runs: TypeRuns, level: NDArray[np.intp], taken: NDArray[np.bool_]
+) -> list[Fragility | AnalysisError]:
     """Of probabilities of exceedance at levels."""
     # Levels that keep a run after some were left out, numbered anew.
     place = np.unique(level[taken], return_inverse=True)[1]
@@ -630,7 +722,9 @@ def _type_stripes(runs: TypeRuns, level: NDArray[np.intp], taken: NDArray[np.boo
     im = np.exp(np.bincount(place, np.log(runs.im[taken])) / total)
     functions: list[Fragility | AnalysisError] = []
     for row in _beyond(runs)[taken].T:
-        count = np.minimum(np.bincount(place, row), total)  # sums of probabilities are off by rounding
+        count = np.minimum(
+            np.bincount(place, row), total
+        )  # sums of probabilities are off by rounding
         try:
             functions.append(fit_stripes(im, count, total))
         except AnalysisError as error:
@@ -638,7 +732,9 @@ def _type_stripes(runs: TypeRuns, level: NDArray[np.intp], taken: NDArray[np.boo
     return functions
 
 
-def _type_cloud(runs: TypeRuns, request: FragilityRequest, taken: NDArray[np.bool_]) -> list[Fragility | AnalysisError]:
+def _type_cloud(
+    runs: TypeRuns, request: FragilityRequest, taken: NDArray[np.bool_]
+) -> list[Fragility | AnalysisError]:
     """Of a line through the demands, those of falls known only to be above the heaviest state.
 
     Of the states of a campaign each run is seen with three equally likely thresholds of their dispersion, which falls
@@ -648,13 +744,20 @@ def _type_cloud(runs: TypeRuns, request: FragilityRequest, taken: NDArray[np.boo
     low, high = request.edp_range
     kept = taken & (runs.demand >= low) & (runs.demand > 0.0)
     im, demand, fallen = runs.im[kept], np.minimum(runs.demand, high)[kept], runs.fallen[kept]
-    lightest, heaviest = (0.0, math.inf) if request.thresholds else (runs.states.medians[0], runs.states.medians[-1])
+    lightest, heaviest = (
+        (0.0, math.inf) if request.thresholds else (runs.states.medians[0], runs.states.medians[-1])
+    )
     limited = fallen | (demand >= high)
-    seen = np.where(fallen[:, np.newaxis], 1.0, np.exp(runs.states.dispersion * _THREE)) * demand[:, np.newaxis]
+    seen = (
+        np.where(fallen[:, np.newaxis], 1.0, np.exp(runs.states.dispersion * _THREE))
+        * demand[:, np.newaxis]
+    )
     above = limited[:, np.newaxis] | (seen >= heaviest)
     im_of_seen, at_most = np.repeat(im, _THREE.size), np.minimum(seen, heaviest).ravel()
     try:
-        of_states = fit_cloud(im_of_seen, at_most, runs.states.medians, above.ravel(), lightest=lightest)
+        of_states = fit_cloud(
+            im_of_seen, at_most, runs.states.medians, above.ravel(), lightest=lightest
+        )
     except AnalysisError as error:
         return [error for _ in runs.states.states]
     # For the picture the demands themselves stand, not the three that each was seen with.

@@ -80,7 +80,9 @@ class Observations:
         """Gradient and Hessian of the logarithm, shapes (k,) and (k, k)."""
         # Ratios of density to distribution by logarithms: far out both underflow.
         z = self.design @ parameters
-        hazard_below, hazard_above = (np.exp(-0.5 * y * y - log_ndtr(y)) / math.sqrt(2.0 * math.pi) for y in (z, -z))
+        hazard_below, hazard_above = (
+            np.exp(-0.5 * y * y - log_ndtr(y)) / math.sqrt(2.0 * math.pi) for y in (z, -z)
+        )
         first = np.where(self.below, hazard_below, np.where(self.above, -hazard_above, -z))
         second = np.where(
             self.below,
@@ -118,7 +120,9 @@ def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | 
             return None
         step = np.linalg.solve(-hessian, gradient)
         decrement = float(gradient @ step)
-        if decrement <= _CONVERGED * max(1.0, abs(value)):  # The last step: beyond it floats show no rise.
+        if decrement <= _CONVERGED * max(
+            1.0, abs(value)
+        ):  # The last step: beyond it floats show no rise.
             return parameters + step, np.asarray(np.linalg.inv(-hessian), float)
         length = 1.0
         # A step that does not rise went too far: halved until it does.
@@ -144,7 +148,9 @@ STRIPES, IDA, CLOUD = "stripes", "ida", "cloud"
 FITS = (STRIPES, IDA, CLOUD)
 _EQUAL = 1e-9  # dispersions below this are rounding
 _MOST_NAMES = 10  # that a message names
-_TWO_SIDED = 1.959963984540054  # 95 % of a normal distribution lie within so many standard deviations
+_TWO_SIDED = (
+    1.959963984540054  # 95 % of a normal distribution lie within so many standard deviations
+)
 
 SAME_LEVEL = 1e-6
 """Intensities that differ by less than this part are one level."""
@@ -305,7 +311,12 @@ class Fragility:
         return z, np.sqrt(np.maximum(of_theta + 2.0 * mixed * z + of_beta * z * z, 0.0)) / self.beta
 
     def beside_counts(
-        self, im: Array, beyond: Array, *, runs: Array | None = None, motion: NDArray[np.intp] | None = None
+        self,
+        im: Array,
+        beyond: Array,
+        *,
+        runs: Array | None = None,
+        motion: NDArray[np.intp] | None = None,
     ) -> Fragility:
         """The same function with what was counted beside it.
 
@@ -330,12 +341,18 @@ class Fragility:
         share = np.bincount(place, weight * beyond) / count
         fitted = np.bincount(place, weight * self.probability(im)) / count
         # As many independent tosses with the function's probability as there are motions, and the fit's own error.
-        motions = count if motion is None else np.bincount(np.unique(np.column_stack([place, motion]), axis=0)[:, 0])
+        motions = (
+            count
+            if motion is None
+            else np.bincount(np.unique(np.column_stack([place, motion]), axis=0)[:, 0])
+        )
         z, error = self._z(at)
         of_fit = np.nan_to_num(error) * np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
         scatter = np.sqrt(np.maximum(fitted * (1.0 - fitted), 0.0) / motions + of_fit**2)
         counted = Counted(at, count.astype(float), share, fitted, scatter, 0.5 / motions)
-        return replace(self, counted=counted).within(im, float(np.sum(weight * beyond) / np.sum(weight)))
+        return replace(self, counted=counted).within(
+            im, float(np.sum(weight * beyond) / np.sum(weight))
+        )
 
     def within(self, im: Array, share: float) -> Fragility:
         """The same function of intensities, shape (n,), and the share of their runs that is beyond; without an interval
@@ -348,7 +365,9 @@ class Fragility:
             why = f"{'less' if share < SELDOM else 'more'} than {limit:g} % of the runs are beyond"
         elif not np.min(im) <= self.theta <= np.max(im):
             why = f"every intensity lies {'below' if self.theta > np.max(im) else 'above'} the median of"
-        return replace(self, extrapolated=why, covariance=np.full((2, 2), math.nan)) if why else self
+        return (
+            replace(self, extrapolated=why, covariance=np.full((2, 2), math.nan)) if why else self
+        )
 
     @property
     def exceeded(self) -> str:
@@ -395,7 +414,10 @@ class Fragility:
         if cloud is not None:  # ln EDP = a + b ln IM
             intercept = cloud.intercept - cloud.slope * math.log(factor)
             cloud = replace(cloud, im=factor * cloud.im, intercept=intercept)
-        low, high = (replace(fit, theta=factor * fit.theta, unit=unit) if fit else None for fit in self.bounds)
+        low, high = (
+            replace(fit, theta=factor * fit.theta, unit=unit) if fit else None
+            for fit in self.bounds
+        )
         counted = replace(self.counted, im=factor * self.counted.im) if self.counted else None
         observed: dict[str, Any] = {"points": points, "cloud": cloud, "counted": counted}
         return replace(self, theta=factor * self.theta, unit=unit, bounds=(low, high), **observed)
@@ -451,11 +473,17 @@ def fit_stripes(
         raise UsageError("stripes need as many levels as numbers of exceedances and of records")
     _check_positive(x, "levels of intensity")
     if not np.all((hits >= 0) & (hits <= total) & (total > 0)):
-        raise UsageError("stripes: at every level there must be records, and no more exceedances than records")
+        raise UsageError(
+            "stripes: at every level there must be records, and no more exceedances than records"
+        )
     # Two cases in which the likelihood has no maximum are told in words before it is looked for.
     misses = total - hits
     if not hits.any() or not misses.any():
-        reason = "no record exceeds at any level" if not hits.any() else "every record exceeds at every level"
+        reason = (
+            "no record exceeds at any level"
+            if not hits.any()
+            else "every record exceeds at every level"
+        )
         raise AnalysisError(f"{reason}: neither median nor dispersion can be told; add levels")
     if np.min(x[hits > 0]) >= np.max(x[misses > 0]):
         raise AnalysisError(
@@ -467,11 +495,15 @@ def fit_stripes(
     side = np.repeat([True, False], x.size)
     solution = _lognormal(levels, side, ~side, np.concatenate([hits, misses]))
     if solution is None:
-        raise AnalysisError("exceedances do not become more frequent with intensity: no lognormal distribution fits")
+        raise AnalysisError(
+            "exceedances do not become more frequent with intensity: no lognormal distribution fits"
+        )
     return _function(STRIPES, *solution, records=int(np.max(total)), points=Points(x, hits / total))
 
 
-def fit_capacities(capacity: Sequence[float] | Array, censored: Sequence[bool] | None = None) -> Fragility:
+def fit_capacities(
+    capacity: Sequence[float] | Array, censored: Sequence[bool] | None = None
+) -> Fragility:
     """The lognormal distribution of capacities: intensities at which each record first exceeds.
 
     Without censored ones theta is the geometric mean and beta the standard deviation of the logarithms (n - 1); with
@@ -565,7 +597,11 @@ def fit_cloud(
     above = np.zeros(x.size, bool) if censored is None else np.asarray(censored, bool)
     if x.ndim != 1 or not x.shape == y.shape == above.shape:
         raise UsageError("a cloud needs as many demands as intensities")
-    for values, name in ((x, "intensities"), (y, "demands"), (np.asarray(thresholds, float), "thresholds")):
+    for values, name in (
+        (x, "intensities"),
+        (y, "demands"),
+        (np.asarray(thresholds, float), "thresholds"),
+    ):
         _check_positive(values, name)
     lightest = between(lightest, "lightest")
     below = ~above & (y < lightest)
@@ -573,7 +609,9 @@ def fit_cloud(
     exact = ~(above | below)
     if not (int(np.sum(exact)) > 2 and np.unique(x[exact]).size > 1):
         below = np.zeros(x.size, bool)
-    intercept, slope, sigma, covariance = _line(np.log(x), np.log(np.where(below, lightest, y)), above, below)
+    intercept, slope, sigma, covariance = _line(
+        np.log(x), np.log(np.where(below, lightest, y)), above, below
+    )
     # In the likelihood's parameters the function is a ratio: its errors follow by its derivatives.
     points = CloudPoints(x, y, above, below, intercept, slope, sigma)
     observed = {"records": x.size, "censored": int(np.sum(above)), "cloud": points}
@@ -582,32 +620,46 @@ def fit_cloud(
         mean = (math.log(threshold) - intercept) / slope
         jacobian = np.array([[-1.0, -mean, math.log(threshold)], [0.0, -1.0 / g1, 0.0]]) / g1
         of_function = jacobian @ covariance @ jacobian.T
-        results.append(_function(CLOUD, mean, 1.0 / g1, of_function, threshold=float(threshold), **observed))
+        results.append(
+            _function(CLOUD, mean, 1.0 / g1, of_function, threshold=float(threshold), **observed)
+        )
     return results
 
 
-def _line(x: Array, y: Array, above: NDArray[np.bool_], below: NDArray[np.bool_]) -> tuple[float, float, float, Array]:
+def _line(
+    x: Array, y: Array, above: NDArray[np.bool_], below: NDArray[np.bool_]
+) -> tuple[float, float, float, Array]:
     """Intercept, slope and standard deviation, and the covariance of (b0 / sigma, b1 / sigma, 1 / sigma)."""
     exact = ~(above | below)
     if not below.any() and np.unique(x[exact]).size < 3:
-        raise AnalysisError("a cloud needs demands at three different intensities at least that are not censored")
+        raise AnalysisError(
+            "a cloud needs demands at three different intensities at least that are not censored"
+        )
     # The usual line to begin with; demands on a line to the digit leave no scatter to be fitted.
     slope, intercept = np.polyfit(x[exact], y[exact], 1)
     sigma = float(np.sqrt(np.mean((y[exact] - intercept - slope * x[exact]) ** 2)))
     if not sigma > 1e-12 * float(np.ptp(y)):
         raise AnalysisError("all demands lie on one line: the dispersion cannot be told")
-    if below.any():  # Between two limits the slope may have either sign: begin with that of all demands.
+    if (
+        below.any()
+    ):  # Between two limits the slope may have either sign: begin with that of all demands.
         slope, intercept = np.polyfit(x, y, 1)
         sigma = float(np.sqrt(np.mean((y - intercept - slope * x) ** 2)))
-    observed = Observations(np.column_stack([-np.ones(x.size), -x, y]), below, above, np.ones(x.size), 2)
+    observed = Observations(
+        np.column_stack([-np.ones(x.size), -x, y]), below, above, np.ones(x.size), 2
+    )
     solution = maximize(observed, np.array([intercept, slope, 1.0]) / sigma)
     if solution is None or not solution[0][1] > 0.0:
-        raise AnalysisError("demands do not grow with intensity: no line with a positive slope fits the cloud")
+        raise AnalysisError(
+            "demands do not grow with intensity: no line with a positive slope fits the cloud"
+        )
     (g0, g1, h), covariance = solution
     return float(g0 / h), float(g1 / h), float(1.0 / h), covariance
 
 
-def _function(fit: str, logarithm: float, beta: float, covariance: Array, **observed: Any) -> Fragility:
+def _function(
+    fit: str, logarithm: float, beta: float, covariance: Array, **observed: Any
+) -> Fragility:
     """The function of a fit, of its ln theta; AnalysisError where the observations tell next to nothing of it."""
     half = _TWO_SIDED * math.sqrt(covariance[0, 0])  # of the 95 % interval
     if not abs(logarithm) + half + beta < math.log(LARGEST):
@@ -624,7 +676,9 @@ def _lognormal(
     """ln theta, beta and the covariance of both; None where there is no maximum of the likelihood."""
     logarithms = np.log(x)
     middle, spread = float(np.mean(logarithms)), float(np.std(logarithms)) or 1.0
-    observed = Observations(np.column_stack([np.ones(x.size), (logarithms - middle) / spread]), below, above, count, 1)
+    observed = Observations(
+        np.column_stack([np.ones(x.size), (logarithms - middle) / spread]), below, above, count, 1
+    )
     solution = maximize(observed, np.array([0.0, 1.0]))
     if solution is None:
         return None

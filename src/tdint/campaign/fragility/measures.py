@@ -108,7 +108,14 @@ def run_measure(text: str) -> RunMeasure:
     if of_motion and not rest:
         value = of_motion.of
         head, unit, meaning = of_motion.head, of_motion.unit, of_motion.meaning
-        return RunMeasure(head, unit, meaning, lambda record, period: value(record), of_motion.power, of_motion.name)
+        return RunMeasure(
+            head,
+            unit,
+            meaning,
+            lambda record, period: value(record),
+            of_motion.power,
+            of_motion.name,
+        )
     kinds = {"sa": _spectral, "sa-avg": _average, "sdi": _inelastic}
     if name not in kinds:
         names = ", ".join((*MEASURES_OF_MOTION, *_FORMS))
@@ -133,7 +140,9 @@ def _period(text: str) -> tuple[float | None, str, str]:
 
 def _named(*parts: object) -> str:
     """A name of a column: parts with _ between them, p for the decimal point."""
-    return "_".join(f"{part:g}" if isinstance(part, float) else str(part) for part in parts).replace(".", "p")
+    return "_".join(
+        f"{part:g}" if isinstance(part, float) else str(part) for part in parts
+    ).replace(".", "p")
 
 
 def _spectral(rest: str) -> RunMeasure:
@@ -142,7 +151,13 @@ def _spectral(rest: str) -> RunMeasure:
     def value(record: Record, first_period: float) -> float:
         return float(spectrum(record, np.array([period or first_period]), SA_DAMPING).psa[0])
 
-    return RunMeasure(_named("sa", period or "t1"), "m/s^2", f"Sa at {where}, 5 % damping", value, called=f"sa({at})")
+    return RunMeasure(
+        _named("sa", period or "t1"),
+        "m/s^2",
+        f"Sa at {where}, 5 % damping",
+        value,
+        called=f"sa({at})",
+    )
 
 
 def _average(rest: str) -> RunMeasure:
@@ -159,7 +174,9 @@ def _average(rest: str) -> RunMeasure:
 
     column = _named("sa_avg", grid.first, grid.last) if grid else "sa_avg_t1"
     called = f"sa-avg({grid.first:g}:{grid.last:g})" if grid else "sa-avg({})"
-    return RunMeasure(column, "m/s^2", f"geometric mean of Sa from {where}, 5 % damping", value, called=called)
+    return RunMeasure(
+        column, "m/s^2", f"geometric mean of Sa from {where}, 5 % damping", value, called=called
+    )
 
 
 def _inelastic(rest: str) -> RunMeasure:
@@ -169,11 +186,22 @@ def _inelastic(rest: str) -> RunMeasure:
         raise UsageError("the strength, yield force over weight, must be positive")
 
     def value(record: Record, first_period: float) -> float:
-        return float(constant_strength(record, np.array([period or first_period]), [strength], SA_DAMPING)[0].sd[0])
+        return float(
+            constant_strength(record, np.array([period or first_period]), [strength], SA_DAMPING)[
+                0
+            ].sd[0]
+        )
 
     meaning = f"largest displacement of an elastoplastic oscillator of {where}, 5 % damping, yielding at {strength:g}"
     called = f"sdi({at},{strength:g})"
-    return RunMeasure(_named("sdi", period or "t1", strength), "m", f"{meaning} of its weight", value, None, called)
+    return RunMeasure(
+        _named("sdi", period or "t1", strength),
+        "m",
+        f"{meaning} of its weight",
+        value,
+        None,
+        called,
+    )
 
 
 @dataclass(frozen=True)
@@ -240,7 +268,9 @@ class RunIntensities:
         self._measure, self._file = measure, folder / MEASURES
         records = store.records()
         self._names = {number: keys[:2] for number, keys in records.items()}
-        self._pairs = {number: number - 1 for number, (*_, direction) in records.items() if direction > 1}
+        self._pairs = {
+            number: number - 1 for number, (*_, direction) in records.items() if direction > 1
+        }
         settings = store.parameters()
         # What the campaign has brought to levels of this measure has these.
         name, period = settings.get("measure"), settings.get("period")
@@ -277,7 +307,9 @@ class RunIntensities:
         """The intensity of each run of a building, SI units, shape (runs,); nan where there is none."""
         if self._levels:
             return np.array(self._levels)[of.rank]
-        values = np.array(getattr(of, self._own) if self._own else [self._next(of, key) for key in of.keys], float)
+        values = np.array(
+            getattr(of, self._own) if self._own else [self._next(of, key) for key in of.keys], float
+        )
         places = {key: place for place, key in enumerate(of.keys)}
         for key, place in places.items() if self._pairs else ():
             other = places.get(key._replace(motion=self._pairs.get(key.motion, -1)))
@@ -375,7 +407,9 @@ def compare_measures(
     AnalysisError
         Fewer than three runs ended, or a measure is the same in all of them.
     """
-    table = with_measures(read_table(str(Path(folder) / "runs.csv"), "the runs of a campaign are a table"))
+    table = with_measures(
+        read_table(str(Path(folder) / "runs.csv"), "the runs of a campaign are a table")
+    )
     table.only("building")
     status = np.array(table.texts("status"))
     drift = np.array(table.numbers("peak_drift_ratio", empty=True))
@@ -385,7 +419,9 @@ def compare_measures(
     logarithms = {_SCALE: np.log(np.abs(table.numbers("scale"))), **told}
     motions = events if events is not None else motions_of(table)
     # What is the same in all runs explains nothing.
-    logarithms = {name: values for name, values in logarithms.items() if np.unique(values[stood]).size > 1}
+    logarithms = {
+        name: values for name, values in logarithms.items() if np.unique(values[stood]).size > 1
+    }
     fits = []
     for name in dict.fromkeys(measures):
         column, unit = column_of(table, run_measure(name).column)
@@ -407,10 +443,14 @@ def line(
 ) -> MeasureFit:
     """The line of y over x, both logarithms, shape (n,), and how what it leaves depends on characteristics. Runs under
     one `motion`, a number for each, err alike; by default each run has its own."""
-    from scipy.stats import linregress  # takes half a second, which tables of other studies need not wait for
+    from scipy.stats import (
+        linregress,
+    )  # takes half a second, which tables of other studies need not wait for
 
     if x.size < _LEAST:
-        raise AnalysisError(f"{name}: of {how_many(x.size, 'run')} that ended; a line with a dispersion needs {_LEAST}")
+        raise AnalysisError(
+            f"{name}: of {how_many(x.size, 'run')} that ended; a line with a dispersion needs {_LEAST}"
+        )
     if np.ptp(x) == 0.0:
         raise AnalysisError(f"{name}: is the same in all runs")
     # In logarithms; beta is what the line leaves, with two numbers taken from the runs.
@@ -434,7 +474,9 @@ def _slope_error(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
     place = np.unique(cluster, return_inverse=True)[1]
     x, y = x - np.mean(x), y - np.mean(y)
     # Each line without a cluster by its sums: of all runs less those of the cluster.
-    sums = np.column_stack([np.bincount(place, values) for values in (np.ones(x.size), x, y, x * x, x * y)])
+    sums = np.column_stack(
+        [np.bincount(place, values) for values in (np.ones(x.size), x, y, x * x, x * y)]
+    )
     count, of_x, of_y, of_xx, of_xy = (sums.sum(axis=0) - sums).T
     with np.errstate(divide="ignore", invalid="ignore"):
         slopes = (of_xy - of_x * of_y / count) / (of_xx - of_x**2 / count)
@@ -454,14 +496,28 @@ def _clustered(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
     solution = inverse @ design.T @ y
     left = design * (y - design @ solution)[:, np.newaxis]
     sums = np.column_stack([np.bincount(place, column, groups) for column in left.T])
-    variance = (inverse @ sums.T @ sums @ inverse)[1, 1] * groups / (groups - 1) * (count - 1) / (count - 2)
-    return 2.0 * float(stdtr(groups - 1, -abs(solution[1]) / math.sqrt(variance))) if variance > 0.0 else 0.0
+    variance = (
+        (inverse @ sums.T @ sums @ inverse)[1, 1]
+        * groups
+        / (groups - 1)
+        * (count - 1)
+        / (count - 2)
+    )
+    return (
+        2.0 * float(stdtr(groups - 1, -abs(solution[1]) / math.sqrt(variance)))
+        if variance > 0.0
+        else 0.0
+    )
 
 
 def motions_of(table: CsvTable) -> NDArray[np.intp]:
     """The ground motion of each run of a table, or its event where events are known: a number. Both components of a
     pair, as the store beside the table tells, are of one; without a store all of a record or of files so named."""
-    keys = list(zip(table.texts("record"), table.texts("component"), strict=True)) if table.has("component") else []
+    keys = (
+        list(zip(table.texts("record"), table.texts("component"), strict=True))
+        if table.has("component")
+        else []
+    )
     names: list[object] = list(range(len(table.rows)))
     if table.has("record"):
         names = [motion_name(name) for name in table.texts("record")]
@@ -471,7 +527,9 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
             names = list(table.texts("event"))
         elif store is not None:
             records = store.records()
-            motions = {records[number][:2]: motion for number, motion in motion_numbers(records).items()}
+            motions = {
+                records[number][:2]: motion for number, motion in motion_numbers(records).items()
+            }
             names = [motions.get(key, key) for key in keys]
     numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
     return np.array([numbers[name] for name in names], np.intp)
@@ -487,7 +545,9 @@ _GROUPS = 30  # of motions at the least, if there are so many: errors are then k
 _MOST_FITTED = 2_000_000  # runs that all fits see together until groups have several motions: seconds of a cloud
 
 
-def over_motions(fit: Fit, of: NDArray[np.bool_], motion: NDArray[np.intp] | None) -> list[Fragility | AnalysisError]:
+def over_motions(
+    fit: Fit, of: NDArray[np.bool_], motion: NDArray[np.intp] | None
+) -> list[Fragility | AnalysisError]:
     """Functions of those runs `of` some, shape (n,), that a mask tells, with the covariance of ln theta and beta over
     their motions, shape (n,): nan where less than three leave a fit. As they are fitted without motions."""
     functions = fit(of)
@@ -507,7 +567,9 @@ def over_motions(fit: Fit, of: NDArray[np.bool_], motion: NDArray[np.intp] | Non
             if isinstance(function, Fragility):
                 left[place].append((math.log(function.theta), function.beta))
     covariances = [
-        (len(values) - 1) * np.cov(np.array(values).T, bias=True) if len(values) > 2 else np.full((2, 2), math.nan)
+        (len(values) - 1) * np.cov(np.array(values).T, bias=True)
+        if len(values) > 2
+        else np.full((2, 2), math.nan)
         for values in left
     ]
     return [
@@ -520,7 +582,11 @@ def of_pairs(table: CsvTable, im: Array) -> Array:
     """The intensities of the runs of a table, with that of both components of a pair, their geometric mean."""
     with _store_beside(table) as store:
         records = store.records() if store is not None else {}
-    seconds = {run_keys[:2]: records[number - 1][:2] for number, run_keys in records.items() if run_keys[2] > 1}
+    seconds = {
+        run_keys[:2]: records[number - 1][:2]
+        for number, run_keys in records.items()
+        if run_keys[2] > 1
+    }
     if not seconds:
         return im
     result, keys = im.copy(), _keys(table)
@@ -535,7 +601,11 @@ def of_pairs(table: CsvTable, im: Array) -> Array:
 def period_beside(table: CsvTable) -> float | None:
     """The first period of the building of a table of runs, s, as the store beside it tells; None where it does not."""
     with _store_beside(table) as store:
-        numbers = {name: number for number, (name, _) in store.buildings().items()} if store is not None else {}
+        numbers = (
+            {name: number for number, (name, _) in store.buildings().items()}
+            if store is not None
+            else {}
+        )
         name = table.only("building")
         return store.period(numbers[name]) if store is not None and name in numbers else None
 
@@ -544,7 +614,11 @@ def period_beside(table: CsvTable) -> float | None:
 def _store_beside(table: CsvTable) -> Iterator[Store | None]:
     """The store that a table of runs was made of; None where there is none."""
     folder = Path(table.source).parent
-    if table.source == "-" or Path(table.source).name != "runs.csv" or not (folder / FILE).is_file():
+    if (
+        table.source == "-"
+        or Path(table.source).name != "runs.csv"
+        or not (folder / FILE).is_file()
+    ):
         yield None
         return
     with open_existing(folder) as store:
@@ -569,10 +643,14 @@ def with_measures(table: CsvTable) -> CsvTable:
     rows = []
     for key, (number, row) in zip(_keys(table), table.rows, strict=True):
         if key not in cells:
-            raise ModelError(f"{file}: has no row of {' '.join(key)}; call `tdint campaign` with --im again")
+            raise ModelError(
+                f"{file}: has no row of {' '.join(key)}; call `tdint campaign` with --im again"
+            )
         rows.append((number, [*row, *(cells[key][place] for place in places)]))
     names = tuple(others.header[place] for place in places)
-    return replace(table, header=(*table.header, *names), titles=(*table.titles, *names), rows=tuple(rows))
+    return replace(
+        table, header=(*table.header, *names), titles=(*table.titles, *names), rows=tuple(rows)
+    )
 
 
 def _keys(table: CsvTable) -> list[tuple[str, ...]]:
@@ -601,7 +679,9 @@ def no_measure(source: str, name: str) -> str:
     )
 
 
-def _characteristics(table: CsvTable, file: str | Path | None) -> tuple[dict[str, Array], NDArray[np.intp] | None]:
+def _characteristics(
+    table: CsvTable, file: str | Path | None
+) -> tuple[dict[str, Array], NDArray[np.intp] | None]:
     """Of each run what is known of its record, by the names of the columns, and the number of its event, if there is a
     column `event`."""
     if file is None:
@@ -616,9 +696,13 @@ def _characteristics(table: CsvTable, file: str | Path | None) -> tuple[dict[str
     # Of every record, or the dependence would be of those alone that happen to be known.
     missing = [key for key in dict.fromkeys(records_of_runs) if key not in set(records)]
     if missing:
-        raise ModelError(f"{file}: has no row of the record {missing[0]}; records are named as in runs.csv")
+        raise ModelError(
+            f"{file}: has no row of the record {missing[0]}; records are named as in runs.csv"
+        )
     events = None
     if given.has("event"):
         event = dict(zip(records, given.texts("event", empty=False), strict=True))
         events = np.unique([event[key] for key in records_of_runs], return_inverse=True)[1]
-    return {name: np.array([values[key] for key in records_of_runs]) for name, values in by_name.items()}, events
+    return {
+        name: np.array([values[key] for key in records_of_runs]) for name, values in by_name.items()
+    }, events

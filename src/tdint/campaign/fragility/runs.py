@@ -124,7 +124,11 @@ def probabilities(states: DamageStates, demand: Array, status: Sequence[str]) ->
     result[:, : -len(FALLEN)] = edges[:, :-1] - edges[:, 1:]
     for run, end in enumerate(status):
         if end != DONE:
-            result[run] = [float(outcome == end) for outcome in states.outcomes] if end in FALLEN else math.nan
+            result[run] = (
+                [float(outcome == end) for outcome in states.outcomes]
+                if end in FALLEN
+                else math.nan
+            )
     return result
 
 
@@ -149,11 +153,25 @@ def damage_of_run(model: Model, stories: StoryPeaks, status: str) -> BuildingDam
     if states is None or type_ is None:
         return None
     (cells,) = demand_cells(stories)
-    demand, nothing = np.array([abs(cells[_MADE_OF[states.demand]])]) / type_.divisor, np.array([math.nan])
+    demand, nothing = (
+        np.array([abs(cells[_MADE_OF[states.demand]])]) / type_.divisor,
+        np.array([math.nan]),
+    )
     probability = probabilities(states, demand, [status])
     keys, rank = [Run(0, 1.0, 0)], np.array([0])
     return BuildingDamage(
-        0, model.name, type_.type, type_.period, states, keys, rank, [status], demand, probability, nothing, nothing
+        0,
+        model.name,
+        type_.type,
+        type_.period,
+        states,
+        keys,
+        rank,
+        [status],
+        demand,
+        probability,
+        nothing,
+        nothing,
     )
 
 
@@ -183,8 +201,13 @@ def building_damages(store: Store, of_all: DamageStates | None = None) -> Iterat
         keys = [Run(*run[1:4]) for run in runs]
         # Levels are ranks of the factors, for factors may be each motion's own.
         ranks = level_ranks(keys)
-        rank, probability = np.array([ranks[key] for key in keys]), probabilities(states, demand, status)
-        yield BuildingDamage(number, building, name, period, states, keys, rank, status, demand, probability, sa, pga)
+        rank, probability = (
+            np.array([ranks[key] for key in keys]),
+            probabilities(states, demand, status),
+        )
+        yield BuildingDamage(
+            number, building, name, period, states, keys, rank, status, demand, probability, sa, pga
+        )
 
 
 def level_values(store: Store) -> list[float]:
@@ -259,7 +282,9 @@ class _Group:
         self.states, self.buildings, self.runs, self.failed = states, 0, 0, 0
         self._sums: dict[int, Array] = {}
         self._money: dict[int, Array] = {}
-        self._scatter = np.zeros((2, 2))  # of money, and of the loss ratio: sums of variances, and of deviations
+        self._scatter = np.zeros(
+            (2, 2)
+        )  # of money, and of the loss ratio: sums of variances, and of deviations
 
     def add(
         self,
@@ -282,7 +307,9 @@ class _Group:
             self._sums[motion] = self._sums[motion] + added if motion in self._sums else added
             if of.states.losses and value == value:  # its runs share what it costs
                 share = value / float(np.sum(counted)) * added[[0, -2]]
-                self._money[motion] = self._money[motion] + share if motion in self._money else share
+                self._money[motion] = (
+                    self._money[motion] + share if motion in self._money else share
+                )
         # How its loss scatters: from run to run, and with the thresholds of its states.
         if of.states.losses and counted.any() and number > 0.0:
             mean = float(of.loss[counted].mean())
@@ -291,7 +318,9 @@ class _Group:
                 if worth == worth:
                     sums += (worth * deviation) ** 2 / number, worth * deviation
 
-    def damage(self, name: str, building: str, event: str, level: float, part: str = "") -> TypeDamage:
+    def damage(
+        self, name: str, building: str, event: str, level: float, part: str = ""
+    ) -> TypeDamage:
         """What the runs tell."""
         count = len(self.states.outcomes)
         # Rows by motion: the error is that between motions, under which buildings err alike.
@@ -312,8 +341,26 @@ class _Group:
             value = float(rows[:, 0].sum())
             if value > 0.0:
                 money = Mean(*(value * part for part in _mean(rows)))
-        told = (self.states, self.buildings, self.runs, self.failed, probability, loss, sd, value, money)
-        return TypeDamage(name, building, event, level, *told, part, (math.sqrt(squares) / whole, deviations / whole))
+        told = (
+            self.states,
+            self.buildings,
+            self.runs,
+            self.failed,
+            probability,
+            loss,
+            sd,
+            value,
+            money,
+        )
+        return TypeDamage(
+            name,
+            building,
+            event,
+            level,
+            *told,
+            part,
+            (math.sqrt(squares) / whole, deviations / whole),
+        )
 
 
 def _mean(sums: Array) -> Mean:
@@ -329,10 +376,16 @@ def _mean(sums: Array) -> Mean:
         return Mean(value, np.sqrt((motions - 1) * np.var(change, axis=0)))
 
 
-def group_damages(store: Store, *, by_building: bool = False, by: str | None = None) -> Iterator[TypeDamage]:
+def group_damages(
+    store: Store, *, by_building: bool = False, by: str | None = None
+) -> Iterator[TypeDamage]:
     """The damage of each type in each event and at each level, or of each building, or `by` a column of the inventory,
     of all types together; by nothing ("") of all buildings. One building is held at a time."""
-    motion_of, levels, events = motion_numbers(store.records()), level_values(store), ["", *store.events()]
+    motion_of, levels, events = (
+        motion_numbers(store.records()),
+        level_values(store),
+        ["", *store.events()],
+    )
     of_types: dict[tuple[str, int, int], _Group] = {}
     columns = [title.lower() for title in store.inventory_columns()]
 
@@ -340,10 +393,16 @@ def group_damages(store: Store, *, by_building: bool = False, by: str | None = N
     def told(group: _Group, building: str, key: tuple[str, int, int]) -> TypeDamage:
         name, event, rank = key
         level = levels[rank] if levels else rank + 1.0
-        return group.damage("" if by is not None else name, building, events[event], level, name if by else "")
+        return group.damage(
+            "" if by is not None else name, building, events[event], level, name if by else ""
+        )
 
     for of in building_damages(store):
-        cells = dict(zip(columns, store.carried(of.number), strict=False)) if COST in columns or by else {}
+        cells = (
+            dict(zip(columns, store.carried(of.number), strict=False))
+            if COST in columns or by
+            else {}
+        )
         # A row of an inventory may stand for several buildings, each of this cost.
         number_alike = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
         value = cell_number(cells.get(COST, "")) * number_alike
@@ -353,7 +412,9 @@ def group_damages(store: Store, *, by_building: bool = False, by: str | None = N
         # A building's own numbers are given out at once; those of types are summed up to the end.
         for number, rank in sorted(set(zip(event.tolist(), of.rank.tolist(), strict=True))):
             chosen, key = (of.rank == rank) & (event == number), (name, number, rank)
-            group = _Group(of.states) if by_building else of_types.setdefault(key, _Group(of.states))
+            group = (
+                _Group(of.states) if by_building else of_types.setdefault(key, _Group(of.states))
+            )
             group.add(of, chosen, motions, value, number_alike)
             if by_building:
                 yield told(group, of.building, key)

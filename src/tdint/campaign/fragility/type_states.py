@@ -18,7 +18,14 @@ from tdint.data import dataclass
 from tdint.errors import ModelError, UsageError
 from tdint.model.capacity import UNIT_MASS, CapacityFacts
 from tdint.model.config import sections
-from tdint.model.damage_states import CAPACITY, DEMANDS, HAZUS, HAZUS_DISPERSION, STATES, DamageStates
+from tdint.model.damage_states import (
+    CAPACITY,
+    DEMANDS,
+    HAZUS,
+    HAZUS_DISPERSION,
+    STATES,
+    DamageStates,
+)
 from tdint.model.definition import Model, Story
 from tdint.model.inventory import CAPACITY as CAPACITY_RULES
 from tdint.model.inventory import RULES
@@ -27,9 +34,16 @@ from tdint.model.mdof_lu import BuildingFacts, code_of, hazus_types
 from tdint.model.modes import solve_modes
 from tdint.units import ACCELERATION, LENGTH, STANDARD_GRAVITY
 
-_WHERE = "hazus, capacity (the rules of the capacity curves), or a CSV file with a row for each class"
-_THRESHOLDS, _LOSSES = Either((sections.THRESHOLDS, Words())), Either((sections.ByState(sections.LOSS), Words()))
-_NAMES = EntriesOf(Words(), 1, what="a list of names, from the lightest", distinct="names, each its own")
+_WHERE = (
+    "hazus, capacity (the rules of the capacity curves), or a CSV file with a row for each class"
+)
+_THRESHOLDS, _LOSSES = (
+    Either((sections.THRESHOLDS, Words())),
+    Either((sections.ByState(sections.LOSS), Words())),
+)
+_NAMES = EntriesOf(
+    Words(), 1, what="a list of names, from the lightest", distinct="names, each its own"
+)
 DAMAGE = Keys(
     (
         sections.DEMAND,
@@ -107,7 +121,9 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageW
     # Published thresholds belong to the rules whose types they are of.
     needed = {HAZUS: "mdof-lu", CAPACITY: CAPACITY_RULES}.get(source or "")
     if needed and rules != needed:
-        thresholds.fault(f"{source} has thresholds of buildings of an inventory by the rules {needed}")
+        thresholds.fault(
+            f"{source} has thresholds of buildings of an inventory by the rules {needed}"
+        )
         return None
     demand = section.read("demand", _OF_RULES.get(source or "", ("",))[0])
     states = _names(section)
@@ -120,7 +136,9 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageW
     # Published states are four, and only some demands have them.
     if needed and (demand not in _OF_RULES[source] or len(states) != len(STATES)):
         of = " or ".join(_OF_RULES[source])
-        section.value.fault(f"the thresholds {source} are of {len(STATES)} states, by {of}; leave the others out")
+        section.value.fault(
+            f"the thresholds {source} are of {len(STATES)} states, by {of}; leave the others out"
+        )
         return None
     # Hazus has a dispersion of its own; beside capacity curves the user gives it.
     beta = section.read("dispersion")
@@ -135,7 +153,9 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageW
         return None
     dispersion = HAZUS_DISPERSION if source == HAZUS and beta is None else beta
     source = source if needed else thresholds.file() or source
-    return DamageWishes(demand, states, source=source, dispersion=dispersion, losses=losses, loss_file=file)
+    return DamageWishes(
+        demand, states, source=source, dispersion=dispersion, losses=losses, loss_file=file
+    )
 
 
 def _names(section: Section) -> tuple[str, ...] | None:
@@ -170,14 +190,19 @@ def read_class_damage(request: DamageWishes | None) -> ClassDamage:
         return ClassDamage(states)
 
     # Loss ratios: a column for each state and, if wanted, one for a collapse.
-    table = read_table(request.loss_file, "losses are a CSV file with the column class and one for each damage state")
+    table = read_table(
+        request.loss_file,
+        "losses are a CSV file with the column class and one for each damage state",
+    )
     columns = {state: state for state in request.states}
     if table.has(sections.COLLAPSE):
         columns[sections.COLLAPSE] = sections.COLLAPSE
     rows = _of_classes(table, columns)
     for name, values in rows.items():
         if not all(map(sections.LOSS.allow, values.values())):
-            raise ModelError(f"{request.loss_file}: class {name}: a loss ratio is a number from 0 to 1")
+            raise ModelError(
+                f"{request.loss_file}: class {name}: a loss ratio is a number from 0 to 1"
+            )
     losses = {name: sections.losses_of(values, request.states) for name, values in rows.items()}
     return ClassDamage(states, losses)
 
@@ -186,23 +211,34 @@ def _read_states(request: DamageWishes) -> dict[str, DamageStates]:
     """The damage states by class of a CSV file, which may be the one of capacity curves: the column `class`, one for
     each state with the unit of the demand (`slight` of a ratio, `slight_m`, `slight_g`), and if wanted `beta`. Of the
     rows of a class one has them; the others may repeat them or be empty."""
-    table = read_table(request.source, "thresholds are a CSV file with the column class and one for each damage state")
+    table = read_table(
+        request.source,
+        "thresholds are a CSV file with the column class and one for each damage state",
+    )
     # The unit stands in the columns' names, one for all states.
     suffixes = _SUFFIXES[DEMANDS[request.demand].unit]
-    there = (ending for ending in suffixes if table.has(*(f"{state}{ending}" for state in request.states)))
+    there = (
+        ending
+        for ending in suffixes
+        if table.has(*(f"{state}{ending}" for state in request.states))
+    )
     suffix = next(there, next(iter(suffixes)))
     columns = {state: f"{state}{suffix}" for state in request.states}
     # Without a dispersion in the campaign's file each class must have one.
     if request.dispersion is None:
         table.need(*columns.values(), "beta")
-    rows = _of_classes(table, {**columns, **({"beta": "beta"} if request.dispersion is None else {})})
+    rows = _of_classes(
+        table, {**columns, **({"beta": "beta"} if request.dispersion is None else {})}
+    )
     by_class = {}
     for name, values in rows.items():
         beta = values.pop("beta", request.dispersion or 0.0)
         # What the medians may be together the states know themselves.
         try:
             medians = tuple(suffixes[suffix] * values[state] for state in request.states)
-            by_class[name] = DamageStates(request.demand, request.states, medians, beta, request.losses)
+            by_class[name] = DamageStates(
+                request.demand, request.states, medians, beta, request.losses
+            )
         except UsageError as error:
             raise ModelError(f"{request.source}: class {name}: {error}") from None
     return by_class
@@ -226,7 +262,9 @@ def _of_classes(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[s
                 raise ModelError(f"{table.source}:{line}: {columns[key]} {said}")
         # Repeated numbers must be the same: which would count is nothing to guess.
         if by_class.setdefault(name, values) != values:
-            raise ModelError(f"{table.source}:{line}: class {name} has other numbers in a row above")
+            raise ModelError(
+                f"{table.source}:{line}: class {name} has other numbers in a row above"
+            )
     return by_class
 
 
@@ -254,7 +292,9 @@ class Damage:
         return json.dumps({"types": types, "buildings_sha256": whole.hexdigest()})
 
 
-def damage_of(request: DamageWishes | None, classes: ClassDamage, buildings: Buildings) -> Damage | None:
+def damage_of(
+    request: DamageWishes | None, classes: ClassDamage, buildings: Buildings
+) -> Damage | None:
     """How the damage of a campaign is told; None where nothing is said of it.
 
     Raises
@@ -271,7 +311,9 @@ def damage_of(request: DamageWishes | None, classes: ClassDamage, buildings: Bui
     of_buildings: list[BuildingType] = []
     # Buildings of an inventory that differ by place and size alone are made once.
     firsts: Sequence[int] = range(len(buildings))
-    if isinstance(buildings, RowBuildings) and not (buildings.rules.stiffness or buildings.rules.damping):
+    if isinstance(buildings, RowBuildings) and not (
+        buildings.rules.stiffness or buildings.rules.damping
+    ):
         firsts = buildings.rows.alike
     for at, first in enumerate(firsts):
         if first < at:
@@ -285,12 +327,20 @@ def damage_of(request: DamageWishes | None, classes: ClassDamage, buildings: Bui
             if rules.stiffness or rules.damping or building.row.changes:
                 divisor_and_period = _of_model(building.subject().model, states.demand)
             else:
-                sized = replace(facts, mass=UNIT_MASS) if isinstance(facts, CapacityFacts) else replace(facts, area=1.0)
-                divisor_and_period = _divisor_and_period(RULES[rules.name](sized, None).stories, states.demand, "")
+                sized = (
+                    replace(facts, mass=UNIT_MASS)
+                    if isinstance(facts, CapacityFacts)
+                    else replace(facts, area=1.0)
+                )
+                divisor_and_period = _divisor_and_period(
+                    RULES[rules.name](sized, None).stories, states.demand, ""
+                )
         else:
             model = building.made.model
             name = model.name
-            states = types.get(name) or (_states(request, classes, name) if request else _own(model, models))
+            states = types.get(name) or (
+                _states(request, classes, name) if request else _own(model, models)
+            )
             divisor_and_period = _of_model(model, states.demand)
         types[name] = states
         of_buildings.append(BuildingType(name, *divisor_and_period))
@@ -310,15 +360,22 @@ def curve_medians(facts: CapacityFacts) -> tuple[float, ...]:
 
 
 def _states(
-    request: DamageWishes | None, classes: ClassDamage, name: str, facts: BuildingFacts | CapacityFacts | None = None
+    request: DamageWishes | None,
+    classes: ClassDamage,
+    name: str,
+    facts: BuildingFacts | CapacityFacts | None = None,
 ) -> DamageStates:
     """The states of a type as the campaign says."""
     assert request is not None
     if request.of_all:
         return request.of_all
     if request.source in (HAZUS, CAPACITY):
-        medians = curve_medians(facts) if isinstance(facts, CapacityFacts) else _hazus_medians(facts)
-        states = DamageStates(request.demand, request.states, medians, request.dispersion or 0.0, request.losses)
+        medians = (
+            curve_medians(facts) if isinstance(facts, CapacityFacts) else _hazus_medians(facts)
+        )
+        states = DamageStates(
+            request.demand, request.states, medians, request.dispersion or 0.0, request.losses
+        )
     elif name in classes.states:
         states = classes.states[name]
     else:
@@ -331,7 +388,12 @@ def _states(
 
 def _hazus_medians(facts: Any) -> tuple[float, ...]:
     row = hazus_types()[code_of(facts)]
-    return row.slight_drift_ratio, row.moderate_drift_ratio, row.extensive_drift_ratio, row.complete_drift_ratio
+    return (
+        row.slight_drift_ratio,
+        row.moderate_drift_ratio,
+        row.extensive_drift_ratio,
+        row.complete_drift_ratio,
+    )
 
 
 def _own(model: Model, models: Sequence[Model]) -> DamageStates:
@@ -339,10 +401,14 @@ def _own(model: Model, models: Sequence[Model]) -> DamageStates:
     # Functions and losses are summed over models: they need the same states by the same demand.
     first = next(candidate.damage for candidate in models if candidate.damage)
     if model.damage is None:
-        raise ModelError(f"{model.source}: says nothing of `damage`, as other models of the campaign do")
+        raise ModelError(
+            f"{model.source}: says nothing of `damage`, as other models of the campaign do"
+        )
     assert first is not None
     if (model.damage.demand, model.damage.states) != (first.demand, first.states):
-        raise ModelError(f"{model.source}: damage: has another demand or other states than the models before it")
+        raise ModelError(
+            f"{model.source}: damage: has another demand or other states than the models before it"
+        )
     return model.damage
 
 
@@ -354,7 +420,9 @@ def own_type(model: Model) -> BuildingType | None:
     ModelError
         It has not what the demand is made of.
     """
-    return BuildingType(model.name, *_of_model(model, model.damage.demand)) if model.damage else None
+    return (
+        BuildingType(model.name, *_of_model(model, model.damage.demand)) if model.damage else None
+    )
 
 
 def _of_model(model: Model, demand: str) -> tuple[float, float]:
@@ -367,7 +435,13 @@ def _divisor_and_period(stories: Sequence[Story], demand: str, name: str) -> tup
         raise ModelError(f"{name}: damage by {demand} needs the heights of the stories")
     links = np.minimum(np.arange(len(stories)), 1.0)
     modes = solve_modes(
-        np.array([story.mass for story in stories]), np.array([story.stiffness for story in stories]), links
+        np.array([story.mass for story in stories]),
+        np.array([story.stiffness for story in stories]),
+        links,
     )
-    per = {"": 1.0, "height": math.fsum(filter(None, heights)), "participation": float(modes.participation[0])}
+    per = {
+        "": 1.0,
+        "height": math.fsum(filter(None, heights)),
+        "participation": float(modes.participation[0]),
+    }
     return per[DEMANDS[demand].per], float(2.0 * math.pi / modes.omega[0])

@@ -30,7 +30,8 @@ _PEAKS = re.compile(r"^\s*RAW PGA VALUES\s*\(([^)]*)\)\s*:(.*)", re.IGNORECASE)
 _PEAK = re.compile(rf"\(([-A-Z]+)\)\s*({NUMBER})", re.IGNORECASE)
 _STATION = re.compile(r"^\s*STATION ID\s*:\s*(\S+)", re.IGNORECASE)
 _START = re.compile(
-    rf"^\s*RECORD TIME\s*:\s*(?P<day>\d+)/(?P<month>\d+)/(?P<year>\d+)\s+{CLOCK}\s*\((?:GMT|UTC)\)", re.IGNORECASE
+    rf"^\s*RECORD TIME\s*:\s*(?P<day>\d+)/(?P<month>\d+)/(?P<year>\d+)\s+{CLOCK}\s*\((?:GMT|UTC)\)",
+    re.IGNORECASE,
 )
 _NAMES = re.compile(r"\s*(?:[NSEWUD]-[NSEWUD]\s*){1,3}", re.IGNORECASE)
 
@@ -53,7 +54,9 @@ def read_afad(lines: Lines) -> list[Series]:
     names = lines.take().split()
     points, step, peaks = (first_match(pattern, texts) for pattern in (_POINTS, _STEP, _PEAKS))
     if not (points and step and peaks):
-        raise RecordError("its header does not give the number of data, the sampling interval and the units")
+        raise RecordError(
+            "its header does not give the number of data, the sampling interval and the units"
+        )
     units = required_units(peaks[1])
     stated = {name.upper(): value for name, value in _PEAK.findall(peaks[2])}
     columns = lines.table(int(points[1]), len(names))
@@ -66,7 +69,9 @@ def read_afad(lines: Lines) -> list[Series]:
             channel=code(name).replace("-", "").upper(),
             station=code(header_field(_STATION, texts)),
             start=moment_in(_START, texts),
-            peak=stated_peak(stated[name.upper()], units, units) if name.upper() in stated else None,
+            peak=stated_peak(stated[name.upper()], units, units)
+            if name.upper() in stated
+            else None,
         )
         for name, column in zip(names, columns, strict=True)
     ]

@@ -20,7 +20,10 @@ _COUNT_AND_STEP = (
     re.compile(rf"^\s*({COUNT})[\s,;]+({NUMBER})[\s,;]+NPTS?\s*[,;]?\s*DT\b", re.IGNORECASE),
 )
 _UNITS = (
-    re.compile(r"\bUNITS?\b[\s:=]*(?:(?:OF|ARE|IS|IN)[\s:=]+)*[(\[]?\s*([A-Z/][A-Z0-9/^*']*)", re.IGNORECASE),
+    re.compile(
+        r"\bUNITS?\b[\s:=]*(?:(?:OF|ARE|IS|IN)[\s:=]+)*[(\[]?\s*([A-Z/][A-Z0-9/^*']*)",
+        re.IGNORECASE,
+    ),
     re.compile(
         r"\b(?:ACCELERATION|VELOCITY|DISPLACEMENT)(?:\s+TIME\s+(?:HISTORY|SERIES))?\s+IN\s+(?!UNITS)([A-Z/][A-Z0-9/^*']*)",
         re.IGNORECASE,
@@ -67,7 +70,9 @@ def read_at2(lines: Lines) -> list[Series]:
     text = "\n".join(header)
     other = _OTHER.search(text)
     quantity = other[1].lower() if other else "acceleration"
-    named = (match[1] for pattern in _UNITS for match in pattern.finditer(text) if motion_units(match[1]))
+    named = (
+        match[1] for pattern in _UNITS for match in pattern.finditer(text) if motion_units(match[1])
+    )
     units = next((required_units(name, quantity) for name in named), "")
     return [Series(values, step, units, **codes)]
 
@@ -75,8 +80,14 @@ def read_at2(lines: Lines) -> list[Series]:
 def at2_text(record: Record, title: str) -> str:
     """A record in this format, g to nine digits; `title` is the second line, which PEER gives event and component."""
     rows = record.acceleration / STANDARD_GRAVITY
-    head = ("PEER STRONG MOTION DATABASE RECORD, WRITTEN BY TDINT", title, "ACCELERATION TIME SERIES IN UNITS OF G")
-    values = ["".join(f"{value:16.8E}" for value in rows[i : i + 5]) for i in range(0, rows.size, 5)]
+    head = (
+        "PEER STRONG MOTION DATABASE RECORD, WRITTEN BY TDINT",
+        title,
+        "ACCELERATION TIME SERIES IN UNITS OF G",
+    )
+    values = [
+        "".join(f"{value:16.8E}" for value in rows[i : i + 5]) for i in range(0, rows.size, 5)
+    ]
     return "\n".join((*head, f"NPTS= {rows.size}, DT= {record.dt!r} SEC", *values, ""))
 
 

@@ -11,8 +11,22 @@ import re
 from typing import Any
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, is_row_of_numbers, recognizes, row_of_numbers
-from tdint.ground_motion.formats.series import Series, by_parts, code, first_match, header_field, required_units
+from tdint.ground_motion.formats.lines import (
+    COUNT,
+    NUMBER,
+    Lines,
+    is_row_of_numbers,
+    recognizes,
+    row_of_numbers,
+)
+from tdint.ground_motion.formats.series import (
+    Series,
+    by_parts,
+    code,
+    first_match,
+    header_field,
+    required_units,
+)
 from tdint.ground_motion.miniseed_checks import SAMPLES, STEP, Statement, compare
 
 _TITLE = re.compile(r"\s*\*\s*VOL1\w*\s+FILE:", re.IGNORECASE)
@@ -20,7 +34,9 @@ _COMPONENT = re.compile(r"^\s*COMP\s+([A-Z])(\d*)", re.IGNORECASE)
 _AZIMUTHS = re.compile(r"\bAzimuth\s+((?:[A-Z]\s+\d{1,3}\s*)+)", re.IGNORECASE)
 _AZIMUTH = re.compile(r"([A-Z])\s+(\d{1,3})", re.IGNORECASE)
 _STATION = re.compile(r"^\s*(\S.*?)\s+Station\b")
-_POINTS = re.compile(rf"\bNO\. OF POINTS\s*=\s*({COUNT})\s+DURATION\s*=\s*({NUMBER})", re.IGNORECASE)
+_POINTS = re.compile(
+    rf"\bNO\. OF POINTS\s*=\s*({COUNT})\s+DURATION\s*=\s*({NUMBER})", re.IGNORECASE
+)
 _UNITS = re.compile(r"\bUNITS ARE SECONDS AND\s+([A-Z/^0-9]+)", re.IGNORECASE)
 _ROW = re.compile(r"\s*-?\d+(?:\s+-?\d+){9,}\s*")
 _HEADER_LINES = 7
@@ -34,7 +50,9 @@ _END = "/&"
 
 def is_bhrc(file: Any, **_: Any) -> bool:
     """Whether a file begins with this format's title and soon names a component."""
-    return recognizes(file, lambda lines: _TITLE.match(lines[0]) and first_match(_COMPONENT, lines[1:20]))
+    return recognizes(
+        file, lambda lines: _TITLE.match(lines[0]) and first_match(_COMPONENT, lines[1:20])
+    )
 
 
 @by_parts
@@ -51,9 +69,13 @@ def read_bhrc(lines: Lines) -> list[Series]:
     texts = lines.take_until(_ROW.fullmatch, "header of integers")
     if not any(map(_TITLE.match, texts)):
         raise RecordError(f"a component's header should begin in line {place}")
-    points, units, component = (first_match(pattern, texts) for pattern in (_POINTS, _UNITS, _COMPONENT))
+    points, units, component = (
+        first_match(pattern, texts) for pattern in (_POINTS, _UNITS, _COMPONENT)
+    )
     if not (points and units and component and int(points[1])):
-        raise RecordError(f"the header that begins in line {place} gives no points, units or component")
+        raise RecordError(
+            f"the header that begins in line {place} gives no points, units or component"
+        )
     stated = _header_number(lines, *_COUNT)
     rate = _header_number(lines, *_RATE)
 
@@ -72,7 +94,11 @@ def read_bhrc(lines: Lines) -> list[Series]:
     # A horizontal component is named by its azimuth in degrees, the vertical one by its letter.
     letter = component[1].upper()
     azimuths = first_match(_AZIMUTHS, texts)
-    directions = {name.upper(): degrees for name, degrees in _AZIMUTH.findall(azimuths[1])} if azimuths else {}
+    directions = (
+        {name.upper(): degrees for name, degrees in _AZIMUTH.findall(azimuths[1])}
+        if azimuths
+        else {}
+    )
     return [
         Series(
             samples,

@@ -43,7 +43,9 @@ _END = re.compile(r"\s*(?:/&|End-of-data)", re.IGNORECASE)
 
 _UNKNOWN = re.compile(rf"unknown/unspecified:\s*{NUMBER}\s*,?\s*({NUMBER})", re.IGNORECASE)
 _STATION = re.compile(r"^\s*Stat\w*\s+No\b.*?\bCode:\s*(\w+)-(\w+)", re.IGNORECASE)
-_CHANNEL = re.compile(r"^\s*Sta\s+Cha\w*:?\s*(\S+?)\s*:\s*([^(]*?)\s*(?:deg\w*\s*)?(?:\(|Location|$)", re.IGNORECASE)
+_CHANNEL = re.compile(
+    r"^\s*Sta\s+Cha\w*:?\s*(\S+?)\s*:\s*([^(]*?)\s*(?:deg\w*\s*)?(?:\(|Location|$)", re.IGNORECASE
+)
 _CODES = re.compile(r"<SCNL>\s*(\w+)\.(\w+)\.(\w+)\.([-\w]*)", re.IGNORECASE)
 _UTC = re.compile(r"^\s*Rcrd start time.*\b(?:UTC|GMT)\b", re.IGNORECASE)
 _PEAK = re.compile(rf"^\s*Processed.*\bMax\s*=\s*({NUMBER})\s*([\w/^]+)", re.IGNORECASE)
@@ -52,7 +54,14 @@ _YEAR, _MONTH, _DAY, _HOUR, _MINUTE = 39, 41, 42, 43, 44
 _SECOND, _STEP = 29, 61
 """Places among the integers and among the reals; the step is in ms."""
 
-_UNITS = {"2": "g", "4": "cm/s^2", "7": "0.0254 m/s^2", "10": "gal", "11": "0.001 g", "12": "1e-6 g"}
+_UNITS = {
+    "2": "g",
+    "4": "cm/s^2",
+    "7": "0.0254 m/s^2",
+    "10": "gal",
+    "11": "0.001 g",
+    "12": "1e-6 g",
+}
 _COUNTS = "50"
 _OTHERS = ("velocity", "displacement")
 _OTHER_UNITS = {"5": "cm/s", "6": "cm", "8": "in/s", "9": "in"}
@@ -102,14 +111,18 @@ def read_cosmos(lines: Lines) -> list[Series]:
     lines.take()
     if not series and others:  # A channel that has a velocity or a displacement only.
         return [_series(*others[0], texts, integers, reals)]
-    return [replace(part, pgv=peaks.get("velocity"), pgd=peaks.get("displacement")) for part in series]
+    return [
+        replace(part, pgv=peaks.get("velocity"), pgd=peaks.get("displacement")) for part in series
+    ]
 
 
 def _announced(pattern: re.Pattern[str], lines: Lines) -> re.Match[str]:
     """What the next line, which announces others, says."""
     match = pattern.match(lines.take())
     if not match:
-        raise RecordError(f"line {lines.number} should tell the number of header lines or values that follow")
+        raise RecordError(
+            f"line {lines.number} should tell the number of header lines or values that follow"
+        )
     return match
 
 
@@ -117,7 +130,9 @@ def _header_values(pattern: re.Pattern[str], lines: Lines) -> list[float]:
     match = _announced(pattern, lines)
     values: list[float] = lines.numbers(int(match[1]), _width(match.string)).tolist()
     if len(values) <= _STEP:
-        raise RecordError(f"the header that ends with line {lines.number} has only {how_many(len(values), 'value')}")
+        raise RecordError(
+            f"the header that ends with line {lines.number} has only {how_many(len(values), 'value')}"
+        )
     return values
 
 
@@ -127,7 +142,11 @@ def _width(line: str) -> int | None:
 
 
 def _series(
-    samples: NDArray[np.float64], block: re.Match[str], texts: list[str], integers: list[float], reals: list[float]
+    samples: NDArray[np.float64],
+    block: re.Match[str],
+    texts: list[str],
+    integers: list[float],
+    reals: list[float],
 ) -> Series:
     """A block of samples with what the channel's header tells of it."""
     # The step, against the duration that the block's own line tells.
@@ -137,7 +156,9 @@ def _series(
         raise RecordError("its header does not give the sampling interval")
     dt = reals[_STEP] / 1000.0
     if block[3] and abs(samples.size * dt - int(block[3])) > 1.0 + _APPROXIMATE * int(block[3]):
-        raise RecordError(f"{samples.size} samples at the header's {dt:g} s are not the {block[3]} s that it tells")
+        raise RecordError(
+            f"{samples.size} samples at the header's {dt:g} s are not the {block[3]} s that it tells"
+        )
 
     # The unit by its name or by its number in the format's table; a recorder's counts have none.
     kind = block[2].lower().split()[0]
@@ -147,15 +168,21 @@ def _series(
         units = None
     counts = units is None and (block[5] == _COUNTS or block[4].strip().lower().startswith("count"))
     if units is None and not counts:
-        raise RecordError(f"its header gives the samples in {block[4].strip()!r}, which is no unit of {quantity}")
+        raise RecordError(
+            f"its header gives the samples in {block[4].strip()!r}, which is no unit of {quantity}"
+        )
     missing = 0 if counts else int(np.count_nonzero(samples == unknown))
     if missing:
         raise RecordError(f"{how_many(missing, 'sample')} marked as unknown ({unknown:g})")
     if counts and (np.any(np.abs(samples) > np.iinfo(np.int32).max) or np.any(samples % 1.0)):
-        raise RecordError("its header says that the samples are counts, but they are not integers of 32 bits")
+        raise RecordError(
+            "its header says that the samples are counts, but they are not integers of 32 bits"
+        )
 
     # The time of the first sample, if it is known and in UTC.
-    year, month, day, hour, minute = (integers[place] for place in (_YEAR, _MONTH, _DAY, _HOUR, _MINUTE))
+    year, month, day, hour, minute = (
+        integers[place] for place in (_YEAR, _MONTH, _DAY, _HOUR, _MINUTE)
+    )
     second = reals[_SECOND]
     is_utc = unknown not in (year, month, day, hour, minute, second) and first_match(_UTC, texts)
     stated = first_match(_PEAK, texts)
@@ -176,4 +203,6 @@ def _codes(texts: list[str]) -> dict[str, Any]:
         return {"station": codes[1], "channel": codes[2], "network": codes[3], "location": location}
     station, channel = first_match(_STATION, texts), first_match(_CHANNEL, texts)
     named = {"network": station[1], "station": station[2]} if station else {}
-    return named | ({"location": code(channel[1]), "channel": code(channel[2]).upper()} if channel else {})
+    return named | (
+        {"location": code(channel[1]), "channel": code(channel[2]).upper()} if channel else {}
+    )

@@ -18,7 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import COUNT, NUMBER, Lines, equal_steps, finest_step, recognizes
+from tdint.ground_motion.formats.lines import (
+    COUNT,
+    NUMBER,
+    Lines,
+    equal_steps,
+    finest_step,
+    recognizes,
+)
 from tdint.ground_motion.formats.series import (
     Series,
     by_parts,
@@ -85,17 +92,22 @@ def read_pairs(lines: Lines, texts: list[str]) -> Series:
 
 _TITLE = re.compile(r"\s*(UN)?CORRECTED ACCELEROGRAM", re.IGNORECASE)
 _CHANNEL = re.compile(
-    r"^\s*CHAN\w*\.?\s+(\w+)\s*:\s*(.*?)\s*(?:\bDEG\w*\s*)?(?:\(STA\s+CHN.*|LOCATION.*)?$", re.IGNORECASE
+    r"^\s*CHAN\w*\.?\s+(\w+)\s*:\s*(.*?)\s*(?:\bDEG\w*\s*)?(?:\(STA\s+CHN.*|LOCATION.*)?$",
+    re.IGNORECASE,
 )
 _STATION = re.compile(r"^\s*STATION NO\.?\s*(\w+)", re.IGNORECASE)
 _START = re.compile(
-    r"\b(?:TRIGGER|START) TIME:\s*(\d+)/(\d+)/(\d+),?\s*(\d+):(\d+):(\d+\.?\d*)\s*(UTC|GMT|PST|PDT)\b", re.IGNORECASE
+    r"\b(?:TRIGGER|START) TIME:\s*(\d+)/(\d+)/(\d+),?\s*(\d+):(\d+):(\d+\.?\d*)\s*(UTC|GMT|PST|PDT)\b",
+    re.IGNORECASE,
 )
 _ZONES = {"UTC": 0.0, "GMT": 0.0, "PST": -8.0, "PDT": -7.0}
 _ERA = 50
 """Years of two digits from here on are in the last century."""
 
-_EQUAL = re.compile(rf"^\s*({COUNT})\s+\w+ points at\s+({NUMBER})\s+pts/sec in units of\s+([A-Z/^0-9]+)", re.IGNORECASE)
+_EQUAL = re.compile(
+    rf"^\s*({COUNT})\s+\w+ points at\s+({NUMBER})\s+pts/sec in units of\s+([A-Z/^0-9]+)",
+    re.IGNORECASE,
+)
 _BLOCK = re.compile(
     rf"^\s*({COUNT})\s+points of\s+(accel|veloc|displ)\w*\s+data equally spaced at\s+({NUMBER})\s+sec.*?"
     r"(?:UNITS?\s*:?|IN)\s*\(?\s*([A-Z/^0-9]+)",
@@ -111,7 +123,8 @@ _PEAK = (
 
 _QUANTITIES = {"VELOC": "velocity", "DISPL": "displacement"}
 _OTHER_PEAK = {
-    kind: re.compile(rf"\bPEAK\s+{name}\s*=\s*({NUMBER})\s*CM", re.IGNORECASE) for kind, name in _QUANTITIES.items()
+    kind: re.compile(rf"\bPEAK\s+{name}\s*=\s*({NUMBER})\s*CM", re.IGNORECASE)
+    for kind, name in _QUANTITIES.items()
 }
 _REALS_VOLUME_2 = 100  # in its header
 _END = "/&"
@@ -119,7 +132,9 @@ _END = "/&"
 
 def is_csmip(file: Any, **_: Any) -> bool:
     """Whether a file begins with this format's title and soon names a channel."""
-    return recognizes(file, lambda lines: _TITLE.match(lines[0]) and first_match(_CHANNEL, lines[1:25]))
+    return recognizes(
+        file, lambda lines: _TITLE.match(lines[0]) and first_match(_CHANNEL, lines[1:25])
+    )
 
 
 @by_parts
@@ -157,7 +172,9 @@ def _volume_1(lines: Lines, texts: list[str]) -> Series:
     line = lines.peek() or ""
     if (block := _BLOCK.match(line)) and block[2].upper() == "ACCEL":
         lines.take()
-        return Series(lines.numbers(int(block[1]), _width(line)), float(block[3]), required_units(block[4]))
+        return Series(
+            lines.numbers(int(block[1]), _width(line)), float(block[3]), required_units(block[4])
+        )
     # Older files have pairs of time and acceleration, later ones equal steps.
     if not (equal := _EQUAL.match(line)):
         return read_pairs(lines, texts)
@@ -179,13 +196,20 @@ def _volume_2(lines: Lines, texts: list[str]) -> Series:
     expected = ("ACCEL", "VELOC", "DISPL") if first_match(_KINDS, texts) else ("ACCEL",)
     for kind in expected:
         if kind not in blocks:
-            raise RecordError(f"the file is cut off or damaged: after line {lines.number} there is no block of {kind}")
+            raise RecordError(
+                f"the file is cut off or damaged: after line {lines.number} there is no block of {kind}"
+            )
     block, samples = blocks["ACCEL"]
-    others = [_peak_of(kind, *blocks[kind], texts) if kind in blocks else None for kind in ("VELOC", "DISPL")]
+    others = [
+        _peak_of(kind, *blocks[kind], texts) if kind in blocks else None
+        for kind in ("VELOC", "DISPL")
+    ]
     return Series(samples, float(block[3]), required_units(block[4]), pgv=others[0], pgd=others[1])
 
 
-def _peak_of(kind: str, block: re.Match[str], samples: NDArray[np.float64], texts: list[str]) -> float | None:
+def _peak_of(
+    kind: str, block: re.Match[str], samples: NDArray[np.float64], texts: list[str]
+) -> float | None:
     """Peak of a block of velocity or displacement, SI units; None if its units are unknown.
 
     Raises

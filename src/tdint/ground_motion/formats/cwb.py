@@ -12,7 +12,13 @@ from typing import Any
 import numpy as np
 
 from tdint.errors import RecordError
-from tdint.ground_motion.formats.lines import NUMBER, Lines, equal_steps, is_row_of_numbers, recognizes
+from tdint.ground_motion.formats.lines import (
+    NUMBER,
+    Lines,
+    equal_steps,
+    is_row_of_numbers,
+    recognizes,
+)
 from tdint.ground_motion.formats.series import (
     CLOCK,
     Series,
@@ -29,12 +35,15 @@ from tdint.ground_motion.miniseed_checks import SAMPLES, STEP, Statement, compar
 
 _STATION = re.compile(r"^#\s*StationCode\s*:\s*(\S+)", re.IGNORECASE)
 _START = re.compile(
-    rf"^#\s*StartTime\(GMT(?P<zone>[-+]\d+)\)\s*:\s*(?P<year>\d+)/(?P<month>\d+)/(?P<day>\d+)-{CLOCK}", re.IGNORECASE
+    rf"^#\s*StartTime\(GMT(?P<zone>[-+]\d+)\)\s*:\s*(?P<year>\d+)/(?P<month>\d+)/(?P<day>\d+)-{CLOCK}",
+    re.IGNORECASE,
 )
 _LENGTH = re.compile(rf"^#\s*RecordLength\(sec\)\s*:\s*({NUMBER})", re.IGNORECASE)
 _RATE = re.compile(rf"^#\s*SampleRate\(Hz\)\s*:\s*({NUMBER})", re.IGNORECASE)
 _UNITS = re.compile(r"^#\s*AmplitudeUnit\s*:\s*([A-Z/^0-9]+)", re.IGNORECASE)
-_EXTREMES = re.compile(rf"^#\s*AmplitudeMAX\.\s*(\w)\s*:\s*({NUMBER})\s*~\s*({NUMBER})", re.IGNORECASE)
+_EXTREMES = re.compile(
+    rf"^#\s*AmplitudeMAX\.\s*(\w)\s*:\s*({NUMBER})\s*~\s*({NUMBER})", re.IGNORECASE
+)
 _SEQUENCE = re.compile(r"^#\s*DataSequence\s*:\s*Time\s+(.*)", re.IGNORECASE)
 _MOST = 1e12
 """Samples that a header may speak of."""
@@ -45,7 +54,10 @@ _NAME = re.compile(r"(\w+)\s*\(\+\)")
 def is_cwb(file: Any, **_: Any) -> bool:
     """Whether a file's header, in lines after #, tells station, rate and order of the columns."""
     return recognizes(
-        file, lambda lines: all(first_match(pattern, lines[:60]) for pattern in (_STATION, _RATE, _SEQUENCE))
+        file,
+        lambda lines: all(
+            first_match(pattern, lines[:60]) for pattern in (_STATION, _RATE, _SEQUENCE)
+        ),
     )
 
 
@@ -62,10 +74,14 @@ def read_cwb(lines: Lines) -> list[Series]:
     sequence, units, rate = (first_match(pattern, texts) for pattern in (_SEQUENCE, _UNITS, _RATE))
     names = _NAME.findall(sequence[1]) if sequence else []
     if not (names and rate and units):
-        raise RecordError("its header does not give the sampling rate, the units and the order of the columns")
+        raise RecordError(
+            "its header does not give the sampling rate, the units and the order of the columns"
+        )
     times, *columns = lines.rest(1 + len(names))
     dt, _ = equal_steps(times)
-    statements = [Statement(STEP, 1.0 / float(rate[1]) if float(rate[1]) else np.inf, dt, 1e-3 * dt, "s")]
+    statements = [
+        Statement(STEP, 1.0 / float(rate[1]) if float(rate[1]) else np.inf, dt, 1e-3 * dt, "s")
+    ]
     length = first_match(_LENGTH, texts)
     if length and abs(float(length[1]) * float(rate[1])) < _MOST:
         # The length is that of all samples or, in some files, the time of the last one.

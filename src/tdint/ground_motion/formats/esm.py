@@ -10,7 +10,13 @@ from typing import Any
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER, Lines, is_row_of_numbers, recognizes
-from tdint.ground_motion.formats.series import Series, moment_in, reader, required_units, stated_peak
+from tdint.ground_motion.formats.series import (
+    Series,
+    moment_in,
+    reader,
+    required_units,
+    stated_peak,
+)
 
 _COUNT, _STEP, _UNITS = "NDATA", "SAMPLING_INTERVAL_S", "UNITS"
 _START = "DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS"
@@ -27,7 +33,11 @@ _TIME = re.compile(
 def is_esm(file: Any, **_: Any) -> bool:
     """Whether a file begins with the keys of this header."""
     return recognizes(
-        file, lambda lines: lines[0].startswith("EVENT_NAME:") and any(line.startswith(f"{_STEP}:") for line in lines)
+        file,
+        lambda lines: (
+            lines[0].startswith("EVENT_NAME:")
+            and any(line.startswith(f"{_STEP}:") for line in lines)
+        ),
     )
 
 
@@ -54,7 +64,11 @@ def read_esm(lines: Lines) -> list[Series]:
     units = required_units(header[_UNITS], quantity) if header.get(_UNITS) else ""
     # The key of the peak ends with its unit.
     peaks = ((_PEAKS[quantity].fullmatch(key), value) for key, value in header.items())
-    stated = (stated_peak(value, key[1], units) for key, value in peaks if key and re.fullmatch(NUMBER, value))
+    stated = (
+        stated_peak(value, key[1], units)
+        for key, value in peaks
+        if key and re.fullmatch(NUMBER, value)
+    )
     series = Series(
         lines.numbers(count),
         dt,
@@ -67,5 +81,7 @@ def read_esm(lines: Lines) -> list[Series]:
         peak=next(stated, None),
     )
     if lines.peek() is not None:
-        raise RecordError(f"after the {count} values that {_COUNT} announces, line {lines.number + 1} is left")
+        raise RecordError(
+            f"after the {count} values that {_COUNT} announces, line {lines.number + 1} is left"
+        )
     return [series]

@@ -14,7 +14,15 @@ import numpy as np
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER, Lines, recognizes
-from tdint.ground_motion.formats.series import Series, by_parts, code, first_match, header_field, moment, stated_peak
+from tdint.ground_motion.formats.series import (
+    Series,
+    by_parts,
+    code,
+    first_match,
+    header_field,
+    moment,
+    stated_peak,
+)
 
 _TEXTS, _INTEGERS, _REALS, _WIDTH = 16, 40, 60, 8
 _TITLE = re.compile(r"\s*(?:un)?corrected accelerogram", re.IGNORECASE)
@@ -22,7 +30,9 @@ _SITE = re.compile(r"^\s*Site\s+(\S+)", re.IGNORECASE)
 _COMPONENT = re.compile(r"^\s*Component\s+(\S+)", re.IGNORECASE)
 _PEAK = re.compile(rf"^\s*Acceleration:\s+peak\s+({NUMBER})\s*mm/s/s", re.IGNORECASE)
 _RAW_UNITS = re.compile(rf"^\s*Raw readings in units of\s+({NUMBER})\s*mm/s/s", re.IGNORECASE)
-_INTERVAL = re.compile(rf"\bat\s+(?:intervals of\s+({NUMBER})\s*s|({NUMBER})\s*s(?:ec)?\s+intervals)", re.IGNORECASE)
+_INTERVAL = re.compile(
+    rf"\bat\s+(?:intervals of\s+({NUMBER})\s*s|({NUMBER})\s*s(?:ec)?\s+intervals)", re.IGNORECASE
+)
 
 _YEAR, _MONTH, _DAY, _HOUR, _MINUTE, _MILLISECONDS = 8, 9, 18, 19, 38, 39
 """Places of the time of the first sample (UTC) among the integers."""
@@ -54,19 +64,25 @@ def read_geonet(lines: Lines) -> list[Series]:
     integers = lines.numbers(_INTEGERS, _WIDTH).tolist()
     reals = lines.numbers(_REALS, _WIDTH).tolist()
     accelerations, *others = (lines.numbers(int(integers[place]), _WIDTH) for place in _COUNTS)
-    pgv, pgd = (_MILLI * float(np.max(np.abs(samples))) if samples.size else None for samples in others)
+    pgv, pgd = (
+        _MILLI * float(np.max(np.abs(samples))) if samples.size else None for samples in others
+    )
     # The sampling interval stands in the header twice, as a number and in words.
     dt = reals[_STEP]
     match = first_match(_INTERVAL, texts)
     in_words = match[1] or match[2] if match else ""
     if in_words and not isclose(float(in_words), dt, rel_tol=1e-3):
-        raise RecordError(f"its header gives the sampling interval as {dt:g} s and, in words, as {in_words} s")
+        raise RecordError(
+            f"its header gives the sampling interval as {dt:g} s and, in words, as {in_words} s"
+        )
     # Volume 1 may be in readings of a film, a part of the unit each.
     factor = header_field(_RAW_UNITS, texts)
     if factor and not 0.0 < float(factor) < inf:
         raise RecordError(f"its header gives readings in units of {factor} mm/s/s")
     units = f"{factor} mm/s^2" if factor and float(factor) != 1.0 else "mm/s^2"
-    year, month, day, hour, minute = (integers[place] for place in (_YEAR, _MONTH, _DAY, _HOUR, _MINUTE))
+    year, month, day, hour, minute = (
+        integers[place] for place in (_YEAR, _MONTH, _DAY, _HOUR, _MINUTE)
+    )
     series = Series(
         accelerations,
         dt,

@@ -129,7 +129,9 @@ class Lines:
             if accept(_beginning(self._lines[place])):
                 self._next = place
                 return list(map(_beginning, self._lines[start:place]))
-        raise RecordError(f"the file is cut off or damaged: after line {start} there is no {expected}")
+        raise RecordError(
+            f"the file is cut off or damaged: after line {start} there is no {expected}"
+        )
 
     def numbers(self, count: int, width: int | None = None) -> NDArray[np.float64]:
         """So many numbers, to the end of a line; shape (count,).
@@ -155,7 +157,9 @@ class Lines:
                 )
             values.extend(self._row(width))
         if len(values) > count:
-            raise RecordError(f"more than the {count} values that are announced stand after line {first}")
+            raise RecordError(
+                f"more than the {count} values that are announced stand after line {first}"
+            )
         return self.checked(values, first)
 
     def table(self, rows: int, columns: int) -> NDArray[np.float64]:
@@ -188,12 +192,16 @@ class Lines:
     def expect_end(self) -> None:
         """Raise RecordError if anything but blank lines is left."""
         if self.peek() is not None:
-            raise RecordError(f"line {self._next + 1} stands after the last row that the header announces")
+            raise RecordError(
+                f"line {self._next + 1} stands after the last row that the header announces"
+            )
 
     def _row_of(self, columns: int) -> list[float]:
         row = self._row(None)
         if len(row) != columns:
-            raise RecordError(f"line {self._next} holds {how_many(len(row), 'number')}, not {columns}")
+            raise RecordError(
+                f"line {self._next} holds {how_many(len(row), 'number')}, not {columns}"
+            )
         return row
 
     def _row(self, width: int | None) -> list[float]:
@@ -201,7 +209,9 @@ class Lines:
         try:
             return row_of_numbers(line, width)
         except ValueError:
-            raise RecordError(f"line {self._next}: {line.strip()[:60]!r} stands where numbers should") from None
+            raise RecordError(
+                f"line {self._next}: {line.strip()[:60]!r} stands where numbers should"
+            ) from None
 
     def checked(self, values: array[float], first: int) -> NDArray[np.float64]:
         """The values of the rows after line `first`, up to the last line taken; shape (values,).
@@ -227,7 +237,11 @@ class Lines:
         # Places of the last numbers of the rows before; in a file of few long rows, of the numbers of the last one.
         last = _places(self._lines[-1])
         rows = self._lines[max(first, len(self._lines) - _ROWS) : -1]
-        before = [places[-1] for places in map(_places, rows) if places] if len(rows) >= _FEW else last[:-1]
+        before = (
+            [places[-1] for places in map(_places, rows) if places]
+            if len(rows) >= _FEW
+            else last[:-1]
+        )
         if len(before) >= _FEW and len(set(before)) == 1 and last[-1] < before[0]:
             raise RecordError("the file is cut off within its last number")
         return numbers
@@ -376,7 +390,9 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
     intervals = np.diff(times)
     if not np.all(intervals > 0.0):
         place = int(np.argmin(intervals > 0.0))
-        raise RecordError(f"the times do not grow after sample {place} (counted from 0) at {times[place]:g} s")
+        raise RecordError(
+            f"the times do not grow after sample {place} (counted from 0) at {times[place]:g} s"
+        )
     duration = float(times[-1] - times[0])
     rounding = _rounding(times)
     dt = duration / (times.size - 1)

@@ -17,7 +17,14 @@ from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.formats.lines import NUMBER, Lines, read_lines
 from tdint.ground_motion.messages import quiet_import
-from tdint.ground_motion.miniseed_checks import PEAK, SAMPLES, Statement, check_step, compare, last_place
+from tdint.ground_motion.miniseed_checks import (
+    PEAK,
+    SAMPLES,
+    Statement,
+    check_step,
+    compare,
+    last_place,
+)
 from tdint.units import GROUND_MOTION, parse_units
 
 with quiet_import():
@@ -127,7 +134,11 @@ def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
             peak = float(np.max(np.abs(part.samples))) * part.peak.factor
             rounding = part.peak.rounding + 1e-9 * peak
             stated = abs(part.peak.value)
-            statements.append(Statement(PEAK, stated, peak, rounding, part.peak.units, part.channel, measured=True))
+            statements.append(
+                Statement(
+                    PEAK, stated, peak, rounding, part.peak.units, part.channel, measured=True
+                )
+            )
         stream.append(_trace(part, (*part.compared, *compare(statements)), headonly))
     return stream
 
@@ -199,7 +210,9 @@ def required_units(text: str, quantity: str = "acceleration") -> str:
     """
     units = motion_units(text)
     if units is None or parse_units(units).quantity != quantity:
-        raise RecordError(f"its header gives the samples in {text.strip()[:40]!r}, which is no unit of {quantity}")
+        raise RecordError(
+            f"its header gives the samples in {text.strip()[:40]!r}, which is no unit of {quantity}"
+        )
     return units
 
 
@@ -242,7 +255,13 @@ def header_field(pattern: re.Pattern[str], texts: Sequence[str]) -> str:
 
 
 def moment(
-    year: float, month: float, day: float, hour: float, minute: float, second: float, zone: float = 0.0
+    year: float,
+    month: float,
+    day: float,
+    hour: float,
+    minute: float,
+    second: float,
+    zone: float = 0.0,
 ) -> datetime | None:
     """A time in UTC from its numbers and the zone's hours east of it; None if they are no date."""
     try:
@@ -255,7 +274,11 @@ def moment(
 def moment_in(pattern: re.Pattern[str], texts: Sequence[str]) -> datetime | None:
     """The time where a pattern is found first, whose groups are named as the numbers of `moment`; None for none."""
     match = first_match(pattern, texts)
-    return moment(**{name: float(number) for name, number in match.groupdict().items()}) if match else None
+    return (
+        moment(**{name: float(number) for name, number in match.groupdict().items()})
+        if match
+        else None
+    )
 
 
 def code(name: str) -> str:

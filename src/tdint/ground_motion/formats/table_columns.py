@@ -18,14 +18,25 @@ from tdint.ground_motion.formats.lines import NUMBER
 from tdint.written_numbers import how_many
 
 TIME, OTHER = "time", "other"
-SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "secs": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3}
+SECONDS = {
+    "": 1.0,
+    "s": 1.0,
+    "sec": 1.0,
+    "secs": 1.0,
+    "second": 1.0,
+    "seconds": 1.0,
+    "ms": 1e-3,
+    "msec": 1e-3,
+}
 """Units of times, s."""
 
 MOTIONS = ("acceleration", "velocity", "displacement")
 
 _NAME = re.compile(r"[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?")
 _UNITS_IN_BRACKETS = re.compile(r"(.*?)\s*[(\[]\s*(.*?)\s*[)\]]")
-_UNITS_AT_END = re.compile(r"(.*?)_((?:mm|cm|m|in|ft)_s2|(?:mm|cm|m|in|ft)_s|gal|g|sec|s|ms|mm|cm|m|in|ft)")
+_UNITS_AT_END = re.compile(
+    r"(.*?)_((?:mm|cm|m|in|ft)_s2|(?:mm|cm|m|in|ft)_s|gal|g|sec|s|ms|mm|cm|m|in|ft)"
+)
 _COMPONENT = (
     r"[nsewudzvhxylr]\d?|[nsewud]-?[nsewud]|up|down|dn|ver(?:t(?:ical)?)?|north|south|east|west|"
     r"trans(?:v(?:erse)?)?|long(?:itudinal)?|rad(?:ial)?|\d{1,3}|[a-z][hn][a-z0-9]|[ns]\d{1,2}[ew]"
@@ -33,9 +44,13 @@ _COMPONENT = (
 _ACCELERATION = re.compile(r"(?:mm|cm|m|in|ft)/s(?:\^?2|/s)|gal|g")
 _TIMES = ("t", "time", "times", "s", "sec")
 _KINDS = {
-    "acceleration": re.compile(rf"(?:ground )?(?:a|ag|acc|accel|acceleration)(?:[ -]({_COMPONENT}))?"),
+    "acceleration": re.compile(
+        rf"(?:ground )?(?:a|ag|acc|accel|acceleration)(?:[ -]({_COMPONENT}))?"
+    ),
     "velocity": re.compile(rf"(?:ground )?(?:vg|vel|veloc|velocity)(?:[ -]({_COMPONENT}))?"),
-    "displacement": re.compile(rf"(?:ground )?(?:dg|dis|disp|displ|displacement)(?:[ -]({_COMPONENT}))?"),
+    "displacement": re.compile(
+        rf"(?:ground )?(?:dg|dis|disp|displ|displacement)(?:[ -]({_COMPONENT}))?"
+    ),
 }
 _BARE = {"v": "velocity", "d": "displacement"}
 """What these letters mean beside a column called acceleration; else they are components."""
@@ -117,7 +132,9 @@ def place_of(text: str, names: tuple[ColumnName, ...], width: int) -> int:
         if not 0 <= place < width:
             raise RecordError(f"there is no column {text[:40]}; the table has {width}")
     elif not names:
-        raise RecordError(f"there is no column {text[:40]!r}: the table has no names of columns; give its number")
+        raise RecordError(
+            f"there is no column {text[:40]!r}: the table has no names of columns; give its number"
+        )
     else:
         place = _named(text, names)
     if names and names[place].kind == TIME:
@@ -139,7 +156,9 @@ def _named(words: str, names: tuple[ColumnName, ...]) -> int:
         if places:
             numbers = " and ".join(str(place + 1) for place in places)
             raise RecordError(f"columns {numbers} are called {words[:40]!r}; give the number")
-    raise RecordError(f"there is no column {words[:40]!r}; there are {', '.join(column.text[:40] for column in names)}")
+    raise RecordError(
+        f"there is no column {words[:40]!r}; there are {', '.join(column.text[:40] for column in names)}"
+    )
 
 
 def lacks_first_name(line: str) -> bool:
@@ -159,7 +178,9 @@ def _columns(parts: list[str]) -> list[ColumnName]:
         return []
     columns = []
     for place, (part, (name, units)) in enumerate(zip(parts, words, strict=True)):
-        kinds = ((kind, match) for kind, pattern in _KINDS.items() if (match := pattern.fullmatch(name)))
+        kinds = (
+            (kind, match) for kind, pattern in _KINDS.items() if (match := pattern.fullmatch(name))
+        )
         kind, match = next(kinds, (OTHER, None))
         component = (match[1] or "").upper() if match else ""
         if place == 0 and len(words) > 1 and name in _TIMES:
@@ -257,7 +278,9 @@ def read_header(lines: list[str], width: int) -> TableHeader:
                 raise RecordError(f"its header gives {key} twice: {declared[key]!r} and {value!r}")
     names = tuple(column_names(declared.get(COLUMNS, "")))
     if names and len(names) != width:
-        raise RecordError(f"its header names {how_many(len(names), 'column')}, the rows have {width}")
+        raise RecordError(
+            f"its header names {how_many(len(names), 'column')}, the rows have {width}"
+        )
     return TableHeader(declared, names)
 
 
@@ -296,13 +319,18 @@ def declared_in(line: str) -> list[tuple[str, str]] | None:
         if names[0].kind == TIME and names[0].units not in SECONDS:
             return None
         units = {name.units for name in names if name.kind == "acceleration"}
-        return [(COLUMNS, content.strip()), *(("units", unit) for unit in units if unit and len(units) == 1)]
+        return [
+            (COLUMNS, content.strip()),
+            *(("units", unit) for unit in units if unit and len(units) == 1),
+        ]
     parts = [part for part in re.split("[,;]", content) if part.strip()]
     declarations = []
     for part in parts:
         match = _DECLARATION.fullmatch(part)
         # Keys in any case, with blanks or underscores.
-        if match and (meaning := _MEANINGS.get(" ".join(match[1].lower().replace("_", " ").split()))):
+        if match and (
+            meaning := _MEANINGS.get(" ".join(match[1].lower().replace("_", " ").split()))
+        ):
             declarations.append((meaning, match[2]))
     return declarations if comment or len(declarations) == len(parts) else None
 
@@ -313,5 +341,7 @@ def _quantity(text: str, units: dict[str, float], quantity: str) -> float:
     factor = units.get(match[2].lower()) if match else None
     if not match or factor is None or not float(match[1]) > 0.0:
         names = ", ".join(filter(None, units))
-        raise RecordError(f"its header gives {quantity} as {text!r}; write a positive number, in {names}")
+        raise RecordError(
+            f"its header gives {quantity} as {text!r}; write a positive number, in {names}"
+        )
     return float(match[1]) * factor

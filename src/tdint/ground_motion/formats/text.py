@@ -29,7 +29,14 @@ from numpy.typing import NDArray
 from tdint.errors import RecordError
 from tdint.ground_motion.choice import AS_STATED, SAME_STEP, TextLayout
 from tdint.ground_motion.formats.lines import ROW, Lines, equal_steps, read_lines, recognizes
-from tdint.ground_motion.formats.series import Series, code, motion_scale, motion_units, required_units, to_stream
+from tdint.ground_motion.formats.series import (
+    Series,
+    code,
+    motion_scale,
+    motion_units,
+    required_units,
+    to_stream,
+)
 from tdint.ground_motion.formats.table_columns import (
     COLUMNS,
     COMMENT,
@@ -93,7 +100,9 @@ def table_in(data: bytes, layout: TextLayout) -> str:
     if len(widths) == 1:
         return "one row of numbers; a record has two samples at least: is the rest of the file missing?"
     if not _begins(widths):
-        is_quoted = b'"' in data and _begins(_first_rows(BytesIO(data.replace(b'"', b"")), layout)[1])
+        is_quoted = b'"' in data and _begins(
+            _first_rows(BytesIO(data.replace(b'"', b"")), layout)[1]
+        )
         return "its numbers stand in quotation marks; write them without" if is_quoted else ""
     names = any_names(above[-1], widths[0]) if above else ()
     if len(names) > 2 and names[0].kind == TIME:
@@ -102,7 +111,9 @@ def table_in(data: bytes, layout: TextLayout) -> str:
     return f"a table of numbers begins in line {len(above) + 1}: tell by `step` and `column`{passed} what it is"
 
 
-def read_text(file: Any, headonly: bool = False, layout: TextLayout = AS_STATED, **_: Any) -> Stream:
+def read_text(
+    file: Any, headonly: bool = False, layout: TextLayout = AS_STATED, **_: Any
+) -> Stream:
     """Read a table; see above and `tdint.ground_motion.formats`.
 
     Raises
@@ -134,7 +145,9 @@ def read_text(file: Any, headonly: bool = False, layout: TextLayout = AS_STATED,
     if times is not None:
         stated.append(equal_steps(times)[0])
     if stated and max(stated) - min(stated) > SAME_STEP * max(stated):
-        raise RecordError(f"its sampling interval is stated as {' s and as '.join(f'{dt:g}' for dt in stated)} s")
+        raise RecordError(
+            f"its sampling interval is stated as {' s and as '.join(f'{dt:g}' for dt in stated)} s"
+        )
     dt = next(iter(stated), None) or layout.step
     if dt is None:
         raise RecordError(
@@ -143,7 +156,10 @@ def read_text(file: Any, headonly: bool = False, layout: TextLayout = AS_STATED,
         )
     if header.declared.get("samples", str(size)) != str(size):
         raise RecordError(f"its header announces {header.get('samples')} samples, there are {size}")
-    compared = (*((SAMPLES,) if header.get("samples") else ()), *((STEP,) if times is not None else ()))
+    compared = (
+        *((SAMPLES,) if header.get("samples") else ()),
+        *((STEP,) if times is not None else ()),
+    )
     common = Series(
         np.empty(0),
         dt,
@@ -159,19 +175,29 @@ def read_text(file: Any, headonly: bool = False, layout: TextLayout = AS_STATED,
     is_leading = times is not None or (width > 1 and _counts(columns[0], layout.step))
     taken = chosen or _accelerations(header.names, range(int(is_leading), width))
     if skipped:
-        warnings.warn(f"{how_many(skipped, 'line')} at its beginning passed over, as asked", stacklevel=2)
+        warnings.warn(
+            f"{how_many(skipped, 'line')} at its beginning passed over, as asked", stacklevel=2
+        )
     if not stated:
-        warnings.warn(f"the sampling interval of {dt:g} s is given, the file tells none", stacklevel=2)
+        warnings.warn(
+            f"the sampling interval of {dt:g} s is given, the file tells none", stacklevel=2
+        )
     # Five samples to a line look alike: each column would be every fifth of them, at the wrong times.
     if width > 2 and not header.names and not is_leading:
         told = f"each of {width} columns without names is taken for a motion"
-        warnings.warn(f"{told}: one that runs on along the lines must have one sample to a line", stacklevel=2)
-    return to_stream([_series(common, columns, header, place, taken) for place in taken], headonly=headonly)
+        warnings.warn(
+            f"{told}: one that runs on along the lines must have one sample to a line", stacklevel=2
+        )
+    return to_stream(
+        [_series(common, columns, header, place, taken) for place in taken], headonly=headonly
+    )
 
 
 def _names_of(line: str) -> int:
     """How many columns a line above the numbers names."""
-    return next((len(column_names(value)) for key, value in declared_in(line) or [] if key == COLUMNS), 0)
+    return next(
+        (len(column_names(value)) for key, value in declared_in(line) or [] if key == COLUMNS), 0
+    )
 
 
 def _accelerations(names: Names, places: range) -> list[int]:
@@ -190,14 +216,18 @@ def _accelerations(names: Names, places: range) -> list[int]:
     return unknown
 
 
-def _series(common: Series, columns: Columns, header: TableHeader, place: int, taken: list[int]) -> Series:
+def _series(
+    common: Series, columns: Columns, header: TableHeader, place: int, taken: list[int]
+) -> Series:
     """The component in a column."""
     names, declared = header.names, header.get("units")
     part = replace(common, samples=columns[place])
     if not names:
         units = required_units(declared) if declared else ""
         return replace(
-            part, units=units, channel=part.channel if len(taken) == 1 and len(columns) <= 2 else str(place + 1)
+            part,
+            units=units,
+            channel=part.channel if len(taken) == 1 and len(columns) <= 2 else str(place + 1),
         )
     name = names[place]
     text = name.units or declared
@@ -207,8 +237,12 @@ def _series(common: Series, columns: Columns, header: TableHeader, place: int, t
         motion = motion_units(name.units) if name.units else None
         quantity = parse_units(motion).quantity if motion else "acceleration"
     units = required_units(text, quantity) if text else ""
-    channel = code(name.component) or (code(name.text[: len(name.plain)]) if name.kind == OTHER else common.channel)
-    part = replace(part, units=units, channel=channel, quantity=quantity if name.kind != OTHER else "")
+    channel = code(name.component) or (
+        code(name.text[: len(name.plain)]) if name.kind == OTHER else common.channel
+    )
+    part = replace(
+        part, units=units, channel=channel, quantity=quantity if name.kind != OTHER else ""
+    )
     if name.kind != "acceleration":
         return part
 
@@ -221,37 +255,55 @@ def _series(common: Series, columns: Columns, header: TableHeader, place: int, t
     return replace(part, pgv=peaks.get("velocity"), pgd=peaks.get("displacement"))
 
 
-def _times(columns: Columns, names: Names, chosen: list[int], layout: TextLayout) -> NDArray[np.float64] | None:
+def _times(
+    columns: Columns, names: Names, chosen: list[int], layout: TextLayout
+) -> NDArray[np.float64] | None:
     """The times, s; None if there are none."""
     if names:
         return columns[0] * SECONDS[names[0].units] if names[0].kind == TIME else None
     if len(columns) == 1 or 0 in chosen:
         return None
     first = columns[0]
-    if layout.step is not None and (not np.all(np.diff(first) > 0.0) or _counts(first, layout.step)):
+    if layout.step is not None and (
+        not np.all(np.diff(first) > 0.0) or _counts(first, layout.step)
+    ):
         return None
     return first
 
 
 def _counts(column: NDArray[np.float64], step: float | None) -> bool:
     """Whether a column counts the samples, from 0 or 1, beside a given step that is not 1 s."""
-    return step not in (None, 1.0) and column[0] in (0.0, 1.0) and bool(np.all(np.diff(column) == 1.0))
+    return (
+        step not in (None, 1.0) and column[0] in (0.0, 1.0) and bool(np.all(np.diff(column) == 1.0))
+    )
 
 
 def _matches(lines: list[str]) -> bool:
     first = next(place for place, line in enumerate(lines) if ROW.fullmatch(line))
     unnamed = first > 0 and lacks_first_name(lines[first - 1])
     declared = [declared_in(line) for line in lines[: first - unnamed]]
-    rows = [_numbers(line) for line in lines[first:] if line.strip() and not COMMENT.fullmatch(line)]
+    rows = [
+        _numbers(line) for line in lines[first:] if line.strip() and not COMMENT.fullmatch(line)
+    ]
     named = sum(map(_names_of, lines[:first]))
     width = Counter(map(len, rows)).most_common(1)[0][0]
     if any(map(_OTHER_FORMAT.match, lines[:first])):
         return False
     others = sum(len(row) != width for row in rows)
     # A table with the names of its columns is one with some cells empty, too, which reading it tells.
-    if None in declared or len(rows) < 2 or width > _MOST or others > (len(rows) // 4 if named else 0):
+    if (
+        None in declared
+        or len(rows) < 2
+        or width > _MOST
+        or others > (len(rows) // 4 if named else 0)
+    ):
         return False
-    return unnamed or bool(named) or width == 1 or (width > 1 and all(a[0] < b[0] for a, b in pairwise(rows)))
+    return (
+        unnamed
+        or bool(named)
+        or width == 1
+        or (width > 1 and all(a[0] < b[0] for a, b in pairwise(rows)))
+    )
 
 
 def _columns(lines: Lines, named: int) -> Columns:
@@ -266,7 +318,9 @@ def _columns(lines: Lines, named: int) -> Columns:
         width = width or (named if _lacks(line) else len(numbers))
         if len(numbers) != width or not 1 <= width <= _MOST:
             lack = "; a cell is empty" if _lacks(line) else ""
-            raise RecordError(f"line {lines.number}: {line.strip()[:60]!r} is not {width or 'a row of'} numbers{lack}")
+            raise RecordError(
+                f"line {lines.number}: {line.strip()[:60]!r} is not {width or 'a row of'} numbers{lack}"
+            )
         values.extend(numbers)
     return list(lines.checked(values, first).reshape(-1, width).T.copy())
 
@@ -282,6 +336,8 @@ def _numbers(line: str) -> list[float]:
     cells = line.strip().removesuffix(separator or " ").split(separator)
     point = "," if separator in (";", "\t") else "."
     try:
-        return [float(cell.replace(point, ".").replace("D", "E").replace("d", "e")) for cell in cells]
+        return [
+            float(cell.replace(point, ".").replace("D", "E").replace("d", "e")) for cell in cells
+        ]
     except ValueError:
         return []

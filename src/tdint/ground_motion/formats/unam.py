@@ -14,7 +14,15 @@ from typing import Any
 
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import Lines, is_row_of_numbers, recognizes, row_of_numbers
-from tdint.ground_motion.formats.series import Series, code, first_match, moment, reader, required_units, stated_peak
+from tdint.ground_motion.formats.series import (
+    Series,
+    code,
+    first_match,
+    moment,
+    reader,
+    required_units,
+    stated_peak,
+)
 from tdint.written_numbers import how_many
 
 _TITLE = re.compile(r"\s*ARCHIVO EST[AÁ]NDAR DE ACELERACI[OÓ]N", re.IGNORECASE)
@@ -24,11 +32,20 @@ _STATION = re.compile(r"^\s*CLAVE DE LA ESTACI[OÓ]N\s*:\s*(\S+)", re.IGNORECASE
 _UNITS = re.compile(r"^\s*UNIDADES DE LOS DATOS\s*:\s*([A-Z/^0-9]+)", re.IGNORECASE)
 _STEPS, _COUNTS, _PEAKS, _NAMES = (
     re.compile(rf"^\s*{key}[^:]*C\d+-C\d+[^:]*:\s*(/.*)", re.IGNORECASE)
-    for key in ("INTERVALO DE MUESTREO", r"NUM\. TOTAL DE MUESTRAS", r"ACEL\. MAX\.\s*\(Gal\)", "ORIENTACI[OÓ]N")
+    for key in (
+        "INTERVALO DE MUESTREO",
+        r"NUM\. TOTAL DE MUESTRAS",
+        r"ACEL\. MAX\.\s*\(Gal\)",
+        "ORIENTACI[OÓ]N",
+    )
 )
 _DATE = re.compile(r"^\s*FECHA DEL SISMO\s*\[GMT\]\s*:\s*(\d+)/(\d+)/(\d+)", re.IGNORECASE)
-_ORIGIN = re.compile(r"^\s*HORA EPICENTRO\s*\(GMT\)\s*:\s*(\d+):(\d+):(\d+(?:\.\d*)?)", re.IGNORECASE)
-_FIRST = re.compile(r"^\s*HORA DE LA PRIMERA MUESTRA\s*\(GMT\)\s*:\s*(\d+):(\d+):(\d+(?:\.\d*)?)", re.IGNORECASE)
+_ORIGIN = re.compile(
+    r"^\s*HORA EPICENTRO\s*\(GMT\)\s*:\s*(\d+):(\d+):(\d+(?:\.\d*)?)", re.IGNORECASE
+)
+_FIRST = re.compile(
+    r"^\s*HORA DE LA PRIMERA MUESTRA\s*\(GMT\)\s*:\s*(\d+):(\d+):(\d+(?:\.\d*)?)", re.IGNORECASE
+)
 _GAL = "gal"
 
 
@@ -54,8 +71,15 @@ def read_unam(lines: Lines) -> list[Series]:
         values = chain.from_iterable(match[1].strip().lstrip("/").split("/") for match in matches)
         of_channels.append([value.strip() for value in values if value.strip()])
     steps, counts, peaks, names = of_channels
-    if not names or not len(names) == len(steps) == len(counts) or len(set(counts)) > 1 or not counts[0].isdigit():
-        raise RecordError("its header does not give direction, interval and one number of samples for each channel")
+    if (
+        not names
+        or not len(names) == len(steps) == len(counts)
+        or len(set(counts)) > 1
+        or not counts[0].isdigit()
+    ):
+        raise RecordError(
+            "its header does not give direction, interval and one number of samples for each channel"
+        )
     for _line in range(2):
         lines.take_until(_RULER.fullmatch, "ruler before the samples")
         lines.take()
@@ -63,13 +87,18 @@ def read_unam(lines: Lines) -> list[Series]:
     # Pass over rows beyond the announced ones that repeat the last one, with which some files end.
     last = [float(column[-1]) for column in columns]
     repeated = 0
-    while (line := lines.peek()) is not None and is_row_of_numbers(line) and row_of_numbers(line) == last:
+    while (
+        (line := lines.peek()) is not None
+        and is_row_of_numbers(line)
+        and row_of_numbers(line) == last
+    ):
         lines.take()
         repeated += 1
     lines.expect_end()
     if repeated:
         warnings.warn(
-            f"beyond the rows announced the last one is repeated: {how_many(repeated, 'row')} left out", stacklevel=2
+            f"beyond the rows announced the last one is repeated: {how_many(repeated, 'row')} left out",
+            stacklevel=2,
         )
     units, station = first_match(_UNITS, texts), first_match(_STATION, texts)
     unit = required_units(units[1]) if units else ""
@@ -99,7 +128,9 @@ def read_unam(lines: Lines) -> list[Series]:
             channel=code(name.rpartition(";")[2]).upper(),
             station=code(station[1]) if station else "",
             start=started,
-            peak=stated_peak(peaks[place], _GAL, unit) if unit and len(peaks) == len(names) else None,
+            peak=stated_peak(peaks[place], _GAL, unit)
+            if unit and len(peaks) == len(names)
+            else None,
         )
         for place, (name, column) in enumerate(zip(names, columns, strict=True))
     ]

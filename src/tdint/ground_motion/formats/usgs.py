@@ -18,7 +18,15 @@ from typing import Any
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.csmip import REAL_WIDTH, REALS, read_pairs, text_header
 from tdint.ground_motion.formats.lines import Lines, recognizes
-from tdint.ground_motion.formats.series import Series, StatedPeak, code, first_match, header_field, moment, reader
+from tdint.ground_motion.formats.series import (
+    Series,
+    StatedPeak,
+    code,
+    first_match,
+    header_field,
+    moment,
+    reader,
+)
 
 _TEXTS, _INTEGERS, _REALS = 11, 48, 50
 _INTEGER_WIDTH, _REAL_WIDTH, _VALUE_WIDTH = 10, 15, 10
@@ -42,7 +50,9 @@ _RATE, _MAXIMUM, _MINIMUM = 1, 29, 31
 
 def is_smc(file: Any, **_: Any) -> bool:
     """Whether a file begins with this format's kind of series and has eight integers in line 12."""
-    return recognizes(file, lambda lines: _KINDS.match(lines[0]) and _EIGHT.fullmatch(lines[_TEXTS]))
+    return recognizes(
+        file, lambda lines: _KINDS.match(lines[0]) and _EIGHT.fullmatch(lines[_TEXTS])
+    )
 
 
 @reader
@@ -61,11 +71,15 @@ def read_smc(lines: Lines) -> list[Series]:
     integers = lines.numbers(_INTEGERS, _INTEGER_WIDTH).tolist()
     reals = lines.numbers(_REALS, _REAL_WIDTH).tolist()
     if reals[_RATE] == reals[0] or not reals[_RATE] > 0.0:
-        raise RecordError("its header does not give the sampling rate: the samples may be unevenly spaced")
+        raise RecordError(
+            "its header does not give the sampling rate: the samples may be unevenly spaced"
+        )
     for _line in range(int(integers[_COMMENTS])):
         comment = lines.take()
         if not comment.startswith("|"):
-            raise RecordError(f"line {lines.number} should be one of {integers[_COMMENTS]:g} comments")
+            raise RecordError(
+                f"line {lines.number} should be one of {integers[_COMMENTS]:g} comments"
+            )
 
     # A component is up, down or an azimuth in degrees; it has no name where none is known.
     unknown, vertical, azimuth = integers[0], integers[_FROM_VERTICAL], integers[_AZIMUTH]
@@ -76,7 +90,9 @@ def read_smc(lines: Lines) -> list[Series]:
     # The peak is the larger of the stated maximum and minimum, where both are known.
     units = _UNITS[kind[1]]
     extremes = [abs(reals[i]) for i in (_MAXIMUM, _MINIMUM) if reals[i] != reals[0]]
-    peak = StatedPeak(max(extremes), _ROUNDING * max(extremes), units) if len(extremes) == 2 else None
+    peak = (
+        StatedPeak(max(extremes), _ROUNDING * max(extremes), units) if len(extremes) == 2 else None
+    )
     series = Series(
         lines.numbers(int(integers[_SAMPLES]), _VALUE_WIDTH),
         1.0 / reals[_RATE],
@@ -110,13 +126,22 @@ def _start(integers: list[float], texts: list[str]) -> datetime | None:
 
 
 def _moment(
-    unknown: float, year: float, month: float, day: float, hour: float, minute: float, second: float, thousandths: float
+    unknown: float,
+    year: float,
+    month: float,
+    day: float,
+    hour: float,
+    minute: float,
+    second: float,
+    thousandths: float,
 ) -> datetime | None:
     """A time of the integer header; the day may be counted from the first one of any month."""
     if unknown in (year, month, day, hour, minute, second) or not 1 <= day <= 366:
         return None
     rest = 0.0 if thousandths == unknown else thousandths / 1e3
-    return moment(year, month, 1, 0, 0, ((day - 1.0) * 24.0 + hour) * 3600.0 + minute * 60.0 + second + rest)
+    return moment(
+        year, month, 1, 0, 0, ((day - 1.0) * 24.0 + hour) * 3600.0 + minute * 60.0 + second + rest
+    )
 
 
 _TITLE = re.compile(r"\s*FILE\s+\d+ OF UNCORRECTED ACCELEROGRAM DATA OF VOLUME I\b", re.IGNORECASE)
@@ -143,5 +168,7 @@ def read_usc(lines: Lines) -> list[Series]:
     station, component = code(header_field(_STATION, texts)), header_field(_COMPONENT, texts)
     series = replace(read_pairs(lines, texts), station=station, channel=component.upper())
     if lines.peek() is not None:
-        raise RecordError(f"line {lines.number + 1} stands after the last point that the header announces")
+        raise RecordError(
+            f"line {lines.number + 1} stands after the last point that the header announces"
+        )
     return [series]

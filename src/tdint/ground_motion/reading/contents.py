@@ -52,7 +52,8 @@ the files that a header names; AH and SACXY cannot tell a damaged file; DMX, PDA
 file only; CYBERSHAKE holds velocities; the others are not ground motion."""
 
 _DAMAGE = re.compile(
-    r"^ERROR|not be read|skip|corrupt|truncat|integrity check|broken|contiguous|permuted|[Dd]ropp", re.IGNORECASE
+    r"^ERROR|not be read|skip|corrupt|truncat|integrity check|broken|contiguous|permuted|[Dd]ropp",
+    re.IGNORECASE,
 )
 """Warnings of ObsPy's readers after which samples are missing or wrong. Others (an unusual header) become notes."""
 
@@ -124,7 +125,9 @@ def members(data: bytes, source: str) -> Iterator[tuple[str, bytes]]:
     return _members(data, source, [LARGEST], 1)
 
 
-def _members(data: bytes, source: str, budget: list[int], depth: int) -> Iterator[tuple[str, bytes]]:
+def _members(
+    data: bytes, source: str, budget: list[int], depth: int
+) -> Iterator[tuple[str, bytes]]:
     import zipfile  # of archives alone
 
     try:
@@ -132,11 +135,15 @@ def _members(data: bytes, source: str, budget: list[int], depth: int) -> Iterato
             files = []
             for info in archive.infolist():
                 # What systems put into archives beside the user's files is passed over.
-                is_hidden = any(part.startswith((".", "__MACOSX")) for part in info.filename.split("/"))
+                is_hidden = any(
+                    part.startswith((".", "__MACOSX")) for part in info.filename.split("/")
+                )
                 if not (info.is_dir() or is_hidden):
                     files.append(info)
             if len(files) > _MOST_MEMBERS:
-                raise RecordError(f"{source}: the archive holds {len(files)} files; take out those of the motion")
+                raise RecordError(
+                    f"{source}: the archive holds {len(files)} files; take out those of the motion"
+                )
             for info in files:
                 name = f"{source}/{info.filename[:_LONGEST_NAME]}"
                 content = _content(archive, info, name, budget)
@@ -146,8 +153,17 @@ def _members(data: bytes, source: str, budget: list[int], depth: int) -> Iterato
                     yield name, content
     except RecordError:
         raise
-    except (zipfile.BadZipFile, NotImplementedError, EOFError, OSError, ValueError, RuntimeError) as error:
-        raise RecordError(f"{source}: the archive is damaged or cannot be read: {one_line(str(error))}") from error
+    except (
+        zipfile.BadZipFile,
+        NotImplementedError,
+        EOFError,
+        OSError,
+        ValueError,
+        RuntimeError,
+    ) as error:
+        raise RecordError(
+            f"{source}: the archive is damaged or cannot be read: {one_line(str(error))}"
+        ) from error
     except Exception as error:  # zlib and lzma have errors of their own.
         raise RecordError(f"{source}: the archive is damaged: {one_line(str(error))}") from error
 
@@ -161,7 +177,9 @@ def _content(archive: ZipFile, info: ZipInfo, name: str, budget: list[int]) -> b
             content += piece
             budget[0] -= len(piece)
             if budget[0] < 0:
-                raise RecordError(f"{name}: the archive is larger than 256 MiB uncompressed; take out the motion first")
+                raise RecordError(
+                    f"{name}: the archive is larger than 256 MiB uncompressed; take out the motion first"
+                )
     return bytes(content)
 
 
@@ -214,15 +232,22 @@ def formats_of(source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, s
     return [(part, plugin.name) for part, plugin in known if plugin]
 
 
-def read_parts(data: bytes, source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, Contents]]:
+def read_parts(
+    data: bytes, source: str, layout: TextLayout = AS_STATED
+) -> list[tuple[str, Contents]]:
     """What a file holds; of a zip file what the records in it hold, each with its name. As `read_contents`."""
     parts = [(source, data)]
     if is_archive(data):
         files = [*members(data, source)]
         parts = [(part, content) for part, content in files if _format_of(content, layout)]
         if not parts:
-            listed = ", ".join(part.removeprefix(f"{source}/")[:60] for part, _ in files[:10]) or "nothing"
-            raise RecordError(f"{source}: the archive holds no record of a known format; it holds {listed}")
+            listed = (
+                ", ".join(part.removeprefix(f"{source}/")[:60] for part, _ in files[:10])
+                or "nothing"
+            )
+            raise RecordError(
+                f"{source}: the archive holds no record of a known format; it holds {listed}"
+            )
     return [(part, read_contents(content, part, layout)) for part, content in parts]
 
 
@@ -262,11 +287,15 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
         for trace in traces:
             layout.check_step(float(trace.stats.delta))
     except Damaged as error:
-        raise RecordError(f"{source}: the file is damaged or cut off: {error}; fetch it again") from error
+        raise RecordError(
+            f"{source}: the file is damaged or cut off: {error}; fetch it again"
+        ) from error
     except RecordError as error:
         raise RecordError(f"{source}: {error}") from error
     except struct.error as error:
-        raise RecordError(f"{source}: the file is cut off within its header ({plugin.name})") from error
+        raise RecordError(
+            f"{source}: the file is cut off within its header ({plugin.name})"
+        ) from error
     # A recorder's log is a channel, too, of text.
     numeric = [trace for trace in traces if trace.data.dtype.kind in "iuf"]
     if not numeric:
@@ -283,7 +312,11 @@ def plugins() -> tuple[Plugin, ...]:
 
     ObsPy's most frequent formats, whose checks are strict, come before those of tdint.
     """
-    from importlib.metadata import EntryPoints, PackageNotFoundError, distribution  # only where a file is read
+    from importlib.metadata import (
+        EntryPoints,
+        PackageNotFoundError,
+        distribution,
+    )  # only where a file is read
 
     theirs = distribution("obspy").entry_points
     try:
@@ -322,7 +355,11 @@ def _detect(data: bytes, source: str, layout: TextLayout) -> Plugin:
 
     if table := table_in(data, layout):
         raise RecordError(f"{source}: unknown format: {table}")
-    hint = f", and no table of numbers stands below its first {layout.skip_lines or 0} lines" if layout else ""
+    hint = (
+        f", and no table of numbers stands below its first {layout.skip_lines or 0} lines"
+        if layout
+        else ""
+    )
     formats = ", ".join(plugin.name for plugin in plugins())
     raise RecordError(f"{source}: unknown format{hint}; those that are read: {formats}")
 
@@ -353,7 +390,9 @@ def _read(plugin: Plugin, data: bytes, layout: TextLayout) -> tuple[list[Any], l
         raise
     except Exception as error:  # Readers of corrupt bytes raise whatever their parsing runs into.
         reason = one_line(str(error)) or type(error).__name__
-        raise RecordError(f"cannot be read as {plugin.name}, the file may be damaged: {reason}") from error
+        raise RecordError(
+            f"cannot be read as {plugin.name}, the file may be damaged: {reason}"
+        ) from error
     return traces, messages
 
 

@@ -66,10 +66,14 @@ def read_instruments(source: str | Path) -> Instruments:
     except RecordError:
         raise
     except Exception as error:  # The XML parser and ObsPy's reader raise many kinds.
-        raise RecordError(f"{source}: cannot be read as StationXML: {one_line(str(error))}") from error
+        raise RecordError(
+            f"{source}: cannot be read as StationXML: {one_line(str(error))}"
+        ) from error
 
 
-def remove_response(trace: Any, instruments: Instruments, label: str) -> tuple[Array, tuple[str, ...]]:
+def remove_response(
+    trace: Any, instruments: Instruments, label: str
+) -> tuple[Array, tuple[str, ...]]:
     """Remove an instrument's response, all of it, so that the trace becomes ground acceleration.
 
     The mean (the recorder's zero offset) is taken off first. The spectrum is then divided by the response without a
@@ -107,15 +111,21 @@ def remove_response(trace: Any, instruments: Instruments, label: str) -> tuple[A
             fade = _stop_band(response, dt)
         with caught_messages() as messages:
             counts, frequencies = response.get_evalresp_response(dt, size, output="ACC")
-    except Exception as error:  # ObsPy and evalresp raise many kinds for a response they cannot evaluate.
+    except (
+        Exception
+    ) as error:  # ObsPy and evalresp raise many kinds for a response they cannot evaluate.
         reason = one_line(str(error))
-        raise RecordError(f"{label}: its response in {instruments.input.file} cannot be removed: {reason}") from error
+        raise RecordError(
+            f"{label}: its response in {instruments.input.file} cannot be removed: {reason}"
+        ) from error
     faded = f", frequencies are faded out from {fade[0]:.4g} to {fade[1]:.4g} Hz" if fade else ""
     notes = [mean_note, f"the instrument's response ({instruments.input.file}) is removed{faded}"]
     of_input = response.instrument_sensitivity or response.response_stages[0]
     unit = str(of_input.input_units or "unknown units").upper()
     if unit not in _ACCELEROMETER_INPUT:
-        notes.append(f"the instrument records {unit}, not acceleration: its long periods are amplified noise")
+        notes.append(
+            f"the instrument records {unit}, not acceleration: its long periods are amplified noise"
+        )
     # Samples after division of their spectrum by counts per m/s^2, where these are known and something is passed.
     passed = np.ones_like(frequencies)
     if fade is not None:
@@ -133,7 +143,9 @@ def _find_response(trace: Any, instruments: Instruments, label: str) -> Any:
     start, file = trace.stats.starttime, instruments.input.file
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # That several epochs match: the first one is taken, as ObsPy does.
+            warnings.simplefilter(
+                "ignore"
+            )  # That several epochs match: the first one is taken, as ObsPy does.
             response = instruments.inventory.get_response(trace.id, start)
     except Exception:  # ObsPy raises a plain Exception.
         channels = sorted(set(instruments.inventory.get_contents()["channels"]))
@@ -151,7 +163,9 @@ def _stop_band(response: Any, dt: float) -> tuple[float, float] | None:
     digital = []
     for stage in response.response_stages:
         # Filters of samples, not of voltages.
-        kind = getattr(stage, "cf_transfer_function_type", getattr(stage, "pz_transfer_function_type", ""))
+        kind = getattr(
+            stage, "cf_transfer_function_type", getattr(stage, "pz_transfer_function_type", "")
+        )
         if hasattr(stage, "symmetry") or str(kind).startswith("DIGITAL"):
             digital.append(stage.stage_sequence_number)
     if not digital:

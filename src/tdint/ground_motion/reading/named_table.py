@@ -63,11 +63,15 @@ class NamedTable:
         """The numbers of a column, shape (rows,); RecordError for a cell that is none or not finite."""
         values = np.empty(len(self.rows))
         for i, (line, cells) in enumerate(self.rows):
-            values[i] = number_or_nan(cells[place].replace(",", ".") if self.comma else cells[place])
+            values[i] = number_or_nan(
+                cells[place].replace(",", ".") if self.comma else cells[place]
+            )
             if not isfinite(values[i]):
                 shown = cells[place].strip()[:40]
                 name = self.names[place][:40]
-                raise RecordError(f"{self.source}: line {line}: {name}: {shown!r} is no finite number")
+                raise RecordError(
+                    f"{self.source}: line {line}: {name}: {shown!r} is no finite number"
+                )
         return values
 
 
@@ -90,7 +94,9 @@ def read_named_table(source: str | Path) -> NamedTable:
             continue
         cells = tuple(line.split(mark))
         if len(cells) != len(names):
-            raise RecordError(f"{source}: line {number}: {len(cells)} cells, its first line names {len(names)} columns")
+            raise RecordError(
+                f"{source}: line {number}: {len(cells)} cells, its first line names {len(names)} columns"
+            )
         rows.append((number, cells))
     if len(rows) < _FEWEST:
         raise RecordError(f"{source}: the table has fewer than {_FEWEST} rows")
@@ -121,7 +127,9 @@ def read_column(source: str | Path, column: str, units: str | None = None) -> Si
     table = read_named_table(source)
     time, time_units = name_and_units(table.names[0])
     if time not in _TIMES or time_units not in ("", *SECONDS):
-        raise RecordError(f"{source}: the first column must be the time (time_s), its name is {table.names[0][:40]!r}")
+        raise RecordError(
+            f"{source}: the first column must be the time (time_s), its name is {table.names[0][:40]!r}"
+        )
     times = SECONDS[time_units or "s"] * table.numbers(0)
     place = table.place(column)
     try:

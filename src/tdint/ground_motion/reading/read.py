@@ -21,7 +21,13 @@ from tdint.ground_motion.messages import quiet_import
 from tdint.ground_motion.miniseed_checks import LONGEST_STEP
 from tdint.ground_motion.reading.contents import Contents, digested, read_bytes, read_parts
 from tdint.ground_motion.reading.sample_units import FileUnits, SampleUnits, file_units
-from tdint.ground_motion.reading.scale import Motion, are_counts, declared_units, to_acceleration, to_motion
+from tdint.ground_motion.reading.scale import (
+    Motion,
+    are_counts,
+    declared_units,
+    to_acceleration,
+    to_motion,
+)
 from tdint.ground_motion.record import (
     IN_SI,
     UNITS_BY_LOCATION,
@@ -90,7 +96,9 @@ def _joined(channel: _Channel) -> Any:
         A gap, an overlap, a change of the sampling interval, or samples that are missing or not finite.
     """
     label = channel.label
-    pieces = sorted((t for t in channel.traces if len(t.data)), key=lambda trace: trace.stats.starttime)
+    pieces = sorted(
+        (t for t in channel.traces if len(t.data)), key=lambda trace: trace.stats.starttime
+    )
     if not pieces:
         raise RecordError(f"{label}: the channel has no samples")
     for piece in pieces:
@@ -100,13 +108,17 @@ def _joined(channel: _Channel) -> Any:
             raise RecordError(f"{label}: the sampling interval is {dt:g} s; it must be positive")
         try:
             str(piece.stats.starttime), str(piece.stats.endtime)
-        except Exception:  # Python's and ObsPy's calendars raise different kinds beyond their last year.
+        except (
+            Exception
+        ):  # Python's and ObsPy's calendars raise different kinds beyond their last year.
             raise RecordError(
                 f"{label}: the time of the record is beyond the calendar; its header is damaged"
             ) from None
         if missing := masked_samples(piece.data):
             said = how_many(missing, "sample")
-            raise RecordError(f"{label}: {said} marked as missing; cut the record to its unbroken part")
+            raise RecordError(
+                f"{label}: {said} marked as missing; cut the record to its unbroken part"
+            )
     for before, after in pairwise(pieces):
         # One record: one sampling interval, one type, and the next sample one interval behind the last, to half of it.
         dt, there = float(before.stats.delta), after.stats.starttime
@@ -114,11 +126,15 @@ def _joined(channel: _Channel) -> Any:
             changed = f"changes from {dt:g} s to {after.stats.delta:g} s at {there}"
             raise RecordError(f"{label}: the sampling interval {changed}; cut the record there")
         if (before.data.dtype.kind == "f") != (after.data.dtype.kind == "f"):
-            raise RecordError(f"{label}: the samples before {there} and after are of different types")
+            raise RecordError(
+                f"{label}: the samples before {there} and after are of different types"
+            )
         slip = float(there - before.stats.endtime) - dt
         if abs(slip) > 0.5 * dt:
             break_ = f"a gap of {slip:.6g} s" if slip > 0.0 else f"an overlap of {-slip:.6g} s"
-            raise RecordError(f"{label}: {break_} after {before.stats.endtime}; cut the record to its unbroken part")
+            raise RecordError(
+                f"{label}: {break_} after {before.stats.endtime}; cut the record to its unbroken part"
+            )
     whole = pieces[0]
     if len(pieces) > 1:
         whole = whole.copy()
@@ -136,7 +152,9 @@ def doubts(acceleration: NDArray[np.float64]) -> tuple[str, ...]:
     if peak == 0.0:
         notes.append("all samples are zero")
     elif abs(mean) > _OFFSET * peak:
-        notes.append(f"the mean is {mean:.3g} m/s^2, {abs(mean) / peak:.0%} of the peak: a zero offset is left in?")
+        notes.append(
+            f"the mean is {mean:.3g} m/s^2, {abs(mean) / peak:.0%} of the peak: a zero offset is left in?"
+        )
     return tuple(notes)
 
 
@@ -155,7 +173,9 @@ def check_possible(acceleration: NDArray[np.float64], label: str) -> None:
     """Raise RecordError for an acceleration (m/s^2) that nothing on this planet has."""
     peak = float(np.max(np.abs(acceleration)))
     if peak > _IMPOSSIBLE:
-        raise RecordError(f"{label}: the largest acceleration would be {peak:.4g} m/s^2; the units cannot be right")
+        raise RecordError(
+            f"{label}: the largest acceleration would be {peak:.4g} m/s^2; the units cannot be right"
+        )
 
 
 # ---- Read
@@ -273,21 +293,31 @@ def make_record(
         raise RecordError(f"{name or 'stream'}: the stream has no traces")
     else:
         if dt is None or parsed is None:
-            raise UsageError("samples in an array tell neither their interval nor their units; give dt and units")
+            raise UsageError(
+                "samples in an array tell neither their interval nor their units; give dt and units"
+            )
         label = name or "array"
         if isinstance(dt, int | float) and not dt <= LONGEST_STEP:
-            raise RecordError(f"{label}: a sampling interval of {dt:.6g} s is beyond {LONGEST_STEP:g} s")
+            raise RecordError(
+                f"{label}: a sampling interval of {dt:.6g} s is beyond {LONGEST_STEP:g} s"
+            )
         # An array becomes a trace first: units and doubts are then those of a file.
         checked = Record(data, dt, start="", id="", component=component or "", source=label)
         with quiet_import():
             from obspy import Trace
-        traces = [Trace(checked.acceleration.copy(), {"delta": checked.dt, "channel": component or ""})]
+        traces = [
+            Trace(checked.acceleration.copy(), {"delta": checked.dt, "channel": component or ""})
+        ]
         component = None
-    components = _channels_of(label, Contents(str(traces[0].stats.get("_format", "")), traces, (), ()))
+    components = _channels_of(
+        label, Contents(str(traces[0].stats.get("_format", "")), traces, (), ())
+    )
     if component is not None:
         components = [_choose(components, component, label)]
     elif len(components) > 1:
-        raise RecordError(f"{label}: there are several components, choose one by `component`: {_listed(components)}")
+        raise RecordError(
+            f"{label}: there are several components, choose one by `component`: {_listed(components)}"
+        )
     return _to_record(components[0], _joined(components[0]), said, None)
 
 
@@ -324,7 +354,9 @@ def read_horizontals(
 def _read(source: str | Path, choice: RecordChoice, *, single: bool) -> tuple[Record, ...]:
     said, inventory = file_units(choice.units), choice.inventory
     if said.for_all and inventory is not None:
-        raise UsageError("units and an inventory are given; the inventory gives the units, leave one of them out")
+        raise UsageError(
+            "units and an inventory are given; the inventory gives the units, leave one of them out"
+        )
     components, input_file = _components(source, choice, single=single)
     instruments = None
     if inventory is not None:
@@ -334,22 +366,34 @@ def _read(source: str | Path, choice: RecordChoice, *, single: bool) -> tuple[Re
     records = [_to_record(part, trace, said, instruments) for part, trace in components]
     # A record tells the files that it comes from: the inventory only where its response was taken.
     stations = (instruments.input,) if instruments else ()
-    inputs = [(input_file, *(stations if record.units_from == "inventory" else ())) for record in records]
-    return tuple(replace(record, inputs=files) for record, files in zip(records, inputs, strict=True))
+    inputs = [
+        (input_file, *(stations if record.units_from == "inventory" else ())) for record in records
+    ]
+    return tuple(
+        replace(record, inputs=files) for record, files in zip(records, inputs, strict=True)
+    )
 
 
-def read_signal(source: str | Path, *, units: str | None = None, component: str | None = None) -> Signal:
+def read_signal(
+    source: str | Path, *, units: str | None = None, component: str | None = None
+) -> Signal:
     """Read one component as it is, in SI units: a velocity or a displacement is not differentiated.
 
     Parameters and errors are those of `read_record`.
     """
     parsed = None if units is None else parse_units(units)
-    ((part, trace),), input_file = _components(source, RecordChoice(component=component), single=True)
+    ((part, trace),), input_file = _components(
+        source, RecordChoice(component=component), single=True
+    )
     motion = to_motion(trace, part.contents.format, parsed, part.label)
     dt = float(trace.stats.delta)
     check_finite(motion.samples, dt, part.label)
     start = _start(trace)
-    peak = float(np.max(np.abs(motion.samples), initial=0.0)) if motion.quantity == "acceleration" else 0.0
+    peak = (
+        float(np.max(np.abs(motion.samples), initial=0.0))
+        if motion.quantity == "acceleration"
+        else 0.0
+    )
     return Signal(
         samples=motion.samples,
         dt=dt,
@@ -363,7 +407,9 @@ def read_signal(source: str | Path, *, units: str | None = None, component: str 
     )
 
 
-def _components(source: str | Path, choice: RecordChoice, *, single: bool) -> tuple[list[tuple[_Channel, Any]], Input]:
+def _components(
+    source: str | Path, choice: RecordChoice, *, single: bool
+) -> tuple[list[tuple[_Channel, Any]], Input]:
     """The components of a file, or the chosen one, each with its trace; and the file."""
     if not isinstance(source, str | Path):
         raise RecordError(f"a record is a file's name, got {source!r:.60}")
@@ -388,11 +434,15 @@ def _components(source: str | Path, choice: RecordChoice, *, single: bool) -> tu
     if component is not None:
         components = [_choose(components, component, name)]
     elif single and len(components) > 1:
-        raise RecordError(f"{name}: the file has several components, choose one by `component`: {_listed(components)}")
+        raise RecordError(
+            f"{name}: the file has several components, choose one by `component`: {_listed(components)}"
+        )
     traces = [_joined(member) for member in components]
     # Components of one file go together; those of an archive's other files need not.
     for part, _ in parts:
-        of_part = [trace for member, trace in zip(components, traces, strict=True) if member.source == part]
+        of_part = [
+            trace for member, trace in zip(components, traces, strict=True) if member.source == part
+        ]
         for trace in of_part:
             dt, first_dt = float(trace.stats.delta), float(of_part[0].stats.delta)
             if not isclose(dt, first_dt, rel_tol=1e-6):
@@ -415,8 +465,12 @@ def _choose(channels: Sequence[_Channel], component: str, source: str) -> _Chann
     if len(channels_of_name) == 1:
         return channels_of_name[0]
     if channels_of_name:
-        raise RecordError(f"{source}: several components match {component!r}, choose one: {_listed(channels_of_name)}")
-    raise RecordError(f"{source}: there is no component {component!r}; there are {_listed(channels)}")
+        raise RecordError(
+            f"{source}: several components match {component!r}, choose one: {_listed(channels_of_name)}"
+        )
+    raise RecordError(
+        f"{source}: there is no component {component!r}; there are {_listed(channels)}"
+    )
 
 
 def _listed(channels: Sequence[_Channel]) -> str:
@@ -424,13 +478,19 @@ def _listed(channels: Sequence[_Channel]) -> str:
     codes, ids = [channel.code for channel in channels], [channel.id for channel in channels]
     stations = [station_of(id) for id in ids]
     ways = (codes, stations, ids)
-    return ", ".join(next((names for names in ways if len(set(names)) == len(names) and all(names)), ids))
+    return ", ".join(
+        next((names for names in ways if len(set(names)) == len(names) and all(names)), ids)
+    )
 
 
-def _to_record(channel: _Channel, trace: Any, said: FileUnits, instruments: Instruments | None) -> Record:
+def _to_record(
+    channel: _Channel, trace: Any, said: FileUnits, instruments: Instruments | None
+) -> Record:
     contents, label = channel.contents, channel.label
     units = said.of(channel.source, contents.format)
-    counted = units is None or (are_counts(trace) and not units.has_factor)  # no unit is that of counts
+    counted = units is None or (
+        are_counts(trace) and not units.has_factor
+    )  # no unit is that of counts
     if instruments is None or not counted or declared_units(trace, contents.format, label, units):
         motion = to_acceleration(trace, contents.format, units, label)
         if instruments is not None:
@@ -444,11 +504,16 @@ def _to_record(channel: _Channel, trace: Any, said: FileUnits, instruments: Inst
         motion = Motion(acceleration, "counts", "inventory", notes=notes)
     if motion.units_from == "assumed" and said.entries and not said.for_all:
         entries = ", ".join(pattern.removeprefix("./") for pattern, _ in said.entries)
-        raise UsageError(f"{label}: does not tell its units, and none of the units given by file fits it: {entries}")
+        raise UsageError(
+            f"{label}: does not tell its units, and none of the units given by file fits it: {entries}"
+        )
     dt = float(trace.stats.delta)
     check_finite(motion.samples, dt, label)
     check_possible(motion.samples, label)
-    warnings = (*motion.warnings, *doubt_of_peak(float(np.max(np.abs(motion.samples), initial=0.0))))
+    warnings = (
+        *motion.warnings,
+        *doubt_of_peak(float(np.max(np.abs(motion.samples), initial=0.0))),
+    )
     for warning in warnings:
         _LOGGER.warning("%s: %s", label, warning)
     return Record(

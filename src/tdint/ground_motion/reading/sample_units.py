@@ -49,9 +49,13 @@ class FileUnits:
     def of(self, source: str, format_name: str) -> Units | None:
         """Units of a file by its name and its format; None where nothing is said of it."""
         path = _lower(source)
-        return next((units for pattern, units in self.entries if _fits(pattern, path, format_name)), None)
+        return next(
+            (units for pattern, units in self.entries if _fits(pattern, path, format_name)), None
+        )
 
-    def refuse_unfit(self, files: Iterable[str], formats_of: Callable[[str], Iterable[tuple[str, str]]]) -> None:
+    def refuse_unfit(
+        self, files: Iterable[str], formats_of: Callable[[str], Iterable[tuple[str, str]]]
+    ) -> None:
         """Refuse an entry that fits none of the files of a call: a mistaken name, for which units would be assumed.
 
         Parameters
@@ -79,7 +83,9 @@ class FileUnits:
             left = [pattern for pattern in left if not any(_fits(pattern, *part) for part in parts)]
         if left and names:
             listed = ", ".join(repr(pattern.removeprefix("./")) for pattern in left[:10])
-            raise UsageError(f"units of {listed}: fit no file of this call; correct the name, or leave it out")
+            raise UsageError(
+                f"units of {listed}: fit no file of this call; correct the name, or leave it out"
+            )
 
 
 def file_units(given: SampleUnits | None) -> FileUnits:
@@ -101,7 +107,9 @@ def file_units(given: SampleUnits | None) -> FileUnits:
     for name, text in stated.items():
         pattern = _pattern(name)
         if pattern in dict(entries):
-            raise UsageError(f"units: {name[:40]!r} is given twice, in upper and lower case, which are the same")
+            raise UsageError(
+                f"units: {name[:40]!r} is given twice, in upper and lower case, which are the same"
+            )
         if not isinstance(text, str):
             raise UsageError(f"units of {name[:40]!r} are a text such as 'm/s^2', got {text!r:.40}")
         try:
@@ -135,7 +143,9 @@ def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
                 example = "FORMAT=UNITS or *.SUFFIX=UNITS, such as AT2=g,*.mseed=m/s^2"
                 raise UsageError(f"units {entry[:40]!r}: write {example}")
             if pattern in by_file:
-                raise UsageError(f"units: {pattern[:40]!r} is given twice, {by_file[pattern]} and {units}; keep one")
+                raise UsageError(
+                    f"units: {pattern[:40]!r} is given twice, {by_file[pattern]} and {units}; keep one"
+                )
             by_file[pattern] = units
         return by_file
     if not text.strip().lower().endswith(".csv"):
@@ -144,13 +154,19 @@ def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
     # Files of a table without units say theirs themselves.
     file = str((folder or Path()) / text.strip())
     table = read_table(
-        file, "a table of units is a CSV file with the columns record, units", columns=("record", "units")
+        file,
+        "a table of units is a CSV file with the columns record, units",
+        columns=("record", "units"),
     )
     table.need("record", "units")
     # A component's units, say, would be passed over in silence.
     if foreign := [title for title in table.titles if title.lower() not in ("record", "units", "")]:
-        raise UsageError(f"{file}: columns that nothing is done with: {', '.join(foreign)[:80]}; it has record, units")
-    for record, (line, cell) in zip(table.texts("record", empty=False), table.lines("units"), strict=True):
+        raise UsageError(
+            f"{file}: columns that nothing is done with: {', '.join(foreign)[:80]}; it has record, units"
+        )
+    for record, (line, cell) in zip(
+        table.texts("record", empty=False), table.lines("units"), strict=True
+    ):
         # A name in the table stands for the end of a path, whatever signs it has in it.
         name, units = f"./{glob.escape(record)}", cell.strip()
         if units and by_file.setdefault(name, units) != units:
@@ -185,8 +201,12 @@ def _pattern(name: str) -> str:
         formats = [plugin.name for plugin in plugins()]
         if name.upper() not in formats:
             hint = did_you_mean(name.upper(), formats) or f"; known: {', '.join(formats)}"
-            raise UsageError(f"units of {name[:40]!r}: no format of records; a file is named as *.txt{hint}")
+            raise UsageError(
+                f"units of {name[:40]!r}: no format of records; a file is named as *.txt{hint}"
+            )
         return name.lower()
     # Folders above are not known by name: what is left of the path is its end.
-    path = PurePosixPath(*(part for part in PurePosixPath(Path(name).as_posix().lower()).parts if part != ".."))
+    path = PurePosixPath(
+        *(part for part in PurePosixPath(Path(name).as_posix().lower()).parts if part != "..")
+    )
     return str(path) if path.is_absolute() else f"{_END}{path}"

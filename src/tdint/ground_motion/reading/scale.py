@@ -118,11 +118,23 @@ def to_motion(trace: Any, format_name: str, asked: Units | None, label: str) -> 
         if asked:
             write = f'write "1 {asked.text}" if one count is 1 {asked.text}'
             raise RecordError(f"{label}: the samples are counts; {write}, else {_CURES}")
-        factor = "" if calibration == 1.0 else f" (the header's calibration factor {calibration:g} has no unit)"
-        raise RecordError(f"{label}: the samples are counts of a recorder, not an acceleration{factor}; {_CURES}")
-    notes = [] if calibration == 1.0 else [f"the header's calibration factor {calibration:g} is not applied: no unit"]
+        factor = (
+            ""
+            if calibration == 1.0
+            else f" (the header's calibration factor {calibration:g} has no unit)"
+        )
+        raise RecordError(
+            f"{label}: the samples are counts of a recorder, not an acceleration{factor}; {_CURES}"
+        )
+    notes = (
+        []
+        if calibration == 1.0
+        else [f"the header's calibration factor {calibration:g} is not applied: no unit"]
+    )
     if asked:
-        return Motion(_times(trace.data, asked.scale), asked.text, "given", asked.quantity, tuple(notes))
+        return Motion(
+            _times(trace.data, asked.scale), asked.text, "given", asked.quantity, tuple(notes)
+        )
     units, warning = assumed_units(trace, format_name, label)
     samples = _times(trace.data, units.scale)
     return Motion(samples, units.text, "assumed", notes=tuple(notes), warnings=(warning,))
@@ -133,7 +145,9 @@ def are_counts(trace: Any) -> bool:
     return trace.data.dtype.kind in "iu" or _ascii_unit(trace) in ("COUNTS", "COUNT")
 
 
-def declared_units(trace: Any, format_name: str, label: str, asked: Units | None = None) -> Declared | None:
+def declared_units(
+    trace: Any, format_name: str, label: str, asked: Units | None = None
+) -> Declared | None:
     """What the file says about its samples' units, None if nothing.
 
     A reader of tdint's own tells them in `trace.stats.tdint_units`, as text for `parse_units` (empty where the user
@@ -148,7 +162,11 @@ def declared_units(trace: Any, format_name: str, label: str, asked: Units | None
     of_reader = stats.get("tdint_units")
     if of_reader:
         return Declared(parse_units(of_reader), stats.get("tdint_units_from", "file"))
-    if format_name == "MSEED" and stats.location in UNITS_BY_LOCATION and stats.channel[1:2] == _ACCELEROMETER:
+    if (
+        format_name == "MSEED"
+        and stats.location in UNITS_BY_LOCATION
+        and stats.channel[1:2] == _ACCELEROMETER
+    ):
         return Declared(parse_units(UNITS_BY_LOCATION[stats.location]))
     if format_name in _SELF_SCALED:
         return Declared(Units("m/s^2", 1.0, False), "format", float(stats.calib), remove_mean=True)
@@ -169,12 +187,16 @@ def declared_units(trace: Any, format_name: str, label: str, asked: Units | None
     try:
         return Declared(parse_units(unit))
     except UsageError:
-        raise RecordError(f"{label}: the header gives the samples in {unit[:40]}, which is no ground motion") from None
+        raise RecordError(
+            f"{label}: the header gives the samples in {unit[:40]}, which is no ground motion"
+        ) from None
 
 
 def _by_the_file(trace: Any, declared: Declared, asked: Units | None, label: str) -> Motion:
     units = declared.units
-    if asked and not (isclose(asked.scale, units.scale, rel_tol=1e-9) and asked.quantity == units.quantity):
+    if asked and not (
+        isclose(asked.scale, units.scale, rel_tol=1e-9) and asked.quantity == units.quantity
+    ):
         raise RecordError(
             f"{label}: the file itself gives its units ({units.text}), {asked.text} contradicts them; "
             "leave the units out"
@@ -184,7 +206,9 @@ def _by_the_file(trace: Any, declared: Declared, asked: Units | None, label: str
         samples, note = without_mean(samples)
         notes.append(note)
     if declared.factor != 1.0:
-        notes.append(f"counts turned into m/s^2 with the file's calibration factor {declared.factor:.6g}")
+        notes.append(
+            f"counts turned into m/s^2 with the file's calibration factor {declared.factor:.6g}"
+        )
         units = replace(units, text=f"{declared.factor:.6g} {units.text}")
     scale = declared.factor * declared.units.scale
     return Motion(_times(samples, scale), units.text, declared.origin, units.quantity, tuple(notes))
@@ -196,7 +220,9 @@ def differentiated(samples: NDArray[np.float64], dt: float, quantity: str) -> ND
     The second difference serves a displacement. The ends take the value beside them.
     """
     if samples.size < _FEWEST[quantity]:
-        raise RecordError(f"{samples.size} samples of a {quantity} are too few to be differentiated")
+        raise RecordError(
+            f"{samples.size} samples of a {quantity} are too few to be differentiated"
+        )
     inner = np.empty(samples.size)
     with np.errstate(over="ignore", invalid="ignore"):  # What overflows is found among the samples.
         if quantity == "velocity":
@@ -214,7 +240,9 @@ def without_mean(samples: NDArray[Any]) -> tuple[NDArray[np.float64], str]:
 
 
 def _times(samples: NDArray[Any], factor: float) -> NDArray[np.float64]:
-    with np.errstate(over="ignore"):  # An overflow is found, with its place, among the samples that are not finite.
+    with np.errstate(
+        over="ignore"
+    ):  # An overflow is found, with its place, among the samples that are not finite.
         return np.asarray(samples, dtype=np.float64) * factor
 
 

@@ -81,7 +81,9 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
         files += inside
         for file in inside:
             keep_input(file)  # which other processes may read
-        others = [name for name in others if name != "LICENSE"]  # of the records, which goes with them
+        others = [
+            name for name in others if name != "LICENSE"
+        ]  # of the records, which goes with them
         if others:
             notes.append(f"{argument}: not taken for records: {first_few(others, _MOST_NAMES)}")
     file_units(choice.units).refuse_unfit(files, partial(formats_of, layout=layout))
@@ -97,9 +99,13 @@ def _contents(folder: str, layout: TextLayout) -> tuple[list[str], list[str]]:
         The folder cannot be read, or has no record in it.
     """
     try:
-        names = sorted(path.name for path in Path(folder).iterdir() if not path.name.startswith("."))
+        names = sorted(
+            path.name for path in Path(folder).iterdir() if not path.name.startswith(".")
+        )
     except OSError as error:
-        raise RecordError(f"{folder}: the folder cannot be read: {error.strerror or error}") from error
+        raise RecordError(
+            f"{folder}: the folder cannot be read: {error.strerror or error}"
+        ) from error
     records, others = [], []
     for name in names:
         file = os.path.join(folder, name)  # noqa: PTH118  Path would shorten what the user wrote
@@ -168,9 +174,15 @@ def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | No
         As of `records_of` and `read_pairs`.
     """
     sources = records_of(named, choice)
-    suite = read_pairs(sources.files, choice, pairs) if pairs else read_components(sources.files, choice)
+    suite = (
+        read_pairs(sources.files, choice, pairs)
+        if pairs
+        else read_components(sources.files, choice)
+    )
     again = _counted_twice(suite.records)
-    return Suite(suite.motions, (*sources.failures, *suite.failures), (*sources.notes, *suite.notes, *again))
+    return Suite(
+        suite.motions, (*sources.failures, *suite.failures), (*sources.notes, *suite.notes, *again)
+    )
 
 
 def _counted_twice(records: Sequence[Record]) -> list[str]:
@@ -202,13 +214,25 @@ def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:
             failures.append(error)
             continue
         # A vertical one is left out, unless the user names it.
-        left = [component for component in components if choice.component is None and is_vertical(component.component)]
+        left = [
+            component
+            for component in components
+            if choice.component is None and is_vertical(component.component)
+        ]
         if left and len(left) == len(components):
-            failures.append(RecordError(f"{file}: has no horizontal component; name one to take it all the same"))
+            failures.append(
+                RecordError(
+                    f"{file}: has no horizontal component; name one to take it all the same"
+                )
+            )
             continue
         if left:
-            notes.append(f"{file}: vertical, left out: {', '.join(component.component for component in left)}")
-        records += [component for component in components if not any(component is other for other in left)]
+            notes.append(
+                f"{file}: vertical, left out: {', '.join(component.component for component in left)}"
+            )
+        records += [
+            component for component in components if not any(component is other for other in left)
+        ]
     return Suite(tuple(records), tuple(failures), tuple(notes))
 
 
@@ -224,10 +248,16 @@ def read_pairs(files: Sequence[str], choice: RecordChoice, names: PairNames = US
     groups, others = files_of_motions(files, names)
     pairs: list[GroundMotion] = []
     failures: list[RecordError] = []
-    notes = [f"left out, named neither {names.first} nor {names.second}: {', '.join(others)}"] if others else []
+    notes = (
+        [f"left out, named neither {names.first} nor {names.second}: {', '.join(others)}"]
+        if others
+        else []
+    )
     for group in groups:
         try:
-            components = [with_component(record) for file in group for record in read_chosen(file, choice)]
+            components = [
+                with_component(record) for file in group for record in read_chosen(file, choice)
+            ]
             pair: Horizontals = find_horizontals(components)
         except RecordError as error:
             failures.append(error)

@@ -80,7 +80,9 @@ class Variant:
 
     def only(self, parts: tuple[str, ...]) -> Variant:
         """The variant of a kernel that depends on some `parts` alone (names of the attributes)."""
-        return replace(self, **{name: getattr(EVERYTHING, name) for name in _PARTS if name not in parts})
+        return replace(
+            self, **{name: getattr(EVERYTHING, name) for name in _PARTS if name not in parts}
+        )
 
 
 EVERYTHING = Variant()
@@ -109,7 +111,11 @@ class Compilable:
     """
 
     def __init__(
-        self, function: Callable[..., Any], signature: Signature, parts: tuple[str, ...], vectorized: bool = False
+        self,
+        function: Callable[..., Any],
+        signature: Signature,
+        parts: tuple[str, ...],
+        vectorized: bool = False,
     ) -> None:
         self.function = function
         self.signature = signature
@@ -118,7 +124,10 @@ class Compilable:
         self.__doc__ = function.__doc__
         self._loaded: dict[Variant, Callable[..., Any]] = {}
         self._needs: dict[Variant, Variant] = {}  # found once: it is asked for at each call
-        self._last: tuple[Variant, Callable[..., Any] | None] = EVERYTHING, None  # most calls are those before again
+        self._last: tuple[Variant, Callable[..., Any] | None] = (
+            EVERYTHING,
+            None,
+        )  # most calls are those before again
 
     @property
     def name(self) -> str:
@@ -129,7 +138,9 @@ class Compilable:
         """What of a variant matters to this kernel."""
         needed = self._needs.get(variant)
         if needed is None:
-            needed = self._needs[variant] = EVERYTHING if WHOLE and not variant.outside else variant.only(self.parts)
+            needed = self._needs[variant] = (
+                EVERYTHING if WHOLE and not variant.outside else variant.only(self.parts)
+            )
         return needed
 
     def loaded(self, variant: Variant) -> bool:

@@ -31,8 +31,37 @@ _OPTIONS = {
 }
 
 _MATH = {
-    *("acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "cbrt", "ceil", "cos", "cosh", "erf", "erfc", "exp"),
-    *("exp2", "expm1", "floor", "fmod", "hypot", "ldexp", "log", "log10", "log1p", "log2", "pow", "rint", "sin"),
+    *(
+        "acos",
+        "acosh",
+        "asin",
+        "asinh",
+        "atan",
+        "atan2",
+        "atanh",
+        "cbrt",
+        "ceil",
+        "cos",
+        "cosh",
+        "erf",
+        "erfc",
+        "exp",
+    ),
+    *(
+        "exp2",
+        "expm1",
+        "floor",
+        "fmod",
+        "hypot",
+        "ldexp",
+        "log",
+        "log10",
+        "log1p",
+        "log2",
+        "pow",
+        "rint",
+        "sin",
+    ),
     *("sincos", "sinh", "sqrt", "tan", "tanh", "trunc", "memcpy", "memmove", "memset"),
 }
 """What an object may leave to the C library."""
@@ -63,7 +92,15 @@ _PROBE = "\n".join(
     for line in (
         "__chkstk:",
         *("pushq %rcx", "pushq %rax", "leaq 24(%rsp), %rcx"),
-        *("1:", "cmpq $4096, %rax", "jb 2f", "subq $4096, %rcx", "testq %rcx, (%rcx)", "subq $4096, %rax", "jmp 1b"),
+        *(
+            "1:",
+            "cmpq $4096, %rax",
+            "jb 2f",
+            "subq $4096, %rcx",
+            "testq %rcx, (%rcx)",
+            "subq $4096, %rax",
+            "jmp 1b",
+        ),
         *("2:", "subq %rax, %rcx", "testq %rcx, (%rcx)", "popq %rax", "popq %rcx", "retq"),
     )
 )
@@ -85,7 +122,9 @@ def called(function: Callable[..., Any]) -> Any:
     """`tdint.kernels.compiling.called`, compiled: constants are told to it as any other number."""
     once = specialized(function)
     template = once.get_call_template
-    once.get_call_template = lambda arguments, named: template(tuple(map(unliteral, arguments)), named)
+    once.get_call_template = lambda arguments, named: template(
+        tuple(map(unliteral, arguments)), named
+    )
     return once
 
 
@@ -119,13 +158,17 @@ def called_at(signature: Signature) -> Any:
 @intrinsic
 def local(typing_context, size):
     """`tdint.kernels.compiling.local`, compiled: on the stack."""
-    return _on_stack(1)(types.intp), lambda context, builder, _, sizes: _array(context, builder, sizes)
+    return _on_stack(1)(types.intp), lambda context, builder, _, sizes: _array(
+        context, builder, sizes
+    )
 
 
 @intrinsic
 def local_table(typing_context, rows, columns):
     """`tdint.kernels.compiling.local_table`, compiled: on the stack."""
-    return _on_stack(2)(types.intp, types.intp), lambda context, builder, _, sizes: _array(context, builder, sizes)
+    return _on_stack(2)(types.intp, types.intp), lambda context, builder, _, sizes: _array(
+        context, builder, sizes
+    )
 
 
 def _on_stack(dimensions: int) -> Any:
@@ -162,21 +205,33 @@ def objects_of(
         The kernel calls something that is neither in the object nor of the C library: it allocates, or raises.
     """
     if not numba.core.config.OPT:
-        raise ValueError("NUMBA_OPT=0 leaves calls in the code that optimizing removes: unset NUMBA_OPT")
+        raise ValueError(
+            "NUMBA_OPT=0 leaves calls in the code that optimizing removes: unset NUMBA_OPT"
+        )
     compiled = specialized(function)
     compiled.compile(_type(signature.returns)(*map(_type, signature.arguments)))
     (arguments,) = compiled.overloads
     text = compiled.inspect_llvm(arguments)
     # Functions that it declares and uses, but for LLVM's own and the C library's.
     declared = re.findall(r'^declare .*?@("[^"]+"|[\w.$-]+)\(', text, re.MULTILINE)
-    foreign = (name for name in declared if not name.strip('"').startswith("llvm.") and name not in _MATH)
-    if left := sorted(name for name in foreign if len(re.findall(f"@{re.escape(name)}(?![\\w.$-])", text)) > 1):
-        raise ValueError(f"{function.__name__} calls {', '.join(left)}: a kernel may neither allocate nor raise")
+    foreign = (
+        name for name in declared if not name.strip('"').startswith("llvm.") and name not in _MATH
+    )
+    if left := sorted(
+        name for name in foreign if len(re.findall(f"@{re.escape(name)}(?![\\w.$-])", text)) > 1
+    ):
+        raise ValueError(
+            f"{function.__name__} calls {', '.join(left)}: a kernel may neither allocate nor raise"
+        )
     symbol = compiled.overloads[arguments].fndesc.llvm_func_name
     text = _EXCEPTION.sub("null", _OF_PYTHON.sub("", text))
     # numba numbers functions in the order in which they are compiled. Here each is named by its place.
-    names = {name: f"{function.__name__}.{place}" for place, name in enumerate(_DEFINED.findall(text))}
-    text = _SYMBOL.sub(lambda use: f'{use[1]}"{names[use[2]]}"' if use[2] in names else use[0], text)
+    names = {
+        name: f"{function.__name__}.{place}" for place, name in enumerate(_DEFINED.findall(text))
+    }
+    text = _SYMBOL.sub(
+        lambda use: f'{use[1]}"{names[use[2]]}"' if use[2] in names else use[0], text
+    )
     return [_emitted(text, target) for target in targets], names[symbol]
 
 

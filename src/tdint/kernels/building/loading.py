@@ -40,7 +40,11 @@ def unpack(data: bytes) -> tuple[bytes, dict[str, Any]]:
     if len(head) > _LONGEST_HEAD:  # deep enough it would exhaust the reader's stack
         raise ValueError("not an object of tdint")
     about = json.loads(head)
-    if not isinstance(about, dict) or about.get("form") != _FORM or not isinstance(about.get("symbol"), str):
+    if (
+        not isinstance(about, dict)
+        or about.get("form") != _FORM
+        or not isinstance(about.get("symbol"), str)
+    ):
         raise ValueError("not an object of tdint")
     if about.pop("sha256", None) != _hash(about, code):
         raise ValueError("cut off or damaged")
@@ -73,7 +77,9 @@ class Loaded:
         result_type: Any = _NUMBERS[signature.returns.name][0]
         types, self._parts = _parts(signature.arguments)
         self._result_type = result_type
-        prototype = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.POINTER(result_type), ctypes.c_void_p, *types)
+        prototype = ctypes.CFUNCTYPE(
+            ctypes.c_int32, ctypes.POINTER(result_type), ctypes.c_void_p, *types
+        )
         self._function = prototype(self.address)
 
     def __call__(self, *arguments: Any) -> Any:
@@ -87,7 +93,9 @@ class Loaded:
         return result.value
 
 
-def _parts(arguments: Sequence[Argument]) -> tuple[list[Any], list[Callable[[Any, list[Any]], None]]]:
+def _parts(
+    arguments: Sequence[Argument],
+) -> tuple[list[Any], list[Callable[[Any, list[Any]], None]]]:
     """C types of the flat arguments, and for each argument what puts its parts into a list."""
     types: list[Any] = []
     parts: list[Callable[[Any, list[Any]], None]] = []

@@ -36,7 +36,10 @@ if hasattr(os, "register_at_fork"):  # a child would wait for a thread that it h
     os.register_at_fork(after_in_child=_ONE_AT_A_TIME._at_fork_reinit)  # type: ignore[attr-defined]
 
 
-def obtain(pairs: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None] = lambda done: None) -> None:
+def obtain(
+    pairs: Sequence[tuple[Compilable, Variant]],
+    progress: Callable[[float], None] = lambda done: None,
+) -> None:
     """Load kernels into this process; what no store has is compiled, in processes side by side, and kept.
 
     TDINT_KERNELS=python takes the kernels as they are written, not compiled.
@@ -58,7 +61,9 @@ def obtain(pairs: Sequence[tuple[Compilable, Variant]], progress: Callable[[floa
 
 
 def _obtain(pairs: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None]) -> None:
-    missing = [(kernel, kernel.needs(variant)) for kernel, variant in pairs if not kernel.loaded(variant)]
+    missing = [
+        (kernel, kernel.needs(variant)) for kernel, variant in pairs if not kernel.loaded(variant)
+    ]
     how = os.environ.get("TDINT_KERNELS", "")
     if how not in ("", "python", "whole", "compile"):
         raise UsageError(f"TDINT_KERNELS={how}: it is python, whole, or not set")
@@ -104,7 +109,9 @@ def _not_found(pairs: Iterable[tuple[Compilable, Variant]]) -> list[tuple[Compil
 
 
 def _compile(
-    absent: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None], folder: Path | None
+    absent: Sequence[tuple[Compilable, Variant]],
+    progress: Callable[[float], None],
+    folder: Path | None,
 ) -> None:
     from tdint.kernels.building import store
     from tdint.kernels.building.loading import unpack
@@ -113,20 +120,30 @@ def _compile(
 
     if os.environ.get("TDINT_COMPILE") == "never":
         names = ", ".join(dict.fromkeys(map(_shown, absent)))
-        raise AnalysisError(f"TDINT_COMPILE=never, and not compiled yet: {names}; `tdint compile MODEL.yaml` does it")
+        raise AnalysisError(
+            f"TDINT_COMPILE=never, and not compiled yet: {names}; `tdint compile MODEL.yaml` does it"
+        )
     kept = f"kept in {folder}" if folder else "not kept: no folder to write to"
     count = len(absent)
     loops = "loop" if count == 1 else "loops"
     names = ", ".join(dict.fromkeys(map(_shown, absent)))
     LOG.info(
-        "compiling %d time %s for this machine, once, about %d s: %s (%s)", count, loops, duration(absent), names, kept
+        "compiling %d time %s for this machine, once, about %d s: %s (%s)",
+        count,
+        loops,
+        duration(absent),
+        names,
+        kept,
     )
     running = run_all(compilations((*pair, NATIVE) for pair in absent))
     for done, (compilation, (data,)) in enumerate(running):
         progress(done / count)
         kernel, variant = compilation.kernel, compilation.variant
         code, about = unpack(data)
-        if store.keep(data, kernel.name, variant.text, compilation.targets[NATIVE]) is None and folder:
+        if (
+            store.keep(data, kernel.name, variant.text, compilation.targets[NATIVE]) is None
+            and folder
+        ):
             LOG.info("%s cannot be written: what was compiled serves this run only", folder)
         if not _load(kernel, variant, code, about["symbol"]):
             raise RuntimeError(f"{kernel.name}: the object cannot be loaded")
@@ -134,7 +151,10 @@ def _compile(
 
 def duration(pairs: Sequence[tuple[Compilable, Variant]]) -> int:
     """Roughly how long it takes to compile, s, as measured on processors of 2024."""
-    each = [_SECONDS[min(len(variant.laws) or 3, 3) if "laws" in kernel.parts else 1] for kernel, variant in pairs]
+    each = [
+        _SECONDS[min(len(variant.laws) or 3, 3) if "laws" in kernel.parts else 1]
+        for kernel, variant in pairs
+    ]
     return round(max(max(each), sum(each) / processors()))
 
 
@@ -198,14 +218,19 @@ def begin_as_written(
     how = os.environ.get("TDINT_COMPILE", "")
     if how not in ("", "wait", "never"):
         raise UsageError(f"TDINT_COMPILE={how}: it is wait, never, or not set")
-    outside = any(variant.outside or not kernel.name.startswith("tdint.") for kernel, variant in called)
+    outside = any(
+        variant.outside or not kernel.name.startswith("tdint.") for kernel, variant in called
+    )
     if how == "wait" or outside or any(map(os.environ.get, ("TDINT_KERNELS", *_JOBS))):
         return False
     # What nobody can compile is told by who is asked to.
     if importlib.util.find_spec("numba") is None:
         return False
     with _ONE_AT_A_TIME:
-        pairs = [[(kernel, kernel.needs(variant)) for kernel, variant in group] for group in (called, others)]
+        pairs = [
+            [(kernel, kernel.needs(variant)) for kernel, variant in group]
+            for group in (called, others)
+        ]
         if not _not_found(pairs[0]):
             return False
         for kernel, variant in [*pairs[0], *_not_found(pairs[1])]:
@@ -213,11 +238,15 @@ def begin_as_written(
     folder = store.writable() if how != "never" else None
     LOG.info(
         "no compiled time loops for this run yet: it goes as they are written%s",
-        ", and they are compiled beside it for the next ones (TDINT_COMPILE=wait compiles first)" if folder else "",
+        ", and they are compiled beside it for the next ones (TDINT_COMPILE=wait compiles first)"
+        if folder
+        else "",
     )
     if folder:
         # What a march calls comes last: where it is there, so is the rest.
-        names = [[(kernel.name, variant.text) for kernel, variant in group] for group in reversed(pairs)]
+        names = [
+            [(kernel.name, variant.text) for kernel, variant in group] for group in reversed(pairs)
+        ]
         with suppress(OSError), (folder / _BESIDE).open("a") as stream:
             # One at a time: several models one after the other would fill the memory with compilers.
             if lock(stream.fileno()):
@@ -237,7 +266,12 @@ def compile_named() -> None:
         if lock(stream.fileno()):
             for group in json.loads(sys.argv[1]):
                 names = ((*name.split(":"), parse(text)) for name, text in group)
-                obtain([(getattr(importlib.import_module(module), name), variant) for module, name, variant in names])
+                obtain(
+                    [
+                        (getattr(importlib.import_module(module), name), variant)
+                        for module, name, variant in names
+                    ]
+                )
 
 
 def as_views(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -320,7 +354,9 @@ def compile_ahead(
     return written
 
 
-def _made(missing: Iterable[tuple[Compilable, Variant, str]]) -> Iterator[tuple[Compilable, Variant, Target, bytes]]:
+def _made(
+    missing: Iterable[tuple[Compilable, Variant, str]],
+) -> Iterator[tuple[Compilable, Variant, Target, bytes]]:
     """The objects of kernels for targets, by name: copies where a store has them, else compiled."""
     from tdint.kernels.building import store
     from tdint.kernels.building.process import compilations, run_all
@@ -345,8 +381,12 @@ def shown(pairs: Iterable[tuple[Compilable, Variant]]) -> list[tuple[str, str, s
     from tdint.kernels.building.target import runnable
 
     rows = []
-    for kernel, variant in dict.fromkeys((kernel, kernel.needs(variant)) for kernel, variant in pairs):
-        tried = (store.look_up(kernel.name, serving.text, runnable()) for serving in _serving(variant))
+    for kernel, variant in dict.fromkeys(
+        (kernel, kernel.needs(variant)) for kernel, variant in pairs
+    ):
+        tried = (
+            store.look_up(kernel.name, serving.text, runnable()) for serving in _serving(variant)
+        )
         stored = next(filter(None, tried), None)
         file, origin = (str(stored[0]), store.origin(stored[0])) if stored else ("", "")
         rows.append((kernel.name, variant.text.replace(",", " "), file, origin))

@@ -73,28 +73,42 @@ class Compilation:
         """
         module = sys.modules[self.module]
         if module.__name__ == "__main__" or not getattr(module, "__file__", None):
-            raise AnalysisError(f"{self.kernel.name} cannot be compiled: put the kernel into a module of its own")
-        return self.kernel.name, None if module.__name__.startswith("tdint.") else str(module.__file__)
+            raise AnalysisError(
+                f"{self.kernel.name} cannot be compiled: put the kernel into a module of its own"
+            )
+        return self.kernel.name, None if module.__name__.startswith("tdint.") else str(
+            module.__file__
+        )
 
     def reason(self, text: list[str]) -> str:
         """What numba says behind its last "Failed in nopython", and where: the file and the line; else the last line
         that the process wrote."""
         marks = [i for i, line in enumerate(text) if "Failed in nopython" in line]
-        behind = [line.strip() for line in text[marks[-1] + 1 :] if line.strip()] if marks else text[-1:]
+        behind = (
+            [line.strip() for line in text[marks[-1] + 1 :] if line.strip()] if marks else text[-1:]
+        )
         said = " ".join(behind[: 2 if behind[0].endswith(":") else 1]) if behind else ""
         if not said:
             return ""
-        outside = [file for _, file in self.plugins.values()] + ([self.request[1]] if self.request[1] else [])
+        outside = [file for _, file in self.plugins.values()] + (
+            [self.request[1]] if self.request[1] else []
+        )
         files = [Path(file) for file in outside]
-        files += [file for file in closure(self.module, self.variant.laws).values() if file not in files]
+        files += [
+            file for file in closure(self.module, self.variant.laws).values() if file not in files
+        ]
         # A name that is not there has no place in what numba says.
         if missing := _MISSING.search(said):
-            place = next((f"{file}:{line}" for file in files if (line := _line_of(missing[1], file))), "")
+            place = next(
+                (f"{file}:{line}" for file in files if (line := _line_of(missing[1], file))), ""
+            )
         else:
             named = {file.name: file for file in reversed(files)}
             matches = filter(None, map(_PLACE.search, (*behind, *text[::-1])))
             places = [f"{named[match[1]]}:{match[2]}" for match in matches if match[1] in named]
-            in_plugins = [place for place in places if place.startswith(tuple(outside))] if outside else []
+            in_plugins = (
+                [place for place in places if place.startswith(tuple(outside))] if outside else []
+            )
             place = next(iter([*in_plugins, *places]), "")
         return f"{place or (outside[-1] if outside else '')}: {said}".removeprefix(": ")
 
@@ -104,7 +118,10 @@ def _line_of(name: str, file: Path) -> int:
     if file.suffix != ".py":
         return 0
     names = (node for node in ast.walk(ast.parse(file.read_bytes())) if isinstance(node, ast.Name))
-    return min((node.lineno for node in names if node.id == name and isinstance(node.ctx, ast.Load)), default=0)
+    return min(
+        (node.lineno for node in names if node.id == name and isinstance(node.ctx, ast.Load)),
+        default=0,
+    )
 
 
 class _Process:
@@ -160,7 +177,10 @@ class _Process:
         """End it, whatever it does."""
         self._process.kill()
         self._beside.shutdown()
-        with suppress(OSError), self._process:  # what was asked of an ended one cannot be handed over
+        with (
+            suppress(OSError),
+            self._process,
+        ):  # what was asked of an ended one cannot be handed over
             pass
 
     @staticmethod
@@ -177,7 +197,9 @@ def compilations(missing: Iterable[tuple[Compilable, Variant, str]]) -> list[Com
         # Without vectors all processors are one to the optimizer, but for this one, which numba compiles for itself.
         alike = target.optimized_for if kernel.vectorized or target == native() else None
         together.setdefault((kernel, variant, alike), {})[name] = target
-    return [Compilation(kernel, variant, targets) for (kernel, variant, _), targets in together.items()]
+    return [
+        Compilation(kernel, variant, targets) for (kernel, variant, _), targets in together.items()
+    ]
 
 
 def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, list[bytes]]]:
@@ -190,7 +212,9 @@ def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, 
     """
     if compilations and importlib.util.find_spec("numba") is None:
         names = ", ".join(dict.fromkeys(compilation.kernel.name for compilation in compilations))
-        raise AnalysisError(f"{names}: not among the compiled loops that came with tdint; to compile, install numba")
+        raise AnalysisError(
+            f"{names}: not among the compiled loops that came with tdint; to compile, install numba"
+        )
     crew = _Crew(compilations)
     count = min(processors(), len(compilations))
     with ThreadPoolExecutor(max(count, 1)) as pool:
@@ -212,7 +236,9 @@ class _Crew:
     def __init__(self, compilations: Sequence[Compilation]) -> None:
         self.done: SimpleQueue[tuple[Compilation, list[bytes] | BaseException]] = SimpleQueue()
         self._lock = Lock()
-        self._waiting = sorted(compilations, key=lambda compilation: size(compilation.kernel.name), reverse=True)
+        self._waiting = sorted(
+            compilations, key=lambda compilation: size(compilation.kernel.name), reverse=True
+        )
         self._in_work: list[str] = []
         self._processes: set[_Process] = set()
 
@@ -243,9 +269,13 @@ class _Crew:
         with self._lock:
             if last:
                 self._in_work.remove(last.module)
-            alike = [waiting for waiting in self._waiting if last and waiting.settings == last.settings]
+            alike = [
+                waiting for waiting in self._waiting if last and waiting.settings == last.settings
+            ]
             near = [waiting for waiting in alike if last and waiting.module == last.module]
-            others = [waiting for waiting in alike or self._waiting if waiting.module not in self._in_work]
+            others = [
+                waiting for waiting in alike or self._waiting if waiting.module not in self._in_work
+            ]
             following = next(iter(near or others or self._waiting), None)
             if following:
                 self._waiting.remove(following)
@@ -258,7 +288,9 @@ class _Crew:
                 process = _Process(compilation.settings)
             except OSError as error:
                 name = compilation.kernel.name
-                raise AnalysisError(f"{name} cannot be compiled: no process can be started ({error})") from None
+                raise AnalysisError(
+                    f"{name} cannot be compiled: no process can be started ({error})"
+                ) from None
             self._processes.add(process)
             return process
 

@@ -32,7 +32,9 @@ _PUBLIC = "tdint.plugin"
 """What plug-ins import: names of other modules."""
 
 _LAWS = "tdint.kernels.laws"
-_IMPORT = re.compile(rb"^[ \t]*from (tdint\.(?:kernels|methods)[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
+_IMPORT = re.compile(
+    rb"^[ \t]*from (tdint\.(?:kernels|methods)[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE
+)
 _NOT_FOLLOWED = {*sys.stdlib_module_names, "numpy", "numba", "scipy"}
 _COMMENT = re.compile(rb"#[^\n]*")
 
@@ -63,7 +65,9 @@ def digest_of_all() -> str:
     whole = hashlib.sha256()
     for folder in ("kernels", "methods"):
         for file in sorted((_PACKAGE / folder).rglob("*.py")):
-            whole.update(file.relative_to(_PACKAGE).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
+            whole.update(
+                file.relative_to(_PACKAGE).as_posix().encode() + b"\0" + file.read_bytes() + b"\0"
+            )
     return whole.hexdigest()[:12]
 
 
@@ -102,7 +106,9 @@ def files_of(modules: Iterable[str], package: str = "") -> dict[str, str]:
         seen.add(name)
         # A file of its own by its name, one of a package with the package's: `helpers/rows.py`.
         depth = name.count(".") + 1 + (file.stem == "__init__")
-        digests[package + "/".join(file.parts[-depth:])] = hashlib.sha256(file.read_bytes()).hexdigest()
+        digests[package + "/".join(file.parts[-depth:])] = hashlib.sha256(
+            file.read_bytes()
+        ).hexdigest()
         new += _imported(file, name)
     return dict(sorted(digests.items()))
 
@@ -121,7 +127,10 @@ def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
     for package, words in _IMPORT.findall(text):
         base = package.decode()
         one_by_one = _COMMENT.sub(b"", words).strip(b"() \t\r\n").split(b",")
-        names += [base, *(f"{base}.{word.split()[0].decode()}" for word in one_by_one if word.strip())]
+        names += [
+            base,
+            *(f"{base}.{word.split()[0].decode()}" for word in one_by_one if word.strip()),
+        ]
     return hashlib.sha256(text).digest(), tuple(names)
 
 
@@ -143,7 +152,11 @@ def _imported(file: Path, module: str) -> tuple[str, ...]:
     homes, found = getattr(sys.modules.get(_PUBLIC), "HOMES", {}), list[str]()
     for name in names:
         base, _, alias = name.rpartition(".")
-        found += homes.values() if name == _PUBLIC else [homes.get(alias, name) if base == _PUBLIC else name]
+        found += (
+            homes.values()
+            if name == _PUBLIC
+            else [homes.get(alias, name) if base == _PUBLIC else name]
+        )
     return tuple(name for name in found if name.partition(".")[0] not in _NOT_FOLLOWED)
 
 
@@ -159,4 +172,6 @@ def _file(module: str) -> Path | None:
 def _own_file(module: str) -> Path | None:
     _, *rest = module.split(".")
     path = _PACKAGE.joinpath(*rest)
-    return next((file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()), None)
+    return next(
+        (file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()), None
+    )

@@ -55,7 +55,9 @@ def look_up(name: str, variant: str, targets: tuple[Target, ...]) -> tuple[Path,
     What is damaged, or belongs to someone else who is not the package's owner, does not count.
     """
     places = _places(targets[0].platform)
-    return next(filter(None, (_look_up_in(*place, name, variant, targets) for place in places)), None)
+    return next(
+        filter(None, (_look_up_in(*place, name, variant, targets) for place in places)), None
+    )
 
 
 def origin(file: Path) -> str:
@@ -72,14 +74,18 @@ def has(name: str, variant: str, target: Target, folder: Path | None = None) -> 
     home = folder or cache_home()
     if home is None:
         return False
-    return bool(_look_up_in(home / folder_name(target.platform), folder is None, name, variant, (target,)))
+    return bool(
+        _look_up_in(home / folder_name(target.platform), folder is None, name, variant, (target,))
+    )
 
 
 def _places(platform: str) -> Iterator[tuple[Path, bool]]:
     """Folders of objects, and whether what belongs to others does not count there."""
     if shared := os.environ.get("TDINT_KERNELS_DIR"):
         if not Path(shared).is_dir():
-            raise UsageError(f"TDINT_KERNELS_DIR={shared}: there is no such folder; `tdint compile -o` makes it")
+            raise UsageError(
+                f"TDINT_KERNELS_DIR={shared}: there is no such folder; `tdint compile -o` makes it"
+            )
         yield Path(shared) / folder_name(platform), False
     if home := cache_home():
         yield home / folder_name(platform), True
@@ -109,7 +115,9 @@ def _look_up_in(
     return None
 
 
-def keep(data: bytes, name: str, variant: str, target: Target, folder: Path | None = None) -> Path | None:
+def keep(
+    data: bytes, name: str, variant: str, target: Target, folder: Path | None = None
+) -> Path | None:
     """Write a packed object, whole or not at all; where it is, None if nowhere can be written.
 
     Goes into `folder` (as TDINT_KERNELS_DIR will name it) if one is given, and an OSError is raised then.
@@ -159,7 +167,9 @@ def _make_for_all(folder: Path) -> None:
 def file_name(name: str, variant: str, target: Target) -> str:
     """The file of a kernel."""
     sources = digest(name, parse(variant).laws)
-    return f"{name.removeprefix('tdint.').replace(':', '.')}-{variant}-{target.text}-{sources}.object"
+    return (
+        f"{name.removeprefix('tdint.').replace(':', '.')}-{variant}-{target.text}-{sources}.object"
+    )
 
 
 def _write(data: bytes, path: Path) -> Path:

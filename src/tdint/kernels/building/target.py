@@ -58,14 +58,23 @@ class Target:
             return self.cpu, self.features
         if _family() != "x86_64":
             return "generic", ""
-        return self.cpu if self.cpu in LEVELS else "x86-64-v2", ""  # whose vectors are as long as those of ARM
+        return (
+            self.cpu if self.cpu in LEVELS else "x86-64-v2",
+            "",
+        )  # whose vectors are as long as those of ARM
 
     def machine(self) -> Any:
         """What writes objects for the processor, to be loaded into a process."""
         triple = _TRIPLES[self.platform, self.cpu in LEVELS]
         llvm.initialize_all_targets()
         llvm.initialize_all_asmprinters()
-        cpu = self.cpu if self.cpu in LEVELS else "apple-m1" if self.platform == "darwin" else "generic"
+        cpu = (
+            self.cpu
+            if self.cpu in LEVELS
+            else "apple-m1"
+            if self.platform == "darwin"
+            else "generic"
+        )
         reloc = "static" if self.cpu in LEVELS else "default"  # as numba does
         return llvm.Target.from_triple(triple).create_target_machine(
             cpu=cpu, features=self.features, opt=3, reloc=reloc, codemodel="jitdefault", jit=True
@@ -86,7 +95,9 @@ def native() -> Target:
 
 def machine() -> Any:
     """What loads objects on this machine; an engine that is made of it owns it."""
-    with suppress(RuntimeError, AttributeError):  # newer llvmlite does it on its own, and says so or has no such word
+    with suppress(
+        RuntimeError, AttributeError
+    ):  # newer llvmlite does it on its own, and says so or has no such word
         llvm.initialize()
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()

@@ -33,7 +33,10 @@ def _of_story(linear_terms, work, row, i):
 @inlined
 def _followed(linear_terms, springs, work, i):
     """The parabola that a story has followed."""
-    rise, bend = _of_story(linear_terms, work, ROW.RISE, i), _of_story(linear_terms, work, ROW.BEND, i)
+    rise, bend = (
+        _of_story(linear_terms, work, ROW.RISE, i),
+        _of_story(linear_terms, work, ROW.BEND, i),
+    )
     return Stretch(springs[at.DRIFT, i], rise, bend, 0.0, 1.0)
 
 
@@ -72,7 +75,11 @@ _go = path.along_branches(_pass_on, _ignore)
 @inlined
 def _sense(stretch, steady):
     """The direction in which a story goes along a stretch; of one that does not turn in the step that of its way."""
-    way = stretch.rise if steady else path.drift_at(stretch, stretch.end) - path.drift_at(stretch, stretch.begin)
+    way = (
+        stretch.rise
+        if steady
+        else path.drift_at(stretch, stretch.end) - path.drift_at(stretch, stretch.begin)
+    )
     return math.copysign(1.0, way) if way != 0.0 else 0.0
 
 
@@ -82,11 +89,15 @@ def _find_corners(law_parameters, springs, i, whole, steady, corners):
     path.copy(springs, i, 0, at.SECOND_TRIAL)
     turn = 1.0 if steady else path.turning_point(whole)
     there, drift = path.part_of(whole, 0.0, turn), path.drift_at(whole, turn)
-    _go_noting(law_parameters, springs, i, at.SECOND_TRIAL, there, _sense(there, steady), drift, corners)
+    _go_noting(
+        law_parameters, springs, i, at.SECOND_TRIAL, there, _sense(there, steady), drift, corners
+    )
     if turn < 1.0:
         _note(corners, i, turn, springs[at.SECOND_TRIAL + at.FORCE, i])
         back, drift = path.part_of(whole, turn, 1.0), path.drift_at(whole, 1.0)
-        _go_noting(law_parameters, springs, i, at.SECOND_TRIAL, back, _sense(back, False), drift, corners)
+        _go_noting(
+            law_parameters, springs, i, at.SECOND_TRIAL, back, _sense(back, False), drift, corners
+        )
 
 
 @called
@@ -119,7 +130,9 @@ def _force(scene, h, memory, i, count):
     mean = moment = 0.0
     if curved:
         # Mean and moment of its force and that at the start tell a parabola.
-        mean = work[ROW.PATH + path.MEAN, i] - geometric * (whole.start + 0.5 * whole.rise - whole.bend / 12.0)
+        mean = work[ROW.PATH + path.MEAN, i] - geometric * (
+            whole.start + 0.5 * whole.rise - whole.bend / 12.0
+        )
         mean -= linear_terms[at.STORY_DAMPER, i] / h * whole.rise + work[ROW.DASHPOT, i]
         moment = work[ROW.PATH + path.MOMENT, i] - geometric * whole.rise
         moment -= linear_terms[at.STORY_DAMPER, i] / h * whole.bend + work[ROW.DASHPOT + 1, i]
@@ -138,9 +151,21 @@ def _force(scene, h, memory, i, count):
         elif t > 0.0:
             part = path.part_of(whole, before, t)
             side, reached = _sense(part, work[ROW.STEADY, i] != 0.0), path.drift_at(whole, t)
-            _go(scene.law_parameters, springs, i, at.SECOND_TRIAL, part, side, reached, Integrals(work, ROW.CORNERS))
+            _go(
+                scene.law_parameters,
+                springs,
+                i,
+                at.SECOND_TRIAL,
+                part,
+                side,
+                reached,
+                Integrals(work, ROW.CORNERS),
+            )
             off = drift - springs[at.SECOND_TRIAL + at.DRIFT, i]
-            force = springs[at.SECOND_TRIAL + at.FORCE, i] + springs[at.SECOND_TRIAL + at.SLOPE, i] * off
+            force = (
+                springs[at.SECOND_TRIAL + at.FORCE, i]
+                + springs[at.SECOND_TRIAL + at.SLOPE, i] * off
+            )
             before = t
         work[ROW.FORCES + k, i] = force + geometric * drift
 
@@ -161,7 +186,9 @@ def _accelerate(scene, h, load, work, k):
         rate = by_h * _of_story(linear_terms, work, ROW.RATES + k, i)
         story = work[ROW.FORCES + k, i] + linear_terms[at.STORY_DAMPER, i] * rate
         story += power_damper(linear_terms, i, rate)[0]
-        outer = work[ROW.OTHER, i] - by_h * linear_terms[at.FLOOR_DAMPER, i] * work[ROW.RATES + k, i]
+        outer = (
+            work[ROW.OTHER, i] - by_h * linear_terms[at.FLOOR_DAMPER, i] * work[ROW.RATES + k, i]
+        )
         damped -= outer
         work[ROW.FORCES + k, i] = story + damped
         work[ROW.MOTION + k, i] = linear_terms[at.INVERSE_MASS, i] * (above - story + outer)
@@ -170,7 +197,9 @@ def _accelerate(scene, h, load, work, k):
     if FORCES:
         for j in range(forces.shape[0]):
             i = int(forces[j, at.FLOOR])
-            work[ROW.MOTION + k, i] += linear_terms[at.INVERSE_MASS, i] * force_value(forces, j, load[at.TIME] + t * h)
+            work[ROW.MOTION + k, i] += linear_terms[at.INVERSE_MASS, i] * force_value(
+                forces, j, load[at.TIME] + t * h
+            )
 
 
 @called
@@ -183,7 +212,11 @@ def _move(h, load, memory, i, count):
     way, rate, a2 = 0.0, v, _relative(h, load, work, 0, i, n)
     for k in range(0, count - 2, 2):
         d = work[ROW.FORCES + k + 1, n] - work[ROW.FORCES + k, n]
-        a0, a1, a2 = a2, _relative(h, load, work, k + 1, i, n), _relative(h, load, work, k + 2, i, n)
+        a0, a1, a2 = (
+            a2,
+            _relative(h, load, work, k + 1, i, n),
+            _relative(h, load, work, k + 2, i, n),
+        )
         work[ROW.WAYS + k + 1, i] = way + d * rate + d * d * (3.5 * a0 + 3.0 * a1 - 0.5 * a2) / 12.0
         work[ROW.RATES + k + 1, i] = rate + d * (5.0 * a0 + 8.0 * a1 - a2) / 12.0
         way += 2.0 * d * rate + d * d * (2.0 * a0 + 4.0 * a1) / 3.0
@@ -201,7 +234,15 @@ def _move(h, load, memory, i, count):
 def _relative(h, load, work, k, i, n):
     """h^2 times the acceleration of floor `i` at node `k`, relative to the ground."""
     t = work[ROW.FORCES + k, n]
-    return h * h * (work[ROW.MOTION + k, i] - load[at.GROUND_0] - t * (load[at.GROUND_1] - load[at.GROUND_0]))
+    return (
+        h
+        * h
+        * (
+            work[ROW.MOTION + k, i]
+            - load[at.GROUND_0]
+            - t * (load[at.GROUND_1] - load[at.GROUND_0])
+        )
+    )
 
 
 @inlined
@@ -213,7 +254,9 @@ def _may_pass_shear(springs, work, i, rise, bend):
     near = (2.0 * abs(rise) < abs(bend)) & (most > peak)
     for row in (at.UPPER, at.LOWER):
         ahead = springs[row, i] - springs[at.DRIFT, i]
-        near |= (abs(ahead) <= way) & (abs(springs[at.FORCE, i] + springs[at.SLOPE, i] * ahead) > peak)
+        near |= (abs(ahead) <= way) & (
+            abs(springs[at.FORCE, i] + springs[at.SLOPE, i] * ahead) > peak
+        )
     return near
 
 
@@ -232,7 +275,10 @@ def _comes_near(scene, h, load, memory):
         corner = 0.0
         if work[ROW.LEFT, i] != 0.0 and springs[at.SLOPE, i] < math.inf:
             leaves = True
-            rise, bend = _of_story(linear_terms, work, ROW.RISE, i), _of_story(linear_terms, work, ROW.BEND, i)
+            rise, bend = (
+                _of_story(linear_terms, work, ROW.RISE, i),
+                _of_story(linear_terms, work, ROW.BEND, i),
+            )
             near |= _may_pass_shear(springs, work, i, rise, bend)
             corner = _CORNER * law_parameters[at.STIFFNESS, i] * (abs(rise) + 0.5 * abs(bend))
         half = 0.5 * by_h * work[ROW.A1, i]
@@ -268,7 +314,9 @@ def _look(scene, h, load, memory):
         if work[ROW.LEFT, i] != 0.0 and springs[at.SLOPE, i] < math.inf:
             whole = _followed(scene.linear_terms, springs, work, i)
             steady = work[ROW.STEADY, i] != 0.0
-            _find_corners(scene.law_parameters, springs, i, whole, steady, Integrals(work, ROW.CORNERS))
+            _find_corners(
+                scene.law_parameters, springs, i, whole, steady, Integrals(work, ROW.CORNERS)
+            )
     if work[ROW.CORNERS, 0] == 0.0:
         return
     report[at.WITHIN] = report[at.OWN_PEAKS] = ROW.PEAKS
@@ -288,7 +336,9 @@ def _look_between(scene, h, load, memory):
         for k in range(count):
             s = work[ROW.FORCES + k, n] - 0.5
             t = s + 0.5
-            work[ROW.WAYS + k, i] = t * (rise + 0.5 * change * (t - 1.0)) - 10.0 * s * (s * s - 0.25) * cubic
+            work[ROW.WAYS + k, i] = (
+                t * (rise + 0.5 * change * (t - 1.0)) - 10.0 * s * (s * s - 0.25) * cubic
+            )
             work[ROW.RATES + k, i] = rise + s * change + (2.5 - 30.0 * s * s) * cubic
     for passed in range(_PASSES):
         for i in range(n if passed > 0 else 0):

@@ -33,7 +33,13 @@ from tdint.kernels.equations.tridiagonal import (
     solve_pairs_damped,
 )
 from tdint.kernels.laws.choosing import CURVES
-from tdint.kernels.linear_terms import MODAL, add_modal_force, floor_impulse, floor_load, power_damper
+from tdint.kernels.linear_terms import (
+    MODAL,
+    add_modal_force,
+    floor_impulse,
+    floor_load,
+    power_damper,
+)
 from tdint.kernels.stepping import Factors
 from tdint.kernels.stories.branches import turning
 from tdint.kernels.stories.law_state import reach
@@ -63,11 +69,17 @@ class _Rows(NamedTuple):
     SLOPE_C: int = 1  # of the power-law dashpots
     SLOPE_1: int = 1
     LAST_CORRECTION: int = 2  # of DU and DV
-    KINK: int = 1  # where a story turns in the step: what its force bends there over its size; else 0
+    KINK: int = (
+        1  # where a story turns in the step: what its force bends there over its size; else 0
+    )
     BEFORE: int = 1  # the block of springs that its state at the end is reached from
-    MISSED: int = 1  # what the mean force of a power-law dashpot misses the mean of those at both ends by
+    MISSED: int = (
+        1  # what the mean force of a power-law dashpot misses the mean of those at both ends by
+    )
     PAIR: int = 2  # r1 + l r2, which becomes w: real and imaginary part
-    SAVED: int = 3 + at.SPRING_ROWS  # state and springs at the start of a step that is done in pieces
+    SAVED: int = (
+        3 + at.SPRING_ROWS
+    )  # state and springs at the start of a step that is done in pieces
     PIECE: int = 3  # motion at the start of a piece
     WORST: int = 1  # the most that a step of the run has missed so far
     TURNS: int = 1  # drifts where stories turned in it
@@ -80,7 +92,9 @@ class _Block(NamedTuple):
     STRAIGHT: int = 1  # the slopes of the complex one; the step stands in the last column
     PIVOT: int = 2
     MULTIPLIER: int = 2
-    FACTORED_C: int = 1  # the tangents of Newton's; the step stands in the last column of the next row
+    FACTORED_C: int = (
+        1  # the tangents of Newton's; the step stands in the last column of the next row
+    )
     FACTORED_1: int = 1
     FACTORED_SLOPE: int = 1  # the one at the end
     BLOCKS: int = 4
@@ -89,7 +103,9 @@ class _Block(NamedTuple):
 
 # Turns that a step goes over, measured on the problems with Bouc-Wen stories and power-law dashpots of `tdint chart`
 _WEAK = 15.0  # a kink over the square of what the step misses: with 5 to 50 errors and costs hardly change
-_BY_DASHPOT = 0.003  # part of a dashpot's force that counts as a kink: without it small steps err tenfold
+_BY_DASHPOT = (
+    0.003  # part of a dashpot's force that counts as a kink: without it small steps err tenfold
+)
 _FAR = 0.8  # over the peak drift so far: where a dashpot's force jumps, steps tell less well how far the story went
 
 ROW, FACTORS = at.chained(_Rows, momentum.MOMENTUM_ROWS)
@@ -129,7 +145,12 @@ def solve_linear(coefficients, scene, h, memory, factors):
     n = linear_terms.shape[1] - 1
     re = coefficients[ROOT_RE] * h
     im = coefficients[ROOT_IM] * h
-    kept = Factors(work, factors + _BLOCK.PIVOT, factors + _BLOCK.MULTIPLIER, factors + _STORE + 6 * modal.shape[0] + 1)
+    kept = Factors(
+        work,
+        factors + _BLOCK.PIVOT,
+        factors + _BLOCK.MULTIPLIER,
+        factors + _STORE + 6 * modal.shape[0] + 1,
+    )
     damping = ModalBlocks(modal, re, -im, im, re)
     straight = factors + _BLOCK.STRAIGHT
     if _right_side(coefficients, scene, h, memory, straight):
@@ -150,7 +171,9 @@ def _right_side(coefficients, scene, h, memory, straight):
     n = linear_terms.shape[1] - 1
     re = coefficients[ROOT_RE] * h
     im = coefficients[ROOT_IM] * h
-    by_rate = coefficients[WEIGHT_C] * h * (coefficients[BY_VELOCITY_0] + coefficients[BY_VELOCITY_1])
+    by_rate = (
+        coefficients[WEIGHT_C] * h * (coefficients[BY_VELOCITY_0] + coefficients[BY_VELOCITY_1])
+    )
     by_a0 = coefficients[ALPHA] * h * h
     by_a1 = coefficients[BETA] * h * h
     stale = work[straight, n] != h
@@ -166,9 +189,13 @@ def _right_side(coefficients, scene, h, memory, straight):
         spring = springs[at.FORCE, i] + geometric * springs[at.DRIFT, i]
         force = spring + linear_terms[at.STORY_DAMPER, i] * rate
         impulse = h * (spring + by_rate * (springs[at.SLOPE, i] + geometric) * rate)
-        inertia = work[momentum.LOAD, i] - linear_terms[at.FLOOR_DAMPER, i] * v - (force - force_above)
+        inertia = (
+            work[momentum.LOAD, i] - linear_terms[at.FLOOR_DAMPER, i] * v - (force - force_above)
+        )
         balance = work[momentum.IMPULSE, i] - (impulse - impulse_above)
-        work[ROW.PAIR, i] = mass * (h * v + by_a0 * state[at.ACCELERATION, i]) - by_a1 * inertia + re * balance
+        work[ROW.PAIR, i] = (
+            mass * (h * v + by_a0 * state[at.ACCELERATION, i]) - by_a1 * inertia + re * balance
+        )
         work[ROW.PAIR + 1, i] = im * balance
         force_above = link * force
         impulse_above = link * impulse
@@ -200,7 +227,9 @@ def _motion(linear_terms, modal, root, state, springs, work):
         geometric = linear_terms[at.GEOMETRIC, i]
         force = springs[at.FORCE, i] + geometric * springs[at.DRIFT, i]
         force += (springs[at.SLOPE, i] + geometric) * (du - link * du_below)
-        force += linear_terms[at.STORY_DAMPER, i] * (v - link * (state[at.VELOCITY, below] + dv_below))
+        force += linear_terms[at.STORY_DAMPER, i] * (
+            v - link * (state[at.VELOCITY, below] + dv_below)
+        )
         outer = work[momentum.LOAD, i] - linear_terms[at.FLOOR_DAMPER, i] * v
         work[momentum.A1, i] = linear_terms[at.INVERSE_MASS, i] * (outer - (force - force_above))
         force_above = link * force
@@ -235,11 +264,27 @@ def newton(frozen, coefficients, scene, h, memory, factors):
     last = False
     while True:
         stale = _path(frozen, coefficients, scene, h, memory, factors)
-        residuals(coefficients[THETA], coefficients[ALPHA], coefficients[BETA], linear_terms, modal, h, state, work)
-        if in_balance(iterations == ITERATIONS, coefficients[BETA], linear_terms, h, state, work, report) or last:
+        residuals(
+            coefficients[THETA],
+            coefficients[ALPHA],
+            coefficients[BETA],
+            linear_terms,
+            modal,
+            h,
+            state,
+            work,
+        )
+        if (
+            in_balance(
+                iterations == ITERATIONS, coefficients[BETA], linear_terms, h, state, work, report
+            )
+            or last
+        ):
             break
         if iterations >= PATIENCE:
-            size = squares(linear_terms, work, momentum.R1, n) / (h * h) + squares(linear_terms, work, momentum.R2, n)
+            size = squares(linear_terms, work, momentum.R1, n) / (h * h) + squares(
+                linear_terms, work, momentum.R2, n
+            )
             if too_far(size, before, part):
                 part *= 0.5
                 add_rows(-part, work, ROW.LAST_CORRECTION, momentum.DU, 2, n)
@@ -279,7 +324,11 @@ def _path(frozen, coefficients, scene, h, memory, factors):
         uc = (
             state[at.DISPLACEMENT, i]
             + coefficients[BY_INCREMENT] * du
-            + h * (coefficients[BY_VELOCITY_0] * state[at.VELOCITY, i] + coefficients[BY_VELOCITY_1] * v)
+            + h
+            * (
+                coefficients[BY_VELOCITY_0] * state[at.VELOCITY, i]
+                + coefficients[BY_VELOCITY_1] * v
+            )
         )
         work[momentum.U1, i] = u
         work[momentum.V1, i] = v
@@ -296,7 +345,9 @@ def _path(frozen, coefficients, scene, h, memory, factors):
         else:
             turned = False
             if CURVES and frozen:
-                tangent_c, tangent, turned = _over_turn(coefficients, scene, h, i, (drift_c, drift), memory)
+                tangent_c, tangent, turned = _over_turn(
+                    coefficients, scene, h, i, (drift_c, drift), memory
+                )
             if not turned:
                 tangent_c = reach(law_parameters, springs, i, 0, at.FIRST_TRIAL, drift_c)
                 tangent = reach(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL, drift)
@@ -306,7 +357,9 @@ def _path(frozen, coefficients, scene, h, memory, factors):
         stale = stale or abs(tangent_c - work[factors + _BLOCK.FACTORED_C, i]) > same
         stale = stale or abs(tangent - work[factors + _BLOCK.FACTORED_1, i]) > same
         # A drift is a difference: what the displacements round is not out of balance.
-        work[momentum.SIZE, i] = SMALL / CLOSE * law_parameters[at.STIFFNESS, i] * (abs(u) + abs(link * u_below))
+        work[momentum.SIZE, i] = (
+            SMALL / CLOSE * law_parameters[at.STIFFNESS, i] * (abs(u) + abs(link * u_below))
+        )
         work[ROW.TANGENT_C, i] = tangent_c
         work[ROW.TANGENT_1, i] = tangent
         geometric = linear_terms[at.GEOMETRIC, i]
@@ -319,7 +372,9 @@ def _path(frozen, coefficients, scene, h, memory, factors):
         work[momentum.FORCE_1, i] = force + geometric * drift + damper * rate
         work[momentum.FORCE_S, i] = h * mean + damper * increment
         if linear_terms[at.POWER_DAMPER, i] != 0.0:
-            stale = _add_damper(coefficients, linear_terms, i, h, increment, memory, factors) or stale
+            stale = (
+                _add_damper(coefficients, linear_terms, i, h, increment, memory, factors) or stale
+            )
         uc_below = uc
         u_below = u
         v_below = v
@@ -390,13 +445,17 @@ def join(scene, h, memory):
     for i in range(n):
         a0, a1 = state[at.ACCELERATION, i], work[momentum.A1, i]
         dashpots = work[ROW.MISSED, i] - linear_terms[at.LINK, i + 1] * work[ROW.MISSED, i + 1]
-        miss = 0.5 * (a0 + a1) - work[momentum.DV, i] / h + linear_terms[at.INVERSE_MASS, i] * dashpots
+        miss = (
+            0.5 * (a0 + a1) - work[momentum.DV, i] / h + linear_terms[at.INVERSE_MASS, i] * dashpots
+        )
         missed += linear_terms[at.MASS, i] * miss * miss
         size += 0.5 * linear_terms[at.MASS, i] * (a0 * a0 + a1 * a1)
     missed = max(missed, work[ROW.WORST, 0])
     work[ROW.WORST, 0] = missed
     for i in range(n):
-        near = abs(springs[at.THIRD_TRIAL + at.DRIFT, i]) >= _FAR * work[ROW.PEAKS + at.PEAK_DRIFT, i]
+        near = (
+            abs(springs[at.THIRD_TRIAL + at.DRIFT, i]) >= _FAR * work[ROW.PEAKS + at.PEAK_DRIFT, i]
+        )
         tells = linear_terms[at.POWER_DAMPER, i] == 0.0 or not near
         if not (tells and work[ROW.KINK, i] * size <= _WEAK * missed):
             work[ROW.KINK, i] = 0.0
@@ -419,12 +478,19 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     force_c, slope_c = power_damper(linear_terms, i, rate_c)
     force_1, slope_1 = power_damper(linear_terms, i, rate_1)
     work[momentum.FORCE_1, i] += force_1
-    mean = coefficients[WEIGHT_0] * force_0 + coefficients[WEIGHT_C] * force_c + coefficients[WEIGHT_1] * force_1
+    mean = (
+        coefficients[WEIGHT_0] * force_0
+        + coefficients[WEIGHT_C] * force_c
+        + coefficients[WEIGHT_1] * force_1
+    )
     work[momentum.FORCE_S, i] += h * mean
     work[ROW.MISSED, i] = 0.5 * (force_0 + force_1) - mean
     work[ROW.SLOPE_C, i] = slope_c
     work[ROW.SLOPE_1, i] = slope_1
-    return h * abs(slope_1 - work[factors + _BLOCK.FACTORED_SLOPE, i]) > SAME_TANGENT * linear_terms[at.MASS, i]
+    return (
+        h * abs(slope_1 - work[factors + _BLOCK.FACTORED_SLOPE, i])
+        > SAME_TANGENT * linear_terms[at.MASS, i]
+    )
 
 
 @inlined
@@ -456,7 +522,9 @@ def _factor(coefficients, linear_terms, modal, h, work, factors):
         work[coupling + 2, i] = damper + inner * tangent_c + h * coefficients[WEIGHT_1] * tangent_1
         work[coupling + 2, i] += coefficients[RATE_BY_INCREMENT] * slope_c
         work[coupling + 3, i] = -by_a * tangent_c
-        work[coupling + 3, i] += h * (coefficients[RATE_BY_VELOCITY_1] * slope_c + coefficients[WEIGHT_1] * slope_1)
+        work[coupling + 3, i] += h * (
+            coefficients[RATE_BY_VELOCITY_1] * slope_c + coefficients[WEIGHT_1] * slope_1
+        )
     work[factors + _BLOCK.FACTORED_1, n] = h
     assemble_blocks(linear_terms, _kept(work, factors), h * coefficients[THETA], by_a, n)
     factor_blocks(_kept(work, factors), ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n)

@@ -11,13 +11,17 @@ from __future__ import annotations
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
 
-ITERATIONS = 30  # of Newton before a step counts as not converged; a correction that is halved counts as one
+ITERATIONS = (
+    30  # of Newton before a step counts as not converged; a correction that is halved counts as one
+)
 PATIENCE = 6  # corrections after which one that does not bring the step closer to balance is halved: kinks make cycles
 LEAST = 1e-3  # part of a correction that is tried
 CLOSE = 1e-11  # out of balance over the sum of the sizes of the terms
 SMALL = 1e-14  # correction over the displacement: rounding
 NOTHING = 1e-250  # N; far ahead of a wave forces are so small that their products underflow
-SAME_TANGENT = 1e-3  # a tangent that changed by less, over the initial one, is kept in the factorization
+SAME_TANGENT = (
+    1e-3  # a tangent that changed by less, over the initial one, is kept in the factorization
+)
 _LESS = 1e-4  # of what is out of balance, by which a whole correction is to diminish it
 
 

@@ -17,7 +17,14 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
-from tdint.kernels.equations.iteration import ITERATIONS, SAME_TANGENT, SMALL, add_rows, balanced, too_far
+from tdint.kernels.equations.iteration import (
+    ITERATIONS,
+    SAME_TANGENT,
+    SMALL,
+    add_rows,
+    balanced,
+    too_far,
+)
 from tdint.kernels.equations.tridiagonal import (
     COUPLING_ROWS,
     ModalBlocks,
@@ -71,7 +78,12 @@ class _Rows(NamedTuple):
 
 ROW, STORE = at.chained(_Rows)
 
-_BY_SLOPE = (0.5, -1.0 / 12.0, 1.0, 0.0)  # tangents of a linear branch over its slope: of mean and moment
+_BY_SLOPE = (
+    0.5,
+    -1.0 / 12.0,
+    1.0,
+    0.0,
+)  # tangents of a linear branch over its slope: of mean and moment
 
 _DECIDING = 4  # solves until what stories have decided is kept: one that goes on changing it would never balance
 
@@ -141,7 +153,9 @@ def _keep_to_branches(coefficients, scene, h, memory):
         same = SAME_TANGENT * law_parameters[at.STIFFNESS, i]
         for row in range(4):
             stale |= abs(work[ROW.FACTORED + row, i] - _BY_SLOPE[row] * slope) > same
-        work[ROW.PATH + path.MEAN, i] = springs[at.FORCE, i] + linear_terms[at.GEOMETRIC, i] * springs[at.DRIFT, i]
+        work[ROW.PATH + path.MEAN, i] = (
+            springs[at.FORCE, i] + linear_terms[at.GEOMETRIC, i] * springs[at.DRIFT, i]
+        )
         work[ROW.LEFT, i] = 0.0
     size = 0.0
     for i in range(n):
@@ -156,7 +170,9 @@ def _keep_to_branches(coefficients, scene, h, memory):
         work[ROW.X, i] = by_rise
         work[ROW.X + 1, i] = by_bend
         if BENDING:
-            size += linear_terms[at.INVERSE_MASS, i] * (by_rise * by_rise + by_bend * by_bend / 12.0)
+            size += linear_terms[at.INVERSE_MASS, i] * (
+                by_rise * by_rise + by_bend * by_bend / 12.0
+            )
     if stale:
         for i in range(n):
             for row in range(4):
@@ -205,8 +221,12 @@ def _stories(coefficients, scene, h, memory, deciding):
             work[ROW.LEFT, n] = 1.0
             if deciding:
                 doubtful = 2.0 * abs(rise) < abs(bend) and springs[at.SLOPE, i] < math.inf
-                work[ROW.STEADY, i] = 1.0 if doubtful and _steady(coefficients, scene, h, memory, i) else 0.0
-            follow(law_parameters, springs, i, rise, bend, work[ROW.STEADY, i] != 0.0, work, ROW.PATH)
+                work[ROW.STEADY, i] = (
+                    1.0 if doubtful and _steady(coefficients, scene, h, memory, i) else 0.0
+                )
+            follow(
+                law_parameters, springs, i, rise, bend, work[ROW.STEADY, i] != 0.0, work, ROW.PATH
+            )
         if DASHPOTS and linear_terms[at.POWER_DAMPER, i] != 0.0:
             follow_dashpot(linear_terms, i, h, rise, bend, work, ROW.PATH, ROW.DASHPOT)
         same = SAME_TANGENT * law_parameters[at.STIFFNESS, i]
@@ -217,11 +237,15 @@ def _stories(coefficients, scene, h, memory, deciding):
         damper = linear_terms[at.STORY_DAMPER, i] / h
         drift = springs[at.DRIFT, i]
         stiffness = coefficients[R] * (law_parameters[at.STIFFNESS, i] + geometric)
-        work[ROW.PATH + path.MEAN, i] += geometric * (drift + 0.5 * rise - bend / 12.0) + damper * rise
+        work[ROW.PATH + path.MEAN, i] += (
+            geometric * (drift + 0.5 * rise - bend / 12.0) + damper * rise
+        )
         work[ROW.PATH + path.MOMENT, i] += geometric * rise + (damper + stiffness) * bend
         # A drift is a difference: what the displacements round is not out of balance.
         size = abs(state[at.DISPLACEMENT, i]) + abs(rise_below)
-        work[ROW.SIZE, i] = SMALL / CLOSE * law_parameters[at.STIFFNESS, i] * (size + link * size_below)
+        work[ROW.SIZE, i] = (
+            SMALL / CLOSE * law_parameters[at.STIFFNESS, i] * (size + link * size_below)
+        )
         size_below = size
     return stale
 
@@ -245,7 +269,14 @@ def _steady(coefficients, scene, h, memory, i):
         last += sign * (rate + work[ROW.BEND, j] - coefficients[R] * a1)
     if turns_surely(rise, first, last):
         return False
-    start = h * h * (_acceleration(scene, memory, i) - (_acceleration(scene, memory, i - 1) if floors == 2 else 0.0))
+    start = (
+        h
+        * h
+        * (
+            _acceleration(scene, memory, i)
+            - (_acceleration(scene, memory, i - 1) if floors == 2 else 0.0)
+        )
+    )
     side, turn, _, _, _ = turns(rise, first, last, start)
     return turn == 1.0 and rise * side > 0.0
 
@@ -269,7 +300,9 @@ def _acceleration(scene, memory, i):
             link = linear_terms[at.LINK, j]
             rate = state[at.VELOCITY, j] - link * state[at.VELOCITY, max(j - 1, 0)]
             story = springs[at.FORCE, j] + linear_terms[at.GEOMETRIC, j] * springs[at.DRIFT, j]
-            story += linear_terms[at.STORY_DAMPER, j] * rate + power_damper(linear_terms, j, rate)[0]
+            story += (
+                linear_terms[at.STORY_DAMPER, j] * rate + power_damper(linear_terms, j, rate)[0]
+            )
             force += story * link if above else -story
     return linear_terms[at.INVERSE_MASS, i] * force
 
@@ -293,8 +326,16 @@ def _residuals(coefficients, linear_terms, modal, h, state, work):
         work[ROW.A0, i] = a0
         work[ROW.A1, i] = a1
         floor = h * linear_terms[at.FLOOR_DAMPER, i]
-        mean = work[ROW.PATH + path.MEAN, i] - link * work[ROW.PATH + path.MEAN, i + 1] - work[ROW.LOAD, i]
-        moment = work[ROW.PATH + path.MOMENT, i] - link * work[ROW.PATH + path.MOMENT, i + 1] - work[ROW.LOAD + 1, i]
+        mean = (
+            work[ROW.PATH + path.MEAN, i]
+            - link * work[ROW.PATH + path.MEAN, i + 1]
+            - work[ROW.LOAD, i]
+        )
+        moment = (
+            work[ROW.PATH + path.MOMENT, i]
+            - link * work[ROW.PATH + path.MOMENT, i + 1]
+            - work[ROW.LOAD + 1, i]
+        )
         work[ROW.X, i] -= linear_terms[at.MASS, i] * a0 + floor * rise + h * h * mean
         work[ROW.X + 1, i] -= linear_terms[at.MASS, i] * a1 + floor * bend + h * h * moment
         squares = work[ROW.X, i] * work[ROW.X, i] + work[ROW.X + 1, i] * work[ROW.X + 1, i] / 12.0
@@ -312,10 +353,14 @@ def _in_balance(last, coefficients, linear_terms, h, state, work, report):
         mass = linear_terms[at.MASS, i]
         rounding = work[ROW.SIZE, i] + link * work[ROW.SIZE, i + 1]
         forces = (
-            abs(work[ROW.PATH + path.MEAN, i]) + link * abs(work[ROW.PATH + path.MEAN, i + 1]) + abs(work[ROW.LOAD, i])
+            abs(work[ROW.PATH + path.MEAN, i])
+            + link * abs(work[ROW.PATH + path.MEAN, i + 1])
+            + abs(work[ROW.LOAD, i])
         )
         inner = abs(work[ROW.BEND, i]) + coefficients[R] * abs(work[ROW.A1, i])
-        small &= balanced(last, CLOSE, report, i, work[ROW.X, i], mass * inner + h * h * (forces + rounding))
+        small &= balanced(
+            last, CLOSE, report, i, work[ROW.X, i], mass * inner + h * h * (forces + rounding)
+        )
         forces = (
             abs(work[ROW.PATH + path.MOMENT, i])
             + link * abs(work[ROW.PATH + path.MOMENT, i + 1])
@@ -323,7 +368,9 @@ def _in_balance(last, coefficients, linear_terms, h, state, work, report):
         )
         inner = abs(work[ROW.BEND, i]) + abs(work[ROW.RISE, i]) + h * abs(state[at.VELOCITY, i])
         inner *= coefficients[BY_RISE]
-        small &= balanced(last, CLOSE, report, i, work[ROW.X + 1, i], mass * inner + h * h * (forces + rounding))
+        small &= balanced(
+            last, CLOSE, report, i, work[ROW.X + 1, i], mass * inner + h * h * (forces + rounding)
+        )
     return small
 
 
@@ -353,10 +400,16 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, work):
         numerical = coefficients[R] * (law_parameters[at.STIFFNESS, i] + geometric)
         for row in range(4):
             work[ROW.FACTORED + row, i] = work[ROW.PATH + path.MEAN_BY_RISE + row, i]
-        work[ROW.COUPLING, i] = square * (work[ROW.PATH + path.MEAN_BY_RISE, i] + 0.5 * geometric) + damper
-        work[ROW.COUPLING + 1, i] = square * (work[ROW.PATH + path.MEAN_BY_BEND, i] - geometric / 12.0)
+        work[ROW.COUPLING, i] = (
+            square * (work[ROW.PATH + path.MEAN_BY_RISE, i] + 0.5 * geometric) + damper
+        )
+        work[ROW.COUPLING + 1, i] = square * (
+            work[ROW.PATH + path.MEAN_BY_BEND, i] - geometric / 12.0
+        )
         work[ROW.COUPLING + 2, i] = square * (work[ROW.PATH + path.MOMENT_BY_RISE, i] + geometric)
-        work[ROW.COUPLING + 3, i] = square * (work[ROW.PATH + path.MOMENT_BY_BEND, i] + numerical) + damper
+        work[ROW.COUPLING + 3, i] = (
+            square * (work[ROW.PATH + path.MOMENT_BY_BEND, i] + numerical) + damper
+        )
         by_rise = mass * coefficients[BY_RISE]
         work[ROW.BLOCKS, i] = coefficients[R] * by_rise + floor + work[ROW.COUPLING, i]
         work[ROW.BLOCKS + 1, i] = mass - 0.5 * coefficients[R] * by_rise + work[ROW.COUPLING + 1, i]

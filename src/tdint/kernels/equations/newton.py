@@ -157,7 +157,9 @@ def _story_forces(weights, factors, past, trial, scene, memory):
         work[ROW.SUM, i] = total
         # A drift is a difference: what the displacements round is not out of balance.
         rounding = SMALL / CLOSE * law_parameters[at.STIFFNESS, i]
-        work[ROW.SIZE, i] = abs(total) + rounding * (abs(work[ROW.U, i]) + abs(work[ROW.U, i] - drift))
+        work[ROW.SIZE, i] = abs(total) + rounding * (
+            abs(work[ROW.U, i]) + abs(work[ROW.U, i] - drift)
+        )
     return stale
 
 
@@ -177,7 +179,13 @@ def _in_balance(last, linear_terms, modal, work, report):
         link = linear_terms[at.LINK, i + 1]
         residual = load - inertia - damping - work[ROW.SUM, i] + link * work[ROW.SUM, i + 1]
         work[ROW.RESIDUAL, i] = residual
-        scale = abs(load) + abs(inertia) + abs(damping) + work[ROW.SIZE, i] + link * work[ROW.SIZE, i + 1]
+        scale = (
+            abs(load)
+            + abs(inertia)
+            + abs(damping)
+            + work[ROW.SIZE, i]
+            + link * work[ROW.SIZE, i + 1]
+        )
         small &= balanced(last, CLOSE, report, i, residual, scale)
     return small
 
@@ -189,7 +197,14 @@ def _drift_laws(past, trial, scene, memory):
     _, springs, work, _ = memory
     below = 0.0
     for i in range(linear_terms.shape[1] - 1):
-        restoring(law_parameters, springs, i, past, trial, work[ROW.U, i] - linear_terms[at.LINK, i] * below)
+        restoring(
+            law_parameters,
+            springs,
+            i,
+            past,
+            trial,
+            work[ROW.U, i] - linear_terms[at.LINK, i] * below,
+        )
         below = work[ROW.U, i]
 
 

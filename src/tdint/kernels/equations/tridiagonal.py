@@ -155,8 +155,13 @@ def assemble_combination(linear_terms, springs, row, combination, factors, n):
     by_m, by_c, by_k = combination
     work, diagonal, coupling, _ = factors
     for i in range(n):
-        story = by_k * (springs[row, i] + linear_terms[at.GEOMETRIC, i]) + by_c * linear_terms[at.STORY_DAMPER, i]
-        work[diagonal, i] = by_m * linear_terms[at.MASS, i] + by_c * linear_terms[at.FLOOR_DAMPER, i] + story
+        story = (
+            by_k * (springs[row, i] + linear_terms[at.GEOMETRIC, i])
+            + by_c * linear_terms[at.STORY_DAMPER, i]
+        )
+        work[diagonal, i] = (
+            by_m * linear_terms[at.MASS, i] + by_c * linear_terms[at.FLOOR_DAMPER, i] + story
+        )
         work[coupling, i] = -linear_terms[at.LINK, i] * story
     for i in range(n - 1):
         work[diagonal, i] -= work[coupling, i + 1]
@@ -218,7 +223,12 @@ def factor_blocks(factors, damping, n):
         r = work[blocks + 2, i]
         s = work[blocks + 3, i]
         if i > 0:
-            b0, b1, b2, b3 = work[coupling, i], work[coupling + 1, i], work[coupling + 2, i], work[coupling + 3, i]
+            b0, b1, b2, b3 = (
+                work[coupling, i],
+                work[coupling + 1, i],
+                work[coupling + 2, i],
+                work[coupling + 3, i],
+            )
             i0, i1 = work[blocks, i - 1], work[blocks + 1, i - 1]
             i2, i3 = work[blocks + 2, i - 1], work[blocks + 3, i - 1]
             x0 = i0 * b0 + i1 * b2
@@ -266,8 +276,18 @@ def solve_blocks(factors, x, y, n):
     for i in range(n - 1, -1, -1):
         x0 = work[x, i]
         y0 = work[y, i]
-        backward = work[blocks, i] * x0 + work[blocks + 1, i] * y0 + work[upper, i] * p + work[upper + 1, i] * q
-        q = work[blocks + 2, i] * x0 + work[blocks + 3, i] * y0 + work[upper + 2, i] * p + work[upper + 3, i] * q
+        backward = (
+            work[blocks, i] * x0
+            + work[blocks + 1, i] * y0
+            + work[upper, i] * p
+            + work[upper + 1, i] * q
+        )
+        q = (
+            work[blocks + 2, i] * x0
+            + work[blocks + 3, i] * y0
+            + work[upper + 2, i] * p
+            + work[upper + 3, i] * q
+        )
         p = backward
         work[x, i] = p
         work[y, i] = q
@@ -381,7 +401,9 @@ def _storing(solve_undamped):
                     in_x += modal[j, i] * work[store + 2 * k, i]
                     in_y += modal[j, i] * work[store + 2 * k + 1, i]
                 work[small + j, k] = xx * in_x + xy * in_y + (1.0 if j == k else 0.0)
-                work[small + modes + j, k] = yx * in_x + yy * in_y + (1.0 if modes + j == k else 0.0)
+                work[small + modes + j, k] = (
+                    yx * in_x + yy * in_y + (1.0 if modes + j == k else 0.0)
+                )
         invert(work, small, 2 * modes)
 
     return store_damped

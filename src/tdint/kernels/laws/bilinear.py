@@ -25,7 +25,9 @@ def _functions() -> LawFunctions:
         k = law_parameters[at.STIFFNESS, i]
         hardening = law_parameters[_HARDENING, i]
         strength = (1.0 - hardening) * law_parameters[_YIELD_FORCE, i]
-        z = springs[past + at.INTERNAL, i] + (1.0 - hardening) * k * (drift - springs[past + at.DRIFT, i])
+        z = springs[past + at.INTERNAL, i] + (1.0 - hardening) * k * (
+            drift - springs[past + at.DRIFT, i]
+        )
         tangent = k
         if z > strength:
             z = strength
@@ -52,7 +54,9 @@ def _functions() -> LawFunctions:
         soft = 1.0 - law_parameters[_HARDENING, i]
         if abs(z) == soft * law_parameters[_YIELD_FORCE, i]:  # else the way was elastic
             stretch = springs[trial + at.DRIFT, i] - springs[past + at.DRIFT, i]
-            slip = stretch - (z - springs[past + at.INTERNAL, i]) / (soft * law_parameters[at.STIFFNESS, i])
+            slip = stretch - (z - springs[past + at.INTERNAL, i]) / (
+                soft * law_parameters[at.STIFFNESS, i]
+            )
             springs[trial + at.DISSIPATED, i] += abs(z * slip)
 
     @inlined
@@ -60,13 +64,21 @@ def _functions() -> LawFunctions:
         soft = 1.0 - law_parameters[_HARDENING, i]
         strength = soft * law_parameters[_YIELD_FORCE, i]
         k = law_parameters[at.STIFFNESS, i]
-        springs[at.UPPER, i] = springs[at.DRIFT, i] + (strength - springs[at.INTERNAL, i]) / (soft * k)
-        springs[at.LOWER, i] = springs[at.DRIFT, i] - (strength + springs[at.INTERNAL, i]) / (soft * k)
+        springs[at.UPPER, i] = springs[at.DRIFT, i] + (strength - springs[at.INTERNAL, i]) / (
+            soft * k
+        )
+        springs[at.LOWER, i] = springs[at.DRIFT, i] - (strength + springs[at.INTERNAL, i]) / (
+            soft * k
+        )
 
     @inlined
     def advance(law_parameters, springs, i, block, step, mean_force):
         if springs[block + at.TURN, i] == 0.0:
-            elastic = law_parameters[_HARDENING, i] * law_parameters[at.STIFFNESS, i] * springs[block + at.DRIFT, i]
+            elastic = (
+                law_parameters[_HARDENING, i]
+                * law_parameters[at.STIFFNESS, i]
+                * springs[block + at.DRIFT, i]
+            )
             springs[block + at.INTERNAL, i] = springs[block + at.FORCE, i] - elastic
         else:
             springs[block + at.DISSIPATED, i] += abs(springs[block + at.INTERNAL, i] * step)
@@ -93,7 +105,12 @@ def _functions() -> LawFunctions:
             springs[block + at.LOWER, i] = -math.inf
 
     return LawFunctions(
-        force=force, recoverable=recoverable, settle=settle, enter=enter, advance=advance, switch=switch
+        force=force,
+        recoverable=recoverable,
+        settle=settle,
+        enter=enter,
+        advance=advance,
+        switch=switch,
     )
 
 

@@ -129,7 +129,11 @@ def _functions() -> LawFunctions:
                 break
             if u <= 2.0 * r:
                 # The way to w = 0, by Simpson's rule for dx/du
-                way = u / 6.0 * (1.0 + 4.0 / (1.0 + q * power(0.5 * u, n)) + 1.0 / (1.0 + q * power(u, n)))
+                way = (
+                    u
+                    / 6.0
+                    * (1.0 + 4.0 / (1.0 + q * power(0.5 * u, n)) + 1.0 / (1.0 + q * power(u, n)))
+                )
                 if way <= r:
                     loss += 0.5 * u * u - u * u / 6.0 * (
                         2.0 / (1.0 + q * power(0.5 * u, n)) + 1.0 / (1.0 + q * power(u, n))
@@ -168,7 +172,9 @@ def _functions() -> LawFunctions:
         else:
             rate = 1.0 + q * power(-w, n)
         springs[trial + at.INTERNAL, i] = side * w
-        springs[trial + at.FORCE, i] = hardening * k * drift + (1.0 - hardening) * strength * side * w
+        springs[trial + at.FORCE, i] = (
+            hardening * k * drift + (1.0 - hardening) * strength * side * w
+        )
         springs[trial + at.DISSIPATED, i] = (
             springs[past + at.DISSIPATED, i] + (1.0 - hardening) * strength * strength / k * loss
         )
@@ -209,7 +215,9 @@ def _functions() -> LawFunctions:
         if side * springs[past + at.INTERNAL, i] < 0.0:
             way = kink(law_parameters, springs, i, past, side)
             if way * law_parameters[at.STIFFNESS, i] > _THERE * law_parameters[_YIELD_FORCE, i]:
-                springs[block + (at.UPPER if side > 0.0 else at.LOWER), i] = springs[past + at.DRIFT, i] + side * way
+                springs[block + (at.UPPER if side > 0.0 else at.LOWER), i] = (
+                    springs[past + at.DRIFT, i] + side * way
+                )
 
     @inlined
     def keep(law_parameters, springs, i, past, trial):
@@ -234,10 +242,23 @@ def _functions() -> LawFunctions:
     def points(law_parameters, springs, i, way):
         """Good to about 1e-6 of the yield force."""
         n = law_parameters[_EXPONENT, i]
-        return 1.9 + 4.0 * (n + 1.0) * way * law_parameters[at.STIFFNESS, i] / law_parameters[_YIELD_FORCE, i]
+        return (
+            1.9
+            + 4.0
+            * (n + 1.0)
+            * way
+            * law_parameters[at.STIFFNESS, i]
+            / law_parameters[_YIELD_FORCE, i]
+        )
 
     return LawFunctions(
-        force=force, recoverable=recoverable, settle=settle, keep=keep, switch=switch, points=points, kink=kink
+        force=force,
+        recoverable=recoverable,
+        settle=settle,
+        keep=keep,
+        switch=switch,
+        points=points,
+        kink=kink,
     )
 
 

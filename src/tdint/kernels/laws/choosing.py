@@ -29,7 +29,9 @@ class _Codes:
 
 
 def _codes(has: Callable[[DriftLaw], bool]) -> Container[float]:
-    return tuple(float(code) for code, law in enumerate(LAWS) if has(law)) if COMPILES else _Codes(has)
+    return (
+        tuple(float(code) for code, law in enumerate(LAWS) if has(law)) if COMPILES else _Codes(has)
+    )
 
 
 _NAMED = {name.partition("@")[0] for name in VARIANT.laws}
@@ -77,7 +79,10 @@ def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any 
             getattr(_functions(LAWS[int(law_parameters[at.CODE, i])]), hook) or otherwise
         )(law_parameters, springs, i, *more)
     places = _places()
-    all_of_them = [(code, getattr(CALLING if code == _APART else _functions(LAWS[code]), hook)) for code in places]
+    all_of_them = [
+        (code, getattr(CALLING if code == _APART else _functions(LAWS[code]), hook))
+        for code in places
+    ]
     owns = [(code, own or (otherwise if code < _FREQUENT else None)) for code, own in all_of_them]
     owns = [(code, own) for code, own in owns if own is not None]
     rare = next((code for code, _ in owns if code >= _FREQUENT), None)

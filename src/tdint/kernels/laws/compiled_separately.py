@@ -19,7 +19,9 @@ from tdint.kernels.laws import LAWS
 from tdint.kernels.laws.law import LawFunctions
 from tdint.kernels.laws.walking import branch_first
 
-_SIGNATURE = F8(I8, TABLE, TABLE, I8, I8, I8, F8)  # hook, laws, springs, i, past or block, trial, drift or event
+_SIGNATURE = F8(
+    I8, TABLE, TABLE, I8, I8, I8, F8
+)  # hook, laws, springs, i, past or block, trial, drift or event
 
 # The functions of a law by number, as `_HOOKS` lists them
 _FORCE = 0
@@ -42,7 +44,9 @@ else:
 
     def _call(address, hook, law_parameters, springs, i, past, trial, x):
         """Where nothing is compiled no address is needed."""
-        return _kernel(int(law_parameters[at.CODE, i])).function(hook, law_parameters, springs, i, past, trial, x)
+        return _kernel(int(law_parameters[at.CODE, i])).function(
+            hook, law_parameters, springs, i, past, trial, x
+        )
 
 
 @inlined
@@ -80,7 +84,12 @@ _HOOKS = ("force", "recoverable", "dissipated", "keep", "enter", "switch")
 
 CALLING = branch_first(
     LawFunctions(
-        force=_force, recoverable=_recoverable, dissipated=_dissipated, keep=_keep, enter=_enter, switch=_switch
+        force=_force,
+        recoverable=_recoverable,
+        dissipated=_dissipated,
+        keep=_keep,
+        enter=_enter,
+        switch=_switch,
     )
 )
 """Functions that call those of a law that stands apart; not where a way keeps to its branch, which needs no law."""
@@ -134,7 +143,9 @@ def __getattr__(name: str) -> Kernel:
 def kernels_apart(law_parameters: NDArray[np.float64] | None = None) -> list[Kernel]:
     """The kernels of the laws that stand apart: those in a table of laws, or all."""
     codes = (
-        range(len(LAWS)) if law_parameters is None else sorted(set(law_parameters[at.CODE, :-1].astype(int).tolist()))
+        range(len(LAWS))
+        if law_parameters is None
+        else sorted(set(law_parameters[at.CODE, :-1].astype(int).tolist()))
     )
     return [_kernel(code) for code in codes if LAWS[code].apart]
 

@@ -32,7 +32,8 @@ def _functions() -> LawFunctions:
         d = springs[at.DRIFT, i]
         beyond = max(abs(d) - law_parameters[_GAP, i], 0.0)
         return (
-            0.5 * law_parameters[at.STIFFNESS, i] * d * d + 0.5 * law_parameters[_STOP_STIFFNESS, i] * beyond * beyond
+            0.5 * law_parameters[at.STIFFNESS, i] * d * d
+            + 0.5 * law_parameters[_STOP_STIFFNESS, i] * beyond * beyond
         )
 
     @called
@@ -41,7 +42,9 @@ def _functions() -> LawFunctions:
         gap = law_parameters[_GAP, i]
         drift = springs[block + at.DRIFT, i]
         stop = abs(side) * law_parameters[_STOP_STIFFNESS, i]
-        springs[block + at.FORCE, i] = law_parameters[at.STIFFNESS, i] * drift + stop * (drift - side * gap)
+        springs[block + at.FORCE, i] = law_parameters[at.STIFFNESS, i] * drift + stop * (
+            drift - side * gap
+        )
         lower = -math.inf if side < 0.0 else side * gap if side > 0.0 else -gap
         upper = math.inf if side > 0.0 else side * gap if side < 0.0 else gap
         put_on_branch(springs, i, block, law_parameters[at.STIFFNESS, i] + stop, lower, upper, 0.0)

@@ -96,19 +96,27 @@ def _functions() -> LawFunctions:
         initial = given(law_parameters, i, side, _YIELD_FORCE)
         cap = given(law_parameters, i, side, _CAPPING_RATIO) * initial
         slope = -cap / given(law_parameters, i, side, _POST_CAPPING_DRIFT)
-        start = initial / law_parameters[at.STIFFNESS, i] + given(law_parameters, i, side, _PLASTIC_DRIFT)
-        return springs[extra_rows(springs, block) + of(side, _CAPPING), i] * (cap - slope * start), slope
+        start = initial / law_parameters[at.STIFFNESS, i] + given(
+            law_parameters, i, side, _PLASTIC_DRIFT
+        )
+        return springs[extra_rows(springs, block) + of(side, _CAPPING), i] * (
+            cap - slope * start
+        ), slope
 
     @inlined
     def residual(law_parameters, i, side):
-        return given(law_parameters, i, side, _RESIDUAL_RATIO) * given(law_parameters, i, side, _YIELD_FORCE)
+        return given(law_parameters, i, side, _RESIDUAL_RATIO) * given(
+            law_parameters, i, side, _YIELD_FORCE
+        )
 
     @inlined
     def backbone(law_parameters, springs, i, block, side, drift):
         """Force of the present backbone at a drift beyond the yield drift."""
         plastic, rise = plastic_line(law_parameters, springs, i, block, side)
         capping, fall = capping_line(law_parameters, springs, i, block, side)
-        return max(min(plastic + rise * drift, capping + fall * drift), residual(law_parameters, i, side))
+        return max(
+            min(plastic + rise * drift, capping + fall * drift), residual(law_parameters, i, side)
+        )
 
     @inlined
     def beta(law_parameters, i, capacity, work, before):
@@ -129,7 +137,9 @@ def _functions() -> LawFunctions:
         force = springs[block + at.FORCE, i]
         stored = 0.5 * force * force / springs[first + _UNLOADING_STIFFNESS, i]
         before = springs[block + at.WORK, i] - stored
-        return beta(law_parameters, i, _OF_UNLOADING, before - springs[first + _WORK_AT_ZERO, i], before)
+        return beta(
+            law_parameters, i, _OF_UNLOADING, before - springs[first + _WORK_AT_ZERO, i], before
+        )
 
     @called
     def load(law_parameters, springs, i, block, side, kind, slope, end):
@@ -205,7 +215,10 @@ def _functions() -> LawFunctions:
             springs[block + of(side, at.HIGH_DRIFT), i] = drift
             springs[block + of(side, at.HIGH_FORCE), i] = force
         lost = beta_of_turning(law_parameters, springs, i, block)
-        if abs(side * drift - springs[first + _TURNED_AT, i]) <= _AGAIN * springs[block + of(side, at.HIGH_DRIFT), i]:
+        if (
+            abs(side * drift - springs[first + _TURNED_AT, i])
+            <= _AGAIN * springs[block + of(side, at.HIGH_DRIFT), i]
+        ):
             lost = 0.0
         springs[first + _TURNED_AT, i] = side * drift
         if lost >= 1.0:
@@ -252,7 +265,10 @@ def _functions() -> LawFunctions:
             # The other side unloaded so softly that it passed this side's farthest point: that is moved ahead.
             far = (
                 zero
-                + max(backbone(law_parameters, springs, i, block, side, far), _HERE * law_parameters[_YIELD_FORCE, i])
+                + max(
+                    backbone(law_parameters, springs, i, block, side, far),
+                    _HERE * law_parameters[_YIELD_FORCE, i],
+                )
                 / stiffness
             )
             springs[block + of(side, at.HIGH_DRIFT), i] = far
@@ -264,7 +280,9 @@ def _functions() -> LawFunctions:
             springs[first + _PINCHED_DRIFT, i] = drift
             springs[first + _PINCHED_FORCE, i] = force
             if zero < drift - _HERE * far:
-                load(law_parameters, springs, i, block, side, _PINCHED, force / (drift - zero), drift)
+                load(
+                    law_parameters, springs, i, block, side, _PINCHED, force / (drift - zero), drift
+                )
                 return
         aim(law_parameters, springs, i, block, side)
 
@@ -278,7 +296,12 @@ def _functions() -> LawFunctions:
         far_force = springs[block + of(side, at.HIGH_FORCE), i]
         pinched = springs[first + _PINCHED_DRIFT, i]
         pinched_force = springs[first + _PINCHED_FORCE, i]
-        if drift < pinched - _HERE * far and force < pinched_force and pinched < far and pinched_force < far_force:
+        if (
+            drift < pinched - _HERE * far
+            and force < pinched_force
+            and pinched < far
+            and pinched_force < far_force
+        ):
             slope = (pinched_force - force) / (pinched - drift)
             if slope * (far - drift) < far_force - force:
                 load(law_parameters, springs, i, block, side, _PINCHED, slope, pinched)
@@ -299,7 +322,9 @@ def _functions() -> LawFunctions:
                 cross(law_parameters, springs, i, block, event)
             else:
                 reload(law_parameters, springs, i, block, event)
-        elif event * springs[block + at.DRIFT, i] >= given(law_parameters, i, event, _ULTIMATE_DRIFT) * (1.0 - _HERE):
+        elif event * springs[block + at.DRIFT, i] >= given(
+            law_parameters, i, event, _ULTIMATE_DRIFT
+        ) * (1.0 - _HERE):
             fail(springs, i, block, _FAILED)
         elif kind == _PINCHED:
             aim(law_parameters, springs, i, block, event)
@@ -325,8 +350,12 @@ def _functions() -> LawFunctions:
         springs[first + _TURNED_AT, i] = math.inf
         for side in (1.0, -1.0):
             strength = given(law_parameters, i, side, _YIELD_FORCE)
-            springs[of(side, at.HIGH_DRIFT), i] = springs[first + of(side, _PEAK_DRIFT), i] = strength / k
-            springs[of(side, at.HIGH_FORCE), i] = springs[first + of(side, _PEAK_FORCE), i] = strength
+            springs[of(side, at.HIGH_DRIFT), i] = springs[first + of(side, _PEAK_DRIFT), i] = (
+                strength / k
+            )
+            springs[of(side, at.HIGH_FORCE), i] = springs[first + of(side, _PEAK_FORCE), i] = (
+                strength
+            )
             springs[first + of(side, _STRENGTH), i] = springs[first + of(side, _CAPPING), i] = 1.0
         springs[at.UPPER, i] = given(law_parameters, i, 1.0, _YIELD_FORCE) / k
         springs[at.LOWER, i] = -given(law_parameters, i, -1.0, _YIELD_FORCE) / k
@@ -358,7 +387,9 @@ _SIDES = (
 )
 
 
-_CAPACITY = LawParameter("strength", length=1, low=0.0, low_allowed=False, group="deterioration", shared=True)
+_CAPACITY = LawParameter(
+    "strength", length=1, low=0.0, low_allowed=False, group="deterioration", shared=True
+)
 
 LAW = DriftLaw(
     "imk",

@@ -38,7 +38,9 @@ _CAPACITY = at.FIRST_PARAMETER + 38
 _KNOTS = 0  # drift and force of the three points of the path, on the side it leads to
 _WEAKER = 6  # part of the strength, of the stiffness that was lost at the last turn
 _SOFTER = 7
-_HELD = 8  # losses of stiffness, drift and strength as they were where the ultimate drift was passed
+_HELD = (
+    8  # losses of stiffness, drift and strength as they were where the ultimate drift was passed
+)
 _EXTRA_ROWS = _HELD + 3
 
 # Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first one
@@ -84,14 +86,19 @@ def _functions() -> LawFunctions:
     @inlined
     def last_slope(law_parameters, i, side):
         rise = force_of(law_parameters, i, side, 4) - force_of(law_parameters, i, side, 3)
-        return max(rise, 0.0) / (drift_of(law_parameters, i, side, 4) - drift_of(law_parameters, i, side, 3))
+        return max(rise, 0.0) / (
+            drift_of(law_parameters, i, side, 4) - drift_of(law_parameters, i, side, 3)
+        )
 
     @called
     def backbone(law_parameters, i, side, drift):
         """Force of the backbone that nothing has weakened."""
         x, y = 0.0, 0.0
         for point in range(1, 5):
-            end, force = drift_of(law_parameters, i, side, point), force_of(law_parameters, i, side, point)
+            end, force = (
+                drift_of(law_parameters, i, side, point),
+                force_of(law_parameters, i, side, point),
+            )
             if drift <= end:
                 return y + (drift - x) * (force - y) / (end - x)
             x, y = end, force
@@ -102,7 +109,10 @@ def _functions() -> LawFunctions:
         """Under the backbone up to its last point."""
         x, y, sum_ = 0.0, 0.0, 0.0
         for point in range(1, 5):
-            end, force = drift_of(law_parameters, i, side, point), force_of(law_parameters, i, side, point)
+            end, force = (
+                drift_of(law_parameters, i, side, point),
+                force_of(law_parameters, i, side, point),
+            )
             sum_ += 0.5 * (y + force) * (end - x)
             x, y = end, force
         return sum_
@@ -147,17 +157,30 @@ def _functions() -> LawFunctions:
             return 0.0, 0.0, 0.0
         ultimate = last_drift(law_parameters, i)
         if abs(drift) > ultimate * (1.0 + _HERE):
-            return springs[first + _HELD, i], springs[first + _HELD + 1, i], springs[first + _HELD + 2, i]
+            return (
+                springs[first + _HELD, i],
+                springs[first + _HELD + 1, i],
+                springs[first + _HELD + 2, i],
+            )
         force, work = springs[block + at.FORCE, i], springs[block + at.WORK, i]
-        capacity = law_parameters[_CAPACITY, i] * max(area(law_parameters, i, 1.0), area(law_parameters, i, -1.0))
-        k = stiffness(law_parameters, i, 1.0 if drift > 0.0 else -1.0) * (1.0 - springs[first + _SOFTER, i])
+        capacity = law_parameters[_CAPACITY, i] * max(
+            area(law_parameters, i, 1.0), area(law_parameters, i, -1.0)
+        )
+        k = stiffness(law_parameters, i, 1.0 if drift > 0.0 else -1.0) * (
+            1.0 - springs[first + _SOFTER, i]
+        )
         spent = 2.0 if work >= capacity else (work - 0.5 * force * force / k) / capacity
         secant = 0.0
         for side in (1.0, -1.0):
             far = springs[block + of(side, at.HIGH_DRIFT), i]
-            secant = max(secant, backbone(law_parameters, i, side, far) / far / stiffness(law_parameters, i, side))
+            secant = max(
+                secant,
+                backbone(law_parameters, i, side, far) / far / stiffness(law_parameters, i, side),
+            )
         room = max(0.0, 1.0 - secant * (1.0 - springs[first + _WEAKER, i]))
-        farthest = max(springs[block + at.HIGH_DRIFT, i], springs[block + at.LOW_DRIFT, i]) / ultimate
+        farthest = (
+            max(springs[block + at.HIGH_DRIFT, i], springs[block + at.LOW_DRIFT, i]) / ultimate
+        )
         return (
             min(loss(law_parameters, i, _OF_STIFFNESS, farthest, spent), room),
             loss(law_parameters, i, _OF_DRIFT, farthest, spent),
@@ -182,7 +205,9 @@ def _functions() -> LawFunctions:
         drift, pinched = pinching(law_parameters, i, side, 0) * far, part * force
         if part - unloading <= _NO_PINCHING:
             third = force if late else weak * force_of(law_parameters, i, side, 3)
-            pinched = max(third * unloading, weak * force_of(law_parameters, i, side, 4)) * (1.0 + 1e-6)
+            pinched = max(third * unloading, weak * force_of(law_parameters, i, side, 4)) * (
+                1.0 + 1e-6
+            )
         if force - pinched > k * (far - drift) or drift == far:
             drift = far - (force - pinched) / k
         return drift, pinched
@@ -203,7 +228,11 @@ def _functions() -> LawFunctions:
         c, fc = reloading_point(law_parameters, i, side, weak, k, d, fd, late)
         if c < u:
             return d, fd, d, fd, d, fd
-        fb = pinching(law_parameters, i, side, 2) * weak * force_of(law_parameters, i, side, 4 if late else 3)
+        fb = (
+            pinching(law_parameters, i, side, 2)
+            * weak
+            * force_of(law_parameters, i, side, 4 if late else 3)
+        )
         b = u + (fb - f) / back
         if b < u:
             b, fb = 0.5 * (u + c), 0.5 * (f + fc)
@@ -241,13 +270,32 @@ def _functions() -> LawFunctions:
         springs[block + at.FORCE, i] = side * weak * backbone(law_parameters, i, side, drift)
         x, y = 0.0, 0.0
         for point in range(1, 5):
-            end, force = drift_of(law_parameters, i, side, point), force_of(law_parameters, i, side, point)
+            end, force = (
+                drift_of(law_parameters, i, side, point),
+                force_of(law_parameters, i, side, point),
+            )
             if drift < end * (1.0 - _HERE):
-                lead(law_parameters, springs, i, block, side, _ON_BACKBONE, weak * (force - y) / (end - x), end)
+                lead(
+                    law_parameters,
+                    springs,
+                    i,
+                    block,
+                    side,
+                    _ON_BACKBONE,
+                    weak * (force - y) / (end - x),
+                    end,
+                )
                 return
             x, y = end, force
         lead(
-            law_parameters, springs, i, block, side, _ON_BACKBONE, weak * last_slope(law_parameters, i, side), math.inf
+            law_parameters,
+            springs,
+            i,
+            block,
+            side,
+            _ON_BACKBONE,
+            weak * last_slope(law_parameters, i, side),
+            math.inf,
         )
 
     @called
@@ -277,7 +325,9 @@ def _functions() -> LawFunctions:
             springs[block + left, i] = max(reached, -side * drift)
         springs[first + _SOFTER, i], springs[first + _WEAKER, i] = lost[0], lost[2]
         demand = springs[block + of(side, at.HIGH_DRIFT), i]
-        knots = path(law_parameters, i, side, side * drift, side * springs[block + at.FORCE, i], demand, lost)
+        knots = path(
+            law_parameters, i, side, side * drift, side * springs[block + at.FORCE, i], demand, lost
+        )
         for row in range(6):
             springs[first + _KNOTS + row, i] = knots[row]
         go_on(law_parameters, springs, i, block, side)
@@ -292,7 +342,10 @@ def _functions() -> LawFunctions:
         if reached >= law_parameters[_ULTIMATE, i] * (1.0 - _HERE):
             fail(springs, i, block, _FAILED)
             return
-        if degrades(law_parameters, i) and abs(reached / last_drift(law_parameters, i) - 1.0) <= _HERE:
+        if (
+            degrades(law_parameters, i)
+            and abs(reached / last_drift(law_parameters, i) - 1.0) <= _HERE
+        ):
             held = losses(law_parameters, springs, i, block)
             for row in range(3):
                 springs[extra_rows(springs, block) + _HELD + row, i] = held[row]
@@ -326,27 +379,46 @@ def _functions() -> LawFunctions:
         side = springs[at.TURN, i]
         if side * force < 0.0:
             row = first + _KNOTS
-            b, fb, c, fc = springs[row, i], springs[row + 1, i], springs[row + 2, i], springs[row + 3, i]
+            b, fb, c, fc = (
+                springs[row, i],
+                springs[row + 1, i],
+                springs[row + 2, i],
+                springs[row + 3, i],
+            )
             knots = (b, fb, c, fc, springs[row + 4, i], springs[row + 5, i])
         else:
             side = -side
             demand = springs[of(side, at.HIGH_DRIFT), i]
             knots = path(
-                law_parameters, i, side, side * drift, side * force, demand, losses(law_parameters, springs, i, 0)
+                law_parameters,
+                i,
+                side,
+                side * drift,
+                side * force,
+                demand,
+                losses(law_parameters, springs, i, 0),
             )
         return until_zero(side * drift, side * force, knots)
 
     @inlined
     def elastic(law_parameters, i):
         """Whether every path before the first yielding lies on the one straight line."""
-        if abs(stiffness(law_parameters, i, -1.0) / stiffness(law_parameters, i, 1.0) - 1.0) > _EQUAL:
+        if (
+            abs(stiffness(law_parameters, i, -1.0) / stiffness(law_parameters, i, 1.0) - 1.0)
+            > _EQUAL
+        ):
             return False
         for side in (1.0, -1.0):
-            drift, force = pinching(law_parameters, i, side, 0), pinching(law_parameters, i, side, 1)
+            drift, force = (
+                pinching(law_parameters, i, side, 0),
+                pinching(law_parameters, i, side, 1),
+            )
             unloading = pinching(law_parameters, i, side, 2)
             if not (unloading < force - _NO_PINCHING and force <= drift):
                 return False
-            if unloading * force_of(law_parameters, i, side, 3) >= force * force_of(law_parameters, i, side, 1):
+            if unloading * force_of(law_parameters, i, side, 3) >= force * force_of(
+                law_parameters, i, side, 1
+            ):
                 return False
         return True
 
@@ -355,8 +427,12 @@ def _functions() -> LawFunctions:
         part = 1.0 if elastic(law_parameters, i) else _AT_REST
         springs[at.HIGH_DRIFT, i] = drift_of(law_parameters, i, 1.0, 1)
         springs[at.LOW_DRIFT, i] = drift_of(law_parameters, i, -1.0, 1)
-        springs[at.UPPER, i] = min(part * drift_of(law_parameters, i, 1.0, 1), law_parameters[_ULTIMATE, i])
-        springs[at.LOWER, i] = -min(part * drift_of(law_parameters, i, -1.0, 1), law_parameters[_ULTIMATE, i])
+        springs[at.UPPER, i] = min(
+            part * drift_of(law_parameters, i, 1.0, 1), law_parameters[_ULTIMATE, i]
+        )
+        springs[at.LOWER, i] = -min(
+            part * drift_of(law_parameters, i, -1.0, 1), law_parameters[_ULTIMATE, i]
+        )
 
     return walking(switch, recoverable, enter)
 
@@ -368,11 +444,16 @@ def _slopes(side: Sequence[float]) -> list[float]:
 
 def _stiffens(values: Sequence[float]) -> bool:
     first = values[1] / values[0]
-    return max(*_slopes(values[:_SIDE]), *_slopes(values[_SIDE : 2 * _SIDE])) > first * (1.0 + _EQUAL)
+    return max(*_slopes(values[:_SIDE]), *_slopes(values[_SIDE : 2 * _SIDE])) > first * (
+        1.0 + _EQUAL
+    )
 
 
 def _fault(stiffness: float, values: Sequence[float]) -> str | None:
-    for drifts, name in ((values[0:_SIDE:2], "backbone"), (values[_SIDE : 2 * _SIDE : 2], "negative.backbone")):
+    for drifts, name in (
+        (values[0:_SIDE:2], "backbone"),
+        (values[_SIDE : 2 * _SIDE : 2], "negative.backbone"),
+    ):
         if any(later <= drift for drift, later in pairwise(drifts)):
             return f"the drifts of {name} must rise from point to point, got {', '.join(f'{d:.6g}' for d in drifts)} m"
     return None
@@ -405,7 +486,14 @@ LAW = DriftLaw(
     _functions,
     parameters=(
         LawParameter("backbone", points=True, low=0.0, low_allowed=False),
-        LawParameter("backbone", points=True, low=0.0, low_allowed=False, default="backbone", group="negative"),
+        LawParameter(
+            "backbone",
+            points=True,
+            low=0.0,
+            low_allowed=False,
+            default="backbone",
+            group="negative",
+        ),
         *_PINCHINGS,
         *(replace(one, default=one.name, group="negative.pinching") for one in _PINCHINGS),
         LawParameter("ultimate_drift", length=1, low=0.0, low_allowed=False, default=math.inf),

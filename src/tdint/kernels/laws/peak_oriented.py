@@ -90,8 +90,12 @@ def _functions() -> LawFunctions:
             springs[block + at.LOWER, i] = min(drift, zero)
             return
         # The branch ended in the direction of `event`: load further on that side.
-        target = springs[block + at.HIGH_DRIFT, i] if event > 0.0 else springs[block + at.LOW_DRIFT, i]
-        target_force = springs[block + at.HIGH_FORCE, i] if event > 0.0 else springs[block + at.LOW_FORCE, i]
+        target = (
+            springs[block + at.HIGH_DRIFT, i] if event > 0.0 else springs[block + at.LOW_DRIFT, i]
+        )
+        target_force = (
+            springs[block + at.HIGH_FORCE, i] if event > 0.0 else springs[block + at.LOW_FORCE, i]
+        )
         springs[block + at.TURN, i] = event
         if event * (target - drift) > 1e-12 * abs(target):
             springs[block + at.INTERNAL, i] = event * _RELOADING
@@ -100,7 +104,9 @@ def _functions() -> LawFunctions:
             springs[block + at.LOWER, i] = target if event < 0.0 else -math.inf
         else:
             springs[block + at.INTERNAL, i] = event * _YIELDING
-            springs[block + at.SLOPE, i] = law_parameters[_HARDENING, i] * law_parameters[at.STIFFNESS, i]
+            springs[block + at.SLOPE, i] = (
+                law_parameters[_HARDENING, i] * law_parameters[at.STIFFNESS, i]
+            )
             springs[block + at.UPPER, i] = math.inf
             springs[block + at.LOWER, i] = -math.inf
 

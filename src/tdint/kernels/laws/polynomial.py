@@ -45,6 +45,8 @@ LAW = DriftLaw(
     _functions,
     parameters=(LawParameter("coefficients", many=True),),
     curved=True,
-    stiffens=lambda values: any(c > 0.0 or (j % 2 == 1 and c < 0.0) for j, c in enumerate(values[1:], start=1)),
+    stiffens=lambda values: any(
+        c > 0.0 or (j % 2 == 1 and c < 0.0) for j, c in enumerate(values[1:], start=1)
+    ),
     initial_stiffness=lambda values: values[0],
 )

@@ -24,13 +24,19 @@ def _functions() -> LawFunctions:
         x = abs(law_parameters[at.STIFFNESS, i] * springs[at.DRIFT, i] / strength)
         # ln cosh x, without overflow
         return (
-            strength * strength / law_parameters[at.STIFFNESS, i] * (x + math.log1p(math.exp(-2.0 * x)) - math.log(2.0))
+            strength
+            * strength
+            / law_parameters[at.STIFFNESS, i]
+            * (x + math.log1p(math.exp(-2.0 * x)) - math.log(2.0))
         )
 
     @inlined
     def points(law_parameters, springs, i, way):
         """Good to about 1e-10 of the strength: the poles of tanh x are i pi / 2 away."""
-        return 3.0 + 3.2 * way * law_parameters[at.STIFFNESS, i] / law_parameters[at.FIRST_PARAMETER, i]
+        return (
+            3.0
+            + 3.2 * way * law_parameters[at.STIFFNESS, i] / law_parameters[at.FIRST_PARAMETER, i]
+        )
 
     return LawFunctions(force=force, recoverable=recoverable, points=points)
 

@@ -51,12 +51,16 @@ def _functions() -> LawFunctions:
         strength = law_parameters[_YIELD_FORCE, i]
         if drift >= law_parameters[_ULTIMATE_DRIFT, i]:
             return law_parameters[_ULTIMATE_FORCE, i]
-        return strength + hardening(law_parameters, i) * (drift - strength / law_parameters[at.STIFFNESS, i])
+        return strength + hardening(law_parameters, i) * (
+            drift - strength / law_parameters[at.STIFFNESS, i]
+        )
 
     @inlined
     def farthest(springs, i, block, side):
         """The farthest drift on a side, the present one included; positive on either side."""
-        reached = springs[block + at.HIGH_DRIFT, i] if side > 0.0 else -springs[block + at.LOW_DRIFT, i]
+        reached = (
+            springs[block + at.HIGH_DRIFT, i] if side > 0.0 else -springs[block + at.LOW_DRIFT, i]
+        )
         if springs[block + at.INTERNAL, i] == side * _YIELDING:
             reached = max(reached, side * springs[block + at.DRIFT, i])
         return reached
@@ -111,12 +115,23 @@ def _functions() -> LawFunctions:
                 to_bend = (law_parameters[_PINCHING, i] * force - here) / (bend - drift)
                 lead(springs, i, block, side, _PINCHED, to_bend, bend, side)
             else:
-                lead(springs, i, block, side, _RELOADING, (force - here) / (target - drift), target, side)
+                lead(
+                    springs,
+                    i,
+                    block,
+                    side,
+                    _RELOADING,
+                    (force - here) / (target - drift),
+                    target,
+                    side,
+                )
         else:
             springs[block + at.FORCE, i] = side * backbone(law_parameters, i, drift)
             ultimate = law_parameters[_ULTIMATE_DRIFT, i]
             if drift < ultimate * (1.0 - _HERE):
-                lead(springs, i, block, side, _YIELDING, hardening(law_parameters, i), ultimate, side)
+                lead(
+                    springs, i, block, side, _YIELDING, hardening(law_parameters, i), ultimate, side
+                )
             else:
                 lead(springs, i, block, side, _YIELDING, 0.0, math.inf, side)
 
@@ -145,8 +160,12 @@ def _functions() -> LawFunctions:
             meeting = zero + law_parameters[_ULTIMATE_FORCE, i] / slope
             if slope > rise:
                 strength = law_parameters[_YIELD_FORCE, i]
-                bent = (strength - rise * strength / law_parameters[at.STIFFNESS, i] + slope * zero) / (slope - rise)
-                meeting = min(bent, meeting) if bent < law_parameters[_ULTIMATE_DRIFT, i] else meeting
+                bent = (
+                    strength - rise * strength / law_parameters[at.STIFFNESS, i] + slope * zero
+                ) / (slope - rise)
+                meeting = (
+                    min(bent, meeting) if bent < law_parameters[_ULTIMATE_DRIFT, i] else meeting
+                )
         glide(law_parameters, springs, i, block, side, slope, meeting)
 
     @called
@@ -161,7 +180,9 @@ def _functions() -> LawFunctions:
             else:
                 springs[block + at.LOW_DRIFT, i] = -farthest(springs, i, block, side)
             slope = unloading_stiffness(law_parameters, springs, i, block, side)
-            glide(law_parameters, springs, i, block, side, slope, side * springs[block + at.DRIFT, i])
+            glide(
+                law_parameters, springs, i, block, side, slope, side * springs[block + at.DRIFT, i]
+            )
         elif abs(kind) == _GLIDING and event * kind < 0.0:
             cross(law_parameters, springs, i, block, event)
         else:

@@ -27,7 +27,9 @@ def add_work(law_parameters, springs, i, block, step, mean_force):
 @inlined
 def extra_rows(springs, block):
     """First of the further rows that belong to a block."""
-    return at.EXTRA_ROWS + block // at.SPRING_ROWS * ((springs.shape[0] - at.EXTRA_ROWS) // at.SPRING_BLOCKS)
+    return at.EXTRA_ROWS + block // at.SPRING_ROWS * (
+        (springs.shape[0] - at.EXTRA_ROWS) // at.SPRING_BLOCKS
+    )
 
 
 @inlined
@@ -181,5 +183,10 @@ def walking(switch: Any, recoverable: Any, enter: Any) -> LawFunctions:
         copy_extra_rows(springs, i, trial, 0)
 
     return LawFunctions(
-        force=walker(switch), recoverable=recoverable, dissipated=dissipated, keep=keep, enter=enter, switch=switch
+        force=walker(switch),
+        recoverable=recoverable,
+        dissipated=dissipated,
+        keep=keep,
+        enter=enter,
+        switch=switch,
     )

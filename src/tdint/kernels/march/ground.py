@@ -55,7 +55,9 @@ def straightened(ground, begin, end):
         length = right - left
         area = 0.5 * length * (value + following)
         impulse += area
-        moment += (0.5 * (left + right) - middle) * area + length * length / 12.0 * (following - value)
+        moment += (0.5 * (left + right) - middle) * area + length * length / 12.0 * (
+            following - value
+        )
         left = right
         value = following
     whole = end - begin

@@ -23,7 +23,18 @@ from tdint.kernels.march.observing import (
     sum_up,
     take_shears,
 )
-from tdint.kernels.stepping import MEMORY, SCENE, SEEN, STEP, Array, Memory, Scene, Seen, Span, take_step
+from tdint.kernels.stepping import (
+    MEMORY,
+    SCENE,
+    SEEN,
+    STEP,
+    Array,
+    Memory,
+    Scene,
+    Seen,
+    Span,
+    take_step,
+)
 
 MARCH = I8(
     STEP,  # step
@@ -139,7 +150,9 @@ def march(
                 samples = stride / per_sample
                 begins, ends = (s + done) * samples, (s + done + piece) * samples
                 if per_sample == 1 and piece == 1.0:
-                    load[at.GROUND_0], load[at.GROUND_1] = straightened_samples(ground, s * stride, (s + 1) * stride)
+                    load[at.GROUND_0], load[at.GROUND_1] = straightened_samples(
+                        ground, s * stride, (s + 1) * stride
+                    )
                 else:
                     load[at.GROUND_0], load[at.GROUND_1] = straightened(ground, begins, ends)
                 slope = (load[at.GROUND_1] - load[at.GROUND_0]) / (piece * h)
@@ -147,7 +160,9 @@ def march(
             else:
                 load[at.GROUND_0] = ground_0 + done * (ground_1 - ground_0)
                 load[at.GROUND_1] = (
-                    ground_1 if done + piece == 1.0 else ground_0 + (done + piece) * (ground_1 - ground_0)
+                    ground_1
+                    if done + piece == 1.0
+                    else ground_0 + (done + piece) * (ground_1 - ground_0)
                 )
             code = take_step(step, coefficients, scene, piece * h, load, memory)
             if code < 0:

@@ -8,8 +8,23 @@ from typing import NamedTuple
 
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import I8, TABLE, VECTOR, called, called_at, inlined, kernel
-from tdint.kernels.linear_terms import DASHPOTS, FORCES, MODAL, add_modal_force, force_rate, force_value, power_damper
-from tdint.kernels.peaks_between_steps import bulge, look_within, may_be_fastest, may_bulge, may_pass, raise_peak
+from tdint.kernels.linear_terms import (
+    DASHPOTS,
+    FORCES,
+    MODAL,
+    add_modal_force,
+    force_rate,
+    force_value,
+    power_damper,
+)
+from tdint.kernels.peaks_between_steps import (
+    bulge,
+    look_within,
+    may_be_fastest,
+    may_bulge,
+    may_pass,
+    raise_peak,
+)
 from tdint.kernels.stepping import Ends, Passage
 from tdint.kernels.stories.law_state import dissipated, reach, recoverable, start
 
@@ -67,7 +82,11 @@ def observe(scene, span, slope, memory, seen):
         by_story = linear_terms[at.STORY_DAMPER, i] * rate
         by_floor = linear_terms[at.FLOOR_DAMPER, i] * v
         story = shear + linear_terms[at.GEOMETRIC, i] * drift + by_story + damper
-        a = linear_terms[at.INVERSE_MASS, i] * (watch[at.OTHER_FORCE, i] - by_floor - story + story_above) - ground
+        a = (
+            linear_terms[at.INVERSE_MASS, i]
+            * (watch[at.OTHER_FORCE, i] - by_floor - story + story_above)
+            - ground
+        )
         watch[at.ACCELERATION_NOW, i] = a
         damped_above += by_floor
         if MODAL:
@@ -79,7 +98,9 @@ def observe(scene, span, slope, memory, seen):
         moving = Ends(0.0, v_0 - link * v_0_below, 0.0, drift, rate, 0.0, 0.0, 0.0)
         passing |= may_pass(span, floor, moving, shear, law_parameters[at.STIFFNESS, i], peaks, i)
         inside = bulge(by_h, floor)
-        passing |= may_bulge(a_0 + span.ground_0, a + ground, inside, peaks[at.PEAK_ACCELERATION, i])
+        passing |= may_bulge(
+            a_0 + span.ground_0, a + ground, inside, peaks[at.PEAK_ACCELERATION, i]
+        )
         moved_above += mass * (a_0 + span.ground_0)
         bulge_above += mass * inside
         passing |= may_bulge(moved_above, -total, bulge_above, peaks[at.PEAK_TOTAL_SHEAR, i])
@@ -111,7 +132,9 @@ def observe(scene, span, slope, memory, seen):
     elif span.h > 0.0:
         totals[at.ENERGY_INPUT] += memory.report[at.WORK_INPUT]
         totals[at.ENERGY_DAMPED] += memory.report[at.WORK_DAMPED]
-    totals[at.ENERGY_LARGEST] = max(totals[at.ENERGY_LARGEST], totals[at.ENERGY_START] + totals[at.ENERGY_INPUT])
+    totals[at.ENERGY_LARGEST] = max(
+        totals[at.ENERGY_LARGEST], totals[at.ENERGY_START] + totals[at.ENERGY_INPUT]
+    )
     if DASHPOTS and flags[at.DEVICES] != 0.0:
         passing |= _observe_devices(span, linear_terms, state, seen)
     if passing:
@@ -180,7 +203,10 @@ def _other_powers(modal, forces, t, state, watch, n):
         floor = int(forces[j, at.FLOOR])
         force = force_value(forces, j, t)
         power += force * state[at.VELOCITY, floor]
-        rate += force * watch[at.ACCELERATION_NOW, floor] + force_rate(forces, j, t) * state[at.VELOCITY, floor]
+        rate += (
+            force * watch[at.ACCELERATION_NOW, floor]
+            + force_rate(forces, j, t) * state[at.VELOCITY, floor]
+        )
     for j in range(modal.shape[0]):
         v_modal = 0.0
         a_modal = 0.0
@@ -397,13 +423,22 @@ def begin_laws(begin, scene, memory):
 @inlined
 def sum_up(take_stock, scene, memory, seen):
     """Call the kernel `take_stock` that a march was given."""
-    _call_take_stock(take_stock, scene.linear_terms, scene.law_parameters, memory.state, memory.springs, seen.totals)
+    _call_take_stock(
+        take_stock,
+        scene.linear_terms,
+        scene.law_parameters,
+        memory.state,
+        memory.springs,
+        seen.totals,
+    )
 
 
 @inlined
 def take_shears(raise_shears, scene, memory, seen):
     """Call the kernel `raise_shears` that a march was given."""
-    _call_raise_shears(raise_shears, scene.law_parameters, memory.springs, seen.watch, at.TURNED_AT, seen.peaks)
+    _call_raise_shears(
+        raise_shears, scene.law_parameters, memory.springs, seen.watch, at.TURNED_AT, seen.peaks
+    )
 
 
 @kernel(BEGIN, parts=("laws",))
@@ -411,7 +446,9 @@ def begin(linear_terms, law_parameters, state, springs):
     """Bring all stories from rest to their initial drifts."""
     below = 0.0
     for i in range(linear_terms.shape[1] - 1):
-        start(law_parameters, springs, i, state[at.DISPLACEMENT, i] - linear_terms[at.LINK, i] * below)
+        start(
+            law_parameters, springs, i, state[at.DISPLACEMENT, i] - linear_terms[at.LINK, i] * below
+        )
         below = state[at.DISPLACEMENT, i]
     return 0
 
@@ -425,7 +462,10 @@ def take_stock(linear_terms, law_parameters, state, springs, totals):
     for i in range(linear_terms.shape[1] - 1):
         drift = springs[at.DRIFT, i]
         kinetic += 0.5 * linear_terms[at.MASS, i] * state[at.VELOCITY, i] * state[at.VELOCITY, i]
-        stored += recoverable(law_parameters, springs, i) + 0.5 * linear_terms[at.GEOMETRIC, i] * drift * drift
+        stored += (
+            recoverable(law_parameters, springs, i)
+            + 0.5 * linear_terms[at.GEOMETRIC, i] * drift * drift
+        )
         lost += dissipated(law_parameters, springs, i)
     totals[at.ENERGY_KINETIC] = kinetic
     totals[at.ENERGY_RECOVERABLE] = stored

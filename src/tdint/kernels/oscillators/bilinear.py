@@ -122,7 +122,9 @@ def _root(series, terms, order, level, left, right):
         value = _derivative(series, terms, order, t) - level
         if value == 0.0 or not left < t < right:
             return t
-        left, at_left, right, at_right, side, moved = narrowed(left, at_left, right, at_right, side, t, value)
+        left, at_left, right, at_right, side, moved = narrowed(
+            left, at_left, right, at_right, side, t, value
+        )
         if right - left <= 4e-16 * right or (moved <= 4e-16 * right and i % 4 != 3):
             break
     return left if side < 0 else right
@@ -142,7 +144,11 @@ def _yielding_until(series, terms, side, middle, rest):
     start = 0.0
     for end in (middle, rest):
         if side * _velocity(series, terms, end) < 0.0:
-            return start if side * _velocity(series, terms, start) <= 0.0 else _turn(series, terms, start, end)
+            return (
+                start
+                if side * _velocity(series, terms, start) <= 0.0
+                else _turn(series, terms, start, end)
+            )
         start = end
     return NEVER
 
@@ -152,10 +158,17 @@ def _elastic_until(series, terms, state, middle, rest):
     """When u passes an end of the elastic branch; NEVER if it does not before `rest`. Takes up the peaks before."""
     left = 0.0
     # Between these times u is monotone.
-    for stop in (_turn(series, terms, 0.0, middle), middle, _turn(series, terms, middle, rest), rest):
+    for stop in (
+        _turn(series, terms, 0.0, middle),
+        middle,
+        _turn(series, terms, middle, rest),
+        rest,
+    ):
         u = _displacement(series, terms, stop)
         if u > state[UPPER] or u < state[LOWER]:
-            return _root(series, terms, 0, state[UPPER] if u > state[UPPER] else state[LOWER], left, stop)
+            return _root(
+                series, terms, 0, state[UPPER] if u > state[UPPER] else state[LOWER], left, stop
+            )
         state[PEAK] = max(state[PEAK], abs(u))
         left = stop
     return NEVER
@@ -193,7 +206,9 @@ def _within(state, series, oscillator, g, slope, h):
         side = state[SIDE]
         rest = h - t
         load = -(g + slope * t) - state[OFFSET]
-        terms = _taylor(series, state[U], state[V], load, -slope, k if side == 0.0 else hardening * k, c, rest)
+        terms = _taylor(
+            series, state[U], state[V], load, -slope, k if side == 0.0 else hardening * k, c, rest
+        )
         # The velocity is monotone from 0 to `middle`, and from there to `rest`.
         middle = rest
         if series[2] * _acceleration(series, terms, rest) < 0.0:

@@ -21,7 +21,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.kernels.compiling import CUBE, F8, I8, TABLE, VECTOR, called, inlined, kernel, local, local_table
+from tdint.kernels.compiling import (
+    CUBE,
+    F8,
+    I8,
+    TABLE,
+    VECTOR,
+    called,
+    inlined,
+    kernel,
+    local,
+    local_table,
+)
 from tdint.kernels.oscillators.between import (
     A11,
     A12,
@@ -71,7 +82,9 @@ def scratch(samples: int, parts: int, lanes: int) -> tuple[NDArray[np.float64], 
     )
 
 
-@kernel(I8(VECTOR, F8, I8, TABLE, I8, I8, TABLE, VECTOR, CUBE, CUBE, TABLE), parts=(), vectorized=True)
+@kernel(
+    I8(VECTOR, F8, I8, TABLE, I8, I8, TABLE, VECTOR, CUBE, CUBE, TABLE), parts=(), vectorized=True
+)
 def peaks(samples, dt, parts, oscillators, lanes, between, result, ground, starts, tops, shaking):
     """March oscillators from rest over a ground motion; largest absolute values.
 
@@ -106,12 +119,19 @@ def peaks(samples, dt, parts, oscillators, lanes, between, result, ground, start
             b10[i], b11[i] = oscillators[B10, group + i], oscillators[B11, group + i]
             a21[i], a22[i] = oscillators[A21, group + i], oscillators[A22, group + i]
             b20[i], b21[i] = oscillators[B20, group + i], oscillators[B21, group + i]
-            by_u[i], by_v[i] = oscillators[BY_DISPLACEMENT, group + i], oscillators[BY_VELOCITY, group + i]
+            by_u[i], by_v[i] = (
+                oscillators[BY_DISPLACEMENT, group + i],
+                oscillators[BY_VELOCITY, group + i],
+            )
             us[i] = vs[i] = 0.0
         for c in range(whole):
             for i in range(lanes):
                 starts[i, c, 0], starts[i, c, 1] = us[i], vs[i]
-                top_u[i], top_v[i], top_a[i] = abs(us[i]), abs(vs[i]), abs(by_u[i] * us[i] + by_v[i] * vs[i])
+                top_u[i], top_v[i], top_a[i] = (
+                    abs(us[i]),
+                    abs(vs[i]),
+                    abs(by_u[i] * us[i] + by_v[i] * vs[i]),
+                )
             for s in range(c * STRETCH, (c + 1) * STRETCH, _BLOCK):
                 for i in range(lanes):
                     u, v, size_u, size_v, size_a = us[i], vs[i], top_u[i], top_v[i], top_a[i]
@@ -164,7 +184,9 @@ class _One(NamedTuple):
 @inlined
 def _vibration(oscillator):
     oscillators, column = oscillator.oscillators, oscillator.column
-    return Vibration(oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column], oscillator.h)
+    return Vibration(
+        oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column], oscillator.h
+    )
 
 
 @called
@@ -242,5 +264,7 @@ def _march(oscillator, stretch):
                 best[1] = max(best[1], largest_between(v, (a, j, -ddp), a1, vibration, n, series))
             if may_exceed(best[2], margin, p, dp, ddp, p1, dp1, ddp1):
                 dddp = by_u * j - by_v * ddp
-                best[2] = max(best[2], largest_between(p, (dp, ddp, dddp), dp1, vibration, n, series))
+                best[2] = max(
+                    best[2], largest_between(p, (dp, ddp, dddp), dp1, vibration, n, series)
+                )
         u, v, p, a, g0 = u1, v1, p1, a1, g1

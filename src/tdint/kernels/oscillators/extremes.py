@@ -32,8 +32,18 @@ def extremes(samples, dt, parts, oscillators, level, found, largest):
         steps = int(parts[i])
         h = dt / steps
         stiffness, viscous = oscillators[BY_DISPLACEMENT, i], oscillators[BY_VELOCITY, i]
-        a11, a12, a21, a22 = oscillators[A11, i], oscillators[A12, i], oscillators[A21, i], oscillators[A22, i]
-        b10, b11, b20, b21 = oscillators[B10, i], oscillators[B11, i], oscillators[B20, i], oscillators[B21, i]
+        a11, a12, a21, a22 = (
+            oscillators[A11, i],
+            oscillators[A12, i],
+            oscillators[A21, i],
+            oscillators[A22, i],
+        )
+        b10, b11, b20, b21 = (
+            oscillators[B10, i],
+            oscillators[B11, i],
+            oscillators[B20, i],
+            oscillators[B21, i],
+        )
         u, v, least = 0.0, 0.0, 0.0
         largest[0, i], largest[1, i] = 0.0, -1.0
         for sample in range(samples.size - 1):
@@ -43,20 +53,30 @@ def extremes(samples, dt, parts, oscillators, level, found, largest):
                 u1 = (a11 * u + a12 * v) - (b10 * g0 + b11 * g1)
                 v1 = (a21 * u + a22 * v) - (b20 * g0 + b21 * g1)
                 # Within the step it moves no farther from the nearer end than by the larger rate.
-                if v * v1 < 0.0 and stiffness * (max(abs(u), abs(u1)) + h * max(abs(v), abs(v1))) > least:
+                if (
+                    v * v1 < 0.0
+                    and stiffness * (max(abs(u), abs(u1)) + h * max(abs(v), abs(v1))) > least
+                ):
                     # The rate is a cubic between both ends, by their accelerations; the displacement a quintic.
-                    a0, a1 = h * (-viscous * v - stiffness * u - g0), h * (-viscous * v1 - stiffness * u1 - g1)
+                    a0, a1 = (
+                        h * (-viscous * v - stiffness * u - g0),
+                        h * (-viscous * v1 - stiffness * u1 - g1),
+                    )
                     square, cube = 3.0 * (v1 - v) - 2.0 * a0 - a1, 2.0 * (v - v1) + a0 + a1
                     x = v / (v - v1)
                     for _ in range(_ITERATIONS):
                         slope = a0 + x * (2.0 * square + 3.0 * x * cube)
                         if slope != 0.0:
-                            x = min(max(x - (v + x * (a0 + x * (square + x * cube))) / slope, 0.0), 1.0)
+                            x = min(
+                                max(x - (v + x * (a0 + x * (square + x * cube))) / slope, 0.0), 1.0
+                            )
                     way, c0, c1, b0, b1 = u1 - u, h * v, h * v1, h * a0, h * a1
                     c3 = 10.0 * way - 6.0 * c0 - 4.0 * c1 - 1.5 * b0 + 0.5 * b1
                     c4 = -15.0 * way + 8.0 * c0 + 7.0 * c1 + 1.5 * b0 - b1
                     c5 = 6.0 * way - 3.0 * c0 - 3.0 * c1 - 0.5 * b0 + 0.5 * b1
-                    value = stiffness * (u + x * (c0 + x * (0.5 * b0 + x * (c3 + x * (c4 + x * c5)))))
+                    value = stiffness * (
+                        u + x * (c0 + x * (0.5 * b0 + x * (c3 + x * (c4 + x * c5))))
+                    )
                     kept = abs(value) > level[i] and count < found.shape[1]
                     if abs(value) > largest[0, i]:
                         largest[0, i], largest[1, i] = abs(value), count if kept else -1.0
@@ -90,8 +110,18 @@ def radii(samples, dt, parts, oscillators, level, found, largest):
         steps = int(parts[i])
         h = dt / steps
         stiffness = oscillators[BY_DISPLACEMENT, i]
-        a11, a12, a21, a22 = oscillators[A11, i], oscillators[A12, i], oscillators[A21, i], oscillators[A22, i]
-        b10, b11, b20, b21 = oscillators[B10, i], oscillators[B11, i], oscillators[B20, i], oscillators[B21, i]
+        a11, a12, a21, a22 = (
+            oscillators[A11, i],
+            oscillators[A12, i],
+            oscillators[A21, i],
+            oscillators[A22, i],
+        )
+        b10, b11, b20, b21 = (
+            oscillators[B10, i],
+            oscillators[B11, i],
+            oscillators[B20, i],
+            oscillators[B21, i],
+        )
         u, v, p, q = 0.0, 0.0, 0.0, 0.0
         largest[0, i], largest[1, i] = 0.0, -1.0
         for sample in range(samples.shape[1] - 1):

@@ -14,7 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, inlined, kernel, local
-from tdint.kernels.oscillators.between import A11, A12, A21, A22, B10, B11, B20, B21, RECURSION_ROWS, narrowed
+from tdint.kernels.oscillators.between import (
+    A11,
+    A12,
+    A21,
+    A22,
+    B10,
+    B11,
+    B20,
+    B21,
+    RECURSION_ROWS,
+    narrowed,
+)
 from tdint.kernels.stepping import Array
 
 # Rows of the table of modes behind those of the recursion, whose u and v are a mode's coordinate q and its rate r
@@ -60,13 +71,25 @@ def _march(ground, parts, first, rows, modes, q, rate, motion):
     count = modes.shape[1]
     for row in range(rows):
         i, part = divmod(first + row, parts)
-        motion[row] = ground[i] if part == 0 else ground[i] + (ground[i + 1] - ground[i]) * (part / parts)
+        motion[row] = (
+            ground[i] if part == 0 else ground[i] + (ground[i + 1] - ground[i]) * (part / parts)
+        )
     for row in range(1, rows):
         before, after = motion[row - 1], motion[row]
         for j in range(count):
             u, v = q[row - 1, j], rate[row - 1, j]
-            q[row, j] = modes[A11, j] * u + modes[A12, j] * v - modes[B10, j] * before - modes[B11, j] * after
-            rate[row, j] = modes[A21, j] * u + modes[A22, j] * v - modes[B20, j] * before - modes[B21, j] * after
+            q[row, j] = (
+                modes[A11, j] * u
+                + modes[A12, j] * v
+                - modes[B10, j] * before
+                - modes[B11, j] * after
+            )
+            rate[row, j] = (
+                modes[A21, j] * u
+                + modes[A22, j] * v
+                - modes[B20, j] * before
+                - modes[B21, j] * after
+            )
 
 
 @called
@@ -83,9 +106,24 @@ def _superpose(q, shapes, static, motion, drift):
         for j in range(0, shapes.shape[0], 4):
             w0, w1, w2, w3 = shapes[j], shapes[j + 1], shapes[j + 2], shapes[j + 3]
             q00, q01, q02, q03 = q[row, j], q[row, j + 1], q[row, j + 2], q[row, j + 3]
-            q10, q11, q12, q13 = q[row + 1, j], q[row + 1, j + 1], q[row + 1, j + 2], q[row + 1, j + 3]
-            q20, q21, q22, q23 = q[row + 2, j], q[row + 2, j + 1], q[row + 2, j + 2], q[row + 2, j + 3]
-            q30, q31, q32, q33 = q[row + 3, j], q[row + 3, j + 1], q[row + 3, j + 2], q[row + 3, j + 3]
+            q10, q11, q12, q13 = (
+                q[row + 1, j],
+                q[row + 1, j + 1],
+                q[row + 1, j + 2],
+                q[row + 1, j + 3],
+            )
+            q20, q21, q22, q23 = (
+                q[row + 2, j],
+                q[row + 2, j + 1],
+                q[row + 2, j + 2],
+                q[row + 2, j + 3],
+            )
+            q30, q31, q32, q33 = (
+                q[row + 3, j],
+                q[row + 3, j + 1],
+                q[row + 3, j + 2],
+                q[row + 3, j + 3],
+            )
             for c in range(columns):
                 s0, s1, s2, s3 = w0[c], w1[c], w2[c], w3[c]
                 d0[c] += q00 * s0 + q01 * s1 + q02 * s2 + q03 * s3
@@ -141,7 +179,9 @@ def _inside(sums, steps, row, slope, t, c):
             decay = math.exp(-xi * omega * t)
             c_t, s_t = decay * math.cos(damped * t), decay * math.sin(damped * t)
             value += weight * (rest + rest_rate * t + y * c_t + by_sine * s_t)
-            speed += weight * (rest_rate + y_rate * c_t - (omega * y + xi * y_rate) * (omega / damped) * s_t)
+            speed += weight * (
+                rest_rate + y_rate * c_t - (omega * y + xi * y_rate) * (omega / damped) * s_t
+            )
     return value, speed
 
 
@@ -194,7 +234,15 @@ def scratch(samples: int, parts: int, modes: int, columns: int) -> tuple[NDArray
     """What `largest_drifts` works on for so many samples, parts, modes, and stories with the roof."""
     chunks = -(-(samples - 1) * parts // _CHUNK)
     rows = _CHUNK + 4
-    shapes = ((rows, modes), (rows, modes), (rows,), (rows, columns), (chunks, modes), (chunks, modes), (columns,))
+    shapes = (
+        (rows, modes),
+        (rows, modes),
+        (rows,),
+        (rows, columns),
+        (chunks, modes),
+        (chunks, modes),
+        (columns,),
+    )
     return *(np.zeros(shape) for shape in shapes), np.zeros(columns), np.zeros((chunks, 2))
 
 

@@ -15,7 +15,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.kernels.compiling import CUBE, F8, I8, TABLE, VECTOR, called, inlined, kernel, local, local_table
+from tdint.kernels.compiling import (
+    CUBE,
+    F8,
+    I8,
+    TABLE,
+    VECTOR,
+    called,
+    inlined,
+    kernel,
+    local,
+    local_table,
+)
 from tdint.kernels.oscillators.between import (
     A11,
     A12,
@@ -44,7 +55,10 @@ _SECTORS = 18  # 10 degrees each, in which few steps remain
 _SECTOR = ANGLES // _SECTORS
 _SECTORS_PER_WEDGE = _SECTORS // AXES  # between two axes
 _SPREAD = 1.0 / math.cos(math.radians(_SECTOR / 2))
-_FACTORS = tuple(math.sin(math.radians(j * _SECTOR)) / math.sin(math.pi / AXES) for j in range(_SECTORS_PER_WEDGE + 1))
+_FACTORS = tuple(
+    math.sin(math.radians(j * _SECTOR)) / math.sin(math.pi / AXES)
+    for j in range(_SECTORS_PER_WEDGE + 1)
+)
 
 # Rows of numbers per edge of a sector; the last edge is the first one again
 _LOWS = 0  # of the sector behind the edge: the smallest of the largest displacements
@@ -64,7 +78,9 @@ LANES = 16
 _STATE = COEFFICIENTS
 _X, _V = _STATE, _STATE + 1  # displacement and velocity along the first axis,
 _Y, _W = _STATE + 2, _STATE + 3  # and along the second
-_TOPS = _STATE + 4  # largest displacements along the axes, then the square of the largest relative acceleration
+_TOPS = (
+    _STATE + 4
+)  # largest displacements along the axes, then the square of the largest relative acceleration
 _ROWS = _TOPS + AXES + 1
 
 
@@ -72,11 +88,21 @@ def scratch(samples: int, parts: int) -> tuple[NDArray[np.float64], ...]:
     """What `rotated_peaks` works on for so many samples and parts."""
     steps = (samples - 1) * parts
     whole = steps // STRETCH
-    return np.empty((2, steps + 1)), np.empty((LANES, whole + 1, 4)), np.empty((LANES, whole, AXES + 1))
+    return (
+        np.empty((2, steps + 1)),
+        np.empty((LANES, whole + 1, 4)),
+        np.empty((LANES, whole, AXES + 1)),
+    )
 
 
-@kernel(I8(VECTOR, VECTOR, F8, I8, TABLE, TABLE, I8, TABLE, TABLE, CUBE, CUBE), parts=(), vectorized=True)
-def rotated_peaks(first, second, dt, parts, oscillators, directions, between, result, ground, starts, tops):
+@kernel(
+    I8(VECTOR, VECTOR, F8, I8, TABLE, TABLE, I8, TABLE, TABLE, CUBE, CUBE),
+    parts=(),
+    vectorized=True,
+)
+def rotated_peaks(
+    first, second, dt, parts, oscillators, directions, between, result, ground, starts, tops
+):
     """March oscillators from rest over two ground motions; largest absolute displacements in all directions.
 
     Parameters
@@ -123,8 +149,12 @@ def rotated_peaks(first, second, dt, parts, oscillators, directions, between, re
         for i in range(min(LANES, result.shape[0] - group)):
             best[:] = 0.0
             column = group + i
-            vibration = Vibration(oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column], h)
-            oscillator = _One(ground, oscillators, column, vibration, directions, starts[i], work, series, best)
+            vibration = Vibration(
+                oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column], h
+            )
+            oscillator = _One(
+                ground, oscillators, column, vibration, directions, starts[i], work, series, best
+            )
             _search(oscillator, tops[i], between * rise(vibration))
             for k in range(ANGLES):
                 result[group + i, k] = best[k]
@@ -135,12 +165,35 @@ def rotated_peaks(first, second, dt, parts, oscillators, directions, between, re
 def _advance(ground, s, lane):
     """March LANES oscillators over a block of steps; keep the largest values at their starts and ends."""
     for i in range(LANES):
-        a11, a12, b10, b11 = lane[A11 * LANES + i], lane[A12 * LANES + i], lane[B10 * LANES + i], lane[B11 * LANES + i]
-        a21, a22, b20, b21 = lane[A21 * LANES + i], lane[A22 * LANES + i], lane[B20 * LANES + i], lane[B21 * LANES + i]
+        a11, a12, b10, b11 = (
+            lane[A11 * LANES + i],
+            lane[A12 * LANES + i],
+            lane[B10 * LANES + i],
+            lane[B11 * LANES + i],
+        )
+        a21, a22, b20, b21 = (
+            lane[A21 * LANES + i],
+            lane[A22 * LANES + i],
+            lane[B20 * LANES + i],
+            lane[B21 * LANES + i],
+        )
         by_u, by_v = lane[BY_DISPLACEMENT * LANES + i], lane[BY_VELOCITY * LANES + i]
-        x, v, y, w = lane[_X * LANES + i], lane[_V * LANES + i], lane[_Y * LANES + i], lane[_W * LANES + i]
-        t0, t1, t2 = lane[_TOPS * LANES + i], lane[(_TOPS + 1) * LANES + i], lane[(_TOPS + 2) * LANES + i]
-        t3, t4, t5 = lane[(_TOPS + 3) * LANES + i], lane[(_TOPS + 4) * LANES + i], lane[(_TOPS + 5) * LANES + i]
+        x, v, y, w = (
+            lane[_X * LANES + i],
+            lane[_V * LANES + i],
+            lane[_Y * LANES + i],
+            lane[_W * LANES + i],
+        )
+        t0, t1, t2 = (
+            lane[_TOPS * LANES + i],
+            lane[(_TOPS + 1) * LANES + i],
+            lane[(_TOPS + 2) * LANES + i],
+        )
+        t3, t4, t5 = (
+            lane[(_TOPS + 3) * LANES + i],
+            lane[(_TOPS + 4) * LANES + i],
+            lane[(_TOPS + 5) * LANES + i],
+        )
         bend = lane[(_TOPS + _BEND) * LANES + i]
         for j in range(_BLOCK + 1):
             f0, g0 = ground[0, s + j], ground[1, s + j]
@@ -162,9 +215,22 @@ def _advance(ground, s, lane):
                 y1 = a11 * y + (a12 * w - (b10 * g0 + b11 * g1))
                 w = a21 * y + (a22 * w - (b20 * g0 + b21 * g1))
                 y = y1
-        lane[_X * LANES + i], lane[_V * LANES + i], lane[_Y * LANES + i], lane[_W * LANES + i] = x, v, y, w
-        lane[_TOPS * LANES + i], lane[(_TOPS + 1) * LANES + i], lane[(_TOPS + 2) * LANES + i] = t0, t1, t2
-        lane[(_TOPS + 3) * LANES + i], lane[(_TOPS + 4) * LANES + i], lane[(_TOPS + 5) * LANES + i] = t3, t4, t5
+        lane[_X * LANES + i], lane[_V * LANES + i], lane[_Y * LANES + i], lane[_W * LANES + i] = (
+            x,
+            v,
+            y,
+            w,
+        )
+        lane[_TOPS * LANES + i], lane[(_TOPS + 1) * LANES + i], lane[(_TOPS + 2) * LANES + i] = (
+            t0,
+            t1,
+            t2,
+        )
+        (
+            lane[(_TOPS + 3) * LANES + i],
+            lane[(_TOPS + 4) * LANES + i],
+            lane[(_TOPS + 5) * LANES + i],
+        ) = t3, t4, t5
         lane[(_TOPS + _BEND) * LANES + i] = bend
 
 
@@ -220,7 +286,9 @@ def _interpolate(top, work):
         first, other = top[k], top[(k + 1) % AXES]
         for j in range(_SECTORS_PER_WEDGE):
             bound = _FACTORS[_SECTORS_PER_WEDGE - j] * first + _FACTORS[j] * other
-            work[_BEFORE, k * _SECTORS_PER_WEDGE + j] = work[_AFTER, k * _SECTORS_PER_WEDGE + j] = bound
+            work[_BEFORE, k * _SECTORS_PER_WEDGE + j] = work[_AFTER, k * _SECTORS_PER_WEDGE + j] = (
+                bound
+            )
     work[_BEFORE, _SECTORS] = work[_AFTER, _SECTORS] = top[0]
 
 
@@ -276,7 +344,9 @@ def _march(oscillator, stretch, margin, coarse):
                     speed, e0, e1 = c * v1 + d * w1, c * a + d * b, c * a1 + d * b1
                     best[k] = max(best[k], abs(u1))
                     if margin > 0.0 and may_exceed(best[k], margin, u0, v0, e0, u1, speed, e1):
-                        size = largest_between(u0, (v0, e0, c * p + d * q), speed, vibration, n, series)
+                        size = largest_between(
+                            u0, (v0, e0, c * p + d * q), speed, vibration, n, series
+                        )
                         best[k] = max(best[k], size)
                 lows[sector] = _lowest(best, sector)
             for k in range(_SECTORS + 1):
@@ -303,4 +373,6 @@ def _count_higher(work, over):
 @inlined
 def _top(work, k):
     """Largest displacement at both ends of a step along both edges of a sector."""
-    return max(max(work[_BEFORE, k], work[_AFTER, k]), max(work[_BEFORE, k + 1], work[_AFTER, k + 1]))
+    return max(
+        max(work[_BEFORE, k], work[_AFTER, k]), max(work[_BEFORE, k + 1], work[_AFTER, k + 1])
+    )

@@ -48,7 +48,9 @@ _switch = chosen("switch", case_of_5, _without_branches)
 @called
 def enter(law_parameters, springs, i):
     """Put the committed state of story `i` on the branch that it implies."""
-    springs[at.SLOPE, i] = math.inf if law_parameters[at.CODE, i] in CURVED else law_parameters[at.STIFFNESS, i]
+    springs[at.SLOPE, i] = (
+        math.inf if law_parameters[at.CODE, i] in CURVED else law_parameters[at.STIFFNESS, i]
+    )
     springs[at.TURN, i] = 0.0
     springs[at.UPPER, i] = math.inf
     springs[at.LOWER, i] = -math.inf
@@ -102,7 +104,11 @@ def first_event(linear_terms, h, state, springs, work, u1, v1, joined):
                 first, story, how = fraction, i, at.BELOW
         turn = springs[at.TURN, i]
         slack = _TURNED / _SLACK * slack
-        if turn != 0.0 and work[joined, i] == 0.0 and (turn * (d2 - d1) < -slack or turn * (d3 - d2) < -slack):
+        if (
+            turn != 0.0
+            and work[joined, i] == 0.0
+            and (turn * (d2 - d1) < -slack or turn * (d3 - d2) < -slack)
+        ):
             fraction = turning(turn * (d1 - d0), turn * (d2 - d1), turn * (d3 - d2))
             if fraction < first:
                 first, story, how = fraction, i, at.TURNED

@@ -79,7 +79,13 @@ def _part(linear_terms, i, move, slow, fast):
     for point in range(POINTS):
         x = root + (1.0 - root) * path.NODES[POINTS, point]
         s = slow + (fast - slow) * (x * x * x - root * root * root) / whole
-        _add(linear_terms, i, move, s, length * 3.0 * x * x / whole * (1.0 - root) * path.WEIGHTS[POINTS, point])
+        _add(
+            linear_terms,
+            i,
+            move,
+            s,
+            length * 3.0 * x * x / whole * (1.0 - root) * path.WEIGHTS[POINTS, point],
+        )
 
 
 _over_parts = cut_at_rest(_part)

@@ -108,7 +108,9 @@ def follow(law_parameters, i, drifts, springs, result):
     """
     start(law_parameters, springs, i, drifts[0])
     for s in range(drifts.size):
-        result[s, TANGENT] = restoring(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL, drifts[s])
+        result[s, TANGENT] = restoring(
+            law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL, drifts[s]
+        )
         commit(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)
         result[s, SHEAR] = springs[at.FORCE, i]
         result[s, RECOVERABLE] = recoverable(law_parameters, springs, i)

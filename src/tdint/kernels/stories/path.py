@@ -44,7 +44,9 @@ _MOST_ROOT_STEPS = 60  # halving alone would need 40
 # Of the rate to which a story comes in a step: what goes back by less has not turned. At rest the start's acceleration
 # is what the floors' loads round, some 1e-16 of them, and drifts of upper stories are 1e-6 of what the floors move.
 _ROUNDED = 1e-9
-_GOES_BACK = 1e-12  # rate against the way over what it grows to: not rounding any more where a path turns
+_GOES_BACK = (
+    1e-12  # rate against the way over what it grows to: not rounding any more where a path turns
+)
 _SHIFT = 1e-6  # of a turning point over the path, to see what hangs on it
 MOST_POINTS = 16  # in one part of the path
 _USUAL_POINTS = 16.0  # of laws that say nothing: as many as a part has
@@ -114,7 +116,10 @@ def stays(springs, i, rise, bend):
         middle = start + rise * t + 0.5 * bend * (t * t - t)
     else:
         middle = start
-    return max(start, middle, end) <= springs[at.UPPER, i] and min(start, middle, end) >= springs[at.LOWER, i]
+    return (
+        max(start, middle, end) <= springs[at.UPPER, i]
+        and min(start, middle, end) >= springs[at.LOWER, i]
+    )
 
 
 @called
@@ -156,7 +161,13 @@ def turns(rise, first, last, start):
             nearest = min(nearest, abs(rate))
         if before * rate < 0.0 and abs(rate) > rounded:
             root = _where_zero((first, start, c2, c3), left, right, rate)
-            one, two, three = (root, 1.0, 1.0) if one == 1.0 else (one, root, 1.0) if two == 1.0 else (one, two, root)
+            one, two, three = (
+                (root, 1.0, 1.0)
+                if one == 1.0
+                else (one, root, 1.0)
+                if two == 1.0
+                else (one, two, root)
+            )
         left = right
         before = rate if abs(rate) > rounded else before
     return math.copysign(1.0, side), one, two, three, nearest
@@ -167,7 +178,9 @@ def turns_surely(rise, first, last):
     """Whether a rate at an end of the step goes against the rise, by more than rounds: `turns` then tells a turn,
     whatever the acceleration."""
     rounded = _ROUNDED * (abs(rise) + abs(last))
-    return (rise * first < 0.0 and abs(first) > rounded) or (rise * last < 0.0 and abs(last) > rounded)
+    return (rise * first < 0.0 and abs(first) > rounded) or (
+        rise * last < 0.0 and abs(last) > rounded
+    )
 
 
 @inlined
@@ -211,7 +224,9 @@ def follow(law_parameters, springs, i, rise, bend, steady, work, out):
     results = Integrals(work, out)
     _clear(results, i)
     if not CURVES or springs[at.SLOPE, i] < math.inf:
-        _over_branches(law_parameters, springs, i, whole, 1.0 if steady else turning_point(whole), results)
+        _over_branches(
+            law_parameters, springs, i, whole, 1.0 if steady else turning_point(whole), results
+        )
     elif law_parameters[at.CODE, i] in DISSIPATING:
         _with_memory(law_parameters, springs, i, whole, results)
     else:
@@ -349,7 +364,9 @@ def _piece(springs, i, block, stretch, results):
     slope = springs[block + at.SLOPE, i]
     for point in range(2):
         t = stretch.begin + length * NODES[2, point]
-        force = springs[block + at.FORCE, i] + slope * (drift_at(stretch, t) - springs[block + at.DRIFT, i])
+        force = springs[block + at.FORCE, i] + slope * (
+            drift_at(stretch, t) - springs[block + at.DRIFT, i]
+        )
         _add(results, i, 0.5 * length, t, force, slope)
 
 
@@ -382,7 +399,9 @@ def _over_branches(law_parameters, springs, i, whole, turn, results):
     way_back = part_of(whole, turn, 1.0)
     side = math.copysign(1.0, whole.bend)
     shift = 0.0
-    if springs[at.FIRST_TRIAL + at.TURN, i] * side < 0.0:  # else nothing happens at the turning point
+    if (
+        springs[at.FIRST_TRIAL + at.TURN, i] * side < 0.0
+    ):  # else nothing happens at the turning point
         copy(springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
         shift = -side * _SHIFT * (abs(whole.rise) + abs(whole.bend))
         advance(law_parameters, springs, i, at.SECOND_TRIAL, drift_at(whole, turn) + shift)
@@ -412,11 +431,29 @@ def in_two_parts(integrate):
         if ahead < way:
             count = points_wanted(law_parameters, springs, i, ahead)
             there = min(begin + time_to(here + side * ahead, stretch, begin, side), stretch.end)
-            past = integrate(law_parameters, springs, i, past, False, count, part_of(stretch, begin, there), results)
+            past = integrate(
+                law_parameters,
+                springs,
+                i,
+                past,
+                False,
+                count,
+                part_of(stretch, begin, there),
+                results,
+            )
             begin = there
             way -= ahead
         count = points_wanted(law_parameters, springs, i, way)
-        return integrate(law_parameters, springs, i, past, False, count, part_of(stretch, begin, stretch.end), results)
+        return integrate(
+            law_parameters,
+            springs,
+            i,
+            past,
+            False,
+            count,
+            part_of(stretch, begin, stretch.end),
+            results,
+        )
 
     return go
 

@@ -6,31 +6,75 @@ import math
 from typing import Any
 
 from tdint.errors import ModelError
-from tdint.model.capacity import DAMPING_RATIO, UNIT_MASS, CapacityBuilding, CapacityFacts, derive_capacity, read_curve
+from tdint.model.capacity import (
+    DAMPING_RATIO,
+    UNIT_MASS,
+    CapacityBuilding,
+    CapacityFacts,
+    derive_capacity,
+    read_curve,
+)
 from tdint.model.config.sections import ModelUnits
 from tdint.model.inventory import CAPACITY, RULES
-from tdint.model.keys.fields import POSITIVE, RATIO, Choice, Flag, Key, Keys, Section, Value, Whole, Words
-from tdint.model.mdof_lu import LEVELS, MOST_STORIES, STRUCTURES, YEARS, ZONES, BuildingFacts, DerivedBuilding
+from tdint.model.keys.fields import (
+    POSITIVE,
+    RATIO,
+    Choice,
+    Flag,
+    Key,
+    Keys,
+    Section,
+    Value,
+    Whole,
+    Words,
+)
+from tdint.model.mdof_lu import (
+    LEVELS,
+    MOST_STORIES,
+    STRUCTURES,
+    YEARS,
+    ZONES,
+    BuildingFacts,
+    DerivedBuilding,
+)
 
 _DAMPING = ("full", "mass-only")
 _RULES = Choice(tuple(rules for rules in RULES if rules != CAPACITY), "set of rules")
 BUILDING = Keys(
     (
         Key("rules", _RULES, "the rules that derive the stories"),
-        Key("capacity", Words(), "capacity curve, a CSV file (sd_m, sa_g) relative to this one, in place of rules"),
+        Key(
+            "capacity",
+            Words(),
+            "capacity curve, a CSV file (sd_m, sa_g) relative to this one, in place of rules",
+        ),
         Key("type", Choice(STRUCTURES, "structure type"), "structure type of Hazus"),
         Key("stories", Whole(1, MOST_STORIES), "number of stories", needed=True),
         Key("year", Whole(*YEARS), "year of construction"),
         Key("area", POSITIVE, "area of one floor, in the square of the unit of length"),
         Key("height", POSITIVE, "height of the whole building"),
         Key("zone", Choice(ZONES, "seismic zone"), "seismic zone; Z4 where it is left out"),
-        Key("design_level", Choice(LEVELS, "design level"), "design level; else from zone and year"),
+        Key(
+            "design_level", Choice(LEVELS, "design level"), "design level; else from zone and year"
+        ),
         Key("damping_ratio", RATIO, "viscous damping ratio; else that of the type"),
-        Key("damping", Choice(_DAMPING, "kind of damping"), "without the stiffness-proportional part, or full"),
-        Key("mass", POSITIVE, "of all floors of a building with a capacity curve; 1 t where it is left out"),
+        Key(
+            "damping",
+            Choice(_DAMPING, "kind of damping"),
+            "without the stiffness-proportional part, or full",
+        ),
+        Key(
+            "mass",
+            POSITIVE,
+            "of all floors of a building with a capacity curve; 1 t where it is left out",
+        ),
         Key("soft_story", Flag(), "whether its ground story is soft"),
         Key("degradation", Flag(), "whether its stories lose stiffness and strength"),
-        Key("as_published", Flag(), "multiply its forces by the factor of oq-vmtk 1.1, which shortens the period"),
+        Key(
+            "as_published",
+            Flag(),
+            "multiply its forces by the factor of oq-vmtk 1.1, which shortens the period",
+        ),
     ),
     one_of=(("rules", "capacity"),),
 )
@@ -80,7 +124,10 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityB
 def _needed(section: Section, name: str, advice: str = "") -> Any:
     """What must be there, as its key declares it; None after a fault."""
     kind = BUILDING.kinds()[name]
-    value = section.need(name, advice or f"give one of {', '.join(kind.names)}" if isinstance(kind, Choice) else advice)
+    value = section.need(
+        name,
+        advice or f"give one of {', '.join(kind.names)}" if isinstance(kind, Choice) else advice,
+    )
     return value.read() if value else None
 
 
@@ -102,4 +149,6 @@ def _of_curve(section: Section, unit: ModelUnits) -> CapacityBuilding | None:
     soft, degrading, published = (section.read(name, False) for name in _OF_CAPACITY[1:])
     if curve is None or stories is None or any(map(math.isnan, (height, ratio, mass))):
         return None
-    return derive_capacity(CapacityFacts(curve, stories, height or None, mass, soft, degrading, ratio, published))
+    return derive_capacity(
+        CapacityFacts(curve, stories, height or None, mass, soft, degrading, ratio, published)
+    )

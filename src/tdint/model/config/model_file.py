@@ -135,7 +135,11 @@ _FORCE = Keys(
         Key("floor", Whole(1, MAX_STORIES), "floor, from 1 at the bottom", needed=True),
         Key("amplitude", ANY, "largest force", needed=True),
         Key("omega", NOT_NEGATIVE, "circular frequency, rad/s", needed=True),
-        Key("phase", Either((Choice(("cos", "sin")), ANY)), "cos, sin or phi in cos(omega t + phi), rad"),
+        Key(
+            "phase",
+            Either((Choice(("cos", "sin")), ANY)),
+            "cos, sin or phi in cos(omega t + phi), rad",
+        ),
     )
 )
 EXCITATION = Keys(
@@ -155,7 +159,8 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
     # Forces are read beside a record: a building may have both.
     items = forces.items("a list of forces") if forces else None
     return Excitation(
-        record_within(record) if record else None, tuple(_read_force(item, unit, count) for item in items or ())
+        record_within(record) if record else None,
+        tuple(_read_force(item, unit, count) for item in items or ()),
     )
 
 
@@ -172,7 +177,9 @@ def record_within(value: Value) -> RecordSource | None:
     scale = factor.number() if factor else 1.0
     if factor and scale == 0.0:
         factor.fault("must not be zero; leave the record out for no ground motion")
-    return RecordSource(section.file("file", stdin=True) or "", read_choice(section, stdin=True), scale)
+    return RecordSource(
+        section.file("file", stdin=True) or "", read_choice(section, stdin=True), scale
+    )
 
 
 def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
@@ -202,13 +209,19 @@ def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
 
 _INITIAL = Keys(
     (
-        Key("displacement", EntriesOf(ANY), "of the floors relative to the ground, from the bottom"),
+        Key(
+            "displacement", EntriesOf(ANY), "of the floors relative to the ground, from the bottom"
+        ),
         Key("velocity", EntriesOf(ANY), "of the floors relative to the ground, from the bottom"),
     )
 )
 _ANALYSIS = Keys(
     (
-        Key("method", Words(), "time-integration method with its parameters, such as newmark:beta=0.25:gamma=0.5"),
+        Key(
+            "method",
+            Words(),
+            "time-integration method with its parameters, such as newmark:beta=0.25:gamma=0.5",
+        ),
         Key("dt", POSITIVE, "time step, s"),
         Key("duration", POSITIVE, "time to integrate, s"),
     )
@@ -228,10 +241,15 @@ _OFF, _HEAD = Words(_as_meant), Words(parse_head)
 
 def model_keys() -> Keys:
     """The keys of a model file, and what may stand under them."""
-    from tdint.model.config.building_facts import BUILDING  # needs numpy, which most models are read without
+    from tdint.model.config.building_facts import (
+        BUILDING,
+    )  # needs numpy, which most models are read without
 
     kinds = {"building": BUILDING}
-    return Keys(tuple(replace(key, kind=kinds.get(key.name, key.kind)) for key in _MODEL.declared), _MODEL.one_of)
+    return Keys(
+        tuple(replace(key, kind=kinds.get(key.name, key.kind)) for key in _MODEL.declared),
+        _MODEL.one_of,
+    )
 
 
 _MODEL = Keys(
@@ -240,20 +258,46 @@ _MODEL = Keys(
         Key("units", UNITS, "units of the numbers in this file; SI where they are left out"),
         Key("stories", STORIES, "the stories, from the ground up; `repeat` for equal ones"),
         Key("building", Keys(()), "a few facts in place of stories, which rules derive from them"),
-        Key("damping", DAMPING, "damping besides the dashpots; 5% is Rayleigh damping in modes 1 and 3"),
+        Key(
+            "damping",
+            DAMPING,
+            "damping besides the dashpots; 5% is Rayleigh damping in modes 1 and 3",
+        ),
         Key("p_delta", Flag(), "whether gravity acts on the displaced building"),
         Key("excitation", EXCITATION, "ground motion and forces"),
         Key("initial", _INITIAL, "state at the start; at rest where it is left out"),
-        Key("analysis", _ANALYSIS, "method, time step and duration; the command line comes before it"),
-        Key("collapse_drift", POSITIVE_RATIO, "drift ratio beyond which a run counts as collapsed; 10% by default"),
-        Key("plausibility", _OFF, "`off, REASON`: what is unusual of the building is not told, but the reason is"),
+        Key(
+            "analysis",
+            _ANALYSIS,
+            "method, time step and duration; the command line comes before it",
+        ),
+        Key(
+            "collapse_drift",
+            POSITIVE_RATIO,
+            "drift ratio beyond which a run counts as collapsed; 10% by default",
+        ),
+        Key(
+            "plausibility",
+            _OFF,
+            "`off, REASON`: what is unusual of the building is not told, but the reason is",
+        ),
         Key("damage", DAMAGE, "damage states of the building"),
-        Key("output_units", Either((Words(), EntriesOf(Words(), least=1))), "units of the output: kip, in, g"),
-        Key("report", _HEAD, "lines at the top of its report: 'Project: Bridge 7; Author: A. B.; Date: 2026-01-31'"),
+        Key(
+            "output_units",
+            Either((Words(), EntriesOf(Words(), least=1))),
+            "units of the output: kip, in, g",
+        ),
+        Key(
+            "report",
+            _HEAD,
+            "lines at the top of its report: 'Project: Bridge 7; Author: A. B.; Date: 2026-01-31'",
+        ),
     ),
     one_of=(("stories", "building"),),
 )
-_DEFAULT_COLLAPSE_DRIFT = 0.10  # drift ratio at which codes and IDA studies take a frame for collapsed
+_DEFAULT_COLLAPSE_DRIFT = (
+    0.10  # drift ratio at which codes and IDA studies take a frame for collapsed
+)
 
 
 def load_model(source: str | Path | TextIO | Mapping[str, Any]) -> Model:
@@ -282,7 +326,8 @@ def load_model(source: str | Path | TextIO | Mapping[str, Any]) -> Model:
 
 
 def load_judged(
-    source: str | Path | TextIO | Mapping[str, Any], judges: Mapping[str, Callable[[str, Path], object]]
+    source: str | Path | TextIO | Mapping[str, Any],
+    judges: Mapping[str, Callable[[str, Path], object]],
 ) -> Model:
     """Read a model as `load_model` does, and let others judge words in it that mean nothing here.
 
@@ -331,7 +376,10 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     text = ",".join(filter(None, (item.text() for item in items or ())))
     if stated and text:
         try:
-            output_units, page_units = parse_output_units(text), parse_output_units(text, unit.named)
+            output_units, page_units = (
+                parse_output_units(text),
+                parse_output_units(text, unit.named),
+            )
         except UsageError as error:
             stated.fault(str(error))
 
@@ -368,15 +416,23 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     return model
 
 
-def _read_stories(section: Section, unit: ModelUnits, p_delta: bool) -> tuple[tuple[Story, ...], int | None, Damping]:
+def _read_stories(
+    section: Section, unit: ModelUnits, p_delta: bool
+) -> tuple[tuple[Story, ...], int | None, Damping]:
     """Stories, their number and the damping: as they are written out, or as rules derive them of a `building`."""
     building, damping = section.get("building"), section.get("damping")
     if building is None:
         advice = "give a list with one entry per story, or a building in its place"
-        entries = section.get("stories") if section.mentions("building") else section.need("stories", advice)
+        entries = (
+            section.get("stories")
+            if section.mentions("building")
+            else section.need("stories", advice)
+        )
         stories, count = read_stories(entries, unit, p_delta)
         return stories, count, read_damping(damping, count)
-    from tdint.model.config.building_facts import read_building  # needs numpy, which other models are read without
+    from tdint.model.config.building_facts import (
+        read_building,
+    )  # needs numpy, which other models are read without
 
     # Rules bring their own damping, which the file may replace.
     derived = read_building(building, unit)
@@ -426,7 +482,11 @@ def rewritten(before: Model, after: Model, place: Path) -> str | None:
         count = int(repeat.value) if (repeat := _entry(entry, "repeat")) else 1
         pairs = list(zip(before.stories, after.stories, strict=True))[first : first + count]
         first += count
-        edits.append(_with_stiffnesses(text, entry, [new.stiffness / old.stiffness for old, new in pairs], stories))
+        edits.append(
+            _with_stiffnesses(
+                text, entry, [new.stiffness / old.stiffness for old, new in pairs], stories
+            )
+        )
     if damping is not None and after.damping != before.damping:
         edits.append((damping.start_mark.index, _end(damping), _damping_words(after.damping)))
     # Paths in the file start from its folder, which is another one now.
@@ -434,10 +494,19 @@ def rewritten(before: Model, after: Model, place: Path) -> str | None:
     source = after.excitation.record
     if record is not None and source is not None:
         of_station = _entry(record, "inventory")
-        for node, file in ((_entry(record, "file") or record, source.file), (of_station, source.choice.inventory)):
-            if node is not None and file not in (None, STDIN) and not Path(node.value).is_absolute():
+        for node, file in (
+            (_entry(record, "file") or record, source.file),
+            (of_station, source.choice.inventory),
+        ):
+            if (
+                node is not None
+                and file not in (None, STDIN)
+                and not Path(node.value).is_absolute()
+            ):
                 path = os.path.relpath(str(file), place.parent)
-                edits.append((node.start_mark.index, _end(node), json.dumps(path, ensure_ascii=False)))
+                edits.append(
+                    (node.start_mark.index, _end(node), json.dumps(path, ensure_ascii=False))
+                )
     # The new text is read as any file: what it does not say so, nobody should get.
     text = _edited(text, edits)
     apart = copy_context()  # it is no input of the command
@@ -452,7 +521,9 @@ def rewritten(before: Model, after: Model, place: Path) -> str | None:
     for model in (said, after):
         damping_numbers = astuple(model.damping) if model.damping is not None else ()
         listed = [value if isinstance(value, tuple) else (value,) for value in damping_numbers]
-        numbers.append([*(story.stiffness for story in model.stories), *itertools.chain.from_iterable(listed)])
+        numbers.append(
+            [*(story.stiffness for story in model.stories), *itertools.chain.from_iterable(listed)]
+        )
     same = len(numbers[0]) == len(numbers[1]) and all(
         math.isclose(value, other, rel_tol=_WRITTEN) for value, other in zip(*numbers, strict=True)
     )
@@ -466,7 +537,9 @@ _WRITTEN = 1e-11
 def _entry(node: Any, name: str) -> Any:
     """The node under a key of a mapping; None where there is none."""
     pairs = node.value if node is not None and isinstance(node.value, list) else ()
-    return next((pair[1] for pair in pairs if isinstance(pair, tuple) and pair[0].value == name), None)
+    return next(
+        (pair[1] for pair in pairs if isinstance(pair, tuple) and pair[0].value == name), None
+    )
 
 
 def _end(node: Any) -> int:
@@ -484,7 +557,9 @@ def _edited(text: str, edits: Sequence[tuple[int, int, str]], first: int = 0) ->
     return text
 
 
-def _with_stiffnesses(text: str, entry: Any, factors: Sequence[float], stories: Any) -> tuple[int, int, str]:
+def _with_stiffnesses(
+    text: str, entry: Any, factors: Sequence[float], stories: Any
+) -> tuple[int, int, str]:
     """An entry of `stories` with its stiffness times factors: once where all are the same, else once for each."""
     start, end = entry.start_mark.index, _end(entry)
     alike = all(factor == factors[0] for factor in factors)
@@ -508,7 +583,11 @@ def _damping_words(damping: Damping) -> str:
     """The value of `damping` in a model file."""
 
     def numbers(values: Sequence[float]) -> str:
-        return f"[{', '.join(f'{value:.12g}' for value in values)}]" if len(values) > 1 else f"{values[0]:.12g}"
+        return (
+            f"[{', '.join(f'{value:.12g}' for value in values)}]"
+            if len(values) > 1
+            else f"{values[0]:.12g}"
+        )
 
     match damping:
         case RayleighRatio(ratios, modes):

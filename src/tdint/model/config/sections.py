@@ -146,11 +146,23 @@ def _declared(count: int | None) -> Either:
     """What may stand under `damping` of a building with so many stories."""
     mode = numbered(count)
     two = EntriesOf(RATIO, 2, 2, "one damping ratio or a list of two", _SHORT)
-    modes = EntriesOf(mode, 2, 2, "a list of two modes", distinct="" if count == 1 else "two different modes")
+    modes = EntriesOf(
+        mode, 2, 2, "a list of two modes", distinct="" if count == 1 else "two different modes"
+    )
     rayleigh = Keys(
         (
-            Key("ratio", Either((RATIO, two)), "damping ratio in both modes, or in each", advice=f"give {two.what}"),
-            Key("modes", modes, "two modes, from 1 at the longest period", advice=f"give {modes.what}"),
+            Key(
+                "ratio",
+                Either((RATIO, two)),
+                "damping ratio in both modes, or in each",
+                advice=f"give {two.what}",
+            ),
+            Key(
+                "modes",
+                modes,
+                "two modes, from 1 at the longest period",
+                advice=f"give {modes.what}",
+            ),
             Key("mass", NOT_NEGATIVE, "coefficient of the mass matrix, 1/s"),
             Key("stiffness", NOT_NEGATIVE, "coefficient of the initial stiffness matrix, s"),
         ),
@@ -164,24 +176,34 @@ def _declared(count: int | None) -> Either:
             Key("modes", mode, "how many modes have it", True, "give the number of modes to damp"),
         ),
         # A single ratio would mean all modes, so a lone first mode is followed by an undamped one.
-        make=lambda _, ratio, modes: (ratio, 0.0) if modes == 1 and count != 1 else (ratio,) * modes,
+        make=lambda _, ratio, modes: (
+            (ratio, 0.0) if modes == 1 and count != 1 else (ratio,) * modes
+        ),
     )
     many = f"a list of at most {count} damping ratios (one per mode)"
     ratios = Either((RATIO, EntriesOf(RATIO, 2, count, many, _SHORT), first))
     both = Keys(
         (
-            Key("rayleigh", rayleigh, "C = a0 M + a1 K, through the damping ratios of two modes or by coefficients"),
+            Key(
+                "rayleigh",
+                rayleigh,
+                "C = a0 M + a1 K, through the damping ratios of two modes or by coefficients",
+            ),
             Key("modal", ratios, "damping ratios of modes"),
         ),
         one_of=(("rayleigh", "modal"),),
         ways=(("rayleigh",), ("modal",)),
         what="none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}",
-        make=lambda _, rayleigh, modal: rayleigh or ModalDamping(modal if isinstance(modal, tuple) else (modal,)),
+        make=lambda _, rayleigh, modal: (
+            rayleigh or ModalDamping(modal if isinstance(modal, tuple) else (modal,))
+        ),
     )
     return Either((Choice(("none",)), RATIO, both), both.what)
 
 
-def _rayleigh(value: Value, count: int | None, ratio: Any, modes: Any, mass: Any, stiffness: Any) -> Damping:
+def _rayleigh(
+    value: Value, count: int | None, ratio: Any, modes: Any, mass: Any, stiffness: Any
+) -> Damping:
     if mass is not None:
         return RayleighCoefficients(mass, stiffness)
     if count == 1:
@@ -215,17 +237,31 @@ class ByState:
     kind: ValueKind
 
     def schema(self) -> Schema:
-        return {"type": "object", "patternProperties": {_STATE: self.kind.schema()}, "additionalProperties": False}
+        return {
+            "type": "object",
+            "patternProperties": {_STATE: self.kind.schema()},
+            "additionalProperties": False,
+        }
 
 
 THRESHOLDS = ByState(Either((POSITIVE_RATIO, Words())))
-DEMAND = Key("demand", Choice(tuple(DEMANDS), "demand"), "what the states are told by; drift_ratio by default")
-DISPERSION = Key("dispersion", Bounds(0.0, 3.0), "standard deviation of the logarithms of the thresholds; 0: exact")
+DEMAND = Key(
+    "demand",
+    Choice(tuple(DEMANDS), "demand"),
+    "what the states are told by; drift_ratio by default",
+)
+DISPERSION = Key(
+    "dispersion",
+    Bounds(0.0, 3.0),
+    "standard deviation of the logarithms of the thresholds; 0: exact",
+)
 _OF_LOSSES = "loss ratio in each state, and if it is another one than in the last, `collapsed`"
 DAMAGE = Keys(
     (
         DEMAND,
-        Key("thresholds", THRESHOLDS, "median demand of each state, from the lightest", needed=True),
+        Key(
+            "thresholds", THRESHOLDS, "median demand of each state, from the lightest", needed=True
+        ),
         DISPERSION,
         Key("losses", ByState(LOSS), _OF_LOSSES),
     )
@@ -275,9 +311,16 @@ def read_losses(value: Value | None, states: Sequence[str]) -> tuple[float, ...]
     values = _by_state(value, "the loss ratio of each state, such as {slight: 5%}")
     if values is None:
         return None
-    missing, unknown = [state for state in states if state not in values], set(values) - {*states, COLLAPSE}
+    missing, unknown = (
+        [state for state in states if state not in values],
+        set(values) - {*states, COLLAPSE},
+    )
     if missing or unknown:
-        said = f"no loss ratio of {', '.join(missing)}" if missing else f"unknown {', '.join(sorted(unknown))}"
+        said = (
+            f"no loss ratio of {', '.join(missing)}"
+            if missing
+            else f"unknown {', '.join(sorted(unknown))}"
+        )
         value.fault(f"{said}; the states are {', '.join(states)}, and there may be {COLLAPSE}")
         return None
     losses = {name: entry.number(LOSS) for name, entry in values.items()}

@@ -10,7 +10,16 @@ from collections.abc import Mapping
 from tdint.data import dataclass
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.config.sections import ModelUnits
-from tdint.model.definition import LAWS, LINEAR, MAX_STORIES, Law, PowerDashpot, Story, four_points, laws
+from tdint.model.definition import (
+    LAWS,
+    LINEAR,
+    MAX_STORIES,
+    Law,
+    PowerDashpot,
+    Story,
+    four_points,
+    laws,
+)
 from tdint.model.keys.fields import (
     NOT_NEGATIVE,
     POSITIVE,
@@ -70,7 +79,10 @@ class _LawKind:
 
     def schema(self) -> Schema:
         bare = [name for name, law in laws().items() if not law.parameters]
-        kinds = [Keys((Key("type", Choice((law.name,)), law.formula, True), *_keys(law))) for law in laws().values()]
+        kinds = [
+            Keys((Key("type", Choice((law.name,)), law.formula, True), *_keys(law)))
+            for law in laws().values()
+        ]
         return Either((Choice(tuple(bare)), *kinds)).schema()
 
 
@@ -93,7 +105,9 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
     stiffness = law.initial_stiffness(parameters) if parameters else math.nan
     if stiffness <= 0.0 or stiffness == math.inf:
         shown = f"{stiffness / unit.factor(force=1, length=-1):.10g}"
-        value.fault(f"the initial stiffness of the {law.name} law must be a positive number, got {shown}")
+        value.fault(
+            f"the initial stiffness of the {law.name} law must be a positive number, got {shown}"
+        )
         return read, math.nan
     return read, stiffness
 
@@ -104,7 +118,11 @@ def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
     if not value.is_mapping:
         name = value.choice(_known(value), "law")
         if name and LAWS[name].parameters:
-            needed = (item.name for item in LAWS[name].parameters if item.default is None and item.without is None)
+            needed = (
+                item.name
+                for item in LAWS[name].parameters
+                if item.default is None and item.without is None
+            )
             names = ", ".join(f"{item}: ..." for item in needed)
             value.fault(f"the {name} law needs its parameters; write {{type: {name}, {names}}}")
         return (LAWS[name] if name else None), None
@@ -112,7 +130,9 @@ def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
     name = kind.choice(_known(kind), "law") if kind else None
     # After a fault in the name all keys of all laws are admitted, so that no fault follows from it.
     possible = [LAWS[name]] if name else LAWS.values()
-    admitted = dict.fromkeys(["type", *(_inner(item, "") or item.name for law in possible for item in law.parameters)])
+    admitted = dict.fromkeys(
+        ["type", *(_inner(item, "") or item.name for law in possible for item in law.parameters)]
+    )
     section = value.section(list(admitted))
     if section:
         section.need("type", f"give one of {', '.join(LAWS)}")
@@ -127,7 +147,9 @@ def _known(name: Value) -> Mapping[str, DriftLaw]:
 def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple[float, ...]:
     """The parameters in SI in the order of the law, lists flattened."""
     # Groups from the outside in: where one stands hangs on the one around it.
-    names = sorted(dict.fromkeys(member.group for member in law.parameters), key=lambda name: name.count("."))
+    names = sorted(
+        dict.fromkeys(member.group for member in law.parameters), key=lambda name: name.count(".")
+    )
     groups: dict[str, Group] = {"": section}
     for name in names:
         groups[name] = _read_group(groups, law, name, unit)
@@ -139,7 +161,9 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
             items = entry.items(_LIST, "must hold at least one number") if entry else None
             bounds, numbers = _bounds(parameter), enumerate(items or (), start=1)
             # The j-th is force over length to the power j.
-            read = tuple(item.number(bounds, unit.factor(force=1, length=-j)) for j, item in numbers) or (math.nan,)
+            read = tuple(
+                item.number(bounds, unit.factor(force=1, length=-j)) for j, item in numbers
+            ) or (math.nan,)
         elif parameter.points:
             read = _read_points(groups[parameter.group], parameter, unit, earlier)
         else:
@@ -160,7 +184,10 @@ def _read_group(groups: Mapping[str, Group], law: DriftLaw, group: str, unit: Mo
     members = [parameter for parameter in law.parameters if parameter.group == group]
     # A group whose parameters have no default cannot be left out.
     if members[0].default is None and members[0].without is None:
-        value = around.need(name, f"give a mapping with the keys {', '.join(parameter.name for parameter in members)}")
+        value = around.need(
+            name,
+            f"give a mapping with the keys {', '.join(parameter.name for parameter in members)}",
+        )
         if value is None:
             return math.nan
     value = around.get(name)
@@ -169,12 +196,18 @@ def _read_group(groups: Mapping[str, Group], law: DriftLaw, group: str, unit: Mo
     names = [key.name for key in _keys(law, group)]
     # One number may stand for all of a group.
     if members[0].shared and not value.is_mapping:
-        expected = f"{_bounds(members[0])} for all of {', '.join(names)}, a mapping of them, or none"
-        return value.number(_bounds(members[0]), unit.factor(members[0].force, members[0].length), expected)
+        expected = (
+            f"{_bounds(members[0])} for all of {', '.join(names)}, a mapping of them, or none"
+        )
+        return value.number(
+            _bounds(members[0]), unit.factor(members[0].force, members[0].length), expected
+        )
     return value.section(names) or math.nan
 
 
-def _read_points(group: Group, parameter: LawParameter, unit: ModelUnits, earlier: Earlier) -> tuple[float, ...]:
+def _read_points(
+    group: Group, parameter: LawParameter, unit: ModelUnits, earlier: Earlier
+) -> tuple[float, ...]:
     """Four points in SI, flattened; between two or three of them the others lie on the last line but one."""
     nothing = (math.nan,) * 8
     if isinstance(group, float):
@@ -193,19 +226,30 @@ def _read_points(group: Group, parameter: LawParameter, unit: ModelUnits, earlie
         return nothing
     bounds, factors = _bounds(parameter), (unit.factor(length=1), unit.factor(force=1))
     points = [
-        [coordinate.number(bounds, f) for coordinate, f in zip(pair or (), factors, strict=False)] for pair in pairs
+        [coordinate.number(bounds, f) for coordinate, f in zip(pair or (), factors, strict=False)]
+        for pair in pairs
     ]
     return four_points(points) if all(points) else nothing
 
 
-def _read_number(group: Group, parameter: LawParameter, unit: ModelUnits, earlier: Earlier) -> float:
+def _read_number(
+    group: Group, parameter: LawParameter, unit: ModelUnits, earlier: Earlier
+) -> float:
     """A parameter in SI, its default where it is left out."""
     bounds, factor = _bounds(parameter), unit.factor(parameter.force, parameter.length)
-    default = earlier[parameter.default][0] if isinstance(parameter.default, str) else parameter.default
+    default = (
+        earlier[parameter.default][0] if isinstance(parameter.default, str) else parameter.default
+    )
     if isinstance(group, float):
         return group
     if group is None:
-        return parameter.without if parameter.without is not None else default if default is not None else math.nan
+        return (
+            parameter.without
+            if parameter.without is not None
+            else default
+            if default is not None
+            else math.nan
+        )
     if default is not None and not group.has(parameter.name):
         return default
     return group.number(parameter.name, bounds, factor)
@@ -213,7 +257,9 @@ def _read_number(group: Group, parameter: LawParameter, unit: ModelUnits, earlie
 
 def _bounds(parameter: LawParameter) -> Bounds:
     ratio = not parameter.force and not parameter.length and parameter.high <= 1.0
-    return Bounds(parameter.low, parameter.high, parameter.low_allowed, parameter.high_allowed, ratio)
+    return Bounds(
+        parameter.low, parameter.high, parameter.low_allowed, parameter.high_allowed, ratio
+    )
 
 
 _DAMPED = "rayleigh"
@@ -232,7 +278,11 @@ _STORY = Keys(
         Key("height", POSITIVE, "story height, for drift ratios and P-delta"),
         Key("stiffness", POSITIVE, "initial stiffness: story shear over drift"),
         Key("law", LAW, "drift law; linear where it is left out"),
-        Key("dashpot", Either((NOT_NEGATIVE, _DASHPOT)), "viscous damper between the floors: force over velocity"),
+        Key(
+            "dashpot",
+            Either((NOT_NEGATIVE, _DASHPOT)),
+            "viscous damper between the floors: force over velocity",
+        ),
         Key(
             "isolator",
             Either((Flag(), Choice((_DAMPED,)))),
@@ -246,7 +296,9 @@ STORIES = EntriesOf(_STORY, least=1)
 _AGREEMENT = 1e-9  # a stiffness that is stated twice may differ by rounding alone
 
 
-def read_stories(value: Value | None, unit: ModelUnits, p_delta: bool) -> tuple[tuple[Story, ...], int | None]:
+def read_stories(
+    value: Value | None, unit: ModelUnits, p_delta: bool
+) -> tuple[tuple[Story, ...], int | None]:
     """The stories from the ground up, and their number: None where a fault leaves it open."""
     entries = value.items("a list of stories", "must hold at least one story") if value else None
     if entries is None:
@@ -272,8 +324,15 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     stated_law = section.get("law")
     law, stiffness_of_law = read_law(stated_law, unit)
     dashpot, power_dashpot = _read_dashpot(section.get("dashpot"), unit)
-    height = section.need("height", "p_delta needs the height of every story") if p_delta else section.get("height")
-    mass, story_height = _read_mass(section, unit), height.number(scale=unit.length) if height else None
+    height = (
+        section.need("height", "p_delta needs the height of every story")
+        if p_delta
+        else section.get("height")
+    )
+    mass, story_height = (
+        _read_mass(section, unit),
+        height.number(scale=unit.length) if height else None,
+    )
 
     # The initial stiffness is that of the law, where this has one: another beside it must say the same.
     factor, given = unit.factor(force=1, length=-1), section.get("stiffness")
@@ -282,17 +341,35 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
     else:
         stated = given.number(scale=factor) if given else stiffness_of_law
         if given and abs(stated - stiffness_of_law) > _AGREEMENT * stiffness_of_law:
-            initial = f"the initial stiffness {stiffness_of_law / factor:.10g} of its {law.name} law"
-            given.fault(f"must agree with {initial}, got {stated / factor:.10g}; correct it or leave it out")
+            initial = (
+                f"the initial stiffness {stiffness_of_law / factor:.10g} of its {law.name} law"
+            )
+            given.fault(
+                f"must agree with {initial}, got {stated / factor:.10g}; correct it or leave it out"
+            )
         stiffness = stiffness_of_law
     # Isolators have no damping of the building's kind, unless that is said.
     isolator = section.get("isolator")
     is_damped = bool(isolator and isolator.is_word(_DAMPED))
     isolates = is_damped or bool(isolator and isolator.boolean())
-    story = Story(mass, story_height, stiffness, law, dashpot, power_dashpot, isolates, is_damped or not isolates)
+    story = Story(
+        mass,
+        story_height,
+        stiffness,
+        law,
+        dashpot,
+        power_dashpot,
+        isolates,
+        is_damped or not isolates,
+    )
     # What is wrong with parameters and stiffness together, where each of them is right.
     is_known = not any(map(math.isnan, (stiffness, *law.parameters)))
-    if stated_law and law.parameters and is_known and (fault := LAWS[law.name].fault(stiffness, law.parameters)):
+    if (
+        stated_law
+        and law.parameters
+        and is_known
+        and (fault := LAWS[law.name].fault(stiffness, law.parameters))
+    ):
         stated_law.fault(fault)
     return story, section.read("repeat", 1)
 
@@ -330,7 +407,12 @@ def _read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDa
     # Below 1 force over velocity grows without end towards rest.
     soft = exponent < 1.0
     if soft and not section.mentions("linear_below"):
-        section.need("linear_below", "an exponent below 1 needs the drift rate under which the dashpot is linear")
-    below = section.number("linear_below", POSITIVE if soft else NOT_NEGATIVE, unit.length, default=0.0)
+        section.need(
+            "linear_below",
+            "an exponent below 1 needs the drift rate under which the dashpot is linear",
+        )
+    below = section.number(
+        "linear_below", POSITIVE if soft else NOT_NEGATIVE, unit.length, default=0.0
+    )
     coefficient = section.number("coefficient", scale=unit.factor(force=1, length=-exponent))
     return 0.0, PowerDashpot(coefficient, exponent, below)

@@ -17,7 +17,17 @@ from tdint.data import dataclass
 from tdint.errors import ModelError
 from tdint.files import note_input, read_whole
 from tdint.model.keys.fields import Value
-from tdint.model.keys.nodes import MAX_DEPTH, Faults, ListNode, MappingNode, Node, Place, ScalarNode, nodes_of, text_of
+from tdint.model.keys.nodes import (
+    MAX_DEPTH,
+    Faults,
+    ListNode,
+    MappingNode,
+    Node,
+    Place,
+    ScalarNode,
+    nodes_of,
+    text_of,
+)
 
 MAX_BYTES = 16 * 1024 * 1024
 """Size of the largest model file that is read; it keeps a wrong path, such as a device, from filling the memory."""
@@ -62,14 +72,18 @@ def read_source(source: str | Path | TextIO, kind: str = "model file") -> Source
     elif isinstance(name := getattr(source, "name", None), str) and not name.startswith("<"):
         label, path = name, Path(name)
     data = _read_stream(stream, label, kind)
-    return SourceText(label, path.stem if path else kind.partition(" ")[0], path.parent if path else Path(), data)
+    return SourceText(
+        label, path.stem if path else kind.partition(" ")[0], path.parent if path else Path(), data
+    )
 
 
 def _read_stream(stream: TextIO | BinaryIO, label: str, kind: str) -> bytes:
     try:
         content = stream.read(MAX_BYTES + 1)
     except (OSError, UnicodeDecodeError) as error:
-        raise ModelError(f"{label}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+        raise ModelError(
+            f"{label}: cannot be read: {getattr(error, 'strerror', None) or error}"
+        ) from None
     if len(content) > MAX_BYTES:
         raise ModelError(f"{label}: {_too_large(kind)}")
     # Surrogates stand for bytes that the stream could not decode; passed on, `decode` finds them.
@@ -83,7 +97,9 @@ def _too_large(kind: str) -> str:
 
 
 def read_document(
-    source: str | Path | TextIO | Mapping[str, Any], kind: str = "model file", needs: str = "`stories`"
+    source: str | Path | TextIO | Mapping[str, Any],
+    kind: str = "model file",
+    needs: str = "`stories`",
 ) -> tuple[SourceText, Value]:
     """Where a document comes from, and its root, whose `faults` collect what is wrong in it.
 
@@ -148,7 +164,11 @@ def decode(data: bytes, faults: Faults) -> str:
     except UnicodeDecodeError as error:
         line, column = _line_and_column(error.object[: error.start].decode("utf-8", "replace"))
         byte = error.object[error.start]
-        faults.add(Place(line, column), "", f"not UTF-8 text (byte 0x{byte:02x}); save the {faults.kind} as UTF-8")
+        faults.add(
+            Place(line, column),
+            "",
+            f"not UTF-8 text (byte 0x{byte:02x}); save the {faults.kind} as UTF-8",
+        )
     raise faults.error()
 
 
@@ -170,12 +190,16 @@ class _Composer:
         self._next()  # the start of the stream
         start = self._next()
         if isinstance(start, yaml.StreamEndEvent):
-            raise self._refusal(start, f"the {self._faults.kind} is empty; it needs at least {self._faults.needs}")
+            raise self._refusal(
+                start, f"the {self._faults.kind} is empty; it needs at least {self._faults.needs}"
+            )
         root = self._node(self._next(), 0)
         self._next()  # the end of the document
         following = self._next()
         if not isinstance(following, yaml.StreamEndEvent):
-            raise self._refusal(following, f"a second YAML document begins here; a {self._faults.kind} holds one")
+            raise self._refusal(
+                following, f"a second YAML document begins here; a {self._faults.kind} holds one"
+            )
         return root
 
     def _next(self) -> yaml.Event:
@@ -185,7 +209,9 @@ class _Composer:
             # PyYAML lets the errors of chr() and int() through: "\UFFFFFFFF", a %YAML version of a thousand digits.
             # Which of them, and in which words, is a matter of Python's version.
             problem = "the number here is too large for a character or a version"
-            raise yaml.MarkedYAMLError(problem=problem, problem_mark=self._loader.get_mark()) from None
+            raise yaml.MarkedYAMLError(
+                problem=problem, problem_mark=self._loader.get_mark()
+            ) from None
         return event
 
     def _refusal(self, event: yaml.Event, message: str) -> ModelError:
@@ -195,27 +221,41 @@ class _Composer:
     def _node(self, event: yaml.Event, depth: int) -> Node:
         if isinstance(event, yaml.AliasEvent):
             if event.anchor not in self._anchors:
-                raise self._refusal(event, f"the alias *{event.anchor} has no anchor &{event.anchor} above it")
+                raise self._refusal(
+                    event, f"the alias *{event.anchor} has no anchor &{event.anchor} above it"
+                )
             if (shared := self._anchors[event.anchor]) is None:
-                raise self._refusal(event, f"the alias *{event.anchor} stands inside its own anchor")
+                raise self._refusal(
+                    event, f"the alias *{event.anchor} stands inside its own anchor"
+                )
             return shared
         if depth > MAX_DEPTH:
-            raise self._refusal(event, f"nested more than {MAX_DEPTH} levels deep; this is no {self._faults.kind}")
+            raise self._refusal(
+                event, f"nested more than {MAX_DEPTH} levels deep; this is no {self._faults.kind}"
+            )
         assert isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
         place = _event_place(event)
         if event.tag is not None:
-            self._faults.add(place, "", f"the tag {_short(event.tag)} is not allowed; write the value without it")
+            self._faults.add(
+                place, "", f"the tag {_short(event.tag)} is not allowed; write the value without it"
+            )
         if event.anchor is not None:
-            self._anchors[event.anchor] = None  # not complete yet: an alias inside it would never end
+            self._anchors[event.anchor] = (
+                None  # not complete yet: an alias inside it would never end
+            )
         node: Node
         if isinstance(event, yaml.ScalarEvent):
             node = ScalarNode(place.line, place.column, event.value, plain=not event.style)
         elif isinstance(event, yaml.SequenceStartEvent):
-            node = ListNode(place.line, place.column, tuple(self._children(yaml.SequenceEndEvent, depth)))
+            node = ListNode(
+                place.line, place.column, tuple(self._children(yaml.SequenceEndEvent, depth))
+            )
         else:
             children = self._children(yaml.MappingEndEvent, depth)
             # zip draws key and value in turn from the one iterator.
-            node = MappingNode(place.line, place.column, tuple(zip(children, children, strict=True)))
+            node = MappingNode(
+                place.line, place.column, tuple(zip(children, children, strict=True))
+            )
         if event.anchor is not None:
             self._anchors[event.anchor] = node
         return node
@@ -227,7 +267,11 @@ class _Composer:
 
 def _short(text: str) -> str:
     """Text from the file for a message: one line, not long."""
-    return text if len(text) <= 60 and text.isprintable() else repr(text[:60]) + ("..." if len(text) > 60 else "")
+    return (
+        text
+        if len(text) <= 60 and text.isprintable()
+        else repr(text[:60]) + ("..." if len(text) > 60 else "")
+    )
 
 
 def _line_and_column(text: str) -> tuple[int, int]:

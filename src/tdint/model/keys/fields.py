@@ -70,7 +70,11 @@ class Bounds:
             result["minimum" if self.low_allowed else "exclusiveMinimum"] = self.low
         if self.high < math.inf:
             result["maximum" if self.high_allowed else "exclusiveMaximum"] = self.high
-        return {"anyOf": [result, {"type": "string", "pattern": _PERCENTAGE}]} if self.ratio else result
+        return (
+            {"anyOf": [result, {"type": "string", "pattern": _PERCENTAGE}]}
+            if self.ratio
+            else result
+        )
 
 
 ANY = Bounds()
@@ -221,14 +225,17 @@ class Keys(Sequence[str]):
 
     def schema(self) -> Schema:
         properties = {
-            key.name: key.kind.schema() | ({"description": key.meaning} if key.meaning else {}) for key in self.declared
+            key.name: key.kind.schema() | ({"description": key.meaning} if key.meaning else {})
+            for key in self.declared
         }
         result: Schema = {"type": "object", "properties": properties, "additionalProperties": False}
         needed = [key.name for key in self.declared if key.needed]
         if needed:
             result["required"] = needed
         if self.one_of:
-            result["allOf"] = [{"oneOf": [{"required": [name]} for name in names]} for names in self.one_of]
+            result["allOf"] = [
+                {"oneOf": [{"required": [name]} for name in names]} for names in self.one_of
+            ]
         return result
 
 
@@ -277,7 +284,9 @@ class Value:
     @property
     def word(self) -> str:
         """The text of a single value, as it stands; empty for anything else and for nothing."""
-        return self.node.text if isinstance(self.node, ScalarNode) and not self._is_nothing() else ""
+        return (
+            self.node.text if isinstance(self.node, ScalarNode) and not self._is_nothing() else ""
+        )
 
     @property
     def place(self) -> ModelFault:
@@ -306,7 +315,9 @@ class Value:
         converted = number * scale if number else 0.0
         if number != 0.0 and not SMALLEST <= abs(converted) <= LARGEST:
             limits = f"{SMALLEST:g} and {LARGEST:g} in SI units"
-            self.fault(f"is out of all proportion: its size must lie between {limits}, got {self._shown()}")
+            self.fault(
+                f"is out of all proportion: its size must lie between {limits}, got {self._shown()}"
+            )
             return math.nan
         return converted
 
@@ -327,7 +338,11 @@ class Value:
 
     def text(self) -> str | None:
         """A line of text, quoted or not; None if there is a fault."""
-        if not isinstance(self.node, ScalarNode) or not self.node.text.strip() or self._is_nothing():
+        if (
+            not isinstance(self.node, ScalarNode)
+            or not self.node.text.strip()
+            or self._is_nothing()
+        ):
             self.fault(f"must be text, got {self._shown()}")
             return None
         if any(unicodedata.category(character) in ("Cc", "Cs") for character in self.node.text):
@@ -340,7 +355,9 @@ class Value:
         directory; None if there is a fault. With `stdin`, `-` stays what it is.
         """
         text = self.text()
-        return text if text is None or (stdin and text == "-") else resolve(text, self.faults.folder)
+        return (
+            text if text is None or (stdin and text == "-") else resolve(text, self.faults.folder)
+        )
 
     def read(self) -> Any:
         """The value as its key declares it, a number, a word, true or false; None if there is a fault."""
@@ -369,10 +386,18 @@ class Value:
         raise TypeError(f"{self.key}: {self.kind} is read by its own reader")
 
     def _alternative(self, either: Either) -> Any:
-        shape = Keys if self.is_mapping else EntriesOf if self.is_list else (Bounds, Whole, Choice, PathOf)
+        shape = (
+            Keys
+            if self.is_mapping
+            else EntriesOf
+            if self.is_list
+            else (Bounds, Whole, Choice, PathOf)
+        )
         # By its shape one kind is meant: messages are then of that one alone.
         for kind in either.kinds:
-            if isinstance(kind, shape) and not (isinstance(kind, Choice) and self.word not in kind.names):
+            if isinstance(kind, shape) and not (
+                isinstance(kind, Choice) and self.word not in kind.names
+            ):
                 if isinstance(kind, Bounds):
                     number = self.number(kind, expected=either.what)
                     return None if math.isnan(number) else number
@@ -388,13 +413,17 @@ class Value:
         values = tuple(item.read() for item in items)
         if not kind.least <= len(items) <= (kind.most or math.inf):
             self.fault(
-                kind.short if kind.short and len(items) < kind.least else f"must be {kind.what}, got {len(items)}"
+                kind.short
+                if kind.short and len(items) < kind.least
+                else f"must be {kind.what}, got {len(items)}"
             )
             return None
         if None in values:
             return None
         if kind.distinct and len({*values}) < len(values):
-            self.fault(f"must be {kind.distinct}, got {next(v for v in values if values.count(v) > 1)} twice")
+            self.fault(
+                f"must be {kind.distinct}, got {next(v for v in values if values.count(v) > 1)} twice"
+            )
             return None
         if kind.growing and not all(map(lt, values, values[1:])):
             self.fault(f"must be {kind.what}")
@@ -405,7 +434,11 @@ class Value:
         if entries is None:
             return None
         return kind.make(
-            self, {name: (entry, replace(entry, kind=kind.kind).read()) for name, entry in entries.items()}
+            self,
+            {
+                name: (entry, replace(entry, kind=kind.kind).read())
+                for name, entry in entries.items()
+            },
         )
 
     def _made(self, kind: Keys) -> Any:
@@ -427,7 +460,11 @@ class Value:
             advice = key.advice or (f"give {key.kind}" if isinstance(key.kind, Bounds) else "")
             value = section.need(key.name, advice) if key.name in needed else section.get(key.name)
             values[key.name] = value.read() if value else None
-        complete = all(values[name] is not None for name in needed) if needed else bool(any(values.values()))
+        complete = (
+            all(values[name] is not None for name in needed)
+            if needed
+            else bool(any(values.values()))
+        )
         return kind.make(self, **values) if kind.make and complete else None
 
     def parsed(self, parse: Callable[[str], Parsed]) -> Parsed | None:
@@ -470,7 +507,9 @@ class Value:
             assert isinstance(self.kind, Keys)
             keys = self.kind
         if not isinstance(self.node, MappingNode):
-            self.fault(f"must be {expected or 'a mapping with the keys ' + ', '.join(keys)}, got {self._shown()}")
+            self.fault(
+                f"must be {expected or 'a mapping with the keys ' + ', '.join(keys)}, got {self._shown()}"
+            )
             return None
         return Section(self, self.node, keys)
 
@@ -527,7 +566,9 @@ class Value:
             return self._shown()
         if re.fullmatch(pattern, self.node.text):
             return self._shown() + ("" if self.node.plain else " in quotes; remove the quotes")
-        return self._shown() + next((hint for form, hint in _NUMBER_HINTS if form.fullmatch(self.node.text)), "")
+        return self._shown() + next(
+            (hint for form, hint in _NUMBER_HINTS if form.fullmatch(self.node.text)), ""
+        )
 
 
 class Section:
@@ -555,7 +596,9 @@ class Section:
                 continue
             lines[key.text] = key.line
             if key.text in keys:
-                self._entries[key.text] = Value(entry, path, value.faults, self._kinds.get(key.text))
+                self._entries[key.text] = Value(
+                    entry, path, value.faults, self._kinds.get(key.text)
+                )
             elif key.text == "<<" and key.plain:
                 value.faults.add(key, path, "merge keys are not supported; write the entries out")
                 self._excused.update(keys)
@@ -569,7 +612,9 @@ class Section:
                 continue
             meant = nearest(key.text, keys, cutoff=_MEANT)
             if meant and meant not in self._entries:
-                self._entries[meant] = Value(entry, self.path(key.text), value.faults, self._kinds.get(meant))
+                self._entries[meant] = Value(
+                    entry, self.path(key.text), value.faults, self._kinds.get(meant)
+                )
 
     def has(self, *names: str) -> bool:
         """Whether one of the entries is there."""
@@ -596,7 +641,11 @@ class Section:
         return self._entries.get(name)
 
     def number(
-        self, name: str, bounds: Bounds | None = None, scale: float = 1.0, default: float | None = None
+        self,
+        name: str,
+        bounds: Bounds | None = None,
+        scale: float = 1.0,
+        default: float | None = None,
     ) -> float:
         """The number of the entry; without a `default` the entry must be there, and nan stands for a fault.
 
@@ -622,7 +671,9 @@ class Section:
         """The section under a key, as that declares it: an empty one if there is none, or after a fault."""
         value = self.get(name)
         section = value.section() if value else None
-        return section or Section(Value(_NOTHING_THERE, self.path(name), self.value.faults), _NOTHING_THERE, ())
+        return section or Section(
+            Value(_NOTHING_THERE, self.path(name), self.value.faults), _NOTHING_THERE, ()
+        )
 
     def refuse(self, names: Collection[str], reason: str) -> None:
         """Note that some entries, where they are there, have no place in this section."""

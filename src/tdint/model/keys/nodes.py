@@ -97,7 +97,9 @@ def nodes_of(value: object, faults: Faults, depth: int = 0) -> Node:
         faults.add(_NOWHERE, "", f"nested more than {MAX_DEPTH} levels deep; this is no model")
         raise faults.error()
     if isinstance(value, Mapping):
-        entries = tuple((_scalar(key, faults), nodes_of(item, faults, depth + 1)) for key, item in value.items())
+        entries = tuple(
+            (_scalar(key, faults), nodes_of(item, faults, depth + 1)) for key, item in value.items()
+        )
         return MappingNode(0, 0, entries)
     if isinstance(value, list | tuple):
         return ListNode(0, 0, tuple(nodes_of(item, faults, depth + 1) for item in value))
@@ -116,7 +118,9 @@ def _scalar(value: object, faults: Faults) -> ScalarNode:
         return ScalarNode(0, 0, repr(value), plain=True)
     if isinstance(value, str | os.PathLike):
         return ScalarNode(0, 0, os.fspath(value), plain=False)
-    faults.add(_NOWHERE, "", f"a model holds mappings, lists, numbers and text, not {type(value).__name__}")
+    faults.add(
+        _NOWHERE, "", f"a model holds mappings, lists, numbers and text, not {type(value).__name__}"
+    )
     raise faults.error()
 
 

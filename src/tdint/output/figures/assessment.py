@@ -62,17 +62,28 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
     """
     figure = Figure(figsize=(7.5, 8.6 if band else 6.4), layout="constrained")
     grid = figure.add_gridspec(3 if band else 2, 2)
-    radius, decay, period, damping = (figure.add_subplot(grid[i, j]) for i in (0, 1) for j in (0, 1))
+    radius, decay, period, damping = (
+        figure.add_subplot(grid[i, j]) for i in (0, 1) for j in (0, 1)
+    )
     styles = _curve_styles(curves)
     lines = _draw_quantity(radius, curves, "spectral_radius", styles)
-    for axes, quantity in ((decay, "amplitude_decay"), (period, "period_error"), (damping, "numerical_damping")):
+    for axes, quantity in (
+        (decay, "amplitude_decay"),
+        (period, "period_error"),
+        (damping, "numerical_damping"),
+    ):
         _draw_quantity(axes, curves, quantity, styles)
     # Around sqrt(12), the stability limit of linear acceleration.
     if band:
         zoom = figure.add_subplot(grid[2, :])
         for curve, style in zip(curves, styles, strict=True):
             growth = curve.spectral_radius - 1.0
-            _plot(zoom, 2.0 * math.pi * curve.dt_over_t, np.where(growth > _ROUNDING, growth, math.nan), style)
+            _plot(
+                zoom,
+                2.0 * math.pi * curve.dt_over_t,
+                np.where(growth > _ROUNDING, growth, math.nan),
+                style,
+            )
         zoom.set(yscale="log", ylim=(1e-4, 1.0), xlim=_BAND)
         zoom.axvline(math.sqrt(12.0), color=LIGHT, linewidth=0.8)
         zoom.set(xlabel="ω dt (the line marks √12)", ylabel="spectral radius - 1")
@@ -91,7 +102,9 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
     panels = figure.subplots(2, 2, sharex=True)
     starts = tuple(dict.fromkeys(motion.start for motion in motions))
     dampings = list(dict.fromkeys(motion.damping for motion in motions))
-    styles = line_styles([motion.method for motion in motions], [motion.damping for motion in motions])
+    styles = line_styles(
+        [motion.method for motion in motions], [motion.damping for motion in motions]
+    )
     lines = {}
     for motion, style in zip(motions, styles, strict=True):
         style |= {"markevery": 1, "marker": style.get("marker", "o")}
@@ -105,7 +118,9 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
             axes.axhspan(-1.0, 1.0, color="0.92", zorder=0.5)
             axes.xaxis.set_major_locator(MaxNLocator(integer=True))
             # Logarithmic beyond the exact motion, where steps leave it far behind.
-            largest = max(float(np.nanmax(np.abs(line.get_ydata()), initial=1.0)) for line in axes.get_lines())
+            largest = max(
+                float(np.nanmax(np.abs(line.get_ydata()), initial=1.0)) for line in axes.get_lines()
+            )
             if largest > 10.0:
                 axes.set_yscale("symlog", linthresh=1.0, linscale=1.0)
                 axes.yaxis.set_minor_formatter(NullFormatter())
@@ -177,13 +192,16 @@ def _plot(axes: Any, x: Array, y: Array, style: dict[str, Any]) -> list[Any]:
 def draw_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
     """The spectral radius over dt/T."""
     styles = [
-        style | {"label": label} for style, label in zip(_curve_styles(curves), _curve_labels(curves), strict=True)
+        style | {"label": label}
+        for style, label in zip(_curve_styles(curves), _curve_labels(curves), strict=True)
     ]
     _draw_quantity(axes, curves, "spectral_radius", styles)
     axes.legend(loc="best")
 
 
-def accuracy_picture(curves: Sequence[StabilityCurve], quantity: str, title: str, thin: int = 0) -> Figure:
+def accuracy_picture(
+    curves: Sequence[StabilityCurve], quantity: str, title: str, thin: int = 0
+) -> Figure:
     """One quantity of stability over dt/T: `spectral_radius`, `period_error`, `numerical_damping` or `amplitude_decay`;
     the last `thin` lines are thin."""
     figure = Figure(figsize=(7.5, 4.6), layout="constrained")
@@ -200,7 +218,10 @@ def _curve_styles(curves: Sequence[StabilityCurve]) -> list[dict[str, Any]]:
 def _thinned(styles: list[dict[str, Any]], count: int) -> list[dict[str, Any]]:
     """The styles, the last so many of thin lines without marks."""
     first = len(styles) - count
-    return [*styles[:first], *({**style, "linewidth": _THIN, "marker": None} for style in styles[first:])]
+    return [
+        *styles[:first],
+        *({**style, "linewidth": _THIN, "marker": None} for style in styles[first:]),
+    ]
 
 
 def _curve_labels(curves: Sequence[StabilityCurve]) -> list[str]:
@@ -232,7 +253,10 @@ def _draw_quantity(
     if quantity == "spectral_radius":
         axes.set_xscale("log")
         steps = np.concatenate([curve.dt_over_t for curve in curves])
-        low, high = max(float(np.min(steps)), _RADIUS_RANGE[0]), min(float(np.max(steps)), _RADIUS_RANGE[1])
+        low, high = (
+            max(float(np.min(steps)), _RADIUS_RANGE[0]),
+            min(float(np.max(steps)), _RADIUS_RANGE[1]),
+        )
         if low < high:
             axes.set_xlim(low, high)
         axes.axhline(1.0, color=LIGHT, linewidth=0.8)
@@ -257,7 +281,9 @@ def _draw_orders(measured: Sequence[ObservedOrder], thin: int) -> Figure:
     for method, style in zip(methods, styles, strict=True):
         orders = [order for order in measured if order.method == method]
         ratios = np.array([order.frequency_ratio for order in orders])
-        lines += _plot(upper, ratios, np.array([order.order("displacement") for order in orders]), style)
+        lines += _plot(
+            upper, ratios, np.array([order.order("displacement") for order in orders]), style
+        )
         _plot(lower, ratios, np.array([order.displacement[-1] for order in orders]), style)
     upper.set_ylabel("observed order of displacement")
     upper.yaxis.set_major_locator(MaxNLocator(integer=True))
@@ -286,7 +312,11 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     for quantity, marker, size, fill in marks:
         orders = [order.order(quantity) for order in measured]
         label = "the method's own acceleration" if quantity == "own_acceleration" else quantity
-        mark: dict[str, Any] = {"markersize": size, "markerfacecolor": fill, "markeredgecolor": COLORS[0]}
+        mark: dict[str, Any] = {
+            "markersize": size,
+            "markerfacecolor": fill,
+            "markeredgecolor": COLORS[0],
+        }
         axes.plot(orders, rows, marker, **mark, label=label)
     for order, row in zip(measured, rows, strict=True):
         if math.isnan(order.order("displacement")):
@@ -304,7 +334,10 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
 # ---- Figure of the problems on which methods fail: a matrix of methods and problems, readable in black and white
 
 _CELL = (0.46, 0.25)  # inches
-_LEVEL, _UPRIGHT = 0.28, 0.13  # widths of a cell in print, inches, that five digits of 6 points take, level and upright
+_LEVEL, _UPRIGHT = (
+    0.28,
+    0.13,
+)  # widths of a cell in print, inches, that five digits of 6 points take, level and upright
 _TALL = 0.34  # inches, of a cell whose digits stand upright
 _LETTER_UP = 0.06  # inches, of a letter of 8 points
 _LINE = 0.15  # inches, of a line
@@ -361,13 +394,18 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
     figure = Figure(figsize=(width, high + (1.7 if narrow else 1.13)), layout="constrained")
     panels = figure.subplots(len(parts), 1, squeeze=False)[:, 0]
     # A cell for each trial; what is hatched has its words on a plain ground.
-    look: dict[str, Any] = {"fontsize": 6.0 if PRINTED.get().width else 6.8, "rotation": 90.0 if upright else 0.0}
+    look: dict[str, Any] = {
+        "fontsize": 6.0 if PRINTED.get().width else 6.8,
+        "rotation": 90.0 if upright else 0.0,
+    }
     for trial in trials:
         panel, x = divmod(columns.index((trial.problem, trial.dt)), across)
         y, mark = methods.index(trial.method), _MARKS.get(trial.verdict, _MARKS[""])
         panels[panel].add_patch(_patch(x, y, mark))
         behind = {"facecolor": mark.face, "edgecolor": "none", "pad": 0.8} if mark.hatch else None
-        panels[panel].text(x, y, _words(trial), ha="center", va="center", color=mark.ink, bbox=behind, **look)
+        panels[panel].text(
+            x, y, _words(trial), ha="center", va="center", color=mark.ink, bbox=behind, **look
+        )
     # Problems above, methods at the side; a line between one problem and the next.
     for panel, (axes, part) in enumerate(zip(panels, parts, strict=True)):
         first = panel * across
@@ -383,9 +421,16 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
                 axes.axvline(x - 0.5, color="black", linewidth=1.2)
     # The legend has the looks, and above them what the numbers are.
     handles = [_patch(0.0, 0.0, _MARKS[name]) for name in _LEGEND.values()]
-    size = {"ncols": 2 if narrow else 3, "handlelength": 2.4, "handleheight": 1.4, "title_fontsize": 7.5}
+    size = {
+        "ncols": 2 if narrow else 3,
+        "handlelength": 2.4,
+        "handleheight": 1.4,
+        "title_fontsize": 7.5,
+    }
     explanation = "\n".join(wrap(_EXPLANATION, _NARROW_FOOT)) if narrow else _EXPLANATION
-    legend = figure.legend(handles, list(_LEGEND), loc="outside lower center", title=explanation, **size)
+    legend = figure.legend(
+        handles, list(_LEGEND), loc="outside lower center", title=explanation, **size
+    )
     legend.get_title().set_multialignment("center")
     return titled(figure, "Problems on which methods fail")
 
@@ -405,12 +450,20 @@ def _rooms(methods: Sequence[str], count: int) -> tuple[float, int, float, bool]
             upright = cell < _LEVEL
             return width, columns, _TALL if upright else _CELL[1], upright
     least = math.ceil(1e3 * INCH * (side + _UPRIGHT * columns))
-    raise UsageError(f"the names of these methods and their numbers take a width of {least} mm at least")
+    raise UsageError(
+        f"the names of these methods and their numbers take a width of {least} mm at least"
+    )
 
 
 def _patch(x: float, y: float, mark: _Mark) -> Rectangle:
     return Rectangle(
-        (x - 0.5, y - 0.5), 1.0, 1.0, facecolor=mark.face, hatch=mark.hatch, edgecolor="0.4", linewidth=0.5
+        (x - 0.5, y - 0.5),
+        1.0,
+        1.0,
+        facecolor=mark.face,
+        hatch=mark.hatch,
+        edgecolor="0.4",
+        linewidth=0.5,
     )
 
 
@@ -423,7 +476,9 @@ def _words(trial: Trial) -> str:
         if 0.01 <= trial.measure < 1000.0 or trial.measure == 0.0:
             texts.append(f"{trial.measure:.{digits}g}")
         else:
-            number, power = f"{trial.measure:.{int(digits > 2 and trial.measure > 1e-9)}e}".split("e")
+            number, power = f"{trial.measure:.{int(digits > 2 and trial.measure > 1e-9)}e}".split(
+                "e"
+            )
             texts.append(f"{float(number):g}e{int(power)}")
     return texts[PRINTED.get().width is not None and len(texts[0]) > _MOST_LETTERS]
 
@@ -442,7 +497,9 @@ _COSTS = {
 _FOOT = 100  # characters in a line of a picture's foot
 
 
-def chart_picture(chart: Chart, *, name: str, target: str, versus: str = "time", highlight: str = "") -> Figure:
+def chart_picture(
+    chart: Chart, *, name: str, target: str, versus: str = "time", highlight: str = ""
+) -> Figure:
     """Picture of a chart: time over error, a line per method; or error over step.
 
     A point whose error is below the gap of the reference is not drawn. Of those of a line that has some, a triangle at
@@ -467,7 +524,9 @@ def chart_picture(chart: Chart, *, name: str, target: str, versus: str = "time",
     return _draw_costs(_Drawing(chart, target, versus), name, highlight)
 
 
-def sizes_picture(charts: Sequence[Chart], *, name: str, target: str, highlight: str = "") -> Figure:
+def sizes_picture(
+    charts: Sequence[Chart], *, name: str, target: str, highlight: str = ""
+) -> Figure:
     """Picture of time per step and of error over the number of stories, at the step closest to the record's."""
     figure = Figure(figsize=(7.5, 4.6), layout="constrained")
     cost, accuracy = figure.subplots(1, 2)
@@ -481,7 +540,9 @@ def sizes_picture(charts: Sequence[Chart], *, name: str, target: str, highlight:
             points = [point for point in drawing.lines.get(line, []) if not math.isnan(point.dt)]
             if points:
                 interval = drawing.chart.interval
-                closest.append((drawing, min(points, key=lambda point: abs(math.log(point.dt / interval)))))
+                closest.append(
+                    (drawing, min(points, key=lambda point: abs(math.log(point.dt / interval))))
+                )
         stories = [drawing.chart.stories for drawing, _ in closest]
         step_cost = [1e6 * point.fastest / (point.steps or math.nan) for _, point in closest]
         handles += cost.plot(stories, step_cost, **style)
@@ -489,11 +550,19 @@ def sizes_picture(charts: Sequence[Chart], *, name: str, target: str, highlight:
     for axes, label in ((cost, "time per step (us)"), (accuracy, QUANTITIES[target])):
         _chart_frame(axes)
         plain_numbers(axes.xaxis)
-        axes.set(xlabel="stories (dotted: in proportion to them)" if axes is cost else "stories", ylabel=label)
+        axes.set(
+            xlabel="stories (dotted: in proportion to them)" if axes is cost else "stories",
+            ylabel=label,
+        )
     # Cost in proportion to size, under the lines, within the limits that they have.
     limits = cost.get_ylim()
-    ends = np.array([min(chart.stories for chart in charts), max(chart.stories for chart in charts)], dtype=float)
-    cost.plot(ends, 0.5 * limits[1] * ends / ends[-1], color="0.6", linewidth=0.8, linestyle=":", zorder=1)
+    ends = np.array(
+        [min(chart.stories for chart in charts), max(chart.stories for chart in charts)],
+        dtype=float,
+    )
+    cost.plot(
+        ends, 0.5 * limits[1] * ends / ends[-1], color="0.6", linewidth=0.8, linestyle=":", zorder=1
+    )
     cost.set_ylim(limits)
     add_legend(figure, cost, handles, lines, NARROW)
     titled(
@@ -520,7 +589,9 @@ class _Drawing:
 
     def cost(self, point: Point) -> float:
         """What the march costs; nan where it was not counted."""
-        cost = {"time": point.fastest, "steps": point.steps, "solves": point.iterations}[self.versus]
+        cost = {"time": point.fastest, "steps": point.steps, "solves": point.iterations}[
+            self.versus
+        ]
         return math.nan if cost is None else float(cost)
 
     def error(self, point: Point) -> float:
@@ -553,7 +624,9 @@ def _styles(lines: Sequence[str], highlight: str) -> dict[str, dict[str, Any]]:
     """Dashes and markers that tell lines apart without color; open markers for other programs."""
     looks = method_looks(lines, highlight)
     faces = {line: "white" if PEER in line else looks[line]["color"] for line in lines}
-    return {line: looks[line] | {"markersize": 4.5, "markerfacecolor": faces[line]} for line in lines}
+    return {
+        line: looks[line] | {"markersize": 4.5, "markerfacecolor": faces[line]} for line in lines
+    }
 
 
 def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
@@ -561,7 +634,9 @@ def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
     axes = figure.subplots()
     # The front lies under all lines, as a band; a line has marks at its points, and a triangle below the gap.
     front = drawing.front()
-    (band,) = axes.plot(*_columns(drawing, front), color=_FRONT, linewidth=9.0, solid_capstyle="round", zorder=1)
+    (band,) = axes.plot(
+        *_columns(drawing, front), color=_FRONT, linewidth=9.0, solid_capstyle="round", zorder=1
+    )
     handles = []
     shown: list[Point] = []  # with a mark
     styles = _styles(list(drawing.lines), highlight)
@@ -571,9 +646,20 @@ def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
         shown += [*compared, *below]
         axes.plot(*_columns(drawing, [*compared, *below]), **style | {"marker": "none"})
         axes.plot(*_columns(drawing, compared), **style | {"linestyle": "none"})
-        axes.plot(*_columns(drawing, below), linestyle="none", marker="<", markersize=7.0, color=style["color"])
+        axes.plot(
+            *_columns(drawing, below),
+            linestyle="none",
+            marker="<",
+            markersize=7.0,
+            color=style["color"],
+        )
         handles += axes.plot([], [], **style)
-    rings: dict[str, Any] = {"marker": "o", "markersize": 10.0, "markerfacecolor": "none", "markeredgecolor": "0.25"}
+    rings: dict[str, Any] = {
+        "marker": "o",
+        "markersize": 10.0,
+        "markerfacecolor": "none",
+        "markeredgecolor": "0.25",
+    }
     interval = drawing.chart.interval
     own = [point for point in shown if abs(point.dt - interval) <= 1e-9 * interval]
     axes.plot(*_columns(drawing, own), linestyle="none", **rings, markeredgewidth=0.8)
@@ -590,7 +676,10 @@ def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
         label += "\n" + ", ".join(f"{peer.name}: in {peer.timed}" for peer in chart.peers)
     axes.set_ylabel(label)
     add_legend(figure, axes, [*handles, band], [*drawing.lines, "the best at each error"], NARROW)
-    titled(figure, _title(drawing, name, f"{drawing.versus} against accuracy, time steps (s) at the points"))
+    titled(
+        figure,
+        _title(drawing, name, f"{drawing.versus} against accuracy, time steps (s) at the points"),
+    )
     # Steps at the points of the front and at the finest of each line, where there is room when all else is in place.
     finest = [points[-1] for points in drawing.lines.values() if points[-1] in shown]
     labelled = list(dict.fromkeys(point for point in (*front, *finest) if not math.isnan(point.dt)))
@@ -616,8 +705,13 @@ def _footnote(drawing: _Drawing) -> str:
     chart, reference = drawing.chart, drawing.chart.reference
     gap = reference.gap.of(drawing.target)
     whose = "record" if chart.recorded else "model"
-    chosen = "; by tolerance: of the whole run" * any(math.isnan(p.dt) and PEER not in p.line for p in drawing.points)
-    programs = [f"tdint {version_of_sources()[0]}", *(f"{peer.name} {peer.version}" for peer in chart.peers)]
+    chosen = "; by tolerance: of the whole run" * any(
+        math.isnan(p.dt) and PEER not in p.line for p in drawing.points
+    )
+    programs = [
+        f"tdint {version_of_sources()[0]}",
+        *(f"{peer.name} {peer.version}" for peer in chart.peers),
+    ]
     return "\n".join(
         wrap(
             f"circle: the {whose}'s own step, {chart.interval:.4g} s; reference: {reference.method}, dt "
@@ -642,7 +736,9 @@ def _draw_steps(drawing: _Drawing, name: str, highlight: str) -> Figure:
         compared = [point for point in drawing.known(points) if not math.isnan(point.dt)]
         if compared:
             handles += axes.plot(
-                [point.dt for point in compared], [drawing.error(point) for point in compared], **styles[line]
+                [point.dt for point in compared],
+                [drawing.error(point) for point in compared],
+                **styles[line],
             )
             labels.append(line)
     axes.axvline(drawing.chart.interval, color=LIGHT, linewidth=0.8, zorder=1)

@@ -45,7 +45,14 @@ GRAY = "0.72"
 """Of what is one record among many."""
 
 _PAIRS = {GEOMETRIC_MEAN: "geometric mean ", "rotd50": "RotD50 ", "rotd100": "RotD100 "}
-_WORDS = {"sa": "Sa", "sa-avg": "Sa_avg", "pga": "PGA", "pgv": "PGV", "arias": "Arias intensity", "cav": "CAV"}
+_WORDS = {
+    "sa": "Sa",
+    "sa-avg": "Sa_avg",
+    "pga": "PGA",
+    "pgv": "PGV",
+    "arias": "Arias intensity",
+    "cav": "CAV",
+}
 
 FRACTILES = (16, 84)
 BETWEEN_FRACTILES = f"{FRACTILES[0]} % and {FRACTILES[1]} %"
@@ -54,7 +61,11 @@ BETWEEN_FRACTILES = f"{FRACTILES[0]} % and {FRACTILES[1]} %"
 _FEW = 3  # motions: fewer have no fractiles
 _PERIODS = (0.05, 5.0, 120)
 _SHORTEST = 0.06  # sampling intervals; below there is nothing in a record
-_PAIR = {GEOMETRIC_MEAN: "geometric mean of both components", "rotd50": "RotD50", "rotd100": "RotD100"}
+_PAIR = {
+    GEOMETRIC_MEAN: "geometric mean of both components",
+    "rotd50": "RotD50",
+    "rotd100": "RotD100",
+}
 
 
 def single_look(several: bool) -> dict[str, Any]:
@@ -85,7 +96,9 @@ def add_gravity_axis(axes: Any, unit: str, *, horizontal: bool = False) -> None:
     g = STANDARD_GRAVITY / ACCELERATION[unit]
     both = (lambda value: value / g, lambda value: value * g)
     second = (
-        axes.secondary_xaxis("top", functions=both) if horizontal else axes.secondary_yaxis("right", functions=both)
+        axes.secondary_xaxis("top", functions=both)
+        if horizontal
+        else axes.secondary_yaxis("right", functions=both)
     )
     axis = second.xaxis if horizontal else second.yaxis
     plain_numbers(axis)
@@ -129,7 +142,9 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI) -> Figure:
     count = len(scaling.motions)
     subject = "record" if isinstance(scaling.motions[0], Record) else "pair"
     names = (
-        how_many(count, subject) if count > 1 else f"{record_name(records[0].source)} {scaling.motions[0].component}"
+        how_many(count, subject)
+        if count > 1
+        else f"{record_name(records[0].source)} {scaling.motions[0].component}"
     )
     pair = f", {_PAIR[scaling.pair]}" if subject == "pair" and scaling.rule != "p695" else ""
     title = f"{names}{changed(records)}, {ways[scaling.rule]}\n{100.0 * scaling.damping:g} % damping{pair}"
@@ -176,7 +191,9 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
     axes.legend(loc="lower left")
 
 
-def _draw_aim(axes: Any, scaling: Scaling, periods: Array, spectra: Array, units: OutputUnits) -> None:
+def _draw_aim(
+    axes: Any, scaling: Scaling, periods: Array, spectra: Array, units: OutputUnits
+) -> None:
     """What the suite was scaled to: a point, or a spectrum over its range."""
     red = COLORS[1]
     if scaling.target is not None and scaling.periods is not None:
@@ -184,7 +201,14 @@ def _draw_aim(axes: Any, scaling: Scaling, periods: Array, spectra: Array, units
         axes.axvspan(scaling.periods[0], scaling.periods[-1], color="0.95", zorder=0)
         axes.plot(target.periods, psa, color=red, linewidth=2.2, label="target", zorder=5)
         if scaling.least is not None:
-            axes.plot(target.periods, LEAST_PART * psa, color=red, linestyle=DASHES[2], zorder=5, label="90 % of it")
+            axes.plot(
+                target.periods,
+                LEAST_PART * psa,
+                color=red,
+                linestyle=DASHES[2],
+                zorder=5,
+                label="90 % of it",
+            )
             style = {"color": COLORS[2], "linewidth": 2.0, "linestyle": DASHES[3], "zorder": 5}
             axes.plot(periods, np.mean(spectra, axis=0), **style, label="average")
     periods_aimed = _aimed(scaling)
@@ -198,7 +222,9 @@ def _draw_aim(axes: Any, scaling: Scaling, periods: Array, spectra: Array, units
     elif len(periods_aimed) > 1:
         label = f"Sa_avg = {said}"
         axes.axvspan(periods_aimed[0], periods_aimed[-1], color="0.95", zorder=0)
-        axes.plot([periods_aimed[0], periods_aimed[-1]], [value] * 2, color=red, zorder=5, label=label)
+        axes.plot(
+            [periods_aimed[0], periods_aimed[-1]], [value] * 2, color=red, zorder=5, label=label
+        )
 
 
 def _aimed(scaling: Scaling) -> tuple[float, ...]:
@@ -220,7 +246,9 @@ def ida_picture(study: IdaStudy) -> Figure:
     draw_ida(figure.subplots(), study)
     records = [curve.record for curve in study.states[0].curves]
     subject = (
-        f"{len(records)} records" if len(records) > 1 else f"{record_name(records[0].source)} {records[0].component}"
+        f"{len(records)} records"
+        if len(records) > 1
+        else f"{record_name(records[0].source)} {records[0].component}"
     )
     title = f"{study.model.name}\nIncremental dynamic analysis, {subject}{changed(records)}, {study.method}"
     if not isinstance(study.measure, MotionIntensity) and study.measure.periods != (0.0,):
@@ -246,15 +274,26 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
     for state in states:
         _draw_capacities(axes, state, limit)
     # Runs without a result, at the edge.
-    lost = [run.im for curve in study.curves for run in curve.runs if not (run.stable or run.collapsed)]
+    lost = [
+        run.im for curve in study.curves for run in curve.runs if not (run.stable or run.collapsed)
+    ]
     if lost:
-        axes.plot([100.0 * limit] * len(lost), lost, "x", color="0.4", label="run without a result", clip_on=False)
+        axes.plot(
+            [100.0 * limit] * len(lost),
+            lost,
+            "x",
+            color="0.4",
+            label="run without a result",
+            clip_on=False,
+        )
     # The axis of intensity ends above the capacities, and the largest levels that a building stands.
     capacities = (curve.collapse.capacity for curve in study.curves)
     stood = (run.im for curve in study.curves for run in curve.stable)
     highest = max((*filter(math.isfinite, capacities), *stood), default=0.0)
     axes.set(xlim=(0.0, 100.0 * _BEYOND * limit), ylim=(0.0, _ROOM * (highest or 1.0)))
-    axes.set(xlabel="largest drift ratio (%)", ylabel=measure_label(study.im_name, study.measure.unit))
+    axes.set(
+        xlabel="largest drift ratio (%)", ylabel=measure_label(study.im_name, study.measure.unit)
+    )
     add_gravity_axis(axes, study.measure.unit)
     axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
 
@@ -275,17 +314,26 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
     state = (f", damaged to {100.0 * damage:g} %" if damage else ", intact") * several
     if len(study.curves) < _FEW:
         for curve in study.curves if several else ():
-            _draw_curve(axes, curve, limit, {"color": color, "linewidth": 1.6, "label": state.removeprefix(", ")})
+            _draw_curve(
+                axes,
+                curve,
+                limit,
+                {"color": color, "linewidth": 1.6, "label": state.removeprefix(", ")},
+            )
             state = ""
         return
     drifts = np.linspace(0.0, limit, _DRIFTS)[1:]
-    for part, row in reversed(list(zip(_PARTS, fractiles(study.curves, drifts, _PARTS), strict=True))):
+    for part, row in reversed(
+        list(zip(_PARTS, fractiles(study.curves, drifts, _PARTS), strict=True))
+    ):
         if not np.isfinite(row).any() or (several and part != 0.5):
             continue
         style = {"linewidth": 2.2} if part == 0.5 else {"linestyle": DASHES[1], "linewidth": 1.4}
         label = f"median{state}" if part == 0.5 else "16 % and 84 %" if part == _PARTS[0] else None
         start = [] if damage else [0.0]  # a damaged building does not begin at rest in the origin
-        axes.plot([*start, *(100.0 * drifts)], [*start, *row], color=color, zorder=3, label=label, **style)
+        axes.plot(
+            [*start, *(100.0 * drifts)], [*start, *row], color=color, zorder=3, label=label, **style
+        )
 
 
 def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
@@ -293,11 +341,17 @@ def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
     collapses = ("o", COLORS[1], "capacity against collapse")
     again = ("D", "white", "the same, stands again above it")
     censored = ("^", "white", "does not collapse up to here")
-    groups: dict[tuple[str, str, str], list[tuple[float, float]]] = {collapses: [], again: [], censored: []}
+    groups: dict[tuple[str, str, str], list[tuple[float, float]]] = {
+        collapses: [],
+        again: [],
+        censored: [],
+    }
     for curve in study.curves:
         if curve.stable:
             drift = min(curve.stable[-1].drift_ratio, limit)
-            look = censored if curve.collapse.censored else again if curve.resurrection else collapses
+            look = (
+                censored if curve.collapse.censored else again if curve.resurrection else collapses
+            )
             groups[look].append((100.0 * drift, curve.collapse.capacity))
     for (marker, face, label), points in groups.items():
         if points:
@@ -305,7 +359,15 @@ def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
             # Of several states each kind is named once.
             shown = None if label in axes.get_legend_handles_labels()[1] else label
             axes.scatter(
-                x, y, s=26, marker=marker, facecolor=face, edgecolor=COLORS[1], linewidth=1.1, zorder=4, label=shown
+                x,
+                y,
+                s=26,
+                marker=marker,
+                facecolor=face,
+                edgecolor=COLORS[1],
+                linewidth=1.1,
+                zorder=4,
+                label=shown,
             )
 
 
@@ -323,9 +385,16 @@ _NAMES = {
 def fragility_picture(functions: Sequence[Fragility]) -> Figure:
     """Picture of functions of one fit and one intensity measure, one at least."""
     cloud = functions[0].cloud
-    crowded = cloud is None and len(functions) > _TOGETHER and any(function.beta_model for function in functions)
+    crowded = (
+        cloud is None
+        and len(functions) > _TOGETHER
+        and any(function.beta_model for function in functions)
+    )
     stacked = crowded and is_narrow()
-    figure = Figure(figsize=(6.8, 9.2) if stacked else (9.2 if cloud or crowded else 6.8, 4.6), layout="constrained")
+    figure = Figure(
+        figsize=(6.8, 9.2) if stacked else (9.2 if cloud or crowded else 6.8, 4.6),
+        layout="constrained",
+    )
     if crowded:
         # The fitted functions with what tells how sure they are; beside them those with the model's dispersion.
         first, second = figure.subplots(2, 1) if stacked else figure.subplots(1, 2, sharey=True)
@@ -334,10 +403,14 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
         im = np.linspace(0.0, end, _POINTS)[1:]
         for i, function in enumerate(functions):
             label = _label(function, function.beta_total)
-            second.plot(im, function.probability(im, total=True), **line_look(i), linewidth=1.8, label=label)
+            second.plot(
+                im, function.probability(im, total=True), **line_look(i), linewidth=1.8, label=label
+            )
         second.set(xlim=(0.0, end), ylim=(-0.01, 1.01), xlabel=_im_label(functions[0]))
         add_gravity_axis(second, functions[0].unit, horizontal=True)
-        _name_functions(second, functions, rf"with $\beta_{{model}}$ = {functions[0].beta_model:.2g}")
+        _name_functions(
+            second, functions, rf"with $\beta_{{model}}$ = {functions[0].beta_model:.2g}"
+        )
         if stacked:
             second.set_ylabel(first.get_ylabel())
     elif cloud is None:
@@ -365,7 +438,10 @@ def types_picture(functions: Sequence[Fragility]) -> Figure:
         for name in dict.fromkeys(f.type for f in functions)
     }
     states = list(
-        dict.fromkeys(function.state for function in sorted(functions, key=lambda function: function.threshold))
+        dict.fromkeys(
+            function.state
+            for function in sorted(functions, key=lambda function: function.threshold)
+        )
     )
     wide = min(len(types), _ACROSS)
     high = -(-len(types) // wide)
@@ -382,8 +458,12 @@ def types_picture(functions: Sequence[Fragility]) -> Figure:
         if not alike or place >= len(types) - wide:
             axes.set_xlabel(_im_label(of_one[0]))
     lines = [axes.plot([], [], **line_look(i), linewidth=1.8)[0] for i in range(len(states))]
-    figure.legend(lines, states, loc="outside lower center", ncols=legend_columns(states, 5), handlelength=3.2)
-    return titled(figure, "Probability of damage states and shares counted, 95 % confidence over the motions")
+    figure.legend(
+        lines, states, loc="outside lower center", ncols=legend_columns(states, 5), handlelength=3.2
+    )
+    return titled(
+        figure, "Probability of damage states and shares counted, 95 % confidence over the motions"
+    )
 
 
 def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str]) -> None:
@@ -394,8 +474,17 @@ def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str])
         i = states.index(function.state)
         style = line_look(i)
         _draw_band(axes, function, im, style, alpha=0.08, linewidth=0.4)
-        axes.plot(im, function.probability(im, total=function.beta_model > 0.0), linewidth=1.6, **style)
-        _draw_counted(axes, function, end, color=style["color"], marker=MARKERS[i % len(MARKERS)], markersize=3.5)
+        axes.plot(
+            im, function.probability(im, total=function.beta_model > 0.0), linewidth=1.6, **style
+        )
+        _draw_counted(
+            axes,
+            function,
+            end,
+            color=style["color"],
+            marker=MARKERS[i % len(MARKERS)],
+            markersize=3.5,
+        )
     axes.set(xlim=(0.0, end), ylim=(-0.01, 1.01))
 
 
@@ -406,20 +495,34 @@ def draw_functions(axes: Any, functions: Sequence[Fragility], *, total: bool = T
     for i, function in enumerate(functions):
         look = line_look(i)
         color = look["color"]
-        _draw_band(axes, function, im, look, alpha=0.18 if len(functions) == 1 else 0.08, linewidth=0.5)
+        _draw_band(
+            axes, function, im, look, alpha=0.18 if len(functions) == 1 else 0.08, linewidth=0.5
+        )
         axes.plot(im, function.probability(im), **look, linewidth=1.8, label=_label(function))
         if function.beta_model and total:
-            whole, label = function.probability(im, total=True), rf"with $\beta_{{model}}$: {function.beta_total:.2f}"
+            whole, label = (
+                function.probability(im, total=True),
+                rf"with $\beta_{{model}}$: {function.beta_total:.2f}",
+            )
             axes.plot(im, whole, color=color, linestyle=":", linewidth=1.2, label=label)
-        _draw_counted(axes, function, end, color=color, marker=MARKERS[i % len(MARKERS)], markersize=4.5)
+        _draw_counted(
+            axes, function, end, color=color, marker=MARKERS[i % len(MARKERS)], markersize=4.5
+        )
     if any(np.isfinite(function.covariance).all() for function in functions):
         axes.fill_between([], [], [], color="0.5", alpha=0.25, label="95 % confidence")
-    axes.set(xlim=(0.0, end), ylim=(-0.01, 1.01), xlabel=_im_label(functions[0]), ylabel="probability of exceedance")
+    axes.set(
+        xlim=(0.0, end),
+        ylim=(-0.01, 1.01),
+        xlabel=_im_label(functions[0]),
+        ylabel="probability of exceedance",
+    )
     add_gravity_axis(axes, functions[0].unit, horizontal=True)
     _name_functions(axes, functions)
 
 
-def _draw_band(axes: Any, function: Fragility, im: Array, look: dict[str, Any], alpha: float, linewidth: float) -> None:
+def _draw_band(
+    axes: Any, function: Fragility, im: Array, look: dict[str, Any], alpha: float, linewidth: float
+) -> None:
     """The confidence band of a function, where there is an interval."""
     if np.isfinite(function.covariance).all():
         low, high = function.band(im)
@@ -432,7 +535,14 @@ def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") 
     """The legend of functions of one demand; `which` they are."""
     exceeded = "" if math.isnan(functions[0].threshold) else "exceedance of"
     title = "\n".join(filter(None, (which, exceeded))) or None
-    axes.legend(loc="lower right", frameon=True, framealpha=0.85, edgecolor="none", title=title, alignment="left")
+    axes.legend(
+        loc="lower right",
+        frameon=True,
+        framealpha=0.85,
+        edgecolor="none",
+        title=title,
+        alignment="left",
+    )
 
 
 def _draw_counted(axes: Any, function: Fragility, end: float, **look: Any) -> None:
@@ -442,7 +552,14 @@ def _draw_counted(axes: Any, function: Fragility, end: float, **look: Any) -> No
         points = Points(counted.im, counted.share)
     if points is not None:
         shown = points.im <= end
-        axes.plot(points.im[shown], points.part[shown], linestyle="none", markerfacecolor="white", zorder=4, **look)
+        axes.plot(
+            points.im[shown],
+            points.part[shown],
+            linestyle="none",
+            markerfacecolor="white",
+            zorder=4,
+            **look,
+        )
 
 
 def _end(functions: Sequence[Fragility]) -> float:
@@ -460,7 +577,13 @@ def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -
     """Demands over intensities, both logarithmic, with the line and a standard deviation to both sides."""
     measured = ~(cloud.censored | cloud.below)
     axes.scatter(
-        cloud.im[measured], cloud.edp[measured], s=14, facecolor=GRAY, edgecolor="0.45", linewidth=0.5, label="runs"
+        cloud.im[measured],
+        cloud.edp[measured],
+        s=14,
+        facecolor=GRAY,
+        edgecolor="0.45",
+        linewidth=0.5,
+        label="runs",
     )
     hollow = {"s": 22, "facecolor": "white", "edgecolor": "0.35", "linewidth": 0.8}
     for limited, marker, label in (
@@ -468,7 +591,9 @@ def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -
         (cloud.below, "v", "below the lightest state"),
     ):
         if limited.any():
-            axes.scatter(cloud.im[limited], cloud.edp[limited], marker=marker, label=label, **hollow)
+            axes.scatter(
+                cloud.im[limited], cloud.edp[limited], marker=marker, label=label, **hollow
+            )
     im = np.geomspace(np.min(cloud.im), np.max(cloud.im), 50)
     line = np.exp(cloud.intercept) * im**cloud.slope
     axes.plot(im, line, color=COLORS[0], linewidth=1.8, label=f"slope {cloud.slope:.3g}")
@@ -479,7 +604,9 @@ def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -
         axes.axhline(function.threshold, **line_look(i), linewidth=0.9)
     plain_logarithmic(axes)
     edges = [*cloud.edp.tolist(), *(function.threshold for function in functions)]
-    axes.set(ylim=(min(edges) / 1.6, 1.6 * max(edges)), xlabel=_im_label(functions[0]), ylabel="demand")
+    axes.set(
+        ylim=(min(edges) / 1.6, 1.6 * max(edges)), xlabel=_im_label(functions[0]), ylabel="demand"
+    )
     axes.legend(loc="lower right", frameon=True, framealpha=0.85, edgecolor="none")
 
 
@@ -493,5 +620,9 @@ def _label(function: Fragility, beta_total: float | None = None) -> str:
     if function.damage == function.damage:
         state = f"damaged to {100.0 * function.damage:g} %" if function.damage else "intact"
         threshold += f"{state}, "
-    beta = rf"$\beta$ = {function.beta:.2f}" if beta_total is None else rf"$\beta_{{total}}$ = {beta_total:.2f}"
+    beta = (
+        rf"$\beta$ = {function.beta:.2f}"
+        if beta_total is None
+        else rf"$\beta_{{total}}$ = {beta_total:.2f}"
+    )
     return rf"{threshold}$\theta$ = {function.theta:.3g}, {beta}"

@@ -82,13 +82,19 @@ def comparison_picture(
     rows = [
         (comparison, floor, spectra)
         for comparison in comparisons
-        for floor, spectra in reversed(list(zip(comparison.floors, comparison.spectra(periods, damping), strict=True)))
+        for floor, spectra in reversed(
+            list(zip(comparison.floors, comparison.spectra(periods, damping), strict=True))
+        )
     ]
     left_out = len(rows) - _WORST if len(rows) > _MOST_ROWS else 0
     if left_out:
         rows = sorted(rows, key=lambda row: row[1].correlation)[:_WORST]
-    high = 2.7 if is_narrow() else 1.55  # inches of a row; in one column of a page words take more of them
-    figure = Figure(figsize=(7.5, 1.5 + high * len(rows) + 2.6 * bool(left_out)), layout="constrained")
+    high = (
+        2.7 if is_narrow() else 1.55
+    )  # inches of a row; in one column of a page words take more of them
+    figure = Figure(
+        figsize=(7.5, 1.5 + high * len(rows) + 2.6 * bool(left_out)), layout="constrained"
+    )
     top: Any = figure
     if left_out:
         parts: Any = figure.subfigures(2, 1, height_ratios=(high * len(rows), 2.6))
@@ -96,16 +102,23 @@ def comparison_picture(
         _draw_overview(below.subplots(2, 1, sharex=True), comparisons)
     panels = top.subplots(len(rows), 3, squeeze=False, width_ratios=(2.2, 1.4, 1.1))
     for (comparison, floor, spectra), (history, close, spectrum) in zip(rows, panels, strict=True):
-        event = f"{record_name(comparison.event.recording.source)}, " if len(comparisons) > 1 else ""
+        event = (
+            f"{record_name(comparison.event.recording.source)}, " if len(comparisons) > 1 else ""
+        )
         agreement = f"correlation {floor.correlation:.3f}, peaks {floor.peak_ratio:.3f}"
         _draw_histories(history, floor, units)
         label = f"{floor.quantity}\n({units.label(_UNITS[floor.quantity])})"
         history.set(xlim=_shaken(comparison), ylabel=label)
-        history.set_title(f"{event}floor {floor.floor}: {agreement}", loc="left", fontsize=8.5, parse_math=False)
+        history.set_title(
+            f"{event}floor {floor.floor}: {agreement}", loc="left", fontsize=8.5, parse_math=False
+        )
         _draw_histories(close, floor, units)
         close.set_xlim(*_strongest(comparison))
         close.tick_params(labelleft=False)
-        for values, color, width in ((spectra.recorded, _RECORDED, 1.5), (spectra.computed, _COMPUTED, 0.9)):
+        for values, color, width in (
+            (spectra.recorded, _RECORDED, 1.5),
+            (spectra.computed, _COMPUTED, 0.9),
+        ):
             spectrum.plot(spectra.periods, units.of(values, "m/s^2"), color=color, linewidth=width)
         spectrum.set(ylim=(0.0, None), ylabel=f"SA ({units.label('m/s^2')})")
         spectrum.tick_params(axis="x", which="both", labelsize=7.0)
@@ -114,7 +127,9 @@ def comparison_picture(
         axes.set_xlabel(label)
     panels[0, 2].set_title(f"spectra, {100.0 * damping:g} %", fontsize=8.5)
     lines = panels[0, 0].get_lines()
-    figure.legend(lines[:2], ["recorded", "computed"], loc="outside lower center", ncols=2, handlelength=3.0)
+    figure.legend(
+        lines[:2], ["recorded", "computed"], loc="outside lower center", ncols=2, handlelength=3.0
+    )
     # What was run, and how the recordings were brought to it.
     first = comparisons[0]
     response, recording = first.response, first.event.recording
@@ -125,7 +140,9 @@ def comparison_picture(
         how.append(f"recordings shifted by {first.shift:.4g} s")
     if left_out:
         how.append(f"the {_WORST} floors that agree least; below all {left_out + _WORST}")
-    return titled(figure, f"{response.model.name} beside {record_name(recording.source)}\n{', '.join(how)}")
+    return titled(
+        figure, f"{response.model.name} beside {record_name(recording.source)}\n{', '.join(how)}"
+    )
 
 
 def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
@@ -208,7 +225,11 @@ def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Fi
     drift, shear, displacement = figure.subplots(1, 3)
     draw_modal_drifts(drift, result, units)
     factor, unit = scaled_unit(float(np.max(result.shear_srss)), "N", units)
-    _over_height(shear, {"SRSS": result.shear_srss * factor, "CQC": result.shear_cqc * factor}, f"story shear ({unit})")
+    _over_height(
+        shear,
+        {"SRSS": result.shear_srss * factor, "CQC": result.shear_cqc * factor},
+        f"story shear ({unit})",
+    )
     floors = {"SRSS": result.displacement_srss, "CQC": result.displacement_cqc}
     for number, (rule, values) in enumerate(floors.items()):
         moved = np.concatenate(([0.0], units.of(values, "m")))
@@ -216,7 +237,9 @@ def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Fi
     displacement.set(xlim=(0.0, None), ylim=(0, result.period.size), ylabel="floor")
     displacement.set_xlabel(f"displacement ({units.label('m')})")
     displacement.yaxis.get_major_locator().set_params(integer=True)
-    return titled(figure, f"{result.model.name}\nModal peaks under {result.target.source}, combined")
+    return titled(
+        figure, f"{result.model.name}\nModal peaks under {result.target.source}, combined"
+    )
 
 
 def draw_modal_drifts(axes: Any, result: ModalResponse, units: OutputUnits) -> None:
@@ -231,7 +254,9 @@ def draw_modal_drifts(axes: Any, result: ModalResponse, units: OutputUnits) -> N
 def _over_height(axes: Any, rows: dict[str, Array], label: str) -> None:
     """Values of the stories, a stair each."""
     for number, (rule, values) in enumerate(rows.items()):
-        over_stories(axes, values, baseline=None, label=rule, linestyle=DASHES[number], color=COLORS[number])
+        over_stories(
+            axes, values, baseline=None, label=rule, linestyle=DASHES[number], color=COLORS[number]
+        )
     axes.set(ylim=(0.5, values.size + 0.5), xlim=(0.0, None), ylabel="story", xlabel=label)
     axes.yaxis.get_major_locator().set_params(integer=True)
 
@@ -248,15 +273,25 @@ def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
     loop, energy = figure.subplots(2, 1, height_ratios=(2.6, 1.0))
     draw_loop(loop, test, units)
     cycle = np.arange(test.path.drift.size) / (4.0 * test.points if test.points else 1.0)
-    factor, unit = scaled_unit(float(np.max(test.path.recoverable + test.path.dissipated)), "J", units)
+    factor, unit = scaled_unit(
+        float(np.max(test.path.recoverable + test.path.dissipated)), "J", units
+    )
     energy.plot(cycle, test.path.dissipated * factor, color=COLORS[0], label="dissipated")
-    energy.plot(cycle, test.path.recoverable * factor, color=COLORS[1], linestyle=DASHES[1], label="recoverable")
+    energy.plot(
+        cycle,
+        test.path.recoverable * factor,
+        color=COLORS[1],
+        linestyle=DASHES[1],
+        label="recoverable",
+    )
     energy.legend(loc="upper left")
     energy.set(xlim=(0.0, max(cycle[-1], 1.0)), ylim=(min(0.0, energy.get_ylim()[0]), None))
     energy.set(xlabel="cycle" if test.points else "step", ylabel=f"energy ({unit})")
     energy.xaxis.set_major_locator(MaxNLocator(9, steps=[1, 2, 5, 10]))
     kind = "cyclic test" if test.points else "path of drifts"
-    return titled(figure, f"{test.model.name}\nStory {test.story}, {test.law} law: {kind} without dashpots")
+    return titled(
+        figure, f"{test.model.name}\nStory {test.story}, {test.law} law: {kind} without dashpots"
+    )
 
 
 def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
@@ -287,7 +322,9 @@ def pushover_picture(result: Pushover, units: OutputUnits = SI) -> Figure:
     """Picture of a pushover; return value and errors are those of `tdint.output.figures.style.picture`."""
     narrow = is_narrow()
     figure = Figure(figsize=(8.4, 9.2 if narrow else 4.6), layout="constrained")
-    curve, profile = figure.subplots(2, 1) if narrow else figure.subplots(1, 2, width_ratios=(1.7, 1.0))
+    curve, profile = (
+        figure.subplots(2, 1) if narrow else figure.subplots(1, 2, width_ratios=(1.7, 1.0))
+    )
     draw_curve(curve, result, units)
     _draw_profile(profile, result, units)
     return titled(figure, f"{result.model.name}\nPushover, {result.pattern} pattern")
@@ -302,7 +339,11 @@ def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
     at, most = units.of(result.roof_at_largest, "m"), result.largest_base_shear * factor
     axes.plot(at, most, "o", color=COLORS[0], label=f"largest base shear {most:.4g} {unit}")
     axes.legend(loc="best")
-    axes.set(xlim=(0.0, np.max(roof)), xlabel=f"roof displacement ({units.label('m')})", ylabel=f"base shear ({unit})")
+    axes.set(
+        xlim=(0.0, np.max(roof)),
+        xlabel=f"roof displacement ({units.label('m')})",
+        ylabel=f"base shear ({unit})",
+    )
     add_ratio_axis(axes, units.of(result.height, "m"), "roof drift ratio (%)")
 
 
@@ -312,7 +353,9 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
     pushed = results[0].pushed
     narrow = is_narrow()
     figure = Figure(figsize=(11.0, 14.0 if narrow else 4.6), layout="constrained")
-    curve, adrs, profile = figure.subplots(3, 1) if narrow else figure.subplots(1, 3, width_ratios=(1.5, 1.5, 1.0))
+    curve, adrs, profile = (
+        figure.subplots(3, 1) if narrow else figure.subplots(1, 3, width_ratios=(1.5, 1.5, 1.0))
+    )
     draw_curve(curve, pushed, units)
     factor, _ = scaled_unit(float(np.max(np.abs(pushed.base_shear))), "N", units)
     for i, made in enumerate(results):
@@ -323,47 +366,94 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
         # An idealized curve that has not yielded at the target is one line.
         reached = 3 if made.roof_displacement > made.yield_displacement else 2
         curve.plot(units.of(np.array(corners[:reached]), "m"), shears[:reached], **look)
-        curve.plot(units.of(made.roof_displacement, "m"), made.base_shear * factor, MARKERS[i], color=COLORS[i + 1])
+        curve.plot(
+            units.of(made.roof_displacement, "m"),
+            made.base_shear * factor,
+            MARKERS[i],
+            color=COLORS[i + 1],
+        )
     curve.legend(loc="best")
     n2 = next(made for made in results if made.method == "n2")
     _draw_oscillator(adrs, n2, units)
-    _draw_profile(profile, pushed, units, [(made.drift, i + 1, made.method) for i, made in enumerate(results)])
-    return titled(figure, f"{pushed.model.name}\nPushover, {pushed.pattern} pattern, under {n2.target.source}")
+    _draw_profile(
+        profile, pushed, units, [(made.drift, i + 1, made.method) for i, made in enumerate(results)]
+    )
+    return titled(
+        figure, f"{pushed.model.name}\nPushover, {pushed.pattern} pattern, under {n2.target.source}"
+    )
 
 
 def _draw_oscillator(axes: Any, made: TargetDisplacement, units: OutputUnits) -> None:
     """The equivalent oscillator and the elastic demand: force over mass and displacement, both as of one oscillator."""
     target, pushed = made.target, made.pushed
-    roof, shear = pushed.roof_displacement / made.participation, pushed.base_shear / made.participation / made.mass
-    axes.plot(units.of(target.sd, "m"), units.of(target.psa, "m/s^2"), color=LIGHT, label="elastic demand")
-    axes.plot(units.of(roof, "m"), units.of(shear, "m/s^2"), color=COLORS[0], label="equivalent oscillator")
-    corner = np.array([0.0, made.yield_displacement, max(made.yield_displacement, made.roof_displacement)])
+    roof, shear = (
+        pushed.roof_displacement / made.participation,
+        pushed.base_shear / made.participation / made.mass,
+    )
+    axes.plot(
+        units.of(target.sd, "m"), units.of(target.psa, "m/s^2"), color=LIGHT, label="elastic demand"
+    )
+    axes.plot(
+        units.of(roof, "m"),
+        units.of(shear, "m/s^2"),
+        color=COLORS[0],
+        label="equivalent oscillator",
+    )
+    corner = np.array(
+        [0.0, made.yield_displacement, max(made.yield_displacement, made.roof_displacement)]
+    )
     force = np.array([0.0, made.yield_force, made.yield_force]) / made.mass
-    idealized = units.of(corner / made.participation, "m"), units.of(force / made.participation, "m/s^2")
+    idealized = (
+        units.of(corner / made.participation, "m"),
+        units.of(force / made.participation, "m/s^2"),
+    )
     axes.plot(*idealized, **line_look(1) | {"label": f"idealized, T* {made.period:.3g} s"})
     elastic = made.spectral_acceleration * (made.period / (2.0 * math.pi)) ** 2
-    ray = np.array([0.0, units.of(elastic, "m")]), np.array([0.0, units.of(made.spectral_acceleration, "m/s^2")])
+    ray = (
+        np.array([0.0, units.of(elastic, "m")]),
+        np.array([0.0, units.of(made.spectral_acceleration, "m/s^2")]),
+    )
     axes.plot(*ray, color=LIGHT, linestyle=DASHES[2])
     reached = made.roof_displacement / made.participation
-    axes.plot(units.of(reached, "m"), idealized[1][-1], MARKERS[0], color=COLORS[1], label="target displacement")
+    axes.plot(
+        units.of(reached, "m"),
+        idealized[1][-1],
+        MARKERS[0],
+        color=COLORS[1],
+        label="target displacement",
+    )
     axes.legend(loc="best")
     # The long periods of a demand lie far to the right of everything else.
     most = 1.6 * max(reached, elastic)
     axes.set(xlim=(0.0, units.of(most, "m")), ylim=(0.0, None))
-    axes.set(xlabel=f"displacement ({units.label('m')})", ylabel=f"acceleration ({units.label('m/s^2')})")
+    axes.set(
+        xlabel=f"displacement ({units.label('m')})", ylabel=f"acceleration ({units.label('m/s^2')})"
+    )
 
 
 def _draw_profile(
-    axes: Any, result: Pushover, units: OutputUnits, drifts: Sequence[tuple[Array, int, str]] | None = None
+    axes: Any,
+    result: Pushover,
+    units: OutputUnits,
+    drifts: Sequence[tuple[Array, int, str]] | None = None,
 ) -> None:
     """Drifts of the stories, each with the number of its look: by default at the largest base shear and at the end."""
     heights = [story.drift_height for story in result.model.stories]
     ratio = all(height is not None for height in heights)
-    scale = 100.0 / np.array(heights, float) if ratio else np.full(len(heights), 1.0 / units.unit("m")[1])
-    at_largest, at_end = (result.drift_at_largest, 0, "at the largest base shear"), (result.drift[-1], 0, "at the end")
+    scale = (
+        100.0 / np.array(heights, float)
+        if ratio
+        else np.full(len(heights), 1.0 / units.unit("m")[1])
+    )
+    at_largest, at_end = (
+        (result.drift_at_largest, 0, "at the largest base shear"),
+        (result.drift[-1], 0, "at the end"),
+    )
     for place, (drift, number, text) in enumerate(drifts or (at_largest, at_end)):
         dashes = DASHES[0] if drifts else DASHES[1 - place]
-        over_stories(axes, drift * scale, baseline=None, linestyle=dashes, color=COLORS[number], label=text)
+        over_stories(
+            axes, drift * scale, baseline=None, linestyle=dashes, color=COLORS[number], label=text
+        )
     axes.axvline(0.0, color=LIGHT, linewidth=0.6)
     axes.legend(loc="best")
     axes.yaxis.get_major_locator().set_params(integer=True)
@@ -394,7 +484,9 @@ def info_picture(infos: Sequence[RecordInfo], units: OutputUnits = SI) -> Figure
     """
     infos = infos[:MOST_RECORDS]
     units = units.in_pictures
-    figure = Figure(figsize=(7.5 if len(infos) == 1 else 5.0 * len(infos), 8.5), layout="constrained")
+    figure = Figure(
+        figsize=(7.5 if len(infos) == 1 else 5.0 * len(infos), 8.5), layout="constrained"
+    )
     grid = figure.subplots(4, len(infos), sharex="col", sharey="row", squeeze=False)
     for column, info in zip(grid.T, infos, strict=True):
         _draw_record(column, info, units)
@@ -415,7 +507,9 @@ def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
     # Histories, the seed behind the match
     for column, part in enumerate(parts):
         below = [figure.add_subplot(grid[row, column]) for row in range(1, 5)]
-        for record, motion, look in zip((part.before, part.after), part.motions[::-1], _MATCHED.values(), strict=True):
+        for record, motion, look in zip(
+            (part.before, part.after), part.motions[::-1], _MATCHED.values(), strict=True
+        ):
             energy = np.cumsum(record.acceleration**2)
             rows = (record.acceleration, motion.velocity, motion.displacement, energy / energy[-1])
             time = record.dt * np.arange(record.acceleration.size)
@@ -431,7 +525,9 @@ def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
     subject = f"{record_name(matched.seed.source)} {matched.seed.component}".rstrip()
     aim = matched.target.source if matched.target.curve else record_name(matched.target.source)
     of_pair = ", RotD100" if len(parts) > 1 else ""
-    return titled(figure, f"{subject} matched to {aim}\n{100.0 * matched.damping:g} % damping{of_pair}")
+    return titled(
+        figure, f"{subject} matched to {aim}\n{100.0 * matched.damping:g} % damping{of_pair}"
+    )
 
 
 _MATCHED: dict[str, dict[str, Any]] = {
@@ -446,7 +542,12 @@ def draw_match(axes: Any, matched: Match, units: OutputUnits) -> None:
     axes.plot(matched.periods, target, color=COLORS[1], linewidth=2.2, label="target")
     for psa, (name, look) in zip((matched.seed_psa, matched.psa), _MATCHED.items(), strict=True):
         axes.plot(matched.periods, units.of(psa, "m/s^2"), label=name, **look)
-    axes.set(xscale="log", yscale="log", xlabel="period (s)", xlim=(matched.periods[0], matched.periods[-1]))
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlabel="period (s)",
+        xlim=(matched.periods[0], matched.periods[-1]),
+    )
     axes.set_ylabel(f"Sa ({units.label('m/s^2')})")
     plain_logarithmic(axes)
     axes.legend(loc="lower left")
@@ -472,9 +573,13 @@ def draw_fourier(axes: Any, spectra: Sequence[FourierSpectrum], units: OutputUni
     files = record_names(spectrum.record.source for spectrum in spectra)
     names = component_names([spectrum.record for spectrum in spectra])
     for number, (spectrum, name) in enumerate(zip(spectra, names, strict=True)):
-        label = ", ".join(filter(None, (files[spectrum.record.source] if len(files) > 1 else "", name)))
+        label = ", ".join(
+            filter(None, (files[spectrum.record.source] if len(files) > 1 else "", name))
+        )
         amplitude = units.of(spectrum.amplitude, "m/s")
-        axes.plot(spectrum.frequencies, amplitude, label=label, **line_look(number) | {"linewidth": 1.0})
+        axes.plot(
+            spectrum.frequencies, amplitude, label=label, **line_look(number) | {"linewidth": 1.0}
+        )
     axes.set(xscale="log", yscale="log")
     axes.set(xlabel="frequency (Hz)", ylabel=f"Fourier amplitude ({units.label('m/s')})")
     largest = max(float(np.max(spectrum.amplitude)) for spectrum in spectra)
@@ -489,7 +594,9 @@ def draw_acceleration(axes: Any, record: Record, units: OutputUnits) -> None:
     time = np.arange(record.acceleration.size) * record.dt
     axes.plot(time, units.of(record.acceleration, "m/s^2"), color=COLORS[0], linewidth=0.8)
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
-    axes.set(xlim=(time[0], time[-1]), xlabel="time (s)", ylabel=f"acceleration ({units.label('m/s^2')})")
+    axes.set(
+        xlim=(time[0], time[-1]), xlabel="time (s)", ylabel=f"acceleration ({units.label('m/s^2')})"
+    )
     write_note(axes, f"peak {units.of(record.pga, 'm/s^2'):.3g} {units.label('m/s^2')}")
 
 
@@ -549,7 +656,9 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
     panels = figure.subplots(*(3, 2) if narrow else (2, 3), sharex=True, sharey=True)
     looks = method_looks(chart.lines, highlight)
     # In front, thick: what is highlighted, otherwise those that readers look for.
-    front = {line: look["linewidth"] for line, look in looks.items() if "linewidth" in look} or _BOLD
+    front = {
+        line: look["linewidth"] for line, look in looks.items() if "linewidth" in look
+    } or _BOLD
     handles: dict[str, Any] = {}
     for axes, tolerance in zip(panels.flat, tolerances, strict=False):
         shown = [profile for profile in profiles if profile.tolerance == tolerance]
@@ -576,10 +685,19 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
     for axes in panels[-1]:
         axes.set_xlabel("time over the least of all methods")
     order = [line for line in chart.lines if line in handles]
-    add_legend(figure, panels[0, 0], [handles[line] for line in order], [chart.named(line) for line in order], NARROW)
+    add_legend(
+        figure,
+        panels[0, 0],
+        [handles[line] for line in order],
+        [chart.named(line) for line in order],
+        NARROW,
+    )
     # The legend, which one method does not have, says below what was compared, and on what machine.
     timing = chart.timing
-    programs = [f"tdint {version_of_sources()[0]}", *(f"{peer.name} {peer.version}" for peer in chart.peers)]
+    programs = [
+        f"tdint {version_of_sources()[0]}",
+        *(f"{peer.name} {peer.version}" for peer in chart.peers),
+    ]
     conditions = (
         "Of each method the step that costs least and is within the tolerance, as are all smaller ones; lines end at "
         f"what is solved at {_LARGEST_RATIO:g} times the least cost. Times: {CLOCKS[timing.clock]}, {timing.told}, "
@@ -590,4 +708,7 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
         figure.set_figheight(figure.get_figheight() + (0.3 if narrow else 0.14) * len(foot))
         legend.set_title("\n".join(foot), prop={"size": 7.5})  # type: ignore[arg-type]
         legend.get_title().set_multialignment("center")
-    return titled(figure, f"Performance profiles over {how_many(len(chart.measured), 'problem')}\n{PEAKS[target]}")
+    return titled(
+        figure,
+        f"Performance profiles over {how_many(len(chart.measured), 'problem')}\n{PEAKS[target]}",
+    )

@@ -22,7 +22,9 @@ _SHOWN = 2  # masses at each end of a row too long to draw
 _SIDE = 0.5  # of a mass, of the distance between two
 
 
-def example_picture(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure, exact: str, reference: str) -> Figure:
+def example_picture(
+    about: str, runs: Sequence[ExampleRun], shown: ExampleFigure, exact: str, reference: str
+) -> Figure:
     """One figure of the paper: displacement or error of a floor by several methods, with a close-up at the peak.
 
     Parameters
@@ -44,7 +46,9 @@ def example_picture(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure
     time = runs[0].motion.time
     true = runs[0].exact(reference).displacement[:, shown.floor - 1]
     displacements = [run.motion.displacement[:, shown.floor - 1] for run in runs]
-    values = [np.abs(motion - true) for motion in displacements] if shown.is_error else displacements
+    values = (
+        [np.abs(motion - true) for motion in displacements] if shown.is_error else displacements
+    )
     peak = int(np.argmax(np.max(values, axis=0) if shown.is_error else np.abs(true)))
     near = slice(max(peak - _NEAR, 0), peak + _NEAR + 1)
     labels = [run.method for run in runs]
@@ -70,7 +74,9 @@ def example_picture(about: str, runs: Sequence[ExampleRun], shown: ExampleFigure
     add_legend(figure, wide, list(lines.values()), list(lines), NARROW)
     beside = f"; u_exact: {exact.removeprefix('exact: ')}" if shown.is_error else ""
     floor = f", floor {shown.floor}" if runs[0].motion.displacement.shape[1] > 1 else ""
-    return titled(figure, f"Figure {shown.number}: {about}\n{quantity}{floor}, dt {runs[0].dt:g} s{beside}")
+    return titled(
+        figure, f"Figure {shown.number}: {about}\n{quantity}{floor}, dt {runs[0].dt:g} s{beside}"
+    )
 
 
 # ---- What a building of an example is: masses in a row between springs and dashpots, the first one at a wall
@@ -85,12 +91,16 @@ def row_picture(title: str, model: Model) -> Figure:
     axes = figure.subplots()
     axes.set(xlim=(-0.15, len(shown) + is_cut + 0.5), ylim=(-0.85, 0.95), aspect="equal")
     axes.axis("off")
-    axes.add_patch(Rectangle((-0.12, -0.4), 0.12, 0.8, facecolor="0.85", hatch="////", edgecolor="0.4"))
+    axes.add_patch(
+        Rectangle((-0.12, -0.4), 0.12, 0.8, facecolor="0.85", hatch="////", edgecolor="0.4")
+    )
     black: dict[str, Any] = {"color": "black", "linewidth": 0.9}
     for place, index in enumerate(shown):
         left = place + (is_cut and place >= _SHOWN) + 1.0 - _SIDE
         if is_cut and place == _SHOWN:
-            axes.text(left - 1.0 + 0.5 * _SIDE, 0.0, "· · ·", ha="center", va="center", fontsize=14.0)
+            axes.text(
+                left - 1.0 + 0.5 * _SIDE, 0.0, "· · ·", ha="center", va="center", fontsize=14.0
+            )
         # The link to the one before: a spring above a dashpot.
         before = left - (1.0 - _SIDE)
         middle = 0.5 * (before + left)
@@ -101,8 +111,17 @@ def row_picture(title: str, model: Model) -> Figure:
         cup = [middle - 0.06, middle + 0.06, middle + 0.06, middle - 0.06]
         axes.plot(cup, [-0.2, -0.2, -0.06, -0.06], **black)
         axes.plot([middle + 0.06, left], [-0.13, -0.13], **black)
-        axes.add_patch(Rectangle((left, -0.5 * _SIDE), _SIDE, _SIDE, facecolor="0.93", edgecolor="black"))
-        axes.text(left + 0.5 * _SIDE, 0.0, f"{model.stories[index].mass:g} kg", ha="center", va="center", fontsize=7.5)
+        axes.add_patch(
+            Rectangle((left, -0.5 * _SIDE), _SIDE, _SIDE, facecolor="0.93", edgecolor="black")
+        )
+        axes.text(
+            left + 0.5 * _SIDE,
+            0.0,
+            f"{model.stories[index].mass:g} kg",
+            ha="center",
+            va="center",
+            fontsize=7.5,
+        )
         axes.text(left + 0.5 * _SIDE, -0.4, f"{index + 1}", ha="center", va="center", fontsize=7.5)
         # The force on the floor, a sum of cosines and sines.
         waves = [
@@ -122,6 +141,10 @@ def row_picture(title: str, model: Model) -> Figure:
         spring = " + ".join(f"{value:g} {power}" for value, power in powers if value)
         springs.append(f"f = {spring} N, dashpot {story.dashpot:g} N s/m")
     springs = list(dict.fromkeys(springs))
-    text = "\n".join(springs if len(springs) == 1 else [f"link {i}: {law}" for i, law in enumerate(springs, start=1)])
+    text = "\n".join(
+        springs
+        if len(springs) == 1
+        else [f"link {i}: {law}" for i, law in enumerate(springs, start=1)]
+    )
     axes.text(0.0, -0.6, text, ha="left", va="top", fontsize=7.5)
     return titled(figure, title)

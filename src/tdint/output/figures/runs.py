@@ -42,7 +42,9 @@ if TYPE_CHECKING:
 
 _NEAR = 0.4  # the collapse drift is shown where the peak reaches this part of it
 _SEEN = 0.002  # estimated errors are shown where one reaches this part of the largest peak
-_WIDE = 0.01  # the band of the error is drawn where it reaches this part of the largest displacement
+_WIDE = (
+    0.01  # the band of the error is drawn where it reaches this part of the largest displacement
+)
 _VISIBLE = 0.05  # the drift at the end is shown where it reaches this part of the peak
 _LAYER = 1e-4  # an energy is drawn that reaches this part of the largest input
 _SAME = 1e-9  # times that differ by less than this part are the same
@@ -63,7 +65,10 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     the height; the hysteresis of one story. Of a response without its history what is over the height.
     """
     units = units.in_pictures
-    title, history = f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s", response.history
+    title, history = (
+        f"{response.model.name}\n{response.method}, dt {response.dt:.4g} s",
+        response.history,
+    )
     if history is None:
         figure = Figure(figsize=(7.0, 4.2), layout="constrained")
         draw_profiles(figure.subplots(1, 3), response, units)
@@ -79,7 +84,10 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
         motion, unit = units.of(response.record.acceleration, "m/s^2"), units.label("m/s^2")
         time, end = response.record.dt * np.arange(motion.size), history.time[-1]
         if end > time[-1]:  # the ground comes to rest within a sample
-            time, motion = np.append(time, [time[-1] + response.record.dt, end]), np.append(motion, [0.0, 0.0])
+            time, motion = (
+                np.append(time, [time[-1] + response.record.dt, end]),
+                np.append(motion, [0.0, 0.0]),
+            )
         shown = time <= end * (1.0 + _SAME)
         time, motion = time[shown], motion[shown]
         ground.plot(time, motion, color=LIGHT, linewidth=0.8)
@@ -90,7 +98,11 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
         roof = figure.add_subplot(grid[1], sharex=ground)
     _draw_roof(roof, history, response.stories.peak_displacement[-1], units)
     _draw_energies(figure.add_subplot(grid[2], sharex=roof), response, history, units)
-    below = grid[3].subgridspec(2, 2) if narrow else grid[3].subgridspec(1, 4, width_ratios=(1.0, 0.8, 0.8, 1.35))
+    below = (
+        grid[3].subgridspec(2, 2)
+        if narrow
+        else grid[3].subgridspec(1, 4, width_ratios=(1.0, 0.8, 0.8, 1.35))
+    )
     profiles = [figure.add_subplot(below[i]) for i in range(3)]
     draw_profiles(profiles, response, units)
     _draw_hysteresis(figure.add_subplot(below[3]), response, history, units)
@@ -99,9 +111,17 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
         for shock in response.shocks[1:]:
             axes.axvline(shock.start, color=MARK, linewidth=0.8, linestyle=DASHES[1])
     for number, shock in enumerate(response.shocks, start=1):
-        place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points", "xytext": (3, 2)}
-        figure.axes[0].annotate(f"shock {number}", (shock.start, 1.0), fontsize=8.0, color=MARK, **place)
-    records = [shock.record for shock in response.shocks] or ([response.record] if response.record else [])
+        place: dict[str, Any] = {
+            "xycoords": ("data", "axes fraction"),
+            "textcoords": "offset points",
+            "xytext": (3, 2),
+        }
+        figure.axes[0].annotate(
+            f"shock {number}", (shock.start, 1.0), fontsize=8.0, color=MARK, **place
+        )
+    records = [shock.record for shock in response.shocks] or (
+        [response.record] if response.record else []
+    )
     if records:
         named = [f"{record_name(record.source)} {record.component}".rstrip() for record in records]
         title += f", {', then '.join(named[:_NAMED])}{f' and {len(named) - _NAMED} more' * (len(named) > _NAMED)}"
@@ -143,14 +163,27 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
             continue
         above = below + factor * values
         axes.fill_between(
-            history.time, below, above, facecolor=gray, edgecolor="0.5", hatch=hatch, linewidth=0.0, label=label
+            history.time,
+            below,
+            above,
+            facecolor=gray,
+            edgecolor="0.5",
+            hatch=hatch,
+            linewidth=0.0,
+            label=label,
         )
         below = above
     axes.plot(history.time, factor * given, color=INK, linewidth=1.2, label="input")
     axes.set(ylabel=f"energy ({unit})", xlabel="time (s)", xlim=(history.time[0], history.time[-1]))
     # Above the panel: inside, it would lie over what it names.
     narrow = {"borderaxespad": 0.0, "columnspacing": 1.2, "handlelength": 1.6}
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 0.99), ncols=2 if is_narrow() else 5, reverse=True, **narrow)
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 0.99),
+        ncols=2 if is_narrow() else 5,
+        reverse=True,
+        **narrow,
+    )
     if np.any(given):
         error = f"balance off by {100.0 * abs(response.energy.error):.1g} %"
         if is_narrow():  # the legend has the room above the panel
@@ -224,7 +257,12 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
     # Points at the floors: that of story 1 lies above it; the ground at the bottom.
     floors = units.of(stories.peak_acceleration, "m/s^2")
     ground = units.of(response.record.pga, "m/s^2") if response.record is not None else 0.0
-    look = {"color": INK, "linewidth": 1.2, "marker": "o" if floors.size <= 20 else None, "markersize": 3.0}
+    look = {
+        "color": INK,
+        "linewidth": 1.2,
+        "marker": "o" if floors.size <= 20 else None,
+        "markersize": 3.0,
+    }
     accelerations.plot([ground, *floors], np.arange(floors.size + 1) + 0.5, **look, clip_on=False)
     if max(ground, np.max(floors)) > 0.0:
         accelerations.set_xlim(right=1.08 * max(ground, float(np.max(floors))))
@@ -240,7 +278,9 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
             (total, DASHES[1], "with viscous forces"),
             (stories.peak_damper_force, DASHES[2], "dashpots"),
         ):
-            over_stories(shears, factor * force, color=INK, linewidth=1.0, linestyle=dashes, label=label)
+            over_stories(
+                shears, factor * force, color=INK, linewidth=1.0, linestyle=dashes, label=label
+            )
         shears.legend(**_ABOVE)
     shears.set_xlabel(f"story shear ({unit})")
     for axes in panels:
@@ -263,13 +303,23 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     filled = np.nan_to_num(np.where(apart, np.nan, peak))
     largest = float(np.max(peak[~apart], initial=0.0))
     over_stories(axes, filled, fill=True, color=INK, alpha=0.18)
-    over_stories(axes, filled, color=INK, linewidth=1.4, **({"label": "all shocks"} if response.shocks else {}))
+    over_stories(
+        axes,
+        filled,
+        color=INK,
+        linewidth=1.4,
+        **({"label": "all shocks"} if response.shocks else {}),
+    )
     # The peaks of each shock of a sequence, as far as there are looks for them.
     whole = stories.peak_drift
     of_shocks = np.divide(peak, whole, out=np.zeros_like(whole), where=whole > 0.0)
-    for number, (shock, color) in enumerate(zip(response.shocks, COLORS[1:], strict=False), start=1):
+    for number, (shock, color) in enumerate(
+        zip(response.shocks, COLORS[1:], strict=False), start=1
+    ):
         of_shock = np.where(apart, 0.0, of_shocks * shock.stories.peak_drift)
-        over_stories(axes, of_shock, color=color, linewidth=1.0, linestyle=DASHES[1], label=f"shock {number}")
+        over_stories(
+            axes, of_shock, color=color, linewidth=1.0, linestyle=DASHES[1], label=f"shock {number}"
+        )
     # What is left, the errors and the drift of collapse, where they can be seen.
     residual = np.where(apart, 0.0, scale * np.abs(stories.residual_drift))
     if np.any(residual > _VISIBLE * largest):
@@ -277,18 +327,42 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     if response.check is not None:
         errors = np.where(apart, np.nan, scale * response.check.errors.peak_drift)
         if np.any(errors > _SEEN * largest):
-            look: dict[str, Any] = {"fmt": "none", "ecolor": INK, "capsize": 2.0, "label": "estimated error"}
-            axes.errorbar(np.where(apart, np.nan, peak), np.arange(1, peak.size + 1), xerr=errors, **look)
+            look: dict[str, Any] = {
+                "fmt": "none",
+                "ecolor": INK,
+                "capsize": 2.0,
+                "label": "estimated error",
+            }
+            axes.errorbar(
+                np.where(apart, np.nan, peak), np.arange(1, peak.size + 1), xerr=errors, **look
+            )
     limit = 100.0 * response.model.collapse_drift
     if by_height and largest > _NEAR * limit:
         axes.axvline(limit, color=MARK, linestyle=DASHES[1], label=f"collapse drift {limit:g} %")
     # Of a story that is drawn apart a bar off the scale with its length in it.
     end = _BEYOND * largest or 1.0
     for place in np.flatnonzero(apart):
-        axes.barh(place + 1, end, height=1.0, facecolor="none", edgecolor=LIGHT, hatch="////", linewidth=0.0)
+        axes.barh(
+            place + 1,
+            end,
+            height=1.0,
+            facecolor="none",
+            edgecolor=LIGHT,
+            hatch="////",
+            linewidth=0.0,
+        )
         text = f"{_short(units.of(whole, 'm')[place])} {units.label('m')}"
         white = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
-        axes.text(0.5 * end, place + 1, text, ha="center", va="center", fontsize=8.0, color=MARK, bbox=white)
+        axes.text(
+            0.5 * end,
+            place + 1,
+            text,
+            ha="center",
+            va="center",
+            fontsize=8.0,
+            color=MARK,
+            bbox=white,
+        )
     if apart.any():
         axes.set_xlim(right=end)
     if axes.get_legend_handles_labels()[0]:
@@ -309,7 +383,11 @@ _MOST_ROWS = 4
 
 
 def profile_picture(
-    profiles: Sequence[Profile], units: OutputUnits = SI, *, limit: float | None = None, title: str = ""
+    profiles: Sequence[Profile],
+    units: OutputUnits = SI,
+    *,
+    limit: float | None = None,
+    title: str = "",
 ) -> Figure:
     """Picture of the profiles of buildings, a row of panels for each level.
 
@@ -331,16 +409,26 @@ def profile_picture(
     looks = building_looks(profile.building for profile in profiles)
     for axes, same in zip(panels, shown, strict=True):
         # Drifts in percent of the height; as lengths where a building has no heights.
-        by_length = any(profile.motions and np.isnan(profile.peaks[DRIFT_RATIO]).all() for profile in same)
+        by_length = any(
+            profile.motions and np.isnan(profile.peaks[DRIFT_RATIO]).all() for profile in same
+        )
         for profile in same:
             peaks = profile.peaks
             drifts = units.of(peaks["peak_drift"], "m") if by_length else 100.0 * peaks[DRIFT_RATIO]
             accelerations = units.of(peaks["peak_acceleration"], "m/s^2")
-            for panel, values in zip(axes, (drifts, accelerations, peaks["peak_total_shear"]), strict=True):
+            for panel, values in zip(
+                axes, (drifts, accelerations, peaks["peak_total_shear"]), strict=True
+            ):
                 if len(values):
                     line = partial(_line, panel, by_floor=values is accelerations)
                     _draw_motions(panel, values, line, looks[profile.building], "largest")
-        _finish_row(axes, same, units, None if by_length else limit, same[0].level_text if len(rows) > 1 else "")
+        _finish_row(
+            axes,
+            same,
+            units,
+            None if by_length else limit,
+            same[0].level_text if len(rows) > 1 else "",
+        )
         axes[0].set_xlabel(f"drift ({units.label('m')})" if by_length else "drift (% of height)")
     _name_below(figure, panels[:, 0])
     subject = profiles[0].building if len(looks) == 1 else title or f"{len(looks)} buildings"
@@ -366,14 +454,22 @@ def building_looks(names: Iterable[str]) -> dict[str, tuple[str, str]]:
 def _name_below(figure: Figure, panels: Iterable[Any]) -> None:
     """What is named in some panels, each name once, in a legend below all."""
     told = (axes.get_legend_handles_labels() for axes in panels)
-    named = {label: handle for handles, labels in told for handle, label in zip(handles, labels, strict=True)}
+    named = {
+        label: handle
+        for handles, labels in told
+        for handle, label in zip(handles, labels, strict=True)
+    }
     columns = legend_columns(list(named), 4, figure.get_figwidth())
-    legend = figure.legend(list(named.values()), list(named), loc="outside lower center", ncols=columns)
+    legend = figure.legend(
+        list(named.values()), list(named), loc="outside lower center", ncols=columns
+    )
     for text in legend.get_texts():
         text.set_parse_math(False)
 
 
-def _draw_motions(axes: Any, rows: Array, line: Callable[..., Any], look: tuple[str, str], largest: str) -> None:
+def _draw_motions(
+    axes: Any, rows: Array, line: Callable[..., Any], look: tuple[str, str], largest: str
+) -> None:
     """What `line` draws of each motion, thin and gray where no building is named, of their mean and their largest."""
     color, name = look
     if not name:
@@ -396,12 +492,22 @@ def _line(axes: Any, values: Array, by_floor: bool, **style: Any) -> None:
 
 
 def _finish_row(
-    axes: Sequence[Any], profiles: Sequence[Profile], units: OutputUnits, limit: float | None, level: str
+    axes: Sequence[Any],
+    profiles: Sequence[Profile],
+    units: OutputUnits,
+    limit: float | None,
+    level: str,
 ) -> None:
     """Limits, ticks and names of a row of panels: drifts, accelerations, shears."""
     drifts, accelerations, shears = axes
     if limit is not None:
-        drifts.axvline(100.0 * limit, color=MARK, linestyle=DASHES[2], label=f"limit {100.0 * limit:g} %", zorder=4)
+        drifts.axvline(
+            100.0 * limit,
+            color=MARK,
+            linestyle=DASHES[2],
+            label=f"limit {100.0 * limit:g} %",
+            zorder=4,
+        )
     accelerations.set_xlabel(f"absolute floor acceleration ({units.label('m/s^2')})")
     # The forces in the unit of their largest.
     lines = [line for line in shears.get_lines() if len(line.get_xdata())]
@@ -416,7 +522,9 @@ def _finish_row(
     lost = sum(profile.collapsed + profile.failed for profile in profiles)
     if lost:
         runs = sum(profile.runs for profile in profiles)
-        drifts.set_title(f"{lost} of {runs} collapsed or failed: not drawn", loc="left", fontsize=8.0)
+        drifts.set_title(
+            f"{lost} of {runs} collapsed or failed: not drawn", loc="left", fontsize=8.0
+        )
     most = max(profile.height.size for profile in profiles)
     for panel in axes:
         panel.set_ylim(0.5, most + 0.5)
@@ -428,7 +536,9 @@ def _finish_row(
             panel.set_xticks([])
 
 
-def floor_picture(spectra: Sequence[FloorSpectrum], units: OutputUnits = SI, *, title: str = "") -> Figure:
+def floor_picture(
+    spectra: Sequence[FloorSpectrum], units: OutputUnits = SI, *, title: str = ""
+) -> Figure:
     """Picture of the spectra of a run's floors, a curve for each floor and damping ratio, named by the floor."""
     units = units.in_pictures
     figure = Figure(figsize=(7.2, 4.8), layout="constrained")
@@ -453,7 +563,9 @@ def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -
     units = units.in_pictures
     panels: dict[tuple[object, ...], list[FloorSuite]] = {}
     for suite in suites:
-        panels.setdefault((suite.floor, repr(suite.scale), repr(suite.level), suite.damping), []).append(suite)
+        panels.setdefault(
+            (suite.floor, repr(suite.scale), repr(suite.level), suite.damping), []
+        ).append(suite)
     shown = list(panels.values())[:_MOST_PANELS]
     columns = min(len(shown), 2)
     rows = -(-len(shown) // columns)
@@ -469,14 +581,17 @@ def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -
         first = same[0]
         level = level_text(first.scale if several_scales else math.nan, first.level, first.measure)
         damping = f"{100.0 * first.damping:g} % damping"
-        axes.set_title(", ".join(filter(None, [f"floor {first.floor}", level, damping])), fontsize=9.0)
+        axes.set_title(
+            ", ".join(filter(None, [f"floor {first.floor}", level, damping])), fontsize=9.0
+        )
     for axes in grid.ravel()[len(shown) :]:
         axes.set_visible(False)
     _name_below(figure, grid.ravel())
     subject = suites[0].building if len(looks) == 1 else f"{len(looks)} buildings"
     more = f"; the first {len(shown)} of {len(panels)} panels" if len(panels) > len(shown) else ""
     return titled(
-        figure, f"{subject}, {how_many(suites[0].runs, 'motion')}\nspectra of absolute floor accelerations{more}"
+        figure,
+        f"{subject}, {how_many(suites[0].runs, 'motion')}\nspectra of absolute floor accelerations{more}",
     )
 
 
@@ -497,12 +612,16 @@ _NAMES = {
 def sensitivity_picture(swings: Sequence[Swing], units: OutputUnits = SI) -> Figure:
     """Picture of swings (`tdint.campaign.sensitivity.swings`)."""
     parameters = len({swing.parameter for swing in swings})
-    narrow = is_narrow()  # then names stand on rows of their own height, four panels below each other
+    narrow = (
+        is_narrow()
+    )  # then names stand on rows of their own height, four panels below each other
     high = 4 * (1.4 + 0.65 * parameters) if narrow else 2.2 + 0.56 * parameters
     figure = Figure(figsize=(7.2, high), layout="constrained")
     for axes, name in zip(figure.subplots(*(4, 1) if narrow else (2, 2)).flat, _NAMES, strict=True):
         _tornado(axes, [swing for swing in swings if swing.quantity.name == name], units)
-    return titled(figure, f"{swings[0].building}\nmedians of the peaks, one parameter at its ends at a time")
+    return titled(
+        figure, f"{swings[0].building}\nmedians of the peaks, one parameter at its ends at a time"
+    )
 
 
 def _tornado(axes: Any, swings: Sequence[Swing], units: OutputUnits) -> None:
@@ -513,10 +632,23 @@ def _tornado(axes: Any, swings: Sequence[Swing], units: OutputUnits) -> None:
         factor, unit = scaled_unit(first.as_it_is, first.quantity.unit, units)
     for place, swing in enumerate(swings):
         low, high = ((value - swing.as_it_is) * factor for value in (swing.at_low, swing.at_high))
-        for end, width, other, color in (("low", low, high, COLORS[0]), ("high", high, low, COLORS[1])):
+        for end, width, other, color in (
+            ("low", low, high, COLORS[0]),
+            ("high", high, low, COLORS[1]),
+        ):
             label = f"{end} value" if place == 0 else None
-            above = 1.6 if abs(width) < abs(other) else 1.5  # or it hides behind one to the same side
-            axes.barh(place, width, left=swing.as_it_is * factor, height=0.62, color=color, label=label, zorder=above)
+            above = (
+                1.6 if abs(width) < abs(other) else 1.5
+            )  # or it hides behind one to the same side
+            axes.barh(
+                place,
+                width,
+                left=swing.as_it_is * factor,
+                height=0.62,
+                color=color,
+                label=label,
+                zorder=above,
+            )
     axes.axvline(first.as_it_is * factor, color=LIGHT, linewidth=0.8)
     names = [f"{swing.parameter}\n{swing.low:g} to {swing.high:g}" for swing in swings]
     axes.set_yticks(range(len(swings)), names, fontsize=7.0)

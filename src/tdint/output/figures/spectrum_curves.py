@@ -97,7 +97,12 @@ def draw_over_periods(
     titles = list(dict.fromkeys(columns)) if columns is not None and not suite else [""]
     figure = Figure(figsize=(7.5 if len(titles) == 1 else 8.5, 7.8), layout="constrained")
     rows = figure.subplots(
-        len(panels), len(titles), sharex=True, sharey="row", squeeze=False, height_ratios=(1.25, 1.0)
+        len(panels),
+        len(titles),
+        sharex=True,
+        sharey="row",
+        squeeze=False,
+        height_ratios=(1.25, 1.0),
     )
     lines: dict[str, Any] = {}
     if suite:
@@ -108,13 +113,19 @@ def draw_over_periods(
         number = {motion: i for i, motion in enumerate(dict.fromkeys(motions))}
         kinds = {variant: i for i, variant in enumerate(dict.fromkeys(variants))}
         by_variant = len(titles) > 1
-        places = [0] * len(results) if columns is None else [titles.index(title) for title in columns]
-        for result, place, label, motion, variant in zip(results, places, labels, motions, variants, strict=True):
+        places = (
+            [0] * len(results) if columns is None else [titles.index(title) for title in columns]
+        )
+        for result, place, label, motion, variant in zip(
+            results, places, labels, motions, variants, strict=True
+        ):
             dash = kinds[variant] if len(kinds) > 1 or by_variant else number[motion]
             color = dash if len(number) == 1 or by_variant else number[motion]
             order = _shown(result.periods)
             period = result.periods[order]
-            style = line_look(color, dash) | ({"marker": "o", "markersize": 4} if period.size < _FEW else {})
+            style = line_look(color, dash) | (
+                {"marker": "o", "markersize": 4} if period.size < _FEW else {}
+            )
             for axes, (_, values) in zip(rows[:, place], panels, strict=True):
                 (lines[label],) = axes.plot(period, values(result)[order], **style)
     for axes, (label, _) in zip(rows[:, 0], panels, strict=True):
@@ -126,7 +137,9 @@ def draw_over_periods(
     log_periods(rows[-1, 0], np.concatenate([result.periods for result in results]))
     for axes in rows.flat:
         axes.grid(which="minor", axis="x", color=_MINOR_GRID, linewidth=0.5)
-    add_legend(figure, rows[0, 0], list(lines.values()), list(lines))  # a single line has its name in the title
+    add_legend(
+        figure, rows[0, 0], list(lines.values()), list(lines)
+    )  # a single line has its name in the title
     return figure
 
 
@@ -150,7 +163,10 @@ def in_median(results: Sequence[OverPeriods]) -> list[bool]:
 
 
 def _draw_suite(
-    column: Any, results: Sequence[Line], panels: Sequence[Panel[Line]], variants: Sequence[Hashable]
+    column: Any,
+    results: Sequence[Line],
+    panels: Sequence[Panel[Line]],
+    variants: Sequence[Hashable],
 ) -> dict[str, Any]:
     """All lines in gray, the median and fractiles of each variant; by their names, for the legend."""
     order = _shown(results[0].periods)
@@ -164,12 +180,25 @@ def _draw_suite(
         gray = axes.plot(period, rows.T, color=GRAY, linewidth=0.6, zorder=1.5)[0]
         lines.setdefault(f"{len(set(_motions(results)))} components", gray)
         for i, kind in enumerate(kinds):
-            rows_of_kind = rows[[variant == kind and counts for variant, counts in zip(variants, counted, strict=True)]]
-            parts = kind if isinstance(kind, tuple) else (kind,)  # a damping ratio alone, or with what was asked
-            words = (f"{100.0 * part:g} %" if isinstance(part, float) else str(part) for part in parts)
+            rows_of_kind = rows[
+                [
+                    variant == kind and counts
+                    for variant, counts in zip(variants, counted, strict=True)
+                ]
+            ]
+            parts = (
+                kind if isinstance(kind, tuple) else (kind,)
+            )  # a damping ratio alone, or with what was asked
+            words = (
+                f"{100.0 * part:g} %" if isinstance(part, float) else str(part) for part in parts
+            )
             color, name = COLORS[i % len(COLORS)], f", {', '.join(words)}" if len(kinds) > 1 else ""
-            lines.setdefault(f"median{of_horizontals}{name}", draw_median(axes, period, rows_of_kind, color))
-            lines.setdefault(f"{BETWEEN_FRACTILES}{name}", draw_fractiles(axes, period, rows_of_kind, color))
+            lines.setdefault(
+                f"median{of_horizontals}{name}", draw_median(axes, period, rows_of_kind, color)
+            )
+            lines.setdefault(
+                f"{BETWEEN_FRACTILES}{name}", draw_fractiles(axes, period, rows_of_kind, color)
+            )
     return lines
 
 
@@ -226,26 +255,39 @@ _Curve = tuple["Spectrum", str, dict[str, Any]]
 def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> list[_Curve]:
     """A line for each spectrum; of a suite all in gray, and the median for each damping ratio."""
     shown = [
-        replace(of, sd=units.of(of.sd, "m"), psv=units.of(of.psv, "m/s"), psa=units.of(of.psa, "m/s^2"))
+        replace(
+            of, sd=units.of(of.sd, "m"), psv=units.of(of.psv, "m/s"), psa=units.of(of.psa, "m/s^2")
+        )
         for of in spectra
     ]
     if not is_suite(spectra):
         looks = (line_look(i) | {"zorder": 3} for i in range(len(shown)))
         return list(zip(shown, labels, looks, strict=True))
     gray = {"color": GRAY, "linewidth": 0.6, "zorder": 1.5}
-    curves = [(spectrum, "single components" if i == 0 else "", gray) for i, spectrum in enumerate(shown)]
+    curves = [
+        (spectrum, "single components" if i == 0 else "", gray) for i, spectrum in enumerate(shown)
+    ]
     ratios = dict.fromkeys(spectrum.damping for spectrum in spectra)
     for i, ratio in enumerate(ratios):
         counted = zip(shown, in_median(spectra), strict=True)
-        of_ratio = [spectrum for spectrum, counts in counted if counts and spectrum.damping == ratio]
-        medians = {name: np.median([getattr(of, name) for of in of_ratio], axis=0) for name in ("sd", "psv", "psa")}
+        of_ratio = [
+            spectrum for spectrum, counts in counted if counts and spectrum.damping == ratio
+        ]
+        medians = {
+            name: np.median([getattr(of, name) for of in of_ratio], axis=0)
+            for name in ("sd", "psv", "psa")
+        }
         name = f"median of {len(of_ratio)}" + (f", {100.0 * ratio:g} %" if len(ratios) > 1 else "")
-        curves.append((replace(shown[0], **medians), name, line_look(i) | {"zorder": 3, "linewidth": 2.0}))
+        curves.append(
+            (replace(shown[0], **medians), name, line_look(i) | {"zorder": 3, "linewidth": 2.0})
+        )
     return curves
 
 
 def _name_curves(figure: Figure, axes: Any, curves: Sequence[_Curve]) -> None:
-    named = [(line, name) for line, (_, name, _) in zip(axes.get_lines(), curves, strict=False) if name]
+    named = [
+        (line, name) for line, (_, name, _) in zip(axes.get_lines(), curves, strict=False) if name
+    ]
     add_legend(figure, axes, [line for line, _ in named], [name for _, name in named])
 
 
@@ -255,7 +297,9 @@ def _positive(spectrum: Spectrum) -> NDArray[np.intp]:
     return order[(spectrum.periods[order] > 0.0) & (spectrum.sd[order] > 0.0)]
 
 
-def draw_tripartite(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
+def draw_tripartite(
+    spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits
+) -> Figure:
     """Pseudo-velocity over the period, both logarithmic: displacement and pseudo-acceleration are straight scales."""
     figure = Figure(figsize=(7.5, 6.2), layout="constrained")
     axes = figure.subplots()
@@ -276,7 +320,10 @@ def draw_tripartite(spectra: Sequence[Spectrum], labels: Sequence[str], units: O
         (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
         ends = np.array([left, right])
         omega = 2.0 * math.pi / ends
-        for si, speed in (("m", omega), ("m/s^2", 1.0 / omega)):  # pseudo-velocity of a unit of each
+        for si, speed in (
+            ("m", omega),
+            ("m/s^2", 1.0 / omega),
+        ):  # pseudo-velocity of a unit of each
             unit, reach = units.label(si), units.of(units.unit(si)[1] * speed, "m/s")
             least, most = bottom / float(np.max(reach)), top / float(np.min(reach))
             for decade in range(math.floor(math.log10(least)), math.ceil(math.log10(most)) + 1):
@@ -298,7 +345,9 @@ def draw_tripartite(spectra: Sequence[Spectrum], labels: Sequence[str], units: O
     return figure
 
 
-def _name_scale(axes: Any, ends: Array, speeds: Array, text: str, limits: tuple[float, float]) -> None:
+def _name_scale(
+    axes: Any, ends: Array, speeds: Array, text: str, limits: tuple[float, float]
+) -> None:
     """The value of a scale's line, along it, near where it leaves the axes at the top or at the side.
 
     It makes way for the names that are there: in units in which 1 and 10 of two scales meet near the top.
@@ -311,13 +360,26 @@ def _name_scale(axes: Any, ends: Array, speeds: Array, text: str, limits: tuple[
     room = np.array([x[1] - x[0], top - bottom])
     taken = [np.log(other.get_position()) for other in axes.texts]
     parts = (near for near in (part, part - _NEAR, part - 2.0 * _NEAR) if near > _NEAR)
-    places = (np.array([x[0] + near * (x[1] - x[0]), y[0] + near * (y[1] - y[0])]) for near in parts)
-    free = (at for at in places if not any(np.all(np.abs(at - other) < _NEAR * room) for other in taken))
+    places = (
+        np.array([x[0] + near * (x[1] - x[0]), y[0] + near * (y[1] - y[0])]) for near in parts
+    )
+    free = (
+        at for at in places if not any(np.all(np.abs(at - other) < _NEAR * room) for other in taken)
+    )
     at = next(free, None)
-    if at is None or not bottom + 0.04 * (top - bottom) < at[1] < bottom + (_ROOM + 0.05) * (top - bottom):
+    if at is None or not bottom + 0.04 * (top - bottom) < at[1] < bottom + (_ROOM + 0.05) * (
+        top - bottom
+    ):
         return
     white = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
-    look = {"ha": "center", "va": "center", "fontsize": 7.5, "color": LIGHT, "clip_on": True, "zorder": 1.8}
+    look = {
+        "ha": "center",
+        "va": "center",
+        "fontsize": 7.5,
+        "color": LIGHT,
+        "clip_on": True,
+        "zorder": 1.8,
+    }
     rotation = 45.0 if y[1] > y[0] else -45.0
     axes.text(math.exp(at[0]), math.exp(at[1]), text, rotation=rotation, **look, bbox=white)
 
@@ -339,7 +401,12 @@ def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputU
         axes.plot([0.0, end], [0.0, slope * end], color=_SCALE, linewidth=0.8, zorder=1.2)
         place = ((2, 0), "left", "center") if end == right else ((0, 2), "center", "bottom")
         look: dict[str, Any] = dict(zip(("xytext", "ha", "va"), place, strict=True))
-        look |= {"textcoords": "offset points", "fontsize": 7.5, "color": LIGHT, "annotation_clip": False}
+        look |= {
+            "textcoords": "offset points",
+            "fontsize": 7.5,
+            "color": LIGHT,
+            "annotation_clip": False,
+        }
         axes.annotate(f"{period:g} s", (end, slope * end), **look)
     axes.set(xlim=(0.0, right), ylim=(0.0, top), xlabel=f"displacement SD ({units.label('m')})")
     axes.set_ylabel(f"pseudo-acceleration PSA ({units.label('m/s^2')})")
@@ -364,7 +431,10 @@ _POINTS: dict[str, Any] = {"color": "0.25", "markersize": 3.0, "markerfacecolor"
 
 
 def spectrum_picture(
-    spectra: Sequence[Spectrum], axes: str = "periods", units: OutputUnits = SI, target: TargetSpectrum | None = None
+    spectra: Sequence[Spectrum],
+    axes: str = "periods",
+    units: OutputUnits = SI,
+    target: TargetSpectrum | None = None,
 ) -> Figure:
     """Picture of spectra, a line per component and damping ratio, or the fractiles of a suite.
 
@@ -382,8 +452,13 @@ def spectrum_picture(
         _add_target(figure, target, units)
     # A method leaves nothing to choose beside it.
     first = spectra[0]
-    how = ", ".join(["exact solution", *_choices(first)]) if first.method == "exact" else first.method
-    return titled(figure, over_periods_title("Elastic response spectrum", "Elastic response spectra", spectra, how))
+    how = (
+        ", ".join(["exact solution", *_choices(first)]) if first.method == "exact" else first.method
+    )
+    return titled(
+        figure,
+        over_periods_title("Elastic response spectrum", "Elastic response spectra", spectra, how),
+    )
 
 
 def low_picture(spectra: Sequence[Spectrum], units: OutputUnits = SI) -> Figure:
@@ -400,17 +475,28 @@ def _draw_periods(spectra: Sequence[Spectrum], labels: Sequence[str], units: Out
 def _elastic_panels(units: OutputUnits) -> list[Panel[Any]]:
     """Pseudo-accelerations above displacements."""
     return [
-        (f"pseudo-acceleration PSA ({units.label('m/s^2')})", lambda line: units.of(line.psa, "m/s^2")),
+        (
+            f"pseudo-acceleration PSA ({units.label('m/s^2')})",
+            lambda line: units.of(line.psa, "m/s^2"),
+        ),
         (f"displacement SD ({units.label('m')})", lambda line: units.of(line.sd, "m")),
     ]
 
 
 def draw_accelerations(axes: Any, spectra: Sequence[Spectrum], units: OutputUnits) -> None:
     """Pseudo-accelerations over the periods, a line each."""
-    for number, (spectrum, label) in enumerate(zip(spectra, line_labels(spectra), strict=True), len(axes.get_lines())):
-        axes.plot(spectrum.periods, units.of(spectrum.psa, "m/s^2"), label=label, **line_look(number))
+    for number, (spectrum, label) in enumerate(
+        zip(spectra, line_labels(spectra), strict=True), len(axes.get_lines())
+    ):
+        axes.plot(
+            spectrum.periods, units.of(spectrum.psa, "m/s^2"), label=label, **line_look(number)
+        )
     log_periods(axes, np.concatenate([spectrum.periods for spectrum in spectra]))
-    axes.set(ylim=(0.0, None), xlabel="period (s)", ylabel=f"pseudo-acceleration PSA ({units.label('m/s^2')})")
+    axes.set(
+        ylim=(0.0, None),
+        xlabel="period (s)",
+        ylabel=f"pseudo-acceleration PSA ({units.label('m/s^2')})",
+    )
     if len(axes.get_lines()) > 1:
         axes.legend(loc="best")
 
@@ -422,7 +508,9 @@ DRAWN = {"periods": _draw_periods, "tripartite": draw_tripartite, "adrs": draw_a
 def _choices(spectrum: Spectrum | RotatedSpectrum) -> list[str]:
     """What was chosen of an exact solution that is not usual."""
     maxima = [f"maxima: {spectrum.maxima}"] if spectrum.maxima != "exact" else []
-    return maxima + ([f"{spectrum.interpolation} motion"] if spectrum.interpolation != "linear" else [])
+    return maxima + (
+        [f"{spectrum.interpolation} motion"] if spectrum.interpolation != "linear" else []
+    )
 
 
 def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits = SI) -> Figure:
@@ -457,14 +545,21 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
     apart = 1 < len(set(components)) <= _MOST
     ratios = len({spectrum.damping for spectrum in spectra}) > 1
     labels_of_damping = (
-        [f"{100.0 * spectrum.damping:g} %" * ratios for spectrum in spectra] if apart else line_labels(spectra)
+        [f"{100.0 * spectrum.damping:g} %" * ratios for spectrum in spectra]
+        if apart
+        else line_labels(spectra)
     )
     labels = [
         ", ".join(filter(None, (label, given_label * several)))
         for label, given_label in zip(labels_of_damping, given, strict=True)
     ]
-    variants = [(spectrum.damping, given_label) for spectrum, given_label in zip(spectra, given, strict=True)]
-    figure = draw_over_periods(spectra, panels, labels, variants, columns=components if apart else None)
+    variants = [
+        (spectrum.damping, given_label)
+        for spectrum, given_label in zip(spectra, given, strict=True)
+    ]
+    figure = draw_over_periods(
+        spectra, panels, labels, variants, columns=components if apart else None
+    )
     # Ductilities on a logarithmic axis, with a line at first yielding.
     if spectra[0].target is None and any(np.any(spectrum.ductility > 0.0) for spectrum in spectra):
         upper = figure.axes[0]
@@ -473,11 +568,15 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
         upper.axhline(1.0, color=LIGHT, linewidth=0.8)
         plain_numbers(upper.yaxis)
     more = ("" if several else f"{given[0]}, ") + f"bilinear, hardening {spectra[0].hardening:g}"
-    return titled(figure, over_periods_title("Inelastic spectrum", "Inelastic spectra", spectra, more))
+    return titled(
+        figure, over_periods_title("Inelastic spectrum", "Inelastic spectra", spectra, more)
+    )
 
 
 def rotated_picture(
-    spectra: Sequence[RotatedSpectrum], units: OutputUnits = SI, target: TargetSpectrum | None = None
+    spectra: Sequence[RotatedSpectrum],
+    units: OutputUnits = SI,
+    target: TargetSpectrum | None = None,
 ) -> Figure:
     """Picture of spectra over all directions: a line per motion, damping ratio, percentile, and the geometric mean.
 
@@ -496,11 +595,27 @@ def rotated_picture(
         files = dict.fromkeys((record_name(motion.first.source), record_name(motion.second.source)))
         record = replace(motion.first, source="+".join(files), component=motion.component)
         percentiles = [f"RotD{percentile:02d}" for percentile in spectrum.percentiles]
-        for name, psa in (*zip(percentiles, spectrum.psa, strict=True), ("geometric mean", spectrum.geometric_mean)):
-            about = {"name": name, "record": record, "damping": spectrum.damping, "periods": spectrum.periods}
-            lines.append(SimpleNamespace(**about, psa=psa, sd=psa * (spectrum.periods / (2.0 * math.pi)) ** 2))
-    labels = [f"{label}, {line.name}" for label, line in zip(line_labels(lines), lines, strict=True)]
-    figure = draw_over_periods(lines, _elastic_panels(units), labels, [(line.damping, line.name) for line in lines])
+        for name, psa in (
+            *zip(percentiles, spectrum.psa, strict=True),
+            ("geometric mean", spectrum.geometric_mean),
+        ):
+            about = {
+                "name": name,
+                "record": record,
+                "damping": spectrum.damping,
+                "periods": spectrum.periods,
+            }
+            lines.append(
+                SimpleNamespace(
+                    **about, psa=psa, sd=psa * (spectrum.periods / (2.0 * math.pi)) ** 2
+                )
+            )
+    labels = [
+        f"{label}, {line.name}" for label, line in zip(line_labels(lines), lines, strict=True)
+    ]
+    figure = draw_over_periods(
+        lines, _elastic_panels(units), labels, [(line.damping, line.name) for line in lines]
+    )
     if target is not None:
         _add_target(figure, target, units)
     more = ", ".join(["exact solution", "180 directions", *_choices(spectra[0])])
@@ -595,7 +710,9 @@ def _target_name(target: TargetSpectrum) -> str:
     return target.source if target.curve else record_name(target.source)
 
 
-def _add_target(figure: Figure, target: TargetSpectrum, units: OutputUnits, *, legend: bool = True) -> None:
+def _add_target(
+    figure: Figure, target: TargetSpectrum, units: OutputUnits, *, legend: bool = True
+) -> None:
     """Draw a target into the panels of pseudo-acceleration and of displacement of a figure over the period."""
     upper, lower = figure.axes[:2]
     low, high = upper.get_xlim()

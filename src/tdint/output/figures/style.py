@@ -85,7 +85,13 @@ MARK = "#b03a2e"
 
 # A copy in black and white keeps dashes and markers.
 COLORS = ("#1f4e79", "#d1782c", "#4a9a62", "#8e2f6d", "#7d7d7d", "#2aa1b3")
-DASHES: tuple[Any, ...] = ("-", (0, (6, 2)), (0, (2, 1.5)), (0, (7, 2, 1.5, 2)), (0, (4, 1.5, 1, 1.5, 1, 1.5)))
+DASHES: tuple[Any, ...] = (
+    "-",
+    (0, (6, 2)),
+    (0, (2, 1.5)),
+    (0, (7, 2, 1.5, 2)),
+    (0, (4, 1.5, 1, 1.5, 1, 1.5)),
+)
 MARKERS = ("o", "s", "^", "D", "v", "P", "x")
 METHOD_COLORS = (
     *("#1f4e79", "#d1782c", "#000000", "#26664d", "#d90059", "#9980ff"),
@@ -94,7 +100,15 @@ METHOD_COLORS = (
 """At least 13.7 apart (CIEDE2000) for readers who see no green, or no red, and 3.05 from white in contrast."""
 _METHOD_MARKERS = ("o", "s", "^", "D", "v", "P", "x", "*", "<", ">", "h")
 _PLACES = (
-    *("impulse4", "moment4", "newmark-average", "gauss4", "newmark-linear", "central-difference", "hht"),
+    *(
+        "impulse4",
+        "moment4",
+        "newmark-average",
+        "gauss4",
+        "newmark-linear",
+        "central-difference",
+        "hht",
+    ),
     *("generalized-alpha", "wilson", "bathe", "impulse", "exact"),
     *(f"openseespy/{name}" for name in ("newmark-average", "hht", "generalized-alpha")),
     *(f"scipy/{name}" for name in ("RK45", "Radau", "LSODA")),
@@ -157,7 +171,10 @@ def method_looks(methods: Iterable[str], highlight: str = "") -> dict[str, dict[
     looks: dict[str, dict[str, Any]] = {}
     for place, method in enumerate((*named, *(line for line in lines if line not in named))):
         # Twelve colors and eleven markers: no pair of them comes twice among 132.
-        color, marker = METHOD_COLORS[place % len(METHOD_COLORS)], _METHOD_MARKERS[place % len(_METHOD_MARKERS)]
+        color, marker = (
+            METHOD_COLORS[place % len(METHOD_COLORS)],
+            _METHOD_MARKERS[place % len(_METHOD_MARKERS)],
+        )
         looks[method] = {"color": color, "linestyle": DASHES[place % len(DASHES)], "marker": marker}
         if method == front:
             looks[method] |= {"linewidth": _FRONT_WIDTH, "zorder": 4}
@@ -168,7 +185,9 @@ def picture_format(suffix: str) -> str:
     """The format that a suffix stands for; OutputError for one that no picture has."""
     kind = suffix.lower().lstrip(".")
     if kind not in _METADATA:
-        raise OutputError(f"a picture is written as .png, .pdf or .svg, not {suffix or 'without a suffix'}")
+        raise OutputError(
+            f"a picture is written as .png, .pdf or .svg, not {suffix or 'without a suffix'}"
+        )
     return kind
 
 
@@ -207,7 +226,12 @@ class ShownFigure(Figure):
     def _repr_png_(self) -> bytes:
         stream = io.BytesIO()
         settings = _settings(self.printed) | _LAID_OUT_HERE
-        with mpl.rc_context(settings), _quiet(), _room(self.printed.width), _laid_out(self, _ON_PAGE):
+        with (
+            mpl.rc_context(settings),
+            _quiet(),
+            _room(self.printed.width),
+            _laid_out(self, _ON_PAGE),
+        ):
             self.savefig(stream, format="png", dpi=_ON_PAGE)
         return stream.getvalue()
 
@@ -242,7 +266,12 @@ class Picture:
         dpi, metadata = _RESOLUTION[bool(printed.width)], _METADATA[self.kind]
         # In other formats letters are as wide as their renderers find them.
         placed = _laid_out(figure, dpi) if self.kind == "png" else nullcontext()
-        with mpl.rc_context(_settings(printed) | _LAID_OUT_HERE), _quiet(), _room(printed.width), placed:
+        with (
+            mpl.rc_context(_settings(printed) | _LAID_OUT_HERE),
+            _quiet(),
+            _room(printed.width),
+            placed,
+        ):
             figure.savefig(stream, format=self.kind, dpi=dpi, metadata=metadata)
 
 
@@ -272,7 +301,9 @@ def _quiet() -> Iterator[None]:
         except RuntimeError as error:
             if not mpl.rcParams["text.usetex"]:
                 raise
-            raise UsageError(f"text.usetex of the style sheet: {str(error).strip().splitlines()[0]}") from None
+            raise UsageError(
+                f"text.usetex of the style sheet: {str(error).strip().splitlines()[0]}"
+            ) from None
 
 
 @contextmanager
@@ -283,20 +314,26 @@ def _room(width: float | None) -> Iterator[None]:
         yield
     except UserWarning:
         asked = f"{1e3 * (width or 0.0):.0f} mm"
-        raise UsageError(f"the panels of this picture find no room at {asked}; it takes a larger width") from None
+        raise UsageError(
+            f"the panels of this picture find no room at {asked}; it takes a larger width"
+        ) from None
 
 
 def _settings(printed: PrintedAs) -> dict[str, Any]:
     """matplotlib's settings; a style sheet goes over ours, a font over both."""
     settings = _STYLE | (_PRINT if printed.width else {})
     if printed.style:
-        settings = settings | dict(mpl.rc_params_from_file(printed.style, use_default_template=False))
+        settings = settings | dict(
+            mpl.rc_params_from_file(printed.style, use_default_template=False)
+        )
     return settings | ({"font.family": printed.font} if printed.font else {})
 
 
 def style_context() -> AbstractContextManager[None]:
     """Our settings of lines, for what is drawn on axes of others: sizes of letters and grids are theirs."""
-    return mpl.rc_context({name: _STYLE[name] for name in ("lines.linewidth", "legend.frameon", "agg.path.chunksize")})
+    return mpl.rc_context(
+        {name: _STYLE[name] for name in ("lines.linewidth", "legend.frameon", "agg.path.chunksize")}
+    )
 
 
 def check_print(printed: PrintedAs) -> None:
@@ -307,8 +344,14 @@ def check_print(printed: PrintedAs) -> None:
     if printed.style:
         try:
             # matplotlib evaluates lists of colors: names with underscores lead out of what it lets them do.
-            evaluated = "__" in Path(printed.style).read_text(encoding="utf-8") and not TRUSTED.get()
-            sheet = {} if evaluated else mpl.rc_params_from_file(printed.style, use_default_template=False)
+            evaluated = (
+                "__" in Path(printed.style).read_text(encoding="utf-8") and not TRUSTED.get()
+            )
+            sheet = (
+                {}
+                if evaluated
+                else mpl.rc_params_from_file(printed.style, use_default_template=False)
+            )
         except (OSError, ValueError) as error:
             raise UsageError(f"style sheet {printed.style}: {error}") from None
         if (evaluated or sheet.get("text.usetex")) and not TRUSTED.get():
@@ -317,7 +360,9 @@ def check_print(printed: PrintedAs) -> None:
                 f"style sheet {printed.style} (SHA-256 {digest}): starts programs; read it, then give --trust"
             )
         if sheet.get("text.usetex") and not all(map(shutil.which, _LATEX)):
-            raise UsageError(f"style sheet {printed.style}: text.usetex needs {' and '.join(_LATEX)}, not found here")
+            raise UsageError(
+                f"style sheet {printed.style}: text.usetex needs {' and '.join(_LATEX)}, not found here"
+            )
 
 
 def _print(figure: Figure, printed: PrintedAs) -> None:
@@ -330,7 +375,9 @@ def _print(figure: Figure, printed: PrintedAs) -> None:
     title = figure.get_suptitle()
     if title:
         room = int(width * 72.0 / (_LARGEST * _LETTER))
-        lines = (part for line in title.splitlines() for part in wrap(line, room, break_on_hyphens=False))
+        lines = (
+            part for line in title.splitlines() for part in wrap(line, room, break_on_hyphens=False)
+        )
         figure.suptitle("\n".join(lines) if printed.title else "")
     engine = figure.get_layout_engine()
     figure.set_layout_engine("none")
@@ -339,7 +386,9 @@ def _print(figure: Figure, printed: PrintedAs) -> None:
     before: set[str] = set()
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         words = [text.get_text() for text in axis.get_ticklabels()]
-        if isinstance(axis.get_major_locator(), FixedLocator) and any(words):  # each drawing writes them anew
+        if isinstance(axis.get_major_locator(), FixedLocator) and any(
+            words
+        ):  # each drawing writes them anew
             before.update(words)
             axis.set_ticklabels([in_print(word, printed) for word in words])
     for text in figure.findobj(Text):
@@ -365,7 +414,9 @@ def _fit(figure: Figure) -> None:
     page = figure.bbox
     for axes in figure.axes:
         # Before the layout: the share of the page that the panel and its own labels have.
-        part = spec.get_position(figure) if (spec := axes.get_subplotspec()) else axes.get_position()
+        part = (
+            spec.get_position(figure) if (spec := axes.get_subplotspec()) else axes.get_position()
+        )
         wide, high = page.width * part.width, page.height * part.height
         told = [
             child
@@ -384,7 +435,9 @@ def _fit(figure: Figure) -> None:
         _wrap(text, page.width)
     panels = [panel for axes in figure.axes for panel in (axes, *axes.child_axes)]
     every = [axis for panel in panels for axis in (panel.xaxis, panel.yaxis)]
-    counted = [axis for axis in every if not isinstance(axis.get_major_locator(), FixedLocator)]  # no names
+    counted = [
+        axis for axis in every if not isinstance(axis.get_major_locator(), FixedLocator)
+    ]  # no names
     for _ in range(_MOST_THINNINGS):
         _grow(figure)
         changed = [_thin(axis) for axis in counted]
@@ -400,7 +453,9 @@ def _fit(figure: Figure) -> None:
         for text in points:
             box = text.get_window_extent()
             # A narrower panel has its points, and their labels, nearer to the numbers of its axes.
-            within = frame.x0 < box.x0 and box.x1 < frame.x1 and frame.y0 < box.y0 and box.y1 < frame.y1
+            within = (
+                frame.x0 < box.x0 and box.x1 < frame.x1 and frame.y0 < box.y0 and box.y1 < frame.y1
+            )
             shown = bool(within) and not any(box.overlaps(other) for other in boxes)
             text.set_visible(shown)
             boxes += [box] * shown
@@ -443,7 +498,11 @@ def _wrap(text: Text, room: float) -> bool:
     lines = text.get_text().splitlines()
     if lines and long > room:
         letters = max(8, int(max(map(len, lines)) * room / long))
-        text.set_text("\n".join(part for line in lines for part in wrap(line, letters, break_long_words=False)))
+        text.set_text(
+            "\n".join(
+                part for line in lines for part in wrap(line, letters, break_long_words=False)
+            )
+        )
     return text.get_text().splitlines() != lines
 
 
@@ -479,7 +538,10 @@ def titled(figure: Figure, title: str) -> Figure:
 def _evenly(line: str, room: int) -> list[str]:
     """A line in as few lines of at most so many letters as it takes, as even as they come: no word is left alone."""
     few = len(wrap(line, room, break_on_hyphens=False))
-    parts = (wrap(line, width, break_on_hyphens=False) for width in range(max(len(line) // max(few, 1), 1), room + 1))
+    parts = (
+        wrap(line, width, break_on_hyphens=False)
+        for width in range(max(len(line) // max(few, 1), 1), room + 1)
+    )
     return next(lines for lines in parts if len(lines) <= few)
 
 
@@ -501,7 +563,9 @@ def legend_columns(labels: Sequence[str], most: int, width: float | None = None)
     return columns
 
 
-def add_legend(figure: Figure, axes: Any, lines: list[Any], labels: list[str], narrow: int = 24) -> None:
+def add_legend(
+    figure: Figure, axes: Any, lines: list[Any], labels: list[str], narrow: int = 24
+) -> None:
     """A legend below the panels, for which the figure grows; none for a single line.
 
     Labels of up to `narrow` characters stand in three columns.
@@ -514,7 +578,9 @@ def add_legend(figure: Figure, axes: Any, lines: list[Any], labels: list[str], n
     columns = legend_columns(labels, 2 if max(map(len, labels)) > narrow else 3)
     figure.set_figheight(figure.get_figheight() + 0.17 * math.ceil(len(labels) / columns))
     labels = [" " + label for label in labels]  # a label that begins with _ would be left out
-    legend = figure.legend(lines, labels, loc="outside lower center", ncols=columns, handlelength=3.6)
+    legend = figure.legend(
+        lines, labels, loc="outside lower center", ncols=columns, handlelength=3.6
+    )
     for text in legend.get_texts():
         text.set_parse_math(False)
 
@@ -526,8 +592,13 @@ def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str
     """
     if units.unit(si)[0] != si:
         factor, label = 1.0 / units.unit(si)[1], units.label(si)
-        power = 3 * math.floor(math.log10(largest * factor) / 3.0) if largest * factor >= _LONG else 0
-        return factor / 10.0**power, f"10{str(power).translate(_RAISED)} {label}" if power else label
+        power = (
+            3 * math.floor(math.log10(largest * factor) / 3.0) if largest * factor >= _LONG else 0
+        )
+        return (
+            factor / 10.0** power,
+            f"10{str(power).translate(_RAISED)} {label}" if power else label,
+        )
     for factor, prefix in ((1e-6, "M"), (1e-3, "k")):
         if largest * factor >= 1.0:
             return factor, prefix + si
@@ -560,7 +631,10 @@ def record_names(sources: Iterable[str]) -> dict[str, str]:
             parts = Path(source).parts
             others = [Path(other).parts for other in alike if other != source]
             folders = range(1, len(parts))
-            count = next((n for n in folders if all(other[-n:] != parts[-n:] for other in others)), len(parts))
+            count = next(
+                (n for n in folders if all(other[-n:] != parts[-n:] for other in others)),
+                len(parts),
+            )
             names[source] = "/".join(parts[-count:]).encode("utf-8", "replace").decode("utf-8")
     return names
 
@@ -579,7 +653,9 @@ def plain_minor_numbers(axis: Any, *, every: bool = False) -> None:
     """The same between the powers of ten: at 2 and 5, or at all ticks."""
 
     def written(value: float, at: Any) -> str:
-        decade = math.floor(math.log10(value) + 1e-9) if value > 0.0 else 0  # 1e-9: the rounding of a logarithm
+        decade = (
+            math.floor(math.log10(value) + 1e-9) if value > 0.0 else 0
+        )  # 1e-9: the rounding of a logarithm
         return _plain(value, at) if every or f"{value / 10.0**decade:.0f}" in "25" else ""
 
     axis.set_minor_formatter(FuncFormatter(written))
@@ -608,13 +684,17 @@ def add_ratio_axis(axes: Any, height: float, label: str) -> None:
     if math.isnan(height):
         return
     percent = axes.secondary_xaxis(
-        "top", functions=(lambda length: 100.0 * length / height, lambda ratio: 0.01 * ratio * height)
+        "top",
+        functions=(lambda length: 100.0 * length / height, lambda ratio: 0.01 * ratio * height),
     )
     percent.set_xlabel(label)
 
 
 def write_labels(
-    figure: Any, axes: Any, labels: Iterable[tuple[float, float, str]], marks: Sequence[tuple[float, float]]
+    figure: Any,
+    axes: Any,
+    labels: Iterable[tuple[float, float, str]],
+    marks: Sequence[tuple[float, float]],
 ) -> None:
     """Write each label (x, y, text) beside its point, the first ones first, where it covers no mark and no other label.
 
@@ -631,7 +711,9 @@ def write_labels(
     taken: list[Box] = []
     if len(marks):
         half = _MARKER * unit
-        taken = [(x - half, y - half, x + half, y + half) for x, y in axes.transData.transform(marks)]
+        taken = [
+            (x - half, y - half, x + half, y + half) for x, y in axes.transData.transform(marks)
+        ]
     for x, y, text in labels:
         across, along = axes.transData.transform((x, y))
         for dx, dy, horizontal, vertical in _LABEL_PLACES:
@@ -640,7 +722,9 @@ def write_labels(
             low = along + dy * unit - _LABEL_PARTS[vertical] * height
             box = (left, low, left + width, low + height)
             inside = frame.x0 < left and box[2] < frame.x1 and frame.y0 < low and box[3] < frame.y1
-            free = all(box[2] <= x0 or x1 <= left or box[3] <= y0 or y1 <= low for x0, y0, x1, y1 in taken)
+            free = all(
+                box[2] <= x0 or x1 <= left or box[3] <= y0 or y1 <= low for x0, y0, x1, y1 in taken
+            )
             if inside and free:
                 taken.append(box)
                 place = {"gid": _OF_POINT, "xytext": (dx, dy), "textcoords": "offset points"}

@@ -53,7 +53,12 @@ SAMPLE = Column(
     "number of the draw from a grid of ground motions, or of the event, from 1; 0 where neither is",
 )
 EVENT = Column("event", "text", "event", "event of a ground motion field")
-RUNS = (*OF_BUILDING, SAMPLE, METHOD_SPEC, *(Column.of_quantity(one) for one in RUN if one.shown != HIDDEN))
+RUNS = (
+    *OF_BUILDING,
+    SAMPLE,
+    METHOD_SPEC,
+    *(Column.of_quantity(one) for one in RUN if one.shown != HIDDEN),
+)
 """Of runs.csv."""
 
 _WITH_ERROR = tuple(Column.of_quantity(one) for one in RUN_WITH_ERROR)
@@ -71,16 +76,36 @@ LEVEL = Column(
 )
 COUNTS = (
     Column("runs", "1", "runs", "motions; a pair is one"),
-    Column("collapsed", "1", "collapsed", "motions under which the building collapsed: in no number before"),
+    Column(
+        "collapsed",
+        "1",
+        "collapsed",
+        "motions under which the building collapsed: in no number before",
+    ),
     Column("failed", "1", "failed", "motions whose run has no result: in no number before"),
 )
 PROFILES = (
     OF_BUILDING[0],
-    Column("scale", "1", "scale", "factor on the ground acceleration; empty where each motion has its own"),
-    Column("quantity", "text", "quantity", "column of stories.csv without its unit: largest absolute values over time"),
+    Column(
+        "scale",
+        "1",
+        "scale",
+        "factor on the ground acceleration; empty where each motion has its own",
+    ),
+    Column(
+        "quantity",
+        "text",
+        "quantity",
+        "column of stories.csv without its unit: largest absolute values over time",
+    ),
     Column("story", "1", "story", "story, or the floor above it, from 1 at the ground"),
     Column("unit", "text", "unit", "unit of the quantity"),
-    Column("mean", "1", "mean", "over the motions that came to their end; of a pair the larger component counts"),
+    Column(
+        "mean",
+        "1",
+        "mean",
+        "over the motions that came to their end; of a pair the larger component counts",
+    ),
     Column("median", "1", "median", "over the same motions"),
     Column("p16", "1", "p16", "value that 16 % of them do not exceed"),
     Column("p84", "1", "p84", "value that 84 % of them do not exceed"),
@@ -108,7 +133,12 @@ RATIOS = (
     OF_BUILDING[0],
     Column("baseline", "text", "baseline", "the building that it is compared with"),
     PROFILES[1],
-    Column("quantity", "text", lambda one: one.quantity.called or one.quantity.name, PROFILES[2].meaning),
+    Column(
+        "quantity",
+        "text",
+        lambda one: one.quantity.called or one.quantity.name,
+        PROFILES[2].meaning,
+    ),
     Column(
         "story",
         "1",
@@ -124,14 +154,19 @@ RATIOS = (
 
 def measures_table(measures: Sequence[RunMeasure], runs: Iterable[MeasuredRun]) -> Table:
     """What tells each run, and its intensities."""
-    rows = ((run.building, run.record, run.component, run.scale, run.sample, *run.values) for run in runs)
+    rows = (
+        (run.building, run.record, run.component, run.scale, run.sample, *run.values)
+        for run in runs
+    )
     return Table.of(measure_columns(measures), rows)
 
 
 def measure_columns(measures: Sequence[RunMeasure]) -> tuple[Column, ...]:
     """Of measures.csv."""
     columns = [
-        Column(f"{measure.column}{suffix(measure.unit)}", measure.unit, measure.column, measure.meaning)
+        Column(
+            f"{measure.column}{suffix(measure.unit)}", measure.unit, measure.column, measure.meaning
+        )
         for measure in measures
     ]
     return (*OF_BUILDING, SAMPLE, *columns)
@@ -170,7 +205,9 @@ def varied_columns(names: Iterable[str]) -> list[Column]:
     # `story 3.mass_factor` is story_3_mass_factor; a key of model files is itself.
     return [
         Column(
-            name if name.startswith(("stories", "record")) else name.replace(" ", "_").replace(".", "_"),
+            name
+            if name.startswith(("stories", "record"))
+            else name.replace(" ", "_").replace(".", "_"),
             "1",
             name,
             parameter_meaning(name),
@@ -193,11 +230,21 @@ def run_rows(store: Store) -> Iterator[list[Any]]:
     swept = [[values.get(name) for name in _swept(varied)] for values in varied]
     methods = {number: cell_text(method) for number, (_, method) in store.buildings().items()}
     # A row of the store has room for all errors, also where none were estimated.
-    estimated, named, carried = len(RUN_ERRORS) * store.checked, run_heads(store), carried_cells(store)
+    estimated, named, carried = (
+        len(RUN_ERRORS) * store.checked,
+        run_heads(store),
+        carried_cells(store),
+    )
     for building, record, scale, sample, dt, status, *rest in store.runs():
         head = [*named(building, record), scale, sample, methods[building], dt, cell_text(status)]
         results, behind = rest[: len(RUNS) - len(head)], rest[len(rest) - len(RUN_ERRORS) :]
-        yield head + results + behind[:estimated] + (swept[building] if swept else []) + carried(building, sample)
+        yield (
+            head
+            + results
+            + behind[:estimated]
+            + (swept[building] if swept else [])
+            + carried(building, sample)
+        )
 
 
 def story_columns(store: Store) -> tuple[Column, ...]:
@@ -235,7 +282,9 @@ def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterat
             errors = profile.errors(quantity)
             # Statistics of their stories; a campaign without errors has nothing behind them.
             columns, behind = (
-                (np.array(list(vars(of).values())).T / factor).tolist() if of else [()] * profile.height.size
+                (np.array(list(vars(of).values())).T / factor).tolist()
+                if of
+                else [()] * profile.height.size
                 for of in (statistics, errors)
             )
             for story, (cells, off) in enumerate(zip(columns, behind, strict=True), start=1):
@@ -261,7 +310,10 @@ def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> N
 def write_shocks(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write shocks.csv."""
     named = run_heads(store)
-    rows = ([*named(building, record), scale, *rest] for building, record, scale, _, *rest in store.shocks())
+    rows = (
+        [*named(building, record), scale, *rest]
+        for building, record, scale, _, *rest in store.shocks()
+    )
     write_rows(SHOCKS, rows, stream, units)
 
 
@@ -272,18 +324,32 @@ def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = S
         statistics = profile.statistics(quantity)
         if np.any(np.nan_to_num(statistics.max)):
             columns += [
-                Column(f"mean_{quantity.column}", quantity.unit, statistics.mean, f"mean: {quantity.meaning}"),
-                Column(f"max_{quantity.column}", quantity.unit, statistics.max, f"largest: {quantity.meaning}"),
+                Column(
+                    f"mean_{quantity.column}",
+                    quantity.unit,
+                    statistics.mean,
+                    f"mean: {quantity.meaning}",
+                ),
+                Column(
+                    f"max_{quantity.column}",
+                    quantity.unit,
+                    statistics.max,
+                    f"largest: {quantity.meaning}",
+                ),
             ]
     return Table.of_results(columns, [profile]).in_units(units)
 
 
-_STORY_OF_PROFILE = replace(PROFILES[3], value=lambda profile: np.arange(1, profile.height.size + 1))
+_STORY_OF_PROFILE = replace(
+    PROFILES[3], value=lambda profile: np.arange(1, profile.height.size + 1)
+)
 
 
 def _named(names: Sequence[str]) -> list[Quantity]:
     """The quantities of these names, in their order."""
-    quantities_by_name = {quantity.called or quantity.name: quantity for quantity in STORY_QUANTITIES}
+    quantities_by_name = {
+        quantity.called or quantity.name: quantity for quantity in STORY_QUANTITIES
+    }
     return [quantities_by_name[name] for name in names]
 
 
@@ -302,7 +368,12 @@ def profile_error_table(profile: Profile, names: Sequence[str]) -> Table:
             size = np.where(getattr(over, name) > 0.0, getattr(over, name), np.nan)
             percent = [float(f"{value:.2g}") for value in 100.0 * getattr(errors, name) / size]
             columns.append(
-                Column(f"{name}_{quantity.called or quantity.name}", "%", np.array(percent), quantity.meaning)
+                Column(
+                    f"{name}_{quantity.called or quantity.name}",
+                    "%",
+                    np.array(percent),
+                    quantity.meaning,
+                )
             )
     return Table.of_results(columns, [profile])
 
@@ -312,7 +383,9 @@ def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Tab
     table = Table.of_results(_with_level(store, RATIOS, 3), ratios)
     # The largest of all stories stands in the row without a story.
     place = table.columns.index("story")
-    return table if stories else replace(table, rows=[row for row in table.rows if row[place] is None])
+    return (
+        table if stories else replace(table, rows=[row for row in table.rows if row[place] is None])
+    )
 
 
 def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
@@ -324,7 +397,13 @@ def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
     heads: list[tuple[Cell, ...]] = []
     for run in floors:
         name, component, _ = records[run.run.motion]
-        head = (buildings[run.building][0], name, component, run.run.scale, *((run.run.sample,) if drawn else ()))
+        head = (
+            buildings[run.building][0],
+            name,
+            component,
+            run.run.scale,
+            *((run.run.sample,) if drawn else ()),
+        )
         heads += ((*head, of.floor) for of in run.spectra)
     return Table.of_results(columns, [of.spectrum for run in floors for of in run.spectra], heads)
 
@@ -334,13 +413,18 @@ def floor_suite_table(store: Store, suites: Sequence[FloorSuite]) -> Table:
     return Table.of_results(_with_level(store, FLOOR_SUITES, 2), suites)
 
 
-def write_rows(columns: Iterable[Column], rows: Iterable[list[Any]], stream: BinaryIO, units: OutputUnits = SI) -> None:
+def write_rows(
+    columns: Iterable[Column], rows: Iterable[list[Any]], stream: BinaryIO, units: OutputUnits = SI
+) -> None:
     """Write rows whose texts are as they shall be (`cell_text`), a few thousand at a time."""
     headed = [units.column(column.name, column.unit) for column in columns]
     stream.write(csv_bytes([[harmless(name) for name, _ in headed]]))
     if units != SI:
         factors = [factor for _, factor in headed]
-        rows = ([converted(cell, factor) for cell, factor in zip(row, factors, strict=True)] for row in rows)
+        rows = (
+            [converted(cell, factor) for cell, factor in zip(row, factors, strict=True)]
+            for row in rows
+        )
     # Formatted a batch at a time: a campaign may have more rows than memory holds.
     source = iter(rows)
     while batch := list(islice(source, _ROWS_AT_ONCE)):
@@ -377,7 +461,9 @@ def carried_columns(store: Store, others: Iterable[str]) -> tuple[Column, ...]:
             name = f"inventory_{name}"
         taken.add(name)
         told = f"column {title} of the inventory, as it is written there"
-        columns.append(Column(name, TEXT, name, placed.get(title, told) if place < len(placed) else told))
+        columns.append(
+            Column(name, TEXT, name, placed.get(title, told) if place < len(placed) else told)
+        )
     return tuple(columns)
 
 
@@ -385,7 +471,9 @@ def carried_cells(store: Store) -> Callable[[int, int], list[str]]:
     """What stands in these columns, by a building's number and the draw's; it is asked building by building."""
     events = [cell_text(event) for event in store.events()]
 
-    @lru_cache(maxsize=1)  # one building's cells serve all of its runs, which come one after the other
+    @lru_cache(
+        maxsize=1
+    )  # one building's cells serve all of its runs, which come one after the other
     def of_building(building: int) -> list[str]:
         return [cell_text(cell) for cell in store.carried(building)]
 

@@ -15,7 +15,14 @@ from tdint.campaign.fragility.runs import TypeDamage, building_damages, group_da
 from tdint.campaign.store import Store
 from tdint.errors import UsageError
 from tdint.model.damage_states import COST, DEMANDS, DamageStates
-from tdint.output.tables.campaign import EVENT, OF_BUILDING, SAMPLE, carried_cells, carried_columns, write_rows
+from tdint.output.tables.campaign import (
+    EVENT,
+    OF_BUILDING,
+    SAMPLE,
+    carried_cells,
+    carried_columns,
+    write_rows,
+)
 from tdint.output.tables.table import Column, Table, cell_text, describe, names
 from tdint.units import SI, OutputUnits, suffix
 
@@ -27,7 +34,9 @@ _STATE = Column(
     "damage state that the medians tell, none below the first; collapsed and failed-story as the run ended; empty "
     "without a result",
 )
-TYPE = Column("type", "text", "type", "class of buildings, Hazus' type and design level, or name of the model")
+TYPE = Column(
+    "type", "text", "type", "class of buildings, Hazus' type and design level, or name of the model"
+)
 LEVEL = Column(
     "level",
     "1",
@@ -44,14 +53,26 @@ TYPES = (
     TYPE,
     LEVEL,
     *COUNTS,
-    Column("state", "text", "state", "none, a damage state, or an end by falling: together they have probability 1"),
+    Column(
+        "state",
+        "text",
+        "state",
+        "none, a damage state, or an end by falling: together they have probability 1",
+    ),
     Column("probability", "1", "probability", "mean probability over runs and buildings"),
-    Column("probability_error", "1", "probability_error", "its standard error over the ground motions"),
+    Column(
+        "probability_error", "1", "probability_error", "its standard error over the ground motions"
+    ),
 )
 """Of damage-types.csv."""
 
 _MONEY = (
-    Column("value", "1", "value", "what the buildings with a result cost: cost times number of the inventory, summed"),
+    Column(
+        "value",
+        "1",
+        "value",
+        "what the buildings with a result cost: cost times number of the inventory, summed",
+    ),
     Column("loss", "1", "money", "mean loss of all of them together, in the unit of cost"),
     Column("loss_error", "1", "money_error", "its standard error over the ground motions"),
 )
@@ -63,7 +84,12 @@ LOSSES = (
     *TYPES[1:5],
     LOSS,
     Column("loss_ratio_error", "1", "loss_error", "its standard error over the ground motions"),
-    Column("loss_ratio_sd", "1", "loss_sd", "standard deviation of the loss ratio of one building in one motion"),
+    Column(
+        "loss_ratio_sd",
+        "1",
+        "loss_sd",
+        "standard deviation of the loss ratio of one building in one motion",
+    ),
 )
 """Of losses.csv."""
 
@@ -72,7 +98,10 @@ def demand_column(states: DamageStates) -> Column:
     """What the states are told by."""
     demand = DEMANDS[states.demand]
     return Column(
-        f"{states.demand}{suffix(demand.unit)}", demand.unit, "demand", f"{demand.meaning}: its state is told"
+        f"{states.demand}{suffix(demand.unit)}",
+        demand.unit,
+        "demand",
+        f"{demand.meaning}: its state is told",
     )
 
 
@@ -84,7 +113,12 @@ def probability_name(outcome: str) -> str:
 def damage_columns(states: DamageStates) -> tuple[Column, ...]:
     """Of damage.csv of a campaign, whose types all have these states."""
     outcomes = (
-        Column(probability_name(name), "1", "probability", f"probability of {name}; empty without a result")
+        Column(
+            probability_name(name),
+            "1",
+            "probability",
+            f"probability of {name}; empty without a result",
+        )
         for name in states.outcomes
     )
     head = (*OF_BUILDING, SAMPLE, TYPE, _STATUS, demand_column(states), _STATE)
@@ -99,12 +133,16 @@ def damage_table_columns(store: Store) -> tuple[Column, ...]:
 
 def damage_rows(store: Store) -> Iterator[list[Any]]:
     """The rows of damage.csv, in the order of runs.csv."""
-    records = {number: tuple(map(cell_text, named[:2])) for number, named in store.records().items()}
+    records = {
+        number: tuple(map(cell_text, named[:2])) for number, named in store.records().items()
+    }
     carried = carried_cells(store)
     for of in building_damages(store):
         head, kind = cell_text(of.building), cell_text(of.type)
         # Probabilities and losses of the runs, a row of each.
-        damage = np.column_stack([of.probability, *((of.loss,) if of.states.losses else ())]).tolist()
+        damage = np.column_stack(
+            [of.probability, *((of.loss,) if of.states.losses else ())]
+        ).tolist()
         cells = zip(of.keys, of.status, of.demand.tolist(), of.state, damage, strict=True)
         for (record, scale, sample), status, demand, state, numbers in cells:
             told = [scale, sample, kind, status, demand, state, *numbers]
@@ -142,8 +180,19 @@ def has_costs(store: Store) -> bool:
 
 def loss_columns(store: Store, by: str | None = None) -> tuple[Column, ...]:
     """Of losses.csv, likewise; `by` a column of the inventory with what stands there."""
-    part = Column(by or "", "text", "part", f"column {by} of the inventory: all types of these buildings together")
-    return (*LOSSES[:2], *(part,) * bool(by), *LOSSES[2:], *_MONEY * has_costs(store), *(EVENT,) * bool(store.events()))
+    part = Column(
+        by or "",
+        "text",
+        "part",
+        f"column {by} of the inventory: all types of these buildings together",
+    )
+    return (
+        *LOSSES[:2],
+        *(part,) * bool(by),
+        *LOSSES[2:],
+        *_MONEY * has_costs(store),
+        *(EVENT,) * bool(store.events()),
+    )
 
 
 def write_types(store: Store, stream: BinaryIO) -> None:
@@ -160,7 +209,9 @@ def _type_rows(store: Store) -> Iterator[list[Any]]:
     return (
         [cell_text(of.type), of.level, *_counts(of), cell_text(state), *numbers, *_event(of)]
         for of in group_damages(store)
-        for state, *numbers in zip(of.states.outcomes, *(outcome.tolist() for outcome in of.probability), strict=True)
+        for state, *numbers in zip(
+            of.states.outcomes, *(outcome.tolist() for outcome in of.probability), strict=True
+        )
     )
 
 
@@ -209,17 +260,29 @@ def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...
     """Of exceedance.csv."""
     lost = _MONEY[1] if has_costs(store) else LOSS
     return (
-        *(Column(by or "", "text", "part", f"column {by} of the inventory; empty for all buildings"),) * bool(by),
+        *(
+            Column(
+                by or "", "text", "part", f"column {by} of the inventory; empty for all buildings"
+            ),
+        )
+        * bool(by),
         LEVEL,
         EVENT,
         Column("rate", "1", "rate", "how often the event comes, in a year"),
         lost,
         Column(f"{lost.name}_error", "1", "error", "its standard error over the ground motions"),
         *(
-            Column(f"{lost.name}_sd_{name}", "1", name, f"its standard deviation in the event, {how}")
+            Column(
+                f"{lost.name}_sd_{name}", "1", name, f"its standard deviation in the event, {how}"
+            )
             for name, how in _HOW
         ),
-        Column("exceedance_rate", "1", "exceedance", "how often an event of a mean loss as large comes, in a year"),
+        Column(
+            "exceedance_rate",
+            "1",
+            "exceedance",
+            "how often an event of a mean loss as large comes, in a year",
+        ),
         *(
             Column(
                 f"exceedance_rate_{name}",
@@ -229,7 +292,12 @@ def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...
             )
             for name, how in _HOW
         ),
-        Column("annual_loss", "1", "annual", "rate times loss: its sum over the events is the average annual loss"),
+        Column(
+            "annual_loss",
+            "1",
+            "annual",
+            "rate times loss: its sum over the events is the average annual loss",
+        ),
         Column("cumulative_annual_loss", "1", "cumulative", "the same summed down to this row"),
     )
 
@@ -269,11 +337,21 @@ def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> N
             events.sort(key=lambda event: -event[0])
             rate = np.array([rates[of.event] for _, of in events])
             means = np.array([lost for lost, _ in events])
-            most = np.array([(of.value if costs else 1.0) * (max(of.states.outcome_losses) or 1.0) for _, of in events])
+            most = np.array(
+                [
+                    (of.value if costs else 1.0) * (max(of.states.outcome_losses) or 1.0)
+                    for _, of in events
+                ]
+            )
             annual = rate * means
             for place, (lost, of) in enumerate(events):
                 often = [
-                    float(rate @ _exceeding(lost, means, np.array([other.scatter[way] for _, other in events]), most))
+                    float(
+                        rate
+                        @ _exceeding(
+                            lost, means, np.array([other.scatter[way] for _, other in events]), most
+                        )
+                    )
                     for way in (0, 1)
                 ]
                 error = float((of.money if costs else of.loss).error[0])

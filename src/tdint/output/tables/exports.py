@@ -30,7 +30,12 @@ from tdint.output.tables.campaign import (
     story_rows,
     write_rows,
 )
-from tdint.output.tables.damage_states import LOSS, damage_rows, damage_table_columns, probability_name
+from tdint.output.tables.damage_states import (
+    LOSS,
+    damage_rows,
+    damage_table_columns,
+    probability_name,
+)
 from tdint.output.tables.table import PARQUET, TEXT, Column, describe, digits, names
 from tdint.tabular import optional
 from tdint.units import ACCELERATION, LENGTH, SI, VELOCITY, OutputUnits
@@ -43,12 +48,18 @@ if TYPE_CHECKING:
 
 _ROWS_AT_ONCE = 131_072  # a row group of Parquet
 
-_COUNTED = {SAMPLE.name, "story", *(quantity.column for quantity in (*RUN, *STORY_QUANTITIES) if quantity.kind is int)}
+_COUNTED = {
+    SAMPLE.name,
+    "story",
+    *(quantity.column for quantity in (*RUN, *STORY_QUANTITIES) if quantity.kind is int),
+}
 
 
 def write_runs_parquet(store: Store, stream: BinaryIO) -> None:
     """Write runs.parquet."""
-    _write_parquet(store, stream, run_columns(store), run_rows(store), carried=len(store.inventory_columns()))
+    _write_parquet(
+        store, stream, run_columns(store), run_rows(store), carried=len(store.inventory_columns())
+    )
 
 
 def write_stories_parquet(store: Store, stream: BinaryIO) -> None:
@@ -59,11 +70,18 @@ def write_stories_parquet(store: Store, stream: BinaryIO) -> None:
 def write_damage_parquet(store: Store, stream: BinaryIO) -> None:
     """Write damage.parquet."""
     columns = damage_table_columns(store)
-    _write_parquet(store, stream, columns, damage_rows(store), carried=len(store.inventory_columns()))
+    _write_parquet(
+        store, stream, columns, damage_rows(store), carried=len(store.inventory_columns())
+    )
 
 
 def _write_parquet(
-    store: Store, stream: BinaryIO, columns: Sequence[Column], rows: Iterable[Sequence[Any]], *, carried: int = 0
+    store: Store,
+    stream: BinaryIO,
+    columns: Sequence[Column],
+    rows: Iterable[Sequence[Any]],
+    *,
+    carried: int = 0,
 ) -> None:
     """Write rows under some columns, the last `carried` of which are the inventory's.
 
@@ -72,9 +90,20 @@ def _write_parquet(
     pyarrow, parquet = (optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
     # Of an inventory's columns those are numbers that have nothing else in them.
     first = len(columns) - carried
-    places = [first + place for place, is_number in enumerate(numeric(store)) if is_number] if carried else []
-    words = {column.name for place, column in enumerate(columns) if column.unit == TEXT and place not in places}
-    kinds = {column.name: pyarrow.int64() if column.name in _COUNTED else pyarrow.float64() for column in columns}
+    places = (
+        [first + place for place, is_number in enumerate(numeric(store)) if is_number]
+        if carried
+        else []
+    )
+    words = {
+        column.name
+        for place, column in enumerate(columns)
+        if column.unit == TEXT and place not in places
+    }
+    kinds = {
+        column.name: pyarrow.int64() if column.name in _COUNTED else pyarrow.float64()
+        for column in columns
+    }
     # Each column says its unit and what it means, the file which campaign it is of.
     about = describe(columns)
     schema = pyarrow.schema(
@@ -82,7 +111,11 @@ def _write_parquet(
             pyarrow.field(name, kind, metadata=about[name])
             for name, kind in (kinds | dict.fromkeys(words, pyarrow.string())).items()
         ],
-        {"tdint": json.dumps({"campaign": store.meta("name"), "fingerprint": store.meta("fingerprint")})},
+        {
+            "tdint": json.dumps(
+                {"campaign": store.meta("name"), "fingerprint": store.meta("fingerprint")}
+            )
+        },
     )
     with parquet.ParquetWriter(stream, schema) as writer:
         source = iter(rows)
@@ -91,7 +124,10 @@ def _write_parquet(
             # The inventory's cells are text, also where a column has numbers alone.
             for place in places:
                 cells[place] = tuple(float(text) if text else None for text in cells[place])
-            arrays = [pyarrow.array(column, field.type) for column, field in zip(cells, schema, strict=True)]
+            arrays = [
+                pyarrow.array(column, field.type)
+                for column, field in zip(cells, schema, strict=True)
+            ]
             writer.write_table(pyarrow.Table.from_arrays(arrays, schema=schema))
 
 
@@ -112,11 +148,15 @@ def write_simcenter(store: Store, stream: BinaryIO) -> None:
             "SimCenter's names are those of stories: ask for them in the campaign file, outputs: {stories: true}"
         )
     (directions,) = store.connection.execute("SELECT max(direction) FROM records").fetchone()
-    names = [name for direction in range(1, directions + 1) for name in demand_names(stories, direction)]
+    names = [
+        name for direction in range(1, directions + 1) for name in demand_names(stories, direction)
+    ]
     # Motions that have rows of their own may bear one name.
     sources = [source for source, _, direction in store.records().values() if direction == 1]
     apart = len(set(sources)) < len(sources)
-    rows = ([*head[: 2 + apart], *head[3:], *cells] for head, cells in _rows(store, stories, directions))
+    rows = (
+        [*head[: 2 + apart], *head[3:], *cells] for head, cells in _rows(store, stories, directions)
+    )
     header = ("building", "record", *("component",) * apart, "scale", "sample", *names)
     write_rows([Column(name, "1", name, name) for name in header], rows, stream)
 
@@ -146,7 +186,9 @@ def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[An
             # Both components of a pair stand in one row, side by side.
             cells = rows.setdefault((firsts[record], scale, sample), [None] * (size * directions))
             start = size * (direction - 1)
-            cells[start : start + size] = _demands_of_run(list(of_run), abs(scale) * peaks[record], stories)
+            cells[start : start + size] = _demands_of_run(
+                list(of_run), abs(scale) * peaks[record], stories
+            )
         for (record, scale, sample), cells in rows.items():
             yield [*named(building, record), scale, sample], cells
 
@@ -187,7 +229,10 @@ def write_geojson(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> No
     stream.write(b'{"type": "FeatureCollection", "features": [')
     between = b"\n"
     for feature in _features(store, units):
-        stream.write(between + json.dumps(feature, ensure_ascii=False, allow_nan=False).encode("utf-8", "replace"))
+        stream.write(
+            between
+            + json.dumps(feature, ensure_ascii=False, allow_nan=False).encode("utf-8", "replace")
+        )
         between = b",\n"
     stream.write(b"\n]}\n")
 
@@ -203,11 +248,24 @@ def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
 
     titles = [title.lower() for title in store.inventory_columns()]
     longitude, latitude = titles.index("longitude"), titles.index("latitude")
-    rules, events, buildings, damages = SuiteRules.of(store), store.events(), store.buildings(), building_damages(store)
+    rules, events, buildings, damages = (
+        SuiteRules.of(store),
+        store.events(),
+        store.buildings(),
+        building_damages(store),
+    )
     # The inventory's columns are carried along under names that no other property has.
-    demands = [f"{statistic}_{demand.column}" for demand in _DEMANDS for statistic in ("mean", "max")]
-    outcomes = [probability_name(name) for states in stored_states(store).values() for name in states.outcomes]
-    columns = names(carried_columns(store, (*_OWN, *demands, *outcomes, LOSS.name)))[1 if events else 0 :]
+    demands = [
+        f"{statistic}_{demand.column}" for demand in _DEMANDS for statistic in ("mean", "max")
+    ]
+    outcomes = [
+        probability_name(name)
+        for states in stored_states(store).values()
+        for name in states.outcomes
+    ]
+    columns = names(carried_columns(store, (*_OWN, *demands, *outcomes, LOSS.name)))[
+        1 if events else 0 :
+    ]
     kinds = numeric(store)
     for number, rows in groupby(store.runs(), key=lambda row: row[0]):
         damage = next(damages, None)
@@ -222,12 +280,19 @@ def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
         if cells[longitude] and cells[latitude]:
             east = float(cells[longitude])
             east = (east + 180.0) % 360.0 - 180.0 if abs(east) > 180.0 else east
-            geometry = {"type": "Point", "coordinates": [digits(east), digits(float(cells[latitude]))]}
+            geometry = {
+                "type": "Point",
+                "coordinates": [digits(east), digits(float(cells[latitude]))],
+            }
         for event in sorted({key.sample for key in runs}) if events else (0,):
-            head: Feature = {"building": buildings[number][0]} | ({"event": events[event - 1]} if events else {})
+            head: Feature = {"building": buildings[number][0]} | (
+                {"event": events[event - 1]} if events else {}
+            )
             # Without events all runs are those of event 0.
             mine = {key: row for key, row in runs.items() if event in (0, key.sample)}
-            for rank, level in enumerate(rules.levels({key: row[_STATUS] for key, row in mine.items()})):
+            for rank, level in enumerate(
+                rules.levels({key: row[_STATUS] for key, row in mine.items()})
+            ):
                 told = _damage(damage, rank, event) if damage else {}
                 feature = head | _of_level(level, mine, units) | told | carried
                 yield {"type": "Feature", "geometry": geometry, "properties": feature}
@@ -242,7 +307,11 @@ def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: Outpu
     for demand, place in zip(_DEMANDS, _PLACES, strict=True):
         column, factor = units.column(demand.column, demand.unit)
         cells = [[runs[key][place] for key in keys] for keys in level.stood]
-        values = [max(abs(cell) for cell in of_motion) / factor for of_motion in cells if None not in of_motion]
+        values = [
+            max(abs(cell) for cell in of_motion) / factor
+            for of_motion in cells
+            if None not in of_motion
+        ]
         feature[f"mean_{column}"] = digits(math.fsum(values) / len(values)) if values else None
         feature[f"max_{column}"] = digits(max(values)) if values else None
     return feature
@@ -252,11 +321,18 @@ def _damage(of: BuildingDamage, rank: int, event: int) -> Feature:
     """Mean probability of each damage state and mean loss ratio over the runs of a level, of one event if not 0."""
     mine = np.array([event in (0, sample) for _, _, sample in of.keys])
     chosen = of.known & (of.rank == rank) & mine
-    means = of.probability[chosen].mean(axis=0).tolist() if chosen.any() else [None] * len(of.states.outcomes)
+    means = (
+        of.probability[chosen].mean(axis=0).tolist()
+        if chosen.any()
+        else [None] * len(of.states.outcomes)
+    )
     if of.states.losses:
         means.append(float(of.loss[chosen].mean()) if chosen.any() else None)
     names = [*map(probability_name, of.states.outcomes), *(LOSS.name,) * bool(of.states.losses)]
-    return {name: None if mean is None else digits(mean) for name, mean in zip(names, means, strict=True)}
+    return {
+        name: None if mean is None else digits(mean)
+        for name, mean in zip(names, means, strict=True)
+    }
 
 
 # ---- Fragility functions as OpenQuake reads them: NRML 0.5, lognormal, with mean and standard deviation of the
@@ -327,7 +403,9 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
             far += [median * math.exp(sign * _FAR * beta) for sign in (-1.0, 1.0)]
             mean = median * math.exp(0.5 * beta**2)
             deviation = mean * math.sqrt(math.expm1(beta**2))
-            params.append(f'      <params ls="{state}" mean="{mean:.9g}" stddev="{deviation:.9g}"/>')
+            params.append(
+                f'      <params ls="{state}" mean="{mean:.9g}" stddev="{deviation:.9g}"/>'
+            )
         called = quoteattr(first.type or f"{name}{suffix}")
         lines += [
             f'    <fragilityFunction id={called} format="continuous" shape="logncdf">',
@@ -388,7 +466,9 @@ def _grouped(functions: Sequence[Fragility]) -> list[list[Fragility]]:
 _INTENSITIES = 100  # of a vulnerability function: straight lines between them are off by 0.3 % where beta is 0.16
 
 
-def vulnerability_model(functions: Sequence[Fragility], losses: Mapping[str, Sequence[float]], name: str) -> bytes:
+def vulnerability_model(
+    functions: Sequence[Fragility], losses: Mapping[str, Sequence[float]], name: str
+) -> bytes:
     """The mean loss ratios that the functions of types make with the losses of their states, and the coefficients of
     variation of one building's, for beta distributions; a collapse counts as the heaviest state.
 
@@ -400,7 +480,11 @@ def vulnerability_model(functions: Sequence[Fragility], losses: Mapping[str, Seq
     lines: list[str] = []
     for of_one in _grouped(functions):
         imt, factor = _measure(of_one[0])
-        ends = [of.theta * math.exp(sign * _FAR * of.beta_total) for of in of_one for sign in (-1.0, 1.0)]
+        ends = [
+            of.theta * math.exp(sign * _FAR * of.beta_total)
+            for of in of_one
+            for sign in (-1.0, 1.0)
+        ]
         im = np.geomspace(min(ends), max(ends), _INTENSITIES)
         # Functions of one type may cross: a heavier state is never more likely than a lighter one.
         reached = np.minimum.accumulate([of.probability(im, total=True) for of in of_one])
@@ -408,7 +492,9 @@ def vulnerability_model(functions: Sequence[Fragility], losses: Mapping[str, Seq
         ratios = np.array(losses[of_one[0].type][: len(of_one)])
         mean, square = np.maximum(ratios @ shares, _LEAST_LOSS), ratios**2 @ shares
         # A beta distribution has less scatter than losses of nothing or all.
-        variance = np.minimum(np.maximum(square / mean**2 - 1.0, 0.0), (1.0 - 1e-6) * (1.0 / mean - 1.0))
+        variance = np.minimum(
+            np.maximum(square / mean**2 - 1.0, 0.0), (1.0 - 1e-6) * (1.0 / mean - 1.0)
+        )
         rows = {"imls": factor * im, "meanLRs": mean, "covLRs": np.sqrt(np.maximum(variance, 0.0))}
         texts = {key: " ".join(f"{value:.9g}" for value in values) for key, values in rows.items()}
         lines += [
@@ -428,7 +514,9 @@ def _measure(first: Fragility) -> tuple[str, float]:
     for pattern, called, units, unit in _IMTS:
         match = re.fullmatch(pattern, first.im.lower())
         if match and first.unit in units:
-            imt = called.format(**{part: f"{float(text):.6g}" for part, text in match.groupdict().items()})
+            imt = called.format(
+                **{part: f"{float(text):.6g}" for part, text in match.groupdict().items()}
+            )
             return imt, units[first.unit] / unit
     measure = f"{first.im or 'untold'} {first.unit}".rstrip()
     raise UsageError(

@@ -49,12 +49,16 @@ METHOD = (
         lambda integrator: "; ".join(
             f"{parameter.name}={cell_text(value)} in {parameter.range.replace(',', ' to')}"
             + " computed" * callable(parameter.default)
-            for parameter, value in zip(integrator.method.parameters, integrator.values, strict=True)
+            for parameter, value in zip(
+                integrator.method.parameters, integrator.values, strict=True
+            )
         ),
         "defaults and ranges",
     ),
     Column("order", "1", "order", "order of displacement and velocity for a smooth load"),
-    Column("implicit", "text", "implicit", "whether a step solves for the restoring force at its end"),
+    Column(
+        "implicit", "text", "implicit", "whether a step solves for the restoring force at its end"
+    ),
     Column(
         "stability_limit",
         "1",
@@ -69,7 +73,12 @@ METHOD = (
 DECLARATION = (
     Column("method", "text", "integrator.label", "method with its parameters"),
     Column("order", "1", "integrator.order", "declared order"),
-    Column("observed_order", "1", "order", "smallest of displacement and velocity, free and under a harmonic force"),
+    Column(
+        "observed_order",
+        "1",
+        "order",
+        "smallest of displacement and velocity, free and under a harmonic force",
+    ),
     Column(
         "stability_limit",
         "1",
@@ -77,24 +86,46 @@ DECLARATION = (
         "declared largest stable omega dt without damping",
     ),
     Column("measured_limit", "1", _or_none("limit"), "the same as measured"),
-    Column("rho_inf", "1", "integrator.rho_inf", "declared spectral radius for omega dt to infinity"),
+    Column(
+        "rho_inf", "1", "integrator.rho_inf", "declared spectral radius for omega dt to infinity"
+    ),
     Column("measured_rho_inf", "1", "rho_inf", "the same as measured"),
     Column("faults", "1", lambda one: len(one.faults), "declarations that do not hold"),
 )
 
-_DT_OVER_T = Column("dt_over_t", "1", "dt_over_t", "step over the undamped period of the oscillator")
+_DT_OVER_T = Column(
+    "dt_over_t", "1", "dt_over_t", "step over the undamped period of the oscillator"
+)
 
 STABILITY = (
     METHOD_SPEC,
     DAMPING,
     _DT_OVER_T,
-    Column("spectral_radius", "1", "spectral_radius", "largest modulus of the eigenvalues of the amplification matrix"),
+    Column(
+        "spectral_radius",
+        "1",
+        "spectral_radius",
+        "largest modulus of the eigenvalues of the amplification matrix",
+    ),
     Column("period_error", "1", "period_error", "numerical over exact damped period, less 1"),
     Column(
-        "numerical_damping", "1", "numerical_damping", "damping ratio of the numerical oscillation less the exact one"
+        "numerical_damping",
+        "1",
+        "numerical_damping",
+        "damping ratio of the numerical oscillation less the exact one",
     ),
-    Column("amplitude_decay", "1", "amplitude_decay", "part of the amplitude that the method takes in one cycle"),
-    Column("spurious_radius", "1", "spurious_radius", "largest modulus of eigenvalues beside the principal pair"),
+    Column(
+        "amplitude_decay",
+        "1",
+        "amplitude_decay",
+        "part of the amplitude that the method takes in one cycle",
+    ),
+    Column(
+        "spurious_radius",
+        "1",
+        "spurious_radius",
+        "largest modulus of eigenvalues beside the principal pair",
+    ),
 )
 OVERSHOOT = (
     METHOD_SPEC,
@@ -121,14 +152,24 @@ OVERSHOOT = (
 
 
 def _order(quantity: str) -> Column:
-    return Column(f"{quantity}_order", "1", lambda order: order.order(quantity), f"observed order of the {quantity}")
+    return Column(
+        f"{quantity}_order",
+        "1",
+        lambda order: order.order(quantity),
+        f"observed order of the {quantity}",
+    )
 
 
 ORDER = (
     METHOD_SPEC,
     Column("load", "text", "load", "load of the oscillator"),
     Column("law", "text", "law", "drift law of the oscillator"),
-    Column("frequency_ratio", "1", "frequency_ratio", "frequency of the load over that of the oscillator"),
+    Column(
+        "frequency_ratio",
+        "1",
+        "frequency_ratio",
+        "frequency of the load over that of the oscillator",
+    ),
     *map(_order, ("displacement", "velocity", "acceleration", "own_acceleration")),
     Column(
         "displacement_error",
@@ -154,13 +195,22 @@ CHART = (
     Column("dt_s", "s", "dt", "time step"),
     Column("steps", "1", "steps", "time steps"),
     Column("iterations", "1", "iterations", "solves; of scipy evaluations of the rate"),
-    Column("time_s", "s", "time", "median time of the compiled loop, on the clock that the summary names"),
+    Column(
+        "time_s",
+        "s",
+        "time",
+        "median time of the compiled loop, on the clock that the summary names",
+    ),
     Column("time_min_s", "s", "fastest", "least time of the compiled loop"),
-    _chart_error("displacement", "error of the displacements relative to the ground (L2 of the history)"),
+    _chart_error(
+        "displacement", "error of the displacements relative to the ground (L2 of the history)"
+    ),
     _chart_error("drift", "error of the drifts (L2 of the history)"),
     _chart_error("peak_drift", "largest error of a story's peak drift"),
     _chart_error(
-        "acceleration", "error of the absolute accelerations (L2 of the history)", name="absolute_acceleration"
+        "acceleration",
+        "error of the absolute accelerations (L2 of the history)",
+        name="absolute_acceleration",
     ),
     Column("outcome", "text", "outcome", "how `tdint run` ends"),
     _chart_error("velocity", "error of the velocities relative to the ground (L2 of the history)"),
@@ -169,8 +219,18 @@ FAILURE = (
     Column("problem", "text", "problem", "problem"),
     METHOD_SPEC,
     Column("dt_s", "s", "dt", "time step"),
-    Column("energy_ratio_min", "1", "energy_ratio_min", "least energy over the largest of the exact motion"),
-    Column("energy_ratio_max", "1", "energy_ratio_max", "largest energy over the largest of the exact motion"),
+    Column(
+        "energy_ratio_min",
+        "1",
+        "energy_ratio_min",
+        "least energy over the largest of the exact motion",
+    ),
+    Column(
+        "energy_ratio_max",
+        "1",
+        "energy_ratio_max",
+        "largest energy over the largest of the exact motion",
+    ),
     Column("error", "1", "error", "what error_of says"),
     Column("outcome", "text", "outcome", "how `tdint run` ends"),
     Column("verdict", "text", "verdict", "pass, the fault found, or how the run failed"),
@@ -201,12 +261,22 @@ OUTCOME = Column("outcome", "text", "outcome", "how the run ended")
 
 def rank(of: Callable[[Any], int | None]) -> Column:
     """The column of a method's rank among others."""
-    return Column("rank", "1", of, "place by the displacement's error (that of --reference) among the methods, from 1")
+    return Column(
+        "rank",
+        "1",
+        of,
+        "place by the displacement's error (that of --reference) among the methods, from 1",
+    )
 
 
 REFERENCE = (
     Column("method", "text", "method", "name"),
-    Column("reference", "text", "reference", "authors, year, title, place; of a plug-in's method its source"),
+    Column(
+        "reference",
+        "text",
+        "reference",
+        "authors, year, title, place; of a plug-in's method its source",
+    ),
     Column("doi", "text", "doi", "where it is known for sure"),
 )
 
@@ -261,7 +331,11 @@ def example_table(runs: Sequence[ExampleRun], reference: str = "paper") -> Table
         error = ranked.error("displacement", reference)
         if ranked.variant or math.isnan(error):
             return None
-        rivals = [run for run in runs if (run.example, run.dt, run.variant) == (ranked.example, ranked.dt, "")]
+        rivals = [
+            run
+            for run in runs
+            if (run.example, run.dt, run.variant) == (ranked.example, ranked.dt, "")
+        ]
         return 1 + sum(run.error("displacement", reference) < error for run in rivals)
 
     return Table.of_results((*EXAMPLE, rank(place), OUTCOME), runs)
@@ -279,21 +353,35 @@ def chart_table(chart: Chart) -> Table:
 def sizes_table(charts: Iterable[Chart]) -> Table:
     """The tables of several charts, with the number of stories before all."""
     points = [((chart.stories,), point) for chart in charts for point in chart.points]
-    return Table.of_results((CHART_STORIES, *CHART), [point for _, point in points], [head for head, _ in points])
+    return Table.of_results(
+        (CHART_STORIES, *CHART), [point for _, point in points], [head for head, _ in points]
+    )
 
 
 def _within(factor: float, name: str = "") -> Column:
     meaning = f"of these, at no more than {factor:g} times the least cost"
-    return Column(name or f"within_{factor:g}", "1", lambda profile: profile.within(factor), meaning)
+    return Column(
+        name or f"within_{factor:g}", "1", lambda profile: profile.within(factor), meaning
+    )
 
 
 PROFILE = (
     Column("quantity", "text", "quantity", "what the error is of"),
     Column("tolerance", "1", "tolerance", "largest relative error of a story"),
     METHOD_SPEC,
-    Column("problems", "1", "problems", "problems whose reference is known well enough, the same for all methods"),
+    Column(
+        "problems",
+        "1",
+        "problems",
+        "problems whose reference is known well enough, the same for all methods",
+    ),
     Column("taken", "1", "taken", "of these, those that it takes; the others it does not solve"),
-    Column("solved", "1", "solved", "of these, with a step that is within the tolerance, as are all smaller ones"),
+    Column(
+        "solved",
+        "1",
+        "solved",
+        "of these, with a step that is within the tolerance, as are all smaller ones",
+    ),
     _within(1.1, "cheapest"),
     *map(_within, (2.0, 5.0, 10.0)),
     Column(
@@ -320,8 +408,15 @@ VALIDATION = (
     Column("source", "text", _uncut("case.source"), "where its numbers come from"),
     Column("numbers", "1", lambda one: len(one.case.published), "how many numbers are compared"),
     Column("unit", "text", _uncut("case.unit"), "unit of the numbers"),
-    Column("relative", "text", "case.relative", "whether differences are over the published numbers"),
-    Column("largest_difference", "1", "largest", "largest difference of computed from published numbers"),
+    Column(
+        "relative", "text", "case.relative", "whether differences are over the published numbers"
+    ),
+    Column(
+        "largest_difference",
+        "1",
+        "largest",
+        "largest difference of computed from published numbers",
+    ),
     Column("tolerance", "1", "case.tolerance", "the largest difference that the case allows"),
     Column("difference_is", "text", _uncut("case.difference_is"), "what differences are made of"),
     Column("within", "text", "within", "whether all numbers are within the tolerance"),

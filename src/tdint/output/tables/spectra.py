@@ -12,7 +12,14 @@ import numpy as np
 from tdint.analysis.spectra.elastic import SA_DAMPING, Spectrum, spectrum
 from tdint.data import dataclass
 from tdint.errors import AnalysisError
-from tdint.ground_motion.measures import HOUSNER_PERIODS, MEASURES, Measures, integrate, measure, spectrum_intensity
+from tdint.ground_motion.measures import (
+    HOUSNER_PERIODS,
+    MEASURES,
+    Measures,
+    integrate,
+    measure,
+    spectrum_intensity,
+)
 from tdint.ground_motion.record import Record, component_names
 from tdint.output.tables.table import FLOOR, OF_RECORD, Column, Table, columns_of, part
 from tdint.tabular import Tabular
@@ -28,7 +35,12 @@ if TYPE_CHECKING:
 
 INFO = (
     *OF_RECORD,
-    Column("id", "text", lambda info: info.record.id if info.record.id.strip(".") else "", "full id of the channel"),
+    Column(
+        "id",
+        "text",
+        lambda info: info.record.id if info.record.id.strip(".") else "",
+        "full id of the channel",
+    ),
     Column("start", "text", "record.start", "time of the first sample, UTC"),
     Column("samples", "1", "record.acceleration.size", "samples"),
     Column("dt_s", "s", "record.dt", "sampling interval"),
@@ -40,7 +52,12 @@ INFO = (
         "units of the file's samples and how they are known",
     ),
     *(
-        Column(f"{one.head}{suffix(one.unit)}", one.unit, f"measures.{name.replace('-', '_')}", one.meaning)
+        Column(
+            f"{one.head}{suffix(one.unit)}",
+            one.unit,
+            f"measures.{name.replace('-', '_')}",
+            one.meaning,
+        )
         for name, one in MEASURES.items()
     ),
     Column("housner_intensity_m", "m", "housner_intensity", "Housner's spectrum intensity"),
@@ -50,7 +67,9 @@ INFO = (
     Column(
         "notes",
         "text",
-        lambda info: "; ".join((*info.record.warnings, *info.record.notes, *info.measures.notes)).replace(",", ";"),
+        lambda info: "; ".join(
+            (*info.record.warnings, *info.record.notes, *info.measures.notes)
+        ).replace(",", ";"),
         "remarks",
     ),
 )
@@ -65,7 +84,12 @@ MOTION = (
 """Of ground motions as they were used."""
 
 SAMPLES = (
-    Column("time_s", "s", lambda record: record.dt * np.arange(record.acceleration.size), "time from the first sample"),
+    Column(
+        "time_s",
+        "s",
+        lambda record: record.dt * np.arange(record.acceleration.size),
+        "time from the first sample",
+    ),
     Column("acceleration_m_s2", "m/s^2", "acceleration", "acceleration of the ground"),
 )
 """Of a record itself."""
@@ -116,7 +140,12 @@ def difference(published: str) -> tuple[Column, ...]:
         *SPECTRUM[:2],
         Column(ours.name, ours.unit, "computed", ours.meaning),
         Column(f"published_{ours.name}", ours.unit, "expected", f"published: {ours.meaning}"),
-        Column("relative_difference", "1", "relative_difference", "computed over published value, less 1"),
+        Column(
+            "relative_difference",
+            "1",
+            "relative_difference",
+            "computed over published value, less 1",
+        ),
     )
 
 
@@ -128,7 +157,10 @@ ROTATED_END = (
         "geometric mean of the pseudo-accelerations of both components",
     ),
     Column(
-        "rotd100_angle_deg", "degree", "angle", "direction of the largest, from the first component towards the second"
+        "rotd100_angle_deg",
+        "degree",
+        "angle",
+        "direction of the largest, from the first component towards the second",
     ),
 )
 
@@ -137,7 +169,10 @@ def rotated(percentiles: Sequence[int]) -> tuple[Column, ...]:
     """The columns of a spectrum over all directions with these percentiles."""
     middle = (
         Column(
-            f"rotd{p:02d}_psa_m_s2", "m/s^2", part("psa", i), f"pseudo-acceleration, percentile {p} over all directions"
+            f"rotd{p:02d}_psa_m_s2",
+            "m/s^2",
+            part("psa", i),
+            f"pseudo-acceleration, percentile {p} over all directions",
         )
         for i, p in enumerate(percentiles)
     )
@@ -185,7 +220,9 @@ def record_info(record: AnyRecord) -> RecordInfo:
     periods = np.linspace(*HOUSNER_PERIODS, _HOUSNER)
     try:
         intensity = spectrum_intensity(periods, spectrum(of_file, periods, SA_DAMPING).psv)
-    except AnalysisError:  # samples that are too far apart for the shortest period, which nobody has asked for
+    except (
+        AnalysisError
+    ):  # samples that are too far apart for the shortest period, which nobody has asked for
         intensity = math.nan
     return RecordInfo(of_file, measure(of_file), intensity)
 
@@ -272,7 +309,12 @@ def rotated_table(spectra: Sequence[RotatedSpectrum], stated: Sequence[str] = ()
 
 
 OF_FLOORS = (
-    Column("mean_psa_m_s2", "m/s^2", "mean", "mean pseudo-acceleration of the motions; of a pair the larger component"),
+    Column(
+        "mean_psa_m_s2",
+        "m/s^2",
+        "mean",
+        "mean pseudo-acceleration of the motions; of a pair the larger component",
+    ),
     Column("max_psa_m_s2", "m/s^2", "envelope", "the largest of any motion"),
 )
 """Of a floor's spectra over the motions of a suite, after floor, damping and period."""
@@ -280,11 +322,15 @@ OF_FLOORS = (
 
 def motion_table(records: Sequence[Record], components: Sequence[str]) -> Table:
     """A row for each motion, whose component is called as given."""
-    heads = [(record.source, component) for record, component in zip(records, components, strict=True)]
+    heads = [
+        (record.source, component) for record, component in zip(records, components, strict=True)
+    ]
     return Table.of_results(MOTION, records, heads)
 
 
 def floor_spectrum_table(spectra: Sequence[FloorSpectrum]) -> Table:
     """A row per floor, damping ratio and period, in the order given."""
     heads = [(floor_spectrum.floor,) for floor_spectrum in spectra]
-    return Table.of_results((FLOOR, *SPECTRUM), [floor_spectrum.spectrum for floor_spectrum in spectra], heads)
+    return Table.of_results(
+        (FLOOR, *SPECTRUM), [floor_spectrum.spectrum for floor_spectrum in spectra], heads
+    )

@@ -16,10 +16,24 @@ from tdint.campaign.scaling import Scaling
 from tdint.data import dataclass
 from tdint.ground_motion.reading.suites import components
 from tdint.ground_motion.record import component_names
-from tdint.output.tables.table import OF_NAMED_RECORD, OF_RECORD, PERIOD, Cell, Column, Table, error_columns, numbered
+from tdint.output.tables.table import (
+    OF_NAMED_RECORD,
+    OF_RECORD,
+    PERIOD,
+    Cell,
+    Column,
+    Table,
+    error_columns,
+    numbered,
+)
 
 _PEAK = (
-    Column("quantity", "text", lambda one: one.quantity.called or one.quantity.name, "peak: median over the motions"),
+    Column(
+        "quantity",
+        "text",
+        lambda one: one.quantity.called or one.quantity.name,
+        "peak: median over the motions",
+    ),
     Column("unit", "text", "quantity.unit", "its unit"),
 )
 SWINGS = (
@@ -31,7 +45,12 @@ SWINGS = (
     Column("at_low", "1", "at_low", "the peak with it"),
     Column("as_it_is", "1", "as_it_is", "the peak of the building as it is"),
     Column("at_high", "1", "at_high", "the peak with the high value"),
-    Column("swing", "1", "swing", "what lies between the peaks at both ends, over that of the building as it is"),
+    Column(
+        "swing",
+        "1",
+        "swing",
+        "what lies between the peaks at both ends, over that of the building as it is",
+    ),
 )
 """Of what a building is sensitive to."""
 
@@ -45,10 +64,18 @@ CORRELATIONS = (
 )
 """Of the ranks of a sweep."""
 
-FACTORS = (*OF_RECORD, Column("factor", "1", "factor", "factor on the record, the same for both components of a pair"))
+FACTORS = (
+    *OF_RECORD,
+    Column("factor", "1", "factor", "factor on the record, the same for both components of a pair"),
+)
 
 SCALED = (
-    Column("curve", "text", "curve", "`scaled`: a motion times its factor; `mean` of all of these; `target`"),
+    Column(
+        "curve",
+        "text",
+        "curve",
+        "`scaled`: a motion times its factor; `mean` of all of these; `target`",
+    ),
     *OF_NAMED_RECORD,
     PERIOD,
     Column("psa_m_s2", "m/s^2", "psa", "pseudo-acceleration"),
@@ -75,13 +102,20 @@ def _of_runs(name: str) -> Callable[[Any], Any]:
 
 IDA = (
     *_RECORD,
-    Column("level", "1", numbered("curve.runs"), "number of the level of intensity, from the lowest"),
+    Column(
+        "level", "1", numbered("curve.runs"), "number of the level of intensity, from the lowest"
+    ),
     Column("im", "1", _of_runs("im"), "intensity"),
     Column("scale", "1", _of_runs("scale"), "factor on the record"),
     Column("status", "text", _of_runs("status"), "how the run ended"),
-    Column("peak_drift_ratio", "1", _of_runs("drift_ratio"), "largest peak drift over story height"),
     Column(
-        "peak_absolute_acceleration_m_s2", "m/s^2", _of_runs("acceleration"), "largest absolute acceleration of a floor"
+        "peak_drift_ratio", "1", _of_runs("drift_ratio"), "largest peak drift over story height"
+    ),
+    Column(
+        "peak_absolute_acceleration_m_s2",
+        "m/s^2",
+        _of_runs("acceleration"),
+        "largest absolute acceleration of a floor",
     ),
     Column(
         "residual_drift_ratio",
@@ -97,14 +131,22 @@ IDA_ERRORS = tuple(
 )
 """Behind them, of a study that has estimated them."""
 
-DAMAGE = Column("damage", "1", "curve.damage", "drift ratio to which a mainshock has damaged the building; 0: intact")
+DAMAGE = Column(
+    "damage",
+    "1",
+    "curve.damage",
+    "drift ratio to which a mainshock has damaged the building; 0: intact",
+)
 INTENSITIES = ("im", "capacity", "lower", "upper")
 """Columns in the unit that the column `unit` tells."""
 
 CAPACITIES = (
     *_RECORD,
     Column(
-        "threshold", "1", "capacity.threshold", "drift ratio; the collapse drift, the largest one, stands for collapse"
+        "threshold",
+        "1",
+        "capacity.threshold",
+        "drift ratio; the collapse drift, the largest one, stands for collapse",
     ),
     Column(
         "capacity",
@@ -113,8 +155,18 @@ CAPACITIES = (
         "intensity at which it is first exceeded; if censored one that it is above",
     ),
     Column("lower", "1", "capacity.lower", "level next below at which the building was run"),
-    Column("upper", "1", "capacity.upper", "level next above at which the building was run; empty if censored"),
-    Column("censored", "text", "capacity.censored", "whether it was not exceeded up to the largest level"),
+    Column(
+        "upper",
+        "1",
+        "capacity.upper",
+        "level next above at which the building was run; empty if censored",
+    ),
+    Column(
+        "censored",
+        "text",
+        "capacity.censored",
+        "whether it was not exceeded up to the largest level",
+    ),
     Column(
         "resurrection",
         "text",
@@ -125,19 +177,32 @@ CAPACITIES = (
 )
 FRAGILITY_DAMAGE = Column("damage", "1", "damage", DAMAGE.meaning)
 FRAGILITY_STATES = (
-    Column("type", "text", "type", "type of buildings: class, Hazus' type and design level, or name of the model"),
+    Column(
+        "type",
+        "text",
+        "type",
+        "type of buildings: class, Hazus' type and design level, or name of the model",
+    ),
     Column("state", "text", "state", "damage state that is reached or exceeded"),
 )
 """Before those of functions by type; their errors are over the ground motions."""
 
-FRAGILITY_BUILDING = (Column("building", "text", "type", "name of the building"), FRAGILITY_STATES[1])
+FRAGILITY_BUILDING = (
+    Column("building", "text", "type", "name of the building"),
+    FRAGILITY_STATES[1],
+)
 """Of functions by building."""
 
 FRAGILITY = (
     Column("threshold", "1", "threshold", "demand whose exceedance is meant"),
     Column("fit", "text", "fit", "stripes, ida or cloud"),
     Column("theta", "1", "theta", "median intensity"),
-    Column("beta", "1", "beta", "standard deviation of the logarithm of the intensity, from record to record"),
+    Column(
+        "beta",
+        "1",
+        "beta",
+        "standard deviation of the logarithm of the intensity, from record to record",
+    ),
     Column(
         "theta_error",
         "1",
@@ -146,8 +211,15 @@ FRAGILITY = (
         "these out one by one; empty where the median is extrapolated or less than three motions tell it",
     ),
     Column("beta_error", "1", "beta_error", "standard error of beta, likewise"),
-    Column("records", "1", "records", "records; of stripes those of the largest one, of a cloud of runs the runs"),
-    Column("censored", "1", "censored", "records of which the value is known only to lie above a limit"),
+    Column(
+        "records",
+        "1",
+        "records",
+        "records; of stripes those of the largest one, of a cloud of runs the runs",
+    ),
+    Column(
+        "censored", "1", "censored", "records of which the value is known only to lie above a limit"
+    ),
     Column("im", "text", "im", "intensity measure, as far as the table tells it"),
     Column("unit", "text", "unit", "its unit, as far as the table tells it"),
 )
@@ -156,10 +228,30 @@ _SEEN = (
     "exp(1.2247 s), known only to be above the heaviest state, or below the lightest one, where it is"
 )
 CLOUD = (
-    Column("b0", "1", lambda one: _of_line(one, "intercept"), f"of a cloud: intercept of ln EDP over ln IM{_SEEN}"),
-    Column("b1", "1", lambda one: _of_line(one, "slope"), "of a cloud: slope of ln EDP over ln IM, likewise"),
-    Column("sigma", "1", lambda one: _of_line(one, "sigma"), "of a cloud: standard deviation of ln EDP, likewise"),
-    Column("below", "1", lambda one: _of_line(one, "light"), "of a cloud: runs that count only as below all states"),
+    Column(
+        "b0",
+        "1",
+        lambda one: _of_line(one, "intercept"),
+        f"of a cloud: intercept of ln EDP over ln IM{_SEEN}",
+    ),
+    Column(
+        "b1",
+        "1",
+        lambda one: _of_line(one, "slope"),
+        "of a cloud: slope of ln EDP over ln IM, likewise",
+    ),
+    Column(
+        "sigma",
+        "1",
+        lambda one: _of_line(one, "sigma"),
+        "of a cloud: standard deviation of ln EDP, likewise",
+    ),
+    Column(
+        "below",
+        "1",
+        lambda one: _of_line(one, "light"),
+        "of a cloud: runs that count only as below all states",
+    ),
 )
 """Beside a cloud: its line."""
 
@@ -210,16 +302,25 @@ COUNTED = tuple(
 )
 """Behind the others: what was counted in bins of the intensity."""
 
-FRAGILITY_TOTAL = Column("beta_total", "1", "beta_total", "beta with what is not known of the model (--beta-model)")
+FRAGILITY_TOTAL = Column(
+    "beta_total", "1", "beta_total", "beta with what is not known of the model (--beta-model)"
+)
 
 
 def factor_table(scaling: Scaling) -> Table:
     """A row for each component of a suite."""
     records = [record for motion in scaling.motions for record in components(motion)]
     factors = [
-        factor for motion, factor in zip(scaling.motions, scaling.factors, strict=True) for _ in components(motion)
+        factor
+        for motion, factor in zip(scaling.motions, scaling.factors, strict=True)
+        for _ in components(motion)
     ]
-    rows = zip((record.source for record in records), component_names(records), map(float, factors), strict=True)
+    rows = zip(
+        (record.source for record in records),
+        component_names(records),
+        map(float, factors),
+        strict=True,
+    )
     return Table.of(FACTORS, rows)
 
 
@@ -230,7 +331,8 @@ def scaled_table(scaling: Scaling) -> Table:
         raise ValueError("a suite that was scaled to a value has no target to stand beside")
     spectra = scaling.spectra(periods)
     curves = [
-        ("scaled", motion.source, motion.component, psa) for motion, psa in zip(scaling.motions, spectra, strict=True)
+        ("scaled", motion.source, motion.component, psa)
+        for motion, psa in zip(scaling.motions, spectra, strict=True)
     ]
     # Below the motions their mean and the target, which are of no record.
     curves += [("mean", "", "", np.mean(spectra, axis=0)), ("target", "", "", target.at(periods))]
@@ -275,20 +377,30 @@ def capacity_table(study: IdaStudy) -> Table:
 
 
 def fragility_table(
-    functions: Sequence[Fragility], *, total: bool = False, states: Sequence[Column] = FRAGILITY_STATES
+    functions: Sequence[Fragility],
+    *,
+    total: bool = False,
+    states: Sequence[Column] = FRAGILITY_STATES,
 ) -> Table:
     """A row for each function; with `total` a column of the standard deviation with that of the model. Functions of
     states have the columns `states` first, clouds bring those of their line, runs without a result those that bound
     what they may change, and last stands what was counted."""
     columns = (
         *(states if any(function.type for function in functions) else ()),
-        *((FRAGILITY_DAMAGE,) if any(function.damage == function.damage for function in functions) else ()),
+        *(
+            (FRAGILITY_DAMAGE,)
+            if any(function.damage == function.damage for function in functions)
+            else ()
+        ),
         *FRAGILITY,
         *(CLOUD if any(function.cloud for function in functions) else ()),
         *(FAILED if any(function.failed and not function.type for function in functions) else ()),
         *(FRAGILITY_TOTAL,) * total,
         *COUNTED[
-            : len(_COUNTS) * max((function.counted.im.size for function in functions if function.counted), default=0)
+            : len(_COUNTS)
+            * max(
+                (function.counted.im.size for function in functions if function.counted), default=0
+            )
         ],
     )
     return Table.of_results(columns, functions)
@@ -298,17 +410,42 @@ COMPARED = (
     Column("im", "text", "im", "intensity measure, as it was asked for"),
     Column("unit", "text", "unit", "its unit"),
     Column("runs", "1", "runs", "runs on the line: those that ended"),
-    Column("left_out", "1", "left_out", "runs left out: collapsed, without a result, or without the measure"),
+    Column(
+        "left_out",
+        "1",
+        "left_out",
+        "runs left out: collapsed, without a result, or without the measure",
+    ),
     Column("slope", "1", "slope", "of the line of ln drift ratio over ln IM"),
-    Column("slope_error", "1", "slope_error", "its standard error, by leaving out motions (or events) one by one"),
+    Column(
+        "slope_error",
+        "1",
+        "slope_error",
+        "its standard error, by leaving out motions (or events) one by one",
+    ),
     Column("beta", "1", "beta", "efficiency: standard deviation of ln drift ratio about the line"),
     Column("proficiency", "1", "proficiency", "beta over the slope"),
     Column("r_squared", "1", "r_squared", "squared correlation of the logarithms"),
 )
 DEPENDENCE = (
-    Column("characteristic", "text", "characteristic", "of the motions, on which the residuals may depend"),
-    Column("residual_slope", "1", "slope", "sufficiency: slope of the residuals over the characteristic"),
-    Column("p_value", "1", "p_value", "chance of a slope as large where the residuals do not depend on it"),
+    Column(
+        "characteristic",
+        "text",
+        "characteristic",
+        "of the motions, on which the residuals may depend",
+    ),
+    Column(
+        "residual_slope",
+        "1",
+        "slope",
+        "sufficiency: slope of the residuals over the characteristic",
+    ),
+    Column(
+        "p_value",
+        "1",
+        "p_value",
+        "chance of a slope as large where the residuals do not depend on it",
+    ),
 )
 
 
@@ -318,7 +455,9 @@ def comparison_of_measures(fits: Sequence[MeasureFit]) -> Table:
     for fit in fits:
         columns = tuple(column.of(fit) for column in COMPARED)
         # A measure whose residuals were held beside nothing still has its row.
-        ends = [tuple(column.of(dependence) for column in DEPENDENCE) for dependence in fit.dependences]
+        ends = [
+            tuple(column.of(dependence) for column in DEPENDENCE) for dependence in fit.dependences
+        ]
         rows += [(*columns, *end) for end in ends or [(None, None, None)]]
     return Table.of((*COMPARED, *DEPENDENCE), rows)
 
@@ -330,7 +469,11 @@ def _with_damage(columns: tuple[Column, ...], study: IdaStudy) -> tuple[Column, 
 
 def _with_unit(table: Table, unit: str) -> Table:
     """The table with the unit of its intensities among its meanings: their columns' names do not tell it."""
-    told = {name: {**table.meanings[name], "unit": unit} for name in INTENSITIES if name in table.meanings}
+    told = {
+        name: {**table.meanings[name], "unit": unit}
+        for name in INTENSITIES
+        if name in table.meanings
+    }
     return replace(table, meanings=table.meanings | told)
 
 

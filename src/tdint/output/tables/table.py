@@ -33,7 +33,9 @@ Cell = bool | int | float | str | None
 TEXT = "text"
 """Unit of a column of words."""
 
-_UNFIT = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udc7f\udd00-\udfff]")
+_UNFIT = re.compile(
+    r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udc7f\udd00-\udfff]"
+)
 """What steers a terminal, and halves of letters; not the bytes that Python could not read."""
 
 _WORD = re.compile(r"\w+")
@@ -104,12 +106,15 @@ def names(columns: Iterable[Column]) -> tuple[str, ...]:
 def describe(columns: Iterable[Column]) -> dict[str, dict[str, str]]:
     """Unit and meaning of each column, for a JSON file beside the table."""
     return {
-        column.name: {"meaning": column.meaning} | ({} if column.unit == TEXT else {"unit": column.unit})
+        column.name: {"meaning": column.meaning}
+        | ({} if column.unit == TEXT else {"unit": column.unit})
         for column in columns
     }
 
 
-def described_in(meanings: Mapping[str, Mapping[str, str]], units: OutputUnits) -> dict[str, dict[str, str]]:
+def described_in(
+    meanings: Mapping[str, Mapping[str, str]], units: OutputUnits
+) -> dict[str, dict[str, str]]:
     """What columns or keys mean (`describe`), under the names that they have in these units."""
     # Meanings name other columns: these words change with them.
     shown = {name: units.column(name, said.get("unit", TEXT))[0] for name, said in meanings.items()}
@@ -137,14 +142,20 @@ def rows_of(columns: Sequence[Column], result: Any) -> list[tuple[Cell, ...]]:
     if not sizes:
         return [tuple(values)]
     (size,) = sizes
-    cells = (value.tolist() if isinstance(value, np.ndarray) else repeat(value, size) for value in values)
+    cells = (
+        value.tolist() if isinstance(value, np.ndarray) else repeat(value, size) for value in values
+    )
     return list(zip(*cells, strict=True))
 
 
 def error_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
     """The columns of the estimated errors of others."""
     return tuple(
-        replace(column, name=f"{column.name}_error", meaning=f"estimated absolute error of {column.name}")
+        replace(
+            column,
+            name=f"{column.name}_error",
+            meaning=f"estimated absolute error of {column.name}",
+        )
         for column in columns
     )
 
@@ -164,7 +175,10 @@ class Table:
 
     @classmethod
     def of_results(
-        cls, columns: Sequence[Column], results: Iterable[Any], heads: Iterable[tuple[Cell, ...]] = repeat(())
+        cls,
+        columns: Sequence[Column],
+        results: Iterable[Any],
+        heads: Iterable[tuple[Cell, ...]] = repeat(()),
     ) -> Table:
         """The rows of each result, in the order given; with `heads` what stands in the first columns of each."""
         rows: list[tuple[Cell, ...]] = []
@@ -176,7 +190,10 @@ class Table:
         """The same table in other units: columns renamed with them, numbers converted."""
         if units == SI:
             return self
-        headed = [units.column(name, self.meanings.get(name, {}).get("unit", TEXT)) for name in self.columns]
+        headed = [
+            units.column(name, self.meanings.get(name, {}).get("unit", TEXT))
+            for name in self.columns
+        ]
         factors = [factor for _, factor in headed]
         rows = [tuple(map(converted, row, factors)) for row in self.rows]
         return Table(tuple(name for name, _ in headed), rows, described_in(self.meanings, units))
@@ -201,7 +218,9 @@ class Table:
             cells = [row[place] for row in self.rows]
             # Columns of numbers may have a word among them: a limit that is none.
             words = unit == TEXT or any(isinstance(cell, str) for cell in cells)
-            values = cells if words else np.array([np.nan if cell is None else cell for cell in cells])
+            values = (
+                cells if words else np.array([np.nan if cell is None else cell for cell in cells])
+            )
             columns.append((Column(name, unit, name, about["meaning"]), values))
         return columns
 
@@ -235,9 +254,14 @@ def parquet(columns: Mapping[str, Any], meanings: Mapping[str, Mapping[str, str]
     """Columns, arrays or lists, as Parquet, each with its meaning; UsageError without pyarrow."""
     pyarrow, writer = (optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
     # Of a column of words in which nothing stands the kind would be none.
-    empty = [isinstance(cells, list) and all(cell is None for cell in cells) for cells in columns.values()]
+    empty = [
+        isinstance(cells, list) and all(cell is None for cell in cells)
+        for cells in columns.values()
+    ]
     kinds = [pyarrow.string() if is_empty else None for is_empty in empty]
-    arrays = [pyarrow.array(cells, kind) for cells, kind in zip(columns.values(), kinds, strict=True)]
+    arrays = [
+        pyarrow.array(cells, kind) for cells, kind in zip(columns.values(), kinds, strict=True)
+    ]
     fields = [
         pyarrow.field(name, array.type, metadata=meanings.get(name, {}))
         for name, array in zip(columns, arrays, strict=True)
@@ -260,7 +284,9 @@ def cell_text(value: Cell) -> str:
         case bool() | np.bool_():
             return "true" if value else "false"
         case float() | np.floating():
-            return "" if math.isnan(value) else format(value + 0.0, ".12g")  # + 0.0: zero has no sign
+            return (
+                "" if math.isnan(value) else format(value + 0.0, ".12g")
+            )  # + 0.0: zero has no sign
         case _:
             return harmless(str(value))
 
@@ -284,7 +310,10 @@ def csv_bytes(rows: Iterable[Iterable[str]]) -> bytes:
     text = io.StringIO()
     # No harmless cell has a return: one at its end has the writer quote it, and goes again.
     writer = csv.writer(text, lineterminator="\r\n")
-    writer.writerows([f"{cell}\r" if ";" in cell and _BEHIND.search(cell) else cell for cell in row] for row in rows)
+    writer.writerows(
+        [f"{cell}\r" if ";" in cell and _BEHIND.search(cell) else cell for cell in row]
+        for row in rows
+    )
     return text.getvalue().replace("\r", "").encode()
 
 
@@ -332,11 +361,21 @@ class Difference:
 
 DIFFERENCE = (
     Column("file", "text", "file", "file of the table"),
-    Column("row", "1", "row", "row below the header, from 1; empty for what the whole table has otherwise"),
+    Column(
+        "row",
+        "1",
+        "row",
+        "row below the header, from 1; empty for what the whole table has otherwise",
+    ),
     Column("column", "text", "column", "name of the column"),
     Column("before", "text", "before", "the cell as it was; empty where there was none"),
     Column("now", "text", "now", "the cell as it is now; empty where there is none"),
-    Column("relative_difference", "1", "relative", "difference over the larger of both; empty where one is no number"),
+    Column(
+        "relative_difference",
+        "1",
+        "relative",
+        "difference over the larger of both; empty where one is no number",
+    ),
 )
 
 
@@ -363,13 +402,22 @@ def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterat
     # Columns that one of them alone has, then the cells of the others.
     for column in dict.fromkeys((*old, *new)):
         if (column in old) != (column in new):
-            yield Difference(name, None, column, *("a column" if column in header else None for header in (old, new)))
+            yield Difference(
+                name,
+                None,
+                column,
+                *("a column" if column in header else None for header in (old, new)),
+            )
     if old == new:
         shared = [(column, i, i) for i, column in enumerate(old) if column not in but]
     else:
         if sorted(old) == sorted(new):
             yield Difference(name, None, "", "these columns", "in another order")
-        shared = [(column, old.index(column), new.index(column)) for column in old if column in {*new} - {*but}]
+        shared = [
+            (column, old.index(column), new.index(column))
+            for column in old
+            if column in {*new} - {*but}
+        ]
     # Row beside row, as far as both go: files may be longer than memory.
     counts = [0, 0]
     for number, (row, other) in enumerate(zip_longest(first, second), start=1):
@@ -382,7 +430,9 @@ def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterat
                 yield Difference(name, number, column, *cells)
         # Cells that stand in no column
         if max(0, len(row) - len(old)) != max(0, len(other) - len(new)):
-            yield Difference(name, number, "", *(how_many(len(cells), "cell") for cells in (row, other)))
+            yield Difference(
+                name, number, "", *(how_many(len(cells), "cell") for cells in (row, other))
+            )
     # Rows that one of them alone has are counted, not listed.
     if counts[0] != counts[1]:
         yield Difference(name, None, "", *(how_many(count, "row") for count in counts))
@@ -405,9 +455,14 @@ def _cells(file: Path) -> Iterator[list[str]]:
                 yield list(content.schema_arrow.names)
                 for batch in content.iter_batches():
                     cells = [column.to_pylist() for column in batch.columns]
-                    yield from (["" if cell is None else str(cell) for cell in row] for row in zip(*cells, strict=True))
+                    yield from (
+                        ["" if cell is None else str(cell) for cell in row]
+                        for row in zip(*cells, strict=True)
+                    )
             return
-        with (gzip.open if packed == ".gz" else open)(file, "rt", encoding="utf-8", newline="") as stream:
+        with (gzip.open if packed == ".gz" else open)(
+            file, "rt", encoding="utf-8", newline=""
+        ) as stream:
             yield from csv.reader(stream)
     except (OSError, EOFError, ValueError, broken, zlib.error) as error:
         why = getattr(error, "strerror", None) or error

@@ -48,7 +48,10 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     UsageError
         The result has no table, or a unit is unknown.
     """
-    if isinstance(result, list | tuple | Several) and type(result[0] if len(result) else None).__name__ not in _IN_ROWS:
+    if (
+        isinstance(result, list | tuple | Several)
+        and type(result[0] if len(result) else None).__name__ not in _IN_ROWS
+    ):
         return _joined([to_dict(item, units) for item in result])
     output_units = parse_output_units(units) if units else SI
     values = _values(result)
@@ -59,11 +62,15 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
         renamed, factor = output_units.column(column.name, column.unit)
         if isinstance(value, np.ndarray):
             words = value.dtype.kind == "U"
-            tables[renamed] = value.tolist() if words else value if factor == 1.0 else value / factor
+            tables[renamed] = (
+                value.tolist() if words else value if factor == 1.0 else value / factor
+            )
         elif isinstance(value, list | str):
             tables[renamed] = [value] * size if isinstance(value, str) else value
         else:
-            tables[renamed] = np.full(size, np.nan if value is None else value if factor == 1.0 else value / factor)
+            tables[renamed] = np.full(
+                size, np.nan if value is None else value if factor == 1.0 else value / factor
+            )
     return tables
 
 
@@ -97,27 +104,42 @@ def to_xarray(runs: Runs) -> Any:
     table = to_dict(runs)
     along = [*OF_RUN, *(column.name for column in campaign.varied_columns(runs.varied))]
     coordinates: dict[str, Any] = {name: ("run", table[name]) for name in along}
-    coordinates |= {"run": np.arange(len(runs.model)), "story": 1 + np.arange(runs.stories.peak_drift.shape[1])}
+    coordinates |= {
+        "run": np.arange(len(runs.model)),
+        "story": 1 + np.arange(runs.stories.peak_drift.shape[1]),
+    }
     told: dict[str, Any] = {}
     for story_quantity in STORY:
         about = {"units": story_quantity.unit, "long_name": story_quantity.meaning}
-        told[story_quantity.name] = ("run", "story"), getattr(runs.stories, story_quantity.name), about
+        told[story_quantity.name] = (
+            ("run", "story"),
+            getattr(runs.stories, story_quantity.name),
+            about,
+        )
         if hasattr(runs.errors, story_quantity.name):
             errors = getattr(runs.errors, story_quantity.name)
-            told[f"{story_quantity.name}_error"] = ("run", "story"), errors, {"units": story_quantity.unit}
+            told[f"{story_quantity.name}_error"] = (
+                ("run", "story"),
+                errors,
+                {"units": story_quantity.unit},
+            )
     for name, values in runs.history.items():
         told[name] = ("run", "time", "story"), values, {"units": _HISTORY_UNITS[name]}
     if runs.history:
         # Times that differ from run to run are no axis.
         alike = len(runs.time) == 1
-        coordinates["time" if alike else "times"] = ("time", runs.time[0]) if alike else (("run", "time"), runs.time)
+        coordinates["time" if alike else "times"] = (
+            ("time", runs.time[0]) if alike else (("run", "time"), runs.time)
+        )
     return xarray.Dataset(told, coordinates)
 
 
 OF_RUN = ("building", "record", "component", "method", "scale", "dt_s", "status", "steps")
 """What a run is: coordinates beside its number."""
 
-_HISTORY_UNITS = {quantity.called or quantity.name: quantity.unit for quantity in quantities(History)}
+_HISTORY_UNITS = {
+    quantity.called or quantity.name: quantity.unit for quantity in quantities(History)
+}
 
 
 def to_html(result: Any, caption: str) -> str:
@@ -125,7 +147,10 @@ def to_html(result: Any, caption: str) -> str:
     tables = to_dict(result)
     size = len(next(iter(tables.values())))
     head = "".join(f"<th>{escape(name)}</th>" for name in tables)
-    rows = ([escape(_cell(values[row])) for values in tables.values()] for row in range(min(size, _ROWS)))
+    rows = (
+        [escape(_cell(values[row])) for values in tables.values()]
+        for row in range(min(size, _ROWS))
+    )
     body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
     # A table of thousands of rows would fill the notebook.
     more = f"<p>{size - _ROWS} more rows</p>" if size > _ROWS else ""
@@ -205,10 +230,16 @@ def _of_runs(result: Runs) -> _Values:
     return [
         (OF_RUNS["building"], np.array([model.name for model in result.models])[result.model]),
         (OF_RUNS["record"], np.array([record.source for record in result.records])[result.record]),
-        (OF_RUNS["component"], np.array([record.component for record in result.records])[result.record]),
+        (
+            OF_RUNS["component"],
+            np.array([record.component for record in result.records])[result.record],
+        ),
         (OF_RUNS["method"], np.array(result.methods)[result.model]),
         *zip(campaign.varied_columns(result.varied), result.varied.values(), strict=True),
-        *((OF_RUNS[name], getattr(result, name)) for name in ("scale", "dt", "status", "energy_error", "steps")),
+        *(
+            (OF_RUNS[name], getattr(result, name))
+            for name in ("scale", "dt", "status", "energy_error", "steps")
+        ),
         *((OF_RUNS[name], values) for name, values in demands.items()),
         *_estimated(result),
     ]
@@ -227,7 +258,9 @@ def _estimated(result: Runs) -> _Values:
 
 def _one(values: Any, *, run: int, stories: int) -> Any:
     """The values of a run of several."""
-    return type(values)(**{field.name: getattr(values, field.name)[run, :stories] for field in fields(values)})
+    return type(values)(
+        **{field.name: getattr(values, field.name)[run, :stories] for field in fields(values)}
+    )
 
 
 def _of_modes(result: Any) -> _Values:
@@ -263,7 +296,9 @@ _VALUES: dict[str, Callable[[Any], _Values]] = {
     "Pushover": lambda result: _of(buildings.pushover(result.drift.shape[1]), result),
     "Record": partial(_of, spectra.SAMPLES),
     "Response": _from(responses.response_table),
-    "RotatedSpectrum": lambda result: _of((*spectra.OF_MOTION, *spectra.rotated(result.percentiles)), result),
+    "RotatedSpectrum": lambda result: _of(
+        (*spectra.OF_MOTION, *spectra.rotated(result.percentiles)), result
+    ),
     "Runs": _of_runs,
     "Scaling": _from(studies.factor_table),
     "StabilityCurve": partial(_of, methods.STABILITY),
@@ -271,5 +306,7 @@ _VALUES: dict[str, Callable[[Any], _Values]] = {
     "TargetDisplacement": partial(_of, buildings.TARGET_DISPLACEMENT),
 }
 _VALUES |= dict.fromkeys(("Fragility", "Overview", "RecordInfo"), lambda result: _in_rows([result]))
-_VALUES |= dict.fromkeys(("Spectrum", "InelasticSpectrum", "DriftSpectrum", "FourierSpectrum"), _of_record)
+_VALUES |= dict.fromkeys(
+    ("Spectrum", "InelasticSpectrum", "DriftSpectrum", "FourierSpectrum"), _of_record
+)
 """Tables of a single result, likewise."""
