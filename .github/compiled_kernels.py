@@ -1,10 +1,11 @@
-"""Compiled kernels in the wheel, for the processors that TDINT_WHEEL_TARGETS names as `tdint compile --target` does.
+"""Compiled kernels in the wheel, for the processors that TDINT_WHEEL_TARGETS names as `tdint
+compile --target` does.
 
     TDINT_WHEEL_TARGETS=linux-x86-64-v2,linux-x86-64-v3 python -m build --wheel
 
-They are of one platform, whose tag the wheel has, so that pip takes the right one. Without the variable the wheel has
-no kernels, is for any platform, and takes a second. Each object is looked into before it is taken (`foreign_objects`).
-`wheels.sh` makes all of them.
+They are of one platform, whose tag the wheel has, so that pip takes the right one. Without the
+variable the wheel has no kernels, is for any platform, and takes a second. Each object is looked
+into before it is taken (`foreign_objects`). `wheels.sh` makes all of them.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ TAGS = {
     ("darwin", False): "macosx_11_0_arm64",
     ("win32", True): "win_amd64",
 }
-"""By platform, and whether the processor is Intel's. The objects call the C library's mathematics, nothing newer."""
+"""By platform, and whether the processor is Intel's. The objects call the C library's mathematics,
+nothing newer."""
 
 
 class KernelHook(BuildHookInterface):

@@ -1,4 +1,5 @@
-"""What an object file leaves to the process that loads it, and how: for kernels that no run of this machine tries."""
+"""What an object file leaves to the process that loads it, and how: for kernels that no run of this
+machine tries."""
 
 from __future__ import annotations
 
@@ -50,7 +51,8 @@ FURTHER = {
 }
 
 NEAR = {"AMD64_ADDR32NB", "AMD64_ADDR32", "X86_64_32", "X86_64_32S"}
-"""Relocations that hold only if all parts of an object come to lie within 4 GB, or low in memory."""
+"""Relocations that hold only if all parts of an object come to lie within 4 GB, or low in
+memory."""
 
 _EXTERNAL, _TYPE = 0x01, 0x0E  # bits of the type of a symbol in Mach-O
 

@@ -1,6 +1,7 @@
 """What a package index shows: the README, and the addresses of the project where it has one.
 
-Links lead to the project's files of this version; without an address, pictures and links into the checkout go."""
+Links lead to the project's files of this version; without an address, pictures and links into the
+checkout go."""
 
 from __future__ import annotations
 
@@ -54,8 +55,9 @@ def urls(repository: str) -> dict[str, str]:
 
 
 def for_index(text: str, repository: str = "", version: str = "") -> str:
-    """A text without comments, its first run one that needs no checkout; links and pictures lead to the files of a
-    version in the repository. Without one a link becomes the file's name, and pictures go."""
+    """A text without comments, its first run one that needs no checkout; links and pictures lead to
+    the files of a version in the repository. Without one a link becomes the file's name, and
+    pictures go."""
     text = _COMMENT.sub("", _CHECKOUT.sub(lambda _: _FIRST_RUN, text))
     if not repository:
         return _LINK.sub(_words, _PICTURE.sub("", text))
@@ -64,7 +66,7 @@ def for_index(text: str, repository: str = "", version: str = "") -> str:
         mark, words, file, section = link.groups()
         if not file:
             return link[0]
-        return f"{mark}[{words}]({repository}/{'raw' if mark else 'blob'}/v{version}/{file}{section or ''})"
+        return f"{mark}[{words}]({repository}/{'raw' if mark else 'blob'}/v{version}/{file}{section or ''})"  # noqa: E501
 
     return re.sub(f"(!?){_LINK.pattern}", absolute, text)
 

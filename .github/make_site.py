@@ -1,8 +1,10 @@
-"""The site: python .github/make_site.py [FOLDER] builds it in FOLDER/site, build/site where none is named.
+"""The site: python .github/make_site.py [FOLDER] builds it in FOLDER/site, build/site where none is
+named.
 
-Its pages are the READMEs, the glossary and the changelog as they stand, and pages that the program writes: one a
-command (what `--help-all` says), one a method (equations, parameters, figure of stability, publications), one a file
-that a README leads to. `pip install '.[site]'` brings the generator; `.github/site.yml` says how the site looks.
+Its pages are the READMEs, the glossary and the changelog as they stand, and pages that the program
+writes: one a command (what `--help-all` says), one a method (equations, parameters, figure of
+stability, publications), one a file that a README leads to. `pip install '.[site]'` brings the
+generator; `.github/site.yml` says how the site looks.
 """
 
 from __future__ import annotations
@@ -61,15 +63,16 @@ def readmes() -> list[Path]:
 
 
 def links(page: str, text: str) -> Iterator[str]:
-    """What a page leads to within the repository, as paths from its root; what stands in code is none."""
+    """What a page leads to within the repository, as paths from its root; what stands in code is
+    none."""
     for part in _FENCE.split(text)[::2]:
         for target, _ in _LINK.findall(part):
             yield posixpath.normpath(posixpath.join(posixpath.dirname(page), target))
 
 
 def led_to_pages(page: str, text: str) -> str:
-    """A page whose links to files that are shown lead to the pages that show them, and those to folders to their
-    READMEs."""
+    """A page whose links to files that are shown lead to the pages that show them, and those to
+    folders to their READMEs."""
 
     def turned(match: re.Match[str]) -> str:
         target, section = match[1], match[2] or ""
@@ -93,11 +96,12 @@ def is_shown(file: Path) -> bool:
 def shown(name: str) -> str:
     """The page of a file: its text."""
     file = ROOT / name
-    return f"# {file.name}\n\n`{name}`\n\n````{_LANGUAGES.get(file.suffix, 'text')}\n{file.read_text('utf-8')}````\n"
+    return f"# {file.name}\n\n`{name}`\n\n````{_LANGUAGES.get(file.suffix, 'text')}\n{file.read_text('utf-8')}````\n"  # noqa: E501
 
 
 def with_links_to_methods(text: str) -> str:
-    """The table of methods with a link to each one's page, which has its parameters, in place of their column."""
+    """The table of methods with a link to each one's page, which has its parameters, in place of
+    their column."""
     begin, table, rest = re.split(
         r"^<!-- (?:generated: methods|end: methods) -->\n", text, flags=re.MULTILINE
     )
@@ -117,7 +121,8 @@ def escaped(text: str) -> str:
 
 
 def paragraphs(text: str) -> str:
-    """A docstring as Markdown: its formulas, which are indented, as they stand, all else as prose."""
+    """A docstring as Markdown: its formulas, which are indented, as they stand, all else as
+    prose."""
     blocks = re.split(r"\n\n+", inspect.cleandoc(text))
     return "\n\n".join(
         block if block.startswith("    ") else escaped(" ".join(block.split())) for block in blocks
@@ -157,7 +162,8 @@ def command_page(name: str) -> str:
 
 
 def method_page(name: str) -> str:
-    """A method of the catalogue: what it is, its equations, its figure of stability, where it was published."""
+    """A method of the catalogue: what it is, its equations, its figure of stability, where it was
+    published."""
     integrator = parse(name)
     method = integrator.method
     step = method.family.step.function
@@ -203,7 +209,8 @@ def facts(integrator: Integrator) -> str:
 
 
 def coefficients(integrator: Integrator, source: str) -> str:
-    """The coefficients of a family's step by the names that the module gives them, at the defaults."""
+    """The coefficients of a family's step by the names that the module gives them, at the
+    defaults."""
     found = _COEFFICIENTS.search(source)
     values = integrator.method.coefficients(*integrator.values)
     if found is None or not values:
@@ -255,7 +262,8 @@ def pictures() -> list[str]:
 
 
 def settings(names: Iterable[str]) -> dict[str, Any]:
-    """The settings of the generator, with the pages of commands, methods and models where these are listed."""
+    """The settings of the generator, with the pages of commands, methods and models where these are
+    listed."""
     found: dict[str, Any] = yaml.safe_load(SETTINGS.read_text("utf-8"))
     models = (name for name in names if re.fullmatch(r"configs/[\w-]+\.yaml\.md", name))
     lists: dict[str, list[Any]] = {
@@ -297,7 +305,8 @@ def write(folder: Path) -> None:
 
 
 def build(folder: Path) -> int:
-    """Build the site in folder/site; links that lead nowhere are errors. The generator's exit code."""
+    """Build the site in folder/site; links that lead nowhere are errors. The generator's exit
+    code."""
     write(folder)
     generator = [sys.executable, "-m", "zensical", "build", "--strict", "--clean"]
     return subprocess.run([*generator, "--config-file", folder / SETTINGS.name]).returncode

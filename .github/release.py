@@ -1,9 +1,10 @@
 """What a release goes by: python .github/release.py [TAG DATE]
 
-Without arguments it writes what CITATION.cff says into codemeta.json and into README.md as BibTeX, and whom to write to
-(pyproject.toml, [tool.tdint]) into SECURITY.md and CODE_OF_CONDUCT.md; then it lists what the owner has still to give.
-With a tag and the day of its commit (2026-12-31) it tells all that stands in the way of a release, and ends with 1 if
-anything does; what is the owner's and can wait is listed behind it.
+Without arguments it writes what CITATION.cff says into codemeta.json and into README.md as BibTeX,
+and whom to write to (pyproject.toml, [tool.tdint]) into SECURITY.md and CODE_OF_CONDUCT.md; then it
+lists what the owner has still to give. With a tag and the day of its commit (2026-12-31) it tells
+all that stands in the way of a release, and ends with 1 if anything does; what is the owner's and
+can wait is listed behind it.
 """
 
 from __future__ import annotations
@@ -50,7 +51,8 @@ def _agent(author: dict[str, str]) -> dict[str, str]:
 
 
 def _bibtex_name(author: dict[str, str]) -> str:
-    """An author of CITATION.cff as BibTeX takes one: `von Last, Jr., First`, an entity in braces."""
+    """An author of CITATION.cff as BibTeX takes one: `von Last, Jr., First`, an entity in
+    braces."""
     if "name" in author:
         return f"{{{author['name']}}}"
     family = " ".join(filter(None, (author.get("name-particle"), author.get("family-names"))))
@@ -58,7 +60,8 @@ def _bibtex_name(author: dict[str, str]) -> str:
 
 
 def contact(project: dict[str, Any]) -> str:
-    """Whom to write to: an address, or the repository's form for reports that only its maintainers read."""
+    """Whom to write to: an address, or the repository's form for reports that only its maintainers
+    read."""
     told = project["tool"]["tdint"]
     if told["contact"]:
         return str(told["contact"])
@@ -148,13 +151,15 @@ def faults(tag: str, day: str) -> list[str]:
         )
     if bibtex(citation, project) not in README.read_text(encoding="utf-8"):
         found.append(
-            "README.md: the BibTeX entry is not what CITATION.cff says: run python .github/release.py"
+            "README.md: the BibTeX entry is not what CITATION.cff says: run python "
+            ".github/release.py"
         )
     return found
 
 
 def owners() -> list[str]:
-    """What only the owner can give: what a release does not wait for comes last, and what no file tells."""
+    """What only the owner can give: what a release does not wait for comes last, and what no file
+    tells."""
     citation, project = read()
     told = project["tool"]["tdint"]
     recipe = (ROOT / ".github" / "conda" / "meta.yaml").read_text(encoding="utf-8")
@@ -170,12 +175,13 @@ def owners() -> list[str]:
         not in citation,
         "tag v" + citation["version"] + " on the commit of that day": "date-released"
         not in citation,
-        "authors and DOI of the paper of 2022: CITATION.cff, preferred-citation": "preferred-citation"
+        "authors and DOI of the paper of 2022: CITATION.cff, preferred-citation": "preferred-citation"  # noqa: E501
         not in citation,
         "DOI of the archive, once there is one: CITATION.cff, doi": "doi" not in citation,
         "maintainers of the conda recipe: .github/conda/meta.yaml, recipe-maintainers": "OWNER"
         in recipe,
-        "on the index: an account, and this repository's release.yml as its trusted publisher": True,
+        "on the index: an account, and this repository's release.yml as its trusted "
+        "publisher": True,
         "on the repository: pages served by site.yml, the environment `pypi`": True,
     }
     return [what for what, wanted in missing.items() if wanted]

@@ -1,7 +1,8 @@
 """Make the ground motions of this folder: python records/make_records.py [FOLDER] [--geonet FOLDER]
 
-The artificial ones are computed from the seeds below. Those of Kaikoura are recorded: with --geonet they are taken from
-GeoNet's own files, which lie in that folder, with their numbers unchanged. See README.md for what the motions are.
+The artificial ones are computed from the seeds below. Those of Kaikoura are recorded: with --geonet
+they are taken from GeoNet's own files, which lie in that folder, with their numbers unchanged. See
+README.md for what the motions are.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ NETWORK = "TD"
 
 @dataclass(frozen=True)
 class Soil:
-    """The Kanai-Tajimi filter of a soil layer and the Clough-Penzien filter that takes off the long periods.
+    """The Kanai-Tajimi filter of a soil layer and the Clough-Penzien filter that takes off the long
+    periods.
 
     Circular frequencies in rad/s, damping ratios as parts of critical.
     """
@@ -44,7 +46,8 @@ class Soil:
 
 @dataclass(frozen=True)
 class Envelope:
-    """Amplitude over time: a parabola up to 1 at `rise` (s), 1 up to `hold` (s), then fading with `decay` (1/s)."""
+    """Amplitude over time: a parabola up to 1 at `rise` (s), 1 up to `hold` (s), then fading with
+    `decay` (1/s)."""
 
     rise: float
     hold: float
@@ -70,7 +73,8 @@ def sample_times(duration: float, dt: float) -> Array:
 def filtered_noise(time: Array, soil: Soil, envelope: Envelope, seed: int, peak: float) -> Array:
     """White noise through the filters of a soil, with an envelope, scaled to a peak.
 
-    Kanai (1957), Tajimi (1960): the soil layer; Clough and Penzien (1975), section 28-2: the second filter.
+    Kanai (1957), Tajimi (1960): the soil layer; Clough and Penzien (1975), section 28-2: the second
+    filter.
 
     Parameters
     ----------
@@ -104,8 +108,8 @@ def filtered_noise(time: Array, soil: Soil, envelope: Envelope, seed: int, peak:
 def pulse(time: Array, period: float, cycles: float, velocity: float, center: float) -> Array:
     """Acceleration of a near-fault velocity pulse.
 
-    Mavroeidis and Papageorgiou (2003), equation 4, with a phase of 90 degrees: velocity and displacement are zero
-    before and after.
+    Mavroeidis and Papageorgiou (2003), equation 4, with a phase of 90 degrees: velocity and
+    displacement are zero before and after.
 
     Parameters
     ----------
@@ -152,7 +156,8 @@ def firm_soil() -> list[Array]:
 
 
 def near_fault() -> list[Array]:
-    """Two components of 30 s near a fault: a pulse of 2 s across it (HN1), a small part of it along it (HN2)."""
+    """Two components of 30 s near a fault: a pulse of 2 s across it (HN1), a small part of it along
+    it (HN2)."""
     time, envelope = sample_times(30.0, 0.01), Envelope(rise=3.0, hold=12.0, decay=0.3)
     components = []
     for seed, peak, velocity in ((20240201, 0.25 * G, 1.25), (20240202, 0.22 * G, 0.2)):
@@ -179,12 +184,14 @@ RECORDS = {
     "near-fault": ("FAULT", near_fault),
     "soft-soil": ("SOFT", soft_soil),
 }
-"""File name: station code and the function that makes its components HN1 and HN2, m/s^2 at 0.01 s."""
+"""File name: station code and the function that makes its components HN1 and HN2, m/s^2 at 0.01
+s."""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording of GeoNet: its file there, the SHA-256 of it, and the azimuths of its horizontal components."""
+    """A recording of GeoNet: its file there, the SHA-256 of it, and the azimuths of its horizontal
+    components."""
 
     file: str
     sha256: str
@@ -218,7 +225,8 @@ def write_records(folder: Path) -> None:
 
 
 def write_recordings(folder: Path, geonet: Path) -> None:
-    """Write those of Kaikoura, from GeoNet's files in the folder `geonet`: mm/s^2 there, m/s^2 here.
+    """Write those of Kaikoura, from GeoNet's files in the folder `geonet`: mm/s^2 there, m/s^2
+    here.
 
     tdint is to be installed: it is what lets ObsPy read GeoNet's format.
     """

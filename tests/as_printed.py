@@ -1,7 +1,9 @@
-"""The step of the paper of 2022 coded as its equations stand, but for the misprints that methods/README lists.
+"""The step of the paper of 2022 coded as its equations stand, but for the misprints that
+methods/README lists.
 
-Unknowns as there: the jerk j0 at the start, eliminated with a division by a1 (eq. 16), then k_x u1 = p_x. Written from
-eqs. 11 to 14 with a matrix for each of m, c, k; nothing is taken from the program.
+Unknowns as there: the jerk j0 at the start, eliminated with a division by a1 (eq. 16), then k_x u1
+= p_x. Written from eqs. 11 to 14 with a matrix for each of m, c, k; nothing is taken from the
+program.
 """
 
 import numpy as np
@@ -15,9 +17,11 @@ def step(m, c, k, h, start, impulse, end, beta=BETA):
 
 
 def nonlinear_step(m, c, law, h, start, impulse, end, beta=BETA, iterations=50):
-    """Eqs. 46 to 54: Newton's iteration for u1, with the tangent k_T at the step's end in place of k.
+    """Eqs. 46 to 54: Newton's iteration for u1, with the tangent k_T at the step's end in place of
+    k.
 
-    `law` gives the restoring force and its tangent at a displacement; k_T q of eq. 13 is f0 h + k_T (q - u0 h).
+    `law` gives the restoring force and its tangent at a displacement; k_T q of eq. 13 is f0 h + k_T
+    (q - u0 h).
     """
     u0, v0, a0 = start
     force_0, _ = law(u0)
@@ -25,7 +29,8 @@ def nonlinear_step(m, c, law, h, start, impulse, end, beta=BETA, iterations=50):
     for _ in range(iterations):
         force_1, k = law(u1)
         a1 = m * h**2 / 6.0 - k * h**4 / 24.0 + 4.0 * k * beta * h**4  # eq. 16; eq. 54 with k_T
-        # The momentum's row: a1 j0 = by_u (u1 - u0) + rest - I, with the fourth derivative from u1 (eq. 11).
+        # The momentum's row: a1 j0 = by_u (u1 - u0) + rest - I, with the fourth derivative from u1
+        # (eq. 11).
         by_u = 4.0 * m / h + c + 24.0 * beta * h * k
         rest = (
             -m @ (4.0 * v0 + a0 * h)
@@ -53,7 +58,8 @@ def nonlinear_step(m, c, law, h, start, impulse, end, beta=BETA, iterations=50):
 
 
 def matrix(w, xi, beta=BETA):
-    """Eqs. 24 to 26: the amplification matrix of (u, v dt, a dt^2) of an oscillator, w = omega dt."""
+    """Eqs. 24 to 26: the amplification matrix of (u, v dt, a dt^2) of an oscillator, w = omega
+    dt."""
     one = np.eye(1)
     columns = [
         step(

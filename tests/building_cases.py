@@ -49,7 +49,8 @@ def ten_linear(damping=FIVE_PERCENT):
 
 
 def ten_bilinear(damping=FIVE_PERCENT):
-    """Ten bilinear stories: hardening 3 %, base yield at 0.15 of the weight, triangular pattern above."""
+    """Ten bilinear stories: hardening 3 %, base yield at 0.15 of the weight, triangular pattern
+    above."""
     weights = np.arange(1, 11) / 55.0
     yields = 0.15 * 10 * 2e5 * 9.81 * np.cumsum(weights[::-1])[::-1]
     return model(
@@ -63,7 +64,8 @@ def oscillator(omega, xi=0.0, **more):
 
 
 def noise(samples=801, dt=0.01, seed=7, peak=4.0):
-    """A seeded random ground motion that starts and ends at zero: smooth enough to be resolved, m/s^2."""
+    """A seeded random ground motion that starts and ends at zero: smooth enough to be resolved,
+    m/s^2."""
     generator = np.random.default_rng(seed)
     t = np.arange(samples) * dt
     total = np.zeros(samples)
@@ -74,6 +76,16 @@ def noise(samples=801, dt=0.01, seed=7, peak=4.0):
 
 
 __all__ = [
-    "LINEAR", "Force", "Law", "ModalDamping", "RayleighCoefficients", "RayleighRatio", "model", "noise", "oscillator",
-    "story", "ten_bilinear", "ten_linear",
-]  # fmt: skip
+    "LINEAR",
+    "Force",
+    "Law",
+    "ModalDamping",
+    "RayleighCoefficients",
+    "RayleighRatio",
+    "model",
+    "noise",
+    "oscillator",
+    "story",
+    "ten_bilinear",
+    "ten_linear",
+]

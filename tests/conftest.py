@@ -12,7 +12,8 @@ import platformdirs
 import pytest
 from hypothesis import settings
 
-# Loops lie beside the cache of the user, whose own they would replace: by hashes of their sources, for all clones.
+# Loops lie beside the cache of the user, whose own they would replace: by hashes of their sources,
+# for all clones.
 os.environ.setdefault(
     "TDINT_CACHE_DIR", str(platformdirs.user_cache_path("tdint-tests", appauthor=False))
 )
@@ -23,15 +24,16 @@ os.environ.setdefault("TDINT_COMPILE", "wait")
 # Where each process has a processor, threads of linear algebra wait for one another.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# The heap is large, of libraries, and what the tests leave behind is little: garbage is searched for seldom.
+# The heap is large, of libraries, and what the tests leave behind is little: garbage is searched
+# for seldom.
 gc.set_threshold(50_000, 20, 20)
 
 # On a busy machine an example takes longer than on an idle one; no test fails for that.
 settings.register_profile("any machine", deadline=None)
 settings.load_profile("any machine")
 
-# Jobs that a script starts in the background, as .ci/run does, ignore an interrupt, and hand that on to what they
-# start: commands that a test interrupts would never end.
+# Jobs that a script starts in the background, as .ci/run does, ignore an interrupt, and hand that
+# on to what they start: commands that a test interrupts would never end.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 if hasattr(signal, "SIGHUP"):  # nor those that nohup has started a hang-up
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
@@ -41,12 +43,13 @@ if hasattr(signal, "SIGHUP"):  # nor those that nohup has started a hang-up
 def pytest_cmdline_main(config: pytest.Config) -> None:
     """Before anything of ours is imported.
 
-    Most tests integrate so many different buildings that one variant of each kernel is compiled sooner than all that
-    they need (what a scene alone would get is tested in tests/kernels/test_variants.py); a test that is named, and a
-    file of tests of commands, needs a few scenes alone.
+    Most tests integrate so many different buildings that one variant of each kernel is compiled
+    sooner than all that they need (what a scene alone would get is tested in
+    tests/kernels/test_variants.py); a test that is named, and a file of tests of commands, needs a
+    few scenes alone.
 
-    Side by side, each process has the files of its half of the suite, whose fixtures are then made once. The one that
-    is done first takes tests from the other's end.
+    Side by side, each process has the files of its half of the suite, whose fixtures are then made
+    once. The one that is done first takes tests from the other's end.
     """
     of_scenes = _few(config) and all(
         "::" in argument or "/cli/" in argument for argument in map(str, config.args)
@@ -63,8 +66,8 @@ def laid_out() -> None:
 
 @pytest.fixture
 def not_laid_out(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pictures are drawn small and as they come, all of each, in a third of the time: that parts of all kinds of
-    figures find their places is tested in tests/output/test_plotting.py."""
+    """Pictures are drawn small and as they come, all of each, in a third of the time: that parts of
+    all kinds of figures find their places is tested in tests/output/test_plotting.py."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -91,7 +94,8 @@ _FEW_FILES = 3
 
 
 def _few(config: pytest.Config) -> bool:
-    """Whether of so few files tests are named that what they need is compiled sooner than all loops."""
+    """Whether of so few files tests are named that what they need is compiled sooner than all
+    loops."""
     files = {Path(str(argument).partition("::")[0]) for argument in config.args}
     return (
         not config.getoption("numprocesses", None)
@@ -106,7 +110,8 @@ def _of_something_else(record: logging.LogRecord) -> bool:
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile the kernels before the first test: side by side, and none of them in two processes or within a test."""
+    """Compile the kernels before the first test: side by side, and none of them in two processes or
+    within a test."""
     config = session.config
     written_ones = os.environ["TDINT_KERNELS"] == "python"
     if written_ones or config.option.collectonly or hasattr(config, "workerinput"):

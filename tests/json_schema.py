@@ -1,5 +1,5 @@
-"""A checker of the part of JSON schema (draft 7) that tdint's schemas use; anything else in a schema is an error. And
-what a schema must refuse, made from what the keys of a file declare.
+"""A checker of the part of JSON schema (draft 7) that tdint's schemas use; anything else in a
+schema is an error. And what a schema must refuse, made from what the keys of a file declare.
 """
 
 import copy

@@ -1,4 +1,5 @@
-"""An example of every drift law, made from what `LAWS` says of its parameters: a new law has one too."""
+"""An example of every drift law, made from what `LAWS` says of its parameters: a new law has one
+too."""
 
 import math
 
@@ -6,7 +7,8 @@ from tdint.model.definition import LAWS, Law
 
 
 def example(name, stiffness, strength):
-    """The law with an initial stiffness (N/m) whose forces are about `strength` (N) where it bends."""
+    """The law with an initial stiffness (N/m) whose forces are about `strength` (N) where it
+    bends."""
     values = []
     drift = strength / stiffness
     if name == "trilinear-pinching":

@@ -1,4 +1,5 @@
-"""What holds of every picture that a test draws: it fits a page, its letters can be read, its panels are named."""
+"""What holds of every picture that a test draws: it fits a page, its letters can be read, its
+panels are named."""
 
 from typing import Any
 
@@ -30,7 +31,8 @@ def check(figure: Figure) -> None:
         if text.get_visible() and text.get_text().strip()
     ]
     assert min(sizes) >= 6.0 and max(sizes) <= 11.0, "letters of another size than those of a page"
-    # The lowest panel of each column says what is across, the first one of each row what is along it.
+    # The lowest panel of each column says what is across, the first one of each row what is along
+    # it.
     for axes in panels:
         grid, rows, places = _place(axes)
         others = [(below, beside) for same, below, beside in map(_place, panels) if same is grid]

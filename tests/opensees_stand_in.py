@@ -1,4 +1,5 @@
-"""What OpenSees' manual says of the commands that tdint gives it, for masses in a row: where it is not installed."""
+"""What OpenSees' manual says of the commands that tdint gives it, for masses in a row: where it is
+not installed."""
 # ruff: noqa: N802 (its names)
 
 from pathlib import Path
@@ -8,7 +9,8 @@ import numpy as np
 
 
 class Domain:
-    """Masses in a row, springs and dashpots between them, loads, and the step that brings them on."""
+    """Masses in a row, springs and dashpots between them, loads, and the step that brings them
+    on."""
 
     recorded: ClassVar = {}
 
@@ -87,7 +89,8 @@ class Domain:
         self.applied.append((tag - 1, size, self.series[self.loading]))
 
     def __getattr__(self, name):
-        """Of a node's motion `nodeDisp(node, 1)`, `setNodeVel(node, 1, value, "-commit")`, and so on."""
+        """Of a node's motion `nodeDisp(node, 1)`, `setNodeVel(node, 1, value, "-commit")`, and so
+        on."""
         row = next(i for i, kind in enumerate(("Disp", "Vel", "Accel")) if name.endswith(kind))
         if name.startswith("set"):
             return lambda tag, direction, value, _: self.motion.__setitem__(

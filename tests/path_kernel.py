@@ -1,5 +1,5 @@
-"""A kernel that goes along one stretch after the other from the same state, as moment4 goes: a law's force at any
-number of drifts behind a turning point."""
+"""A kernel that goes along one stretch after the other from the same state, as moment4 goes: a
+law's force at any number of drifts behind a turning point."""
 
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import F8, TABLE, VECTOR, kernel
@@ -8,8 +8,8 @@ from tdint.kernels.stories import path
 
 @kernel(F8(TABLE, TABLE, TABLE, VECTOR, TABLE, VECTOR), parts=("laws",))
 def forces_behind(law_parameters, begun, springs, rises, work, forces):
-    """The force of the first story after each rise of its drift from the state `begun`; `springs` and `work` are room,
-    and `springs` has the last state."""
+    """The force of the first story after each rise of its drift from the state `begun`; `springs`
+    and `work` are room, and `springs` has the last state."""
     for j in range(rises.shape[0]):
         for row in range(springs.shape[0]):
             springs[row, 0] = begun[row, 0]

@@ -1,11 +1,14 @@
-"""The pictures of the READMEs in configs: `python tests/pictures.py` draws those anew that are out of date.
+"""The pictures of the READMEs in configs: `python tests/pictures.py` draws those anew that are out
+of date.
 
-What a picture is made from, its command, the files that this names, the methods of the catalogue where it shows them,
-and the sources that draw it, has a digest in configs/pictures.json; tests/documentation compares. Pixels are not
-compared: they differ between machines. Charts tell times, so they are drawn on a quiet machine, and only by name:
-`python tests/pictures.py chain-150-chart.png`.
+What a picture is made from, its command, the files that this names, the methods of the catalogue
+where it shows them, and the sources that draw it, has a digest in configs/pictures.json;
+tests/documentation compares. Pixels are not compared: they differ between machines. Charts tell
+times, so they are drawn on a quiet machine, and only by name: `python tests/pictures.py
+chain-150-chart.png`.
 """
 
+import ast
 import hashlib
 import json
 import re
@@ -34,7 +37,8 @@ _REGION = " && ".join(
 
 @dataclass(frozen=True)
 class Picture:
-    """How a picture is made: a shell command, with `{file}` for it, and the module of figures that draws it."""
+    """How a picture is made: a shell command, with `{file}` for it, and the module of figures that
+    draws it."""
 
     command: str
     module: str
@@ -47,11 +51,13 @@ PICTURES = {
         "tdint run configs/kaikoura-frame.yaml --method moment4 --plot={file}", "runs"
     ),
     "three-story-concrete-loops.png": Picture(
-        "tdint law configs/three-story-concrete.yaml --drift 1% --drift 2% --drift 3% --cycles 2 --plot={file}",
+        "tdint law configs/three-story-concrete.yaml --drift 1% --drift 2% --drift 3% --cycles 2 "
+        "--plot={file}",
         "comparison",
     ),
     "design-spectrum.png": Picture(
-        "tdint scale records --units m/s^2 --target configs/design-spectrum.csv --range 0.2:2 --plot={file}",
+        "tdint scale records --units m/s^2 --target configs/design-spectrum.csv --range 0.2:2 "
+        "--plot={file}",
         "collapse",
     ),
     "collapse-prone-frame-ida.png": Picture(f"{_IDA} --plot={{file}}", "collapse"),
@@ -86,7 +92,8 @@ def _sources(module: str) -> set[Path]:
 
 
 def _inputs(command: str) -> set[Path]:
-    """The files that a command names; of a model its record, of a folder what records it holds, as well."""
+    """The files that a command names; of a model its record, of a folder what records it holds, as
+    well."""
     named = [readmes.ROOT / word for word in command.split() if (readmes.ROOT / word).exists()]
     files = {file for one in named for file in (one.glob("*.mseed") if one.is_dir() else [one])}
     told = (
@@ -98,14 +105,42 @@ def _inputs(command: str) -> set[Path]:
 
 
 def digest(picture: Picture) -> str:
-    """Of all that a picture is made from, of a chart without what draws it; names of files count, folders do not."""
+    """Of all that a picture is made from, of a chart without what draws it; names of files count,
+    folders do not."""
     whole = hashlib.sha256(picture.command.encode())
     if picture.of_methods:
         whole.update(" ".join(catalogue()).encode())
     sources = set() if picture.timed else _sources(picture.module)
     for file in sorted(sources | _inputs(picture.command), key=lambda file: file.name):
-        whole.update(file.name.encode() + b"\0" + file.read_bytes())
+        whole.update(file.name.encode() + b"\0" + _content(file))
     return whole.hexdigest()
+
+
+def _content(file: Path) -> bytes:
+    """Return the content of a file; of Python sources only the code, because comments and
+    docstrings do not change a picture."""
+    if file.suffix != ".py":
+        return file.read_bytes()
+    tree = ast.parse(file.read_bytes())
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(
+            node
+        ):
+            node.body[0].value.value = ""
+    # Names, texts and numbers in order: `ast.dump` differs between versions of Python.
+    parts = [
+        (
+            type(node).__name__,
+            *(str(value) for _, value in ast.iter_fields(node) if is_plain(value)),
+        )
+        for node in ast.walk(tree)
+    ]
+    return repr(parts).encode()
+
+
+def is_plain(value: object) -> bool:
+    """Return True if a field of a syntax node is a name, a text or a number."""
+    return isinstance(value, str | int | float | bytes)
 
 
 def out_of_date() -> list[str]:

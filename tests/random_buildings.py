@@ -1,5 +1,6 @@
-"""Random buildings: in free vibration, conservative or dissipating by their drift laws alone; under a random motion, of
-all laws that are linear branch by branch; of all laws and with all else that a model file may say."""
+"""Random buildings: in free vibration, conservative or dissipating by their drift laws alone; under
+a random motion, of all laws that are linear branch by branch; of all laws and with all else that a
+model file may say."""
 
 from dataclasses import replace
 
@@ -42,8 +43,8 @@ HYSTERETIC = {
 
 
 def random_building(rng, laws):
-    """A building of one to eight stories of laws drawn from `laws`, sometimes with P-delta, let go with drifts of up to
-    a few times those at which it bends; and its fundamental period, s."""
+    """A building of one to eight stories of laws drawn from `laws`, sometimes with P-delta, let go
+    with drifts of up to a few times those at which it bends; and its fundamental period, s."""
     n = int(rng.integers(1, 9))
     masses = 1e5 * rng.uniform(0.5, 2.0, n)
     springs = 1e8 * rng.uniform(0.5, 2.0, n) * np.linspace(1.5, 0.7, n)
@@ -133,8 +134,9 @@ def _shaken(rng, masses, springs, strengths, laws, samples):
 
 
 def piecewise_building(rng, samples=601):
-    """A building of one to seven stories of laws drawn from `PIECEWISE`, a third of them isolated, with P-delta in two
-    of five, and a motion that takes it far beyond the drifts at which they bend."""
+    """A building of one to seven stories of laws drawn from `PIECEWISE`, a third of them isolated,
+    with P-delta in two of five, and a motion that takes it far beyond the drifts at which they
+    bend."""
     n = int(rng.integers(1, 7))
     isolated = rng.random() < 0.35
     masses, springs = _frame(rng, n)
@@ -151,7 +153,8 @@ def piecewise_building(rng, samples=601):
 
 
 def shaken_building(rng, laws=tuple(SMOOTH), samples=601):
-    """A building of one to six stories of smooth laws, and a motion that takes it beyond where they bend."""
+    """A building of one to six stories of smooth laws, and a motion that takes it beyond where they
+    bend."""
     n = int(rng.integers(1, 7))
     masses, springs = _frame(rng, n)
     strengths = rng.uniform(0.08, 0.3) * 9.81 * np.cumsum(masses[::-1])[::-1]
@@ -245,7 +248,8 @@ def _shaking(rng, dt, duration, peak):
 
 
 def _law_to_drawn_strength(rng, name, strength, k):
-    """What a model file says of a story's law that yields at about a strength, N, stiffness k, N/m."""
+    """What a model file says of a story's law that yields at about a strength, N, stiffness k,
+    N/m."""
     drift = strength / k
 
     def times_drift(low, high):
@@ -333,11 +337,12 @@ def _law_to_drawn_strength(rng, name, strength, k):
 
 
 def any_building(seed, laws=None):
-    """A model as a file says it, of one to ten stories with period and strength of frames, and a motion of 8 to 14 s.
+    """A model as a file says it, of one to ten stories with period and strength of frames, and a
+    motion of 8 to 14 s.
 
-    Without `laws` to draw from, of three seeds one has those that degrade, `DEGRADING`, one a single one of `ANY_LAW`,
-    one all. Of ten four have P-delta, three a force on a floor; one in four moves at first, one in five stories has a
-    damper.
+    Without `laws` to draw from, of three seeds one has those that degrade, `DEGRADING`, one a
+    single one of `ANY_LAW`, one all. Of ten four have P-delta, three a force on a floor; one in
+    four moves at first, one in five stories has a damper.
     """
     rng = np.random.default_rng(990_000 + seed)
     n = int(rng.integers(1, 11))
@@ -399,7 +404,8 @@ def any_building(seed, laws=None):
 
 
 def degrading_building(number):
-    """A building of stories that lose strength and stiffness with their turns, without dampers and forces on floors."""
+    """A building of stories that lose strength and stiffness with their turns, without dampers and
+    forces on floors."""
     definition, record = any_building(number, DEGRADING)
     for one in definition["stories"]:
         one.pop("dashpot", None)

@@ -1,7 +1,9 @@
-"""The generated parts of all READMEs: python tests/readmes.py writes them anew, tests/documentation compares them.
+"""The generated parts of all READMEs: python tests/readmes.py writes them anew, tests/documentation
+compares them.
 
-A part stands between its line `<!-- generated: NAME -->` and the line `<!-- end: NAME -->`. A session, the block after
-the line `<!-- session -->`, holds commands and what they print; `--parts` leaves sessions as they are.
+A part stands between its line `<!-- generated: NAME -->` and the line `<!-- end: NAME -->`. A
+session, the block after the line `<!-- session -->`, holds commands and what they print; `--parts`
+leaves sessions as they are.
 """
 
 import ast
@@ -105,7 +107,10 @@ def _range(parameter: LawParameter):
         return ""
     if math.isinf(high):
         return f"{'>=' if parameter.low_allowed else '>'} {low:g}"
-    return f"{'[' if parameter.low_allowed else '('}{low:g}, {high:g}{']' if parameter.high_allowed else ')'}"
+    return (
+        f"{'[' if parameter.low_allowed else '('}{low:g}, "
+        f"{high:g}{']' if parameter.high_allowed else ')'}"
+    )
 
 
 def _key(law: DriftLaw, parameter: LawParameter):
@@ -155,7 +160,8 @@ def model_table():
 
 
 def _bound(problem: HardProblem):
-    """What a run has to keep to for the verdict `pass`; which error it is stands in the table of `tdint failures`."""
+    """What a run has to keep to for the verdict `pass`; which error it is stands in the table of
+    `tdint failures`."""
     low = max(fault.low for fault in problem.faults)
     high = min(fault.high for fault in problem.faults)
     if problem.by_energy:
@@ -164,7 +170,8 @@ def _bound(problem: HardProblem):
 
 
 def problem_table():
-    """The problems on which methods fail, and what they are judged by; their sources stand in `tdint.analysis`."""
+    """The problems on which methods fail, and what they are judged by; their sources stand in
+    `tdint.analysis`."""
     rows = ["| problem | what it is | passes with |", "|---|---|---|"]
     for problem in problems().values():
         rows.append(f"| `{problem.name}` | {problem.about} | {_bound(problem)} |")
@@ -182,7 +189,8 @@ def _first_sentence(path: Path):
 
 
 def layer_table():
-    """The layers from the top, as the import contract has them, with what their modules say of themselves."""
+    """The layers from the top, as the import contract has them, with what their modules say of
+    themselves."""
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"][
         "contracts"
     ]
@@ -290,7 +298,8 @@ def column_tables():
 
 
 def plugin_names():
-    """The names of `tdint.plugin` by the modules in which they stand, with what they say of themselves."""
+    """The names of `tdint.plugin` by the modules in which they stand, with what they say of
+    themselves."""
     groups = {}
     for name, home in plugin.HOMES.items():
         groups.setdefault(home, []).append(name)
@@ -304,8 +313,8 @@ def plugin_names():
 
 
 def _told_name(name):
-    """A line of a name with its arguments, or the members of a tuple, and the first sentence about it; none of what
-    says nothing."""
+    """A line of a name with its arguments, or the members of a tuple, and the first sentence about
+    it; none of what says nothing."""
     thing = getattr(plugin, name)
     if not (inspect.isfunction(thing) or inspect.isclass(thing)):
         return ""
@@ -321,9 +330,15 @@ def _told_name(name):
 
 
 PARTS = {
-    "columns": column_tables, "commands": command_list, "layers": layer_table, "laws": law_table,
-    "methods": method_table, "models": model_table, "plugin": plugin_names, "problems": problem_table,
-}  # fmt: skip
+    "columns": column_tables,
+    "commands": command_list,
+    "layers": layer_table,
+    "laws": law_table,
+    "methods": method_table,
+    "models": model_table,
+    "plugin": plugin_names,
+    "problems": problem_table,
+}
 """What each generated part is made by; a part stands in one file."""
 
 
@@ -354,7 +369,8 @@ def block(kind):
 
 
 def digest(name):
-    """The text between `<!-- digest: NAME -->` and `<!-- end: digest NAME -->`: numbers that tests compare."""
+    """The text between `<!-- digest: NAME -->` and `<!-- end: digest NAME -->`: numbers that tests
+    compare."""
     return _unique(rf"^<!-- digest: {name} -->\n(.*?)^<!-- end: digest {name} -->")
 
 
@@ -363,7 +379,8 @@ def digest(name):
 
 @contextmanager
 def checkout():
-    """A folder that looks like a checkout, with the models that READMEs show, and an environment that finds tdint."""
+    """A folder that looks like a checkout, with the models that READMEs show, and an environment
+    that finds tdint."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         for part in ("configs", "records"):
@@ -378,7 +395,8 @@ def checkout():
 
 
 def shell(script, folder, environment):
-    """A shell script's exit code, output and messages; the note on the first compilation is left out."""
+    """A shell script's exit code, output and messages; the note on the first compilation is left
+    out."""
     done = subprocess.run(
         ["bash", "-eu", "-c", script], cwd=folder, env=environment, capture_output=True, text=True
     )
@@ -406,8 +424,8 @@ _TIME = re.compile(r"[\d.e-]+ (us|ms|s)\b(?= per step)")
 
 
 def same(printed, shown):
-    """Whether two outputs agree but for times, the last digit, and what machines round differently: 1e-4 of a number,
-    1e-14 of one."""
+    """Whether two outputs agree but for times, the last digit, and what machines round differently:
+    1e-4 of a number, 1e-14 of one."""
     printed, shown = (_TIME.sub("", text) for text in (printed, shown))
     if _NUMBER.sub("#", printed) != _NUMBER.sub("#", shown):
         return False
@@ -419,13 +437,15 @@ def same(printed, shown):
 
 
 def _open(number):
-    """What the digits of a number leave open, at least 1e-4: estimated errors are differences of nearby numbers."""
+    """What the digits of a number leave open, at least 1e-4: estimated errors are differences of
+    nearby numbers."""
     digits = len(re.sub(r"e.*|\.|^[-+]?0*\.?0*", "", number))
     return max(1.01 * 10.0 ** (1 - digits), 1e-4) if "." in number else 1e-9
 
 
 def played(text):
-    """A README's text with its sessions played anew: each command with its output, then its messages."""
+    """A README's text with its sessions played anew: each command with its output, then its
+    messages."""
 
     def play(match):
         lines = []

@@ -1,4 +1,5 @@
-"""Real records, none of which comes with the project: taken from the folder that TDINT_RECORDS names."""
+"""Real records, none of which comes with the project: taken from the folder that TDINT_RECORDS
+names."""
 
 import os
 from pathlib import Path

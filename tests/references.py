@@ -1,4 +1,5 @@
-"""References that share no code with tdint: matrix exponentials for linear systems, DOP853 for smooth laws."""
+"""References that share no code with tdint: matrix exponentials for linear systems, DOP853 for
+smooth laws."""
 
 from dataclasses import replace
 
@@ -17,7 +18,8 @@ def matrices(model):
 
 
 def exact_linear(model, record):
-    """Displacements at the samples, shape (samples, n): dense exponential of the motion with a linear ground slope."""
+    """Displacements at the samples, shape (samples, n): dense exponential of the motion with a
+    linear ground slope."""
     m, c, k = matrices(model)
     n = m.size
     h = record.dt
@@ -52,7 +54,8 @@ def finer(record, parts):
 class OscillatorResponse:
     """Exact response of one oscillator to a motion that is linear between its samples, at any time.
 
-    Matrix exponentials only: of the whole interval from sample to sample, of any part of it from a sample on.
+    Matrix exponentials only: of the whole interval from sample to sample, of any part of it from a
+    sample on.
     """
 
     def __init__(self, record, omega, xi):
@@ -79,16 +82,19 @@ class OscillatorResponse:
         self.end = np.array([[*x, ground[-1], 0.0]])
 
     def at(self, part):
-        """Relative displacement and velocity, absolute acceleration after this part of each interval, shape (3, n)."""
+        """Relative displacement and velocity, absolute acceleration after this part of each
+        interval, shape (3, n)."""
         return self._quantities(self.states @ expm(self.matrix * (part * self.h)).T)
 
     def sampled(self, parts):
-        """Largest absolute values of the three at the ends of so many parts of each interval, shape (3,)."""
+        """Largest absolute values of the three at the ends of so many parts of each interval, shape
+        (3,)."""
         values = [np.max(np.abs(self.at(k / parts)), axis=1) for k in range(parts)]
         return np.max([*values, np.abs(self._quantities(self.end))[:, 0]], axis=0)
 
     def largest(self, parts=50):
-        """Largest absolute values at any time, shape (3,): Brent's method at the highest of the sampled peaks."""
+        """Largest absolute values at any time, shape (3,): Brent's method at the highest of the
+        sampled peaks."""
         fine = np.stack(
             [np.abs(self.at(k / parts)) for k in range(parts)], axis=2
         )  # quantity, interval, part
@@ -123,7 +129,8 @@ class OscillatorResponse:
 
 
 def smooth(acceleration, u0, v0, times, rtol=1e-13, max_step=0.02):
-    """u'' = acceleration(t, u, v) of one degree of freedom by DOP853; displacement and velocity at `times`."""
+    """u'' = acceleration(t, u, v) of one degree of freedom by DOP853; displacement and velocity at
+    `times`."""
     tolerances = {"rtol": rtol, "atol": 1e-2 * rtol, "max_step": max_step}
 
     def rate(t, y):

@@ -1,4 +1,5 @@
-"""For tests of what plug-ins bring: it is forgotten after each, and methods are held to a motion that is found soon."""
+"""For tests of what plug-ins bring: it is forgotten after each, and methods are held to a motion
+that is found soon."""
 
 import sys
 from functools import cache
@@ -38,7 +39,8 @@ def forget():
 
 @pytest.fixture(autouse=True)
 def forgotten(monkeypatch):
-    """What a test registers is forgotten after it; what it compiles is compiled for its own scene."""
+    """What a test registers is forgotten after it; what it compiles is compiled for its own
+    scene."""
     monkeypatch.setattr(compilable, "WHOLE", False)
     yield
     forget()
@@ -61,7 +63,8 @@ def true_motion(law):
 
 @pytest.fixture
 def compiled_truth(monkeypatch):
-    """The true motion by the compiled march, and no longer one than shows what a method does wrong."""
+    """The true motion by the compiled march, and no longer one than shows what a method does
+    wrong."""
     monkeypatch.setattr(order, "_SECONDS", SHORTER * order._H)
     monkeypatch.setattr(order, "_true_motion", true_motion)
 

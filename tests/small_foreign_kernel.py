@@ -1,9 +1,9 @@
-"""A run of a kernel's object for another system on Linux: python FILE macos|windows, with its object for this machine,
-the other one and the symbol of both, pickled, on the standard input.
+"""A run of a kernel's object for another system on Linux: python FILE macos|windows, with its
+object for this machine, the other one and the symbol of both, pickled, on the standard input.
 
-LLVM loads objects of all systems. Those of macOS follow Linux's convention of calls, those of Windows one of their own,
-which a function of LLVM's on either side turns into the other: around the kernel, and around each function of the
-library that it calls.
+LLVM loads objects of all systems. Those of macOS follow Linux's convention of calls, those of
+Windows one of their own, which a function of LLVM's on either side turns into the other: around the
+kernel, and around each function of the library that it calls.
 """
 
 import pickle
@@ -37,7 +37,10 @@ def around_the_library(convention: str) -> str:
             f"  %r = call double @{name}({numbers})\n  ret double %r\n}}",
         ]
     pair = "{double, double}"
-    both = f"%one = insertvalue {pair} undef, double %s, 0\n  %both = insertvalue {pair} %one, double %c, 1"
+    both = (
+        f"%one = insertvalue {pair} undef, double %s, 0\n  %both = insertvalue {pair} %one, double "
+        "%c, 1"
+    )
     lines += [
         f"define {convention} {pair} @other___sincos_stret(double %x) {{",
         f"  %s = call double @sin(double %x)\n  %c = call double @cos(double %x)\n  {both}",

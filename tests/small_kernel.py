@@ -1,4 +1,5 @@
-"""A kernel of a line that is compiled in no time, with a function of its own and one of another file in it."""
+"""A kernel of a line that is compiled in no time, with a function of its own and one of another
+file in it."""
 
 from tdint.kernels.compiling import F8, VECTOR, inlined, kernel
 from tdint.kernels.march.march import ground_at

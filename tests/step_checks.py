@@ -1,4 +1,5 @@
-"""What the tests of several families measure on the compiled steps, and dense matrices to compare with."""
+"""What the tests of several families measure on the compiled steps, and dense matrices to compare
+with."""
 
 from dataclasses import replace
 
@@ -44,7 +45,8 @@ def building(damping=None, nonlinear=False, **more):
 
 
 def matrices(model):
-    """M, C, K of a linear building with Rayleigh damping, written out; C knows nothing of P-delta."""
+    """M, C, K of a linear building with Rayleigh damping, written out; C knows nothing of
+    P-delta."""
     mass = np.array([s.mass for s in model.stories])
     drift = np.eye(mass.size) - np.eye(mass.size, k=-1)
     dashpots = drift.T @ np.diag([s.dashpot for s in model.stories]) @ drift
@@ -75,7 +77,8 @@ def load(model, record, t):
 
 
 def superposed(method, model, ratio, record):
-    """Displacements of a linear building, shape (steps + 1, n): the same steps on its modes, as oscillators.
+    """Displacements of a linear building, shape (steps + 1, n): the same steps on its modes, as
+    oscillators.
 
     `ratio` is the damping ratio of a mode as a function of its omega.
     """
@@ -102,8 +105,8 @@ def at_samples(building, record, method, parts):
 
 
 def refined(building, record, parts, method="impulse4", size=lambda u: np.max(np.abs(u))):
-    """Runs with more and more steps between two samples, the displacements of the last one at the samples, and how far
-    those of the others are off these, over their size."""
+    """Runs with more and more steps between two samples, the displacements of the last one at the
+    samples, and how far those of the others are off these, over their size."""
     runs, displacements = zip(
         *(at_samples(building, record, method, part) for part in parts), strict=True
     )

@@ -40,7 +40,8 @@ READERS = {
 
 @pytest.fixture(params=READERS)
 def refused(request, tmp_path):
-    """Whether a reader refuses a file of some content with a message; `COLUMN` stands for the column that it reads."""
+    """Whether a reader refuses a file of some content with a message; `COLUMN` stands for the
+    column that it reads."""
     read, error, column = READERS[request.param]
 
     def check(content, message, source=None):
@@ -89,9 +90,12 @@ def raises(reader, folder, text, message):
 
 
 FULL = {
-    "target": ("period_s,sa_g", "1,2"), "fragility": ("im,edp", "1,2"), "path": ("drift_m", "1"),
-    "factors": ("record,component,factor", "a,b,2"), "grid": ("GP_file,Longitude,Latitude", "a.csv,1,2"),
-}  # fmt: skip
+    "target": ("period_s,sa_g", "1,2"),
+    "fragility": ("im,edp", "1,2"),
+    "path": ("drift_m", "1"),
+    "factors": ("record,component,factor", "a,b,2"),
+    "grid": ("GP_file,Longitude,Latitude", "a.csv,1,2"),
+}
 """Headers and rows of all but the inventory, which tells the faults of all rows together."""
 
 
@@ -105,7 +109,7 @@ def test_empty_cells_at_the_end_are_nothing(tmp_path):
     """As spreadsheets leave them."""
     (tmp_path / "t.csv").write_text("drift_m,\n1,,,\n2\n")
     assert read_drift_path(str(tmp_path / "t.csv")) == [1.0, 2.0]
-    rows = "id,NumberOfStories,YearBuilt,StructureType,PlanArea,,\na,3,1990,C1,600,,,\nb,3,1990,C1,600,,,1\n"
+    rows = "id,NumberOfStories,YearBuilt,StructureType,PlanArea,,\na,3,1990,C1,600,,,\nb,3,1990,C1,600,,,1\n"  # noqa: E501
     (tmp_path / "t.csv").write_text(rows)
     (found,), (fault,) = read_inventory(str(tmp_path / "t.csv"), 1.0)
     assert (found.id, str(fault).partition("t.csv:")[2]) == ("a", "3:8: 8 cells under 7 columns")
@@ -204,7 +208,8 @@ def test_grids(tmp_path, point, motions, error, message):
 
 
 def test_cells(tmp_path):
-    """Names in any case, blank lines, a byte-order mark, quoted commas and line breaks, cells that a row has not."""
+    """Names in any case, blank lines, a byte-order mark, quoted commas and line breaks, cells that
+    a row has not."""
     file = tmp_path / "t.csv"
     file.write_text(
         '\n A, b,Is,c\n"1, ""x""", 2, yes\n\n,-3e1,,5\n"two\nlines", "4"\n', encoding="utf-8-sig"

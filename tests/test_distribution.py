@@ -137,7 +137,10 @@ def test_persons_and_an_address_go_where_they_are_told():
 def test_links_of_an_index_lead_to_the_files_of_the_version(monkeypatch):
     module = index_readme(monkeypatch)
     place = "https://example.org/a/tdint"
-    text = "See [this](cli/README.md#run), [that](https://x.org), [here](#x) and ![a picture](configs/a.png)."
+    text = (
+        "See [this](cli/README.md#run), [that](https://x.org), [here](#x) and ![a "
+        "picture](configs/a.png)."
+    )
     assert module.for_index(text, place, "1.2.3") == (
         f"See [this]({place}/blob/v1.2.3/cli/README.md#run), [that](https://x.org), [here](#x) and "
         f"![a picture]({place}/raw/v1.2.3/configs/a.png)."
@@ -184,7 +187,10 @@ def test_the_paper_is_short_and_what_it_cites_is_there():
     )
     assert head.startswith("---\ntitle")
     assert 750 <= len(body.split()) <= 1750
-    asked = "Summary|Statement of need|State of the field|Software design|Research impact statement|AI usage disclosure"
+    asked = (
+        "Summary|Statement of need|State of the field|Software design|Research impact statement|AI "
+        "usage disclosure"
+    )
     assert len(re.findall(rf"\n# (?:{asked})", body)) == 6
     entries = re.findall(
         r"@\w+\{(?:.|\n)*?\n\}", (ROOT / ".github/paper/paper.bib").read_text(encoding="utf-8")

@@ -1,4 +1,5 @@
-"""`import tdint`: its names, what they say of themselves, and a program of all of them that is typed."""
+"""`import tdint`: its names, what they say of themselves, and a program of all of them that is
+typed."""
 
 import ast
 import builtins
@@ -111,7 +112,7 @@ def methods() -> None:
 
 
 tdint.nothing
-'''
+'''  # noqa: E501
 
 
 def test_nothing_of_python_is_shadowed():
@@ -172,9 +173,20 @@ def test_a_program_of_all_functions_is_typed(tmp_path):
     # What is installed mypy finds, and it refuses to be told where.
     told = {} if source.name == "site-packages" else {"MYPYPATH": str(source)}
     checked = subprocess.run(
-        [sys.executable, "-m", "mypy", "--strict", f"--cache-dir={tmp_path}", "--config-file=", str(file)],
-        capture_output=True, text=True, cwd=tmp_path, env={**os.environ, **told},
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-m",
+            "mypy",
+            "--strict",
+            f"--cache-dir={tmp_path}",
+            "--config-file=",
+            str(file),
+        ],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, **told},
+    )
     faults = [line for line in checked.stdout.splitlines() if line.startswith("program.py")]
     assert len(faults) == 1 and 'Module has no attribute "nothing"' in faults[0], (
         checked.stdout + checked.stderr

@@ -1,4 +1,5 @@
-"""Public functions, called with what no argument can be: each call ends in a TdintError, or in a result."""
+"""Public functions, called with what no argument can be: each call ends in a TdintError, or in a
+result."""
 
 import inspect
 import math
@@ -14,9 +15,20 @@ from tdint.campaign.store_schema import refuse_network
 from tdint.errors import TdintError
 
 ODD = (
-    None, "", "no such thing", -1, float("nan"), 1e400, [], {}, {"a": None}, object(), b"x", np.empty(0),
+    None,
+    "",
+    "no such thing",
+    -1,
+    float("nan"),
+    1e400,
+    [],
+    {},
+    {"a": None},
+    object(),
+    b"x",
+    np.empty(0),
     np.ones((2, 2)),
-)  # fmt: skip
+)
 FUNCTIONS = {
     name: function
     for name in tdint.__all__

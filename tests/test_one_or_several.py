@@ -1,4 +1,5 @@
-"""Functions of methods, steps and records take one or several, by the same names; older names are warned of."""
+"""Functions of methods, steps and records take one or several, by the same names; older names are
+warned of."""
 
 import sys
 

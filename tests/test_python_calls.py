@@ -1,4 +1,5 @@
-"""Calls of the Python interface with arguments of the wrong kind: a UsageError that names the parameter."""
+"""Calls of the Python interface with arguments of the wrong kind: a UsageError that names the
+parameter."""
 
 import inspect
 import multiprocessing
@@ -85,7 +86,8 @@ def test_every_error_is_read_by_another_process(error):
 
 
 def test_a_pool_of_new_processes_does_not_wait_for_ever():
-    """The function is one of tdint: new processes need not find the tests, which `pytest` alone does not tell them."""
+    """The function is one of tdint: new processes need not find the tests, which `pytest` alone
+    does not tell them."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         waiting = pool.apply_async(tdint.load_model, ("none.yaml",))
         with pytest.raises(errors.ModelError, match=r"none\.yaml: no such file"):

@@ -2,7 +2,8 @@
 
 
 def start() -> None:
-    """Entry point of the installed command: until all is loaded that ends it with a word, a signal ends it without."""
+    """Entry point of the installed command: until all is loaded that ends it with a word, a signal
+    ends it without."""
     import os
     import signal
 

@@ -1,9 +1,10 @@
-"""A campaign on the command line: its folder, its progress, what is written at its end and said of it."""
+"""A campaign on the command line: its folder, its progress, what is written at its end and said of
+it."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
 from tdint.files import check_outputs, keep_input, refuse_kept, write_files
 from tdint.output import figures, tables
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from tdint.output.tables.table import Table
 
 
-# ---- What commands of many runs tell of a suite: profiles.csv, its picture, a limit of drifts, buildings side by
-# side
+# ---- What commands of many runs tell of a suite: profiles.csv, its picture, a limit of drifts,
+# buildings side by side
 
 _NOT_KEPT = "the peaks of stories are not kept; give the campaign `outputs: {profiles: true}`"
 
@@ -43,7 +43,8 @@ PROFILES, PICTURE, RATIOS = "profiles.csv", "profiles.png", "ratios.csv"
 
 
 class _DriftLimit(Ratio):
-    """A drift ratio below 1; scripts from the time when `--limit` of a campaign counted runs are told."""
+    """A drift ratio below 1; scripts from the time when `--limit` of a campaign counted runs are
+    told."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, str) and value.isdecimal() and ctx and ctx.command.name == "campaign":
@@ -58,8 +59,8 @@ class _DriftLimit(Ratio):
 LIMIT = options.analysis.option(
     type=_DriftLimit(0.0, 1.0, min_open=True, max_open=True),
     metavar="2%",
-    help="Say whether the mean of the motions' largest drift ratios stays within this in every story; a line of the "
-    "picture, too.",
+    help="Say whether the mean of the motions' largest drift ratios stays within this in every "
+    "story; a line of the picture, too.",
 )
 """The option --limit."""
 
@@ -74,8 +75,8 @@ REQUIRE = options.analysis.option(
 
 @dataclass(frozen=True, kw_only=True)
 class SuiteRequest:
-    """What the command lines of many runs have in common: where and how they are written, in how many threads, a limit
-    of drifts, a baseline, intensities of the motions."""
+    """What the command lines of many runs have in common: where and how they are written, in how
+    many threads, a limit of drifts, a baseline, intensities of the motions."""
 
     output: str | None
     overwrite: bool
@@ -154,14 +155,16 @@ _MOST_TOLD = 10  # buildings of a suite whose means lack motions, a line each
 
 @dataclass(frozen=True)
 class Profiles:
-    """Demands over the height of the buildings of a store, found once for all that is drawn, written and judged."""
+    """Demands over the height of the buildings of a store, found once for all that is drawn,
+    written and judged."""
 
     store: Store
     request: SuiteRequest
 
     @cached_property
     def units(self) -> OutputUnits:
-        """Of all files, runs.csv among them: what the command line names, or what the models agree on."""
+        """Of all files, runs.csv among them: what the command line names, or what the models agree
+        on."""
         return self.request.output_units or self.store.output_units()
 
     @cached_property
@@ -206,8 +209,8 @@ class Profiles:
             raise AnalysisError(f"{option}: {_NOT_KEPT}")
 
     def report(self, plan: Plan, floors: Sequence[FloorSuite] = ()) -> bytes:
-        """The page of the suite, with the spectra of floors that were asked for; in the units and under the head of the
-        models, if they agree."""
+        """The page of the suite, with the spectra of floors that were asked for; in the units and
+        under the head of the models, if they agree."""
         from tdint.output.page import Told
         from tdint.output.report import suite_page
         from tdint.output.summary import files_read
@@ -264,8 +267,8 @@ class Profiles:
         return f"{name}: of {how_many(profile.runs, 'motion')} {told}; {means}"
 
     def tell(self) -> list[TdintError]:
-        """Say what means do not hold, and what the mean drifts are beside the limit; both of all runs alone, for a mean
-        over some of the motions would be taken for that of all.
+        """Say what means do not hold, and what the mean drifts are beside the limit; both of all
+        runs alone, for a mean over some of the motions would be taken for that of all.
 
         Returns
         -------
@@ -277,7 +280,8 @@ class Profiles:
         if left := unfinished(self.store):
             if limit is None:
                 note(
-                    f"{left}: what is of all motions (means, pictures, pages) comes with the last one"
+                    f"{left}: what is of all motions (means, pictures, pages) comes with the last "
+                    "one"
                 )
                 return []
             text = f"the drift limit of {100.0 * limit:g} % is not judged: {left}"
@@ -287,7 +291,10 @@ class Profiles:
             return []
         lost = [text for profile in self.found if (text := self._lost(profile))]
         if (more := len(lost) - _MOST_TOLD) > 0:
-            rest = f"{how_many(more, 'building')} or levels more: the columns collapsed and failed of {PROFILES}"
+            rest = (
+                f"{how_many(more, 'building')} or levels more: the columns collapsed and failed of "
+                f"{PROFILES}"
+            )
             lost[_MOST_TOLD:] = [f"the same of {rest}"]
         warn(*lost)
         if limit is None:
@@ -339,8 +346,8 @@ def _verdict(profile: Profile, limit: float) -> tuple[str, bool]:
     if lost:
         words += f", for {lost} of {how_many(profile.runs, 'motion')} collapsed or failed"
     text = (
-        f"Mean drift {100.0 * check.mean:.3g} % (story {check.story}), limit {100.0 * limit:g} %: {words}; largest "
-        f"{100.0 * check.largest:.3g} %."
+        f"Mean drift {100.0 * check.mean:.3g} % (story {check.story}), limit {100.0 * limit:g} %: "
+        f"{words}; largest {100.0 * check.largest:.3g} %."
     )
     return text, check.within
 
@@ -368,9 +375,9 @@ def carry_out(
     max_runs: int | None = None,
     show: bool = False,
 ) -> None:
-    """Do what is left of a campaign in the folder of -o and write its tables, and what more is asked of the suite;
-    `show` the runs on standard output, too. --overwrite replaces another campaign, and tables that this one did not
-    write.
+    """Do what is left of a campaign in the folder of -o and write its tables, and what more is
+    asked of the suite; `show` the runs on standard output, too. --overwrite replaces another
+    campaign, and tables that this one did not write.
 
     Raises
     ------
@@ -405,7 +412,8 @@ def carry_out(
         except (UntrustedStoreError, UsageError):
             if not overwrite:
                 raise
-            # Another campaign, or a store that cannot be used, goes with the tables that were made of it.
+            # Another campaign, or a store that cannot be used, goes with the tables that were made
+            # of it.
             made = (
                 RUNS,
                 STORIES,
@@ -451,7 +459,10 @@ def carry_out(
     # A building without a motion is left out as a record is that cannot be read, and told as such.
     far: list[TdintError] = []
     if plan.far:
-        many = f"{how_many(len(plan.far), 'building')} left out, too far from any site (max_distance of the records)"
+        many = (
+            f"{how_many(len(plan.far), 'building')} left out, too far from any site (max_distance "
+            "of the records)"
+        )
         far = [RecordError(f"{many}, such as {plan.far[0]}")]
     if plan.failures or unmet or far:
         raise Failures([*plan.failures, *far, *unmet])
@@ -463,8 +474,9 @@ def warn_of_motions(plan: Plan) -> None:
 
 
 def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
-    """What a call names beside its tables, picture and page among them, after it was seen, before the runs, that it can
-    be written: what an earlier call of a campaign that has begun wrote may be replaced, which its store knows.
+    """What a call names beside its tables, picture and page among them, after it was seen, before
+    the runs, that it can be written: what an earlier call of a campaign that has begun wrote may be
+    replaced, which its store knows.
 
     Raises
     ------
@@ -498,7 +510,8 @@ def warn_unfinished(store: Store) -> None:
 
 
 def is_complete(store: Store) -> bool:
-    """Whether all runs of a campaign are done: a mean over some of the motions would be taken for that of all."""
+    """Whether all runs of a campaign are done: a mean over some of the motions would be taken for
+    that of all."""
     return not unfinished(store)
 
 
@@ -544,8 +557,9 @@ def _rate(advance: Advance) -> str:
 
 
 def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
-    """Write what stands beside a store: runs.csv, stories.csv and profiles.csv if they are wanted, what is asked for
-    over all motions, summary.json; and what was exported of an earlier state anew."""
+    """Write what stands beside a store: runs.csv, stories.csv and profiles.csv if they are wanted,
+    what is asked for over all motions, summary.json; and what was exported of an earlier state
+    anew."""
     from tdint.output.summary import files_read
 
     ours = [
@@ -561,13 +575,15 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
         else:
             (folder / name).unlink(missing_ok=True)
             note(
-                f"{folder / name}: removed, for it was of an earlier state and cannot be written here"
+                f"{folder / name}: removed, for it was of an earlier state and cannot be written "
+                "here"
             )
 
 
 def _of_suite(profiles: Profiles, folder: Path, plan: Plan | None = None) -> dict[str, Content]:
-    """What is asked for over all motions, once all runs are done: the picture of the profiles and the buildings over a
-    baseline; of a plan also spectra of floors, the page, and intensities of the runs."""
+    """What is asked for over all motions, once all runs are done: the picture of the profiles and
+    the buildings over a baseline; of a plan also spectra of floors, the page, and intensities of
+    the runs."""
     request, store = profiles.request, profiles.store
     picture = request.picture(folder)
     # Means, pictures and pages over some of the motions would be taken for those of all.
@@ -596,7 +612,8 @@ def _of_suite(profiles: Profiles, folder: Path, plan: Plan | None = None) -> dic
 
 
 def export(profiles: Profiles, folder: Path, *, simcenter: bool, geojson: bool) -> None:
-    """Write all tables of a store anew; Parquet files if pyarrow is there: these and SimCenter's have SI units.
+    """Write all tables of a store anew; Parquet files if pyarrow is there: these and SimCenter's
+    have SI units.
 
     Raises
     ------
@@ -615,8 +632,8 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, geojson: bool) 
             )
         if not is_complete(store):
             raise UsageError(
-                f"{store.name}: not all runs are done; a map tells what the buildings do under all motions: call "
-                "`tdint campaign` again first"
+                f"{store.name}: not all runs are done; a map tells what the buildings do under all "
+                "motions: call `tdint campaign` again first"
             )
     asked = {SIMCENTER: simcenter, GEOJSON: geojson}
     exported = {
@@ -624,7 +641,8 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, geojson: bool) 
         *(name for name, is_asked in asked.items() if is_asked or store.is_ours(folder / name)),
     }
     others = {name: writer for name, writer in _exports(profiles, exported).items() if writer}
-    # What is written of a store says how its runs were made, as the last call that could add some told it.
+    # What is written of a store says how its runs were made, as the last call that could add some
+    # told it.
     before = told_of(folder / SUMMARY)
     made = {"arguments": before.get("arguments", []), "export": list(current().arguments)}
     _write(
@@ -669,8 +687,8 @@ def _write(
     read: Iterable[Mapping[str, str]],
     lines: Mapping[str, Sequence[str]],
 ) -> None:
-    """Write the tables of a store, these contents and, last, the summary, in which the files that were `read` stand and
-    the command lines: of the runs, and of the export that writes them now."""
+    """Write the tables of a store, these contents and, last, the summary, in which the files that
+    were `read` stand and the command lines: of the runs, and of the export that writes them now."""
     from tdint.output.summary import campaign_summary, in_units, json_bytes, merged_inputs
 
     request, store, units = profiles.request, profiles.store, profiles.units
@@ -697,7 +715,8 @@ def _write(
 
 
 def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Content]:
-    """What is written of damage, where the campaign tells it; means over the motions once all runs are done."""
+    """What is written of damage, where the campaign tells it; means over the motions once all runs
+    are done."""
     if not store.damage():
         return {}
     from tdint.campaign.fragility.runs import stored_states
@@ -713,7 +732,8 @@ def _damage(store: Store, units: OutputUnits, by: str | None) -> dict[str, Conte
         writers[DAMAGE] = lambda stream: write_damage(store, stream, units)
     if is_complete(store) and store.writes("damage"):
         writers[TYPES] = lambda stream: write_types(store, stream)
-    # Losses only where some state has a loss ratio; how often they come only where events have rates.
+    # Losses only where some state has a loss ratio; how often they come only where events have
+    # rates.
     costs = any(states.losses for states in stored_states(store).values())
     if costs and is_complete(store) and store.writes("losses"):
         writers[LOSSES] = lambda stream: write_losses(store, stream, by)
@@ -734,7 +754,8 @@ def tell_outcomes(store: Store) -> None:
     if failed:
         listed = ", ".join(f"{count} {name}" for name, count in failed.items())
         warn(
-            f"no result of {how_many(sum(failed.values()), 'run')}: {listed}; their rows have empty cells"
+            f"no result of {how_many(sum(failed.values()), 'run')}: {listed}; their rows have "
+            "empty cells"
         )
     fell = {name: statuses[name] for name in FALLEN if name in statuses}
     if fell:
@@ -743,9 +764,11 @@ def tell_outcomes(store: Store) -> None:
         note(f"{how_many(repeated, 'run')} repeated with finer steps (column dt_s)")
     if unknown := without_error(store):
         note(
-            f"no estimated error of {how_many(unknown, 'run')}: what tells it failed or fell earlier; empty cells"
+            f"no estimated error of {how_many(unknown, 'run')}: what tells it failed or fell "
+            "earlier; empty cells"
         )
     if moving := store.count("at_rest = 0"):
         warn(
-            f"{how_many(moving, 'run')} still moving when the time was over: residual drifts are not at rest"
+            f"{how_many(moving, 'run')} still moving when the time was over: residual drifts are "
+            "not at rest"
         )

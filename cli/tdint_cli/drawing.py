@@ -1,4 +1,5 @@
-"""Tables as a person at a terminal reads them: columns under each other, a few digits, no wider than the screen."""
+"""Tables as a person at a terminal reads them: columns under each other, a few digits, no wider
+than the screen."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ _NO_FILES = ("unit", "units", "notes")
 
 _FOLDER = "/"
 _FEW = 3
-"""So many rows are drawn as columns where they are too wide: every name with its values beside it."""
+"""So many rows are drawn as columns where they are too wide: every name with its values beside
+it."""
 
 
 def reading_width() -> int | None:
@@ -48,8 +50,8 @@ def table_bytes(table: Table, width: int | None) -> bytes:
 
 
 def _errors_beside(table: Table) -> Table:
-    """A table whose errors stand behind what they are errors of, in percent of it, two digits: there are more columns
-    than a screen is wide."""
+    """A table whose errors stand behind what they are errors of, in percent of it, two digits:
+    there are more columns than a screen is wide."""
     from tdint.output.tables.table import Table
 
     places = {name: i for i, name in enumerate(table.columns)}
@@ -78,7 +80,8 @@ def _errors_beside(table: Table) -> Table:
 
 
 def emit_table(table: Table) -> None:
-    """Write a table to standard output: drawn where a person reads it, CSV into a pipe or a file."""
+    """Write a table to standard output: drawn where a person reads it, CSV into a pipe or a
+    file."""
     emit(table_bytes(table, reading_width()))
 
 
@@ -88,11 +91,13 @@ def draw(
     width: int,
     units: Mapping[str, str] | None = None,
 ) -> str:
-    """A table as text, lines of at most `width` characters if that can be done; `units` of the columns.
+    """A table as text, lines of at most `width` characters if that can be done; `units` of the
+    columns.
 
-    Columns without any value are left out, a text that is the same in all rows stands above, and the folder of files
-    that all lie in one; names of columns stand on several lines. What is too wide is drawn in blocks of columns, each
-    with the columns before it that name the row; a few rows that are too wide are drawn as columns instead.
+    Columns without any value are left out, a text that is the same in all rows stands above, and
+    the folder of files that all lie in one; names of columns stand on several lines. What is too
+    wide is drawn in blocks of columns, each with the columns before it that name the row; a few
+    rows that are too wide are drawn as columns instead.
     """
     cells = [[_cell(value) for value in row] for row in rows]
     filled = [i for i in range(len(columns)) if not rows or any(row[i] for row in cells)]
@@ -101,7 +106,8 @@ def draw(
         for i in filled
         if all(value is None or isinstance(value, (int, float)) for value in _at(rows, i))
     }
-    # Said once, above: the text of all rows, but in the last column; the folder with its / that all files lie in.
+    # Said once, above: the text of all rows, but in the last column; the folder with its / that all
+    # files lie in.
     common = [
         i
         for i in filled[:-1]
@@ -208,7 +214,8 @@ def _side_by_side(
 ) -> str:
     """Columns beside each other, in blocks that fit on the screen; `texts` are those of words."""
     widths = [len(column[0]) for column in columns]
-    # The row is named by words at the start that leave most of the screen, but by one column at least: in every block.
+    # The row is named by words at the start that leave most of the screen, but by one column at
+    # least: in every block.
     names, used = 1, 0
     for count, is_text in enumerate(texts):
         used += widths[count] + len(_GAP)

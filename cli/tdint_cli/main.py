@@ -1,7 +1,7 @@
 """The command `tdint`: a group that imports a command's module only when that command runs.
 
-Help and version cost nothing but click. A new command is a module in `commands` (whose `command` is the click command)
-and one line in GROUPS.
+Help and version cost nothing but click. A new command is a module in `commands` (whose `command` is
+the click command) and one line in GROUPS.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ GROUPS = {
     },
     "Ground motions": {
         "info": "What ground-motion records are and how strong.",
-        "spectrum": "Response spectra of ground-motion records, elastic and inelastic; Fourier amplitude spectra.",
+        "spectrum": "Response spectra of ground-motion records, elastic and inelastic; Fourier "
+        "amplitude spectra.",
         "drift-spectrum": "Drift spectra: the largest story drifts of shear buildings.",
         "match": "Ground motions whose spectra are a target's, by the least change.",
     },
@@ -53,7 +54,8 @@ GROUPS = {
         "stability": "Spectral radius, period error and numerical damping of methods over dt/T.",
         "overshoot": "First steps of methods under a large step, and how they grow with it.",
         "order": "Observed order of methods, from their errors over halved steps.",
-        "examples": "Examples of the paper that proposed impulse: errors of methods, and its figures.",
+        "examples": "Examples of the paper that proposed impulse: errors of methods, and its "
+        "figures.",
     },
     "Housekeeping": {
         "compile": "Compile time loops ahead of their first use.",
@@ -61,7 +63,8 @@ GROUPS = {
         "rerun": "What the JSON file beside a table says, done again and compared.",
     },
 }
-"""The commands in the groups and the order of the help: of each the first sentence of its own help."""
+"""The commands in the groups and the order of the help: of each the first sentence of its own
+help."""
 
 COMMANDS = {
     name: (name.replace("-", "_"), sentence)
@@ -110,10 +113,11 @@ class LazyGroup(HelpAsData, click.Group):
         super().format_options(ctx, formatter)
         self.format_commands(ctx, formatter)
 
-    def main(
+    def main(  # type: ignore[override]
         self, args: Sequence[str] | None = None, prog_name: str | None = None, **extra: Any
-    ) -> NoReturn:  # type: ignore[override]
-        """Run a command line and exit; errors become one line each and an exit code, as `tdint_cli.terminal` tells."""
+    ) -> NoReturn:
+        """Run a command line and exit; errors become one line each and an exit code, as
+        `tdint_cli.terminal` tells."""
         extra.pop("standalone_mode", None)
         settings = extra.setdefault("obj", Settings())
         settings.arguments = _lasting(sys.argv[1:] if args is None else args)
@@ -160,20 +164,21 @@ def _version(_: click.Context) -> str:
 def cli() -> None:
     """Earthquake response of shear buildings, with a time-integration method of your choice.
 
-    Data go to standard output or to -o, words to standard error. Exit codes: 0 done, 1 a bug, 2 usage, 3 model file,
-    4 record, 5 analysis, 6 output, 130 interrupted, 143 terminated.
+    Data go to standard output or to -o, words to standard error. Exit codes: 0 done, 1 a bug, 2
+    usage, 3 model file, 4 record, 5 analysis, 6 output, 130 interrupted, 143 terminated.
     """
 
 
 _ALLOCATIONS = 200_000
-"""Objects that are made, and not freed, before cycles among them are looked for; Python's own number is 700."""
+"""Objects that are made, and not freed, before cycles among them are looked for; Python's own
+number is 700."""
 
 
 def use_one_thread() -> None:
     """Let linear algebra use one thread, unless the environment says how many.
 
-    Its matrices are small: the threads take longer to start than they save, and in a busy machine they wait for each
-    other.
+    Its matrices are small: the threads take longer to start than they save, and in a busy machine
+    they wait for each other.
     """
     for library in ("OPENBLAS", "OMP", "MKL", "VECLIB", "BLIS"):
         name = "VECLIB_MAXIMUM_THREADS" if library == "VECLIB" else f"{library}_NUM_THREADS"
@@ -183,8 +188,8 @@ def use_one_thread() -> None:
 def main() -> None:
     """Entry point of the installed command.
 
-    What is imported stays: to search it for garbage again and again, and once more at the end, would take a fifth of a
-    short command's time.
+    What is imported stays: to search it for garbage again and again, and once more at the end,
+    would take a fifth of a short command's time.
     """
     gc.set_threshold(_ALLOCATIONS)
     use_one_thread()

@@ -1,8 +1,9 @@
-"""The same work on one record after another, in this process or in several; the outcomes come in the order given.
+"""The same work on one record after another, in this process or in several; the outcomes come in
+the order given.
 
-A process does each task by itself: one that is lost takes no other's work with it. It never outlives the process that
-started it, however that one ends: Linux sends it SIGKILL then, and everywhere it ends when the pipe to the first
-process is gone.
+A process does each task by itself: one that is lost takes no other's work with it. It never
+outlives the process that started it, however that one ends: Linux sends it SIGKILL then, and
+everywhere it ends when the pipe to the first process is gone.
 """
 
 from __future__ import annotations
@@ -14,12 +15,12 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from contextvars import copy_context
+from dataclasses import dataclass
 from functools import partial
 from multiprocessing import connection, get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, RecordError, TdintError
 from tdint.files import READ, STDIN
 from tdint.system import START_OF_PROCESSES, end_with, held_back, let_through
@@ -46,8 +47,8 @@ class Workers(Generic[Result]):
     Parameters
     ----------
     function : callable
-        A function of a module, or a `functools.partial` of one: new processes find it by its name. What it raises is
-        raised here.
+        A function of a module, or a `functools.partial` of one: new processes find it by its name.
+        What it raises is raised here.
     count : int
         Number of processes.
     """
@@ -89,7 +90,8 @@ class Workers(Generic[Result]):
                 yield place, outcome
 
     def _hand_out(self, waiting: deque[tuple[int, Task]]) -> None:
-        """Give every process that has nothing to do a task, as long as there are any; start those that are missing."""
+        """Give every process that has nothing to do a task, as long as there are any; start those
+        that are missing."""
         while waiting:
             idle = next((worker for worker in self._workers if worker.place is None), None)
             if idle is None:
@@ -124,7 +126,8 @@ class Workers(Generic[Result]):
 
 
 class _Worker:
-    """A process, this side of the pipe to it, and the place of the task that it has; None for nothing."""
+    """A process, this side of the pipe to it, and the place of the task that it has; None for
+    nothing."""
 
     def __init__(self, process: BaseProcess, pipe: Connection) -> None:
         self.process = process
@@ -145,7 +148,8 @@ class _Worker:
 
 def _work(function: Callable[[Any], Any], pipe: Connection, parent: int) -> None:
     """Do tasks until the pipe ends."""
-    # Ctrl-C reaches all processes of a terminal: the first one speaks and ends the others by SIGTERM.
+    # Ctrl-C reaches all processes of a terminal: the first one speaks and ends the others by
+    # SIGTERM.
     signal.set_wakeup_fd(-1)  # that of the first process, where they are forked
     for number in ENDING:
         signal.signal(number, signal.SIG_IGN if number == signal.SIGINT else signal.SIG_DFL)
@@ -195,7 +199,8 @@ def outcomes(
     label : str
         What the progress bar is called that is shown if standard error is a terminal.
     to_terminal : bool
-        Whether the data go to standard output; if that is a terminal, too, no bar is drawn into them.
+        Whether the data go to standard output; if that is a terminal, too, no bar is drawn into
+        them.
     """
     with ExitStack() as stack:
         results = _outcomes(partial(_attempt, work), tasks, jobs, stack)
@@ -208,7 +213,8 @@ def _outcomes(
     jobs: int,
     stack: ExitStack,
 ) -> Iterator[Result | TdintError]:
-    """In this process up to the first record that is done: what it loads or compiles is then there for the others."""
+    """In this process up to the first record that is done: what it loads or compiles is then there
+    for the others."""
     for done, task in enumerate(tasks, start=1):
         outcome = attempt(task)
         yield outcome
@@ -225,7 +231,8 @@ def _shared(
     tasks: Sequence[Task],
     workers: Workers[Result | TdintError],
 ) -> Iterator[Result | TdintError]:
-    """The outcomes of processes in the order of the tasks; a process that is lost costs its own record only."""
+    """The outcomes of processes in the order of the tasks; a process that is lost costs its own
+    record only."""
     from_stdin = [
         place for place, task in enumerate(tasks) if task.source == STDIN
     ]  # Others have no standard input.
@@ -241,8 +248,8 @@ def _shared(
             if isinstance(outcome, Lost):
                 source = tasks[shared[number]].source
                 outcome = AnalysisError(
-                    f"{source}: the process that worked on it ended before its time (killed, or is there not enough "
-                    "memory?); use fewer --jobs"
+                    f"{source}: the process that worked on it ended before its time (killed, or is "
+                    "there not enough memory?); use fewer --jobs"
                 )
             done[shared[number]] = outcome
         yield done.pop(place)

@@ -1,4 +1,5 @@
-"""What a person at a terminal sees beside data: words, progress; and what holds for a whole command line."""
+"""What a person at a terminal sees beside data: words, progress; and what holds for a whole command
+line."""
 
 from __future__ import annotations
 
@@ -14,11 +15,11 @@ import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import click
 
-from tdint.data import dataclass
 from tdint.errors import ModelError, OutputError, TdintError, UsageError, abridged
 from tdint.system import do_not_wait
 
@@ -67,7 +68,8 @@ _CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2
 def emit(data: bytes) -> None:
     """Write data to standard output, now.
 
-    A reader that has gone (`| head`) has what it wanted: the rest is dropped without a word, and the command goes on.
+    A reader that has gone (`| head`) has what it wanted: the rest is dropped without a word, and
+    the command goes on.
 
     Raises
     ------
@@ -132,7 +134,8 @@ def _of_a_kind(texts: Sequence[str]) -> list[str]:
 def complain(text: str, settings: Settings | None = None) -> None:
     """Write a line to standard error whatever was asked; without one there is nobody to tell.
 
-    What the library calls `skip_lines=1` is --skip-lines 1 where the command has that option, else a key of a file.
+    What the library calls `skip_lines=1` is --skip-lines 1 where the command has that option, else
+    a key of a file.
     """
     if sys.stderr is None:
         return
@@ -164,7 +167,8 @@ def say_table(rows: Sequence[Sequence[str]]) -> None:
 
 
 def _discard_from_now_on() -> None:
-    """Let standard output lead nowhere, so that what is left in its buffer raises nothing when Python ends."""
+    """Let standard output lead nowhere, so that what is left in its buffer raises nothing when
+    Python ends."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())
     os.close(nowhere)
@@ -182,12 +186,14 @@ Progress = Callable[[str, float], None]
 def progress_bar(to_terminal: bool) -> Iterator[Progress]:
     """A bar that is told of the progress.
 
-    No bar is drawn if standard error is no terminal, nor into data that go to one (`to_terminal`), nor with `--quiet`.
+    No bar is drawn if standard error is no terminal, nor into data that go to one (`to_terminal`),
+    nor with `--quiet`.
     """
     if is_quiet() or not is_terminal(sys.stderr) or (to_terminal and is_terminal(sys.stdout)):
         yield lambda label, part: None
         return
-    # Who works tells which part of the whole is done, from 0 to 1: the bar counts thousandths of it.
+    # Who works tells which part of the whole is done, from 0 to 1: the bar counts thousandths of
+    # it.
     with click.progressbar(length=_PARTS, file=sys.stderr) as bar:
 
         def tell(label: str, part: float) -> None:
@@ -222,7 +228,8 @@ def counted(
 
 
 def part_of(progress: Progress, start: float, end: float, name: str = "") -> Progress:
-    """What tells of a part of the work, from `start` to `end` of the whole, with a name before what is done."""
+    """What tells of a part of the work, from `start` to `end` of the whole, with a name before what
+    is done."""
     return lambda label, part: progress(f"{name}{label}", start + (end - start) * part)
 
 
@@ -232,12 +239,12 @@ def is_terminal(stream: object) -> bool:
     return bool(isatty and isatty())
 
 
-# ---- From what goes wrong to one line per problem on standard error and an exit code; Ctrl-C, SIGTERM and their like
-# end in time
+# ---- From what goes wrong to one line per problem on standard error and an exit code; Ctrl-C,
+# SIGTERM and their like end in time
 #
-# Python sees a signal between two of its own instructions only, and an exception is made of it there. Where a
-# library works on for longer, a thread that the system tells of the signal ends the process: without a temporary
-# file, and without processes left behind.
+# Python sees a signal between two of its own instructions only, and an exception is made of it
+# there. Where a library works on for longer, a thread that the system tells of the signal ends the
+# process: without a temporary file, and without processes left behind.
 
 BUG = 1
 _PACKAGES = {"yaml": "pyyaml"} | {
@@ -261,9 +268,9 @@ ENDING = tuple(
     )
     if name in signal.Signals.__members__
 )
-"""Signals that end a command: Ctrl-C, `kill`, a terminal that is closed, processor time that is used up, what a
-scheduler announces its end by. The exit code
-is what a shell reports of them, `AFTER_SIGNAL` and their number."""
+"""Signals that end a command: Ctrl-C, `kill`, a terminal that is closed, processor time that is
+used up, what a scheduler announces its end by. The exit code is what a shell reports of them,
+`AFTER_SIGNAL` and their number."""
 
 AFTER_SIGNAL = 128  # POSIX shells: 128 and the signal's number
 INTERRUPTED = AFTER_SIGNAL + signal.SIGINT
@@ -275,11 +282,13 @@ _NO_MEMORY = re.compile(
 
 
 class Ended(BaseException):
-    """The process was asked to end by a signal: raised wherever it is, so that no half-written file stays."""
+    """The process was asked to end by a signal: raised wherever it is, so that no half-written file
+    stays."""
 
 
 class Failures(TdintError):
-    """Inputs of one command that failed, after the others were done; the exit code is the smallest of theirs."""
+    """Inputs of one command that failed, after the others were done; the exit code is the smallest
+    of theirs."""
 
     def __init__(self, errors: Sequence[TdintError]) -> None:
         super().__init__("\n".join(map(str, errors)))
@@ -287,7 +296,8 @@ class Failures(TdintError):
 
 
 def exit_code_of(command: Callable[[], Any], settings: Settings) -> int:
-    """Run a command and tell its exit code; whatever it raises is reported, after a signal the signal alone."""
+    """Run a command and tell its exit code; whatever it raises is reported, after a signal the
+    signal alone."""
     came: list[int] = []
     try:
         with _signals_as_an_exception(came), _warnings_as_lines(), _notes_of_the_library():
@@ -330,7 +340,8 @@ def _reported(error: BaseException, settings: Settings) -> int:
             lines, code = str(error).splitlines() or [type(error).__name__], error.exit_code
         elif _lacks_memory(error):
             lines = [
-                "not enough memory; leave out --history and --plot, or take fewer steps, stories or periods"
+                "not enough memory; leave out --history and --plot, or take fewer steps, stories "
+                "or periods"
             ]
             code = OUT_OF_MEMORY
         elif (
@@ -342,7 +353,8 @@ def _reported(error: BaseException, settings: Settings) -> int:
             )
         elif isinstance(error, ModuleNotFoundError) and error.name in _PACKAGES:
             lines = [
-                f"{error.name} is not installed, and this needs it: pip install {_PACKAGES[error.name]}"
+                f"{error.name} is not installed, and this needs it: pip install "
+                f"{_PACKAGES[error.name]}"
             ]
             code = UsageError.exit_code
         else:
@@ -370,7 +382,8 @@ def _lacks_memory(error: BaseException | None) -> bool:
 
 @contextmanager
 def _signals_as_an_exception(came: list[int]) -> Iterator[None]:
-    """Signals end the command by an exception, and are noted; asking again changes nothing while it cleans up."""
+    """Signals end the command by an exception, and are noted; asking again changes nothing while it
+    cleans up."""
 
     def end(number: int, _: Any) -> None:
         came.append(number)
@@ -427,7 +440,8 @@ def _notes_of_the_library() -> Iterator[None]:
         yield
         return
     before, propagates = logger.level, logger.propagate
-    # The assumptions of a record come with it, from other processes, too, and are told by the command.
+    # The assumptions of a record come with it, from other processes, too, and are told by the
+    # command.
     handler.addFilter(lambda record: record.name != "tdint.assumptions")
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
@@ -445,10 +459,10 @@ _PATIENCE = 0.3
 
 
 def end_in_time() -> Callable[..., None]:
-    """Watch for the signals until this process ends. What comes back is to be called with the exit code when the
-    command has ended and said so: threads may be waited for then, which another signal ends without a word; after a
-    signal nothing is waited for or taken apart, which a library that was left in the middle of its work may not
-    survive."""
+    """Watch for the signals until this process ends. What comes back is to be called with the exit
+    code when the command has ended and said so: threads may be waited for then, which another
+    signal ends without a word; after a signal nothing is waited for or taken apart, which a library
+    that was left in the middle of its work may not survive."""
     if threading.current_thread() is not threading.main_thread():
         return lambda code=None: None
     said = threading.Event()
@@ -480,7 +494,8 @@ def end_in_time() -> Callable[..., None]:
 
 
 def _left_to_the_watch(*_: Any) -> None:
-    """Outside of the command, where Python itself would show a traceback, or be ended in the middle of its end."""
+    """Outside of the command, where Python itself would show a traceback, or be ended in the middle
+    of its end."""
 
 
 _NOBODY_S = (signal.SIG_DFL, signal.default_int_handler, _left_to_the_watch)

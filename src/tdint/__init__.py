@@ -9,32 +9,35 @@ A tour; everything is in SI units, `help(tdint.run)` and the like tell shapes, u
     tdint.modes(model)                                   # periods, damping ratios, masses
     response = tdint.run(model, record, history=True, check=True)
     response.stories.peak_drift_ratio                    # an array over the stories
-    response.plot(), response.plot(ax=ax)                # a matplotlib Figure; or its main panel on your axes
-    pandas.DataFrame(response.to_dict("kip,in,g"))       # the columns of the command's table, in other units
+    response.plot(), response.plot(ax=ax)                # a matplotlib Figure; its main panel on ax
+    pandas.DataFrame(response.to_dict("kip,in,g"))       # the table of the command, in other units
     case = tdint.prepare(model, record)                  # put together once for many runs:
     tdint.run_case(case.scaled(2.0))
-    tdint.run_many(models, records, scales=[1, 2], history="drift")    # arrays [run, time, story], on all processors
-    tdint.run_sequence(case, [record, aftershock])       # one after the other; .shocks has the peaks of each
+    tdint.run_many(models, records, history="drift")     # arrays [run, time, story], all processors
+    tdint.run_sequence(case, [record, aftershock])       # one after the other; peaks: .shocks
     tdint.cyclic_test(model, 1, ["1%", "2%"])            # the law of a story, as in a laboratory
     tdint.pushover(model, "2%")
 
-Each command has a function; what these give shows itself in a line, as a table in a notebook, has its columns by
-`to_dict`, is drawn by `plot`, and can be pickled:
+Each command has a function; what these give shows itself in a line, as a table in a notebook, has
+its columns by `to_dict`, is drawn by `plot`, and can be pickled:
 
-    Buildings        first_model, check, run (run_many, run_case of prepare, run_sequence), modes (modal_response),
-                     cyclic_test, pushover (target_displacements), compare, inventory
-    Ground motions   record_info, spectrum (rotated_spectrum of read_horizontals, constant_ductility,
-                     constant_strength, floor_spectra of a response), drift_spectrum, fourier_spectrum
-    Studies          campaign, scale, ida, sensitivity, fragility (fit_stripes, fit_capacities, fit_cloud)
-    Methods          methods, stability, overshoot, order, failures, paper_examples, chart (chart_many);
-                     load_plugin
+    Buildings        first_model, check, run (run_many, run_case of prepare, run_sequence), modes
+                     (modal_response), cyclic_test, pushover (target_displacements), compare,
+                     inventory
+    Ground motions   record_info, spectrum (rotated_spectrum of read_horizontals,
+                     constant_ductility, constant_strength, floor_spectra of a response),
+                     drift_spectrum, fourier_spectrum
+    Studies          campaign, scale, ida, sensitivity, fragility (fit_stripes, fit_capacities,
+                     fit_cloud)
+    Methods          methods, stability, overshoot, order, failures, paper_examples, chart
+                     (chart_many); load_plugin
     Housekeeping     compile_model, validate
 
-Errors are `TdintError`s (`FailedRun` of a run that does not reach its end); `Model`, `Record`, `Response`, `Runs` are
-what is given and what comes back.
+Errors are `TdintError`s (`FailedRun` of a run that does not reach its end); `Model`, `Record`,
+`Response`, `Runs` are what is given and what comes back.
 
-Text tables that do not tell what they are take a `TextLayout`. All of it loads on first use, so that importing tdint
-costs nothing; matplotlib loads with the first picture.
+Text tables that do not tell what they are take a `TextLayout`. All of it loads on first use, so
+that importing tdint costs nothing; matplotlib loads with the first picture.
 """
 
 from __future__ import annotations
@@ -141,7 +144,8 @@ _GOING = dict.fromkeys(
 
 @cache
 def _homes() -> dict[str, str]:
-    """The modules in which the names stand: those that a checker of types is told above, read in this file."""
+    """The modules in which the names stand: those that a checker of types is told above, read in
+    this file."""
     text = Path(__file__).read_text(encoding="utf-8")
     told = re.findall(r"^    from (tdint\.\S+) import (\w+) as \2$", text, re.MULTILINE)
     return {name: module for module, name in told} | _ELSEWHERE

@@ -15,7 +15,8 @@ Array = NDArray[np.float64]
 def halved(
     below: Callable[[float], bool], low: float, high: float, times: int
 ) -> tuple[float, float]:
-    """Both ends of the interval in which something ceases to hold, halved so many times or down to the last digit.
+    """Both ends of the interval in which something ceases to hold, halved so many times or down to
+    the last digit.
 
     Parameters
     ----------
@@ -35,8 +36,9 @@ if TYPE_CHECKING:
 else:
 
     class cached_property(functools.cached_property):  # noqa: N801  it stands for that of Python
-        """Without the lock that Python before 3.12 has for it: a child that is forked while another thread holds it
-        would wait for ever. Two threads may both find a value; the values are the same."""
+        """Without the lock that Python before 3.12 has for it: a child that is forked while another
+        thread holds it would wait for ever. Two threads may both find a value; the values are the
+        same."""
 
         def __get__(self, instance, owner=None):
             if instance is None:

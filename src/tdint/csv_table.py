@@ -1,4 +1,5 @@
-"""Tables given as CSV files with a header: columns by their names, one set of checks, every fault with its line."""
+"""Tables given as CSV files with a header: columns by their names, one set of checks, every fault
+with its line."""
 
 from __future__ import annotations
 
@@ -8,12 +9,11 @@ import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tdint.data import dataclass
 from tdint.errors import ModelError, TdintError, nearest
 from tdint.files import MOST_BYTES, STDIN, digest_of, note_input, read_whole
 from tdint.written_numbers import LARGEST, SMALLEST, how_many, number_or_nan
@@ -26,7 +26,8 @@ _OF_A_TABLE = re.compile(r"'[=+@-]")
 """What tables put before a text that a spreadsheet would take for a formula."""
 
 BLOCK = 500
-"""Rows of a large table that are turned into columns together: fewer lists than wake Python's collector (700)."""
+"""Rows of a large table that are turned into columns together: fewer lists than wake Python's
+collector (700)."""
 
 _TRUE, _FALSE = ("true", "1", "yes"), ("false", "0", "no", "")
 
@@ -35,8 +36,8 @@ _TRUE, _FALSE = ("true", "1", "yes"), ("false", "0", "no", "")
 class CsvTable:
     """A CSV file with a header; the names of its columns are compared without regard to case.
 
-    Whoever asks for a column learns what is wrong with the table, as its `error`: there is no such column, there are no
-    rows, or rows have more cells than the header has names.
+    Whoever asks for a column learns what is wrong with the table, as its `error`: there is no such
+    column, there are no rows, or rows have more cells than the header has names.
 
     Attributes
     ----------
@@ -90,9 +91,11 @@ class CsvTable:
             # A decimal comma, or a name with a comma in it, would shift all cells behind it.
             if self.overfull(cells):
                 raise self.error(
-                    f"{self.source}:{line}: {how_many(len(cells), 'cell')} under {how_many(len(self.header), 'column')}"
+                    f"{self.source}:{line}: {how_many(len(cells), 'cell')} under "
+                    f"{how_many(len(self.header), 'column')}"
                 )
-            # Empty cells at the end of a row may be left out; our own tables put an apostrophe before a formula.
+            # Empty cells at the end of a row may be left out; our own tables put an apostrophe
+            # before a formula.
             text = cells[place].strip() if place < len(cells) else ""
             text = text[1:] if _OF_A_TABLE.match(text) else text
             if not text and not empty:
@@ -187,7 +190,8 @@ def no_number(text: str, expected: str) -> str:
 
 
 def _float(text: str) -> float:
-    """As Python writes numbers, but for its underscores and other alphabets' digits; nan for words."""
+    """As Python writes numbers, but for its underscores and other alphabets' digits; nan for
+    words."""
     return number_or_nan(text) if text.isascii() and "_" not in text else math.nan
 
 
@@ -210,14 +214,16 @@ def read_table(
     columns : collection of str, optional
         Those that will be asked for, no two of one name; all if it is not given.
     comment : str
-        What a line above the header begins with that is none, as in OpenQuake's files; nothing for no such lines.
+        What a line above the header begins with that is none, as in OpenQuake's files; nothing for
+        no such lines.
     error : type
         The error of this kind of file; by default the one of models.
 
     Raises
     ------
     TdintError
-        Of that type: it cannot be read, is no CSV file in UTF-8, is empty, or two columns have one name.
+        Of that type: it cannot be read, is no CSV file in UTF-8, is empty, or two columns have one
+        name.
     """
     table, rows = stream_table(
         source, needs, columns=columns, comment=comment, error=error, whole=True
@@ -234,9 +240,9 @@ def stream_table(
     error: type[TdintError] = ModelError,
     whole: bool = False,
 ) -> tuple[CsvTable, Iterator[tuple[int, list[str]]]]:
-    """The same of a table of millions of rows, which are read as they are asked for: the table without its rows, and
-    these with their lines. Errors are those of `read_table`, of the rows when these are read; with `whole`, of a file
-    that is too large at once."""
+    """The same of a table of millions of rows, which are read as they are asked for: the table
+    without its rows, and these with their lines. Errors are those of `read_table`, of the rows when
+    these are read; with `whole`, of a file that is too large at once."""
     # A pipe can be read once only: its digest is that of what was read.
     if whole or source == STDIN or not Path(source).is_file():
         rows = _rows(source, io.StringIO(_text(source, needs, error), newline=""), error)
@@ -279,7 +285,8 @@ def _rows(
 ) -> Iterator[tuple[int, list[str]]]:
     """The rows that are not blank, and their lines.
 
-    A quotation mark that is never closed would take all rows below it into one cell: the last row tells.
+    A quotation mark that is never closed would take all rows below it into one cell: the last row
+    tells.
     """
     reader, above, closed = (
         csv.reader(chain(lines, ("\n", f"{_END}\n")), skipinitialspace=True),

@@ -1,20 +1,22 @@
-"""The errors of tdint. Each says what, where and what to do, and carries the exit code of its kind."""
+"""The errors of tdint. Each says what, where and what to do, and carries the exit code of its
+kind."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from tdint.data import dataclass
-
 _LONGEST, _HEAD, _TAIL = 1000, 700, 250
-"""Characters of a line of a message, and what is kept of the beginning and the end of a longer one."""
+"""Characters of a line of a message, and what is kept of the beginning and the end of a longer
+one."""
 
 
 class TdintError(Exception):
     """Base of all errors that a user can cause and mend. `exit_code` is the command's exit code.
 
-    A message may quote what the user wrote; of lines that grow too long by it the middle is left out.
+    A message may quote what the user wrote; of lines that grow too long by it the middle is left
+    out.
     """
 
     exit_code = 1
@@ -23,7 +25,8 @@ class TdintError(Exception):
         super().__init__(abridged(message))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Not by `__init__`, which may take something else: where an error cannot be read a pool waits for ever.
+        # Not by `__init__`, which may take something else: where an error cannot be read a pool
+        # waits for ever.
         return _again, (type(self), self.args), vars(self)
 
 
@@ -56,7 +59,8 @@ class ModelFault:
 
 
 class ModelError(TdintError):
-    """A model file that cannot be used; `faults` holds all faults that were found, in file order."""
+    """A model file that cannot be used; `faults` holds all faults that were found, in file
+    order."""
 
     exit_code = 3
 
@@ -72,7 +76,8 @@ class RecordError(TdintError):
 
 
 class AnalysisError(TdintError):
-    """An analysis without a result: not converged, diverged, or a step beyond the method's limit."""
+    """An analysis without a result: not converged, diverged, or a step beyond the method's
+    limit."""
 
     exit_code = 5
 
@@ -94,7 +99,8 @@ def abridged(text: str) -> str:
 
 
 def nearest(name: str, names: Iterable[str], cutoff: float = 0.6) -> str | None:
-    """The known name that someone may have meant, whatever its case; None if none is as alike as `cutoff` (of 1)."""
+    """The known name that someone may have meant, whatever its case; None if none is as alike as
+    `cutoff` (of 1)."""
     from difflib import get_close_matches
 
     # Of a long text the first letters: the search takes the square of its length.

@@ -1,4 +1,5 @@
-"""Files are written whole or not at all: under a temporary name in the same folder, renamed once all is well."""
+"""Files are written whole or not at all: under a temporary name in the same folder, renamed once
+all is well."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ from typing import BinaryIO
 from tdint.errors import OutputError, TdintError
 from tdint.system import is_running, process_start, this_host
 
-# ---- The bytes of an input, a file or standard input: at most so many, and of nothing that may never end
+# ---- The bytes of an input, a file or standard input: at most so many, and of nothing that may
+# never end
 
 STDIN = "-"
 """The name that stands for standard input."""
@@ -31,12 +33,13 @@ READ: ContextVar[dict[str, str] | None] = ContextVar("read", default=None)
 """SHA-256 of the inputs that the command that runs has read, by name; None where nobody asks."""
 
 KEPT: ContextVar[dict[tuple[int, int], str] | None] = ContextVar("kept", default=None)
-"""Device and number of the files that this command reads, with a name of each: never replaced, whatever they are called
-there; None where nobody asks."""
+"""Device and number of the files that this command reads, with a name of each: never replaced,
+whatever they are called there; None where nobody asks."""
 
 
 def keep_input(source: str | Path) -> None:
-    """Have a file that is read never be replaced by what this command writes; - is the file behind standard input."""
+    """Have a file that is read never be replaced by what this command writes; - is the file behind
+    standard input."""
     kept = KEPT.get()
     if kept is None:
         return
@@ -60,7 +63,8 @@ def is_kept(file: str | Path) -> bool:
 
 
 def note_input(source: str | Path, content: bytes | Callable[[], str]) -> None:
-    """Keep that this was read, for who tells what a result came from; of what is large give what makes its SHA-256."""
+    """Keep that this was read, for who tells what a result came from; of what is large give what
+    makes its SHA-256."""
     keep_input(source)
     seen = READ.get()
     if seen is not None:
@@ -109,8 +113,9 @@ def read_whole(
     large: str,
     most: int,
 ) -> bytes:
-    """Read a file that must not be larger than `most`; as `read_at_most`, but all that the system says becomes an
-    `error`, in the words of `told` where it has some for the kind; `large` is what to say of a larger file."""
+    """Read a file that must not be larger than `most`; as `read_at_most`, but all that the system
+    says becomes an `error`, in the words of `told` where it has some for the kind; `large` is what
+    to say of a larger file."""
     try:
         data = read_at_most(source, most, error)
     except (OSError, ValueError) as fault:
@@ -131,7 +136,8 @@ def _read(file: BinaryIO, most: int) -> bytes:
 
 
 def is_named_pipe(source: str | Path) -> bool:
-    """Whether opening a file may wait for ever; pipes that a shell has opened (`<(command)`) are none of those."""
+    """Whether opening a file may wait for ever; pipes that a shell has opened (`<(command)`) are
+    none of those."""
     if str(source).startswith(("/dev/fd/", "/proc/")):
         return False
     try:
@@ -141,7 +147,8 @@ def is_named_pipe(source: str | Path) -> bool:
 
 
 def is_folder(name: str | Path) -> bool:
-    """Whether a name is that of a folder; False also for one that can be no file's (too long, say)."""
+    """Whether a name is that of a folder; False also for one that can be no file's (too long,
+    say)."""
     return os.path.isdir(name)  # noqa: PTH112  Path's raises of the latter
 
 
@@ -159,15 +166,16 @@ Content = bytes | Writer
 """What a file shall hold, or what writes it."""
 
 _PACKED = 4
-"""Level of gzip: a history is a few percent larger than with the usual 9, and written in a third of the time."""
+"""Level of gzip: a history is a few percent larger than with the usual 9, and written in a third of
+the time."""
 
 _TEMPORARY = ".tdint-{}.tmp"
 _OF_PROCESS = re.compile(r"\.tdint-(?P<host>.+)-(?P<process>\d+)-(?P<start>\d+)-[0-9a-f]{16}\.tmp")
 """The name of a temporary file: who writes it."""
 
 _WEEK = 7 * 86400.0
-"""Age in s from which a temporary file of another machine is told: no run takes so long, and nobody here knows whether
-its process is gone."""
+"""Age in s from which a temporary file of another machine is told: no run takes so long, and nobody
+here knows whether its process is gone."""
 
 _log = logging.getLogger(__name__)
 
@@ -188,7 +196,8 @@ def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
     ------
     OutputError
         The first obstacle: a file that this command reads, an existing file, a folder in the way, a
-        read-only folder, two outputs of one name. Missing folders are none: `write_files` makes them.
+        read-only folder, two outputs of one name. Missing folders are none: `write_files` makes
+        them.
     """
     seen: set[str] = set()
     for file in files:
@@ -214,7 +223,8 @@ def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
 
 
 def refuse_kept(files: Iterable[Path]) -> None:
-    """Raise OutputError for a file, to be replaced or removed, that this command reads, under whatever name."""
+    """Raise OutputError for a file, to be replaced or removed, that this command reads, under
+    whatever name."""
     for file in files:
         if is_kept(file):
             raise OutputError(f"{file}: is read by this command; write to another place")
@@ -228,10 +238,11 @@ def write_files(
     tell: Callable[[Mapping[Path, str]], None] | None = None,
     last: tuple[Path, Callable[[Mapping[Path, str]], bytes]] | None = None,
 ) -> None:
-    """Write files so that each is there whole or not at all, in the order given; missing folders are made.
+    """Write files so that each is there whole or not at all, in the order given; missing folders
+    are made.
 
-    All are written under temporary names first; only then they take their places. Whatever goes wrong before, Ctrl-C
-    too, leaves the folder as it was. A symbolic link is followed.
+    All are written under temporary names first; only then they take their places. Whatever goes
+    wrong before, Ctrl-C too, leaves the folder as it was. A symbolic link is followed.
 
     Parameters
     ----------
@@ -240,8 +251,8 @@ def write_files(
     overwrite : bool
         Whether existing files may be replaced.
     stale : mapping of Path to str, optional
-        Files of an earlier run that do not belong to the new ones, with what their SHA-256 was: removed, with
-        `overwrite` and if it still is.
+        Files of an earlier run that do not belong to the new ones, with what their SHA-256 was:
+        removed, with `overwrite` and if it still is.
     tell : callable, optional
         Told the SHA-256 of each file when all are written, before any takes its place.
     last : Path and callable, optional
@@ -316,7 +327,8 @@ def digest_of(file: Path) -> str:
 
 
 def _write(file: Path, content: Content, stream: BinaryIO) -> None:
-    """Write the content of a file, packed if its name ends in .gz: the same bytes at any time, under any name."""
+    """Write the content of a file, packed if its name ends in .gz: the same bytes at any time,
+    under any name."""
     writer = (lambda into: into.write(content)) if isinstance(content, bytes) else content
     if file.suffix.lower() != ".gz":
         writer(stream)
@@ -338,8 +350,8 @@ def _temporary_name() -> str:
 
 
 def remove_abandoned(folder: Path) -> None:
-    """Remove the temporary files that processes of this machine have left in a folder and that are gone; of others, of
-    which nobody here can know, tell what is older than a week."""
+    """Remove the temporary files that processes of this machine have left in a folder and that are
+    gone; of others, of which nobody here can know, tell what is older than a week."""
     for temporary in folder.glob(_TEMPORARY.format("*")):
         with suppress(OSError):
             writer = _OF_PROCESS.fullmatch(temporary.name)
@@ -380,8 +392,8 @@ def check_room(file: Path, least: float) -> None:
         free = shutil.disk_usage(folder).free
     if least > free:
         raise OutputError(
-            f"{file}: takes {least / 1e9:.3g} GB at least, {free / 1e9:.3g} GB are free; write fewer rows (--every), "
-            "or to another disk"
+            f"{file}: takes {least / 1e9:.3g} GB at least, {free / 1e9:.3g} GB are free; write "
+            "fewer rows (--every), or to another disk"
         )
 
 
@@ -410,7 +422,8 @@ def _made(folder: Path) -> list[Path]:
 
 
 def _move(temporary: Path, file: Path, overwrite: bool) -> None:
-    """Give the temporary file its place; without `overwrite` even a file that came up meanwhile is kept."""
+    """Give the temporary file its place; without `overwrite` even a file that came up meanwhile is
+    kept."""
     target = os.path.realpath(file)
     with _in_words(file):
         if not overwrite:

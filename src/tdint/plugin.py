@@ -1,10 +1,12 @@
-"""What plug-ins are written with: methods, drift laws, peers in charts, formats of records, measures of motions.
+"""What plug-ins are written with: methods, drift laws, peers in charts, formats of records,
+measures of motions.
 
     from tdint.plugin import STEP, Family, Method, at, kernel
 
-These names are promised: one of them changes only after a minor release that warns of it, wherever it stands below
-`tdint`, where nothing is promised. Each is looked up when it is first asked for, so that a law does not load what
-methods need. What they are is told where they stand: `help(tdint.plugin.restoring)`.
+These names are promised: one of them changes only after a minor release that warns of it, wherever
+it stands below `tdint`, where nothing is promised. Each is looked up when it is first asked for, so
+that a law does not load what methods need. What they are is told where they stand:
+`help(tdint.plugin.restoring)`.
 """
 
 from __future__ import annotations
@@ -18,16 +20,17 @@ _STANDS = {
     "kernels.layout": "chained",
     "kernels.compiling": "F8 I8 TABLE VECTOR called inlined kernel local local_table specialized",
     "kernels.stepping": "STEP Factors Memory Scene Weights",
-    "kernels.linear_terms": "add_modal_force finite floor_impulse floor_load force_impulse force_moment force_rate "
-    "force_value internal_forces power_damper",
-    "kernels.stories.law_state": "adopt commit dissipated reach recoverable restoring resume settle",
+    "kernels.linear_terms": "add_modal_force finite floor_impulse floor_load force_impulse "
+    "force_moment force_rate force_value internal_forces power_damper",
+    "kernels.stories.law_state": "adopt commit dissipated reach recoverable restoring resume "
+    "settle",
     "kernels.equations.newton": "BALANCE_ROWS ROW balance factor_rows forget",
-    "kernels.equations.tridiagonal": "COUPLING_ROWS Combination ModalBlocks assemble_blocks assemble_combination "
-    "factor factor_blocks factor_combination factor_damped link_blocks solve solve_blocks solve_blocks_damped "
-    "solve_damped",
+    "kernels.equations.tridiagonal": "COUPLING_ROWS Combination ModalBlocks assemble_blocks "
+    "assemble_combination factor factor_blocks factor_combination factor_damped link_blocks solve "
+    "solve_blocks solve_blocks_damped solve_damped",
     "kernels.laws.law": "DriftLaw LawFunctions LawParameter yields_at_its_strength",
-    "kernels.laws.walking": "add_work branch_first copy_extra_rows extra_rows fail nothing put_on_branch walker "
-    "walking",
+    "kernels.laws.walking": "add_work branch_first copy_extra_rows extra_rows fail nothing "
+    "put_on_branch walker walking",
     "methods.method": "Family Method Parameter",
     "analysis.chart.problem": "Problem",
     "ground_motion.formats.lines": "NUMBER Lines recognizes",

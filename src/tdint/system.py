@@ -1,5 +1,6 @@
-"""The machine: what operating systems do in different ways, each name that only some of them have, with what is done
-without it; and work on its processors, in threads, for compiled loops let Python go on meanwhile."""
+"""The machine: what operating systems do in different ways, each name that only some of them have,
+with what is done without it; and work on its processors, in threads, for compiled loops let Python
+go on meanwhile."""
 
 from __future__ import annotations
 
@@ -29,10 +30,12 @@ _REMOTE_DRIVE = 4
 """DRIVE_REMOTE of Windows' GetDriveTypeW."""
 
 _MAY_ASK, _STILL_ACTIVE = 0x1000, 259
-"""PROCESS_QUERY_LIMITED_INFORMATION of Windows' OpenProcess, STILL_ACTIVE of its GetExitCodeProcess."""
+"""PROCESS_QUERY_LIMITED_INFORMATION of Windows' OpenProcess, STILL_ACTIVE of its
+GetExitCodeProcess."""
 
 START_OF_PROCESSES = "fork" if sys.platform == "linux" and hasattr(os, "fork") else "spawn"
-"""Forked processes have all that this one has loaded; where forking is not safe, they load it from the cache."""
+"""Forked processes have all that this one has loaded; where forking is not safe, they load it from
+the cache."""
 
 
 def processors() -> int:
@@ -41,7 +44,8 @@ def processors() -> int:
 
 
 _FINE = 1e-5
-"""The longest tick, s, of a clock that times marches: a hundredth of the shortest ones, which take a millisecond."""
+"""The longest tick, s, of a clock that times marches: a hundredth of the shortest ones, which take
+a millisecond."""
 
 CLOCKS = {"thread_time": "processor time of the thread", "perf_counter": "wall time"}
 
@@ -50,8 +54,9 @@ CLOCKS = {"thread_time": "processor time of the thread", "perf_counter": "wall t
 def clock() -> str:
     """The clock that times marches, a key of `CLOCKS` and a function of the module `time`.
 
-    Other work on the machine does not count as processor time. Windows adds it up by ticks of 16 ms, whatever
-    resolution it tells: where the clock is seen to tick as coarsely, wall time is taken.
+    Other work on the machine does not count as processor time. Windows adds it up by ticks of 16
+    ms, whatever resolution it tells: where the clock is seen to tick as coarsely, wall time is
+    taken.
     """
     ticks = []
     deadline = time.perf_counter() + 0.1  # s; a clock that stands still is none
@@ -70,7 +75,8 @@ def seconds() -> float:
 
 
 def load() -> float | None:
-    """Processes that ran or waited for a processor in the last minute, on average; None where nobody counts them."""
+    """Processes that ran or waited for a processor in the last minute, on average; None where
+    nobody counts them."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
 
 
@@ -106,7 +112,8 @@ def do_not_wait(descriptor: int) -> None:
 
 
 def unnamed_file() -> BinaryIO:
-    """A file in memory to write and read, which needs no folder; where there is none, what is written is lost."""
+    """A file in memory to write and read, which needs no folder; where there is none, what is
+    written is lost."""
     if hasattr(os, "memfd_create"):
         return os.fdopen(os.memfd_create("tdint"), "w+b")
     return Path(os.devnull).open("w+b")
@@ -116,7 +123,8 @@ def unnamed_file() -> BinaryIO:
 
 
 def is_trusted(file: os.stat_result, also: int) -> bool:
-    """Whether a file belongs to the user, to root or to the user `also`, and others cannot write it.
+    """Whether a file belongs to the user, to root or to the user `also`, and others cannot write
+    it.
 
     True on Windows, which keeps a user's folders by other means.
     """
@@ -126,10 +134,11 @@ def is_trusted(file: os.stat_result, also: int) -> bool:
 
 
 def _is_own(home: Path, folder: Path) -> bool:
-    """Whether nobody else may put anything into a folder or, by renaming it within its home, in its place.
+    """Whether nobody else may put anything into a folder or, by renaming it within its home, in its
+    place.
 
-    The folder must be this user's and closed to others. Its home may be root's, and open if it is sticky, as /tmp.
-    True on Windows.
+    The folder must be this user's and closed to others. Its home may be root's, and open if it is
+    sticky, as /tmp. True on Windows.
     """
     if not hasattr(os, "getuid"):
         return True
@@ -162,9 +171,11 @@ def cache_home() -> Path | None:
 
 
 def cache_subfolder(name: str) -> Path | None:
-    """A folder in the cache, made if it is missing and marked as used now; None if it cannot be written.
+    """A folder in the cache, made if it is missing and marked as used now; None if it cannot be
+    written.
 
-    What is loaded from it is run: a folder that belongs to another user, or that others may write to, is not used.
+    What is loaded from it is run: a folder that belongs to another user, or that others may write
+    to, is not used.
     """
     home = cache_home()
     if home is None:
@@ -179,7 +190,8 @@ def cache_subfolder(name: str) -> Path | None:
 
 
 def remove_unused(pattern: str, days: float, *, keep: Path) -> None:
-    """Remove files or folders beside `keep` by a pattern of their names that were not used for some days."""
+    """Remove files or folders beside `keep` by a pattern of their names that were not used for some
+    days."""
     import shutil
 
     limit = time.time() - days * 86400.0
@@ -197,7 +209,8 @@ def remove_unused(pattern: str, days: float, *, keep: Path) -> None:
 
 
 def file_system(folder: Path) -> str:
-    """The kind of the file system that a folder lies on, or will, as the system calls it; empty where it does not tell.
+    """The kind of the file system that a folder lies on, or will, as the system calls it; empty
+    where it does not tell.
 
     Windows tells no more than that a drive is on the network: that is `network drive`.
     """
@@ -254,7 +267,8 @@ def _windows() -> Any:
 
 @cache
 def this_host() -> str:
-    """This machine since it was started, or the container of it whose processes we can see: its name, and a hash."""
+    """This machine since it was started, or the container of it whose processes we can see: its
+    name, and a hash."""
     import hashlib
     import platform
 
@@ -268,7 +282,8 @@ def this_host() -> str:
 
 
 def process_start(process: int) -> int:
-    """When a process was started, in ticks of the system; 0 where it does not tell, or there is none."""
+    """When a process was started, in ticks of the system; 0 where it does not tell, or there is
+    none."""
     try:
         fields = Path(f"/proc/{process}/stat").read_bytes().rpartition(b")")[2].split()
     except OSError:
@@ -277,7 +292,8 @@ def process_start(process: int) -> int:
 
 
 def is_running(process: int, start: int) -> bool:
-    """Whether a process that was started then is still there; True where the system does not tell."""
+    """Whether a process that was started then is still there; True where the system does not
+    tell."""
     if start and (now := process_start(process)):
         return now == start
     if (kernel := _windows()) is None:
@@ -316,7 +332,8 @@ def let_through(signals: Collection[signal.Signals]) -> None:
 
 
 def end_with(parent: int) -> None:
-    """Have this process killed when the one that started it ends; Linux does that, elsewhere its pipe tells it."""
+    """Have this process killed when the one that started it ends; Linux does that, elsewhere its
+    pipe tells it."""
     if sys.platform == "linux":
         import ctypes
 
@@ -327,7 +344,8 @@ def end_with(parent: int) -> None:
 
 
 def start_apart(arguments: list[str], folder: Path) -> None:
-    """Start a program of low priority in a folder that goes on when this process ends, and says nothing.
+    """Start a program of low priority in a folder that goes on when this process ends, and says
+    nothing.
 
     Raises OSError where it cannot be started."""
     import subprocess
@@ -384,7 +402,8 @@ def _lock_on_windows(descriptor: int) -> bool:
 
 
 def available_memory() -> float:
-    """Bytes of memory that this process may still take, as far as the system tells; inf if it does not."""
+    """Bytes of memory that this process may still take, as far as the system tells; inf if it does
+    not."""
     limits = []
     with suppress(OSError, ValueError, IndexError), Path("/proc/meminfo").open() as lines:
         limits += [
@@ -428,13 +447,15 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 _AHEAD = 2
-"""Items that each thread has, the one that it is at among them: none waits for who writes the results."""
+"""Items that each thread has, the one that it is at among them: none waits for who writes the
+results."""
 
 
 def on_threads(
     work: Callable[[Item], Result], items: Iterable[Item], jobs: int
 ) -> Iterator[Result]:
-    """What `work` makes of each item, in the order in which they are done; what it raises is raised here.
+    """What `work` makes of each item, in the order in which they are done; what it raises is raised
+    here.
 
     No more than a few items are under way or waiting to be taken.
     """
@@ -463,8 +484,8 @@ __version__ = "0.2.0"
 
 @cache
 def version_of_sources() -> tuple[str, str]:
-    """The version, with the sources' hash behind it unless they are those that the installed package came with
-    (`0.2.0+sources.1a2b3c4d`), and that hash, 16 hexadecimal digits.
+    """The version, with the sources' hash behind it unless they are those that the installed
+    package came with (`0.2.0+sources.1a2b3c4d`), and that hash, 16 hexadecimal digits.
 
     Nothing tells a checkout that was changed from one that was not: none calls itself a release.
     """

@@ -1,5 +1,5 @@
-"""Functions and results as a person at a Python prompt or in a notebook meets them: arguments that are none are told by
-their names; a short line, a table, columns for pandas."""
+"""Functions and results as a person at a Python prompt or in a notebook meets them: arguments that
+are none are told by their names; a short line, a table, columns for pandas."""
 
 from __future__ import annotations
 
@@ -44,10 +44,11 @@ class WrongCall(UsageError, TypeError):
 
 @functools.cache
 def asked_rightly(function: Callable[..., Any], name: str) -> Callable[..., Any]:
-    """A function of `tdint` that says which argument is of another kind than its signature tells, if it fails by one.
+    """A function of `tdint` that says which argument is of another kind than its signature tells,
+    if it fails by one.
 
-    Its arguments are looked at then only: whatever works, works. What fails by none of them is a bug, and raised as it
-    is.
+    Its arguments are looked at then only: whatever works, works. What fails by none of them is a
+    bug, and raised as it is.
     """
 
     @functools.wraps(function)
@@ -81,8 +82,8 @@ def asked_rightly(function: Callable[..., Any], name: str) -> Callable[..., Any]
 
 
 def _fault(function: str, arguments: inspect.BoundArguments) -> UsageError | None:
-    """The first argument that is not of the kind that its annotation tells; if there is none, the first one that may be
-    anything."""
+    """The first argument that is not of the kind that its annotation tells; if there is none, the
+    first one that may be anything."""
     anything = None
     for parameter in arguments.signature.parameters.values():
         if parameter.name not in arguments.arguments:
@@ -108,7 +109,8 @@ def _fault(function: str, arguments: inspect.BoundArguments) -> UsageError | Non
 
 
 def _is_open(kind: ast.AST) -> bool:
-    """Whether it stands for anything, or for what only the function can judge: `AnyModel`, `AnyRecord`, ..."""
+    """Whether it stands for anything, or for what only the function can judge: `AnyModel`,
+    `AnyRecord`, ..."""
     return isinstance(kind, ast.Name) and kind.id.startswith("Any")
 
 
@@ -192,7 +194,8 @@ def optional(package: str, purpose: str, extra: str = "notebook") -> Any:
 
 @contextmanager
 def told_progress(asked: bool | Progress, count: int, unit: str) -> Iterator[Progress]:
-    """What to tell of progress: nothing, a callable's, or a bar on a terminal or in a notebook; none into a pipe.
+    """What to tell of progress: nothing, a callable's, or a bar on a terminal or in a notebook;
+    none into a pipe.
 
     Raises
     ------
@@ -229,13 +232,15 @@ def told_progress(asked: bool | Progress, count: int, unit: str) -> Iterator[Pro
 
 
 class Tabular:
-    """A result with a table. Its columns are declared where tables are written, which may know all results, while
-    results know nothing of tables: the package's front door, which knows both, says where they are.
+    """A result with a table. Its columns are declared where tables are written, which may know all
+    results, while results know nothing of tables: the package's front door, which knows both, says
+    where they are.
 
     Attributes
     ----------
     tables, figures : str
-        Names of the modules with `to_dict` and `to_html`, and with `plot`; set by `tdint/__init__.py`.
+        Names of the modules with `to_dict` and `to_html`, and with `plot`; set by
+        `tdint/__init__.py`.
     """
 
     tables: ClassVar[str]
@@ -281,7 +286,8 @@ class Tabular:
         return optional("pandas", "to_pandas").DataFrame(self.to_dict(units))
 
     def to_parquet(self, file: str | Path) -> None:
-        """Write its table, SI units, as a Parquet file whose columns say their units; one that is there is replaced.
+        """Write its table, SI units, as a Parquet file whose columns say their units; one that is
+        there is replaced.
 
         Parameters
         ----------
@@ -316,7 +322,8 @@ class Tabular:
         Returns
         -------
         matplotlib.figure.Figure or matplotlib.axes.Axes
-            The figure, of this call alone: a notebook shows it, pyplot does not know it; or the axes given.
+            The figure, of this call alone: a notebook shows it, pyplot does not know it; or the
+            axes given.
 
         Raises
         ------
@@ -338,7 +345,8 @@ Member = TypeVar("Member")
 
 
 class Several(Tabular, Generic[Member]):
-    """Results of one kind in a row, with one table: it has a length, members by number, and may be walked through.
+    """Results of one kind in a row, with one table: it has a length, members by number, and may be
+    walked through.
 
     Attributes
     ----------
@@ -371,8 +379,8 @@ class Several(Tabular, Generic[Member]):
 
 
 def each_of(function: Callable[P, Result]) -> Callable[P, Result]:
-    """A function whose first argument may be a list or a tuple, too: then it gives a `Several` of what it gives for
-    each, which a checker of types takes for one."""
+    """A function whose first argument may be a list or a tuple, too: then it gives a `Several` of
+    what it gives for each, which a checker of types takes for one."""
     first = next(iter(inspect.signature(function).parameters))
 
     @functools.wraps(function)
@@ -387,7 +395,8 @@ def each_of(function: Callable[P, Result]) -> Callable[P, Result]:
 
 
 class FunctionPackage(ModuleType):
-    """A package that is the function of its name, too: once it is loaded, `tdint.campaign` stands for both."""
+    """A package that is the function of its name, too: once it is loaded, `tdint.campaign` stands
+    for both."""
 
     def __call__(self, *given: Any, **named: Any) -> Any:
         """Call the function."""

@@ -5,11 +5,10 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any, get_args, get_type_hints
 
-from tdint.data import dataclass
 from tdint.errors import UsageError, did_you_mean
 
 STANDARD_GRAVITY = 9.80665
@@ -67,10 +66,12 @@ class Units:
 
 
 def parse_units(text: str) -> Units:
-    """Understand units of a ground motion with an optional factor before them: `gal`, `cm/s^2`, `2.38e-6 m/s^2`.
+    """Understand units of a ground motion with an optional factor before them: `gal`, `cm/s^2`,
+    `2.38e-6 m/s^2`.
 
-    Case, blanks and the way of writing the square of the second (s^2, s2, s**2, s/s, sec^2) are free; `g` is the
-    standard gravity. A velocity's or a displacement's unit (`cm/s`, `cm`) says that the samples are one.
+    Case, blanks and the way of writing the square of the second (s^2, s2, s**2, s/s, sec^2) are
+    free; `g` is the standard gravity. A velocity's or a displacement's unit (`cm/s`, `cm`) says
+    that the samples are one.
 
     Raises
     ------
@@ -121,7 +122,8 @@ _DRIFT_UNITS = {"": (1.0, "ratio"), "%": (0.01, "ratio"), "dy": (1.0, "yield dri
 
 
 def parse_drift(text: str) -> DriftSize:
-    """Understand a drift: a drift ratio (`0.02`, `2%`), a length (`20mm`), or a multiple of the yield drift (`4dy`).
+    """Understand a drift: a drift ratio (`0.02`, `2%`), a length (`20mm`), or a multiple of the
+    yield drift (`4dy`).
 
     Raises
     ------
@@ -134,8 +136,8 @@ def parse_drift(text: str) -> DriftSize:
     if number is None or unit not in _DRIFT_UNITS:
         units = ", ".join(LENGTH)
         raise UsageError(
-            f"drift {text!r}: write a drift ratio (0.02 or 2%), a length ({units}: 20mm), or a multiple of the yield "
-            "drift (4dy)"
+            f"drift {text!r}: write a drift ratio (0.02 or 2%), a length ({units}: 20mm), or a "
+            "multiple of the yield drift (4dy)"
         )
     factor, kind = _DRIFT_UNITS[unit]
     value = float(number[0]) * factor
@@ -163,7 +165,8 @@ def canonical(name: str) -> str:
 
 
 def parse_with_unit(text: str, quantity: str, example: str, key: str = "") -> float:
-    """A number with its unit, of a quantity of `GROUND_MOTION`, in SI units; one without a unit is refused.
+    """A number with its unit, of a quantity of `GROUND_MOTION`, in SI units; one without a unit is
+    refused.
 
     Parameters
     ----------
@@ -186,14 +189,15 @@ def parse_with_unit(text: str, quantity: str, example: str, key: str = "") -> fl
     return units.scale
 
 
-# ---- What a number of a result is: its unit, its meaning and where it comes from, declared once, where its field is
+# ---- What a number of a result is: its unit, its meaning and where it comes from, declared once,
+# where its field is
 
 _SHORT = {"1": "", "text": "", "degree": "_deg", "Hz": "_hz"}
 
 
 def suffix(unit: str) -> str:
-    """The end of a name that says a unit: `_m_s2` for m/s^2, `_kipin` for kip*in; none for a number without a unit and
-    for words (`text`)."""
+    """The end of a name that says a unit: `_m_s2` for m/s^2, `_kipin` for kip*in; none for a number
+    without a unit and for words (`text`)."""
     return _SHORT.get(unit, "_" + unit.replace("*", "").replace("^", "").replace("/", "_"))
 
 
@@ -216,7 +220,8 @@ class Quantity:
     name : str
         Of the field; filled in by `quantities`.
     kind : type
-        Of a value: float, int or str; told where it does not follow from the field's annotation, an array.
+        Of a value: float, int or str; told where it does not follow from the field's annotation, an
+        array.
     """
 
     unit: str
@@ -234,8 +239,8 @@ class Quantity:
 
 
 def quantities(declaring: type) -> tuple[Quantity, ...]:
-    """The quantities among the fields and properties of a class, in the order of its `columns`, if it has those, else
-    in that in which they stand."""
+    """The quantities among the fields and properties of a class, in the order of its `columns`, if
+    it has those, else in that in which they stand."""
     # Functions in annotations look for names in the modules where they stand, and not in the class.
     place: dict[str, Any] = {}
     hints: dict[str, Any] = {}
@@ -259,7 +264,8 @@ def quantities(declaring: type) -> tuple[Quantity, ...]:
     return tuple(declared)
 
 
-# ---- Units that results are written in, in place of SI: how names of columns and keys, and numbers, change with them
+# ---- Units that results are written in, in place of SI: how names of columns and keys, and
+# numbers, change with them
 
 _QUANTITIES = {
     "length": LENGTH,
@@ -273,7 +279,8 @@ _UNITS = {unit: quantity for quantity, units in _QUANTITIES.items() for unit in 
 
 @dataclass(frozen=True)
 class OutputUnits:
-    """Units of lengths, forces, masses, velocities and accelerations; what has none here stays in SI.
+    """Units of lengths, forces, masses, velocities and accelerations; what has none here stays in
+    SI.
 
     A velocity or an acceleration without a unit of its own is in that of the length per s or s^2.
     """
@@ -290,7 +297,8 @@ class OutputUnits:
         )
 
     def unit(self, si: str) -> tuple[str, float]:
-        """The unit that stands for an SI unit, and its value in SI: `unit("m/s^2")` is `("g", 9.80665)`."""
+        """The unit that stands for an SI unit, and its value in SI: `unit("m/s^2")` is `("g",
+        9.80665)`."""
         length, force = LENGTH[self.length], FORCE[self.force]
         chosen = {
             "m": (self.length, length),
@@ -324,14 +332,17 @@ class OutputUnits:
 
     @property
     def in_pictures(self) -> OutputUnits:
-        """The units that pictures are drawn in: accelerations in g, as people think of them, unless a unit is named."""
+        """The units that pictures are drawn in: accelerations in g, as people think of them, unless
+        a unit is named."""
         return self if self.acceleration else replace(self, acceleration="g")
 
     def column(self, name: str, unit: str) -> tuple[str, float]:
-        """The name of a column or key in an SI unit with the unit that it has here, and the value of that unit in SI.
+        """The name of a column or key in an SI unit with the unit that it has here, and the value
+        of that unit in SI.
 
-        `column("peak_shear_N", "N")` is `("peak_shear_kip", 4448.22...)`. A product of units is written without a sign:
-        an energy in kip*in ends in `kipin`, a stiffness in kip/in in `kip_in`. A name that does not say its unit stays.
+        `column("peak_shear_N", "N")` is `("peak_shear_kip", 4448.22...)`. A product of units is
+        written without a sign: an energy in kip*in ends in `kipin`, a stiffness in kip/in in
+        `kip_in`. A name that does not say its unit stays.
         """
         shown, factor = self.unit(unit)
         error = "_error" * name.endswith("_error")
@@ -345,8 +356,8 @@ SI = OutputUnits()
 
 
 def parse_output_units(text: str, others: OutputUnits = SI) -> OutputUnits:
-    """Understand units of the output, with commas between them: `kip,in,g`, `kN,mm`; `others` stand for what is not
-    named.
+    """Understand units of the output, with commas between them: `kip,in,g`, `kN,mm`; `others` stand
+    for what is not named.
 
     Raises
     ------

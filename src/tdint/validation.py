@@ -1,11 +1,12 @@
-"""What computes the cases: motions that are known exactly, tables of textbooks, and results that other programs print
-for models that can be written down in full."""
+"""What computes the cases: motions that are known exactly, tables of textbooks, and results that
+other programs print for models that can be written down in full."""
 
 from __future__ import annotations
 
 import math
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from importlib.resources import files
 from typing import Any
@@ -20,7 +21,6 @@ from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.static import cyclic_test
 from tdint.arrays import Array as Array
 from tdint.campaign.fragility.fits import fit_stripes
-from tdint.data import dataclass
 from tdint.ground_motion.reading.read import make_record
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
@@ -79,7 +79,8 @@ class ValidationCase:
 def cases_of(
     group: str, answers: Mapping[str, tuple[Callable[[], Array], tuple[float, ...]]]
 ) -> tuple[ValidationCase, ...]:
-    """The cases of a group of `cases.toml`: by their names what computes them, and the numbers that a formula gives."""
+    """The cases of a group of `cases.toml`: by their names what computes them, and the numbers that
+    a formula gives."""
     text = (files("tdint") / "validation_cases.toml").read_text(encoding="utf-8")
     cases = []
     for case in tomllib.loads(text)[group]:
@@ -170,7 +171,8 @@ def _free_vibration() -> Array:
 
 
 def _resonance() -> Array:
-    """Displacement at 4.9 s under a force of 1 N at the natural frequency, from rest, without damping."""
+    """Displacement at 4.9 s under a force of 1 N at the natural frequency, from rest, without
+    damping."""
     force = {
         "excitation": {"forces": [{"floor": 1, "amplitude": 1.0, "omega": _OMEGA, "phase": "sin"}]}
     }
@@ -180,7 +182,8 @@ def _resonance() -> Array:
 
 
 def _sudden_step() -> Array:
-    """Largest displacement of oscillators under a suddenly constant ground acceleration of 1 m/s^2."""
+    """Largest displacement of oscillators under a suddenly constant ground acceleration of 1
+    m/s^2."""
     record = make_record(np.ones(1001), dt=0.01, units="m/s^2")
     return np.asarray(spectrum(record, np.array([0.3, 1.0, 3.0]), damping=0.0).sd).ravel()
 
@@ -211,7 +214,8 @@ def _duffing() -> Array:
 
 
 def _energy_kept() -> Array:
-    """Largest change of the Duffing oscillator's energy over the energy at the start, 200 steps of `moment4`."""
+    """Largest change of the Duffing oscillator's energy over the energy at the start, 200 steps of
+    `moment4`."""
     start = {"story": {"law": _DUFFING}, "initial": {"displacement": [1.5], "velocity": [0.0]}}
     history = _oscillator("moment4", 0.05, 10.0, **start)
     # Kinetic energy, and the potential of 100 u + 1000 u^3.
@@ -229,7 +233,8 @@ def _bilinear_loop() -> Array:
 
 def closed_form_cases() -> tuple[ValidationCase, ...]:
     """Motions that are known exactly."""
-    # Let go at 1 m; in resonance for 4.9 s from rest; twice the static displacement; the elliptic cosine.
+    # Let go at 1 m; in resonance for 4.9 s from rest; twice the static displacement; the elliptic
+    # cosine.
     damped, decay = _OMEGA * math.sqrt(1.0 - _XI**2), math.exp(-_XI * _OMEGA * 1.3)
     free = decay * (math.cos(damped * 1.3) + _XI / math.sqrt(1.0 - _XI**2) * math.sin(damped * 1.3))
     angle = _OMEGA * 4.9
@@ -252,7 +257,8 @@ INCH = 0.0254  # m, of the published example
 
 
 def _chopra_5(method: str, law: Mapping[str, Any] | None = None, steps: int = 10) -> Array:
-    """Displacements (in) of the oscillator of Chopra's examples 5.1 to 5.5 after each of so many steps of 0.1 s."""
+    """Displacements (in) of the oscillator of Chopra's examples 5.1 to 5.5 after each of so many
+    steps of 0.1 s."""
     model = {
         "units": {"length": "in", "force": "kip", "mass": "kip*s^2/in"},
         "stories": [{"mass": 0.2533, "stiffness": 10.0} | ({"law": dict(law)} if law else {})],
@@ -269,7 +275,8 @@ _PLASTIC = {"type": "bilinear", "yield_force": 7.5, "hardening": 0.0}
 def _bathe(method: str) -> Array:
     """Both displacements at 3.36 s of Bathe's two masses between walls, 12 steps of 0.28 s."""
     model = {
-        # The spring from the second mass to the wall is a story under a mass that stays where it is.
+        # The spring from the second mass to the wall is a story under a mass that stays where it
+        # is.
         "stories": [
             {"mass": 2, "stiffness": 4},
             {"mass": 1, "stiffness": 2},
@@ -308,7 +315,8 @@ def _eigenvalues_of_three_masses() -> Array:
 
 
 def _frequencies_of_eight_masses() -> Array:
-    """Frequencies (Hz) of eight masses between walls; that of the wall, which is a mass, is left out."""
+    """Frequencies (Hz) of eight masses between walls; that of the wall, which is a mass, is left
+    out."""
     masses, wall = {"repeat": 8, "mass": 10, "stiffness": 1e5}, {"mass": 1e13, "stiffness": 1e5}
     return _circular_frequencies(masses, wall)[1:] / (2.0 * math.pi)
 
@@ -364,7 +372,8 @@ def textbook_cases() -> tuple[ValidationCase, ...]:
 
 
 def validate() -> Several[ValidationResult]:
-    """Closed forms, tables of textbooks and printed results of other programs beside those of this installation.
+    """Closed forms, tables of textbooks and printed results of other programs beside those of this
+    installation.
 
     Returns
     -------

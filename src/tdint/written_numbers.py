@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tdint.data import dataclass
 from tdint.errors import UsageError, did_you_mean
 
 if TYPE_CHECKING:
@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 MOST_POINTS = 1_000_000  # of a grid: beyond it a mistaken number
 
 SMALLEST, LARGEST = 1e-60, 1e60
-"""Sizes of numbers in files, in SI units: products and squares of them stay within what floats hold."""
+"""Sizes of numbers in files, in SI units: products and squares of them stay within what floats
+hold."""
 
 
 def how_many(count: int, thing: str) -> str:
@@ -42,7 +43,8 @@ def parse_head(text: str) -> tuple[tuple[str, str], ...]:
     parts = [part.partition(":") for part in text.split(";") if part.strip()]
     if not parts or not all(name.strip() and told.strip() for name, _, told in parts):
         raise UsageError(
-            f"{text[:60]!r}: write NAME: TEXT; NAME: TEXT, such as 'Project: Bridge 7; Author: A. B.'"
+            f"{text[:60]!r}: write NAME: TEXT; NAME: TEXT, such as 'Project: Bridge 7; Author: A. "
+            "B.'"
         )
     return tuple((name.strip(), told.strip()) for name, _, told in parts)
 
@@ -155,7 +157,8 @@ def parse_named(
             continue
         if not equal or key.lower() not in parameters:
             raise UsageError(
-                f"{name} has no parameter {key!r}; it has {', '.join(parameters)}{did_you_mean(key, parameters)}"
+                f"{name} has no parameter {key!r}; it has "
+                f"{', '.join(parameters)}{did_you_mean(key, parameters)}"
             )
         if key.lower() in given:
             raise UsageError(f"{key} is given twice")

@@ -43,22 +43,34 @@ CASES = {
     "bilinear, Rayleigh": (
         model(BILINEAR),
         {
-            "stories.mass": near(2e5), "stories[2].stiffness": near(3e8), "stories[3].law.hardening": near(0.03),
-            "strength_factor": near(1.0), "damping": near(0.05), "stories[1].height": near(3.5),
+            "stories.mass": near(2e5),
+            "stories[2].stiffness": near(3e8),
+            "stories[3].law.hardening": near(0.03),
+            "strength_factor": near(1.0),
+            "damping": near(0.05),
+            "stories[1].height": near(3.5),
         },
     ),
-    "dashpots that some draws have": (model(BILINEAR), {"stories[2].dashpot": [0.0, 1e6] * 4 + [2e6]}),
+    "dashpots that some draws have": (
+        model(BILINEAR),
+        {"stories[2].dashpot": [0.0, 1e6] * 4 + [2e6]},
+    ),
     "power-law dashpots": (
         tdint.load_model(
             {
                 "stories": [
-                    {**STORY, "law": BILINEAR, "dashpot": {"coefficient": 5e5, "exponent": 0.5, "linear_below": 0.01}}
+                    {
+                        **STORY,
+                        "law": BILINEAR,
+                        "dashpot": {"coefficient": 5e5, "exponent": 0.5, "linear_below": 0.01},
+                    }
                 ],
                 "damping": "2%",
             }
         ),
         {
-            "stories.dashpot.coefficient": near(5e5), "stories.dashpot.exponent": near(0.5),
+            "stories.dashpot.coefficient": near(5e5),
+            "stories.dashpot.exponent": near(0.5),
             "stories.dashpot.linear_below": near(0.01),
         },
     ),
@@ -68,7 +80,10 @@ CASES = {
         ),
         {"stories[2].height": near(3.5), "mass_factor": near(1.0), "stiffness_factor": near(1.0)},
     ),
-    "modal damping": (model(BILINEAR, damping={"modal": 0.05}), {"damping": near(0.05), "stories[1].mass": near(2e5)}),
+    "modal damping": (
+        model(BILINEAR, damping={"modal": 0.05}),
+        {"damping": near(0.05), "stories[1].mass": near(2e5)},
+    ),
     "a law with its own stiffness": (
         tdint.load_model(
             {
@@ -79,11 +94,13 @@ CASES = {
             }
         ),
         {
-            "stories[1].law.coefficients[1]": near(3e8), "stories.mass_factor": near(1.0),
-            "stories[2].law.backbone[1].force": near(1.5e6), "story 2.strength_factor": near(1.0, 0.05),
+            "stories[1].law.coefficients[1]": near(3e8),
+            "stories.mass_factor": near(1.0),
+            "stories[2].law.backbone[1].force": near(1.5e6),
+            "story 2.strength_factor": near(1.0, 0.05),
         },
     ),
-}  # fmt: skip
+}
 
 
 def same(many, ones):

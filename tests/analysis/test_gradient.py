@@ -1,4 +1,5 @@
-"""Derivatives of peaks: identities that hold for any building, closed forms, differences of other sizes."""
+"""Derivatives of peaks: identities that hold for any building, closed forms, differences of other
+sizes."""
 
 import math
 
@@ -22,8 +23,9 @@ PEAKS = ("peak_drift", "peak_acceleration", "peak_shear", "peak_velocity", "resi
 
 
 def test_what_is_in_proportion_has_that_derivative():
-    """Drifts are homogeneous of degree one in scale and strength, of degree zero in masses, springs and strengths with
-    damping ratios and the scale given: Euler's theorem, to what neighbors see."""
+    """Drifts are homogeneous of degree one in scale and strength, of degree zero in masses, springs
+    and strengths with damping ratios and the scale given: Euler's theorem, to what neighbors
+    see."""
     names = ("record.scale", "strength_factor", "mass_factor", "stiffness_factor")
     response = tdint.run(ten_bilinear(), RECORD, method="impulse4", gradient=names)
     by = dict(zip(names, response.gradient.peak_drift, strict=True))
@@ -40,7 +42,8 @@ def test_what_is_in_proportion_has_that_derivative():
 
 
 def test_the_period_of_a_free_oscillator():
-    """Let go with a velocity, its largest drift is v0 / omega: by the stiffness -u / 2k, by the mass u / 2."""
+    """Let go with a velocity, its largest drift is v0 / omega: by the stiffness -u / 2k, by the
+    mass u / 2."""
     free = model([story(1e5, 1e7)], velocity=(0.1,), dt=0.002, duration=1.0)
     response = tdint.run(free, method="impulse4", gradient=["stories[1].stiffness", "mass_factor"])
     largest = 0.1 / math.sqrt(1e7 / 1e5)
@@ -64,8 +67,8 @@ def test_other_sizes_of_differences_agree(method):
             wanted = (values[1] - values[0]) / (near[1] - near[0])
             found = getattr(response.gradient, peak)[number]
             off = np.abs(found - wanted) / np.max(np.abs(wanted))
-            # Some stories are at kinks. Methods that locate no yielding have one wherever the end of a step begins to
-            # yield: small of drifts, large of accelerations.
+            # Some stories are at kinks. Methods that locate no yielding have one wherever the end
+            # of a step begins to yield: small of drifts, large of accelerations.
             room = {"peak_acceleration": 0.1, "peak_drift": 1e-4}.get(peak, 1e-2)
             assert np.median(off) < (1e-4 if method == "impulse4" else room), f"{name} {peak}"
         wanted = (runs.history["drift"][1] - runs.history["drift"][0]) / (near[1] - near[0])
@@ -80,7 +83,8 @@ def test_other_sizes_of_differences_agree(method):
 
 
 def test_each_draw_has_derivatives_of_its_own():
-    """What is varied is differentiated where it was drawn to, and what is not where the model has it."""
+    """What is varied is differentiated where it was drawn to, and what is not where the model has
+    it."""
     vary = {"stiffness_factor": [0.8, 1.1], "stories[1].stiffness": [9e7, 1e8]}
     names = ("stories[1].stiffness", "stiffness_factor", "damping")
     building = ten_bilinear(ModalDamping((0.05,)))
@@ -103,8 +107,8 @@ def test_each_draw_has_derivatives_of_its_own():
 
 
 def test_a_kink_is_doubted():
-    """At the scale at which the motion is as large as the drift that it was let go with, the derivative jumps from 0 to
-    that of the motion; elsewhere the sides agree."""
+    """At the scale at which the motion is as large as the drift that it was let go with, the
+    derivative jumps from 0 to that of the motion; elsewhere the sides agree."""
     building = model([story(1e5, 1e7)], damping=ModalDamping((0.05,)), displacement=(0.02,))
 
     def peak(scale):

@@ -1,4 +1,5 @@
-"""Motions matched to a target: derivatives against differences, the program against scipy's, what a motion keeps."""
+"""Motions matched to a target: derivatives against differences, the program against scipy's, what a
+motion keeps."""
 
 from dataclasses import replace
 
@@ -50,7 +51,8 @@ def problem_of(motion, periods):
 
 @pytest.mark.parametrize("of", ["motion", "pair"])
 def test_the_largest_extremes_are_the_spectrum(request, of):
-    """By another kernel: that of the spectra, exact between samples, of pairs over 180 directions."""
+    """By another kernel: that of the spectra, exact between samples, of pairs over 180
+    directions."""
     problem, samples = problem_of(request.getfixturevalue(of), np.geomspace(0.1, 3.0, 25))
     found, largest = problem.extremes(samples, 0.9 * problem.wanted)
     np.testing.assert_allclose(largest[0], problem.wanted, rtol=2e-4)
@@ -61,8 +63,9 @@ def test_the_largest_extremes_are_the_spectrum(request, of):
 
 @pytest.mark.parametrize("of", ["motion", "pair"])
 def test_derivatives_of_extremes_are_their_differences(request, of):
-    """Without an envelope the row of an extreme is what it changes by, over the target, with samples through the band,
-    but for the first ones: rows go on before the motion, where an envelope is nothing."""
+    """Without an envelope the row of an extreme is what it changes by, over the target, with
+    samples through the band, but for the first ones: rows go on before the motion, where an
+    envelope is nothing."""
     problem, samples = problem_of(request.getfixturevalue(of), np.geomspace(0.1, 2.0, 12))
     problem.envelope = np.ones_like(problem.envelope)
     found, largest = problem.extremes(samples, 0.99 * problem.wanted)

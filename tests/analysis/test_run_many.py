@@ -89,7 +89,8 @@ def test_each_run_is_the_single_one(runs):
 
 @pytest.mark.parametrize("method", ["impulse4", "moment4"])
 def test_neither_jobs_nor_what_is_kept_change_a_run(method):
-    """With a history runs are made one by one, without in one call; a method that carries its error has wider rows."""
+    """With a history runs are made one by one, without in one call; a method that carries its error
+    has wider rows."""
     both = [
         tdint.run_many(small(), RECORDS, scales=SCALES, method=method, history=kept, jobs=jobs)
         for kept, jobs in (("drift", 1), ((), 2))
@@ -101,7 +102,8 @@ def test_neither_jobs_nor_what_is_kept_change_a_run(method):
 
 
 def test_how_runs_end():
-    """Fallen, diverged and refused runs have the status of single ones, and do not keep the others from being done."""
+    """Fallen, diverged and refused runs have the status of single ones, and do not keep the others
+    from being done."""
     record = noise(samples=300)
     found = tdint.run_many(
         falling(), record, scales=(1e-3, 5.0), method="newmark-average", history="drift", jobs=1
@@ -131,8 +133,9 @@ def test_how_runs_end():
 
 
 def test_a_story_that_runs_away():
-    """Its force falls from a drift of 6 cm on and pulls from 10 cm on: among many runs, too, one that fails after the
-    collapse is told as far as the collapse, and one whose energy the method has made is none."""
+    """Its force falls from a drift of 6 cm on and pulls from 10 cm on: among many runs, too, one
+    that fails after the collapse is told as far as the collapse, and one whose energy the method
+    has made is none."""
     record = noise(samples=400)
     away = model([story(1.0, 400.0, Law("polynomial", (400.0, 0.0, -4e4)), height=3.0)])
     found = tdint.run_many(away, record, scales=(2.0, 3.0, 5.0), method="impulse4")

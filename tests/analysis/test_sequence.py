@@ -1,4 +1,5 @@
-"""Shocks one after the other: equal to a record put together by hand, states carried over, peaks of each."""
+"""Shocks one after the other: equal to a record put together by hand, states carried over, peaks of
+each."""
 
 from dataclasses import fields, replace
 

@@ -1,7 +1,9 @@
-"""Error of the ten-story bilinear building over method and step: python tests/benchmarks/accuracy.py
+"""Error of the ten-story bilinear building over method and step: python
+tests/benchmarks/accuracy.py
 
-Prints a table in Markdown. The reference is impulse4 at dt/256; average acceleration extrapolated from dt/512 and
-dt/1024 confirms it. Times are those of the march alone, the fastest of several, the methods taking turns.
+Prints a table in Markdown. The reference is impulse4 at dt/256; average acceleration extrapolated
+from dt/512 and dt/1024 confirms it. Times are those of the march alone, the fastest of several, the
+methods taking turns.
 """
 
 from itertools import product
@@ -48,7 +50,8 @@ def main():
     cases = list(product(METHODS, PARTS))
     times = np.min([[seconds_per_step(*case) for case in cases] for _ in range(REPEATS)], axis=0)
     print(
-        "| method | dt (s) | L2 error | largest error of a peak drift | energy error | us per step |"
+        "| method | dt (s) | L2 error | largest error of a peak drift | energy error | us per step "
+        "|"
     )
     print("|---|---|---|---|---|---|")
     for (method, parts), seconds in zip(cases, times, strict=True):
@@ -57,7 +60,8 @@ def main():
         drift = np.max(np.abs(response.stories.peak_drift / peak - 1.0))
         energy = abs(response.energy.error)
         print(
-            f"| {method} | {DT / parts:g} | {l2:.1e} | {drift:.1e} | {energy:.1e} | {seconds * 1e6:.2f} |"
+            f"| {method} | {DT / parts:g} | {l2:.1e} | {drift:.1e} | {energy:.1e} | "
+            f"{seconds * 1e6:.2f} |"
         )
 
 

@@ -1,11 +1,12 @@
 """What campaigns cost: the engine beside the compiled loop alone, and inventories with their store.
 
     python tests/benchmarks/campaign.py                  # 440 runs of ten yielding stories, 22 motions x 20 scales
-    python tests/benchmarks/campaign.py --buildings 2000 # two-story buildings of an inventory under a pair of motions
-    python tests/benchmarks/campaign.py --buildings 1000000 --parts 1000 # one part of them under fields of 100 events
+    python tests/benchmarks/campaign.py --buildings 2000 # two-story buildings of an inventory under
+    a pair of motions python tests/benchmarks/campaign.py --buildings 1000000 --parts 1000 # one
+    part of them under fields of 100 events
 
 Wall times tell something on a quiet machine only; processor times do on a busy one, too.
-"""
+"""  # noqa: E501
 
 import argparse
 import os
@@ -39,8 +40,14 @@ SHELL_LOOP = 0.56  # s for a call of `tdint run` of version 0.1 on a quiet machi
 def study(method: str) -> None:
     subject = Subject(tdint.load_model("configs/ten-story-bilinear.yaml"), method)
     records = turned(22)
-    plan = Plan("study", given_buildings([subject]), suite_motions(records), EveryMotion(len(records)),
-                Scales(SCALES), RunSettings(dt=0.01))  # fmt: skip
+    plan = Plan(
+        "study",
+        given_buildings([subject]),
+        suite_motions(records),
+        EveryMotion(len(records)),
+        Scales(SCALES),
+        RunSettings(dt=0.01),
+    )
     compile_for(plan)
     cases = [
         Case(subject.model, subject.prepared, record.scaled(scale), subject.integrator)
@@ -68,7 +75,8 @@ def study(method: str) -> None:
         return time.perf_counter() - began, time.process_time() - used
 
     print(
-        f"{method}: {plan.runs} runs in {plan.chunks} chunks; least of three, wall and processor time, s"
+        f"{method}: {plan.runs} runs in {plan.chunks} chunks; least of three, wall and processor "
+        "time, s"
     )
     for name, work in (("kernels, two threads", alone), ("engine, one job", lambda: engine(1)),
                        ("engine, two jobs", lambda: engine(2))):  # fmt: skip
@@ -92,7 +100,8 @@ def study(method: str) -> None:
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         each = (time.perf_counter() - began) / (6 * len(SCALES))
     print(
-        f"the command, 120 runs: {1e3 * each:.3g} ms a run, a shell loop {SHELL_LOOP / each:.0f} times that"
+        f"the command, 120 runs: {1e3 * each:.3g} ms a run, a shell loop {SHELL_LOOP / each:.0f} "
+        "times that"
     )
 
 
@@ -108,7 +117,8 @@ def inventory(buildings: int, method: str) -> None:
         (folder / "buildings.csv").write_text("\n".join(rows) + "\n")
         (folder / "campaign.yaml").write_text(
             "buildings: {inventory: buildings.csv, units: {length: ft}}\n"
-            f"records: {{files: [{Path('records/near-fault.mseed').resolve()}], units: m/s^2, pairs: true}}\n"
+            f"records: {{files: [{Path('records/near-fault.mseed').resolve()}], units: m/s^2, "
+            f"pairs: true}}\n"
             f"analysis: {{method: {method}}}\n"
         )
         began = time.perf_counter()
@@ -120,16 +130,19 @@ def inventory(buildings: int, method: str) -> None:
         assert status == 0
     runs = 2 * buildings
     print(
-        f"{method}: {runs} runs of 3000 steps, all of the command: {wall:.3g} s, {used:.3g} s of processor time"
+        f"{method}: {runs} runs of 3000 steps, all of the command: {wall:.3g} s, {used:.3g} s of "
+        "processor time"
     )
     print(
-        f"{3.6e-3 * runs / wall:.3g} M runs an hour, {7.2e-3 * runs / used:.3g} M on two processors of one's own"
+        f"{3.6e-3 * runs / wall:.3g} M runs an hour, {7.2e-3 * runs / used:.3g} M on two "
+        "processors of one's own"
     )
     print(f"largest resident memory {usage.ru_maxrss / 1024:.0f} MB")
 
 
 def part(buildings: int, parts: int) -> None:
-    """The part in the middle: 100 events at a site for each 100 buildings, factors on two motions."""
+    """The part in the middle: 100 events at a site for each 100 buildings, factors on two
+    motions."""
     kinds, types, sites = random.Random(1), ["W1", "C1", "S1", "RM1", "URM"], buildings // 100
     degrees = [
         (f"{-122.5 + 0.01 * (i % 100):.4f}", f"{37.3 + 0.01 * (i // 100):.4f}")
@@ -170,7 +183,8 @@ def part(buildings: int, parts: int) -> None:
             runs = carry_out(plan, store, threads(1), shard=shard).done
             work = store.seconds()
     print(
-        f"part {shard.text}: {len(kept)} of {buildings} buildings, {runs} of {plan.runs} runs; processor time"
+        f"part {shard.text}: {len(kept)} of {buildings} buildings, {runs} of {plan.runs} runs; "
+        "processor time"
     )
     print(f"reading {reading:.3g} s, runs {work:.4g} s: {reading / work:.1%}")
 

@@ -1,4 +1,5 @@
-"""What several benchmarks share: shipped motions, the same motion with more samples, least times, errors."""
+"""What several benchmarks share: shipped motions, the same motion with more samples, least times,
+errors."""
 
 import math
 import sys
@@ -28,7 +29,8 @@ def components():
 
 
 def turned(count):
-    """Shipped motions in many directions, each with another start and another strength: no two are alike."""
+    """Shipped motions in many directions, each with another start and another strength: no two are
+    alike."""
     shipped, result = pairs(), []
     for i in range(count):
         pair, angle = shipped[i % len(shipped)], math.radians(23.0 * i)
@@ -43,7 +45,8 @@ def turned(count):
 
 
 def least(works, repeats, clock=time.process_time):
-    """The least time of each work, s; they take turns, so that what else the machine does meets all alike."""
+    """The least time of each work, s; they take turns, so that what else the machine does meets all
+    alike."""
     best = [math.inf] * len(works)
     for _ in range(repeats):
         for i, work in enumerate(works):

@@ -1,12 +1,14 @@
-"""Which method errs least for its time: python tests/benchmarks/default_method.py [RANDOM BUILDINGS]
+"""Which method errs least for its time: python tests/benchmarks/default_method.py [RANDOM
+BUILDINGS]
 
-Prints a table in Markdown: of the scenes of configs that have a record, dampers and isolators among them, and of random
-buildings (none where the number is 0, else 20) the time in which each method of the benchmark comes below an error of
-the peak drifts, the worst story, over that of the fastest: the fastest, its time in ms, and those of the others over
-it; at the end the geometric mean of each over the yielding buildings and of how many it is the fastest. A step is the
-largest of 8, 4, 2, 1, 1/2, ... 1/16 sampling intervals from which on all err less. The truth is impulse4 at a 64th of
-the interval; where moment4 there differs from it by more than a tenth of an error it is not asked for. Times are
-processor time of the compiled loop, least of several, all methods and steps taking turns.
+Prints a table in Markdown: of the scenes of configs that have a record, dampers and isolators among
+them, and of random buildings (none where the number is 0, else 20) the time in which each method of
+the benchmark comes below an error of the peak drifts, the worst story, over that of the fastest:
+the fastest, its time in ms, and those of the others over it; at the end the geometric mean of each
+over the yielding buildings and of how many it is the fastest. A step is the largest of 8, 4, 2, 1,
+1/2, ... 1/16 sampling intervals from which on all err less. The truth is impulse4 at a 64th of the
+interval; where moment4 there differs from it by more than a tenth of an error it is not asked for.
+Times are processor time of the compiled loop, least of several, all methods and steps taking turns.
 """
 
 import sys
@@ -41,8 +43,8 @@ def shipped():
 
 
 def drawn(count):
-    """Buildings of 2 to 15 stories, T1 of 0.05 to 0.16 s a story, 2 to 5 % damping, a third linear, under parts of the
-    records; the others yield at 0.1 to 0.4 g."""
+    """Buildings of 2 to 15 stories, T1 of 0.05 to 0.16 s a story, 2 to 5 % damping, a third linear,
+    under parts of the records; the others yield at 0.1 to 0.4 g."""
     records = components()
     for seed in range(count):
         rng = np.random.default_rng(seed)
@@ -131,7 +133,8 @@ def main():
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     yielding = {}
     print(
-        "| building | error | fastest | ms | impulse4 over it | the others over it |\n|---|---|---|---|---|---|"
+        "| building | error | fastest | ms | impulse4 over it | the others over it "
+        "|\n|---|---|---|---|---|---|"
     )
     for source in (shipped(), drawn(count)):
         for name, building, record in source:
@@ -153,14 +156,16 @@ def main():
                 print("| " + " | ".join(row) + " |", flush=True)
     for limit, cases in yielding.items():
         print(
-            f"\nYielding, {100.0 * limit:g} %, {len(cases)} buildings: geometric mean over the fastest, fastest of"
+            f"\nYielding, {100.0 * limit:g} %, {len(cases)} buildings: geometric mean over the "
+            "fastest, fastest of"
         )
         for method in METHODS[:-1]:
             own = np.array([over.get(method, np.inf) for over in cases])
             solved = own[own < np.inf]
             mean = np.exp(np.mean(np.log(solved))) if solved.size else np.inf
             print(
-                f"  {method}: {mean:.2f}, {np.sum(own <= 1.0)}, not within any step {np.sum(own == np.inf)}"
+                f"  {method}: {mean:.2f}, {np.sum(own <= 1.0)}, not within any step "
+                f"{np.sum(own == np.inf)}"
             )
 
 

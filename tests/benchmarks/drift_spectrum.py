@@ -1,4 +1,5 @@
-"""Time of drift spectra of buildings with stories of 3.5 m: python tests/benchmarks/drift_spectrum.py
+"""Time of drift spectra of buildings with stories of 3.5 m: python
+tests/benchmarks/drift_spectrum.py
 
 200 periods, 4001 samples; the fastest of some repeats.
 """

@@ -1,9 +1,11 @@
-"""What equal accuracy costs on the ten-story bilinear building: python tests/benchmarks/equal_error.py
+"""What equal accuracy costs on the ten-story bilinear building: python
+tests/benchmarks/equal_error.py
 
-Prints a table in Markdown: the time of the march for an error of the drifts (L2 of the history), read off the lines of
-`tdint chart --target drift` between their points (<: the largest step already errs less; ~: beyond the smallest step,
-with the slope of the last two); beside each time the ratio to impulse4's. OpenSeesPy is among the lines where it is
-installed. Least of several times, all marches of tdint taking turns, OpenSeesPy's behind them in the same sitting.
+Prints a table in Markdown: the time of the march for an error of the drifts (L2 of the history),
+read off the lines of `tdint chart --target drift` between their points (<: the largest step already
+errs less; ~: beyond the smallest step, with the slope of the last two); beside each time the ratio
+to impulse4's. OpenSeesPy is among the lines where it is installed. Least of several times, all
+marches of tdint taking turns, OpenSeesPy's behind them in the same sitting.
 """
 
 import math
@@ -25,9 +27,11 @@ REPEATS = 9
 
 
 def cost(points, limit):
-    """Time for an error on the line through the points, from large to small errors, with a mark before it.
+    """Time for an error on the line through the points, from large to small errors, with a mark
+    before it.
 
-    `<`: already the first point errs less; `~`: beyond the last point, with the slope of the last two.
+    `<`: already the first point errs less; `~`: beyond the last point, with the slope of the last
+    two.
     """
     places = [
         (math.log(point.errors.drift), math.log(point.fastest)) for point in points if point.errors

@@ -1,10 +1,11 @@
-"""How impulse4's error falls with the step in random buildings of all laws that are linear branch by branch.
+"""How impulse4's error falls with the step in random buildings of all laws that are linear branch
+by branch.
 
 python tests/benchmarks/events.py [BUILDINGS [FIRST]]
 
-A line for each building whose error at a step is more than twice that at the next larger one; `times` is by how much
-the building itself enlarges a small change of the motion. Where that is a lot (mostly pounding that repeats) no method
-can tell its course.
+A line for each building whose error at a step is more than twice that at the next larger one;
+`times` is by how much the building itself enlarges a small change of the motion. Where that is a
+lot (mostly pounding that repeats) no method can tell its course.
 """
 
 import sys
@@ -30,7 +31,8 @@ def main(count=200, first=0):
                 flush=True,
             )
     print(
-        f"{outliers} of {count} buildings stand out; {chaotic} more enlarge a small change ten thousand times"
+        f"{outliers} of {count} buildings stand out; {chaotic} more enlarge a small change ten "
+        "thousand times"
     )
 
 

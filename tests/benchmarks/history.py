@@ -1,5 +1,6 @@
-"""CPU time of writing a history of ten stories as CSV, beside numpy's own text output of the same table, packed;
-and the memory that it takes beside the table: python tests/benchmarks/history.py [STEPS]"""
+"""CPU time of writing a history of ten stories as CSV, beside numpy's own text output of the same
+table, packed; and the memory that it takes beside the table: python tests/benchmarks/history.py
+[STEPS]"""
 
 import io
 import sys
@@ -43,7 +44,8 @@ def main():
     ours = fastest(lambda: write_history(history, io.BytesIO()))
     numpys = fastest(lambda: np.savetxt(io.BytesIO(), table, fmt="%.12g", delimiter=","))
     print(
-        f"{len(history.time)} rows, {len(columns)} columns: {ours:.2f} s, numpy.savetxt {numpys:.2f} s"
+        f"{len(history.time)} rows, {len(columns)} columns: {ours:.2f} s, numpy.savetxt "
+        f"{numpys:.2f} s"
     )
     with TemporaryDirectory() as folder:
         file = Path(folder) / "history.csv.gz"

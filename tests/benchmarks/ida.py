@@ -1,7 +1,8 @@
-"""Incremental dynamic analysis of the frame of configs/collapse-prone-frame.yaml under many motions.
+"""Incremental dynamic analysis of the frame of configs/collapse-prone-frame.yaml under many
+motions.
 
-The motions are the shipped records, turned, shifted and scaled: no two are alike. Told are the time, the widest bracket
-of a capacity, and how the runs ended.
+The motions are the shipped records, turned, shifted and scaled: no two are alike. Told are the
+time, the widest bracket of a capacity, and how the runs ended.
 
     python tests/benchmarks/ida.py [--records 22] [--jobs 2]
 """
@@ -34,7 +35,8 @@ def main():
     runs = [run for curve in study.curves for run in curve.runs]
     widest = max(curve.collapse.upper / curve.collapse.lower for curve in study.curves) - 1.0
     print(
-        f"{len(records)} records, {len(runs)} runs: {wall:.2f} s, {processor:.2f} s of processor time"
+        f"{len(records)} records, {len(runs)} runs: {wall:.2f} s, {processor:.2f} s of processor "
+        "time"
     )
     print(f"widest bracket {100.0 * widest:.2f} %")
     print(

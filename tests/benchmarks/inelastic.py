@@ -1,8 +1,9 @@
 """Time and error of constant-ductility spectra: python tests/benchmarks/inelastic.py
 
-200 periods, 4001 samples, ductilities 2 and 4, elastoplastic, 5 %. Beside tdint, in the same run, a plain search:
-average acceleration at the record's step in a loop that numba compiles, largest displacement at the samples, bisection
-of the strength. Errors are those of the strengths, over tdint's for the same motion with 8 times as many samples.
+200 periods, 4001 samples, ductilities 2 and 4, elastoplastic, 5 %. Beside tdint, in the same run, a
+plain search: average acceleration at the record's step in a loop that numba compiles, largest
+displacement at the samples, bisection of the strength. Errors are those of the strengths, over
+tdint's for the same motion with 8 times as many samples.
 """
 
 import math
@@ -48,7 +49,8 @@ def plain_peak(ground, h, omega, damping, strength):
 
 
 def plain_search(record, periods):
-    """Strengths over mass by bisection, as if the ductility were monotone; shape (ductilities, periods)."""
+    """Strengths over mass by bisection, as if the ductility were monotone; shape (ductilities,
+    periods)."""
     ground = record.acceleration.copy()
     result = np.empty((len(DUCTILITIES), periods.size))
     for i, period in enumerate(periods):
@@ -87,8 +89,8 @@ def main():
     for (name, search), seconds in zip(searches.items(), fastest, strict=True):
         errors = np.abs(search(record, periods) / reference - 1.0)
         print(
-            f"{name:14s} {seconds:6.2f} s   largest error of a strength {errors.max():.1e}, "
-            f"from 0.1 s on {errors[:, periods >= 0.1].max():.1e}, median {np.median(errors):.1e}"
+            f"{name:14s} {seconds:6.2f} s   largest error of a strength {errors.max():.1e}, from "
+            f"0.1 s on {errors[:, periods >= 0.1].max():.1e}, median {np.median(errors):.1e}"
         )
 
 

@@ -1,7 +1,8 @@
 """How far methods are off in the buildings of inventories: python tests/benchmarks/inventories.py
 
-What error of the peak drifts each method has at steps from one to eight times the records', in buildings of one to four
-stories: by the rules mdof-lu, and with the law multilinear-pinching in its place.
+What error of the peak drifts each method has at steps from one to eight times the records', in
+buildings of one to four stories: by the rules mdof-lu, and with the law multilinear-pinching in its
+place.
 """
 
 import random
@@ -26,7 +27,8 @@ METHODS = ("impulse4", "moment4", "newmark-average")
 STEPS = (1, 2, 4, 8)
 SCALES = (0.5, 1.0, 2.0)
 TRILINEAR = re.compile(
-    r"type: trilinear-pinching, yield_force: (\S+), ultimate_force: (\S+), ultimate_drift: (\S+), .*?}"
+    r"type: trilinear-pinching, yield_force: (\S+), ultimate_force: (\S+), ultimate_drift: (\S+), "
+    r".*?}"
 )
 
 

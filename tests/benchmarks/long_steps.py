@@ -1,8 +1,10 @@
-"""Steps over several samples of a record, and peaks between the steps: python tests/benchmarks/long_steps.py [TABLE]...
+"""Steps over several samples of a record, and peaks between the steps: python
+tests/benchmarks/long_steps.py [TABLE]...
 
-Tables: motion (L2 error and largest error of a peak drift at 1, 2, 4 and 8 samples a step, all methods), peaks (peak
-floor accelerations, shears and drifts of 20 random bilinear buildings), speed (processor time of long steps over that
-at the record's own), tolerance (campaigns that choose their steps: how many runs are beyond it). All if none is named.
+Tables: motion (L2 error and largest error of a peak drift at 1, 2, 4 and 8 samples a step, all
+methods), peaks (peak floor accelerations, shears and drifts of 20 random bilinear buildings), speed
+(processor time of long steps over that at the record's own), tolerance (campaigns that choose their
+steps: how many runs are beyond it). All if none is named.
 """
 
 import sys
@@ -40,7 +42,8 @@ def motion():
         truth, other = (reference(building, method, 64) for method in ("impulse4", "gauss4"))
         sure = difference(other[0], truth[0])
         print(
-            f"{name}: L2 error / largest error of a peak drift; gauss4 at dt/64 differs by {sure:.0e}"
+            f"{name}: L2 error / largest error of a peak drift; gauss4 at dt/64 differs by "
+            f"{sure:.0e}"
         )
         methods = [
             text
@@ -66,7 +69,8 @@ def random_bilinear(rng):
 
 
 def peaks():
-    """Random bilinear buildings at steps of 0.01 and 0.02 s, the latter of a record at 0.01 and at 0.02 s."""
+    """Random bilinear buildings at steps of 0.01 and 0.02 s, the latter of a record at 0.01 and at
+    0.02 s."""
     record = model_record(MODELS["ten-story"])
     coarse = replace(record, acceleration=record.acceleration[::2].copy(), dt=2.0 * record.dt)
     rng = np.random.default_rng(5)
@@ -127,8 +131,9 @@ def speed():
 
 
 def tolerance():
-    """Campaigns of 12 random bilinear buildings under the shipped motions at four scales, with steps that are chosen
-    under the strongest run without collapse alone, and under some that are spread."""
+    """Campaigns of 12 random bilinear buildings under the shipped motions at four scales, with
+    steps that are chosen under the strongest run without collapse alone, and under some that are
+    spread."""
     records = dict(enumerate(components()))
     motions = Motions(records)
     runs = [Run(motion_of, scale) for motion_of in records for scale in (0.25, 0.5, 1.0, 1.5)]
@@ -146,7 +151,8 @@ def tolerance():
 
     truths = [drifts(building, "impulse4", 0.01 / 16) for building in buildings]
     print(
-        "runs beyond the tolerance, % / largest error of a peak drift / processor time of choice and runs, s"
+        "runs beyond the tolerance, % / largest error of a peak drift / processor time of choice "
+        "and runs, s"
     )
     print(f"{'':30s}{'the strongest':>28s}{'spread':>28s}")
     for method in ("impulse4", "moment4", "newmark-average"):

@@ -1,13 +1,16 @@
-"""Microseconds per step of the compiled march, by processor time: python tests/benchmarks/march.py [guard]
+"""Microseconds per step of the compiled march, by processor time: python tests/benchmarks/march.py
+[guard]
 
-Ten bilinear stories of configs/ten-story-bilinear.yaml with every method of the catalogue, beside a plain loop (average
-acceleration with Newton's method for this one building, no peaks, no energies, nothing else) that is compiled and timed
-in the same run; then the cost of each drift law, with its changes of branch located and without; then the cost over
-the number of stories. All marches take turns, the fastest of the repeats counts.
+Ten bilinear stories of configs/ten-story-bilinear.yaml with every method of the catalogue, beside a
+plain loop (average acceleration with Newton's method for this one building, no peaks, no energies,
+nothing else) that is compiled and timed in the same run; then the cost of each drift law, with its
+changes of branch located and without; then the cost over the number of stories. All marches take
+turns, the fastest of the repeats counts.
 
-`guard`: a law that knows its branch costs what the bilinear one does as long as stories stay on the first one. Ten
-stories of each such law, too strong to yield, beside bilinear ones, with a method of every family; exit code 1 where
-that is not so. TDINT_KERNELS=whole compiles less, TDINT_GUARD_METHODS=newmark-average,... takes some methods.
+`guard`: a law that knows its branch costs what the bilinear one does as long as stories stay on the
+first one. Ten stories of each such law, too strong to yield, beside bilinear ones, with a method of
+every family; exit code 1 where that is not so. TDINT_KERNELS=whole compiles less,
+TDINT_GUARD_METHODS=newmark-average,... takes some methods.
 """
 
 import os
@@ -32,11 +35,11 @@ from tdint.model.definition import LAWS
 
 REPEATS = 15
 ROUNDS = 8
-"""Most rounds of so many repeats by the guard. A march takes some ms: other work moves the ratio of few by a half, so
-that what fails is repeated."""
+"""Most rounds of so many repeats by the guard. A march takes some ms: other work moves the ratio of
+few by a half, so that what fails is repeated."""
 ALIKE = 1.2
-"""What a law may cost over the bilinear one where neither yields: a look at the branch in place of a closed form, and
-what clocks do not tell apart. A copy of all rows of a story made it 2 to 4."""
+"""What a law may cost over the bilinear one where neither yields: a look at the branch in place of
+a closed form, and what clocks do not tell apart. A copy of all rows of a story made it 2 to 4."""
 TOO_STRONG = (
     1e3  # times the yield forces of the model, whose stories yield up to 6 times their yield drift
 )
@@ -119,7 +122,8 @@ def timed_plain_loop(model, record):
 
 
 def march_times(model, record, specifications):
-    """Fastest seconds per step of the plain loop and of each method; None for a method that cannot do it."""
+    """Fastest seconds per step of the plain loop and of each method; None for a method that cannot
+    do it."""
     times = {"plain loop": timed_plain_loop} | dict.fromkeys(specifications)
     fastest = dict.fromkeys(times, np.inf)
     for _ in range(REPEATS):
@@ -137,14 +141,16 @@ def march_times(model, record, specifications):
 
 
 class Unbranched(Building):
-    """A building that does not tell of the branches of its laws: impulse4 takes Newton's iteration."""
+    """A building that does not tell of the branches of its laws: impulse4 takes Newton's
+    iteration."""
 
     piecewise_linear = kinked = False
 
 
 @dataclass
 class March:
-    """The fastest march of a building with a method so far; nan seconds if it does not come to its end."""
+    """The fastest march of a building with a method so far; nan seconds if it does not come to its
+    end."""
 
     building: Building
     method: str
@@ -167,8 +173,8 @@ class March:
 
 
 def law_marches(model, record):
-    """By law, ten stories of it that bend where those of the model yield: average acceleration, impulse4, and impulse4
-    that locates no changes of branch."""
+    """By law, ten stories of it that bend where those of the model yield: average acceleration,
+    impulse4, and impulse4 that locates no changes of branch."""
     marches = {}
     for name in LAWS:
         building = assemble(with_law(model, name))
@@ -194,7 +200,8 @@ def with_law(model, name, strength=1.0):
 
 
 def guard(model, record):
-    """Print what laws cost that keep to their first branch, over the bilinear one; returns whether all are alike."""
+    """Print what laws cost that keep to their first branch, over the bilinear one; returns whether
+    all are alike."""
     names = [
         name
         for name, law in LAWS.items()
@@ -228,12 +235,14 @@ def print_laws(model, record):
     """The table of laws."""
     print("ten stories of one law: us per step, solves per step, changes of branch")
     print(
-        f"{'':15s} {'newmark-average':>18s} {'impulse4':>25s} {'without events':>18s} {'with/without':>13s}"
+        f"{'':15s} {'newmark-average':>18s} {'impulse4':>25s} {'without events':>18s} "
+        f"{'with/without':>13s}"
     )
     for name, (average, events, newton) in law_marches(model, record).items():
         print(
-            f"{name:15s} {average.seconds * 1e6:9.3f} ({average.solves:4.2f}) {events.seconds * 1e6:10.3f} "
-            f"({events.solves:4.2f}, {events.events:5d}) {newton.seconds * 1e6:9.3f} ({newton.solves:4.2f}) "
+            f"{name:15s} {average.seconds * 1e6:9.3f} ({average.solves:4.2f}) "
+            f"{events.seconds * 1e6:10.3f} ({events.solves:4.2f}, {events.events:5d}) "
+            f"{newton.seconds * 1e6:9.3f} ({newton.solves:4.2f}) "
             f"{events.seconds / newton.seconds:11.2f}"
         )
 
@@ -258,7 +267,8 @@ def main():
         seconds = march_times(stretched(model, count), record, ["impulse4"])["impulse4"]
         ratio = seconds / times["impulse4"]
         print(
-            f"impulse4 {count:5d} stories {seconds * 1e6:9.3f} us per step   {ratio:7.2f} of ten stories"
+            f"impulse4 {count:5d} stories {seconds * 1e6:9.3f} us per step   {ratio:7.2f} of ten "
+            "stories"
         )
 
 

@@ -1,4 +1,5 @@
-"""Motions of `records` matched to three target spectra: how near they come, what they keep, and how long it takes.
+"""Motions of `records` matched to three target spectra: how near they come, what they keep, and how
+long it takes.
 
     python tests/benchmarks/matching.py [--pairs] [--suite]
 
@@ -41,8 +42,9 @@ def told(name, match, seconds):
     ]
     after, before = match.parts[0].measures
     print(
-        f"{name:24s} largest {100.0 * match.largest_misfit:.2f} %, mean {100.0 * match.mean_misfit:.2f} %, "
-        f"change {match.change:.2f}, end {max(ends):.0e} of PGD, PGD x {after.pgd / before.pgd:.2f}, {seconds:.1f} s",
+        f"{name:24s} largest {100.0 * match.largest_misfit:.2f} %, mean "
+        f"{100.0 * match.mean_misfit:.2f} %, change {match.change:.2f}, end {max(ends):.0e} of "
+        f"PGD, PGD x {after.pgd / before.pgd:.2f}, {seconds:.1f} s",
         flush=True,
     )
 
@@ -80,7 +82,8 @@ def main():
             scatter = [np.std(np.log(psa), axis=0, ddof=1) for psa in (before, after)]
             off, (wide, after) = 100.0 * np.abs(off), np.mean(scatter, axis=1)
             print(
-                f"{title:8s} mean off by {np.max(off):.2f} % at most, {np.mean(off):.2f} % in the mean;",
+                f"{title:8s} mean off by {np.max(off):.2f} % at most, {np.mean(off):.2f} % in the "
+                "mean;",
                 end=" ",
             )
             print(f"scatter {wide:.3f} before, {after:.3f} after; {seconds:.1f} s", flush=True)
@@ -94,8 +97,8 @@ def main():
     largest, mean, seconds = np.array(figures).T
     print(
         f"{len(figures)} cases: largest misfit {100.0 * np.median(largest):.2f} % in the median, "
-        f"{100.0 * np.max(largest):.2f} % at most; mean misfit {100.0 * np.max(mean):.2f} % at most; "
-        f"{np.min(seconds):.1f} to {np.max(seconds):.1f} s"
+        f"{100.0 * np.max(largest):.2f} % at most; mean misfit {100.0 * np.max(mean):.2f} % at "
+        f"most; {np.min(seconds):.1f} to {np.max(seconds):.1f} s"
     )
 
 

@@ -1,8 +1,9 @@
 """What moment4 keeps and how far it is off: python tests/benchmarks/moment4.py [TABLE]...
 
-Tables: energy (the conservative problems of `tdint failures` at their own steps and four times these), random (free
-vibration of random buildings), yielding (ten stories at parts and multiples of the record's step), laws (errors
-for every drift law), stiff (yielding stories with stiff parts). All if none is named.
+Tables: energy (the conservative problems of `tdint failures` at their own steps and four times
+these), random (free vibration of random buildings), yielding (ten stories at parts and multiples of
+the record's step), laws (errors for every drift law), stiff (yielding stories with stiff parts).
+All if none is named.
 """
 
 import sys
@@ -45,7 +46,8 @@ def energy():
                     rise = np.max(np.diff(ratio))
                     span = f"{np.min(ratio) - 1.0:9.1e} {np.max(ratio) - 1.0:9.1e}"
                     print(
-                        f"{name:10s} dt {times * dt:6.3f}  rho_inf {rho_inf:3.1f}  {span} {rise:9.1e}"
+                        f"{name:10s} dt {times * dt:6.3f}  rho_inf {rho_inf:3.1f}  {span} "
+                        f"{rise:9.1e}"
                     )
 
 
@@ -72,11 +74,13 @@ def random():
     """Free vibration of 200 random buildings of either kind."""
     drifts, rise, _, halved = _study(CONSERVATIVE, 0)
     print(
-        f"conservative: drift {max(drifts[False]):.1e}, with tanh stories {max(drifts[True]):.1e}; {halved} halved"
+        f"conservative: drift {max(drifts[False]):.1e}, with tanh stories {max(drifts[True]):.1e}; "
+        f"{halved} halved"
     )
     _, rise, balance, halved = _study(HYSTERETIC, 1)
     print(
-        f"hysteretic: largest rise in a step {rise:.1e}, balance {balance:.1e}; {halved} with a halved step"
+        f"hysteretic: largest rise in a step {rise:.1e}, balance {balance:.1e}; {halved} with a "
+        "halved step"
     )
 
 
@@ -127,7 +131,8 @@ def laws():
 
 
 def stiff():
-    """The ten stories with every third one 1000 times as stiff and elastic: the step does not resolve these."""
+    """The ten stories with every third one 1000 times as stiff and elastic: the step does not
+    resolve these."""
     stories = tuple(
         story(one.mass, 1e3 * one.stiffness, height=one.height) if i % 3 == 2 else one
         for i, one in enumerate(MODEL.stories)

@@ -3,13 +3,14 @@
     python tests/benchmarks/mutants.py [--seed N] [--count N] MODULE.py ... -- TESTS ...
     python tests/benchmarks/mutants.py [--seed N] [--count N] --reached DATA MODULE.py ...
 
-MODULE are files of src/tdint, TESTS what pytest is given to try each mutant. A sample of all places is changed in a
-copy of the package, which stands before the installed one; kernels are those of the store, so modules of kernels are
-none for this. Survivors are shown with their line; what comes of it is for a person to judge.
+MODULE are files of src/tdint, TESTS what pytest is given to try each mutant. A sample of all places
+is changed in a copy of the package, which stands before the installed one; kernels are those of the
+store, so modules of kernels are none for this. Survivors are shown with their line; what comes of
+it is for a person to judge.
 
-With DATA of coverage, each mutant gets the tests that reach its module in their own process, first those of its line,
-and of these first those that reach least besides. A module that none reaches counts as surviving. DATA is made once,
-by tests that all pass, in about fifteen minutes:
+With DATA of coverage, each mutant gets the tests that reach its module in their own process, first
+those of its line, and of these first those that reach least besides. A module that none reaches
+counts as surviving. DATA is made once, by tests that all pass, in about fifteen minutes:
 
     printf '[run]\\nsource = src/tdint\\ndynamic_context = test_function\\n' > contexts.ini
     coverage run --rcfile contexts.ini --data-file DATA -m pytest -q
@@ -31,10 +32,25 @@ SECONDS = 60.0
 """A test that takes longer hangs; the slowest of the suite takes ten."""
 
 OTHER = {
-    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Mult, ast.Mod: ast.Mult,
-    ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
-    ast.And: ast.Or, ast.Or: ast.And, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In,
-}  # fmt: skip
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Div,
+    ast.Div: ast.Mult,
+    ast.FloorDiv: ast.Mult,
+    ast.Mod: ast.Mult,
+    ast.Lt: ast.LtE,
+    ast.LtE: ast.Lt,
+    ast.Gt: ast.GtE,
+    ast.GtE: ast.Gt,
+    ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+    ast.And: ast.Or,
+    ast.Or: ast.And,
+    ast.Is: ast.IsNot,
+    ast.IsNot: ast.Is,
+    ast.In: ast.NotIn,
+    ast.NotIn: ast.In,
+}
 
 
 def places(source: str) -> list[int]:
@@ -49,7 +65,8 @@ def places(source: str) -> list[int]:
 
 
 def mutant(source: str, place: int) -> tuple[int, str]:
-    """Line and text with one node changed: an operator replaced, a number doubled, or raised if it is whole or 0."""
+    """Line and text with one node changed: an operator replaced, a number doubled, or raised if it
+    is whole or 0."""
     tree = ast.parse(source)
     node = list(ast.walk(tree))[place]
     if isinstance(node, ast.BinOp | ast.BoolOp):
@@ -98,7 +115,8 @@ class Reach:
                 self._lines.update(contexts)
 
     def tests(self, module: Path, line: int) -> list[str]:
-        """Those of the line, then those of the module's other lines: what is cached runs in the first test alone."""
+        """Those of the line, then those of the module's other lines: what is cached runs in the
+        first test alone."""
         by_line = self._data.contexts_by_lineno(str(module))
         of_line = set(by_line.get(line, ()))
         of_module = set[str]().union(*by_line.values())
@@ -111,8 +129,8 @@ class Reach:
 
 
 def _node(context: str) -> str:
-    """pytest's name of a test that coverage calls `tests.folder.test_file.Class.function`; all of a file for one that
-    hypothesis has wrapped, which is called `accept.<locals>.function`."""
+    """pytest's name of a test that coverage calls `tests.folder.test_file.Class.function`; all of a
+    file for one that hypothesis has wrapped, which is called `accept.<locals>.function`."""
     parts = context.partition(".accept.<locals>")[0].split(".")
     size = next(
         i

@@ -1,9 +1,10 @@
-"""Why OpenSees' generalized-alpha falls to order 1: python tests/benchmarks/opensees_generalized_alpha.py
+"""Why OpenSees' generalized-alpha falls to order 1: python
+tests/benchmarks/opensees_generalized_alpha.py
 
-An oscillator of 1 s under a sine, linear and with Steel01, no damping, rho_inf 0.8. With one solve in a step (algorithm
-Linear) OpenSeesPy's motion is generalized-alpha. Each further iteration balances the restoring force and the load of
-the weighted time with the acceleration at the END of the step: the motion it converges to is that scheme's, found here
-apart.
+An oscillator of 1 s under a sine, linear and with Steel01, no damping, rho_inf 0.8. With one solve
+in a step (algorithm Linear) OpenSeesPy's motion is generalized-alpha. Each further iteration
+balances the restoring force and the load of the weighted time with the acceleration at the END of
+the step: the motion it converges to is that scheme's, found here apart.
 """
 
 import math
@@ -53,7 +54,8 @@ def opensees(ops, integrator, h, *, yields, algorithm):
 
 
 def scheme(h, *, yields, of_mass):
-    """Displacements where the acceleration in the balance has this weight of the end of the step."""
+    """Displacements where the acceleration in the balance has this weight of the end of the
+    step."""
     u = v = a = offset = 0.0
     found = [0.0]
     for step in range(round(DURATION / h)):
@@ -89,10 +91,12 @@ def main():
     ops = load()
     average, alpha = ("Newmark", 0.5, 0.25), ("GeneralizedAlpha", OF_MASS, OF_FORCE)
     print(
-        f"rho_inf {RHO:g}: (1 - alpha_m) / alpha_m = {(1.0 - OF_MASS) / OF_MASS:.3g}, the rate of its iterations"
+        f"rho_inf {RHO:g}: (1 - alpha_m) / alpha_m = {(1.0 - OF_MASS) / OF_MASS:.3g}, the rate of "
+        "its iterations"
     )
     print(
-        "| spring | algorithm | dt (s) | iterations a step | error | off generalized-alpha | off the other scheme |"
+        "| spring | algorithm | dt (s) | iterations a step | error | off generalized-alpha | off "
+        "the other scheme |"
     )
     print("|---|---|---|---|---|---|---|")
     for yields, algorithm in ((False, "Linear"), (False, "Newton"), (True, "Newton")):
@@ -108,7 +112,8 @@ def main():
             errors = [np.max(np.abs(u - other)) / largest for other in others]
             words = " | ".join(f"{error:.1e}" for error in errors)
             print(
-                f"| {'Steel01' if yields else 'Elastic'} | {algorithm} | {h:g} | {iterations:.1f} | {words} |"
+                f"| {'Steel01' if yields else 'Elastic'} | {algorithm} | {h:g} | {iterations:.1f} "
+                f"| {words} |"
             )
 
 

@@ -1,13 +1,13 @@
-"""Reported peaks, beside the largest values at the steps and the method's own error: python tests/benchmarks/peaks.py
-[TABLE]...
+"""Reported peaks, beside the largest values at the steps and the method's own error: python
+tests/benchmarks/peaks.py [TABLE]...
 
-Tables: runs (every method of `tdint methods` on four configurations and 20 random buildings, at dt to dt/8: how far off
-the peaks of five quantities are, the share of runs within the limit, the observed order), beyond (the runs that are not
-within it). Both if none is named.
+Tables: runs (every method of `tdint methods` on four configurations and 20 random buildings, at dt
+to dt/8: how far off the peaks of five quantities are, the share of runs within the limit, the
+observed order), beyond (the runs that are not within it). Both if none is named.
 
-A run of a quantity is within the limit if no story's peak errs by more than 1.1 times the larger of the error of the
-largest value at the steps and the method's own error in time, the largest of the history over the peak, plus 1e-4. The
-truth is impulse4 at dt/64, confirmed by gauss4.
+A run of a quantity is within the limit if no story's peak errs by more than 1.1 times the larger of
+the error of the largest value at the steps and the method's own error in time, the largest of the
+history over the peak, plus 1e-4. The truth is impulse4 at dt/64, confirmed by gauss4.
 """
 
 import sys
@@ -49,8 +49,8 @@ class Truth:
         }
 
     def errors(self, method, parts):
-        """For each quantity three arrays over the stories: errors of the reported peak, of the largest value at the
-        steps, and of the history; None where the method does not run."""
+        """For each quantity three arrays over the stories: errors of the reported peak, of the
+        largest value at the steps, and of the history; None where the method does not run."""
         try:
             response = run(
                 self.building, self.record, method=method, dt=self.record.dt / parts, history=True
@@ -155,7 +155,8 @@ def _beyond(found):
             i = int(np.argmax(errors[0] / limit))
             sizes = ", ".join(f"{error[i]:.2e}" for error in errors)
             print(
-                f"{name}, {method}, dt/{parts}, {one} {i + 1}: {sizes} ({errors[0][i] / limit[i]:.2f} of the limit)"
+                f"{name}, {method}, dt/{parts}, {one} {i + 1}: {sizes} "
+                f"({errors[0][i] / limit[i]:.2f} of the limit)"
             )
 
 

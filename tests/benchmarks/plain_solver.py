@@ -1,7 +1,8 @@
-"""Shear buildings by central differences with thousands of steps in a sample, and nothing of tdint: no law, no matrix,
-no step of it. A second opinion of what is true, for laws of straight branches, tanh, polynomials, dashpots of powers,
-P-delta, forces on floors and Rayleigh damping by two coefficients. Newmark (1959) with beta 0, gamma 1/2; of order 2,
-kinks of the laws included, since a law goes along its branches exactly from drift to drift."""
+"""Shear buildings by central differences with thousands of steps in a sample, and nothing of tdint:
+no law, no matrix, no step of it. A second opinion of what is true, for laws of straight branches,
+tanh, polynomials, dashpots of powers, P-delta, forces on floors and Rayleigh damping by two
+coefficients. Newmark (1959) with beta 0, gamma 1/2; of order 2, kinks of the laws included, since a
+law goes along its branches exactly from drift to drift."""
 
 import math
 
@@ -21,8 +22,9 @@ PEAKS = (
 
 @njit
 def spring(kind, p, s, d):
-    """Force of a story at drift d, N; `s` is what it remembers: drift, force, the farthest points of both sides (drift,
-    force), the branch of a peak-oriented one (0 elastic, +-1 yielding, +-2 reloading, +-3 unloading)."""
+    """Force of a story at drift d, N; `s` is what it remembers: drift, force, the farthest points
+    of both sides (drift, force), the branch of a peak-oriented one (0 elastic, +-1 yielding, +-2
+    reloading, +-3 unloading)."""
     k = p[0]
     if kind == 1:  # bilinear: an elastic part beside a perfectly plastic one
         z = s[1] - p[2] * k * s[0] + (1.0 - p[2]) * k * (d - s[0])
@@ -155,7 +157,8 @@ def march(
             load[i] = -mass[i] * shaken
         for j in range(len(forces)):
             load[int(forces[j, 0])] += forces[j, 1] * math.sin(forces[j, 2] * t)
-        # The rates at the end of the step hang on the accelerations there: twice is to rounding for so small a step.
+        # The rates at the end of the step hang on the accelerations there: twice is to rounding for
+        # so small a step.
         for _ in range(3 if step else 1):
             accelerations(mass, device, shear, dampers, alpha, beta_k, v, load, a, total)
             if step:
@@ -175,7 +178,8 @@ def march(
 
 
 def peaks(model, record, parts, duration):
-    """Peaks of a model as a file says it (`damping` none or Rayleigh by two coefficients), by name."""
+    """Peaks of a model as a file says it (`damping` none or Rayleigh by two coefficients), by
+    name."""
     stories = model["stories"]
     mass = np.array([one["mass"] for one in stories])
     kinds, parameters, dampers = (

@@ -1,10 +1,13 @@
-"""Whole processes against the imports of their packages, as a table: python tests/benchmarks/processes.py [--first]
+"""Whole processes against the imports of their packages, as a table: python
+tests/benchmarks/processes.py [--first]
 
-1. Commands with their kernels there, beside `python -c "import numpy, click, yaml"`. They take turns, the shortest time
+1. Commands with their kernels there, beside `python -c "import numpy, click, yaml"`. They take
+  turns, the shortest time
    of each counts; processor time, wall time and the ratio of the latter.
 2. Tall buildings: what is set up before the march, and the march.
 
-With --first instead: the same commands with no compiled kernels anywhere, once each; this takes some minutes.
+With --first instead: the same commands with no compiled kernels anywhere, once each; this takes
+some minutes.
 """
 
 import os
@@ -72,7 +75,8 @@ def print_commands(commands, turns=15):
         [IMPORTS, *((*TDINT, *command) for command in commands.values())], turns
     )
     print(
-        "| process | wall ms | processor ms | over the imports, wall | processor |\n|---|---|---|---|---|"
+        "| process | wall ms | processor ms | over the imports, wall | processor "
+        "|\n|---|---|---|---|---|"
     )
     print(
         f"| import numpy, click, yaml | {imports[0] * 1e3:.0f} | {imports[1] * 1e3:.0f} | 1 | 1 |"
@@ -80,7 +84,8 @@ def print_commands(commands, turns=15):
     for name, both in zip(commands, times, strict=True):
         ratio = both / imports
         print(
-            f"| {name} | {both[0] * 1e3:.0f} | {both[1] * 1e3:.0f} | {ratio[0]:.2f} | {ratio[1]:.2f} |"
+            f"| {name} | {both[0] * 1e3:.0f} | {both[1] * 1e3:.0f} | {ratio[0]:.2f} | "
+            f"{ratio[1]:.2f} |"
         )
 
 
@@ -100,16 +105,19 @@ def tall(folder, stories):
     file = folder / f"{stories}-stories.yaml"
     file.write_text(
         f"name: {stories} stories\n"
-        f"stories:\n  - {{repeat: {stories}, mass: 2e5, height: 3.5, stiffness: {3.5e7 * stories:g}}}\n"
+        f"stories:\n  - {{repeat: {stories}, mass: 2e5, height: 3.5, stiffness: "
+        f"{3.5e7 * stories:g}}}\n"
         "damping: {rayleigh: {ratio: 0.05, modes: [1, 2]}}\n"
-        f"excitation: {{record: {{file: '{RECORDS / 'firm-soil.mseed'}', component: HN1, units: m/s^2}}}}\n"
+        f"excitation: {{record: {{file: '{RECORDS / 'firm-soil.mseed'}', component: HN1, units: "
+        f"m/s^2}}}}\n"
         "analysis: {method: impulse4}\n"
     )
     return file
 
 
 def print_setting_up(file, samples):
-    """What a tall building costs before the march, and the march over the whole record (from some samples of it)."""
+    """What a tall building costs before the march, and the march over the whole record (from some
+    samples of it)."""
     times = []
 
     def timed(function, *arguments):
@@ -129,7 +137,8 @@ def print_setting_up(file, samples):
     timed(run_case, case.under(many))
     march = (times[-1] - times[-2]) * (record.acceleration.size - 1) / samples
     print(
-        f"{file.stem}: set-up {setting_up:.2f} s, march {march:.1f} s, {setting_up / march:.3f} of it",
+        f"{file.stem}: set-up {setting_up:.2f} s, march {march:.1f} s, {setting_up / march:.3f} of "
+        "it",
         flush=True,
     )
 

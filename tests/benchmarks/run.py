@@ -1,8 +1,9 @@
 """Write the benchmark page: python tests/benchmarks/run.py
 
-The page is README.md beside this file, with its pictures: what each method costs on many problems for an error.
-Finished problems are kept (TDINT_CACHE_DIR or the user's cache) until methods or problems change: a call that was ended
-goes on. With --page nothing is measured: the page is written of what there is.
+The page is README.md beside this file, with its pictures: what each method costs on many problems
+for an error. Finished problems are kept (TDINT_CACHE_DIR or the user's cache) until methods or
+problems change: a call that was ended goes on. With --page nothing is measured: the page is written
+of what there is.
 
 """
 
@@ -83,7 +84,8 @@ class Entry:
 
 
 def journal(methods: Sequence[str], peers: bool) -> Path:
-    """The folder of what is finished: another one for other methods, other loops, another way of measuring."""
+    """The folder of what is finished: another one for other methods, other loops, another way of
+    measuring."""
     sources = [
         Path(module.__file__).read_text(encoding="utf-8")
         for module in (profiles, work_precision, peers_module, opensees_worker)
@@ -143,7 +145,8 @@ def measure(todo: Sequence[Callable[[], str]], processes: int, minutes: float) -
 
 
 def whole_chart(entries: Sequence[Entry]) -> FieldChart:
-    """All of them, with the largest load while they were measured: when the page is written is another time."""
+    """All of them, with the largest load while they were measured: when the page is written is
+    another time."""
     chart = field_chart([entry.measured for entry in entries])
     load = max((entry.load for entry in entries if entry.load is not None), default=None)
     return replace(chart, timing=replace(chart.timing, load=load))
@@ -203,8 +206,8 @@ def tables_of_profiles(chart: FieldChart) -> str:
 
 
 def dearest(chart: FieldChart, line: str = "impulse4") -> str:
-    """Where a method costs most over the least: of each error of some percent the two dearest problems, and what it
-    and the cheapest method do there."""
+    """Where a method costs most over the least: of each error of some percent the two dearest
+    problems, and what it and the cheapest method do there."""
     rows, costs, counts = [], [], []
 
     def done(point: Point, interval: float, quantity: str) -> list[str]:
@@ -246,12 +249,17 @@ def dearest(chart: FieldChart, line: str = "impulse4") -> str:
     if not rows:
         return ""
     return (
-        f"Where an error of some percent will do, `{line}` costs most over the least on these problems. It takes "
-        "forces at two times of a step and solves for displacements and velocities together: here a solve takes "
-        f"{min(costs):.1f} to {max(costs):.1f} times as long as one of the cheapest method. Within a step it goes from "
-        "one turn or kink of a story's force to the next, but for those that matter less than what the step errs by; "
+        f"Where an error of some percent will do, `{line}` costs most over the least on these "
+        "problems. It takes "
+        "forces at two times of a step and solves for displacements and velocities together: here "
+        "a solve takes "
+        f"{min(costs):.1f} to {max(costs):.1f} times as long as one of the cheapest method. "
+        "Within a step it goes from "
+        "one turn or kink of a story's force to the next, but for those that matter less than "
+        "what the step errs by; "
         "smooth hysteresis (bouc-wen, fluid-dampers) turns in each story: a step has "
-        f"{min(counts):.1f} to {max(counts):.1f} times as many solves. That keeps small errors small and is wasted on "
+        f"{min(counts):.1f} to {max(counts):.1f} times as many solves. That keeps small errors "
+        "small and is wasted on "
         "large ones: "
         f"{PARTS[0]:g} samples, the longest step here, may err far less.\n\n"
         f"{table(heads, rows)}"
@@ -259,7 +267,8 @@ def dearest(chart: FieldChart, line: str = "impulse4") -> str:
 
 
 def failures(chart: FieldChart) -> str:
-    """A row for each method, a column for each building: what it does not solve at the smallest tolerance."""
+    """A row for each method, a column for each building: what it does not solve at the smallest
+    tolerance."""
     buildings = list(dict.fromkeys(one.name for one in chart.measured))
     rows = []
     for line in chart.lines:
@@ -357,9 +366,10 @@ def machine(entries: Sequence[Entry], chart: FieldChart) -> str:
         f"the least of {counts[-1]} times where a step may be the cheapest, else of {counts[0]}"
     )
     return (
-        f"{', '.join(versions)}; {chart.timing.processor}, {system.processors()} processors, {platform.system()}; "
-        f"{' to '.join(dict.fromkeys((days[0], days[-1])))}; {system.CLOCKS[chart.timing.clock]}, {repeats}, "
-        f"{load} on {system.processors()} processors"
+        f"{', '.join(versions)}; {chart.timing.processor}, {system.processors()} processors, "
+        f"{platform.system()}; {' to '.join(dict.fromkeys((days[0], days[-1])))}; "
+        f"{system.CLOCKS[chart.timing.clock]}, {repeats}, {load} on {system.processors()} "
+        "processors"
     )
 
 
@@ -392,21 +402,24 @@ def peers_said(chart: FieldChart) -> str:
             int(count) for one in given for count in re.findall(r"(\d+) of \d+ runs", one.peer_note)
         )
         return (
-            f"OpenSees runs on {len(given)} of {len(chart.measured)} problems: those whose laws it has, shown by its "
-            "average acceleration, extrapolated to dt 0: its histories of drift and absolute acceleration (L2) are "
-            f"those of the reference but for a fifth of the smallest tolerance, {profiles._SURE * TOLERANCES[-1]:.0e}. "
-            "Medians are of these problems alone. Its costs "
-            "are over the least of ours; it is timed once, and begins no run after "
-            f"{profiles._SHARE * opensees_worker.SECONDS:g} s of processor time of a problem, largest steps "
-            f"first, for which {late} with small steps are missing. Its BoucWen errs with order 1. {named}. "
-            f"{peers_module.ITERATED}.\n\n{gaps}"
+            f"OpenSees runs on {len(given)} of {len(chart.measured)} problems: those whose laws it "
+            "has, shown by its average acceleration, extrapolated to dt 0: its histories of drift "
+            "and absolute acceleration (L2) are those of the reference but for a fifth of the "
+            f"smallest tolerance, {profiles._SURE * TOLERANCES[-1]:.0e}. Medians are of these "
+            "problems alone. Its costs are over the least of ours; it is timed once, and begins no "
+            f"run after {profiles._SHARE * opensees_worker.SECONDS:g} s of processor time of a "
+            f"problem, largest steps first, for which {late} with small steps are missing. Its "
+            f"BoucWen errs with order 1. {named}. {peers_module.ITERATED}.\n\n{gaps}"
         )
     try:
         version("openseespy")
         why = "was left out (--no-peers), or does none of these problems"
     except PackageNotFoundError:
         why = "is not installed on this machine"
-    return f"No other program ran for this page: OpenSeesPy {why}, and no number of it is carried over.\n"
+    return (
+        f"No other program ran for this page: OpenSeesPy {why}, and no number of it is carried "
+        "over.\n"
+    )
 
 
 def page(entries: Sequence[Entry], whole: int, pictures: Sequence[tuple[str, str]]) -> str:
@@ -433,8 +446,10 @@ def page(entries: Sequence[Entry], whole: int, pictures: Sequence[tuple[str, str
     contents = "\n".join(f"- [{title}](#{anchor(title)})" for title in sections)
     body = "\n".join(f"## {title}\n\n{text.rstrip()}\n" for title, text in sections.items())
     return (
-        f"{INTRODUCTION}\n{len(entries)} problems, {ours} methods.{missing} Best overall (most within "
-        f"twice the least cost, all quantities and tolerances): `{leaders.overall}`; for errors of {percent(COARSE)} "
+        f"{INTRODUCTION}\n{len(entries)} problems, {ours} methods.{missing} Best overall (most "
+        "within "
+        f"twice the least cost, all quantities and tolerances): `{leaders.overall}`; for errors "
+        f"of {percent(COARSE)} "
         f"and more: `{leaders.coarse}`; safest (fails least): `{leaders.safest}`.\n\n"
         f"Measured with {machine(entries, chart)}.\n\n"
         f"{contents}\n\n{body}"
@@ -458,13 +473,13 @@ $ python tests/benchmarks/run.py
 `tdint chart --problems standard --peers --repeat 3 --tolerance 10%,3%,1%,0.3%,0.1%,0.01%` measures the same points, and
 prints a row for each quantity, tolerance and method. OpenSeesPy runs where it is installed (`pip install
 'tdint[peers]'`).
-"""
+"""  # noqa: E501
 
 PROFILES = f"""\
 For each problem, quantity and tolerance a method takes the cheapest of {len(PARTS)} steps, 16 samples to a sixteenth,
 that is within the tolerance, as are all smaller ones. Lines show the share of problems that it solves at no more than
 some factor of the least cost of all methods (Dolan and More 2002). Errors are the largest of all stories.
-"""
+"""  # noqa: E501
 
 TABLES = """\
 Problems solved within twice the least cost / median of cost over the least cost, of the problems that a method takes /
@@ -472,19 +487,19 @@ the worst of those solved / problems not solved. One that a method does not take
 not all, stands behind its name. In brackets how many are judged: where a second method differs from the reference by
 more than a fifth of a tolerance, a problem is left out there. Times within a tenth of each other are the same. Lines
 `by tolerance` have the time of all that `tdint run --tolerance` does, the choice of steps and the errors that it tells.
-"""
+"""  # noqa: E501
 
 FAILURES = """\
 Of the errors of 0.01 % (three quantities, each motion) those that no step of a method comes to; `-`: it was not tried,
 as `exact` is for linear buildings.
-"""
+"""  # noqa: E501
 
 MATRIX = """
 Twelve problems with known answers, on which methods lose or make energy, ring or blow up, are in
 [the methods' README](../../src/tdint/methods/README.md#where-methods-fail):
 
 ![Matrix of methods and problems: who keeps energy, settles, stays stable](../../configs/failures.png)
-"""
+"""  # noqa: E501
 
 OWN = """\
 A method of yours is a Python file ([how](../../src/tdint/methods/README.md#adding-a-method)), problems are a YAML
@@ -499,7 +514,7 @@ $ tdint chart office.yaml tower.yaml --record a.mseed --record b.mseed
 The line of one plug-in is thick and in front; `--highlight NAME` takes another one.
 A problem or a method more on this page is an entry there, or a name in `METHODS` of
 [profiles.py](../../src/tdint/analysis/chart/profiles.py); then the command above.
-"""
+"""  # noqa: E501
 
 
 def main() -> int:

@@ -1,7 +1,8 @@
 """What `tdint.run_many` costs beside its compiled loops: python tests/benchmarks/run_many.py [RUNS]
 
-One story, 1000 steps, histories of drift and absolute acceleration. Wall time on two threads, over that of nothing but
-the loops of the same runs with a history on two threads; both in turns, the least of five.
+One story, 1000 steps, histories of drift and absolute acceleration. Wall time on two threads, over
+that of nothing but the loops of the same runs with a history on two threads; both in turns, the
+least of five.
 """
 
 import sys
@@ -61,7 +62,8 @@ def main():
     for name, seconds in zip(works, found, strict=True):
         each = 1e3 * seconds / (len(scales) * RECORDS)
         print(
-            f"{name:20s} {seconds:6.2f} s, {each:.3f} ms a run, {seconds / found[0]:.2f} times the loops"
+            f"{name:20s} {seconds:6.2f} s, {each:.3f} ms a run, {seconds / found[0]:.2f} times the "
+            "loops"
         )
 
 

@@ -2,14 +2,15 @@
 
     python tests/benchmarks/same_bytes.py BEFORE AFTER [NAME ...] [--kept FILE.json] [--shared]
 
-BEFORE and AFTER are folders with a `.venv`, or an environment's `bin` or `python`. Each tree uses its own kernels, all
-variants in one, as the tests do. Compared are exit code, standard output, standard error and every file written (a
-picture as SVG, a store as its rows), of the sessions and scripts of this checkout's READMEs, `--help` and errors of
-every command, the scripts of `same_bytes.ini`, and arrays of the Python interface as float64 to the last bit.
-NAME runs those alone whose name begins with it; `--kept` keeps what BEFORE gave, and asks it only for what is missing;
-`--shared` compares what both have: columns of tables, keys of JSON, arrays of a name.
-Left out are wall times, versions and the digests of sources (`MASKS`, `MASKED_KEYS`, `MASKED_COLUMNS`, `TIMED`). The
-exit code is 1 where anything differs.
+BEFORE and AFTER are folders with a `.venv`, or an environment's `bin` or `python`. Each tree uses
+its own kernels, all variants in one, as the tests do. Compared are exit code, standard output,
+standard error and every file written (a picture as SVG, a store as its rows), of the sessions and
+scripts of this checkout's READMEs, `--help` and errors of every command, the scripts of
+`same_bytes.ini`, and arrays of the Python interface as float64 to the last bit. NAME runs those
+alone whose name begins with it; `--kept` keeps what BEFORE gave, and asks it only for what is
+missing; `--shared` compares what both have: columns of tables, keys of JSON, arrays of a name. Left
+out are wall times, versions and the digests of sources (`MASKS`, `MASKED_KEYS`, `MASKED_COLUMNS`,
+`TIMED`). The exit code is 1 where anything differs.
 """
 
 import argparse
@@ -283,7 +284,8 @@ def told(before: Outcome, after: Outcome, of_both: bool = False) -> list[str]:
 
 
 def inputs_in(folder: Path) -> None:
-    """Write what the cases read: models and records of this checkout, models of its READMEs, files of tests/fuzz."""
+    """Write what the cases read: models and records of this checkout, models of its READMEs, files
+    of tests/fuzz."""
     with sandbox() as made:
         shutil.copytree(made, folder, ignore=shutil.ignore_patterns("made", "out"))
     for part in ("configs", "records"):

@@ -1,4 +1,5 @@
-"""What calls of the Python interface give, each float to the last bit: for same_bytes.py, by each tree's own Python."""
+"""What calls of the Python interface give, each float to the last bit: for same_bytes.py, by each
+tree's own Python."""
 
 import csv
 import io

@@ -1,9 +1,10 @@
 """Elastic and rotated spectra against other tools, in one run: python tests/benchmarks/spectrum.py
 
-200 periods from 0.01 to 10 s, 5 % damping, 4001 samples at 0.01 s (records/firm-soil.mseed). Beside tdint eqsig and
-pyrotd, where they are installed. All take turns, the fastest of the repeats counts, in processor time. Errors are those
-of the pseudo-acceleration against the exact response to the motion that is linear between its samples, as tdint
-computes it and tests/analysis/spectra/test_exact_maxima.py confirms it with matrix exponentials.
+200 periods from 0.01 to 10 s, 5 % damping, 4001 samples at 0.01 s (records/firm-soil.mseed). Beside
+tdint eqsig and pyrotd, where they are installed. All take turns, the fastest of the repeats counts,
+in processor time. Errors are those of the pseudo-acceleration against the exact response to the
+motion that is linear between its samples, as tdint computes it and
+tests/analysis/spectra/test_exact_maxima.py confirms it with matrix exponentials.
 """
 
 from collections.abc import Callable
@@ -75,7 +76,8 @@ def fastest(works: dict[str, Callable | None], repeats):
 def show(times, errors, base):
     for name, seconds in times.items():
         print(
-            f"{name:34s} {seconds * 1e3:9.3f} ms {seconds / times[base]:8.2f} x   worst error of PSA {errors[name]}"
+            f"{name:34s} {seconds * 1e3:9.3f} ms {seconds / times[base]:8.2f} x   worst error of "
+            f"PSA {errors[name]}"
         )
 
 

@@ -1,8 +1,8 @@
 """How far studies mislead: python tests/benchmarks/studies.py
 
-A region of forty buildings of four classes under the shipped motions at six levels of PGA (the one of
-src/tdint/campaign/README.md): the medians of clouds over those of stripes, which count, and the loss ratios that follow
-from the functions over those of the runs themselves.
+A region of forty buildings of four classes under the shipped motions at six levels of PGA (the one
+of src/tdint/campaign/README.md): the medians of clouds over those of stripes, which count, and the
+loss ratios that follow from the functions over those of the runs themselves.
 """
 
 import csv
@@ -74,8 +74,10 @@ def region(folder: Path) -> None:
         for (stripes, _), (cloud, _) in zip(both["stripes"][name], both["cloud"][name], strict=True)
     ]
     off = np.abs(np.array(parts) - 1.0)
-    print(f"medians of cloud over stripes: {min(parts):.3f} to {max(parts):.3f}, "
-          f"off by {100 * np.median(off):.0f} % in the median, {100 * np.max(off):.0f} % at worst")  # fmt: skip
+    print(
+        f"medians of cloud over stripes: {min(parts):.3f} to {max(parts):.3f}, off by "
+        f"{100 * np.median(off):.0f} % in the median, {100 * np.max(off):.0f} % at worst"
+    )
     direct = defaultdict(dict)
     for row in rows(folder / "out/losses.csv"):
         if row["type"] and not row["building"]:

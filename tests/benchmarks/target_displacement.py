@@ -1,7 +1,9 @@
-"""Target displacements beside time histories: python tests/benchmarks/target_displacement.py MODEL.yaml...
+"""Target displacements beside time histories: python tests/benchmarks/target_displacement.py
+MODEL.yaml...
 
-Eleven artificial motions, iterated to the target spectrum; the median of the roof's peaks over the runs, its fractiles,
-and what `tdint pushover --target` gives. The figures stand in configs/README.md.
+Eleven artificial motions, iterated to the target spectrum; the median of the roof's peaks over the
+runs, its fractiles, and what `tdint pushover --target` gives. The figures stand in
+configs/README.md.
 """
 
 import sys
@@ -18,7 +20,8 @@ DT, DURATION = 0.01, 30.0  # s
 
 
 def matched(seed):
-    """A motion whose spectrum follows the target: its Fourier amplitudes times the ratio of the spectra, in passes."""
+    """A motion whose spectrum follows the target: its Fourier amplitudes times the ratio of the
+    spectra, in passes."""
     time = np.arange(0.0, DURATION, DT)
     envelope = np.minimum(1.0, time / 3.0) * np.exp(-np.maximum(0.0, time - 15.0) / 5.0)
     samples = np.random.default_rng(seed).standard_normal(time.size) * envelope

@@ -1,13 +1,15 @@
-"""Errors that are told, beside true ones: python tests/benchmarks/told_errors.py [honesty | tolerance | outside]
+"""Errors that are told, beside true ones: python tests/benchmarks/told_errors.py [honesty |
+tolerance | outside]
 
-honesty: `--buildings` random ones of all laws from `--seed` on (`random_buildings.any_building`) and the frames of
-`configs` under the motions of `records`, at `--scales` factors drawn from 0.2 to 1.1 for each, by eight methods with
-steps of 2, 1 and 1/2 samples. Of each column, over all stories: shares of told errors below a half and a tenth of the
-true ones, the median of told over true, the share told ten times too large, and of `corrected` peaks that are worse.
-The truth is impulse4 with 32 steps in a sample; where gauss4 (moment4 with dashpots of powers) differs from it by more
-than a fifth of an error, that is not judged, nor one below 1e-6 of the peak.
-tolerance: how many runs for 1 and 0.1 % are within it, by the methods of `--method`.
-outside: the truth of `plain_solver`, which has nothing of tdint, for buildings of the laws that it knows.
+honesty: `--buildings` random ones of all laws from `--seed` on (`random_buildings.any_building`)
+and the frames of `configs` under the motions of `records`, at `--scales` factors drawn from 0.2 to
+1.1 for each, by eight methods with steps of 2, 1 and 1/2 samples. Of each column, over all stories:
+shares of told errors below a half and a tenth of the true ones, the median of told over true, the
+share told ten times too large, and of `corrected` peaks that are worse. The truth is impulse4 with
+32 steps in a sample; where gauss4 (moment4 with dashpots of powers) differs from it by more than a
+fifth of an error, that is not judged, nor one below 1e-6 of the peak. tolerance: how many runs for
+1 and 0.1 % are within it, by the methods of `--method`. outside: the truth of `plain_solver`, which
+has nothing of tdint, for buildings of the laws that it knows.
 """
 
 import argparse
@@ -40,7 +42,8 @@ METHODS = (
 SAMPLES = (2, 1, 0.5)
 FINE = 32
 SURE = 0.2  # of a true error: what both truths may differ by
-RESOLUTION = 1e-6  # of a peak: below, Newton's tolerance and what both truths miss alike between steps are part of it
+# of a peak: below, Newton's tolerance and what both truths miss alike between steps are part of it
+RESOLUTION = 1e-6
 TOLERANCES = (1e-2, 1e-3)
 OUTSIDE = plain_solver.KINDS[1:]
 
@@ -111,8 +114,8 @@ def truths(model, record, duration):
 
 
 def judged(name, outside=False):
-    """Of a case, by method, step and column: rows of true error, told error, error of the corrected peak, over the
-    peak, one for each story."""
+    """Of a case, by method, step and column: rows of true error, told error, error of the corrected
+    peak, over the peak, one for each story."""
     model, record, duration = case_of(name, OUTSIDE if outside else None)
     if outside:
         fine = [plain_solver.peaks(model, record, parts, duration) for parts in (1024, 2048)]
@@ -140,7 +143,8 @@ def share(part):
 
 
 def honesty(found):
-    """A table of all columns for frames and random buildings, and one line for each method and step."""
+    """A table of all columns for frames and random buildings, and one line for each method and
+    step."""
     groups = {"frames": False, "random buildings": True}
     heads = (
         "beyond 2, %",
@@ -183,7 +187,8 @@ def honesty(found):
 
 
 def within(name, methods):
-    """Of a case: for each method and tolerance the true error of the peak drifts over the tolerance, and the steps."""
+    """Of a case: for each method and tolerance the true error of the peak drifts over the
+    tolerance, and the steps."""
     model, record, duration = case_of(name)
     model = load_model(model)
     true = truths(model, record, duration)
@@ -208,7 +213,8 @@ def tolerances(found, methods):
         parts = np.array([row[1] for row in rows])
         print(
             f"{method}, {100.0 * tolerance:g} %: {np.sum(parts > 1.0)} of {len(rows)} beyond, "
-            f"medians: {np.median(parts):.2f} of the tolerance, {np.median([row[2] for row in rows]):g} samples a step"
+            f"medians: {np.median(parts):.2f} of the tolerance, "
+            f"{np.median([row[2] for row in rows]):g} samples a step"
         )
         for name, part, samples in rows:
             if part > 1.0:

@@ -1,4 +1,5 @@
-"""Runs of one building in one compiled call are the runs that `tdint.run_case` makes one by one, to the last digit."""
+"""Runs of one building in one compiled call are the runs that `tdint.run_case` makes one by one, to
+the last digit."""
 
 from dataclasses import replace
 from typing import Any
@@ -131,7 +132,8 @@ def test_errors_are_those_of_single_runs(
 
 @pytest.mark.parametrize("fixed", [0, 1])
 def test_errors_of_shocks_one_after_the_other(fixed: int) -> None:
-    """Of the whole, or of the last one alone where the first is the state that the building is in."""
+    """Of the whole, or of the last one alone where the first is the state that the building is
+    in."""
     short = [
         replace(record, acceleration=record.acceleration[:1500]) for record in RECORDS.values()
     ]
@@ -161,7 +163,8 @@ def test_a_run_does_not_depend_on_the_others() -> None:
 
 
 def test_what_fails_is_repeated_with_finer_steps() -> None:
-    """A run that fails with the step asked for has the peaks of the coarsest finer step with which it does not."""
+    """A run that fails with the step asked for has the peaks of the coarsest finer step with which
+    it does not."""
     noise = Record(5.0 * np.random.default_rng(1).standard_normal(400), 0.1, "", "", "", "noise")
     model = tdint.load_model("configs/hardening.yaml")
     subject = Subject(model, "newmark-linear")

@@ -1,4 +1,5 @@
-"""Levels, states and losses of campaigns, by counting over made-up runs: no store, nothing integrated."""
+"""Levels, states and losses of campaigns, by counting over made-up runs: no store, nothing
+integrated."""
 
 import math
 from itertools import pairwise
@@ -74,11 +75,12 @@ def test_outcomes_of_runs(dispersion: float) -> None:
     np.testing.assert_allclose(of.probability, expected, atol=1e-15)
     losses = [0.0, 0.02, 0.2, 0.7, *[1.0] * len(FALLEN)]
     np.testing.assert_allclose(
-        of.loss, [math.fsum(p * one for p, one in zip(row, losses)) for row in expected]
-    )  # noqa: B905
+        of.loss,
+        [math.fsum(p * one for p, one in zip(row, losses, strict=True)) for row in expected],
+    )
     np.testing.assert_allclose(
         of.squared_loss,
-        [math.fsum(p * one**2 for p, one in zip(row, losses)) for row in expected],  # noqa: B905
+        [math.fsum(p * one**2 for p, one in zip(row, losses, strict=True)) for row in expected],
     )
     names = ["none", "slight", "moderate", "severe"]
     assert of.known.tolist() == [end == DONE or end in FALLEN for end in ENDS]
@@ -90,7 +92,8 @@ def test_outcomes_of_runs(dispersion: float) -> None:
 
 
 def test_damage_of_a_group_is_the_mean_of_its_runs() -> None:
-    """Of all runs with a result alike; errors by leaving out the motions, which have different numbers of them."""
+    """Of all runs with a result alike; errors by leaving out the motions, which have different
+    numbers of them."""
     of, expected = damage(), np.array(by_hand(STATES))
     motions = np.array([key.motion for key in KEYS])
     chosen = np.array([True] * 9 + [False])
@@ -133,7 +136,8 @@ def test_a_group_without_results() -> None:
 
 
 def test_levels_count_motions_not_runs() -> None:
-    """A pair has failed or fallen where one of its two runs has; a motion that failed has not fallen."""
+    """A pair has failed or fallen where one of its two runs has; a motion that failed has not
+    fallen."""
     rules = SuiteRules(
         {1: 1, 2: 1, 3: 3, 4: 3, 5: 5, 6: 5, 7: 7, 8: 8}, [0.1, 0.4], True, ("pga", "m/s^2")
     )
@@ -166,7 +170,8 @@ def test_levels_count_motions_not_runs() -> None:
     ("yield_force", "share"), [(10.0, 0.7 * 10.0 / 800.0 / 3.0), (1e9, 0.1 * 0.06)]
 )
 def test_an_elastic_scale_of_one_story(yield_force: float, share: float) -> None:
-    """Before the first yielding, and a tenth of the collapse drift, by a run of the story that does not yield."""
+    """Before the first yielding, and a tenth of the collapse drift, by a run of the story that does
+    not yield."""
     record = noise(samples=300)
     law = Law("bilinear", (yield_force, 0.05))
     building = model([story(2.0, 800.0, law, height=3.0)])

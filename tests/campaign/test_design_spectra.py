@@ -1,4 +1,5 @@
-"""Design spectra by name, against values computed and published elsewhere (design_spectra.csv tells the source)."""
+"""Design spectra by name, against values computed and published elsewhere (design_spectra.csv tells
+the source)."""
 
 import csv
 import re
@@ -15,7 +16,8 @@ VALUES = Path(__file__).with_name("design_spectra.csv")
 
 
 def _named(text):
-    """The design spectrum of mapped values: SDS = 2/3 Fa SS, SD1 = 2/3 Fv S1 (ASCE 7-16, 11.4.4 and 11.4.5)."""
+    """The design spectrum of mapped values: SDS = 2/3 Fa SS, SD1 = 2/3 Fv S1 (ASCE 7-16, 11.4.4 and
+    11.4.5)."""
     name, _, rest = text.partition(":")
     if name != "map":
         return text
@@ -80,8 +82,8 @@ def test_a_national_annex_and_damping():
 
 @pytest.mark.parametrize("damping", [5, 20])
 def test_ec8_beyond_four_seconds(damping):
-    """EN 1998-1:2004 A.2: to TE as before, a straight line of displacements to that of the ground at 10 s. The two meet
-    within 2.5 / 4 pi^2 over 0.0625; type 2 ends at 4 s."""
+    """EN 1998-1:2004 A.2: to TE as before, a straight line of displacements to that of the ground
+    at 10 s. The two meet within 2.5 / 4 pi^2 over 0.0625; type 2 ends at 4 s."""
     target = read_target(f"ec8:type=1,soil=C,ag=0.3g,damping={damping}%")
     ground = 0.025 * 0.3 * STANDARD_GRAVITY * 1.15 * 0.6 * 2.0
     plateau = 2.5 * (10.0 / (5.0 + damping)) ** 0.5 if damping < 28 else 1.375

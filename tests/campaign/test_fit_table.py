@@ -89,8 +89,8 @@ def test_runs_at_levels_of_their_own_are_a_cloud(tmp_path: Path) -> None:
 def test_of_a_collapse_it_counts_that_it_was_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Wherever the runaway stopped, a thousand times further or below the threshold, all fits and counts are the same;
-    and the counts are those of each sixth of the runs, by hand."""
+    """Wherever the runaway stopped, a thousand times further or below the threshold, all fits and
+    counts are the same; and the counts are those of each sixth of the runs, by hand."""
     im = LEVELS[:, None] * np.exp(0.2 * RANDOM.standard_normal((LEVELS.size, MOTIONS)))
     (first,) = fit_table(table(tmp_path, im), FragilityRequest(thresholds=(OVER,))).functions
     for factor in (1e3, 1e-3):
@@ -112,8 +112,8 @@ def test_of_a_collapse_it_counts_that_it_was_one(
 
 
 def test_a_function_that_does_not_meet_its_runs_is_named(tmp_path: Path) -> None:
-    """Demands that jump at an intensity of 2 from far below the threshold to beyond it are no line; a line with
-    normal scatter say nothing, whatever is drawn."""
+    """Demands that jump at an intensity of 2 from far below the threshold to beyond it are no line;
+    a line with normal scatter say nothing, whatever is drawn."""
     x = np.geomspace(0.2, 20.0, 200)
     noise = RANDOM.standard_normal(x.size)
     jumping = np.where(x < 2.0, 0.002 * x**0.3, 0.02 * x**0.3) * np.exp(0.05 * noise)
@@ -138,7 +138,8 @@ def test_a_threshold_that_no_run_or_every_run_exceeds_is_named(tmp_path: Path) -
 
 
 def scattered(folder: Path, event: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Two tables of 14 motions, two components at four levels each, which err alike, and what they were made of."""
+    """Two tables of 14 motions, two components at four levels each, which err alike, and what they
+    were made of."""
     random = np.random.default_rng(11)
     motion = np.repeat(np.arange(14), 8)
     im = np.tile(np.repeat(LEVELS, 2), 14) * np.exp(0.2 * random.standard_normal(motion.size))
@@ -157,7 +158,7 @@ def scattered(folder: Path, event: bool) -> tuple[np.ndarray, np.ndarray, np.nda
             # With events records have names of their own, and the event says what errs alike.
             record = f"r{place}" if event else f"r{k}.mseed"
             lines.append(
-                f"a,done,pga,m/s^2,{record},{'HNE' if place % 2 else 'HNN'},{x!r},{d!r}{f',M{k}' * event}"
+                f"a,done,pga,m/s^2,{record},{'HNE' if place % 2 else 'HNN'},{x!r},{d!r}{f',M{k}' * event}"  # noqa: E501
             )
         (folder / name).write_text("\n".join(lines) + "\n")
     return motion, im, edp
@@ -165,8 +166,9 @@ def scattered(folder: Path, event: bool) -> tuple[np.ndarray, np.ndarray, np.nda
 
 @pytest.mark.parametrize("event", [False, True])
 def test_errors_are_those_of_leaving_out_motions(tmp_path: Path, event: bool) -> None:
-    """Of a cloud of runs, of a table of one's own, and of the slope beside which measures are compared: by fits
-    without each motion, by hand; the information matrix, by which runs are independent, has half of it."""
+    """Of a cloud of runs, of a table of one's own, and of the slope beside which measures are
+    compared: by fits without each motion, by hand; the information matrix, by which runs are
+    independent, has half of it."""
     motion, im, edp = scattered(tmp_path, event)
     functions = [fit_table(str(tmp_path / name), FragilityRequest("cloud", (OVER,))).functions[0]
                  for name in ("runs.csv", "cloud.csv")]  # fmt: skip
@@ -187,7 +189,8 @@ def test_errors_are_those_of_leaving_out_motions(tmp_path: Path, event: bool) ->
 
 
 def test_capacities_of_one_record_err_alike(tmp_path: Path) -> None:
-    """Twins count as one motion: the error is that of one of each, and that of motions of their own stays as it was."""
+    """Twins count as one motion: the error is that of one of each, and that of motions of their own
+    stays as it was."""
     capacity = np.exp(0.4 * np.random.default_rng(12).standard_normal(9))
     rows = [f"{value!r},r{place}" for place, value in enumerate(capacity.tolist())]
     errors = {}
@@ -201,7 +204,8 @@ def test_capacities_of_one_record_err_alike(tmp_path: Path) -> None:
 
 
 def test_few_runs_beyond_tell_no_median(tmp_path: Path) -> None:
-    """Three of 112 runs are beyond 5 %: no interval; nor above all intensities, where an eighth is beyond."""
+    """Three of 112 runs are beyond 5 %: no interval; nor above all intensities, where an eighth is
+    beyond."""
     _, im, edp = scattered(tmp_path, False)
     high, middle = np.sort(edp)[-4], float(np.quantile(edp, 0.5))
     result = fit_table(str(tmp_path / "runs.csv"), FragilityRequest("cloud", (high, middle)))

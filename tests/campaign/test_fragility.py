@@ -1,4 +1,5 @@
-"""Fits of fragility functions: published numbers, a second route to each maximum, what cannot be fitted."""
+"""Fits of fragility functions: published numbers, a second route to each maximum, what cannot be
+fitted."""
 
 import math
 
@@ -53,7 +54,8 @@ def test_errors_of_known_capacities():
 
 
 def information(negative, at, h=1e-4):
-    """The inverse of the observed information by central differences of the logarithm of the likelihood."""
+    """The inverse of the observed information by central differences of the logarithm of the
+    likelihood."""
     steps = h * np.eye(len(at))
     hessian = [
         [
@@ -112,8 +114,9 @@ def test_a_cloud_without_censoring_is_least_squares():
 
 
 def test_a_cloud_that_bends_below_the_lightest_state():
-    """Demands on a steep line from 0.01 on and on a flat one below: the medians are those of the steep one, within
-    three standard errors, with all demands they are not; and the likelihood is the largest by another route."""
+    """Demands on a steep line from 0.01 on and on a flat one below: the medians are those of the
+    steep one, within three standard errors, with all demands they are not; and the likelihood is
+    the largest by another route."""
     random = np.random.default_rng(3)
     x, scatter = random.uniform(-2.5, 1.0, 2000), 0.3 * random.standard_normal(2000)
     y = math.log(0.01) + 2.0 * x + scatter
@@ -181,7 +184,8 @@ def test_a_change_of_unit_changes_theta_alone():
 
 
 def test_standard_errors_are_those_of_repetition():
-    """Of 400 samples of 60 capacities the scatter of the estimates is their stated error, to its own scatter (7 %)."""
+    """Of 400 samples of 60 capacities the scatter of the estimates is their stated error, to its
+    own scatter (7 %)."""
     random = np.random.default_rng(3)
     found = []
     for _ in range(400):
@@ -240,7 +244,8 @@ def test_counts_of_levels_that_stand_for_many_runs():
 
 
 def test_the_error_of_the_fit_counts_beside_the_scatter():
-    """By the delta method: that of theta alone moves the probability by density times its error over beta."""
+    """By the delta method: that of theta alone moves the probability by density times its error
+    over beta."""
     covariance = np.diag([0.2**2, 0.0])
     unsure = Fragility("ida", 1.0, 0.5, covariance, 12)
     im, beyond = np.array([1.5] * 4), np.array([1.0, 1.0, 0.0, 1.0])
@@ -252,11 +257,15 @@ def test_the_error_of_the_fit_counts_beside_the_scatter():
 
 
 def test_what_parts_most_from_the_counts_is_told():
-    """100 runs at the median, of which all are beyond: half is expected, the scatter 5 %, half a motion .5 %."""
+    """100 runs at the median, of which all are beyond: half is expected, the scatter 5 %, half a
+    motion .5 %."""
     im = np.repeat([1.0, 4.0], 100)
     beside = SURE.beside_counts(im, np.ones(200))
     assert beside.counted.apart == pytest.approx([(0.5 - 0.005) / 0.05, 0.0])
-    text = "at im 1 100 % of 100 runs are beyond, the cloud function has 50 %: more apart than their scatter allows"
+    text = (
+        "at im 1 100 % of 100 runs are beyond, the cloud function has 50 %: more apart than their "
+        "scatter allows"
+    )
     assert beside.disagreement == text
     assert beside.named(0.02, "Sa", "g").disagreement == "threshold 0.02: " + text.replace(
         "im 1", "Sa 1 g"
@@ -269,7 +278,8 @@ def test_what_parts_most_from_the_counts_is_told():
 
 
 def test_observations_go_along_into_other_units():
-    """A line ln EDP = a + b ln IM keeps its demands where the intensity is 9.80665 times as large a number."""
+    """A line ln EDP = a + b ln IM keeps its demands where the intensity is 9.80665 times as large a
+    number."""
     im = np.array([0.1, 0.2, 0.4, 0.8])
     (fit,) = fit_cloud(im, 0.02 * im**0.9 * np.array([1.1, 0.9, 1.05, 0.95]), (0.01,))
     fit = fit.beside_counts(im, np.array([0.0, 0.0, 1.0, 1.0])).named(0.01, "Sa", "g")

@@ -1,4 +1,5 @@
-"""Incremental dynamic analysis: closed forms, brackets, censoring, runs without a result, what is kept."""
+"""Incremental dynamic analysis: closed forms, brackets, censoring, runs without a result, what is
+kept."""
 
 import math
 from dataclasses import replace
@@ -70,7 +71,8 @@ def curve(*runs, collapse_drift=0.1):
 
 
 def test_a_linear_building_has_a_straight_line():
-    """One story: the drift ratio is Sa / (omega^2 h) at every level, with the spectrum's exact Sa."""
+    """One story: the drift ratio is Sa / (omega^2 h) at every level, with the spectrum's exact
+    Sa."""
     omega, height = 2.0 * math.pi / 0.8, 3.0
     building = model(
         [story(1.0, omega**2, dashpot=2.0 * 0.05 * omega, height=height)], method="exact"
@@ -101,7 +103,8 @@ def test_every_bracket_is_as_narrow_as_asked_for(study):
 
 
 def test_curves_are_filled(study):
-    """Neighbours differ by less than 20 % in drift, unless their levels are closer than the bracket."""
+    """Neighbours differ by less than 20 % in drift, unless their levels are closer than the
+    bracket."""
     for one in study.curves:
         for low, high in pairwise(one.stable):
             ratio = max(low.drift_ratio, high.drift_ratio) / min(low.drift_ratio, high.drift_ratio)
@@ -179,7 +182,8 @@ def drive(levels, building, most=200):
 
 
 def test_levels_find_a_collapse_below_the_first_one_found():
-    """A building that collapses in a narrow range too, below where it stands again: the fill comes upon it."""
+    """A building that collapses in a narrow range too, below where it stands again: the fill comes
+    upon it."""
 
     def building(im):
         if im > 6.0 or 1.45 < im < 1.9:
@@ -219,7 +223,8 @@ def test_a_bracket_in_which_a_run_has_no_result_is_tried_elsewhere(ratio):
 
 @pytest.mark.parametrize(("drift", "part"), [(0.02, 0.4), (0.0105, 1.0 / 1.5), (0.5, 0.1)])
 def test_levels_go_down_to_the_lowest_threshold(drift, part):
-    """To four fifths of the level at which a linear building has it; by a third at least, to a tenth at most."""
+    """To four fifths of the level at which a linear building has it; by a third at least, to a
+    tenth at most."""
     runs = [IdaRun(2.0, 2.0, "done", drift), IdaRun(2.04, 2.04, "collapsed", 0.1)]
     assert LevelSearch(1.0, lowest_drift=0.01).next(runs) == pytest.approx(2.0 * part, rel=1e-12)
 
@@ -266,7 +271,8 @@ def test_what_the_engine_says_of_repeated_runs(frame, monkeypatch):
 
 
 def test_until_rest(frame):
-    """Behind the record the building comes to rest: another drift remains, that of the run until rest."""
+    """Behind the record the building comes to rest: another drift remains, that of the run until
+    rest."""
     settings = IdaSettings(max_im=1.5, thresholds=())
     short = replace(motion(0), acceleration=motion(0).acceleration[:260])
     cut, rested = (
@@ -320,7 +326,8 @@ def test_runs_at_levels_that_are_no_longer_chosen_are_done_again(tmp_path, frame
 
 
 def same_runs(one, other):
-    """Whether two studies have the same runs to the last bit; an error that is not estimated is nan in both."""
+    """Whether two studies have the same runs to the last bit; an error that is not estimated is nan
+    in both."""
     return repr([curve.runs for curve in one.curves]) == repr(
         [curve.runs for curve in other.curves]
     )
@@ -344,7 +351,8 @@ def test_what_makes_no_sense(frame):
 
 
 def test_a_larger_collapse_drift_is_not_smaller_a_capacity(frame, study):
-    """And the measure at another period changes the intensities alone: the factors of the capacities stay."""
+    """And the measure at another period changes the intensities alone: the factors of the
+    capacities stay."""
     (wide,) = ida(frame, [motion(0)], settings=IdaSettings(collapse_drift=0.2)).curves
     assert wide.collapse.upper >= study.curves[0].collapse.lower
     (other,) = ida(frame, [motion(0)], sa(0.3)).curves

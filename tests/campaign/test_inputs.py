@@ -59,8 +59,11 @@ def test_what_damage_is_told_by_is_of_the_first_mode_and_the_height() -> None:
     period = 2.0 * math.pi / math.sqrt(values[0])
     participation = masses @ first / (masses @ first**2)
     divisors = {
-        "drift_ratio": 1.0, "roof_drift_ratio": 10.5, "acceleration": 1.0, "spectral_displacement": participation
-    }  # fmt: skip
+        "drift_ratio": 1.0,
+        "roof_drift_ratio": 10.5,
+        "acceleration": 1.0,
+        "spectral_displacement": participation,
+    }
     for demand, divisor in divisors.items():
         assert type_of_model(BUILDING, demand) == pytest.approx((divisor, period), rel=1e-9)
     assert type_of_model(HALF, "drift_ratio")[1] == pytest.approx(period)
@@ -108,13 +111,22 @@ def test_what_differs_is_told_up_to_eight_times_of_a_kind() -> None:
 
 
 def test_records_of_a_motion_are_known_by_their_names() -> None:
-    """Two of one name at right angles are a pair; not one alone, nor three, nor two that are parallel or unnamed."""
+    """Two of one name at right angles are a pair; not one alone, nor three, nor two that are
+    parallel or unnamed."""
     records = {
-        1: ("a_N.at2", "N", 0), 2: ("a_E.at2", "E", 0), 3: ("b_N.at2", "N", 0),
-        4: ("c.mseed", "HN1", 0), 5: ("c.mseed", "HN2", 0), 6: ("d.mseed", "HNE", 0), 7: ("d.mseed", "270", 0),
-        8: ("e.csv", "000", 0), 9: ("e.csv", "090", 0), 10: ("e.csv", "180", 0),
-        11: ("f+g", "x", 1), 12: ("f+g", "x", 2),
-    }  # fmt: skip
+        1: ("a_N.at2", "N", 0),
+        2: ("a_E.at2", "E", 0),
+        3: ("b_N.at2", "N", 0),
+        4: ("c.mseed", "HN1", 0),
+        5: ("c.mseed", "HN2", 0),
+        6: ("d.mseed", "HNE", 0),
+        7: ("d.mseed", "270", 0),
+        8: ("e.csv", "000", 0),
+        9: ("e.csv", "090", 0),
+        10: ("e.csv", "180", 0),
+        11: ("f+g", "x", 1),
+        12: ("f+g", "x", 2),
+    }
     alone = {number: number for number in records}
     assert motion_numbers(records) == alone | {2: 1, 5: 4, 12: 11}
 

@@ -38,7 +38,8 @@ c,3,1931,URM,4500,37.805,-122.265
 
 @pytest.fixture
 def study(tmp_path: Path) -> Path:
-    """campaign.yaml with three buildings and a grid of three points, each with two motions of two components."""
+    """campaign.yaml with three buildings and a grid of three points, each with two motions of two
+    components."""
     random = np.random.default_rng(3)
     (tmp_path / "campaign.yaml").write_text(STUDY)
     (tmp_path / "buildings.csv").write_text(BUILDINGS)
@@ -91,7 +92,8 @@ def check_strongest_run(
 
 
 def test_buildings_are_those_of_their_model_files(study: Path) -> None:
-    """A run of a row is the run of the model that `tdint inventory --models` writes, under the motion times g."""
+    """A run of a row is the run of the model that `tdint inventory --models` writes, under the
+    motion times g."""
     whole = plan(study)
     assert whole.runs == 3 * 4 * 2 * 2  # buildings, draws, components, scales
     done = rows_of(whole)
@@ -102,7 +104,8 @@ def test_buildings_are_those_of_their_model_files(study: Path) -> None:
 
 
 def test_draws_depend_on_seed_and_id_alone(study: Path) -> None:
-    """Other buildings beside a building, or another order of them, change nothing of what it draws; a seed does."""
+    """Other buildings beside a building, or another order of them, change nothing of what it draws;
+    a seed does."""
     before = {row: plan(study).assignment.draws(number) for number, row in enumerate("abc")}
     header, *lines = BUILDINGS.splitlines()
     (study / "buildings.csv").write_text("\n".join([header, lines[2], lines[0]]) + "\n")
@@ -123,8 +126,9 @@ def test_both_components_of_a_draw_are_run_under_one_number(study: Path) -> None
 
 
 def test_weights_are_the_inverse_squares_of_distances(tmp_path: Path) -> None:
-    """Two points at the north of a building and one at its west, some kilometers away, and one out of reach; the draws
-    follow the weights (chi-squared over 20 000 draws, 3 degrees of freedom less one)."""
+    """Two points at the north of a building and one at its west, some kilometers away, and one out
+    of reach; the draws follow the weights (chi-squared over 20 000 draws, 3 degrees of freedom less
+    one)."""
     degree = (
         1.0 / np.radians(1.0) / 6371.0088
     )  # of latitude in a kilometer; mean radius of the earth, km (IUGG)
@@ -230,8 +234,9 @@ def test_a_grid_needs_places(study: Path) -> None:
 
 
 def test_the_factor_of_a_grid_is_in_the_scale(study: Path) -> None:
-    """m00 and m01 are one file's motions with factors 1 and .5: the name is that of the file, the factor in `scale`; of
-    levels of a measure the scale is level over what the file's motion has, whatever its factor."""
+    """m00 and m01 are one file's motions with factors 1 and .5: the name is that of the file, the
+    factor in `scale`; of levels of a measure the scale is level over what the file's motion has,
+    whatever its factor."""
     whole = plan(study)
     assert [motion.name for motion in whole.motions] == [
         f"m{i}{j}" for i in range(3) for j in range(2) for _ in "xy"
@@ -274,7 +279,8 @@ def test_another_grid_is_another_campaign(study: Path) -> None:
 
 
 def test_a_sweep_varies_what_the_rules_make(study: Path) -> None:
-    """Each variation is the run of the varied model, under the motions that its building draws without a sweep."""
+    """Each variation is the run of the varied model, under the motions that its building draws
+    without a sweep."""
     plain = plan(study)
     (study / "campaign.yaml").write_text(
         STUDY + "vary: {stiffness_factor: [0.8, 1.3], mass_factor: [1.2]}\n"

@@ -75,7 +75,7 @@ records: {grid: g.csv, units: g, neighbors: 1, samples: 1, seed: 0, distance: de
     "most": """\
 buildings: {inventory: a.csv, rules: mdof-lu, units: {length: ft}, damping: mass-only, seed: 2147483647}
 records: {grid: g.csv, units: g, neighbors: 1000, samples: 100000, seed: 2147483647}
-""",
+""",  # noqa: E501
     "sequences": """\
 buildings: {models: [m.yaml]}
 records: {sequences: s.csv, rest: 0}
@@ -85,7 +85,8 @@ records: {sequences: s.csv, rest: 0}
 
 @pytest.mark.parametrize("text", _ENDS.values(), ids=_ENDS)
 def test_what_the_schema_refuses_the_reader_refuses(tmp_path: Path, text: str) -> None:
-    """The shortest lists and the ends of numbers are read; what is shorter or beyond them neither takes."""
+    """The shortest lists and the ends of numbers are read; what is shorter or beyond them neither
+    takes."""
     file, schema = tmp_path / "study.yaml", campaign_schema()
     file.write_text(text)
     load_campaign(file)
@@ -100,26 +101,64 @@ def test_what_the_schema_refuses_the_reader_refuses(tmp_path: Path, text: str) -
 
 
 VALUES = {
-    "rules": "mdof-lu", "classes": "a.csv", "as_published": "true", "units": "{length: m}", "damping": "full",
-    "stiffness_scatter": "0.1", "damping_scatter": "0.1", "seed": "1", "files": "[a.csv]", "pairs": "true",
-    "component": "HNE", "fields": "f.csv", "sites": "s.csv", "distance": "5 km", "sequences": "q.csv", "rest": "5",
-    "neighbors": "4", "samples": "3", "events": "true", "period": "1", "levels": "[0.1 g]", "pair": "rotd50",
-}  # fmt: skip
+    "rules": "mdof-lu",
+    "classes": "a.csv",
+    "as_published": "true",
+    "units": "{length: m}",
+    "damping": "full",
+    "stiffness_scatter": "0.1",
+    "damping_scatter": "0.1",
+    "seed": "1",
+    "files": "[a.csv]",
+    "pairs": "true",
+    "component": "HNE",
+    "fields": "f.csv",
+    "sites": "s.csv",
+    "distance": "5 km",
+    "sequences": "q.csv",
+    "rest": "5",
+    "neighbors": "4",
+    "samples": "3",
+    "events": "true",
+    "period": "1",
+    "levels": "[0.1 g]",
+    "pair": "rotd50",
+}
 
 
 @pytest.mark.parametrize(
     ("section", "given", "refused", "said"),
     [
-        ("buildings", "models: [a.yaml]",
-         "rules classes as_published units damping stiffness_scatter damping_scatter seed",
-         "belongs to an `inventory`"),
-        ("buildings", "inventory: a.csv, units: {length: m}", "classes as_published", "belongs to the rules capacity"),
-        ("buildings", "inventory: a.csv, units: {length: m}, rules: capacity, classes: c.csv",
-         "damping stiffness_scatter damping_scatter seed", "has no part in capacity"),
-        ("records", "grid: g.csv, units: g, neighbors: 4, samples: 3",
-         "files pairs component fields sites sequences rest",
-         "belongs to `files`, `sequences` or `fields`, not to a `grid`"),
-        ("records", "grid: g.csv, units: g, events: true", "neighbors samples seed", "has no part in `events`"),
+        (
+            "buildings",
+            "models: [a.yaml]",
+            "rules classes as_published units damping stiffness_scatter damping_scatter seed",
+            "belongs to an `inventory`",
+        ),
+        (
+            "buildings",
+            "inventory: a.csv, units: {length: m}",
+            "classes as_published",
+            "belongs to the rules capacity",
+        ),
+        (
+            "buildings",
+            "inventory: a.csv, units: {length: m}, rules: capacity, classes: c.csv",
+            "damping stiffness_scatter damping_scatter seed",
+            "has no part in capacity",
+        ),
+        (
+            "records",
+            "grid: g.csv, units: g, neighbors: 4, samples: 3",
+            "files pairs component fields sites sequences rest",
+            "belongs to `files`, `sequences` or `fields`, not to a `grid`",
+        ),
+        (
+            "records",
+            "grid: g.csv, units: g, events: true",
+            "neighbors samples seed",
+            "has no part in `events`",
+        ),
         ("records", "files: [a.csv]", "neighbors samples seed events", "belongs to a `grid`"),
         ("records", "files: [a.csv]", "sites", "belongs to `fields`"),
         ("records", "files: [a.csv]", "distance", "belongs to `fields` or a `grid`"),
@@ -130,7 +169,7 @@ VALUES = {
         ("intensity", "scales: [1]", "period damping levels pair", "belongs to a `measure`"),
         ("intensity", "factors: f.csv", "period damping levels pair", "belongs to a `measure`"),
     ],
-)  # fmt: skip
+)
 def test_keys_that_belong_to_others(
     tmp_path: Path, section: str, given: str, refused: str, said: str
 ) -> None:
@@ -172,7 +211,8 @@ def test_pairs_or_a_component(tmp_path: Path, source: str) -> None:
     )
     for more in (*sound_ones, ", pairs: true, component: HNE"):
         file.write_text(
-            f"buildings: {{models: [a.yaml]}}\nrecords: {{{source}{more}}}\nintensity: {{scales: [1]}}\n"
+            f"buildings: {{models: [a.yaml]}}\nrecords: {{{source}{more}}}\nintensity: {{scales: "
+            "[1]}\n"
         )
         if more in sound_ones:
             load_campaign(file)

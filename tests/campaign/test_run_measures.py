@@ -90,7 +90,8 @@ def test_spectral_measures_are_those_of_spectra():
 
 
 def test_inelastic_displacement():
-    """With a strength that is not reached it is the elastic Sd; a factor on the motion is one on the strength."""
+    """With a strength that is not reached it is the elastic Sd; a factor on the motion is one on
+    the strength."""
     record, period = noise(4), 0.8
     elastic = spectrum(record, np.array([period]), 0.05).sd[0]
     assert run_measure("sdi:0.8:1000%").of(record, 1.0, 9.0) == pytest.approx(elastic, rel=1e-6)
@@ -105,12 +106,18 @@ def test_inelastic_displacement():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("pgx", "unknown intensity measure 'pgx'; did you mean 'pg"), ("pga:1", "unknown intensity measure"),
-        ("sa:0", "must be a positive number"), ("sa:x", "write sa"), ("sdi", "write sdi"), ("sdi:1", "write sdi"),
-        ("sdi:1:-1", "must be positive"), ("sdi:1:0", "must be positive"), ("sa-avg:1", "write sa-avg"),
+        ("pgx", "unknown intensity measure 'pgx'; did you mean 'pg"),
+        ("pga:1", "unknown intensity measure"),
+        ("sa:0", "must be a positive number"),
+        ("sa:x", "write sa"),
+        ("sdi", "write sdi"),
+        ("sdi:1", "write sdi"),
+        ("sdi:1:-1", "must be positive"),
+        ("sdi:1:0", "must be positive"),
+        ("sa-avg:1", "write sa-avg"),
         ("sa-avg:2:1", "write sa-avg"),
     ],
-)  # fmt: skip
+)
 def test_measures_that_there_are_not(text, words):
     with pytest.raises(UsageError, match=words):
         run_measure(text)
@@ -140,8 +147,8 @@ def test_a_line_by_least_squares():
 
 
 def test_runs_under_one_motion_are_not_independent():
-    """The p-value by sums over the motions, one after the other; runs that are there three times tell no more than once
-    but for the factor of (n - 1)/(n - 2)."""
+    """The p-value by sums over the motions, one after the other; runs that are there three times
+    tell no more than once but for the factor of (n - 1)/(n - 2)."""
     rng = np.random.default_rng(8)
     motion = np.repeat(np.arange(9), 4)
     magnitude = rng.uniform(5.0, 8.0, 9)[motion]

@@ -128,13 +128,15 @@ def test_suites():
 
 
 def test_a_suite_says_which_motions_it_has_twice(tmp_path):
-    """A copy under another name, and a file beside its folder; other samples or steps are another motion."""
+    """A copy under another name, and a file beside its folder; other samples or steps are another
+    motion."""
     for name, dt, last in (("a", 0.01, 2), ("b", 0.01, 2), ("c", 0.01, 3), ("d", 0.02, 2)):
         (tmp_path / f"{name}.txt").write_text(f"# dt = {dt} s, units = g\n0\n1\n{last}\n")
     first, copy, *others = (str(tmp_path / f"{name}.txt") for name in "abcd")
     suite = read_suite([str(tmp_path), first], RecordChoice())
     assert suite.notes == (
-        f"the same motion counts more than once in every mean: {copy} is {first}, {first} is {first}",
+        f"the same motion counts more than once in every mean: {copy} is {first}, {first} is "
+        f"{first}",
     )
     assert read_suite([first, *others], RecordChoice()).notes == ()
 
@@ -186,7 +188,8 @@ def test_scaling_to_a_target_is_least_squares():
 
 
 def test_asce7():
-    """The average of the maximum-direction spectra is nowhere below 90 % of the target; all are raised alike."""
+    """The average of the maximum-direction spectra is nowhere below 90 % of the target; all are
+    raised alike."""
     motions, grid = pairs(11), np.geomspace(0.4, 2.0, 3)
     target = read_target(str(ROOT / "configs" / "design-spectrum.csv"))
     scaling = scale_asce7(motions, target, grid, damping=0.2)
@@ -222,7 +225,8 @@ def test_asce7_raises_a_set_that_is_too_low():
 
 @pytest.mark.parametrize("period", [0.4, 1.1])
 def test_the_floor_holds_between_the_periods_of_the_fit(period):
-    """However few these are: at 5000 others the mean is not lower, and somewhere it is just that."""
+    """However few these are: at 5000 others the mean is not lower, and somewhere it is just
+    that."""
     target, grid = (
         read_target("ec8:type=1,soil=B,ag=0.1g"),
         np.geomspace(0.2 * period, 2.0 * period, 5),

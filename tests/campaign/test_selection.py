@@ -1,4 +1,5 @@
-"""Motions chosen from many: against every choice of small pools, limits, earthquakes, scatter; the command."""
+"""Motions chosen from many: against every choice of small pools, limits, earthquakes, scatter; the
+command."""
 
 import itertools
 from dataclasses import replace
@@ -28,7 +29,8 @@ def score(off, wanted=None):
 @pytest.mark.parametrize("scatter", [None, 0.35])
 @pytest.mark.parametrize("per_event", [1, 99])
 def test_the_best_choice_of_small_pools_is_found(scatter, per_event):
-    """Of all choices of four of twelve, in 19 of 20 pools at least; none is better than the best."""
+    """Of all choices of four of twelve, in 19 of 20 pools at least; none is better than the
+    best."""
     rng, events = np.random.default_rng(58), np.arange(12) // 2
     wanted = None if scatter is None else np.full(15, scatter)
     choices = [
@@ -56,7 +58,8 @@ def pool():
 
 
 def test_the_chosen_fit_the_target_together(pool):
-    """Their mean is nearer than that of the four that are nearest each by itself; factors are least squares."""
+    """Their mean is nearer than that of the four that are nearest each by itself; factors are least
+    squares."""
     scaling = tdint.select(pool, TARGET, 4, periods=PERIODS, factors=(0.2, 20.0))
     assert len(scaling.motions) == len(set(scaling.chosen)) == 4
     assert scaling.left_out["duplicate"] == 1 and scaling.left_out["zero"] == 1

@@ -35,7 +35,8 @@ MOUNTS = """\
 def test_a_network_file_system_is_refused(
     tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also for a folder that does not exist yet; a local disk mounted below it is none, nor is a folder beside it."""
+    """Also for a folder that does not exist yet; a local disk mounted below it is none, nor is a
+    folder beside it."""
     mounts = tmp_path / "mountinfo"
     home = tmp_path / "home"
     mounts.write_text(MOUNTS.format(home=home, kind=kind))
@@ -51,7 +52,8 @@ def test_a_network_file_system_is_refused(
 def plan_of(
     motions: dict[str, Any], factors: Sequence[int], buildings: int = 1, **settings: float
 ) -> Plan:
-    """Buildings alike under motions (samples by component), each times 1, 2, ... up to its number of factors."""
+    """Buildings alike under motions (samples by component), each times 1, 2, ... up to its number
+    of factors."""
     model = load_model("configs/two-story-polynomial.yaml")
     suite = suite_motions(
         [Record(samples, 0.01, "", "", name, "r") for name, samples in motions.items()]
@@ -93,7 +95,8 @@ def test_chunks_hold_every_run_once_in_order(
 
 
 def test_chunks_of_equal_runs_are_of_equal_length() -> None:
-    """25 buildings under 40 factors: 64 chunks of 15 or 16 runs each, wherever a building begins."""
+    """25 buildings under 40 factors: 64 chunks of 15 or 16 runs each, wherever a building
+    begins."""
     plan = plan_of({"c": np.ones(1000)}, [40], 25)
     assert plan.chunks == 64
     assert {plan.size(number) for number in range(64)} == {15, 16}

@@ -73,7 +73,8 @@ def rows(store, path):
 
 
 def test_factors_and_ratios_do_what_they_say(model):
-    """The first period goes as the root of mass over stiffness; strengths and stiffnesses are apart."""
+    """The first period goes as the root of mass over stiffness; strengths and stiffnesses are
+    apart."""
     before = tdint.modes(model)
     after = model.replace(mass_factor=1.5, stiffness_factor=0.7, damping=0.02, strength_factor=1.2)
     modes = tdint.modes(after)
@@ -81,8 +82,11 @@ def test_factors_and_ratios_do_what_they_say(model):
     np.testing.assert_allclose(modes.damping, 0.02, rtol=1e-9)
     assert [story.law.parameters[0] for story in after.stories] == [3.6e4, 3.6e4]
     assert after.varied == (
-        ("mass_factor", 1.5), ("stiffness_factor", 0.7), ("damping", 0.02), ("strength_factor", 1.2),
-    )  # fmt: skip
+        ("mass_factor", 1.5),
+        ("stiffness_factor", 0.7),
+        ("damping", 0.02),
+        ("strength_factor", 1.2),
+    )
     one = model.replace(**{"story 2.stiffness_factor": 0.5})
     assert [story.stiffness for story in one.stories] == [4e6, 2e6]
 
@@ -118,8 +122,8 @@ def test_nothing_to_act_on_is_told():
     ("change", "stiffness"), [("coefficients[1]", 300.0), ("coefficients[2]", 100.0)]
 )
 def test_the_stiffness_of_a_law_follows_its_numbers(change, stiffness):
-    """That of a polynomial is its first coefficient; a factor on it multiplies all of them, in the law and in the
-    story."""
+    """That of a polynomial is its first coefficient; a factor on it multiplies all of them, in the
+    law and in the story."""
     law = {"type": "polynomial", "coefficients": [100.0, 2.0]}
     plain = tdint.load_model({"stories": [{"mass": 1.0, "law": law}]})
     (story,) = plain.replace(**{f"story 1.law.{change}": 300.0}).stories
@@ -129,7 +133,8 @@ def test_the_stiffness_of_a_law_follows_its_numbers(change, stiffness):
 
 
 def test_a_latin_hypercube_has_one_draw_in_each_part():
-    """Of 40 draws one lies in each fortieth of a distribution, whatever it is, and a seed gives them again."""
+    """Of 40 draws one lies in each fortieth of a distribution, whatever it is, and a seed gives
+    them again."""
     random = {
         "stiffness_factor": Distribution("lognormal", 1.1, 0.2),
         "mass_factor": Distribution("uniform", 0.8, 1.2),
@@ -176,7 +181,7 @@ def test_a_campaign_file_with_a_sweep(tmp_path):
         records: {files: [a.mseed]}
         analysis: {methods: [bathe, "hht:alpha=-0.1"], dt: [0.01, 0.005]}
         vary: {damping: [2%, 5%], mass_factor: {uniform: {low: 0.9, high: 1.1}}, samples: 7, seed: 2}
-    """
+    """  # noqa: E501
     (tmp_path / "c.yaml").write_text(text)
     sweep = load_campaign(tmp_path / "c.yaml").sweep
     assert sweep == ParameterSweep(
@@ -228,7 +233,8 @@ def test_variations_are_called_by_their_values_and_the_number_of_their_draw(mode
 
 
 def test_ranks_of_a_monotonic_response(records):
-    """The static part of a soft, strong story: its drift falls with its stiffness, in every draw."""
+    """The static part of a soft, strong story: its drift falls with its stiffness, in every
+    draw."""
     stiff = tdint.load_model(
         {
             "name": "stiff",

@@ -1,4 +1,5 @@
-"""The step of a building by a tolerance: from several sampling intervals down, by some of its runs, for all of them."""
+"""The step of a building by a tolerance: from several sampling intervals down, by some of its runs,
+for all of them."""
 
 from dataclasses import replace
 
@@ -16,7 +17,8 @@ from tdint.ground_motion.record import Record
 
 
 def first_part(name: str, component: str, samples: int = 1601) -> Record:
-    """The first 16 s of a shipped record, its strongest ones: whole steps of all lengths that are tried."""
+    """The first 16 s of a shipped record, its strongest ones: whole steps of all lengths that are
+    tried."""
     record = tdint.read_record(f"records/{name}.mseed", component=component, units="m/s^2")
     return replace(record, acceleration=record.acceleration[:samples].copy())
 
@@ -50,8 +52,9 @@ def fine() -> Rows:
 def test_drifts_of_all_runs_are_within_the_tolerance(
     fine: Rows, method: str, beyond: float
 ) -> None:
-    """Under motions sampled at 0.01 and 0.004 s, of which each takes the largest step of its own within the chosen
-    one: impulse4 goes over samples of the finer one, average acceleration below the record's step."""
+    """Under motions sampled at 0.01 and 0.004 s, of which each takes the largest step of its own
+    within the chosen one: impulse4 goes over samples of the finer one, average acceleration below
+    the record's step."""
     subject = Subject(OFFICE, method)
     step = building_step(subject, RECORDS, RUNS, RunSettings(), 0.01)
     assert step is not None
@@ -69,7 +72,8 @@ def test_drifts_of_all_runs_are_within_the_tolerance(
 
 
 def test_the_step_is_the_smallest_of_those_of_the_runs() -> None:
-    """Of four runs, all of which are looked at; and with a step that is asked for it is the largest one."""
+    """Of four runs, all of which are looked at; and with a step that is asked for it is the largest
+    one."""
     subject = Subject(OFFICE, "newmark-average")
     runs = [Run(motion, 1.0) for motion in range(4)]
     cases = [

@@ -38,7 +38,7 @@ SHAKEN = """\
     damping: {rayleigh: {ratio: 0.05, modes: [1, 2]}}
     excitation: {record: {file: motion.mseed, component: HNE}}
     analysis: {method: newmark-average}
-"""
+"""  # noqa: E501
 STUDY = """\
 buildings: {models: [shaken.yaml]}
 records: {files: [motion.mseed, other.mseed], units: m/s^2}
@@ -56,7 +56,8 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture
 def folder(here: Path) -> Path:
-    """The working directory with models forced.yaml and shaken.yaml, records motion.mseed and other.mseed."""
+    """The working directory with models forced.yaml and shaken.yaml, records motion.mseed and
+    other.mseed."""
     return write_folder(here)
 
 
@@ -96,7 +97,8 @@ def decaying_sine(
 
 
 def made_once(folders: pytest.TempPathFactory, make: Callable[[Path], None]) -> Path:
-    """A folder for a fixture of a whole file of tests: `make` fills it, as the working directory."""
+    """A folder for a fixture of a whole file of tests: `make` fills it, as the working
+    directory."""
     folder = folders.mktemp("made")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
@@ -105,7 +107,8 @@ def made_once(folders: pytest.TempPathFactory, make: Callable[[Path], None]) -> 
 
 
 def check_parquet(file: str, table: list[dict[str, str]]) -> Any:
-    """The rows of a Parquet file, which is returned, are those of a table that was read from CSV, to its digits."""
+    """The rows of a Parquet file, which is returned, are those of a table that was read from CSV,
+    to its digits."""
     found = pytest.importorskip("pyarrow.parquet").read_table(file)
     assert found.column_names == list(table[0])
     for given, told in zip(found.to_pylist(), table, strict=True):
@@ -120,7 +123,8 @@ def check_parquet(file: str, table: list[dict[str, str]]) -> Any:
 
 
 def copy_of(made: str) -> Any:
-    """A fixture: the working directory, with what is in the folder that the fixture `made` fills once."""
+    """A fixture: the working directory, with what is in the folder that the fixture `made` fills
+    once."""
 
     @pytest.fixture
     def copy(request: pytest.FixtureRequest, here: Path) -> Path:
@@ -139,8 +143,9 @@ def change(file: str | Path, *changes: tuple[str, str]) -> None:
 
 
 class Command:
-    """`tdint ARGUMENTS` in this process; the result has exit_code, stdout and stderr, in which no word depends on the
-    store. That a kernel is compiled is said, too (tests/kernels/test_compiling.py), but not here.
+    """`tdint ARGUMENTS` in this process; the result has exit_code, stdout and stderr, in which no
+    word depends on the store. That a kernel is compiled is said, too
+    (tests/kernels/test_compiling.py), but not here.
     """
 
     def __call__(
@@ -156,8 +161,8 @@ class Command:
     def refused(
         self, message: str, *arguments: object, stdin: bytes | None = None, code: int = 2
     ) -> Result:
-        """What comes of bad input: a message, a code, nothing on standard output, and no file or folder that was not
-        there."""
+        """What comes of bad input: a message, a code, nothing on standard output, and no file or
+        folder that was not there."""
         before = {*Path().iterdir(), *map(Path, ("__pycache__", ".hypothesis", ".pytest_cache"))}
         result = self(*arguments, stdin=stdin, code=code)
         assert result.stdout == ""
@@ -173,8 +178,8 @@ def tdint() -> Command:
 
 
 def at_a_terminal(line: str, to_terminal: bool = True) -> tuple[bytes, int]:
-    """What `tdint LINE`, a process of its own, shows on a terminal by standard error, and by standard output if that is
-    said; and its exit code."""
+    """What `tdint LINE`, a process of its own, shows on a terminal by standard error, and by
+    standard output if that is said; and its exit code."""
     import pty
 
     ours, theirs = pty.openpty()
@@ -204,8 +209,9 @@ def drawn() -> None:
 def _pictures(
     request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, not_laid_out: None
 ) -> None:
-    """Figures are made, but unless a test takes `drawn` or `laid_out`, files get but the beginning of their format and
-    the words of the figure: drawn are figures of all kinds in tests/output/test_plots.py."""
+    """Figures are made, but unless a test takes `drawn` or `laid_out`, files get but the beginning
+    of their format and the words of the figure: drawn are figures of all kinds in
+    tests/output/test_plots.py."""
     from matplotlib.figure import Figure
     from matplotlib.text import Text
 

@@ -1,4 +1,5 @@
-"""`tdint spectrum --against`: the difference to a published spectrum, by period and by units of its columns."""
+"""`tdint spectrum --against`: the difference to a published spectrum, by period and by units of its
+columns."""
 
 import json
 from pathlib import Path
@@ -31,8 +32,14 @@ def test_a_spectrum_differs_from_itself_by_nothing(spectra, tdint):
         ).stdout
     )
     assert list(found[0]) == [
-        "record", "component", "damping", "period_s", "psa_m_s2", "published_psa_m_s2", "relative_difference",
-    ]  # fmt: skip
+        "record",
+        "component",
+        "damping",
+        "period_s",
+        "psa_m_s2",
+        "published_psa_m_s2",
+        "relative_difference",
+    ]
     assert [row["damping"] for row in found[::4]] == ["0.05", "0.02"]
     assert max(abs(float(row["relative_difference"])) for row in found) < 1e-11
 

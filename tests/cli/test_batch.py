@@ -116,9 +116,14 @@ def test_records_of_one_stem_keep_their_suffix(folder, tdint):
 
 
 def test_names_that_still_clash_are_refused(tmp_path):
-    assert [table.name for table in tables_of(["a/x.EW", "b/x.NS", "-", "stdin.at2"], tmp_path)] == [
-        "x.EW.csv", "x.NS.csv", "stdin.csv", "stdin.at2.csv",
-    ]  # fmt: skip
+    assert [
+        table.name for table in tables_of(["a/x.EW", "b/x.NS", "-", "stdin.at2"], tmp_path)
+    ] == [
+        "x.EW.csv",
+        "x.NS.csv",
+        "stdin.csv",
+        "stdin.at2.csv",
+    ]
     for clash in (["x.EW", "x.NS", "x.EW.mseed"], ["a/x.EW", "b/x.EW"]):
         with pytest.raises(Exception, match="would be written to it"):
             tables_of(clash, tmp_path)
@@ -160,8 +165,14 @@ def test_standard_input_is_read_where_it_is(folder, tdint):
     )
     assert (one.exit_code, one.stdout) == (0, three.stdout)
     assert [line.split(",")[0] for line in one.stdout.splitlines()[1::2]] == [
-        "motion.mseed", "motion.mseed", "other.mseed", "-", "other.mseed", "motion.mseed", "motion.mseed",
-    ]  # fmt: skip
+        "motion.mseed",
+        "motion.mseed",
+        "other.mseed",
+        "-",
+        "other.mseed",
+        "motion.mseed",
+        "motion.mseed",
+    ]
 
 
 def test_what_a_table_came_from(folder, tdint):
@@ -228,9 +239,15 @@ def test_results_and_failures_come_in_order():
 
 def test_a_process_that_dies_costs_its_own_record_only():
     found = run_batch(["a", "dies", "b", "dies", "c", "d"], 2)
-    assert [item if isinstance(item, Exception) else item[0] for item in (found[0], *found[2::2], found[5])] == [
-        "aa", "bb", "cc", "dd",
-    ]  # fmt: skip
+    assert [
+        item if isinstance(item, Exception) else item[0]
+        for item in (found[0], *found[2::2], found[5])
+    ] == [
+        "aa",
+        "bb",
+        "cc",
+        "dd",
+    ]
     for lost in (found[1], found[3]):
         assert isinstance(lost, AnalysisError)
         assert str(lost).startswith("dies: the process that worked on it ended before its time")

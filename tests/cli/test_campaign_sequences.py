@@ -36,7 +36,7 @@ stories:
   - {repeat: 2, mass: 10, height: 3, stiffness: 8000, law: {type: bilinear, yield_force: 50, hardening: 0.1}}
 damping: {rayleigh: {ratio: 0.05, modes: [1, 2]}}
 analysis: {method: newmark-average}
-"""
+"""  # noqa: E501
 RECORDS = (
     "ida",
     "frame.yaml",
@@ -52,7 +52,8 @@ AFTERSHOCKS = (*RECORDS, "--after", "other.mseed")
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
-    """study.yaml with sequences of two and three shocks, done in the folder out; a frame without a motion."""
+    """study.yaml with sequences of two and three shocks, done in the folder out; a frame without a
+    motion."""
 
     def make(folder):
         write_folder(folder)
@@ -252,8 +253,8 @@ def test_each_state_has_its_fragility(folder, tdint):
 
 
 IMK = (
-    "imk, yield_force: 50, plastic_drift: 0.05, post_capping_drift: 0.1, ultimate_drift: 0.06, capping_ratio: 1.1, "
-    "residual_ratio: 0.1"
+    "imk, yield_force: 50, plastic_drift: 0.05, post_capping_drift: 0.1, ultimate_drift: 0.06, "
+    "capping_ratio: 1.1, residual_ratio: 0.1"
 )
 
 

@@ -1,4 +1,5 @@
-"""Stores of campaigns that are damaged, changed by hand, locked by others, or beside tables of other commands."""
+"""Stores of campaigns that are damaged, changed by hand, locked by others, or beside tables of
+other commands."""
 
 import os
 import shutil
@@ -127,7 +128,8 @@ def test_a_store_that_cannot_be_trusted_is_refused_with_a_way_out(
 
 
 def test_every_damaged_page_is_found(done: dict[str, bytes], tdint: Command) -> None:
-    """Zeroed, or changed for another: refused, or what it held is done again, or nothing was in it."""
+    """Zeroed, or changed for another: refused, or what it held is done again, or nothing was in
+    it."""
     whole = Path("out", FILE).read_bytes()
     size = int.from_bytes(whole[16:18], "big")
     pages = [whole[at : at + size] for at in range(0, len(whole), size)]
@@ -220,7 +222,8 @@ def test_waiting_is_said_and_ends(
 
 
 def test_tables_of_another_command_are_not_replaced(done: dict[str, bytes], tdint: Command) -> None:
-    """Neither those that were there before the campaign began, nor those that were changed since."""
+    """Neither those that were there before the campaign began, nor those that were changed
+    since."""
     one_run = ("run", "shaken.yaml", "--units", "m/s^2", "-o", "one")
     tdint(*one_run, code=0)
     kept = {path.name: path.read_bytes() for path in Path("one").iterdir()}

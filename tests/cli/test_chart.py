@@ -60,7 +60,10 @@ def test_table_words_and_files(folder, tdint, drawn):
     )
     assert [float(told[1]) / float(told[i]) for i in (2, 3)] == pytest.approx([4.0, 8.0], rel=1e-3)
     for line, limit in zip(lines[1:3], ("1", "0.1"), strict=True):
-        best = rf"For {limit} % \(peak-drift\): (\S+) with dt (\S+) s, .* ms, error \S+ %, told (\S+) % of the peak drifts"
+        best = (
+            rf"For {limit} % \(peak-drift\): (\S+) with dt (\S+) s, .* ms, error \S+ %, told "
+            r"(\S+) % of the peak drifts"
+        )
         others = r"(; next best: \S+ with dt \S+ s, \S+ times as long, error \S+ %)?"
         usual = r"(; newmark-average with dt 0.01 s, \S+ times as long, error \S+ %)?"
         stated = re.fullmatch(f"{best}{others}{usual}\\.", line)
@@ -100,7 +103,8 @@ def test_table_words_and_files(folder, tdint, drawn):
 
 
 def test_lines_by_tolerance(folder, tdint):
-    """They stand behind the others, with the error of peak drifts alone, and are not recommended: they have no dt."""
+    """They stand behind the others, with the error of peak drifts alone, and are not recommended:
+    they have no dt."""
     result = tdint(
         "chart",
         "shaken.yaml",
@@ -219,7 +223,8 @@ def test_unstable_steps_stay_in_the_table(folder, tdint):
 
 def test_peaks_that_are_there_from_the_start_recommend_nothing(folder, tdint):
     (folder / "free.yaml").write_text(
-        "stories: [{mass: 1, stiffness: 100}]\ninitial: {displacement: [0.1]}\nanalysis: {dt: 0.02, duration: 2}\n",
+        "stories: [{mass: 1, stiffness: 100}]\ninitial: {displacement: [0.1]}\nanalysis: {dt: "
+        "0.02, duration: 2}\n",
         encoding="utf-8",
     )
     result = tdint("chart", "free.yaml", *QUICK, "-o", "x.csv")
@@ -374,8 +379,24 @@ LINES = ("--method", "newmark-average,impulse4")
 def test_profiles_of_several_motions(folder, tdint, make_record, drawn):
     make_record("other.mseed", "HNE", samples=250)
     result = tdint(
-        "chart", "shaken.yaml", "--record", "motion.mseed", "--record", "other.mseed", "--component", "HNE", *LINES,
-        "--units", "m/s^2", "--repeat", "1", "-o", "x.csv", "--plot", code=0)  # fmt: skip
+        "chart",
+        "shaken.yaml",
+        "--record",
+        "motion.mseed",
+        "--record",
+        "other.mseed",
+        "--component",
+        "HNE",
+        *LINES,
+        "--units",
+        "m/s^2",
+        "--repeat",
+        "1",
+        "-o",
+        "x.csv",
+        "--plot",
+        code=0,
+    )
     table = rows((folder / "x.csv").read_text())
     assert len(table) == 3 * 6 * 2
     assert {row["problems"] for row in table} <= {"1", "2"}
@@ -406,7 +427,8 @@ def test_a_file_of_problems_and_its_picture(folder, tdint):
     )
     result = tdint(*words, "peak-acceleration", "--peers", "--tolerance", "1%", code=0)
     assert re.search(
-        r"two stories, near: openseespy: (left out: it is not installed|\S+ from the reference, extrapolated)",
+        r"two stories, near: openseespy: (left out: it is not installed|\S+ from the reference, "
+        r"extrapolated)",
         result.stderr,
     )
     assert {row["method"] for row in rows(result.stdout)} >= {

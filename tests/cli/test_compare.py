@@ -38,7 +38,8 @@ FITS = []
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """A folder with a model, a base motion, and a history of the model with noise on the roof's acceleration."""
+    """A folder with a model, a base motion, and a history of the model with noise on the roof's
+    acceleration."""
     return made_once(tmp_path_factory, write_recorded)
 
 
@@ -132,7 +133,8 @@ def test_fitted_and_blind(recorded):
 
 
 def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, monkeypatch):
-    """It runs from where it lies, has the numbers of fit.csv and compares as the fit does; nothing else is changed."""
+    """It runs from where it lies, has the numbers of fit.csv and compares as the fit does; nothing
+    else is changed."""
     entries = (
         "  # from the ground up\n  - {repeat: 2, mass: 1.0, stiffness: 800}  # equal at first\n"
     )
@@ -183,8 +185,8 @@ def test_a_fitted_model_is_written_with_its_comments(recorded, tdint, tmp_path, 
 
 
 def test_units_of_the_command_line_and_of_the_model(recorded, tdint, tmp_path, monkeypatch):
-    """Floors' spectra, fitted stiffnesses under names that say their units, the summary and the words; the fit itself
-    is the one of the test above."""
+    """Floors' spectra, fitted stiffnesses under names that say their units, the summary and the
+    words; the fit itself is the one of the test above."""
     monkeypatch.chdir(recorded)
     monkeypatch.setattr(fitting, "fit", lambda *_: FITS[0])
     Path("named.yaml").write_text(Path("off.yaml").read_text() + "output_units: kip, in, g\n")
@@ -231,9 +233,18 @@ def test_every_fault_of_the_file_in_one_go(recorded, tdint):
     result = tdint("compare", recorded / "model.yaml", "--recorded", recorded / "bad.yaml", code=3)
     faults = [line.partition("bad.yaml:")[2].split(": ")[:2] for line in result.stderr.splitlines()]
     assert [" ".join(fault) for fault in faults] == [
-        "1:1 bas", "2:25 base.column", "2:52 base.quantity", "4:22 floors.2.sign", "5:9 floors.roof",
-        "5:10 floors.roof.fil", "6:6 floors.7", "6:23 floors.7.units", "7:7 band", "8:9 window", "9:8 shift",
-    ]  # fmt: skip
+        "1:1 bas",
+        "2:25 base.column",
+        "2:52 base.quantity",
+        "4:22 floors.2.sign",
+        "5:9 floors.roof",
+        "5:10 floors.roof.fil",
+        "6:6 floors.7",
+        "6:23 floors.7.units",
+        "7:7 band",
+        "8:9 window",
+        "9:8 shift",
+    ]
     for told in (
         "did you mean 'base'?",
         "did you mean 'displacement'?",

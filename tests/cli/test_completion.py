@@ -42,14 +42,17 @@ def test_files_are_left_to_the_shell(line):
 
 
 def test_the_shell_asks_without_loading_more_than_click():
-    """Each shell after the other, in one process: fish gives the word itself, the others its place."""
+    """Each shell after the other, in one process: fish gives the word itself, the others its
+    place."""
     code = (
         "import os, sys\nfrom tdint_cli.main import main\n"
         "for shell, word in (('bash', '1'), ('zsh', '1'), ('fish', 's')):\n"
-        "    os.environ |= {'_TDINT_COMPLETE': f'{shell}_complete', 'COMP_WORDS': 'tdint s', 'COMP_CWORD': word}\n"
+        "    os.environ |= {'_TDINT_COMPLETE': f'{shell}_complete', 'COMP_WORDS': 'tdint s', "
+        "'COMP_CWORD': word}\n"
         "    try:\n        main()\n"
         "    except SystemExit:\n        print('asked by', shell)\n"
-        "    print([n for n in ('numpy', 'numba', 'obspy', 'yaml') if n in sys.modules], file=sys.stderr)"
+        "    print([n for n in ('numpy', 'numba', 'obspy', 'yaml') if n in sys.modules], "
+        "file=sys.stderr)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stderr.splitlines() == ["[]"] * 3

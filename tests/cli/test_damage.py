@@ -1,4 +1,5 @@
-"""Damage states of campaigns: damage.csv, damage-types.csv and losses.csv beside closed forms, and what is refused."""
+"""Damage states of campaigns: damage.csv, damage-types.csv and losses.csv beside closed forms, and
+what is refused."""
 
 import json
 import math
@@ -34,7 +35,7 @@ buildings: {inventory: buildings.csv, rules: capacity, classes: classes.csv, uni
 records: {files: [pair-0.mseed, pair-1.mseed, pair-2.mseed, pair-3.mseed], units: m/s^2, pairs: true}
 intensity: {scales: [0.2, 0.5, 1]}
 analysis: {method: newmark-average}
-"""
+"""  # noqa: E501
 BY_CURVES = "damage: {thresholds: capacity, dispersion: 0.3}\n"
 
 
@@ -56,8 +57,8 @@ def probabilities(row: dict[str, str]) -> dict[str, float]:
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The region of three buildings of two classes under four pairs, whose second component is twice the first, at
-    three factors; done in `out` with more measures of the motions."""
+    """The region of three buildings of two classes under four pairs, whose second component is
+    twice the first, at three factors; done in `out` with more measures of the motions."""
 
     def make(folder: Path) -> None:
         write_folder(folder)
@@ -76,9 +77,10 @@ region = copy_of("done")
 
 
 def test_states_probabilities_and_losses_of_runs(folder: Path, tdint: Command) -> None:
-    """The probability of the state or a heavier one is 1/2 at the median, and Phi(ln(d / median) / beta) elsewhere;
-    those of all outcomes make 1; the mean loss is the sum of probability times loss. A run that collapses is collapsed
-    with certainty, and costs what a collapse does. Means over runs: tests/campaign/test_damage_counting.py."""
+    """The probability of the state or a heavier one is 1/2 at the median, and Phi(ln(d / median) /
+    beta) elsewhere; those of all outcomes make 1; the mean loss is the sum of probability times
+    loss. A run that collapses is collapsed with certainty, and costs what a collapse does. Means
+    over runs: tests/campaign/test_damage_counting.py."""
     low, median, high = sorted(drifts(1.0))
     text = STUDY.replace(
         "newmark-average", f"newmark-average, collapse_drift: {math.sqrt(median * high)!r}"
@@ -208,7 +210,8 @@ def test_thresholds_of_hazus(folder: Path, tdint: Command) -> None:
     (folder / "buildings.csv").write_text(header + "office,5,1990,C1,900,15\n")
     (folder / "study.yaml").write_text(
         "buildings: {inventory: buildings.csv, units: {length: m}}\n"
-        "records: {files: [motion.mseed], units: m/s^2, component: HNE}\ndamage: {thresholds: hazus}\n"
+        "records: {files: [motion.mseed], units: m/s^2, component: HNE}\ndamage: {thresholds: "
+        "hazus}\n"
     )
     assert tdint("campaign", "study.yaml", "-o", "out").exit_code == 0
     (row,), (run,) = rows("out/damage.csv"), rows("out/runs.csv")
@@ -231,7 +234,8 @@ def test_states_of_the_models_themselves(folder: Path, tdint: Command) -> None:
     """`damage` of a model, by accelerations with their unit."""
     with Path("shaken.yaml").open("a") as file:
         file.write(
-            "damage: {demand: acceleration, thresholds: {dented: 0.1 g, gone: 5 m/s^2}, dispersion: 0.5}\n"
+            "damage: {demand: acceleration, thresholds: {dented: 0.1 g, gone: 5 m/s^2}, "
+            "dispersion: 0.5}\n"
         )
     (folder / "study.yaml").write_text(STUDY)
     tdint("campaign", "study.yaml", "-o", "out", "--output-units", "g", code=0)
@@ -245,8 +249,8 @@ LEVELS = "intensity: {measure: pga, levels: [0.3 m/s^2, 1 m/s^2, 2.5 m/s^2]}"
 
 
 def test_fragility_of_each_type_and_state(region: Path, tdint: Command, drawn: None) -> None:
-    """Stripes: the fit of the sums of probabilities at each level, falls among them; its errors are those of leaving
-    out one motion after the other: variance (g - 1)/g sum (theta_i - mean)^2."""
+    """Stripes: the fit of the sums of probabilities at each level, falls among them; its errors are
+    those of leaving out one motion after the other: variance (g - 1)/g sum (theta_i - mean)^2."""
     change(
         "study.yaml",
         ("intensity: {scales: [0.2, 0.5, 1]}", LEVELS),
@@ -293,7 +297,8 @@ def test_fragility_of_each_type_and_state(region: Path, tdint: Command, drawn: N
 
 
 def dispersed_cloud(im: list[float], demand: list[float], fell: list[bool]) -> list[Fragility]:
-    """Of class A, slight at 0.015 m and complete at 0.06 m with a dispersion of 0.3: three sets of all runs."""
+    """Of class A, slight at 0.015 m and complete at 0.06 m with a dispersion of 0.3: three sets of
+    all runs."""
     x, y, above = [], [], []
     for part in (math.exp(-0.3 * math.sqrt(1.5)), 1.0, math.exp(0.3 * math.sqrt(1.5))):
         for one, value, gone in zip(im, demand, fell, strict=True):
@@ -422,7 +427,8 @@ def test_drift_ratios_need_heights(folder: Path, tdint: Command, words: tuple[st
 def test_a_single_run_tells_the_damage_of_its_model(
     folder: Path, tdint: Command, demand: str, unit: str, slight: str, complete: str
 ) -> None:
-    """In summary.json and in a line, with the numbers of a campaign of that run; nothing without damage states."""
+    """In summary.json and in a line, with the numbers of a campaign of that run; nothing without
+    damage states."""
     call = ("run", "shaken.yaml", "motion.mseed", "--component", "HNN", "--units", "m/s^2", "-o")
     result = tdint(*call, "plain", code=0)
     assert (
@@ -489,10 +495,10 @@ def test_an_ida_asks_for_the_medians_of_the_damage_states(folder: Path, tdint: C
 def test_the_measure_that_was_asked_for_of_the_pair(
     region: Path, tdint: Command, im: str, column: str, imt: str
 ) -> None:
-    """Clouds by hand over the geometric mean of what both components have, of each type and of one building: the line
-    through the demands of all runs, falls known only to be above the heaviest state, those below the lightest one only
-    to be below, and counted; each is seen with three thresholds, so that beta has their dispersion. Sa is at the period
-    of the class's curve."""
+    """Clouds by hand over the geometric mean of what both components have, of each type and of one
+    building: the line through the demands of all runs, falls known only to be above the heaviest
+    state, those below the lightest one only to be below, and counted; each is seen with three
+    thresholds, so that beta has their dispersion. Sa is at the period of the class's curve."""
     call = (
         "fragility",
         "out",
@@ -549,7 +555,8 @@ def test_the_measure_that_was_asked_for_of_the_pair(
 
 
 def test_the_levels_of_a_pair_are_the_measure(region: Path, tdint: Command) -> None:
-    """Where a campaign has brought pairs to levels, their measure is known without measures.csv, of any direction."""
+    """Where a campaign has brought pairs to levels, their measure is known without measures.csv, of
+    any direction."""
     levels = (
         "intensity: {measure: sa, period: 0.6, levels: [0.5 m/s^2, 2 m/s^2, 6 m/s^2], pair: rotd50}"
     )
@@ -569,8 +576,8 @@ def test_the_levels_of_a_pair_are_the_measure(region: Path, tdint: Command) -> N
 
 
 def test_functions_of_each_building(region: Path, tdint: Command) -> None:
-    """Of two models by thresholds of the drift ratio, each over Sa at its own period, which the file for OpenQuake has;
-    the numbers are those of a campaign of one of them."""
+    """Of two models by thresholds of the drift ratio, each over Sa at its own period, which the
+    file for OpenQuake has; the numbers are those of a campaign of one of them."""
     shaken = Path("shaken.yaml").read_text()
     Path("soft.yaml").write_text(
         shaken.replace("name: ", "name: soft ").replace("stiffness: 8000", "stiffness: 4000")

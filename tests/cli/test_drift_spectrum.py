@@ -1,4 +1,5 @@
-"""`tdint drift-spectrum`: rows, files, the picture, and what happens to the good records when one is bad."""
+"""`tdint drift-spectrum`: rows, files, the picture, and what happens to the good records when one
+is bad."""
 
 import json
 

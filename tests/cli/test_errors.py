@@ -71,7 +71,8 @@ def test_an_error_is_a_line_and_a_code(capsys, error, code, text):
 
 
 def test_the_library_s_words_become_options_where_the_command_has_them(tdint, folder):
-    """A key that a model or campaign file may have is no option, though one of the same name exists elsewhere."""
+    """A key that a model or campaign file may have is no option, though one of the same name exists
+    elsewhere."""
     (folder / "motion.csv").write_text("0 0\n0.01 1\n0.02 3\n")
     (folder / "campaign.yaml").write_text(
         "buildings: {models: [frame.yaml]}\nrecords: {files: [motion.csv]}\n"

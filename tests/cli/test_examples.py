@@ -30,9 +30,13 @@ FILES = {
 }
 NUMBERED = re.compile(r"Figure (\d+)(:|, our drawing:) ")
 CAPTIONS = (
-    "spectral radii, damping ratio 0", "spectral radii, damping ratio 5 %", "period elongations", "numerical damping",
-    "amplitude decay", "order of accuracy over ω₀ / ω",
-)  # fmt: skip
+    "spectral radii, damping ratio 0",
+    "spectral radii, damping ratio 5 %",
+    "period elongations",
+    "numerical damping",
+    "amplitude decay",
+    "order of accuracy over ω₀ / ω",
+)
 """Of the paper's first figures."""
 
 
@@ -70,8 +74,8 @@ def test_examples_with_their_figures(here, tdint, numbers, drawn):
 
 
 def test_all_sixteen_figures(here, tdint, monkeypatch):
-    """Those of methods and buildings, too: titles and curves of what is drawn. No other floor, no velocity, no variant;
-    errors as |u - u_exact|; a building shows its masses and forces."""
+    """Those of methods and buildings, too: titles and curves of what is drawn. No other floor, no
+    velocity, no variant; errors as |u - u_exact|; a building shows its masses and forces."""
     monkeypatch.setattr(
         commands, "_RATIOS", parse_grid("0.5:2:2")
     )  # of 15; stability needs its 600 steps

@@ -44,8 +44,8 @@ def test_miniseed_is_the_motion_to_the_bit(folder, tdint) -> None:
 
 
 def test_velocity_and_displacement_stand_beside_it(folder, tdint) -> None:
-    """Channels of their own that other programs read; central differences of the velocity are the mean of the
-    accelerations there and beside it."""
+    """Channels of their own that other programs read; central differences of the velocity are the
+    mean of the accelerations there and beside it."""
     from obspy import read
 
     assert tdint("info", "motion.mseed", *UNITS, *DONE, "--export", "out.mseed").exit_code == 0

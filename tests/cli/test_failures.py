@@ -42,8 +42,11 @@ def test_chosen_methods_and_problems(here, tdint):
     table = rows(tdint("failures", *chosen, "--plot", "x.pdf", code=0).stdout)
     assert (here / "x.pdf").read_bytes().startswith(b"%PDF")
     assert [(row["problem"], row["dt_s"]) for row in table if row["method"] == "exact"] == [
-        ("hardening", "0.005"), ("hardening", "0.02"), ("hardening", "0.05"), ("sqrt-12", "3.46410161514"),
-    ]  # fmt: skip
+        ("hardening", "0.005"),
+        ("hardening", "0.02"),
+        ("hardening", "0.05"),
+        ("sqrt-12", "3.46410161514"),
+    ]
     refused = table[3]
     assert (refused["method"], refused["outcome"], refused["verdict"]) == (
         "exact",

@@ -1,4 +1,5 @@
-"""Ground motion fields: what each event does at each site, as OpenQuake and SimCenter name things."""
+"""Ground motion fields: what each event does at each site, as OpenQuake and SimCenter name
+things."""
 
 import json
 import math
@@ -40,14 +41,17 @@ M7-2,east,firm.mseed,
 M6,east,firm.mseed,0.25
 """
 SITES = "site,longitude,latitude\nwest,-122.27,37.8\neast,-122.25,37.81\n"
-DAMAGE = "damage: {thresholds: hazus, losses: {slight: 5%, moderate: 20%, extensive: 60%, complete: 1}}\n"
+DAMAGE = (
+    "damage: {thresholds: hazus, losses: {slight: 5%, moderate: 20%, extensive: 60%, complete: "
+    "1}}\n"
+)
 COSTS = ("cost,number,district", "2e6,3,north", "1.5e6,,south", "4e5,10,north")
 
 
 @pytest.fixture(scope="module")
 def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """campaign.yaml with three buildings at two sites, three events of which one leaves a site out, two records; done
-    in the folder out."""
+    """campaign.yaml with three buildings at two sites, three events of which one leaves a site out,
+    two records; done in the folder out."""
 
     def make(folder: Path) -> None:
         write_record(folder / "firm.mseed", "HN1", "HN2", samples=400)
@@ -70,7 +74,8 @@ region = copy_of("done")
 
 @pytest.fixture(scope="module")
 def done_with_losses(done: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The region with what its buildings cost and how often the events come; its damage and losses by district."""
+    """The region with what its buildings cost and how often the events come; its damage and losses
+    by district."""
 
     def make(folder: Path) -> None:
         shutil.copytree(done, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("out"))
@@ -98,7 +103,8 @@ def outcome(row: dict[str, str], *, but: tuple[str, ...] = ("sample", "event")) 
 
 
 def test_runs_are_those_listed_by_hand(region: Path, tdint: Command) -> None:
-    """Each row of the table is a campaign of its own with that record and factor, to the last digit."""
+    """Each row of the table is a campaign of its own with that record and factor, to the last
+    digit."""
     found = rows("out/runs.csv")
     assert len(found) == 2 * (2 + 3 + 3)  # components; events at the sites of a, b, c
     sites, numbers = {"a": "west", "b": "east", "c": "east"}, {"M7-1": "1", "M7-2": "2", "M6": "3"}
@@ -126,7 +132,8 @@ def test_runs_are_those_listed_by_hand(region: Path, tdint: Command) -> None:
 
 
 def test_the_site_is_the_nearest_or_named(region: Path, tdint: Command) -> None:
-    """With a column `site` no places are needed; without sites in the table all buildings have all events."""
+    """With a column `site` no places are needed; without sites in the table all buildings have all
+    events."""
     change("campaign.yaml", (" sites: sites.csv,", ""))
     tdint("campaign", "campaign.yaml", "-o", "named", code=0)
     named, nearest = (
@@ -141,7 +148,8 @@ def test_the_site_is_the_nearest_or_named(region: Path, tdint: Command) -> None:
 
 
 def test_distances_in_degrees_are_not_those_on_the_earth(region: Path, tdint: Command) -> None:
-    """At 60 degrees north a degree of longitude is half a degree of latitude: the nearest site changes."""
+    """At 60 degrees north a degree of longitude is half a degree of latitude: the nearest site
+    changes."""
     Path("buildings.csv").write_text(BUILDINGS.splitlines()[0] + "\na,1,1968,W1,1500,60,10,\n")
     Path("sites.csv").write_text("site,longitude,latitude\nwest,10.15,60\neast,10,60.1\n")
     Path("fields.csv").write_text("event,site,record\n1,west,firm.mseed\n1,east,soft.mseed\n")
@@ -166,8 +174,10 @@ def test_tables_of_openquake(region: Path, tdint: Command) -> None:
     assert Path("theirs/runs.csv").read_bytes() == Path("out/runs.csv").read_bytes()
 
 
-@pytest.mark.parametrize(("column", "measure", "unit"), [("gmv_PGA", "pga", "g"), ("gmv_SA(0.6)", "sa", "g"),
-                                                         ("gmv_PGV", "pgv", "m/s")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("column", "measure", "unit"),
+    [("gmv_PGA", "pga", "g"), ("gmv_SA(0.6)", "sa", "g"), ("gmv_PGV", "pgv", "m/s")],
+)
 def test_intensities_of_openquake(
     region: Path, tdint: Command, column: str, measure: str, unit: str
 ) -> None:
@@ -189,8 +199,8 @@ def test_intensities_of_openquake(
 
 
 def test_rows_of_simcenters_files_are_events(region: Path, tdint: Command) -> None:
-    """`events` of a grid: the k-th row of each point's file is event k, and buildings have those of the nearest point;
-    the runs are those of a table of fields that says the same."""
+    """`events` of a grid: the k-th row of each point's file is event k, and buildings have those of
+    the nearest point; the runs are those of a table of fields that says the same."""
     random = np.random.default_rng(5)
     for name in ("m1", "m2", "m3"):
         data = {key: (0.1 * random.standard_normal(300)).tolist() for key in ("data_x", "data_y")}
@@ -256,31 +266,100 @@ def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
 @pytest.mark.parametrize(
     ("file", "before", "after", "code", "message"),
     [
-        ("fields.csv", "M7-2,east", "M7-2,north", 3, "fields.csv:5: site 'north' is not in sites.csv"),
-        ("fields.csv", "M7-2,east", "M7-1,east", 3,
-         "fields.csv:5: event 'M7-1' at site 'east' is already on line 3; give each event one record at a site"),
+        (
+            "fields.csv",
+            "M7-2,east",
+            "M7-2,north",
+            3,
+            "fields.csv:5: site 'north' is not in sites.csv",
+        ),
+        (
+            "fields.csv",
+            "M7-2,east",
+            "M7-1,east",
+            3,
+            "fields.csv:5: event 'M7-1' at site 'east' is already on line 3; give each event one "
+            "record at a site",
+        ),
         ("fields.csv", "-1.25", "0", 3, "fields.csv:3: factor must not be zero, got '0'"),
         ("fields.csv", "-1.25", "x", 3, "fields.csv:3: factor must be a number, got 'x'"),
         ("fields.csv", "M7-2,west", ",west", 3, "fields.csv:4: event is missing"),
         ("fields.csv", "event,", "quake,", 3, "fields.csv:1: no column event"),
-        ("fields.csv", FIELDS, "event,site,record,gmv_PGA\n1,east,firm.mseed,\n", 3,
-         "fields.csv:2: gmv_pga is missing"),
-        ("fields.csv", FIELDS, "event,record,gmv_SA(0.6)\n1,firm.mseed,-1\n", 3, "fields.csv:1: no column site"),
-        ("fields.csv", FIELDS, "event,site,record,gmv_SA(0.6)\n1,east,firm.mseed,-1\n", 3,
-         "fields.csv:2: gmv_sa(0.6) must be a positive number, got '-1'"),
-        ("fields.csv", FIELDS, "event,site,record,gmv_SA(1e-5)\n1,east,firm.mseed,1\n", 3, "gmv_SA(period)"),
-        ("fields.csv", FIELDS, "event,site,record,gmv_SA(.0001)\n1,east,firm.mseed,1\n", 4, "fields.csv:2: "),
-        ("fields.csv", "record,factor", "record,gmv_MMI", 3, "fields.csv:1: gmv_mmi: leave the one"),
-        ("sites.csv", "37.81", "97.81", 3, "sites.csv:3: latitude must be from -90 to 90 degrees, got '97.81'"),
+        (
+            "fields.csv",
+            FIELDS,
+            "event,site,record,gmv_PGA\n1,east,firm.mseed,\n",
+            3,
+            "fields.csv:2: gmv_pga is missing",
+        ),
+        (
+            "fields.csv",
+            FIELDS,
+            "event,record,gmv_SA(0.6)\n1,firm.mseed,-1\n",
+            3,
+            "fields.csv:1: no column site",
+        ),
+        (
+            "fields.csv",
+            FIELDS,
+            "event,site,record,gmv_SA(0.6)\n1,east,firm.mseed,-1\n",
+            3,
+            "fields.csv:2: gmv_sa(0.6) must be a positive number, got '-1'",
+        ),
+        (
+            "fields.csv",
+            FIELDS,
+            "event,site,record,gmv_SA(1e-5)\n1,east,firm.mseed,1\n",
+            3,
+            "gmv_SA(period)",
+        ),
+        (
+            "fields.csv",
+            FIELDS,
+            "event,site,record,gmv_SA(.0001)\n1,east,firm.mseed,1\n",
+            4,
+            "fields.csv:2: ",
+        ),
+        (
+            "fields.csv",
+            "record,factor",
+            "record,gmv_MMI",
+            3,
+            "fields.csv:1: gmv_mmi: leave the one",
+        ),
+        (
+            "sites.csv",
+            "37.81",
+            "97.81",
+            3,
+            "sites.csv:3: latitude must be from -90 to 90 degrees, got '97.81'",
+        ),
         ("sites.csv", "east", "west", 3, "sites.csv:3: site 'west' is there twice"),
-        ("buildings.csv", "Latitude,Longitude", "north,east", 3, "buildings.csv:1: no column Latitude"),
+        (
+            "buildings.csv",
+            "Latitude,Longitude",
+            "north,east",
+            3,
+            "buildings.csv:1: no column Latitude",
+        ),
         ("fields.csv", "event,site", "event,place", 3, "fields.csv:1: no column site"),
-        ("campaign.yaml", "sites: sites.csv", "distance: degrees", 3, "has nothing to act on without `sites`"),
+        (
+            "campaign.yaml",
+            "sites: sites.csv",
+            "distance: degrees",
+            3,
+            "has nothing to act on without `sites`",
+        ),
         ("campaign.yaml", "sites: sites.csv", "files: [firm.mseed]", 3, "has no part in `fields`"),
-        ("campaign.yaml", "pairs: true}", "pairs: true}\nintensity: {measure: pga, levels: [1 g]}", 3,
-         "has no part in events, whose factors are given; `scales` multiply them"),
+        (
+            "campaign.yaml",
+            "pairs: true}",
+            "pairs: true}\nintensity: {measure: pga, levels: [1 g]}",
+            3,
+            "has no part in events, whose factors are given; `scales` multiply them",
+        ),
     ],
-)  # fmt: skip
+)
 def test_faults(
     region: Path, tdint: Command, file: str, before: str, after: str, code: int, message: str
 ) -> None:
@@ -322,8 +401,8 @@ def test_faults_of_a_table_all_at_once(region: Path, tdint: Command) -> None:
 def test_buildings_far_away_or_without_a_place_are_left_out_alone(
     region: Path, tdint: Command
 ) -> None:
-    """The distance is that of the haversine formula; one on the other hemisphere gets nothing, one without a place is a
-    bad row, and what the others do is the same to the last digit."""
+    """The distance is that of the haversine formula; one on the other hemisphere gets nothing, one
+    without a place is a bad row, and what the others do is the same to the last digit."""
     first = rows("out/runs.csv")
     more = "d,1,1968,W1,1500,-37.8,57.7,east\ne,1,1968,W1,1500,37.9,-122.26,east\n"
     Path("buildings.csv").write_text(BUILDINGS + more)
@@ -359,7 +438,8 @@ def test_buildings_far_away_or_without_a_place_are_left_out_alone(
 
 
 def test_what_a_row_of_a_field_takes(here: Path) -> None:
-    """Its numbers and their order, and nothing of its text: at the most 100 bytes a row, however many there are."""
+    """Its numbers and their order, and nothing of its text: at the most 100 bytes a row, however
+    many there are."""
     write_record(here / "firm.mseed", "HN1")
 
     def read(count: int) -> FoundMotions:
@@ -387,7 +467,8 @@ def test_what_a_row_of_a_field_takes(here: Path) -> None:
 def test_a_shard_tells_of_its_own_buildings_and_all_of_them_of_the_whole(
     region: Path, tdint: Command
 ) -> None:
-    """30 buildings, ten of them at a site without an event; parts are merged where hardly a file more may be opened."""
+    """30 buildings, ten of them at a site without an event; parts are merged where hardly a file
+    more may be opened."""
     rng, sites = (
         np.random.default_rng(7),
         [("west", -122.27, 37.8), ("east", -122.25, 37.81), ("none", -122.2, 37.85)],
@@ -465,7 +546,8 @@ def test_a_record_that_is_missing_leaves_its_rows_out(region: Path, tdint: Comma
 
 @pytest.mark.usefixtures("losing")
 def test_damage_of_each_event() -> None:
-    """Of each type in each event the mean of its runs' probabilities and losses, told once with the event's name."""
+    """Of each type in each event the mean of its runs' probabilities and losses, told once with the
+    event's name."""
     runs, types, losses = (rows(f"out/{name}.csv") for name in ("damage", "damage-types", "losses"))
     assert {row["event"] for row in types} == {"M7-1", "M7-2", "M6"}
     for row in types:
@@ -489,8 +571,8 @@ def test_damage_of_each_event() -> None:
 
 
 def test_money_is_the_sum_of_what_each_building_loses(losing: Path, tdint: Command) -> None:
-    """cost times number times the mean loss ratio, summed by event, class and district by hand; its error is that of
-    the sums under each motion, of which an event of one record has none."""
+    """cost times number times the mean loss ratio, summed by event, class and district by hand; its
+    error is that of the sums under each motion, of which an event of one record has none."""
     found, runs = rows("out/losses.csv"), rows("out/damage.csv")
     value = {"a": 6e6, "b": 1.5e6, "c": 4e6}
     district = {"a": "north", "b": "south", "c": "north"}
@@ -554,8 +636,9 @@ def test_tables_that_are_chosen(losing: Path, tdint: Command) -> None:
 
 
 def test_pairs_of_files_with_one_component_each(region: Path, tdint: Command) -> None:
-    """The mate is found by its name as in `records: files` (by which names: tests/ground_motion/test_horizontals.py),
-    or in a column; what the runs say is what they say of the same files by `files`."""
+    """The mate is found by its name as in `records: files` (by which names:
+    tests/ground_motion/test_horizontals.py), or in a column; what the runs say is what they say of
+    the same files by `files`."""
     files = ("NZ.WTMC.20.HNE.mseed", "NZ.WTMC.20.HNN.mseed", "one.mseed", "two.mseed")
     for peak, name in enumerate((*files, "NZ.WTMC.20.HNZ.mseed"), start=1):
         channel = {"one.mseed": "HN1", "two.mseed": "HN2"}.get(name, name[11:14])
@@ -589,7 +672,8 @@ def test_pairs_of_files_with_one_component_each(region: Path, tdint: Command) ->
 
 
 def test_how_often_a_loss_comes_in_a_year(losing: Path, tdint: Command) -> None:
-    """The sum of the rates of the events with losses as large, and the average annual loss, by hand."""
+    """The sum of the rates of the events with losses as large, and the average annual loss, by
+    hand."""
     rates, found = {"M7-1": 0.002, "M7-2": 0.004, "M6": 0.05}, rows("out/exceedance.csv")
     losses = [row for row in rows("out/losses.csv") if not row["type"]]
     districts = {"a": "north", "b": "south", "c": "north"}
@@ -609,9 +693,12 @@ def test_how_often_a_loss_comes_in_a_year(losing: Path, tdint: Command) -> None:
         # The scatter of each event by the rows of its buildings: independent, and all together.
         for row in told:
             alone = [
-                of for of in rows("out/losses.csv")
-                if of["building"] and of["event"] == row["event"] and part in ("", districts[of["building"]])
-            ]  # fmt: skip
+                of
+                for of in rows("out/losses.csv")
+                if of["building"]
+                and of["event"] == row["event"]
+                and part in ("", districts[of["building"]])
+            ]
             spread = [float(of["value"]) * float(of["loss_ratio_sd"]) for of in alone]
             alike = [float({"a": 3, "b": 1, "c": 10}[of["building"]]) for of in alone]
             together = math.sqrt(

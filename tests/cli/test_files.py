@@ -1,5 +1,5 @@
-"""Files of all commands: what came of a call is told and done again, none that a command did not write is replaced
-without --overwrite, none is waited for."""
+"""Files of all commands: what came of a call is told and done again, none that a command did not
+write is replaced without --overwrite, none is waited for."""
 
 import itertools
 import json
@@ -84,7 +84,8 @@ WRITING = {
         "out/example-1-errors.csv out/figure-07.png",
     ),
     "chart": (
-        "chart shaken.yaml --method newmark-average --dt 0.02 --repeat 1 --duration 1 -o c.csv --plot",
+        "chart shaken.yaml --method newmark-average --dt 0.02 --repeat 1 --duration 1 -o c.csv "
+        "--plot",
         "c.csv c.png c.json",
     ),
     "validate": ("validate -o v.csv", "v.csv"),
@@ -96,9 +97,10 @@ WRITING = {
 def study(folder: Path) -> Path:
     """The folder with what all calls read."""
     for name, text in {
-        "study.yaml": "buildings: {models: [shaken.yaml]}\nrecords: {files: [other.mseed], units: m/s^2}\n"
+        "study.yaml": "buildings: {models: [shaken.yaml]}\nrecords: {files: [other.mseed], units: "
+        "m/s^2}\n"
         "outputs: {stories: true}\n",
-        "town.csv": "id,NumberOfStories,YearBuilt,StructureType,PlanArea\nhouse,1,1975,W1,1500\nshop,2,1950,URM,900\n",
+        "town.csv": "id,NumberOfStories,YearBuilt,StructureType,PlanArea\nhouse,1,1975,W1,1500\nshop,2,1950,URM,900\n",  # noqa: E501
         "stripes.csv": "im,collapses,records\n0.2,1,40\n0.6,4,40\n0.8,13,40\n1,16,40\n",
         "recorded.yaml": "base: {file: motion.mseed, component: HNE, units: m/s^2}\n"
         "floors: {2: {file: motion.mseed, component: HNN, units: m/s^2}}\n",
@@ -122,7 +124,8 @@ def files_in(folder: Path) -> dict[str, bytes]:
 
 
 def words_of(line: str, **names: object) -> list[str]:
-    """The words of a command line of the tables here, where MOTION, RECORD and UNITS stand for what many have."""
+    """The words of a command line of the tables here, where MOTION, RECORD and UNITS stand for what
+    many have."""
     record = MOTION.replace("motion.mseed", "{read}")
     line = (
         line.replace("MOTION", MOTION).replace("RECORD", record).replace("UNITS", "--units m/s^2")
@@ -146,8 +149,9 @@ def writing_commands() -> set[str]:
 
 
 def test_every_command_that_writes_or_takes_files_is_here() -> None:
-    """But for `compile`, whose files are named by a hash of what is in them, and `rerun`, which writes into an empty
-    folder alone; and among those that read `pushover`, whose model is read as that of modes."""
+    """But for `compile`, whose files are named by a hash of what is in them, and `rerun`, which
+    writes into an empty folder alone; and among those that read `pushover`, whose model is read as
+    that of modes."""
     assert writing_commands() - {"compile", "rerun"} == {
         line.split()[0] for line, _ in WRITING.values()
     }
@@ -161,8 +165,9 @@ def test_every_command_that_writes_or_takes_files_is_here() -> None:
 def check_what_is_told(
     tdint: Command, words: list[str], read: dict[str, bytes], written: dict[str, bytes]
 ) -> None:
-    """What was read and by which sources, the options, what each column means, and no path but those that were typed;
-    `rerun` finds the same cells in all tables beside it, from another working directory, and changes nothing."""
+    """What was read and by which sources, the options, what each column means, and no path but
+    those that were typed; `rerun` finds the same cells in all tables beside it, from another
+    working directory, and changes nothing."""
     (file,) = (
         name for name, data in written.items() if name.endswith(".json") and b'"arguments"' in data
     )
@@ -252,7 +257,8 @@ READING = {
     "merge": ("campaign merge FIFO -o out", 2),
     "folder": ("campaign study.yaml -o FIFO", 6),
     "certificate": (
-        "campaign study.yaml -o out --dask tls://far.example:8786 --tls-ca FIFO --tls-cert FIFO --tls-key FIFO",
+        "campaign study.yaml -o out --dask tls://far.example:8786 --tls-ca FIFO --tls-cert FIFO "
+        "--tls-key FIFO",
         2,
     ),
     "ida": ("ida shaken.yaml FIFO UNITS", 4),
@@ -399,11 +405,13 @@ KEPT_SAFE = {
         "order --method newmark-average --load free --style file={read} --plot={written}",
     ),
 }
-"""Of each option whose file is written a call, what is read under the name that it writes, and the name's suffix."""
+"""Of each option whose file is written a call, what is read under the name that it writes, and the
+name's suffix."""
 
 
 def test_every_file_option_that_is_written_is_tried() -> None:
-    """But for folders whose files have names of their own, commands that read nothing, and `Outputs` everywhere."""
+    """But for folders whose files have names of their own, commands that read nothing, and
+    `Outputs` everywhere."""
     lines = [line.split() for _, _, line in KEPT_SAFE.values()]
     tried = {(words[0], word.partition("=")[0]) for words in lines for word in words}
     for name in writing_commands():
@@ -423,7 +431,8 @@ def test_every_file_option_that_is_written_is_tried() -> None:
 
 
 def lay_out(study: Path, file: str, read: Path, of: str = "") -> None:
-    """A copy of a file; own.yaml has a record and of-it.yaml a model, both `of` that copy or those of the study."""
+    """A copy of a file; own.yaml has a record and of-it.yaml a model, both `of` that copy or those
+    of the study."""
     (study / "many").mkdir()
     shutil.copy(study / file, study / read)
     text = (study / "shaken.yaml").read_text().partition("excitation:")[0]
@@ -575,7 +584,8 @@ def test_a_dash_is_standard_output(study: Path, tdint: Command) -> None:
     ],
 )
 def test_a_single_table_is_written_as_parquet(folder, tdint, line):
-    """The same columns, words and numbers as in CSV, where these have 12 digits; each with its unit."""
+    """The same columns, words and numbers as in CSV, where these have 12 digits; each with its
+    unit."""
     pytest.importorskip("pyarrow")
     for file in ("a.csv", "a.parquet"):
         tdint(*line.split(), "-o", file, "--overwrite", code=0)
@@ -592,7 +602,8 @@ def test_a_single_table_is_written_as_parquet(folder, tdint, line):
 def test_what_is_no_single_table_is_not_written_as_parquet(folder, tdint, line):
     result = tdint(*line.split(), "-o", "a.parquet", code=2)
     assert result.stderr.splitlines() == [
-        "Error: -o a.parquet: this command writes CSV alone; Parquet is for commands with a single table"
+        "Error: -o a.parquet: this command writes CSV alone; Parquet is for commands with a single "
+        "table"
     ]
 
 

@@ -1,4 +1,5 @@
-"""`tdint init` of real data: weights, curves of stories, motions; and the shapes of `tdint modes`."""
+"""`tdint init` of real data: weights, curves of stories, motions; and the shapes of `tdint
+modes`."""
 
 from pathlib import Path
 
@@ -80,7 +81,8 @@ def test_laws_come_out_of_curves_that_they_drew(folder, tdint):
 
 
 def test_a_curve_without_a_corner_is_a_law_that_the_model_takes(folder, tdint):
-    """A law hardens by less than its stiffness: of a straight line, and of one that grows steeper, just so."""
+    """A law hardens by less than its stiffness: of a straight line, and of one that grows steeper,
+    just so."""
     curves("line.csv", ([0, 80], [0, 800]), ([0, 40, 80], [0, 400, 1000]))
     tdint("init", "b.yaml", "--weights", "4000,3500", "--from-pushover", "line.csv", code=0)
     for story in load_model("b.yaml").stories:
@@ -89,7 +91,8 @@ def test_a_curve_without_a_corner_is_a_law_that_the_model_takes(folder, tdint):
 
 
 def test_a_falling_curve_in_four_points(folder, tdint):
-    """The law of the model has the curve again, past its largest shear, and runs; loops reload along straight lines."""
+    """The law of the model has the curve again, past its largest shear, and runs; loops reload
+    along straight lines."""
     drift, shear = [0, 10, 40, 60, 80], [0, 1000, 1400, 700, 500]
     curves("fall.csv", (drift, shear), (drift, [2 * force for force in shear]))
     tdint(*FROM_CURVES, "2x4000", "--from-pushover", "fall.csv", "--law", "multilinear", code=0)

@@ -1,4 +1,5 @@
-"""Floor spectra and floor motions of a run: as exact as those of a record, and the same by two routes."""
+"""Floor spectra and floor motions of a run: as exact as those of a record, and the same by two
+routes."""
 
 import functools
 import math
@@ -23,8 +24,8 @@ def run(folder, tdint):
 
 
 def test_floor_spectra_are_those_of_the_exported_motion(run, tdint, drawn):
-    """By the file, to 1e-9: the table's digits. A rigid oscillator feels the largest of the history's samples (peaks of
-    stories.csv lie between them, too). Stations say the floors."""
+    """By the file, to 1e-9: the table's digits. A rigid oscillator feels the largest of the
+    history's samples (peaks of stories.csv lie between them, too). Stations say the floors."""
     options = ("--damping", "2%,5%", "--period", "0,0.05,0.5")
     run(
         "--floor-spectra",
@@ -84,7 +85,8 @@ def test_wrong_use(folder, tdint, arguments, message):
 
 
 def test_floors_of_several_runs_have_their_mean_and_envelope(run, tdint, drawn):
-    """Each run's spectra are those of a single call; of a pair the larger component counts at each period."""
+    """Each run's spectra are those of a single call; of a pair the larger component counts at each
+    period."""
     options = ("--floor-spectra", "1,roof", "--period", "0.05,0.3", "--units", "m/s^2")
     run("other.mseed", "motion.mseed", *options, "--plot", code=0)
     every, means = written("floor-spectra.csv"), written("floor-spectra-mean.csv")

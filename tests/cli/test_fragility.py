@@ -24,7 +24,8 @@ CONFIGS = Path(__file__).parents[2] / "configs"
     ids=["capacities", "stripes", "cloud"],
 )
 def test_fragility_in_other_units(folder, tdint, text, name, arguments):
-    """A median converted is the median of what is converted; dispersions have no unit; the picture goes with them."""
+    """A median converted is the median of what is converted; dispersions have no unit; the picture
+    goes with them."""
     (folder / "g.csv").write_text(text)
     table = [row | {name: repr(9.80665 * float(row[name])), "unit": "m/s^2"} for row in rows(text)]
     lines = [",".join(table[0]), *(",".join(row.values()) for row in table)]
@@ -64,8 +65,8 @@ def test_a_folder_of_a_study(folder, tdint, make_record):
 
 
 def test_runs_of_a_campaign(folder, tdint):
-    """Stripes where the runs stand at common levels; a run without a result counts neither way, and is told. The bounds
-    are those of tests/campaign/test_fit_table.py."""
+    """Stripes where the runs stand at common levels; a run without a result counts neither way, and
+    is told. The bounds are those of tests/campaign/test_fit_table.py."""
     header = "building,record,status,peak_drift_ratio,sa_t1_m_s2"
     lines = [
         f"a,{record},{'collapsed' if drift == 0.05 else 'done'},{drift},{level}"

@@ -1,4 +1,5 @@
-"""One grammar for all commands: lists, ratios, grids, --plot, folders, -q, headings, standard input."""
+"""One grammar for all commands: lists, ratios, grids, --plot, folders, -q, headings, standard
+input."""
 
 import shlex
 from importlib import import_module
@@ -274,9 +275,14 @@ NEEDY = [
     if getattr(option, "needs", "")
 ]
 WORDS = {
-    "compile": ["--all"], "ida": ["x", "y"], "failures": [], "stability": [], "examples": [], "overshoot": [],
+    "compile": ["--all"],
+    "ida": ["x", "y"],
+    "failures": [],
+    "stability": [],
+    "examples": [],
+    "overshoot": [],
     "order": [],
-}  # fmt: skip
+}
 REQUIRED = {
     "inventory": ["--units", "m"],
     "compare": ["--recorded", "x"],
@@ -298,7 +304,8 @@ def a_value(parameter: click.Option) -> list[str]:
 
 @pytest.mark.parametrize(("name", "parameter"), NEEDY, ids=lambda part: getattr(part, "name", part))
 def test_an_option_with_nothing_to_act_on_is_refused(here, tdint, name, parameter):
-    """Before any work: the files that are named do not exist. With what it needs the command goes on, and misses them.
+    """Before any work: the files that are named do not exist. With what it needs the command goes
+    on, and misses them.
 
     `--damping 2%` of `tdint run` without --floor-spectra was passed over in silence.
     """
@@ -312,28 +319,58 @@ def test_an_option_with_nothing_to_act_on_is_refused(here, tdint, name, paramete
     )
     words += ["--load", "free"] if option == "--frequency-ratio" else []
     value = {
-        "--period": "1", "--range": "0.3:3:9", "--rule": "mean", "--year": "1985", "--damping": "0.1",
-        "--hardening": "0.1", "--style": "90mm", "--report-head": "Project: bridge", "--pairs": "{}_N.txt,{}_E.txt",
-    }.get(option)  # fmt: skip
+        "--period": "1",
+        "--range": "0.3:3:9",
+        "--rule": "mean",
+        "--year": "1985",
+        "--damping": "0.1",
+        "--hardening": "0.1",
+        "--style": "90mm",
+        "--report-head": "Project: bridge",
+        "--pairs": "{}_N.txt,{}_E.txt",
+    }.get(option)
     result = tdint(*words, option, *([value] if value else a_value(parameter)), code=2)
-    expected = f"Error: {option} has nothing to act on without {parameter.needs}; add it, or leave {option} out"
+    expected = (
+        f"Error: {option} has nothing to act on without {parameter.needs}; add it, or leave "
+        f"{option} out"
+    )
     assert result.stderr.partition(" (see")[0].strip() == expected
     assert not list(here.iterdir())
 
 
 def test_options_that_act_are_declared_so():
-    """What acts on another option's work alone, by command: whoever adds such an option adds `needs`."""
+    """What acts on another option's work alone, by command: whoever adds such an option adds
+    `needs`."""
     found = {(name, max(parameter.opts, key=len)) for name, parameter in NEEDY}
     assert {
-        ("run", "--damping"), ("run", "--periods"), ("run", "--every"), ("law", "--units"),
-        ("compare", "--blind"), ("compare", "--damping"), ("compare", "--periods"),
-        ("init", "--year"), ("init", "--area"), ("spectrum", "--hardening"), ("spectrum", "--axes"),
-        ("spectrum", "--against-column"), ("spectrum", "--against-interpolation"), ("scale", "--range"),
-        ("scale", "--rule"), ("scale", "--damping"), ("ida", "--period"),
-        ("ida", "--damping"), ("campaign", "--tls-ca"), ("campaign", "--tls-cert"),
-        ("campaign", "--tls-key"), ("stability", "--all"), ("overshoot", "--all"), ("order", "--frequency-ratio"),
-        ("order", "--stride"), ("chart", "--versus"), ("compile", "--method"),
-    } <= found  # fmt: skip
+        ("run", "--damping"),
+        ("run", "--periods"),
+        ("run", "--every"),
+        ("law", "--units"),
+        ("compare", "--blind"),
+        ("compare", "--damping"),
+        ("compare", "--periods"),
+        ("init", "--year"),
+        ("init", "--area"),
+        ("spectrum", "--hardening"),
+        ("spectrum", "--axes"),
+        ("spectrum", "--against-column"),
+        ("spectrum", "--against-interpolation"),
+        ("scale", "--range"),
+        ("scale", "--rule"),
+        ("scale", "--damping"),
+        ("ida", "--period"),
+        ("ida", "--damping"),
+        ("campaign", "--tls-ca"),
+        ("campaign", "--tls-cert"),
+        ("campaign", "--tls-key"),
+        ("stability", "--all"),
+        ("overshoot", "--all"),
+        ("order", "--frequency-ratio"),
+        ("order", "--stride"),
+        ("chart", "--versus"),
+        ("compile", "--method"),
+    } <= found
 
 
 # ---- Modes of a command, and the options that each takes
@@ -384,14 +421,38 @@ ASKED = {
 """The words that ask for a mode."""
 
 VALUES = {
-    "--axes": "periods --plot=p.png", "--damping": "2%", "--maxima": "peer", "--interpolation": "linear",
-    "--rotd": "50", "--strength": "1", "--oscillator": "1 --history", "--trim": "0:1", "--baseline": "linear",
-    "--versus": "time --plot=p.png", "--export-floors": "mseed", "--im": "pga", "--report": "r.html",
-    "--shapes": "roof", "--fit": "ida", "--by": "type", "--edp-range": "1:2", "--drift": "1%", "--limit": "2%",
-    "--weights": "1,1", "--vary": "damping=1%:2%", "--output-units": "kip", "--target": "native", "--cache": "",
-    "--plot": "--plot=p.png", "--output": "out", "--every": "2 --history=h.csv", "--openquake": "f.xml",
-    "--history": "--history=h.csv", "--tolerance": "1%", "--corners": "2 --highpass 1",
-}  # fmt: skip
+    "--axes": "periods --plot=p.png",
+    "--damping": "2%",
+    "--maxima": "peer",
+    "--interpolation": "linear",
+    "--rotd": "50",
+    "--strength": "1",
+    "--oscillator": "1 --history",
+    "--trim": "0:1",
+    "--baseline": "linear",
+    "--versus": "time --plot=p.png",
+    "--export-floors": "mseed",
+    "--im": "pga",
+    "--report": "r.html",
+    "--shapes": "roof",
+    "--fit": "ida",
+    "--by": "type",
+    "--edp-range": "1:2",
+    "--drift": "1%",
+    "--limit": "2%",
+    "--weights": "1,1",
+    "--vary": "damping=1%:2%",
+    "--output-units": "kip",
+    "--target": "native",
+    "--cache": "",
+    "--plot": "--plot=p.png",
+    "--output": "out",
+    "--every": "2 --history=h.csv",
+    "--openquake": "f.xml",
+    "--history": "--history=h.csv",
+    "--tolerance": "1%",
+    "--corners": "2 --highpass 1",
+}
 
 
 def idle_options():
@@ -425,8 +486,8 @@ def idle_options():
 def test_an_option_that_a_mode_does_not_take_is_refused(
     here, tdint, name, mode, parameter, chooses
 ):
-    """Before any work. `tdint chart --problems standard --highpass 0.1` and `tdint campaign status DIR --baseline A`
-    were passed over in silence."""
+    """Before any work. `tdint chart --problems standard --highpass 0.1` and `tdint campaign status
+    DIR --baseline A` were passed over in silence."""
     (here / "folder").mkdir()
     (here / "empty.py").write_text("METHODS = ()\n")
     option = max(parameter.opts, key=len)

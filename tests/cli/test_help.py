@@ -63,7 +63,8 @@ def test_help_has_one_screen_and_help_all_and_completion_everything(name):
 
 @pytest.fixture(scope="module")
 def office(tmp_path_factory):
-    """A folder in which the examples run one after the other: office.yaml, and files that readers have of their own."""
+    """A folder in which the examples run one after the other: office.yaml, and files that readers
+    have of their own."""
     folder = tmp_path_factory.mktemp("office")
     for name in ("buildings.csv", "stripes.csv"):
         (folder / name).write_bytes((readmes.ROOT / "configs" / name).read_bytes())

@@ -66,7 +66,8 @@ def written(out):
 
 
 def test_an_ida_with_the_errors_of_its_runs(folder, tdint):
-    """Beside each demand, of a collapse, too; the runs, and what follows, are the same. The errors are kept, too."""
+    """Beside each demand, of a collapse, too; the runs, and what follows, are the same. The errors
+    are kept, too."""
     call = (
         "ida",
         "shaken.yaml",
@@ -104,7 +105,8 @@ def test_an_ida_with_the_errors_of_its_runs(folder, tdint):
 
 
 def test_a_study_and_its_files(studied, tdint):
-    """The levels of each record, and its capacities between them; the same call again has nothing to do."""
+    """The levels of each record, and its capacities between them; the same call again has nothing
+    to do."""
     out = studied / "out"
     before = {path.name: path.read_bytes() for path in out.iterdir()}
     assert set(before) == {*TABLES, "ida.png", STORE, LOCK}
@@ -169,7 +171,8 @@ def test_a_study_that_cannot_be_trusted_is_refused_with_a_way_out(studied, tdint
 
 
 def test_a_study_replaces_no_picture_of_others(studied, tdint, drawn):
-    """Nor one that lies elsewhere; its own it replaces without being told. Tables: tests/cli/test_files.py."""
+    """Nor one that lies elsewhere; its own it replaces without being told. Tables:
+    tests/cli/test_files.py."""
     call = (*STUDY[:-1], "--plot=elsewhere.png")
     (studied / "elsewhere.png").write_bytes(b"mine")
     tdint(*call, code=6)
@@ -179,7 +182,8 @@ def test_a_study_replaces_no_picture_of_others(studied, tdint, drawn):
 
 
 def test_a_study_in_other_units_and_back(studied, tdint):
-    """The units of intensities stand in a column: it changes with the numbers; the store knows nothing of them."""
+    """The units of intensities stand in a column: it changes with the numbers; the store knows
+    nothing of them."""
     names = ("ida.csv", "capacities.csv")
     si = [rows(studied / "out" / name) for name in names]
     told = tdint(*STUDY[:-1], "--output-units", "kip,in,g", code=0).stderr
@@ -253,7 +257,8 @@ def test_studies_that_are_refused(folder, tdint, arguments, code, message):
 
 
 def test_what_has_no_result_is_told(folder, tdint, monkeypatch):
-    """Runs that fail around the collapse: no number is made of them, and the wide bracket is told."""
+    """Runs that fail around the collapse: no number is made of them, and the wide bracket is
+    told."""
     original = Batch.results
 
     def results(self, runs):

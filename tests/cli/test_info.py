@@ -1,4 +1,5 @@
-"""`tdint info`: a row per component, the picture, and what happens to the good records when one is bad."""
+"""`tdint info`: a row per component, the picture, and what happens to the good records when one is
+bad."""
 
 import numpy as np
 import pytest

@@ -87,7 +87,8 @@ def test_the_motion_is_the_pulse_it_says(folder: Path, tdint: Command) -> None:
     assert (record.dt, record.duration, record.units_from) == (0.01, 20.0, "file")
     velocity = 0.01 * np.cumsum(record.acceleration)
     assert np.max(np.abs(velocity)) < pulse.velocity
-    # Neither a velocity nor, with the phase pi/2, a displacement stays: v is odd about the middle of the pulse.
+    # Neither a velocity nor, with the phase pi/2, a displacement stays: v is odd about the middle
+    # of the pulse.
     assert abs(velocity[-1]) < 1e-5
     assert abs(0.01 * velocity.sum()) < 1e-4
     t = 0.01 * np.arange(1 + round(pulse.duration / 0.01))
@@ -169,7 +170,8 @@ RECORD = "excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2
 def test_long_steps_and_weak_bases_are_told(
     folder: Path, tdint: Command, period: float, force: float, more: str, rest: str, told: str
 ) -> None:
-    """A step beyond a tenth of the period; a base shear at yield below 3 % of the weight, but not of an isolator."""
+    """A step beyond a tenth of the period; a base shear at yield below 3 % of the weight, but not
+    of an isolator."""
     law = f"{{type: bilinear, yield_force: {force}, hardening: 0.02}}{more}"
     stiffness = 1e5 * (2.0 * np.pi / period) ** 2
     story = f"stories: [{{mass: 1e5, height: 3, stiffness: {stiffness}, law: {law}}}]"
@@ -195,9 +197,12 @@ def test_all_faults_of_all_files(folder: Path, tdint: Command) -> None:
         line for line in done.stderr.splitlines() if not line.startswith("Warning: ")
     ]  # floors of 10 kg
     assert [line.split(": ", 3)[1:3] for line in errors] == [
-        ["bad.yaml:1:1", "storeys"], ["bad.yaml:1:18", "storeys[1].mass"], ["bad.yaml:2:20", "analysis.method"],
-        ["bad.yaml:3:29", "excitation.record.file"], ["weak.yaml", "story 1"],
-    ]  # fmt: skip
+        ["bad.yaml:1:1", "storeys"],
+        ["bad.yaml:1:18", "storeys[1].mass"],
+        ["bad.yaml:2:20", "analysis.method"],
+        ["bad.yaml:3:29", "excitation.record.file"],
+        ["weak.yaml", "story 1"],
+    ]
     forced, shaken, two = rows(done.stdout)
     assert (forced["model"], forced["laws"], forced["mass_kg"], forced["record"]) == (
         "forced.yaml",
@@ -255,7 +260,10 @@ def test_a_campaign_is_checked_with_its_models(folder: Path, tdint: Command) -> 
         return "".join(said), [row["model"] for row in rows(done.stdout)]
 
     (folder / "bad.yaml").write_text("stories: []\n")
-    told = "study.yaml: a campaign without a fault\nError: bad.yaml:1:10: stories: must hold at least one story\n"
+    told = (
+        "study.yaml: a campaign without a fault\nError: bad.yaml:1:10: stories: must hold at least "
+        "one story\n"
+    )
     assert check("bad.yaml, shaken.yaml", "records: {files: [motion.mseed]}") == (
         told,
         ["shaken.yaml"],

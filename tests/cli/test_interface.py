@@ -1,4 +1,5 @@
-"""Each command has its function in Python, which gives what the command prints; results show themselves and travel."""
+"""Each command has its function in Python, which gives what the command prints; results show
+themselves and travel."""
 
 import csv
 import io
@@ -256,7 +257,8 @@ def test_every_command_has_its_function_and_help_lists_them():
 def test_importing_loads_nothing():
     """And a function no more than its own: `run` neither pictures nor the command line."""
     code = (
-        "import sys, tdint\nloaded = lambda: [m for m in ('numpy', 'matplotlib', 'click') if m in sys.modules]\n"
+        "import sys, tdint\nloaded = lambda: [m for m in ('numpy', 'matplotlib', 'click') if m in "
+        "sys.modules]\n"
         "print(loaded()); tdint.run; print(loaded())"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -40,7 +40,8 @@ OTHERS = [
 
 
 def started(ends, *words):
-    """Processes of Python at the line that they print, for each of what is expected of them: they mostly wait."""
+    """Processes of Python at the line that they print, for each of what is expected of them: they
+    mostly wait."""
     command = [sys.executable, *words]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     processes = {subprocess.Popen(command, **pipes): end for end in ends}

@@ -69,7 +69,8 @@ def test_what_is_refused(folder, tdint, arguments, code, message):
 
 
 def test_a_pushover(folder, tdint, drawn):
-    """Two equal stories of 8000 N/m, yield at 50 N: under equal forces the lower one yields at a base shear of 50 N."""
+    """Two equal stories of 8000 N/m, yield at 50 N: under equal forces the lower one yields at a
+    base shear of 50 N."""
     words = (
         "--pattern",
         "uniform",
@@ -93,7 +94,8 @@ def test_a_pushover(folder, tdint, drawn):
 
 
 def test_a_pushover_to_a_design_spectrum(folder, tdint):
-    """What is the building's stands once in a sentence and in the JSON; the rows of each method: test_interface.py."""
+    """What is the building's stands once in a sentence and in the JSON; the rows of each method:
+    test_interface.py."""
     target = "ec8:type=1,soil=C,ag=0.05g"
     result = tdint(
         "pushover",

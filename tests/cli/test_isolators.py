@@ -1,5 +1,5 @@
-"""Isolator stories: displacements in place of drift ratios, P-delta by their height, and no Rayleigh damping; and the
-warning of stories that P-delta pushes over."""
+"""Isolator stories: displacements in place of drift ratios, P-delta by their height, and no
+Rayleigh damping; and the warning of stories that P-delta pushes over."""
 
 from pathlib import Path
 
@@ -26,7 +26,8 @@ def model(tmp_path: Path, first: str, rest: str = UPPER, more: str = ""):
 
 @pytest.mark.parametrize("below", [0, 2])
 def test_rayleigh_damping_does_not_reach_isolators(tmp_path, below):
-    """What moves as a block on an isolator is not damped; the floors above are damped as on a fixed base."""
+    """What moves as a block on an isolator is not damped; the floors above are damped as on a fixed
+    base."""
     first = "mass: 20, height: 3, stiffness: 9000"
     fixed = assemble(model(tmp_path, first, UPPER, RAYLEIGH)).damping_matrix()
     under = "mass: 30, height: 4, stiffness: 8000"
@@ -68,7 +69,8 @@ def test_a_report_says_where_rayleigh_damping_is_not(tmp_path, damping):
 
 
 def test_p_delta_takes_weight_over_height_of_an_isolator(tmp_path):
-    """Its modes are those of springs softer by W/h, of which the isolator has no other use of its height."""
+    """Its modes are those of springs softer by W/h, of which the isolator has no other use of its
+    height."""
     weights = STANDARD_GRAVITY * np.array([85.0, 60.0, 40.0, 20.0])
     first = "mass: 25, height: 2.5, stiffness: 3000, isolator: true"
     isolated = assemble(model(tmp_path, first, UPPER, "p_delta: true\n"))
@@ -109,8 +111,8 @@ def test_its_drift_is_a_displacement_and_no_collapse(folder, tdint):
 
 def test_a_story_that_p_delta_pushes_over_is_told(folder, tdint):
     text = (
-        "p_delta: true\nstories:\n  - {mass: 40, height: 2, stiffness: 3000, "
-        "law: {type: bilinear, yield_force: 60, hardening: %s}}\n"
+        "p_delta: true\nstories:\n  - {mass: 40, height: 2, stiffness: 3000, law: {type: bilinear, "
+        "yield_force: 60, hardening: %s}}\n"
     )
     Path("falls.yaml").write_text(text % 0.05)
     weight, stiffness = 40 * STANDARD_GRAVITY / 2, 0.05 * 3000
@@ -137,8 +139,8 @@ def test_a_story_that_p_delta_pushes_over_is_told(folder, tdint):
         ("{type: peak-oriented, yield_force: 60, hardening: 0.1, unloading: 0}", 100.0),
         ("{type: tanh, strength: 60}", 0.0),
         (
-            "{type: trilinear-pinching, yield_force: 50, ultimate_force: 80, ultimate_drift: 0.35, pinching: 1, "
-            "unloading: 0}",
+            "{type: trilinear-pinching, yield_force: 50, ultimate_force: 80, ultimate_drift: 0.35, "
+            "pinching: 1, unloading: 0}",
             100.0,
         ),
         ("linear", np.inf),
@@ -152,14 +154,17 @@ def test_the_stiffness_after_yield(tmp_path, law, stiffness):
 def test_the_report_tells_the_period_of_the_secant_stiffness(folder, tdint):
     """A rigid block on one isolator: 2 pi sqrt(m d / V), before it yields 2 pi sqrt(m / k)."""
     Path("block.yaml").write_text(
-        "stories:\n  - {mass: 25, stiffness: 3000, isolator: true, law: "
-        "{type: bilinear, yield_force: 5, hardening: 0.1}}\n"
+        "stories:\n  - {mass: 25, stiffness: 3000, isolator: true, law: {type: bilinear, "
+        "yield_force: 5, hardening: 0.1}}\n"
     )
     motion = ("motion.mseed", "--component", "HNN", "--units", "m/s^2")
     row = rows(tdint("run", "block.yaml", *motion, "--report", "block.html").stdout)[0]
     secant = float(row["peak_shear_N"]) / float(row["peak_drift_m"])
     before, at_peak = (2.0 * np.pi * np.sqrt(25.0 / k) for k in (3000.0, secant))
-    told = f"first period {before:.4g} s (before the isolators yield; {at_peak:.4g} s with their secant stiffness"
+    told = (
+        f"first period {before:.4g} s (before the isolators yield; {at_peak:.4g} s with their "
+        "secant stiffness"
+    )
     assert told in Path("block.html").read_text() and at_peak > 1.5 * before
     assert "before the isolators yield" in tdint("modes", "block.yaml").stderr
 

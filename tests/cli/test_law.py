@@ -10,7 +10,8 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 def test_one_cycle(folder, tdint):
-    """A bilinear story, k = 8000, Fy = 50, hardening 0.1, height 3: at a drift ratio of 1 % the force is 50 + 800 (0.03
+    """A bilinear story, k = 8000, Fy = 50, hardening 0.1, height 3: at a drift ratio of 1 % the
+    force is 50 + 800 (0.03
     - 0.00625) = 69 N."""
     result = tdint("law", "shaken.yaml", "--story", "2", "--drift", "0.01", "--points", "4", code=0)
     table = rows(result.stdout)
@@ -18,10 +19,17 @@ def test_one_cycle(folder, tdint):
     assert {row["story"] for row in table} == {"2"}
     assert [row["cycle"] for row in table] == ["0", *["1"] * 16]
     assert table[4] == {
-        "story": "2", "step": "4", "cycle": "1", "drift_m": "0.03", "drift_ratio": "0.01", "shear_N": "69",
-        "shear_with_p_delta_N": "69", "tangent_stiffness_N_m": "800", "recoverable_energy_J": "0.500625",
+        "story": "2",
+        "step": "4",
+        "cycle": "1",
+        "drift_m": "0.03",
+        "drift_ratio": "0.01",
+        "shear_N": "69",
+        "shear_with_p_delta_N": "69",
+        "tangent_stiffness_N_m": "800",
+        "recoverable_energy_J": "0.500625",
         "dissipated_energy_J": "1.06875",
-    }  # fmt: skip
+    }
     assert (table[8]["drift_m"], table[12]["drift_m"], table[16]["drift_m"]) == ("0", "-0.03", "0")
 
 
@@ -60,7 +68,8 @@ def test_a_linear_story_of_a_stream(folder, tdint):
 
 @pytest.mark.parametrize("units", ["m", "dy"])
 def test_any_path(folder, tdint, units):
-    """To 0.03 m, where the force is 69 N, back by 0.01 m along k = 8000 N/m, and on: one row for each."""
+    """To 0.03 m, where the force is 69 N, back by 0.01 m along k = 8000 N/m, and on: one row for
+    each."""
     scale = 1.0 if units == "m" else 1.0 / 0.00625
     drifts = [0.03, 0.02, 0.03, 0.0425]
     text = "".join(f"{i},{drift * scale!r}\n" for i, drift in enumerate(drifts))

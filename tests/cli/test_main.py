@@ -1,4 +1,5 @@
-"""The group: help and version without heavy imports, one table of commands, every option explained."""
+"""The group: help and version without heavy imports, one table of commands, every option
+explained."""
 
 import subprocess
 import sys
@@ -13,13 +14,16 @@ HEAVY = ("numpy", "scipy", "numba", "obspy", "matplotlib", "yaml", "pkg_resource
 
 
 def test_help_and_version_load_click_alone():
-    """One after the other in one process: the first that loads more is named. The group imports no command."""
+    """One after the other in one process: the first that loads more is named. The group imports no
+    command."""
+    calls = [["--help"], ["-h"], ["--version"], *([name, "-h"] for name in COMMANDS)]
     code = (
         "import sys\nfrom tdint_cli.main import main\n"
         "assert not any(name.startswith('tdint_cli.commands.') for name in sys.modules)\n"
-        f"for arguments in {[['--help'], ['-h'], ['--version'], *([name, '-h'] for name in COMMANDS)]!r}:\n"
+        f"for arguments in {calls!r}:\n"
         "    sys.argv = ['tdint', *arguments]\n"
-        "    try:\n        main()\n    except SystemExit as end:\n        assert not end.code, arguments\n"
+        "    try:\n        main()\n    except SystemExit as end:\n        assert not end.code, "
+        "arguments\n"
         f"    assert not {set(HEAVY)!r} & set(sys.modules), arguments\n"
         "print('all')"
     )
@@ -70,7 +74,8 @@ def test_version(tdint):
         (["modes", "x.yaml", "y.yaml"], "unexpected extra argument"),
         (
             ["run", "x.yaml", "a.mseed", "b.mseed", "--history"],
-            "--history has nothing to act on with several runs; it is for one record and one scale: call",
+            "--history has nothing to act on with several runs; it is for one record and one "
+            "scale: call",
         ),
         (
             ["run", "x.yaml", "a.mseed", "--record", "b.mseed"],

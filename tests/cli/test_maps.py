@@ -21,8 +21,18 @@ a,3,1931,URM,4500,37.80,-122.27,1e6,02138,good,=HYPERLINK(1)
 b,2,1968,C1,12000,37.81,237.74,,94110,bad,"two, cells"
 c,1,1968,W1,12000,,,5,94110,,
 """
-CARRIED = ["NumberOfStories", "YearBuilt", "StructureType", "PlanArea", "Latitude", "Longitude", "Cost", "zip",
-           "inventory_status", "note"]  # fmt: skip
+CARRIED = [
+    "NumberOfStories",
+    "YearBuilt",
+    "StructureType",
+    "PlanArea",
+    "Latitude",
+    "Longitude",
+    "Cost",
+    "zip",
+    "inventory_status",
+    "note",
+]
 
 
 @pytest.fixture
@@ -78,8 +88,9 @@ def positions(geometry: dict[str, Any] | None) -> list[float] | None:
 
 @pytest.mark.usefixtures("mapped")
 def test_columns_of_the_inventory_stand_behind_those_of_the_runs(tdint: Command) -> None:
-    """As they are written, but for what a spreadsheet would run; what has the name of another column gets a prefix.
-    Other columns of an inventory run nothing anew, and shards carry them along."""
+    """As they are written, but for what a spreadsheet would run; what has the name of another
+    column gets a prefix. Other columns of an inventory run nothing anew, and shards carry them
+    along."""
     table, inventory = rows("out/runs.csv"), {row["id"]: row for row in rows("buildings.csv")}
     assert list(table[0])[-len(CARRIED) :] == CARRIED and len(table) == 12
     for row in table:
@@ -106,8 +117,9 @@ def test_columns_of_the_inventory_stand_behind_those_of_the_runs(tdint: Command)
 
 
 def test_a_map_by_the_rules_of_geojson(mapped: list[dict[str, Any]], tdint: Command) -> None:
-    """RFC 7946: a FeatureCollection without a crs, positions as longitude and latitude, finite numbers alone; and the
-    larger component of runs.csv in the properties, in the units of the tables."""
+    """RFC 7946: a FeatureCollection without a crs, positions as longitude and latitude, finite
+    numbers alone; and the larger component of runs.csv in the properties, in the units of the
+    tables."""
     assert all(
         set(one) == {"type", "geometry", "properties"} and one["type"] == "Feature"
         for one in mapped
@@ -162,7 +174,8 @@ def test_what_a_map_refuses(
 
 @pytest.mark.usefixtures("mapped")
 def test_a_map_goes_with_its_places(tdint: Command) -> None:
-    """It is written anew with the other tables, and is gone where the inventory has no places any more."""
+    """It is written anew with the other tables, and is gone where the inventory has no places any
+    more."""
     Path("buildings.csv").write_text(BUILDINGS.replace("1e6", "3e6"))
     assert (
         "buildings.geojson: written anew" in tdint("campaign", "campaign.yaml", "-o", "out").stderr
@@ -195,8 +208,12 @@ def test_parquet_has_the_rows_of_the_tables(tdint: Command) -> None:
 
 
 def test_damage_has_them_too(region: Path, tdint: Command) -> None:
-    """Columns of the inventory in damage.csv and damage.parquet; the map has the means over the runs of damage.csv."""
-    damage = "{thresholds: {slight: 0.4%, complete: 2%}, dispersion: 0.3, losses: {slight: 10%, complete: 1}}"
+    """Columns of the inventory in damage.csv and damage.parquet; the map has the means over the
+    runs of damage.csv."""
+    damage = (
+        "{thresholds: {slight: 0.4%, complete: 2%}, dispersion: 0.3, losses: {slight: 10%, "
+        "complete: 1}}"
+    )
     Path("campaign.yaml").write_text(f"{CAMPAIGN}damage: {damage}\n")
     tdint("campaign", "campaign.yaml", "-o", "out", code=0)
     tdint("campaign", "export", "out", "--geojson", code=0)

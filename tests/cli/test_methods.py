@@ -98,13 +98,20 @@ def test_what_is_refused(here, tdint, name, arguments, code, message):
     "line",
     [
         *(f"stability --damping {value}" for value in ("inf", "-0.1", "nan")),
-        *(f"stability --dt-over-t {value}" for value in ("1:0.1:5", "0.1:1:1", "0.1:1", "0:1:5", "0.1:inf:5", "nan")),
+        *(
+            f"stability --dt-over-t {value}"
+            for value in ("1:0.1:5", "0.1:1:1", "0.1:1", "0:1:5", "0.1:inf:5", "nan")
+        ),
         *(f"stability --dt-over-t {value}" for value in ("0.1:1:1e3", "1e7", "1e-7:1:3")),
         *(f"overshoot --dt-over-t {value}" for value in ("0", "inf", "1e7")),
-        "overshoot --damping nan", "overshoot --steps 0", "order --load sinus", "order --law bilinear",
-        "order --frequency-ratio -1", "order --frequency-ratio 0.2:11:3",
+        "overshoot --damping nan",
+        "overshoot --steps 0",
+        "order --load sinus",
+        "order --law bilinear",
+        "order --frequency-ratio -1",
+        "order --frequency-ratio 0.2:11:3",
     ],
-)  # fmt: skip
+)
 def test_values_out_of_range(tdint, line):
     tdint.refused(f"Invalid value for '{line.split()[1]}'", *line.split())
 
@@ -134,7 +141,8 @@ def test_critical_steps_are_told(tdint):
 
 
 def test_beta_scan(here, tdint):
-    """Beside 1/144 the impulse method is unstable in a narrow band beside √12; its steps stand in the table, too."""
+    """Beside 1/144 the impulse method is unstable in a narrow band beside √12; its steps stand in
+    the table, too."""
     words = (
         "stability",
         "--method",
@@ -212,7 +220,8 @@ def test_a_motion_that_ran_away_leaves_empty_cells(here, tdint, drawn):
 
 
 def test_overshoot_in_nonlinear_motion(here, tdint):
-    """The rows are those of the function; the words tell what is passed, of whom, and who is left out."""
+    """The rows are those of the function; the words tell what is passed, of whom, and who is left
+    out."""
     words = ("--method", "newmark-average,moment4,exact", "--law", "softening", "--plot", "x.png")
     result = tdint("overshoot", *words, code=0)
     table = rows(result.stdout)
@@ -239,8 +248,8 @@ def test_overshoot_in_nonlinear_motion(here, tdint):
 
 
 def test_order_over_the_frequency_ratio(here, tdint, monkeypatch):
-    """At fifteen ratios unless told otherwise; the picture is a curve over them. Beside errors above 1e-5 a reference
-    of 1e-8 is exact."""
+    """At fifteen ratios unless told otherwise; the picture is a curve over them. Beside errors
+    above 1e-5 a reference of 1e-8 is exact."""
     solve = scipy.integrate.solve_ivp
     coarse = {"rtol": 1e-8, "atol": 1e-9}
     monkeypatch.setattr(

@@ -1,4 +1,5 @@
-"""`--output-units`: every table, summary and sentence in other units, and back; histories packed and thinned."""
+"""`--output-units`: every table, summary and sentence in other units, and back; histories packed
+and thinned."""
 
 import csv
 import gzip
@@ -34,7 +35,8 @@ def table(text: str) -> tuple[list[str], list[list[str]]]:
 
 
 def check_round_trip(si: str, us: str) -> None:
-    """The table in US units, times the units' values, is the one in SI to the digits of both; names say the units."""
+    """The table in US units, times the units' values, is the one in SI to the digits of both; names
+    say the units."""
     (names, rows), (renamed, others) = table(si), table(us)
     found = [US.column(name, unit_of(name)) for name in names]
     assert renamed == [name for name, _ in found] and renamed != names
@@ -163,7 +165,8 @@ def test_campaigns_and_runs_of_several_records(folder: Path, tdint: Command) -> 
         *(tdint(*run, *units, code=0).stdout for units in ((), ("--output-units", "kip,in,g")))
     )
     (folder / "study.yaml").write_text(
-        "buildings: {models: [shaken.yaml]}\nrecords: {files: [other.mseed]}\noutputs: {stories: true}\n"
+        "buildings: {models: [shaken.yaml]}\nrecords: {files: [other.mseed]}\noutputs: {stories: "
+        "true}\n"
     )
     tdint("campaign", "study.yaml", "-o", "study", code=0)
     tables = {name: (folder / "study" / name).read_text() for name in ("runs.csv", "stories.csv")}
@@ -194,7 +197,8 @@ def test_a_history_under_any_name_packed_and_thinned(folder: Path, tdint: Comman
     [
         (
             ("--history",),
-            "--history alone writes into the folder of -o: add -o DIR, or name it: --history=FILE.csv",
+            "--history alone writes into the folder of -o: add -o DIR, or name it: "
+            "--history=FILE.csv",
         ),
         (("--history=h.txt",), "--history h.txt: a history is a table; name it .csv or .csv.gz"),
         (("--history=",), "--history is empty; give a name"),
@@ -209,7 +213,8 @@ def test_what_cannot_be(
 
 
 def test_every_so_many_steps_are_views(folder: Path) -> None:
-    """Of a long history no second one is made. The numbers: tests/analysis/run/test_history_pieces.py."""
+    """Of a long history no second one is made. The numbers:
+    tests/analysis/run/test_history_pieces.py."""
     from tdint import load_model, run
 
     history = run(load_model("forced.yaml"), history=True).history

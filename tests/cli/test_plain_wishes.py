@@ -1,4 +1,5 @@
-"""Small things that users asked for: factors of spectra, names apart, where to go with two buildings."""
+"""Small things that users asked for: factors of spectra, names apart, where to go with two
+buildings."""
 
 import math
 

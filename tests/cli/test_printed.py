@@ -99,7 +99,8 @@ def test_symbols():
 
 
 def test_a_campaign_keeps_the_looks_of_its_file(folder, tdint, monkeypatch):
-    """The command line goes over them; a style sheet is relative to the file, from wherever the folder is read."""
+    """The command line goes over them; a style sheet is relative to the file, from wherever the
+    folder is read."""
     asked = []
 
     def noted(self, stream):
@@ -168,8 +169,8 @@ DRAWN = {
     "adrs spectrum": "spectrum motion.mseed --axes adrs",
     "inelastic spectrum": "spectrum other.mseed --ductility 2,4 --periods 0.1:3:10",
     "rotated spectrum": "spectrum motion.mseed --rotd 0,50,100",
-    "spectrum against another": "spectrum motion.mseed --component HNE --scale 1.05 --against published.csv "
-    "--against-column psa_m_s2",
+    "spectrum against another": "spectrum motion.mseed --component HNE --scale 1.05 --against "
+    "published.csv --against-column psa_m_s2",
     "target": f"spectrum --target {SPECTRUM}",
     "drift spectrum": "drift-spectrum other.mseed",
     "campaign": "campaign study.yaml -o out --limit 2%",
@@ -189,11 +190,13 @@ DRAWN = {
     "chart of several": "chart shaken.yaml forced.yaml --method impulse4,newmark-average,hht",
 }
 AT_ONCE = {"run": (0.09,), "law": (0.09, 0.18)}
-"""Not slow; at 180 mm one of them: words are of one size, so that a figure with half of the width is the harder one."""
+"""Not slow; at 180 mm one of them: words are of one size, so that a figure with half of the width
+is the harder one."""
 
 
 def words_of(figure):
-    """The texts that are seen and their boxes, points; numbers of ticks that are not drawn are none."""
+    """The texts that are seen and their boxes, points; numbers of ticks that are not drawn are
+    none."""
     figure.draw_without_rendering()
     axes = [panel for whole in figure.axes for panel in (whole, *whole.child_axes)]
     every, shown = set(), set()
@@ -216,7 +219,8 @@ def words_of(figure):
 
 
 def faults(figure):
-    """Words beyond the page by more than half a point, and words over others by more than a point both ways."""
+    """Words beyond the page by more than half a point, and words over others by more than a point
+    both ways."""
     words, (wide, high) = words_of(figure), 72.0 * figure.get_size_inches()
     beyond = [
         text.get_text() for text, box in words if min(*box[:2], wide - box[2], high - box[3]) < -0.5
@@ -232,7 +236,8 @@ def faults(figure):
 
 @pytest.fixture
 def studied(folder, tdint, request):
-    """The folder with what the commands take: a study, recordings on the floors, counted collapses, a spectrum."""
+    """The folder with what the commands take: a study, recordings on the floors, counted collapses,
+    a spectrum."""
     for name, text in {
         "study.yaml": STUDY,
         "recorded.yaml": RECORDED,
@@ -241,7 +246,8 @@ def studied(folder, tdint, request):
         (folder / name).write_text(text, encoding="utf-8")
     made = {
         "compare": "run shaken.yaml -o recorded --export-floors mseed",
-        "spectrum against another": "spectrum motion.mseed --component HNE --damping 5% -o published.csv",
+        "spectrum against another": "spectrum motion.mseed --component HNE --damping 5% -o "
+        "published.csv",
     }.get(request.node.callspec.params["line"])
     assert made is None or tdint(*made.split()).exit_code == 0
 

@@ -1,4 +1,5 @@
-"""The options that change a record: the same in all commands, told on standard error and in the JSON file."""
+"""The options that change a record: the same in all commands, told on standard error and in the
+JSON file."""
 
 import json
 
@@ -12,12 +13,31 @@ from tdint.ground_motion.processing_steps import process
 from tdint.ground_motion.reading.read import read_record
 from tdint.model.config.model_file import load_model
 
-OPTIONS = ("--trim", "0.5:2.5", "--baseline", "linear", "--pad", "1:2", "--highpass", "0.5", "--lowpass", "30",
-           "--corners", "2", "--resample", "0.005")  # fmt: skip
+OPTIONS = (
+    "--trim",
+    "0.5:2.5",
+    "--baseline",
+    "linear",
+    "--pad",
+    "1:2",
+    "--highpass",
+    "0.5",
+    "--lowpass",
+    "30",
+    "--corners",
+    "2",
+    "--resample",
+    "0.005",
+)
 STEPS = {
-    "trim": (0.5, 2.5), "baseline": "linear", "pad": (1.0, 2.0), "highpass": 0.5, "lowpass": 30.0, "corners": 2,
+    "trim": (0.5, 2.5),
+    "baseline": "linear",
+    "pad": (1.0, 2.0),
+    "highpass": 0.5,
+    "lowpass": 30.0,
+    "corners": 2,
     "resample": 0.005,
-}  # fmt: skip
+}
 
 
 def notes(result):
@@ -117,8 +137,12 @@ def test_usage_errors(folder, tdint, command, options, message):
 
 
 def test_model_command_line_and_library_agree(folder, tdint):
-    """The record of a model is processed by its own entries, by options in their place, or before it is given."""
-    entries = "trim: 0.5:2.5, baseline: linear, pad: 1:2, highpass: 0.5, lowpass: 30, corners: 2, resample: 0.005"
+    """The record of a model is processed by its own entries, by options in their place, or before
+    it is given."""
+    entries = (
+        "trim: 0.5:2.5, baseline: linear, pad: 1:2, highpass: 0.5, lowpass: 30, corners: 2, "
+        "resample: 0.005"
+    )
     text = (folder / "shaken.yaml").read_text()
     (folder / "processed.yaml").write_text(
         text.replace("component: HNE", f"component: HNE, {entries}")

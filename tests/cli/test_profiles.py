@@ -1,4 +1,5 @@
-"""profiles.csv, its picture and the limit of drifts, against numbers computed from stories.csv by hand."""
+"""profiles.csv, its picture and the limit of drifts, against numbers computed from stories.csv by
+hand."""
 
 import json
 import math
@@ -34,7 +35,8 @@ MOTIONS = {"motion.mseed": "pair", "other.mseed": "single", "third.mseed": "sing
 
 @pytest.fixture
 def study(folder: Path, make_record: Callable[..., None]) -> Path:
-    """The working directory with study.yaml: two buildings, a pair and two single components, two scales."""
+    """The working directory with study.yaml: two buildings, a pair and two single components, two
+    scales."""
     make_record(folder / "third.mseed", "HNE", peak=2.0)
     (folder / "study.yaml").write_text(STUDY)
     (folder / "stiff.yaml").write_text(STIFF)
@@ -59,9 +61,12 @@ def by_hand(stories: list[dict[str, str]], column: str, which: dict[str, str]) -
 
 QUANTITIES = ("mean", "median", "p16", "p84", "max")
 OF = (
-    statistics.fmean, statistics.median, lambda values: fractile(values, 0.16), lambda values: fractile(values, 0.84),
+    statistics.fmean,
+    statistics.median,
+    lambda values: fractile(values, 0.16),
+    lambda values: fractile(values, 0.84),
     max,
-)  # fmt: skip
+)
 
 
 def test_every_number_is_that_of_the_stories(study: Path, tdint: Command) -> None:
@@ -92,7 +97,8 @@ def test_every_number_is_that_of_the_stories(study: Path, tdint: Command) -> Non
 
 
 def test_errors_of_the_runs_are_carried_to_the_statistics(study: Path, tdint: Command) -> None:
-    """All values a little larger or smaller give other statistics: by so much these may be off, and no more."""
+    """All values a little larger or smaller give other statistics: by so much these may be off, and
+    no more."""
     Path("study.yaml").write_text(
         STUDY.replace("{method: newmark-average}", "{method: moment4, check: true}")
     )
@@ -141,8 +147,9 @@ def test_the_limit_is_of_the_mean_in_the_worst_story(study: Path, tdint: Command
         row for row in rows("out/stories.csv") if (row["building"], row["scale"]) == ("stiff", "1")
     ]
     means = {
-        story: statistics.fmean(by_hand(stories, "peak_drift_ratio", {"story": story})) for story in ("1", "2")
-    }  # fmt: skip
+        story: statistics.fmean(by_hand(stories, "peak_drift_ratio", {"story": story}))
+        for story in ("1", "2")
+    }
     worst = max(means, key=lambda story: means[story])
     largest = max(float(row["peak_drift_ratio"]) for row in stories)
     above, below = f"{1.001 * means[worst]:.8g}", f"{0.999 * means[worst]:.8g}"
@@ -161,8 +168,8 @@ def test_the_limit_is_of_the_mean_in_the_worst_story(study: Path, tdint: Command
 def test_a_gate_does_not_pass_before_all_runs_are_done(
     study: Path, tdint: Command, make_record: Callable[..., None]
 ) -> None:
-    """The limit is so wide that the whole study is within: parts of it end with 5 all the same, and without the gate
-    with 0 and a warning that cannot be silenced."""
+    """The limit is so wide that the whole study is within: parts of it end with 5 all the same, and
+    without the gate with 0 and a warning that cannot be silenced."""
     make_record(study / "third.mseed", "HNE", peak=2.0, samples=12000)  # more than one chunk
     gate = ("--limit", "90%", "--require")
     parts = {
@@ -194,7 +201,8 @@ def test_a_gate_does_not_pass_before_all_runs_are_done(
 
 
 def test_collapsed_runs_are_counted_and_in_no_mean(study: Path, tdint: Command) -> None:
-    """One motion of three is made to collapse the building: the mean is that of the others, and beyond any limit."""
+    """One motion of three is made to collapse the building: the mean is that of the others, and
+    beyond any limit."""
     factors = {"motion.mseed": "40", "other.mseed": "0.5", "third.mseed": "0.6"}
     lines = [
         "record,component,factor",
@@ -222,7 +230,8 @@ def test_collapsed_runs_are_counted_and_in_no_mean(study: Path, tdint: Command) 
 def test_of_many_buildings_ten_are_named_and_the_others_counted(
     study: Path, tdint: Command
 ) -> None:
-    """A building that is named twice is told; of all the table says how many motions each mean lacks."""
+    """A building that is named twice is told; of all the table says how many motions each mean
+    lacks."""
     names = [f"weak-{place}.yaml" for place in range(7)]
     for name in names:
         Path(name).write_text(

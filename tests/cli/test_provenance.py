@@ -1,4 +1,5 @@
-"""What the JSON file beside a table says of its options and of the sources (that each has one: test_files.py)."""
+"""What the JSON file beside a table says of its options and of the sources (that each has one:
+test_files.py)."""
 
 import hashlib
 import json
@@ -22,7 +23,8 @@ def test_options_and_units_are_told(folder, tdint):
 
 
 def test_a_checkout_does_not_call_itself_a_release(tmp_path, monkeypatch):
-    """Nor does a package with an edited file; the hash is that of its sources, wherever they are."""
+    """Nor does a package with an edited file; the hash is that of its sources, wherever they
+    are."""
     own = Path(tdint.__file__).parent
     system, digest = version_of_sources()
     assert system in (__version__, f"{__version__}+sources.{digest[:8]}")
@@ -39,7 +41,8 @@ def test_a_checkout_does_not_call_itself_a_release(tmp_path, monkeypatch):
 
 
 def _packed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """tdint as an installed package would be, with two files, and the record of its installation."""
+    """tdint as an installed package would be, with two files, and the record of its
+    installation."""
     from base64 import urlsafe_b64encode
     from importlib.metadata import Distribution
 

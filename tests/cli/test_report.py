@@ -1,4 +1,5 @@
-"""The page of --report: one file, well-formed, without anything from elsewhere, with the numbers of the tables."""
+"""The page of --report: one file, well-formed, without anything from elsewhere, with the numbers of
+the tables."""
 
 import base64
 import hashlib
@@ -24,7 +25,8 @@ EMPTY = {"meta", "img", "br"}
 
 
 class Page(HTMLParser):
-    """The texts of the cells of all tables, the sources of pictures, and all text; every element is closed in order."""
+    """The texts of the cells of all tables, the sources of pictures, and all text; every element is
+    closed in order."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -161,7 +163,8 @@ def test_the_page_of_several_runs(folder: Path, tdint: Command) -> None:
 
 
 def test_the_verdict_of_a_run_comes_first(folder: Path, tdint: Command) -> None:
-    """Limit, value and place, in words and in color; --require makes the limit of one run a gate, too."""
+    """Limit, value and place, in words and in color; --require makes the limit of one run a gate,
+    too."""
     drifts = [
         float(row["peak_drift_ratio"]) for row in rows(tdint("run", "shaken.yaml", code=0).stdout)
     ]
@@ -213,7 +216,8 @@ def test_a_page_is_in_the_units_of_the_model_and_says_whose_it_is(
     folder: Path, tdint: Command
 ) -> None:
     text = (
-        "name: twin\nunits: {length: m, force: kN, mass: t}\nreport: 'Project: tower; Author: A. B.'\n"
+        "name: twin\nunits: {length: m, force: kN, mass: t}\nreport: 'Project: tower; Author: A. "
+        "B.'\n"
         "stories: [{repeat: 2, mass: 200, height: 3.5, stiffness: 2.0e5}]\ndamping: 5%\n"
         "excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2}}\n"
         "analysis: {method: newmark-average}\n"
@@ -227,7 +231,8 @@ def test_a_page_is_in_the_units_of_the_model_and_says_whose_it_is(
     assert [
         row["peak total shear (kN)"] for row in table_with(found, "peak total shear (kN)")
     ] == shears
-    # The base shear of the restoring forces, and that of equilibrium, which Rayleigh damping is part of.
+    # The base shear of the restoring forces, and that of equilibrium, which Rayleigh damping is
+    # part of.
     restoring = float(stories[0]["peak_shear_N"]) / 1e3
     assert f"base shear {restoring:.4g} kN ({shears[0]} kN with viscous forces)" in found.text
     tdint("run", "kilo.yaml", "--report", "us.html", "--output-units", "kip,in", code=0)
@@ -239,8 +244,22 @@ def test_a_page_is_in_the_units_of_the_model_and_says_whose_it_is(
 
 def test_the_page_of_a_campaign_says_why(folder: Path, tdint: Command) -> None:
     scaled = tdint(
-        "scale", "motion.mseed", "--units", "m/s^2", "--pairs", "geometric-mean", "--rule", "ec8", "--at", "0.5",
-        "--target", "ec8:type=1,soil=B,ag=0.25g", "-o", "factors.csv", code=0)  # fmt: skip
+        "scale",
+        "motion.mseed",
+        "--units",
+        "m/s^2",
+        "--pairs",
+        "geometric-mean",
+        "--rule",
+        "ec8",
+        "--at",
+        "0.5",
+        "--target",
+        "ec8:type=1,soil=B,ag=0.25g",
+        "-o",
+        "factors.csv",
+        code=0,
+    )
     warnings = json.loads(Path("factors.json").read_text())["warnings"]
     assert warnings and all(text in scaled.stderr for text in warnings)
     Path("stiff.yaml").write_text(
@@ -268,8 +287,12 @@ def test_the_page_of_a_campaign_says_why(folder: Path, tdint: Command) -> None:
     found = page("page.html")
     assert "Date: 2026-01-31" in found.text
     for text in (
-        *warnings, "4 of 4 runs", "rule ec8 (EN 1998-1:2004", "target ec8:type=1,soil=B,ag=0.25g", "limit 2 %: ",
-    ):  # fmt: skip
+        *warnings,
+        "4 of 4 runs",
+        "rule ec8 (EN 1998-1:2004",
+        "target ec8:type=1,soil=B,ag=0.25g",
+        "limit 2 %: ",
+    ):
         assert text in found.text, text
     for file in (
         "study.yaml",
@@ -333,7 +356,8 @@ def test_the_page_of_modal_peaks_has_forces_and_the_share_of_each_mode(
     assert [row["overturning moment cqc (kN*m)"] for row in told] == [
         str(round(float(f"{float(row['overturning_moment_cqc_Nm']) / 1e3:.4g}"))) for row in peaks
     ]
-    # Of the first mode alone the moments are those of its shears; the roof's force is what its story carries.
+    # Of the first mode alone the moments are those of its shears; the roof's force is what its
+    # story carries.
     assert float(peaks[-1]["floor_force_cqc_N"]) == pytest.approx(
         float(peaks[-1]["shear_cqc_N"]), rel=1e-9
     )
@@ -381,7 +405,8 @@ A4 = (595.3, 841.9)
 
 
 def printed(file: str) -> list[tuple[str, float, float]]:
-    """The lines of text on paper, with where their first and last letters begin, in points from the left."""
+    """The lines of text on paper, with where their first and last letters begin, in points from the
+    left."""
     command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer"]
     where = (
         f"--user-data-dir={Path('profile').absolute()}",
@@ -425,7 +450,8 @@ def letters(font: bytes, objects: dict[bytes, bytes]) -> dict[bytes, str]:
 
 
 def lines_of_page(body: bytes, objects: dict[bytes, bytes]) -> Iterator[tuple[str, float, float]]:
-    """Text between BT and ET, a line or a cell of a table; the matrices are those of the page and of the text."""
+    """Text between BT and ET, a line or a cell of a table; the matrices are those of the page and
+    of the text."""
     named = re.search(rb"/Font <<(.*?)>>", body, re.DOTALL)
     fonts = {
         name: letters(objects[place], objects)
@@ -472,14 +498,24 @@ def lines_of_page(body: bytes, objects: dict[bytes, bytes]) -> Iterator[tuple[st
     [
         ("pushover", "collapse-prone-frame.yaml", "--target", "ec8:type=1,soil=C,ag=0.35g"),
         ("modes", "ten-story-bilinear.yaml", "--target", "ec8:type=1,soil=C,ag=0.35g"),
-        ("run", "base-isolated.yaml"), ("run", "ten-story-bilinear.yaml"), ("run", "fluid-dampers.yaml"),
-        ("run", "ten-story-bilinear.yaml", RECORDS / "firm-soil.mseed", RECORDS / "soft-soil.mseed", "--limit", "2%"),
+        ("run", "base-isolated.yaml"),
+        ("run", "ten-story-bilinear.yaml"),
+        ("run", "fluid-dampers.yaml"),
+        (
+            "run",
+            "ten-story-bilinear.yaml",
+            RECORDS / "firm-soil.mseed",
+            RECORDS / "soft-soil.mseed",
+            "--limit",
+            "2%",
+        ),
     ],
-)  # fmt: skip
+)
 def test_no_page_but_the_last_is_more_than_a_quarter_white(
     folder: Path, tdint: Command, drawn: None, asked: tuple[str, ...]
 ) -> None:
-    """Printed to A4: the last ink of each page lies in the lowest quarter of what is between the margins."""
+    """Printed to A4: the last ink of each page lies in the lowest quarter of what is between the
+    margins."""
     tdint(asked[0], CONFIGS / asked[1], *asked[2:], "-q", "--report", "page.html", code=0)
     assert not re.search(r"\de[+-]\d", page("page.html").text)
     printed("page.html")
@@ -498,7 +534,8 @@ def test_no_page_but_the_last_is_more_than_a_quarter_white(
 def test_a_page_prints_with_whole_numbers_inside_its_margins(
     folder: Path, tdint: Command, drawn: None
 ) -> None:
-    """Every cell that is a number stands in the PDF as one piece of text, and no text is beyond the paper."""
+    """Every cell that is a number stands in the PDF as one piece of text, and no text is beyond the
+    paper."""
     assert (
         tdint("run", "shaken.yaml", "--method", "moment4", "--report", "page.html").exit_code == 0
     )

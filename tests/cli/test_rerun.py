@@ -1,4 +1,5 @@
-"""`tdint rerun`: what a JSON file beside a table says, done again elsewhere, and the tables compared."""
+"""`tdint rerun`: what a JSON file beside a table says, done again elsewhere, and the tables
+compared."""
 
 import gzip
 import hashlib
@@ -65,7 +66,8 @@ def rerun(folder, tdint):
     ids=["files of all kinds", "sequence", "spectra"],
 )
 def test_a_folder_is_written_again_elsewhere_and_compared(folder, tdint, rerun, words, table):
-    """All its tables, those that were named beside it, too. A call of each command: test_files.py."""
+    """All its tables, those that were named beside it, too. A call of each command:
+    test_files.py."""
     tdint(*words, "-o", "some/study/", code=0)
     told = next(file for file in sorted(Path("some/study").glob("*.json")))
     assert f"{table}: the same, cell by cell" in rerun(told, code=0).stderr
@@ -236,7 +238,8 @@ def test_parquet_is_compared(folder, tdint, rerun):
 
 
 def test_nothing_compared_is_no_yes(folder, tdint, rerun):
-    """Of a table that has a name of no table, and of one whose times are left out, which is said."""
+    """Of a table that has a name of no table, and of one whose times are left out, which is
+    said."""
     (folder / "campaign.yaml").write_text(CAMPAIGN.replace("{stories: true}", "[damage]"))
     tdint("campaign", "campaign.yaml", "-o", "study", code=0)
     assert "nothing of what the command writes can be compared" in rerun("study", code=5).stderr

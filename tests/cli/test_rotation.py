@@ -1,4 +1,5 @@
-"""`tdint spectrum --rotd`: pairs in one file and in two, the table, the picture, and what is refused."""
+"""`tdint spectrum --rotd`: pairs in one file and in two, the table, the picture, and what is
+refused."""
 
 import json
 from pathlib import Path
@@ -33,8 +34,7 @@ def test_names_of_the_columns(folder, tdint):
         "spectrum", "motion.mseed", "--rotd", "5,84", "--period", "1", "--maxima", "peer"
     )
     assert result.stdout.splitlines()[0] == (
-        "record,component,damping,period_s,rotd05_psa_m_s2,rotd84_psa_m_s2,geometric_mean_psa_m_s2,rotd100_angle_deg,"
-        "maxima"
+        "record,component,damping,period_s,rotd05_psa_m_s2,rotd84_psa_m_s2,geometric_mean_psa_m_s2,rotd100_angle_deg,maxima"
     )
 
 

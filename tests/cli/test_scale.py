@@ -42,7 +42,8 @@ def test_factors_to_a_value(folder, tdint):
 
 
 def test_counts_and_others_in_one_call(folder, tdint, make_record):
-    """Units by the end of the path, by a table and in a campaign are those of each file given alone."""
+    """Units by the end of the path, by a table and in a campaign are those of each file given
+    alone."""
     make_record(folder / "counts.mseed", "HNE", integer=True)
     (folder / "lab.txt").write_text("# dt = 0.02 s\n0\n0.11\n-0.07\n0.02\n0\n")
     of_each = {"motion.mseed": "m/s^2", "counts.mseed": "1e-5 m/s^2", "lab.txt": "g"}
@@ -73,7 +74,8 @@ def test_a_pair_has_one_factor(folder, tdint):
 
 
 def test_pairs_by_the_names_of_their_files(folder, tdint, make_record):
-    """Whose names are unknown: one message says what would do, and with it two motions are two pairs."""
+    """Whose names are unknown: one message says what would do, and with it two motions are two
+    pairs."""
     (folder / "named").mkdir()
     for peak, name in enumerate(("kobe", "taft"), start=1):
         for channel, ending, more in (
@@ -143,7 +145,8 @@ EC8 = ("--target", "ec8:type=1,soil=B,ag=0.25g")
 
 
 def test_the_rule_of_ec8_over_the_periods_of_a_building(folder, tdint):
-    """Mean of the scaled spectra against those that `tdint spectrum` writes, and the mean PGA against ag S."""
+    """Mean of the scaled spectra against those that `tdint spectrum` writes, and the mean PGA
+    against ag S."""
     building = CONFIGS / "ten-story.yaml"
     period = float(rows(tdint("modes", building).stdout)[0]["period_s"])
     files = ("motion.mseed", "other.mseed")
@@ -246,7 +249,8 @@ def test_scaling_that_is_refused(folder, tdint, arguments, message):
 
 
 def test_a_run_with_the_factors_of_a_suite(folder, tdint):
-    """What `tdint scale` writes, `tdint run` takes: each component with its factor, as by --scale alone."""
+    """What `tdint scale` writes, `tdint run` takes: each component with its factor, as by --scale
+    alone."""
     suite = ("motion.mseed", "other.mseed", *UNITS)
     target = ("--target", "ec8:type=1,soil=B,ag=0.1g", "--range", "0.2:2")
     tdint("scale", *suite, *target, "-o", "suite.csv", code=0)
@@ -290,7 +294,8 @@ def test_factors_that_do_not_fit(folder, tdint, arguments, code, said):
 
 
 def test_motions_are_selected(folder, tdint):
-    """The best of three, told with what was left out; the table is that of `scale`; at most one of an earthquake."""
+    """The best of three, told with what was left out; the table is that of `scale`; at most one of
+    an earthquake."""
     (folder / "events.csv").write_text("record,event\nmotion.mseed,here\nother.mseed,there\n")
     words = (
         "scale",

@@ -21,7 +21,8 @@ def test_the_stories_stand_once_for_each_shock_and_once_for_all(folder, tdint):
     alone = rows(
         tdint("run", "shaken.yaml", "motion.mseed", "--component", "HNE", "--until-rest").stdout
     )
-    # What is left of the motion is part of the error of a residual drift at rest, not of one in between.
+    # What is left of the motion is part of the error of a residual drift at rest, not of one in
+    # between.
     assert {key for key in alone[0] if alone[0][key] != first[key]} <= {"residual_drift_m_error"}
     assert "motion.mseed + other.mseed HNE" in result.stderr
     assert "Shock 2, from " in result.stderr

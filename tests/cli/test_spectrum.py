@@ -1,4 +1,5 @@
-"""`tdint spectrum`, elastic and inelastic: rows, files, pictures, and good records beside bad ones."""
+"""`tdint spectrum`, elastic and inelastic: rows, files, pictures, and good records beside bad
+ones."""
 
 import json
 
@@ -170,8 +171,8 @@ def test_output_to_a_file_or_a_folder(folder, tdint, into):
 
 def test_a_clash_of_names_is_found_before_any_work(folder, tdint):
     message = (
-        "Error: out/x.EW.csv: both a/x.EW and b/x.EW would be written to it; use -o FILE for all in one file, "
-        "or one folder each\n"
+        "Error: out/x.EW.csv: both a/x.EW and b/x.EW would be written to it; use -o FILE for all "
+        "in one file, or one folder each\n"
     )
     tdint.refused(message, "spectrum", "a/x.EW", "b/x.EW", "-o", "out/", code=6)
 
@@ -218,7 +219,8 @@ def test_an_unstable_method_is_an_error_of_the_analysis(folder, tdint):
     ],
 )
 def test_peaks_between_the_periods_that_nobody_chose(folder, tdint, options, told):
-    """The default periods are 3.5 % apart, more than half the width of resonance with 2 % damping."""
+    """The default periods are 3.5 % apart, more than half the width of resonance with 2 %
+    damping."""
     said = "the periods are 3.5 % apart: with 2 % damping the spectrum may be higher between them"
     assert (said in tdint("spectrum", "other.mseed", *options, code=0).stderr) == told
 
@@ -242,7 +244,8 @@ def test_a_design_spectrum_is_written_and_read_again_as_a_target(folder, tdint):
         ]
         for target in ("ec8.csv", EC8)
     )
-    # 2.5 ag S on the plateau to TC = 0.5 s, then falling with T; straight lines in logarithms cost little.
+    # 2.5 ag S on the plateau to TC = 0.5 s, then falling with T; straight lines in logarithms cost
+    # little.
     assert read == pytest.approx(named, rel=2e-4)
     assert named[:2] == pytest.approx(
         [2.5 * 0.25 * 1.2 * 9.80665, 2.5 * 0.25 * 1.2 * 9.80665 * 0.5]

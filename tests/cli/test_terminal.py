@@ -26,7 +26,8 @@ def shell(command: str) -> subprocess.CompletedProcess[str]:
 def test_a_reader_that_goes_early_is_no_error(folder):
     """Of many rows, and of a table whose files are written, too."""
     done = shell(
-        "tdint law forced.yaml --drift 1% --points 2000 | head -n 2 && tdint run forced.yaml -o out | true"
+        "tdint law forced.yaml --drift 1% --points 2000 | head -n 2 && tdint run forced.yaml -o "
+        "out | true"
     )
     assert done.returncode == 0, done.stderr
     assert len(done.stdout.splitlines()) == 2

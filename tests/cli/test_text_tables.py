@@ -21,7 +21,8 @@ analysis: {method: exact}
 
 @pytest.fixture
 def tables(folder):
-    """Two tables of two columns below two lines of words and their names, and a file that is none."""
+    """Two tables of two columns below two lines of words and their names, and a file that is
+    none."""
     (folder / "tables").mkdir()
     t = np.arange(200) * 0.01
     for name, peak in (("a", 0.1), ("b", 0.2)):

@@ -11,12 +11,17 @@ from tdint_cli.main import cli
 
 OTHER_STORY = re.compile(r"story_(?!1_)\d+_")
 RECORD = "records/firm-soil.mseed --period 1"
-RECORDED = "{folder}/frame.yaml --recorded {folder}/recorded.yaml --blind {folder}/recorded.yaml --fit damping"
+RECORDED = (
+    "{folder}/frame.yaml --recorded {folder}/recorded.yaml --blind {folder}/recorded.yaml --fit "
+    "damping"
+)
 FRAME = "configs/collapse-prone-frame.yaml"
 COMMANDS = {
     "tdint run": "configs/ten-story.yaml --duration 1 --no-check",
-    "history.csv of tdint run": "configs/hardening.yaml --duration 0.1 --history --method moment4 --check",
-    "floor-spectra.csv of tdint run": "configs/hardening.yaml --duration 1 --floor-spectra roof --period 1",
+    "history.csv of tdint run": "configs/hardening.yaml --duration 0.1 --history --method moment4 "
+    "--check",
+    "floor-spectra.csv of tdint run": "configs/hardening.yaml --duration 1 --floor-spectra roof "
+    "--period 1",
     "tdint check": "configs/ten-story.yaml",
     "tdint modes": "configs/ten-story.yaml",
     "tdint modes --target": "asce7:sds=0.2,sd1=0.1,tl=8 configs/ten-story.yaml",
@@ -27,7 +32,8 @@ COMMANDS = {
     "spectra.csv of tdint compare": RECORDED,
     "fit.csv of tdint compare": RECORDED,
     "tdint inventory": "configs/buildings.csv --units m",
-    "tdint inventory --rules capacity": "--classes {folder}/classes.csv {folder}/of-classes.csv --units m",
+    "tdint inventory --rules capacity": "--classes {folder}/classes.csv {folder}/of-classes.csv "
+    "--units m",
     "tdint info": "records/firm-soil.mseed",
     "tdint spectrum": f"{RECORD} --maxima exact --interpolation linear",
     "tdint spectrum --against": f"{{folder}}/published.csv {RECORD}",
@@ -58,7 +64,8 @@ COMMANDS = {
     "tdint order": "--method newmark-average --frequency-ratio 1",
     "tdint failures": "--method newmark-average --problem large-step",
     "tdint examples": "1 --dt 0.1 --method newmark-average",
-    "tdint chart": "configs/hardening.yaml --method newmark-average --halvings 0 --repeat 1 --stories 1",
+    "tdint chart": "configs/hardening.yaml --method newmark-average --halvings 0 --repeat 1 "
+    "--stories 1",
 }
 
 
@@ -96,9 +103,11 @@ def folder(tmp_path_factory):
         "classes.csv": "class,sd_m,sa_g\nA,0.01,0.2\nA,0.05,0.3\n",
         "of-classes.csv": "id,class,NumberOfStories\none,A,2\n",
         "published.csv": "period_s,psa_g\n1,0.1\n2,0.1\n",
-        "campaign.yaml": f"{frames}{one_component}analysis: {{method: newmark-average}}\noutputs: {{stories: true}}\n",
+        "campaign.yaml": f"{frames}{one_component}analysis: {{method: newmark-average}}\noutputs: "
+        f"{{stories: true}}\n",
         "damage.yaml": f"buildings: {{models: [{readmes.ROOT / FRAME}]}}\n{one_component}"
-        "damage:\n  thresholds: {slight: 1%, moderate: 2%, extensive: 3%, complete: 4%}\n  dispersion: 0\n"
+        "damage:\n  thresholds: {slight: 1%, moderate: 2%, extensive: 3%, complete: 4%}\n  "
+        "dispersion: 0\n"
         "  losses: {slight: 0, moderate: 0, extensive: 0, complete: 1}\n",
         "sequences.yaml": f"{frames}records: {{sequences: pairs.csv, component: HN1}}\n",
         "pairs.csv": f"sequence,record\ntwice,{record}\ntwice,{record}\n",

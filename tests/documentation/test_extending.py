@@ -1,8 +1,10 @@
-"""The method, the law, the quantity and the format that READMEs add as examples work in a copy of the project.
+"""The method, the law, the quantity and the format that READMEs add as examples work in a copy of
+the project.
 
-Nothing is changed in the copy but what the READMEs say. With the new law every time loop is another one: all runs there
-take kernels as they are written, and that those of the new law and method compile, and give the same, is a test of its
-own. Another copy lacks the law: its loops are those that the suite has compiled, but for the new method's.
+Nothing is changed in the copy but what the READMEs say. With the new law every time loop is another
+one: all runs there take kernels as they are written, and that those of the new law and method
+compile, and give the same, is a test of its own. Another copy lacks the law: its loops are those
+that the suite has compiled, but for the new method's.
 """
 
 import csv
@@ -42,7 +44,7 @@ TDINT = ("-c", "from tdint_cli.main import main; main()")
 MODEL = """
 stories: [{mass: 1, stiffness: 400, law: {type: hyperbolic, strength: 2}}, {mass: 1, stiffness: 300}]
 damping: {modal: 0.05}
-"""
+"""  # noqa: E501
 
 
 def add(path, before, text):
@@ -68,7 +70,8 @@ def install(folder):
 
 
 def copy_of_the_project(folder, law, **kernels):
-    """A copy with the examples in it, that of a law or not, and an environment in which Python takes tdint from it."""
+    """A copy with the examples in it, that of a law or not, and an environment in which Python
+    takes tdint from it."""
     for name in readmes.FOLDERS:
         shutil.copytree(
             readmes.ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__")
@@ -216,7 +219,10 @@ def test_a_quantity_of_a_story_is_wherever_they_are(without_law):
     assert all(
         float(row[name]) > 0.0 for row in table((folder / "study" / "stories.csv").read_text())
     )
-    told = "import tdint; r = tdint.run('configs/ten-story.yaml', duration=1); print(*r.to_dict('kip,in,g'))"
+    told = (
+        "import tdint; r = tdint.run('configs/ten-story.yaml', duration=1); "
+        "print(*r.to_dict('kip,in,g'))"
+    )
     assert "peak_inertia_kip" in python(without_law, "-c", told).split()
     assert (
         passed(without_law, "tests/documentation/test_columns.py", "-k", "run or check or campaign")

@@ -1,4 +1,4 @@
-"""The form of the pages: links that lead somewhere, as many words as a reader has patience for."""
+"""The form of the pages: links, headings, and the files, commands and options that they name."""
 
 import re
 
@@ -7,34 +7,6 @@ import pytest
 
 import readmes
 from tdint_cli.main import COMMANDS, cli
-
-WORDS = {
-    ".github/CODE_OF_CONDUCT.md": 150,
-    ".github/CONTRIBUTING.md": 525,
-    ".github/PULL_REQUEST_TEMPLATE.md": 100,
-    ".github/SECURITY.md": 200,
-    ".github/paper/paper.md": 1750,
-    "README.md": 1300,
-    "CHANGELOG.md": 1850,
-    "cli/README.md": 5500,
-    "configs/README.md": 3500,
-    "records/README.md": 1450,
-    "src/GLOSSARY.md": 900,
-    "src/README.md": 2350,
-    "src/tdint/README.md": 2700,
-    "src/tdint/analysis/spectra/README.md": 950,
-    "src/tdint/campaign/MACHINES.md": 700,
-    "src/tdint/campaign/README.md": 3550,
-    "src/tdint/kernels/README.md": 600,
-    "src/tdint/kernels/laws/README.md": 1600,
-    "src/tdint/methods/README.md": 3600,
-    "tests/README.md": 5400,
-    "tests/benchmarks/README.md": 1500,
-    "tests/validation/README.md": 4500,
-}
-"""Most words of each page, tables and generated parts included."""
-
-ALL_WORDS = 41_500
 
 
 def named(path):
@@ -90,7 +62,8 @@ def options(command):
 
 
 def code(text):
-    """What stands in the code blocks and code spans of a README without its generated parts, a line each."""
+    """What stands in the code blocks and code spans of a README without its generated parts, a line
+    each."""
     text = re.sub(
         r"^<!-- generated: (\w+) -->$.*?^<!-- end: \1 -->$",
         "",
@@ -136,7 +109,8 @@ def test_files_folders_and_modules_that_are_named_exist(path):
 
 @pytest.mark.parametrize("path", readmes.files(), ids=named)
 def test_a_page_runs_from_top_to_bottom_in_one_folder(path):
-    """No command of it would end with `exists already`; a table, a record and the summary beside share their name."""
+    """No command of it would end with `exists already`; a table, a record and the summary beside
+    share their name."""
     blocks = re.findall(r"^```.*?^```$", path.read_text(), flags=re.DOTALL | re.MULTILINE)
     outputs = [
         re.sub(r"\.(?:csv|mseed|parquet)$", "", name)
@@ -144,17 +118,3 @@ def test_a_page_runs_from_top_to_bottom_in_one_folder(path):
         for name in re.findall(r"tdint [a-z][^|>#]*? -o ([^\s$]+)(?![^|>#]*--overwrite)", line)
     ]
     assert sorted(outputs) == sorted(set(outputs))
-
-
-def words(path):
-    return len(path.read_text(encoding="utf-8").split())
-
-
-def test_pages_are_short():
-    """Who needs more room on a page shortens what stands there: ceilings do not rise."""
-    count = {named(path): words(path) for path in pages()}
-    assert {
-        name: (count[name], most) for name, most in WORDS.items() if count.get(name, 0) > most
-    } == {}
-    assert set(count) <= set(WORDS)
-    assert sum(count.values()) <= ALL_WORDS

@@ -73,12 +73,12 @@ def test_the_comparison_of_sessions_sees_differences():
 
 
 def test_the_advice_is_the_default():
-    """What the pages and `tdint methods` name for who is in doubt is taken where no method is named."""
-    texts = [
-        readmes.README.read_text(),
-        (readmes.ROOT / "src" / "tdint" / "methods" / "README.md").read_text(),
-    ]
+    """What the pages and `tdint methods` name for who is in doubt is taken where no method is
+    named."""
+    texts = [(readmes.ROOT / "src" / "tdint" / "methods" / "README.md").read_text()]
     texts.append(CliRunner().invoke(cli, ["methods", "--help"]).output)
+    first_page = " ".join(readmes.README.read_text().split())
+    assert re.findall(r"If in doubt, use the default, `(\w+)", first_page) == [DEFAULT_METHOD]
     for text in texts:
         assert re.findall(r"If in doubt: `?(\w+)", " ".join(text.split())) == [DEFAULT_METHOD]
 

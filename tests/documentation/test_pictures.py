@@ -31,7 +31,7 @@ def test_what_draws_a_picture_counts(tmp_path, monkeypatch, changed):
         (tmp_path / file.name).write_bytes(file.read_bytes())
     monkeypatch.setattr(pictures, "_FIGURES", tmp_path)
     assert pictures.digest(pictures.PICTURES["failures.png"]) == before
-    (tmp_path / changed).write_text((tmp_path / changed).read_text() + "# another line\n")
+    (tmp_path / changed).write_text((tmp_path / changed).read_text() + "another = 1\n")
     assert pictures.digest(pictures.PICTURES["failures.png"]) != before
 
 

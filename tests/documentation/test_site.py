@@ -110,7 +110,8 @@ def test_the_table_of_methods_leads_to_their_pages(pages):
 
 
 class Found:
-    """Where a page leads, what it loads, its anchors: by its tags, which the generator writes with quotes."""
+    """Where a page leads, what it loads, its anchors: by its tags, which the generator writes with
+    quotes."""
 
     def __init__(self, text):
         self.leads, self.loads, self.anchors = set(), set(), set()
@@ -127,7 +128,8 @@ class Found:
 
 @pytest.fixture(scope="module")
 def site(maker, tmp_path_factory):
-    """The site, its figures of methods but one left as they would be drawn: that takes a second each."""
+    """The site, its figures of methods but one left as they would be drawn: that takes a second
+    each."""
     pytest.importorskip("zensical", reason="the extra site is not installed")
     folder = tmp_path_factory.mktemp("site")
     first = next(iter(catalogue()))

@@ -114,10 +114,21 @@ class Cluster:
 
     def _start(self, *arguments: str) -> subprocess.Popen[bytes]:
         return subprocess.Popen(
-            [sys.executable, "-m", "dask", *arguments, "--scheduler-file", str(self.file), "--no-dashboard",
-             *self.security],
-            cwd=self.folder, stdout=self.log, stderr=self.log, start_new_session=True,
-        )  # fmt: skip
+            [
+                sys.executable,
+                "-m",
+                "dask",
+                *arguments,
+                "--scheduler-file",
+                str(self.file),
+                "--no-dashboard",
+                *self.security,
+            ],
+            cwd=self.folder,
+            stdout=self.log,
+            stderr=self.log,
+            start_new_session=True,
+        )
 
     def add_worker(self) -> None:
         self.processes.append(
@@ -192,8 +203,21 @@ def certificate(folder: Path, name: str, signed_by: str | None) -> None:
         commands = [["req", "-x509", "-days", "2", *subject, "-out", f"{name}.pem"]]
     else:
         request = ["req", *subject, "-out", f"{name}.csr"]
-        sign = ["x509", "-req", "-days", "2", "-in", f"{name}.csr", "-CA", f"{signed_by}.pem", "-CAkey",
-                f"{signed_by}-key.pem", "-CAcreateserial", "-out", f"{name}.pem"]  # fmt: skip
+        sign = [
+            "x509",
+            "-req",
+            "-days",
+            "2",
+            "-in",
+            f"{name}.csr",
+            "-CA",
+            f"{signed_by}.pem",
+            "-CAkey",
+            f"{signed_by}-key.pem",
+            "-CAcreateserial",
+            "-out",
+            f"{name}.pem",
+        ]
         commands = [request, sign]
     for command in commands:
         subprocess.run(["openssl", *command], cwd=folder, check=True, capture_output=True)
@@ -237,4 +261,4 @@ def test_certificates_are_asked_for_and_checked(study, start, cluster):
     assert start("campaign", "study.yaml", "-o", "near", "--max-runs", "20").end(120.0)[0] == 0
     assert (study / "far" / "runs.csv").read_bytes() == (study / "near" / "runs.csv").read_bytes()
     code, _, said = campaign("stranger", "refused")
-    assert (code, "no scheduler answers" in said) == (2, True), said
+    assert (code, "no scheduler responds" in said) == (2, True), said

@@ -1,4 +1,5 @@
-"""What other operating systems have not: commands run through without the names that only POSIX or Linux has."""
+"""What other operating systems have not: commands run through without the names that only POSIX or
+Linux has."""
 
 import os
 import subprocess
@@ -46,7 +47,7 @@ class WithoutPrctl(ctypes.CDLL):
         return super().__getattr__(name)
 
 ctypes.CDLL = WithoutPrctl
-"""
+"""  # noqa: E501
 """As `sitecustomize` in every process of Python, those that a command starts among them."""
 
 NEAR_FAULT = (RECORDS / "near-fault.mseed", "--component", "HN1", "--units", "m/s^2")
@@ -80,7 +81,8 @@ for line in {lines!r}:
 
 @pytest.fixture
 def elsewhere(tmp_path, monkeypatch):
-    """What runs `tdint` in a folder with models: in a process on a system that has less, or here."""
+    """What runs `tdint` in a folder with models: in a process on a system that has less, or
+    here."""
     (tmp_path / "less").mkdir()
     (tmp_path / "less" / "sitecustomize.py").write_text(TAKE_AWAY, encoding="utf-8")
     (tmp_path / "campaign.yaml").write_text(CAMPAIGN, encoding="utf-8")

@@ -1,4 +1,5 @@
-"""Processes that are ended from outside: no orphan, no temporary file, no half file, no hang, the right exit code."""
+"""Processes that are ended from outside: no orphan, no temporary file, no half file, no hang, the
+right exit code."""
 
 import os
 import signal

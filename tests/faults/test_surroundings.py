@@ -1,4 +1,5 @@
-"""Hostile working directories, no home, caches of others: nothing of theirs is run, everything still works."""
+"""Hostile working directories, no home, caches of others: nothing of theirs is run, everything
+still works."""
 
 import os
 import stat
@@ -55,7 +56,8 @@ def test_a_long_command_in_a_hostile_working_directory(hostile, start):
 
 
 def test_without_a_home_in_a_hostile_working_directory(hostile, start):
-    """No module of the directory is run. Kernels are taken from elsewhere: that they compile there is asked above."""
+    """No module of the directory is run. Kernels are taken from elsewhere: that they compile there
+    is asked above."""
     nowhere = {"HOME": "/nonexistent", "XDG_CACHE_HOME": None, "TDINT_CACHE_DIR": None}
     nowhere["TDINT_KERNELS_DIR"] = os.environ["TDINT_CACHE_DIR"]
     code, out, words = start("info", "r0.csv", **nowhere).end(300.0)

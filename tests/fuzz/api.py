@@ -1,7 +1,8 @@
-"""Calls of the Python interface from a seed, with arguments sound and strange; what becomes of them.
+"""Calls of the Python interface from a seed, with arguments sound and strange; what becomes of
+them.
 
-A call is refused (a TdintError; a TypeError, or numpy's ValueError, where an argument is of another type than it must
-be), or every number that it gives is finite.
+A call is refused (a TdintError; a TypeError, or numpy's ValueError, where an argument is of another
+type than it must be), or every number that it gives is finite.
 """
 
 import dataclasses
@@ -49,7 +50,8 @@ _NEVER_NUMBERS = (
     "peak_drift_ratio",
     "height",
 )
-"""Fields that are nan where there is nothing to tell: a story without height, a law without yielding."""
+"""Fields that are nan where there is nothing to tell: a story without height, a law without
+yielding."""
 
 _OF_ANOTHER_TYPE = re.compile("truth value of an|could not be broadcast|could not convert string")
 """What numpy says of an array or a text in the place of a number."""
@@ -114,9 +116,13 @@ _PROCESSING = {
 
 def _run(source: random.Random) -> Any:
     options = {
-        "method": _METHOD, "dt": _number, "duration": lambda one: one.choice((0.1, 0.2, _number(one))),
-        "history": _flag, "check": _flag, "tolerance": _number,
-    }  # fmt: skip
+        "method": _METHOD,
+        "dt": _number,
+        "duration": lambda one: one.choice((0.1, 0.2, _number(one))),
+        "history": _flag,
+        "check": _flag,
+        "tolerance": _number,
+    }
     given = _some(options, source)
     given.setdefault("duration", 0.1)
     return tdint.run(_model(source.choice(tuple(MODELS))), _record(), **given)
@@ -129,8 +135,13 @@ def _scaled(source: random.Random) -> Any:
 
 def _many(source: random.Random) -> Any:
     names = (
-        "damping", "stories.mass", "stories[1].law.hardening", "stories[2].mass", "record.scale", "strength_factor",
-    )  # fmt: skip
+        "damping",
+        "stories.mass",
+        "stories[1].law.hardening",
+        "stories[2].mass",
+        "record.scale",
+        "strength_factor",
+    )
     strange = (
         "",
         "stories",
@@ -181,10 +192,14 @@ CALLS: dict[str, Callable[[random.Random], Any]] = {
     "process": lambda source: tdint.process(_record(), **_some(_PROCESSING, source)),
     "TextLayout": _layout,
     "read_record": lambda source: tdint.read_record(
-        source.choice(("a.txt", "table.csv", "n.mseed", "a.txt", "a.txt", "none", "", "\0", 1.5, b"a.txt")),
+        source.choice(
+            ("a.txt", "table.csv", "n.mseed", "a.txt", "a.txt", "none", "", "\0", 1.5, b"a.txt")
+        ),
         **_some(
             {
-                "units": _text("m/s^2"), "component": _text("HNE", "2"), "inventory": _text("a.txt", "none"),
+                "units": _text("m/s^2"),
+                "component": _text("HNE", "2"),
+                "inventory": _text("a.txt", "none"),
                 "layout": _layout,
             },
             source,
@@ -195,7 +210,9 @@ CALLS: dict[str, Callable[[random.Random], Any]] = {
         _numbers(source),
         **_some(
             {
-                "damping": _number, "method": _METHOD, "maxima": _text("continuous", "samples"),
+                "damping": _number,
+                "method": _METHOD,
+                "maxima": _text("continuous", "samples"),
                 "interpolation": _text("linear", "band-limited"),
             },
             source,
@@ -207,26 +224,46 @@ CALLS: dict[str, Callable[[random.Random], Any]] = {
         **_some({"damping": _number, "percentiles": _numbers}, source),
     ),
     "constant_ductility": lambda source: tdint.constant_ductility(
-        _record(), _numbers(source), _numbers(source), **_some({"damping": _number, "hardening": _number}, source)
+        _record(),
+        _numbers(source),
+        _numbers(source),
+        **_some({"damping": _number, "hardening": _number}, source),
     ),
     "constant_strength": lambda source: tdint.constant_strength(
-        _record(), _numbers(source), _numbers(source), **_some({"damping": _number, "hardening": _number}, source)
+        _record(),
+        _numbers(source),
+        _numbers(source),
+        **_some({"damping": _number, "hardening": _number}, source),
     ),
     "drift_spectrum": lambda source: tdint.drift_spectrum(
         _record(),
         _numbers(source),
-        **_some({"damping": _number, "stories": _number, "story_height": _number, "beam": _flag}, source),
+        **_some(
+            {"damping": _number, "stories": _number, "story_height": _number, "beam": _flag}, source
+        ),
     ),
     "load_model": lambda source: tdint.load_model(
         source.choice(
-            (io.StringIO(MODELS["linear.yaml"]), "linear.yaml", "none", "", "\0", {}, [], 1, None, b"x", io.BytesIO())
+            (
+                io.StringIO(MODELS["linear.yaml"]),
+                "linear.yaml",
+                "none",
+                "",
+                "\0",
+                {},
+                [],
+                1,
+                None,
+                b"x",
+                io.BytesIO(),
+            )
         )
     ),
     "run": _run,
     "run_many": _many,
     "replace": _replaced,
     "scaled case": _scaled,
-}  # fmt: skip
+}
 """Functions by name; each makes its arguments and calls."""
 
 

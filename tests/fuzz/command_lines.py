@@ -1,7 +1,8 @@
-"""Command lines from a seed: a sound one of a command, with options added, their values sound or strange.
+"""Command lines from a seed: a sound one of a command, with options added, their values sound or
+strange.
 
-Which options and arguments a command has is asked of the command itself, so that a new one is tried as soon as it is in
-GROUPS of `tdint_cli.main`; what it needs to be cheap and sound stands in SOUND.
+Which options and arguments a command has is asked of the command itself, so that a new one is tried
+as soon as it is in GROUPS of `tdint_cli.main`; what it needs to be cheap and sound stands in SOUND.
 """
 
 import random
@@ -15,8 +16,17 @@ from tdint_cli.main import COMMANDS, cli
 from tdint_cli.options import grammar
 
 RECORDS = (
-    "a.txt", "n.mseed", "s.sac", "counts.mseed", "table.csv", "many", "nan.txt", "cut.mseed", "none", *STRANGE_NAMES,
-)  # fmt: skip
+    "a.txt",
+    "n.mseed",
+    "s.sac",
+    "counts.mseed",
+    "table.csv",
+    "many",
+    "nan.txt",
+    "cut.mseed",
+    "none",
+    *STRANGE_NAMES,
+)
 _MODELS = tuple(MODELS)
 _CHEAP = ("--method", "newmark-average")
 
@@ -69,7 +79,8 @@ SOUND: dict[str, list[tuple[str, ...]]] = {
         )
     ],
 }
-"""Sound and cheap command lines; a command that is not here is tried with what its arguments are called."""
+"""Sound and cheap command lines; a command that is not here is tried with what its arguments are
+called."""
 
 LEFT_OUT = {"compile", "examples"}
 """Commands that take too long for thousands of cases."""
@@ -88,14 +99,46 @@ WEIGHTS = {
 
 _NUMBERS = ("0.02", "0.5", "1", "2", "0.1", "0.25", "10")
 _STRANGE_NUMBERS = (
-    "0", "-1", "nan", "inf", "-inf", "1e308", "1e-308", "5e-324", "1e-9", "1e9", "1e400", "", " ", "abc", "0x1",
-    "1_000", "5%", "1e300%", "0,1", "\uff15", "1:2", "--", "1" * 400, "\x1b[31m1", "-0",
-)  # fmt: skip
+    "0",
+    "-1",
+    "nan",
+    "inf",
+    "-inf",
+    "1e308",
+    "1e-308",
+    "5e-324",
+    "1e-9",
+    "1e9",
+    "1e400",
+    "",
+    " ",
+    "abc",
+    "0x1",
+    "1_000",
+    "5%",
+    "1e300%",
+    "0,1",
+    "\uff15",
+    "1:2",
+    "--",
+    "1" * 400,
+    "\x1b[31m1",
+    "-0",
+)
 _COUNTS = ("1", "2", "3", "5")
 _STRANGE_COUNTS = ("0", "-1", "1.5", "99999999999999999999", "1000000", "abc", "", "1e3")
 _GRIDS = (
-    "0.1:1:3", "0.2:0.2:1", "0.5", "1:0.1:5", "0.1:1:0", "0:1:5", "0.1:1:100000000", "a:b:c", "1e-308:1e308:4", "::",
-)  # fmt: skip
+    "0.1:1:3",
+    "0.2:0.2:1",
+    "0.5",
+    "1:0.1:5",
+    "0.1:1:0",
+    "0:1:5",
+    "0.1:1:100000000",
+    "a:b:c",
+    "1e-308:1e308:4",
+    "::",
+)
 _DRIFTS = (
     "1%",
     "20mm",
@@ -112,20 +155,62 @@ _DRIFTS = (
     "1e5dy",
 )
 _UNITS = (
-    "g", "m/s^2", "gal", "cm/s", "in", "2e-6 m/s^2", "1e300 g", "0 g", "-1 g", "1e-300 m/s^2", "furlong", "g\x1b[31m",
-)  # fmt: skip
+    "g",
+    "m/s^2",
+    "gal",
+    "cm/s",
+    "in",
+    "2e-6 m/s^2",
+    "1e300 g",
+    "0 g",
+    "-1 g",
+    "1e-300 m/s^2",
+    "furlong",
+    "g\x1b[31m",
+)
 _METHODS = (
-    "newmark-average", "impulse4", "exact", "newmark-average,exact", "newmark:beta=nan", "newmark:beta=1e308,gamma=0.5",
-    "impulse:beta=1e-9", "newmark-average:x=1", "wilson:theta=1e300", "neumark", ":", "", "generalized-alpha:rho_inf=2",
-)  # fmt: skip
+    "newmark-average",
+    "impulse4",
+    "exact",
+    "newmark-average,exact",
+    "newmark:beta=nan",
+    "newmark:beta=1e308,gamma=0.5",
+    "impulse:beta=1e-9",
+    "newmark-average:x=1",
+    "wilson:theta=1e300",
+    "neumark",
+    ":",
+    "",
+    "generalized-alpha:rho_inf=2",
+)
 _TEXTS = (
-    "", "HNE", "N", "1", "2", "\x1b[0m", "caf\xe9", "0:1", "0.05:", ":", "1e308:", "-1:2", "5:1", "0.1,0.9", "1e308",
+    "",
+    "HNE",
+    "N",
+    "1",
+    "2",
+    "\x1b[0m",
+    "caf\xe9",
+    "0:1",
+    "0.05:",
+    ":",
+    "1e308:",
+    "-1:2",
+    "5:1",
+    "0.1,0.9",
+    "1e308",
     "1" * 3000,
-)  # fmt: skip
+)
 _OUTPUTS = (
-    f"{OUTPUT}/t.csv", f"{OUTPUT}/new/t.csv", OUTPUT, f"{OUTPUT}/", f"{OUTPUT}/{OLD}", "/dev/null", "",
+    f"{OUTPUT}/t.csv",
+    f"{OUTPUT}/new/t.csv",
+    OUTPUT,
+    f"{OUTPUT}/",
+    f"{OUTPUT}/{OLD}",
+    "/dev/null",
+    "",
     "/nowhere/t.csv",
-)  # fmt: skip
+)
 
 
 def names() -> list[str]:

@@ -14,10 +14,19 @@ from ground_motion.test_archive import packed
 COUNT, STEP, PEAK, ALL = "number of samples", "sampling interval", "peak", "checksum"
 
 _OWN = {
-    "AFAD": {COUNT, PEAK}, "AT2": {COUNT}, "BHRC": {COUNT, STEP}, "COSMOS": {COUNT, PEAK}, "CSMIP": {COUNT, PEAK},
-    "CWB": {COUNT, STEP, PEAK}, "ESM": {COUNT, PEAK}, "GEONET": {COUNT, STEP, PEAK}, "SMC": {COUNT, PEAK},
-    "TEXT": set(), "UNAM": {COUNT, PEAK}, "USC": {COUNT},
-}  # fmt: skip
+    "AFAD": {COUNT, PEAK},
+    "AT2": {COUNT},
+    "BHRC": {COUNT, STEP},
+    "COSMOS": {COUNT, PEAK},
+    "CSMIP": {COUNT, PEAK},
+    "CWB": {COUNT, STEP, PEAK},
+    "ESM": {COUNT, PEAK},
+    "GEONET": {COUNT, STEP, PEAK},
+    "SMC": {COUNT, PEAK},
+    "TEXT": set(),
+    "UNAM": {COUNT, PEAK},
+    "USC": {COUNT},
+}
 """What each of tdint's own formats states twice, so that a change of it alone can be told."""
 
 _RECORDERS = {
@@ -31,7 +40,8 @@ _RECORDERS = {
 
 @dataclass(frozen=True)
 class Sound:
-    """A file that is as it should be: its format, its bytes, the units it needs, and what could tell a change."""
+    """A file that is as it should be: its format, its bytes, the units it needs, and what could
+    tell a change."""
 
     name: str
     data: bytes

@@ -1,6 +1,8 @@
-"""What is tried: damaged records, model files, files of studies, stores, command lines, calls of the Python interface.
+"""What is tried: damaged records, model files, files of studies, stores, command lines, calls of
+the Python interface.
 
-Each kind has names, and an outcome for a name and a seed; it raises Failure for what must not happen.
+Each kind has names, and an outcome for a name and a seed; it raises Failure for what must not
+happen.
 """
 
 import functools

@@ -1,7 +1,8 @@
-"""Model files from a seed: sound ones with their numbers, words, bytes and lines damaged; what becomes of them.
+"""Model files from a seed: sound ones with their numbers, words, bytes and lines damaged; what
+becomes of them.
 
-A file is refused, every fault with its place; or it is a sound model, which runs for a tenth of a second under a record
-and prints nothing that it must not (`fuzz.printed`).
+A file is refused, every fault with its place; or it is a sound model, which runs for a tenth of a
+second under a record and prints nothing that it must not (`fuzz.printed`).
 """
 
 import functools
@@ -25,14 +26,69 @@ OUTCOMES = (REFUSED, SAME, FAILS, RUNS)
 _CONFIGS = Path(__file__).parents[2] / "configs"
 _WORD = re.compile(r"[^\s,:{}\[\]#]+")
 _STRANGE = (
-    "0", "-1", "1e308", "1e-308", "5e-324", "1e999", "nan", ".inf", "012", "1_0", "0,5", "5%", "'1'", "true", "null",
-    "none", "[]", "{}", "[1, 2]", "*x", "&x", "!!int 3", "1e9", "99999999999999999999", "linear", "bilinear", "tanh",
-    "cos", "kip", "in", "\x1b[31m", "\u202e", "\U0001f600", "-0", "1e-9", "1e5", "3", "0.5",
-)  # fmt: skip
+    "0",
+    "-1",
+    "1e308",
+    "1e-308",
+    "5e-324",
+    "1e999",
+    "nan",
+    ".inf",
+    "012",
+    "1_0",
+    "0,5",
+    "5%",
+    "'1'",
+    "true",
+    "null",
+    "none",
+    "[]",
+    "{}",
+    "[1, 2]",
+    "*x",
+    "&x",
+    "!!int 3",
+    "1e9",
+    "99999999999999999999",
+    "linear",
+    "bilinear",
+    "tanh",
+    "cos",
+    "kip",
+    "in",
+    "\x1b[31m",
+    "\u202e",
+    "\U0001f600",
+    "-0",
+    "1e-9",
+    "1e5",
+    "3",
+    "0.5",
+)
 _KEYS = (
-    "mass", "stiffness", "height", "repeat", "law", "type", "dashpot", "name", "units", "p_delta", "record", "file",
-    "forces", "floor", "omega", "initial", "modal", "rayleigh", "ratio", "modes", "hardening", "yield_force",
-)  # fmt: skip
+    "mass",
+    "stiffness",
+    "height",
+    "repeat",
+    "law",
+    "type",
+    "dashpot",
+    "name",
+    "units",
+    "p_delta",
+    "record",
+    "file",
+    "forces",
+    "floor",
+    "omega",
+    "initial",
+    "modal",
+    "rayleigh",
+    "ratio",
+    "modes",
+    "hardening",
+    "yield_force",
+)
 
 
 def sound_models() -> dict[str, str]:
@@ -84,7 +140,8 @@ def outcome(original: str, text: str) -> str:
 
 
 def sound(text: str) -> Model | None:
-    """The model of a text, which is sound; or None, where every fault has a place in it. Raises Failure."""
+    """The model of a text, which is sound; or None, where every fault has a place in it. Raises
+    Failure."""
     try:
         model = load_model(io.StringIO(text))
     except ModelError as error:

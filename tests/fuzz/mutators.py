@@ -1,4 +1,5 @@
-"""Ways in which a file comes to harm, each from a seeded generator: flipped bits, lost and doubled pieces, numbers."""
+"""Ways in which a file comes to harm, each from a seeded generator: flipped bits, lost and doubled
+pieces, numbers."""
 
 import random
 import re
@@ -7,8 +8,19 @@ from collections.abc import Callable
 _HEADER = 700
 _NUMBER = re.compile(rb"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?")
 _STRANGE = [
-    b"0", b"-1", b"1e308", b"1e-308", b"nan", b"inf", b"999999999999", b"", b"\xff", b"-0", b"1e5", b"2147483648",
-]  # fmt: skip
+    b"0",
+    b"-1",
+    b"1e308",
+    b"1e-308",
+    b"nan",
+    b"inf",
+    b"999999999999",
+    b"",
+    b"\xff",
+    b"-0",
+    b"1e5",
+    b"2147483648",
+]
 
 
 def flip_a_bit(data: bytearray, source: random.Random) -> None:
@@ -71,9 +83,19 @@ def lose_or_swap_lines(data: bytearray, source: random.Random) -> None:
 
 
 MUTATORS: tuple[Callable[[bytearray, random.Random], None], ...] = (
-    flip_a_bit, flip_a_bit, flip_a_bit_of_the_header, flip_a_bit_of_the_header, set_a_byte, cut_off, lose_a_piece,
-    double_a_piece, zero_a_piece, change_a_number, change_a_number, lose_or_swap_lines,
-)  # fmt: skip
+    flip_a_bit,
+    flip_a_bit,
+    flip_a_bit_of_the_header,
+    flip_a_bit_of_the_header,
+    set_a_byte,
+    cut_off,
+    lose_a_piece,
+    double_a_piece,
+    zero_a_piece,
+    change_a_number,
+    change_a_number,
+    lose_or_swap_lines,
+)
 
 
 def mutated(data: bytes, seed: int) -> bytes:

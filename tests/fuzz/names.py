@@ -1,5 +1,5 @@
-"""Names of files, from a seed: of a model that is begun, which then must be one, of tables, of what is not there; and
-runs of many steps, whose memory must not grow.
+"""Names of files, from a seed: of a model that is begun, which then must be one, of tables, of what
+is not there; and runs of many steps, whose memory must not grow.
 """
 
 import random
@@ -10,10 +10,43 @@ from fuzz.oracle import Failure
 from fuzz.sandbox import OUTPUT, invoked, run
 
 _PARTS = (
-    *("a", "model", ".", "..", " ", "-", "--dt", "=cmd()", "@", "%s", "'", '"', "$x", "*", "?", "~", "#", ":", "\\"),
-    *("\n", "\r", "\t", "\x1b[31m", "\x7f", "\x85", "\u2028", "\u202e", "\u00e9", "\U0001f3db", "\udce9", "\udcff"),
+    *(
+        "a",
+        "model",
+        ".",
+        "..",
+        " ",
+        "-",
+        "--dt",
+        "=cmd()",
+        "@",
+        "%s",
+        "'",
+        '"',
+        "$x",
+        "*",
+        "?",
+        "~",
+        "#",
+        ":",
+        "\\",
+    ),
+    *(
+        "\n",
+        "\r",
+        "\t",
+        "\x1b[31m",
+        "\x7f",
+        "\x85",
+        "\u2028",
+        "\u202e",
+        "\u00e9",
+        "\U0001f3db",
+        "\udce9",
+        "\udcff",
+    ),
     "x" * 300,
-)  # fmt: skip
+)
 _ENDS = (".yaml", ".yml", ".csv", ".csv.gz", ".txt", "")
 CALLS = ("init", "modes", "check", "run")
 

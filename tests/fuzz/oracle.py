@@ -1,4 +1,5 @@
-"""What may become of a damaged file: refused in one line, read as before, or changed where nothing could tell."""
+"""What may become of a damaged file: refused in one line, read as before, or changed where nothing
+could tell."""
 
 import tempfile
 import time
@@ -31,7 +32,8 @@ _DOUBTS = (
 
 
 _PEAK = 0.025
-"""Part of a peak that the check's one per cent and the two digits that some headers have of it leave open."""
+"""Part of a peak that the check's one per cent and the two digits that some headers have of it
+leave open."""
 
 
 class Failure(AssertionError):
@@ -77,7 +79,8 @@ def _judged(sound: Sound, before: Sequence[Record], after: Sequence[Record]) -> 
 
 
 def _is_a_whole_part(sound: Sound, before: Sequence[Record], after: Sequence[Record]) -> bool:
-    """Whether whole components are gone, or one whole record of MiniSEED: no file states how many of them it has."""
+    """Whether whole components are gone, or one whole record of MiniSEED: no file states how many
+    of them it has."""
     if len(after) < len(before):
         return all(
             any(np.array_equal(one.acceleration, other.acceleration) for other in before)
@@ -117,7 +120,8 @@ def _said(records: Sequence[Record]) -> list[str]:
 def _silent(
     sound: Sound, what: str, before: Sequence[Record], after: Sequence[Record], text: str
 ) -> str:
-    """A change is a failure where the file still states what could tell it, and nothing was said."""
+    """A change is a failure where the file still states what could tell it, and nothing was
+    said."""
     known = set(_said(before))
     if any(note not in known for note in _said(after)):
         return SAID

@@ -81,7 +81,8 @@ def _check_file(name: str, content: bytes) -> None:
 
 
 def _check_table(name: str, text: str) -> None:
-    """CSV, JSON, BibTeX or the words of a help: no control character; in a table as many sound cells in every row."""
+    """CSV, JSON, BibTeX or the words of a help: no control character; in a table as many sound
+    cells in every row."""
     for line in text.split("\n"):
         if found := _CONTROL.search(line):
             raise Failure(f"{name}: the control character {found[0]!r}: {line[:200]!r}")

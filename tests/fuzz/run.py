@@ -1,12 +1,14 @@
-"""Damage records, models, studies, command lines and calls by the hundred thousand, and count what becomes of them.
+"""Damage records, models, studies, command lines and calls by the hundred thousand, and count what
+becomes of them.
 
     python tests/fuzz/run.py [--of records|models|studies|stores|names|commands|api] [--cases 100000] [--seed 0]
                              [--jobs 2] [--name MSEED]
     python tests/fuzz/run.py --bits                # every single bit of the headers of MiniSEED and SAC
 
-Each case is a name and a seed; a failure is printed with both, so that `--of KIND --name NAME --only SEED` repeats it.
-A case that ends its process (a crash) or does not come back is a failure, too.
-"""
+Each case is a name and a seed; a failure is printed with both, so that `--of KIND --name NAME
+--only SEED` repeats it. A case that ends its process (a crash) or does not come back is a failure,
+too.
+"""  # noqa: E501
 
 import argparse
 import logging
@@ -71,7 +73,8 @@ def all_outcomes(
     """Counts of outcomes by name, and a line for every failure."""
     table: dict[str, Counter[str]] = defaultdict(Counter)
     failures: list[str] = []
-    # A pool forks from a process with threads when it replaces one of its own, which may stand still for ever.
+    # A pool forks from a process with threads when it replaces one of its own, which may stand
+    # still for ever.
     with multiprocessing.get_context("spawn").Pool(jobs, maxtasksperchild=20) as pool:
         waiting = [
             (batch, pool.apply_async(run_batch, (kind, batch)))

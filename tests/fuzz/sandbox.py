@@ -35,7 +35,7 @@ p_delta: true
 excitation: {record: {file: n.mseed, units: m/s^2, component: HNE, scale: 2, baseline: constant}}
 analysis: {method: impulse4, dt: 0.01, duration: 0.3}
 collapse_drift: 0.05
-""",
+""",  # noqa: E501
     "forced.yaml": """\
 stories: [{mass: 10, stiffness: 800, dashpot: 5}, {mass: 8, stiffness: 600}]
 excitation: {forces: [{floor: 2, amplitude: 5, omega: 6, phase: sin}]}
@@ -49,10 +49,16 @@ excitation: {record: {file: table.csv, column: 3, step: 0.01, skip_lines: 1}}
 analysis: {method: exact, duration: 0.3}
 """,
 }
-BUILDINGS = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\nschool,3,1985,C1,600\nshop,2,1970,S1,400\n"
+BUILDINGS = "id,NumberOfStories,YearBuilt,StructureType,PlanArea\nschool,3,1985,C1,600\nshop,2,1970,S1,400\n"  # noqa: E501
 STRANGE_NAMES = (
-    "=cmd().txt", "esc\x1b[31m.txt", "two\nlines.txt", "-dash.txt", "\u202e.txt", "caf\udce9.txt", "inf.txt",
-)  # fmt: skip
+    "=cmd().txt",
+    "esc\x1b[31m.txt",
+    "two\nlines.txt",
+    "-dash.txt",
+    "\u202e.txt",
+    "caf\udce9.txt",
+    "inf.txt",
+)
 """Names of sound records that a table or a terminal must not be given as they are."""
 
 OUTPUT, OLD = "out", "old.csv"
@@ -129,7 +135,8 @@ def _fill(folder: Path) -> None:
 
 
 def run(arguments: Sequence[str], stdin: bytes | None = None) -> str:
-    """Run `tdint ARGUMENTS` here and judge what it prints and writes into `out`; its exit code in words.
+    """Run `tdint ARGUMENTS` here and judge what it prints and writes into `out`; its exit code in
+    words.
 
     Raises
     ------

@@ -1,4 +1,5 @@
-"""Damaged stores of campaigns and studies, from a seed: the next call heals them, with a word, or refuses them.
+"""Damaged stores of campaigns and studies, from a seed: the next call heals them, with a word, or
+refuses them.
 
 No table has a wrong byte.
 """

@@ -1,4 +1,5 @@
-"""Studies from a seed: a command line that ends well, one of the files that it reads damaged; what becomes of it.
+"""Studies from a seed: a command line that ends well, one of the files that it reads damaged; what
+becomes of it.
 
 What is printed and written is judged (`fuzz.printed`), in the folder of a campaign, too.
 """
@@ -15,8 +16,22 @@ from fuzz.study_files import CAMPAIGN, COMPARE
 
 _NUMBER = re.compile(r"(?<![\w.+-])[-+]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\w.])")
 _NUMBERS = (
-    "0", "1", "-1", "3", "0.01", "0.5", "100", "1e5", "1e9", "1e-9", "1e100", "-1e100", "1e308", "1e-308", "5e-324",
-)  # fmt: skip
+    "0",
+    "1",
+    "-1",
+    "3",
+    "0.01",
+    "0.5",
+    "100",
+    "1e5",
+    "1e9",
+    "1e-9",
+    "1e100",
+    "-1e100",
+    "1e308",
+    "1e-308",
+    "5e-324",
+)
 
 _COMPARE = [("compare", *one) for one in COMPARE]
 _FIT = [("compare", *one, "--fit", "stiffness") for one in COMPARE[:1]]
@@ -98,7 +113,8 @@ def _takes_long(text: str) -> bool:
 
 
 def _other_numbers(text: str, source: random.Random) -> str:
-    """The text with other numbers at some places: most readers take it, so that what computes meets them."""
+    """The text with other numbers at some places: most readers take it, so that what computes meets
+    them."""
     for _ in range(source.choice((1, 1, 2, 3))):
         match = source.choice(list(_NUMBER.finditer(text)))
         near = (
@@ -114,6 +130,7 @@ def _other_numbers(text: str, source: random.Random) -> str:
 
 
 def _read_by(study: Study, line: tuple[str, ...]) -> list[str]:
-    """The files of a study that a command line reads: those that it names, and those that no line does."""
+    """The files of a study that a command line reads: those that it names, and those that no line
+    does."""
     named = {word for one in study.lines for word in one}
     return [one for one in study.files if one in line or one not in named]

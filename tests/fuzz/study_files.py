@@ -1,4 +1,5 @@
-"""Small files that studies read: recordings in a building, campaigns, inventories, a grid, tables. All are sound."""
+"""Small files that studies read: recordings in a building, campaigns, inventories, a grid, tables.
+All are sound."""
 
 import json
 import math
@@ -14,10 +15,13 @@ def _wave(period: float, peak: float, step: float = _STEP) -> list[float]:
 def _history() -> str:
     """A table of a base and two floors, as `tdint run --history` writes them."""
     columns = {
-        "time_s": [round(_STEP * i, 6) for i in range(_COUNT)], "ground_acceleration_m_s2": _wave(0.4, 2.0),
-        "floor_1_displacement_m": _wave(0.35, 0.01), "floor_2_absolute_acceleration_m_s2": _wave(0.3, 4.0),
-        "floor_2_velocity_m_s": _wave(0.3, 0.2), "roof": _wave(0.5, 0.3),
-    }  # fmt: skip
+        "time_s": [round(_STEP * i, 6) for i in range(_COUNT)],
+        "ground_acceleration_m_s2": _wave(0.4, 2.0),
+        "floor_1_displacement_m": _wave(0.35, 0.01),
+        "floor_2_absolute_acceleration_m_s2": _wave(0.3, 4.0),
+        "floor_2_velocity_m_s": _wave(0.3, 0.2),
+        "roof": _wave(0.5, 0.3),
+    }
     rows = [",".join(map(str, row)) for row in zip(*columns.values(), strict=True)]
     return "\n".join([",".join(columns), *rows, ""])
 
@@ -32,7 +36,7 @@ floors:
 band: [0.4, 15]
 window: [0.05, 0.5]
 shift: 0.01
-""",
+""",  # noqa: E501
     "sensors.yaml": """\
 base: [{file: n.mseed, component: HNE, units: m/s^2}, {file: n.mseed, component: HNN, units: m/s^2}]
 floors: {2: {file: history.csv, column: roof, units: g}}
@@ -58,7 +62,7 @@ analysis: {tolerance: 2%, until_rest: false}
 buildings: {inventory: town.csv, units: {length: ft}, rules: mdof-lu, stiffness_scatter: 0.2, seed: 3}
 records: {grid: grid.csv, units: g, neighbors: 2, samples: 2, seed: 7}
 analysis: {method: newmark-average}
-""",
+""",  # noqa: E501
     "factors.yaml": """\
 buildings: {models: [linear.yaml]}
 records: {files: [a.txt, n.mseed], units: m/s^2}
@@ -68,7 +72,7 @@ analysis: {duration: 0.3}
 }
 _TABLES = {
     "history.csv": _history(),
-    "factors.csv": "record,component,factor\na.txt,,1.5\nn.mseed,HNE,0.5\nn.mseed,HNN,0.25\nn.mseed,HNE,2\n",
+    "factors.csv": "record,component,factor\na.txt,,1.5\nn.mseed,HNE,0.5\nn.mseed,HNN,0.25\nn.mseed,HNE,2\n",  # noqa: E501
     "town.csv": (
         "id,NumberOfStories,YearBuilt,StructureType,PlanArea,height,seismicZone,DampingRatio,DesignLevel,Latitude,Longitude\n"
         "hall,3,1931,URM,4500,36,Z4,0.07,,37.80,-122.27\nschool,2,1968,C1,12000,,Z3,,,37.81,-122.26\n"

@@ -1,4 +1,5 @@
-"""A few damaged inputs of every kind; `python tests/fuzz/run.py` does the same by the hundred thousand."""
+"""A few damaged inputs of every kind; `python tests/fuzz/run.py` does the same by the hundred
+thousand."""
 
 from collections import Counter
 
@@ -21,7 +22,8 @@ TRIED: dict[str, tuple[int, set[str]]] = {
     "models": (6, {model_files.REFUSED, model_files.RUNS}),
     "commands": (2, set()),
     "studies": (8, {"done"}),
-    # Healing is rarer than one in so few; tests/cli/test_campaign_store.py has it, damage by damage.
+    # Healing is rarer than one in so few; tests/cli/test_campaign_store.py has it, damage by
+    # damage.
     "stores": (8, {stores.REFUSED}),
     "names": (10, set()),
     "api": (16, set(api.OUTCOMES)),

@@ -43,7 +43,8 @@ def write(path, *traces, format="MSEED", **options):
 
 
 def obspy_data(name):
-    """A file among the test data that the obspy wheel brings along; None if this installation has none."""
+    """A file among the test data that the obspy wheel brings along; None if this installation has
+    none."""
     path = Path(find_spec("obspy").origin).parent / "io" / name
     return path if path.is_file() else None
 

@@ -1,7 +1,7 @@
 """Small records in the formats of `tdint.ground_motion.formats`, written by the tests themselves.
 
-Each function gives a file's text. The samples are numbers that the format's decimals hold, so that they are read back
-exactly.
+Each function gives a file's text. The samples are numbers that the format's decimals hold, so that
+they are read back exactly.
 """
 
 import numpy as np
@@ -11,7 +11,8 @@ from tdint.units import STANDARD_GRAVITY, parse_units
 
 
 def motion(samples=120, peak=1.5, decimals=3):
-    """A decaying sine without a zero among its samples; its largest one is `peak`, negative if that is."""
+    """A decaying sine without a zero among its samples; its largest one is `peak`, negative if that
+    is."""
     t = np.arange(samples)
     wave = np.sin(0.37 * t + 0.2) * np.exp(-t / samples)
     wave *= peak / wave[np.argmax(np.abs(wave))]
@@ -59,9 +60,15 @@ def at2(values=None, npts=None, step="NPTS=  {n}, DT= .00500 SEC", each=5, units
 def free_at2():
     """Free lines before NPTS, words after the values."""
     return text(
-        "Some motion, 1940", "120 points at equal spacing of 0.02 sec", "The units are (g)", "*** Begin data ***",
-        "NPTS=  120, DT= .02000 SEC", columns(motion(), 8, "9.5f"), "*** End Data ***", "",
-    )  # fmt: skip
+        "Some motion, 1940",
+        "120 points at equal spacing of 0.02 sec",
+        "The units are (g)",
+        "*** Begin data ***",
+        "NPTS=  120, DT= .02000 SEC",
+        columns(motion(), 8, "9.5f"),
+        "*** End Data ***",
+        "",
+    )
 
 
 def cosmos(
@@ -73,7 +80,8 @@ def cosmos(
     blocks=None,
     channel="1: 340",
 ):
-    """One channel of COSMOS 1.20, volume 2; `blocks` are kinds with values that follow the first one."""
+    """One channel of COSMOS 1.20, volume 2; `blocks` are kinds with values that follow the first
+    one."""
     values = motion() if values is None else values
     integers, reals = [-999] * 100, [-999.0] * 100
     integers[:4], integers[39:45] = [2, 1, 4, 120], [2005, 167, 6, 16, 20, 53]
@@ -87,7 +95,8 @@ def cosmos(
     body = []
     for what, data in [(kind, values), *(blocks or [])]:
         body.append(
-            f"   {npts or len(data)} {what} pts, approx   {round(len(data) * 0.01)} secs, units={units},Format={form}"
+            f"   {npts or len(data)} {what} pts, approx   {round(len(data) * 0.01)} secs, "
+            f"units={units},Format={form}"
         )
         body += fortran(data, 8, width, 0 if width == 8 else 5)
         units = "cm/sec(05)"
@@ -137,12 +146,18 @@ def csmip_v2(
         (components or {" 90 DEG": 150.5, "UP": -75.25}).items(), start=1
     ):
         values = motion(peak=peak)
-        body += csmip_texts("CORRECTED ACCELEROGRAM", number, azimuth, [
-            "                        UNCOR MAX  =  -.275 G, AT  10.947 SEC.",
-            f"  {len(values)} POINTS OF INSTRUMENT- AND BASELINE-CORRECTED ACCEL, VELOC AND DISPL DATA",
-            "AT EQUALLY-SPACED INTERVALS OF    .020  SEC.",
-            f"PEAK ACCELERATION =  {peak:.3f}    CM/SEC/SEC  AT   10.940   SEC.",
-        ])  # fmt: skip
+        body += csmip_texts(
+            "CORRECTED ACCELEROGRAM",
+            number,
+            azimuth,
+            [
+                "                        UNCOR MAX  =  -.275 G, AT  10.947 SEC.",
+                f"  {len(values)} POINTS OF INSTRUMENT- AND BASELINE-CORRECTED ACCEL, VELOC AND "
+                "DISPL DATA",
+                "AT EQUALLY-SPACED INTERVALS OF    .020  SEC.",
+                f"PEAK ACCELERATION =  {peak:.3f}    CM/SEC/SEC  AT   10.940   SEC.",
+            ],
+        )
         body += INTEGER_ROWS + fortran([0.041] * 100, 8, 10, 3)
         for kind, units in (("ACCEL", "CM/SEC/SEC"), ("VELOC", "CM/SEC"), ("DISPL", "CM")):
             body.append(" " + data.format(n=len(values), kind=kind, units=units))
@@ -164,7 +179,8 @@ def csmip_v1(components=None):
         ])  # fmt: skip
         body += INTEGER_ROWS + fortran([-999.0] * 50, 8, 10, 5)
         body.append(
-            f" {len(values)} Accelerogram points at 200 pts/sec in units of g .      Format: (8f9.6)"
+            f" {len(values)} Accelerogram points at 200 pts/sec in units of g .      Format: "
+            "(8f9.6)"
         )
         body += fortran(values, 8, 9, 6)
         body.append(f"/&  ----------  End of Data for Channel  {number}  ----------")
@@ -221,24 +237,43 @@ def smc(values=None, kind="2 CORRECTED ACCELEROGRAM", rate=200.0, npts=None, com
 
     fields = [value_field(value) for value in values]
     return text(
-        kind, "*", "SAF0A", "     1989  10  18    0004 Somewhere", "*", "station = somewhere", ["*"] * 5,
+        kind,
+        "*",
+        "SAF0A",
+        "     1989  10  18    0004 Somewhere",
+        "*",
+        "station = somewhere",
+        ["*"] * 5,
         ["".join(f"{value:10d}" for value in integers[i : i + 8]) for i in range(0, 48, 8)],
         ["".join(f"{value:15.7E}" for value in reals[i : i + 5]) for i in range(0, 50, 5)],
         ["|", "| ref - none"],
         ["".join(fields[i : i + 8]) for i in range(0, len(fields), 8)],
-    )  # fmt: skip
+    )
 
 
 def esm(values=None, ndata=None, units="cm/s^2", kind="ACCELERATION"):
     values = motion() if values is None else values
     return text(
-        "EVENT_NAME: SOMEWHERE", "EVENT_ID: none", "MAGNITUDE_W: ", "NETWORK: XX", "STATION_CODE: FAR1",
-        "STATION_NAME: Town Hall, Far: North", "LOCATION: ",
-        "DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS: 20190728_160919.870", "SAMPLING_INTERVAL_S: 0.005000",
-        f"NDATA: {len(values) if ndata is None else ndata}", "DURATION_S: 0.595", "STREAM: HNE", f"UNITS: {units}",
-        f"PGA_CM/S^2: {np.max(np.abs(values)):.6f}", "TIME_PGA_S: 0.1", f"DATA_TYPE: {kind}", "USER1: a b c", "USER2: ",
+        "EVENT_NAME: SOMEWHERE",
+        "EVENT_ID: none",
+        "MAGNITUDE_W: ",
+        "NETWORK: XX",
+        "STATION_CODE: FAR1",
+        "STATION_NAME: Town Hall, Far: North",
+        "LOCATION: ",
+        "DATE_TIME_FIRST_SAMPLE_YYYYMMDD_HHMMSS: 20190728_160919.870",
+        "SAMPLING_INTERVAL_S: 0.005000",
+        f"NDATA: {len(values) if ndata is None else ndata}",
+        "DURATION_S: 0.595",
+        "STREAM: HNE",
+        f"UNITS: {units}",
+        f"PGA_CM/S^2: {np.max(np.abs(values)):.6f}",
+        "TIME_PGA_S: 0.1",
+        f"DATA_TYPE: {kind}",
+        "USER1: a b c",
+        "USER2: ",
         [f"{value:.6f}" for value in values],
-    )  # fmt: skip
+    )
 
 
 def geonet(volume=2, components=("S16W", "S74E", "Up"), readings="1.00"):
@@ -254,13 +289,15 @@ def geonet(volume=2, components=("S16W", "S74E", "Up"), readings="1.00"):
         reals[24], reals[25] = 0.005, 0.02
         raw = f"Raw readings in units of {readings} mm/s/s  at intervals of 0.02 s"
         body += [
-            f"{'C' if volume == 2 else 'Unc'}orrected accelerogram 20180212_211554_FARS_20 GNS Science",
+            f"{'C' if volume == 2 else 'Unc'}orrected accelerogram 20180212_211554_FARS_20 GNS "
+            "Science",
             "Site FARS      39 56 38S  176 35 04E     file: none",
             *["none"] * 8,
             "Instrument corrected data at 0.020 sec intervals" if volume == 2 else raw,
             "none",
             f"Component {name}  Longitudinal Accelerometer Axis",
-            f"Acceleration:  peak  {peak * float(readings):.1f} mm/s/s at  43.68 sec     rms      2.2 mm/s/s",
+            f"Acceleration:  peak  {peak * float(readings):.1f} mm/s/s at  43.68 sec     rms      "
+            "2.2 mm/s/s",
             *["none"] * 2,
             *["".join(f"{value:8d}" for value in integers[i : i + 10]) for i in range(0, 40, 10)],
             *fortran(reals, 10, 8, 4),

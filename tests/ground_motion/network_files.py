@@ -37,12 +37,18 @@ def cwb(values=None, length=None, rate=50):
         for name, v in zip("UNE", values, strict=True)
     ]
     return text(
-        "#Earthquake Information", "#Origin Time(GMT+08): 2018/02/06-23:50:42", "#StationCode: ECU",
-        "#StartTime(GMT+08): 2018/02/06-23:50:29.000", f"#RecordLength(sec): {n / 50 if length is None else length:g}",
-        f"#SampleRate(Hz): {rate}", "#AmplitudeUnit:  gal. DCoffset(corr)", extremes,
-        "#DataSequence: Time U(+); N(+); E(+)", "#Data: 4F10.3",
+        "#Earthquake Information",
+        "#Origin Time(GMT+08): 2018/02/06-23:50:42",
+        "#StationCode: ECU",
+        "#StartTime(GMT+08): 2018/02/06-23:50:29.000",
+        f"#RecordLength(sec): {n / 50 if length is None else length:g}",
+        f"#SampleRate(Hz): {rate}",
+        "#AmplitudeUnit:  gal. DCoffset(corr)",
+        extremes,
+        "#DataSequence: Time U(+); N(+); E(+)",
+        "#Data: 4F10.3",
         fortran(np.column_stack([np.arange(n) * 0.02, *values]).ravel(), 4, 10, 3),
-    )  # fmt: skip
+    )
 
 
 def unam(values=None, count=None, repeated=0):
@@ -51,18 +57,28 @@ def unam(values=None, count=None, repeated=0):
     rows = ["".join(f"{value:10.3f}" for value in row) for row in zip(*values, strict=True)]
     ruler = "---------+" * 8
     return text(
-        "*" * 60, "      INSTITUTO DE INGENIERIA, UNAM", "ARCHIVO ESTANDAR DE ACELERACION:",
+        "*" * 60,
+        "      INSTITUTO DE INGENIERIA, UNAM",
+        "ARCHIVO ESTANDAR DE ACELERACION:",
         "CLAVE DE LA ESTACION                   : CUP5",
-        "ORIENTACION C1-C6 (rumbo;orientacion)  : /V/N90E/N00E", "ORIENTACION C7-C12 (rumbo;orientacion) :",
-        "INTERVALO DE MUESTREO, C1-C6 (s)       : /0.004/0.004/0.004", "INTERVALO DE MUESTREO, C7-C12 (s)      :",
-        "FECHA DEL SISMO [GMT]                  : 2004/01/01", "HORA EPICENTRO (GMT)                   : 23:58:02.7",
+        "ORIENTACION C1-C6 (rumbo;orientacion)  : /V/N90E/N00E",
+        "ORIENTACION C7-C12 (rumbo;orientacion) :",
+        "INTERVALO DE MUESTREO, C1-C6 (s)       : /0.004/0.004/0.004",
+        "INTERVALO DE MUESTREO, C7-C12 (s)      :",
+        "FECHA DEL SISMO [GMT]                  : 2004/01/01",
+        "HORA EPICENTRO (GMT)                   : 23:58:02.7",
         "HORA DE LA PRIMERA MUESTRA (GMT)       : 00:00:01    ",
         f"NUM. TOTAL DE MUESTRAS, C1-C6          : /{n}/{n}/{n}",
         f"ACEL. MAX.(Gal), C1-C6                 : /{'/'.join(f'{peak:.2f}' for peak in PEAKS)}",
-        "UNIDADES DE LOS DATOS                  : Gal (cm/s/s)", "DATOS DE ACELERACION:",
-        ruler, "   CANAL-1   CANAL-2   CANAL-3", "         V      N90E      N00E", ruler,
-        rows, [rows[-1]] * repeated,
-    )  # fmt: skip
+        "UNIDADES DE LOS DATOS                  : Gal (cm/s/s)",
+        "DATOS DE ACELERACION:",
+        ruler,
+        "   CANAL-1   CANAL-2   CANAL-3",
+        "         V      N90E      N00E",
+        ruler,
+        rows,
+        [rows[-1]] * repeated,
+    )
 
 
 def bhrc(values=None, count=None, rate=200.0):
@@ -78,11 +94,16 @@ def bhrc(values=None, count=None, rate=200.0):
             for value in [0.02, 0.64, n / 200, 0.0, 0.1, 0.0, 0.0, 0.0, rate] + [0.0] * 41
         ]
         body += [
-            "* VOL1DS FILE:  5526/01", "Inst Type = SSA-2", f"COMP {name}    ",
-            "Avin                      Station   37.734 N 47.801 E   Altitude 2026m   Azimuth L 50    T 140",
-            f"NO. OF POINTS = {n:6d}      DURATION = {n / 200:8.3f}", "UNITS ARE SECONDS AND G/10",
+            "* VOL1DS FILE:  5526/01",
+            "Inst Type = SSA-2",
+            f"COMP {name}    ",
+            "Avin                      Station   37.734 N 47.801 E   Altitude 2026m   Azimuth L 50 "
+            "   T 140",
+            f"NO. OF POINTS = {n:6d}      DURATION = {n / 200:8.3f}",
+            "UNITS ARE SECONDS AND G/10",
             *["".join(integers[i : i + 16])[:70] for i in range(0, 100, 16)],
             *["".join(reals[i : i + 8])[:70] for i in range(0, 50, 8)],
-            *columns(samples, 10, "13.6E"), "/&",
-        ]  # fmt: skip
+            *columns(samples, 10, "13.6E"),
+            "/&",
+        ]
     return text(body)

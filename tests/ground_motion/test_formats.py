@@ -48,7 +48,7 @@ class TestAt2:
     @pytest.mark.parametrize(
         "step",
         [
-            "NPTS=  {n}, DT= .00500 SEC", "NPTS=   {n}, DT=   .0050 SEC,        ", "NPTS= {n} DT= 5.0E-3",
+            "NPTS=  {n}, DT= .00500 SEC", "NPTS=   {n}, DT=   .0050 SEC,        ", "NPTS= {n} DT= 5.0E-3",  # noqa: E501
             "npts: {n}; dt: 0.005", "  {n}    0.0050    NPTS, DT", "{n}, .005 NPTS, DT",
             "NPT = {n} , DT = .005 SEC, , SCALED FACTOR = 2",
         ],
@@ -72,7 +72,7 @@ class TestAt2:
     @pytest.mark.parametrize(
         ("stated", "expected"),
         [
-            ("IN UNITS OF CM/S/S", "cm/s^2"), ("IN UNITS OF G'S.", "g"), ("IN UNITS OF (CM/SEC2)", "cm/s^2"),
+            ("IN UNITS OF CM/S/S", "cm/s^2"), ("IN UNITS OF G'S.", "g"), ("IN UNITS OF (CM/SEC2)", "cm/s^2"),  # noqa: E501
             ("IN UNITS OF M/S^2", "m/s^2"), ("IN G", "g"),
         ],
     )  # fmt: skip
@@ -299,14 +299,16 @@ class TestCsmip:
             text = sound.replace("PEAK ACCELERATION =  150.500", f"PEAK ACCELERATION = {stated}")
             refused(
                 text,
-                rf"90: the file states a peak of {abs(float(stated)):g} cm/s\^2, what was read has 150.5 cm/s",
+                rf"90: the file states a peak of {abs(float(stated)):g} cm/s\^2, what was read "
+                r"has 150.5 cm/s",
             )
         (note,) = contents(
             sound.replace("PEAK ACCELERATION =  150.500", "PEAK ACCELERATION =  151.500")
         ).notes
         assert note == "90: the file states a peak of 151.5 cm/s^2, what was read has 150.5 cm/s^2"
 
-        # MAX is in g where the samples are in tenths of it: taken for one another they would be ten times off.
+        # MAX is in g where the samples are in tenths of it: taken for one another they would be ten
+        # times off.
         sound = files.csmip_pairs()
         assert "G/10" in sound
         assert "peak" in contents(sound).compared
@@ -394,7 +396,8 @@ class TestLargeFiles:
 
 
 class TestNumbersOfSmc:
-    """The 48 integers and 50 reals by their places in the format's description; the first of each says: not known."""
+    """The 48 integers and 50 reals by their places in the format's description; the first of each
+    says: not known."""
 
     @pytest.mark.parametrize(
         ("vertical", "azimuth", "name"),
@@ -416,7 +419,8 @@ class TestNumbersOfSmc:
         [(3.0, -5.0, -5.0), (6.0, -5.0, 6.0), (1e38, -5.0, None), (3.0, 1e38, None)],
     )
     def test_peak(self, largest, smallest, peak):
-        """The larger one of the stated extremes, with five digits; none where one of them is not known."""
+        """The larger one of the stated extremes, with five digits; none where one of them is not
+        known."""
         text = files.smc(motion(peak=peak or 5.0), reals={0: 1e38, 29: largest, 31: smallest})
         compared = contents(text)
         assert ("peak" in compared.compared) == (peak is not None) and compared.notes == ()
@@ -434,7 +438,8 @@ class TestNumbersOfSmc:
 
     @pytest.mark.parametrize("told", ["", "  1994 1 17  x", "1994 01 18"])
     def test_start(self, told):
-        """By the day of the year, or by month and day where that is near the day that the text tells."""
+        """By the day of the year, or by month and day where that is near the day that the text
+        tells."""
         texts = ["", told, "x"]
         by_day = [-99.0, 1994.0, 17.0, 12.0, 30.0, 55.0, 250.0, 99.0]
         assert usgs._start(by_day, texts) == datetime(1994, 1, 17, 12, 30, 55, 250000)

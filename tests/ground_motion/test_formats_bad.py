@@ -1,4 +1,5 @@
-"""Damaged files: a RecordError or the right samples, without filling the memory; tests/fuzz damages them at random."""
+"""Damaged files: a RecordError or the right samples, without filling the memory; tests/fuzz damages
+them at random."""
 
 import contextlib
 import io
@@ -37,7 +38,8 @@ def read(name, data):
 
 
 def check_whole(name, data, whole):
-    """What is read, if anything, are whole components; of plain text, whose length nothing tells, the first rows."""
+    """What is read, if anything, are whole components; of plain text, whose length nothing tells,
+    the first rows."""
     for component, samples in (read(name, data) or {}).items():
         expected = whole[component]
         if name == "TEXT":
@@ -64,8 +66,8 @@ OTHERS = (b"-1", b"1e308", b"9" * 5000, b"1e-308", b"1e" + b"9" * 20)
     "turn", [0, 2, *(pytest.param(turn, marks=pytest.mark.slow) for turn in (1, 3, 4))]
 )
 def test_other_numbers_in_the_header(name, data, turn):
-    """In each place the next one, in all turns each in each place. Of numbers that are repeated over and over, as where
-    nothing is known, the first one."""
+    """In each place the next one, in all turns each in each place. Of numbers that are repeated
+    over and over, as where nothing is known, the first one."""
     before, others = b"", cycle(OTHERS[turn:] + OTHERS[:turn])
     for match in re.finditer(rb"\d+\.?\d*", data[: 300 if name == "TEXT" else 1500]):
         if match[0] != before:

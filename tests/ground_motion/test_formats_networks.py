@@ -109,7 +109,8 @@ def test_a_row_with_another_number_of_numbers():
     ],
 )
 def test_a_record_of_unam_that_begins_after_midnight(origin, first, day):
-    """The header has the day of the earthquake: the first sample comes within twelve hours of it."""
+    """The header has the day of the earthquake: the first sample comes within twelve hours of
+    it."""
     header = files.unam().replace("2004/01/01", "2004/03/05").replace("00:00:01    ", first)
     header = header.replace("23:58:02.7", origin)
     hour, minute, second = first.split(":")

@@ -29,7 +29,8 @@ class TestOneColumn:
 
     def test_names_and_start(self):
         header = (
-            "# dt = 0.01 s, units = 0.1 g\n# network = XX, station = Far Hill, location = 00, component = NS\n"
+            "# dt = 0.01 s, units = 0.1 g\n# network = XX, station = Far Hill, location = 00, "
+            "component = NS\n"
             "# start = 2020-01-02T03:04:05+01:00"
         )
         trace = only(one_column(header=header))
@@ -51,7 +52,8 @@ class TestOneColumn:
         [
             (
                 None,
-                "without its sampling interval; declare it in a first line `# dt = 0.01 s, units = g`",
+                "without its sampling interval; declare it in a first line `# dt = 0.01 s, units = "
+                "g`",
             ),
             ("# units = g", "without its sampling interval"),
             ("# dt = 0 s", "gives dt as '0 s'; write a positive number"),
@@ -146,11 +148,19 @@ class TestOtherText:
     @pytest.mark.parametrize(
         "other",
         [
-            "period_s,psa_m_s2\n0.1,2\n0.2,3\n", "time_s,temperature\n0.1,2\n0.2,3\n", "0.2 2 3\n0.1 3 4\n",
-            "one\n0.1 2\n0.2 3\n", "0.1\n", "1,,2\n2,,3\n", "1 2\n2 3\n3 4 5\n", "1 2\n2 3\nend\n", "3 1\n2 1\n1 1\n",
-            "mass: 5\n1\n2\n", "nan\nnan\n",
+            "period_s,psa_m_s2\n0.1,2\n0.2,3\n",
+            "time_s,temperature\n0.1,2\n0.2,3\n",
+            "0.2 2 3\n0.1 3 4\n",
+            "one\n0.1 2\n0.2 3\n",
+            "0.1\n",
+            "1,,2\n2,,3\n",
+            "1 2\n2 3\n3 4 5\n",
+            "1 2\n2 3\nend\n",
+            "3 1\n2 1\n1 1\n",
+            "mass: 5\n1\n2\n",
+            "nan\nnan\n",
         ],
-    )  # fmt: skip
+    )
     def test_is_not_taken_for_a_record(self, other):
         refused(other, "unknown format")
 

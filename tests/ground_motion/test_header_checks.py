@@ -60,9 +60,12 @@ class TestSac:
     def test_sound(self, data):
         compared = read_contents(bytes(data), "file").compared
         assert set(compared) == {
-            "number of samples", "length (time of the last sample)", "peak (smallest sample)", "peak (largest sample)",
+            "number of samples",
+            "length (time of the last sample)",
+            "peak (smallest sample)",
+            "peak (largest sample)",
             "mean",
-        }  # fmt: skip
+        }
 
     @pytest.mark.parametrize(
         ("word", "value", "match"),
@@ -108,7 +111,8 @@ class TestText:
 
     @pytest.mark.parametrize("version", ["1", "2"])
     def test_gse_sections(self, version):
-        """The number of samples stands in columns of the first line that each version has of its own."""
+        """The number of samples stands in columns of the first line that each version has of its
+        own."""
 
         def section(count, *lines, end="CHK{}  12"):
             head = (
@@ -199,7 +203,8 @@ class TestText:
     ("off", "remarked"), [(0.0, False), (0.9e-3, False), (-0.9e-3, False), (1.2e-3, True)]
 )
 def test_peaks_of_knet_are_without_the_offset(off, remarked):
-    """In gal, to a thousandth beside what another offset makes of it; samples are counts of `calib` m/s^2."""
+    """In gal, to a thousandth beside what another offset makes of it; samples are counts of `calib`
+    m/s^2."""
     samples = counts(1000) + 777
     one = trace(samples, calib=2e-5)
     peak = np.max(np.abs(samples - samples.mean())) * 2e-5 * 100.0

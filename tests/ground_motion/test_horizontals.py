@@ -32,11 +32,29 @@ def record(component, samples=100, *, dt=0.01, station="N.STA", start="", source
 @pytest.mark.parametrize(
     ("name", "degrees"),
     [
-        ("000", 0.0), ("67", 67.0), ("337", 337.0), ("360", 360.0), ("N00W", 0.0), ("S16W", 196.0), ("S74E", 106.0),
-        ("N45E", 45.0), ("N45W", 315.0), ("NS", 0.0), ("N-S", 0.0), ("EW2", 90.0), ("HNN", 0.0), ("hne", 90.0),
-        ("E", 90.0), ("HN1", None), ("1", None), ("2", None), ("", None), ("X", None), ("UP", None),
+        ("000", 0.0),
+        ("67", 67.0),
+        ("337", 337.0),
+        ("360", 360.0),
+        ("N00W", 0.0),
+        ("S16W", 196.0),
+        ("S74E", 106.0),
+        ("N45E", 45.0),
+        ("N45W", 315.0),
+        ("NS", 0.0),
+        ("N-S", 0.0),
+        ("EW2", 90.0),
+        ("HNN", 0.0),
+        ("hne", 90.0),
+        ("E", 90.0),
+        ("HN1", None),
+        ("1", None),
+        ("2", None),
+        ("", None),
+        ("X", None),
+        ("UP", None),
     ],
-)  # fmt: skip
+)
 def test_azimuths(name, degrees):
     assert azimuth(name) == degrees
 
@@ -67,11 +85,18 @@ def test_which_components_are_vertical():
 @pytest.mark.parametrize(
     ("names", "found"),
     [
-        (("HNE", "HNN", "HNZ"), "HNN+HNE"), (("HN1", "HN2"), "HN1+HN2"), (("HNZ", "HN2", "HN1"), "HN2+HN1"),
-        (("EW", "NS", "UD"), "NS+EW"), (("67", "UP", "337"), "337+67"), (("360", "90"), "360+90"),
-        (("S16W", "S74E"), "S74E+S16W"), (("0", "270"), "270+0"), (("93", "0"), "0+93"), (("X", "Y", "Z"), "X+Y"),
+        (("HNE", "HNN", "HNZ"), "HNN+HNE"),
+        (("HN1", "HN2"), "HN1+HN2"),
+        (("HNZ", "HN2", "HN1"), "HN2+HN1"),
+        (("EW", "NS", "UD"), "NS+EW"),
+        (("67", "UP", "337"), "337+67"),
+        (("360", "90"), "360+90"),
+        (("S16W", "S74E"), "S74E+S16W"),
+        (("0", "270"), "270+0"),
+        (("93", "0"), "0+93"),
+        (("X", "Y", "Z"), "X+Y"),
     ],
-)  # fmt: skip
+)
 def test_pairs(names, found):
     """By azimuth the second component lies 90 degrees clockwise of the first."""
     pair = find_horizontals([record(name) for name in names])
@@ -82,7 +107,8 @@ def test_names_that_tell_no_direction_are_taken_with_a_note():
     pair = find_horizontals([record("", source="a.txt"), record("", source="b.txt", seed=1)])
     assert (pair.source, pair.component) == ("a.txt+b.txt", "?+?")
     assert pair.notes == (
-        "directions unknown from the names: one and the other are taken as two horizontals at right angles",
+        "directions unknown from the names: one and the other are taken as two horizontals at "
+        "right angles",
     )
 
 
@@ -134,18 +160,31 @@ def test_the_end_that_one_alone_has_is_left_out(samples, words):
 
 
 SAME_MOTION = [
-    ("r/AOM0051801241951.EW", "r/AOM0051801241951.NS"), ("r/AICH040010061330.EW2", "r/AICH040010061330.NS2"),
-    ("RSN763_LOMAP_GIL067.AT2", "RSN763_LOMAP_GIL337.AT2"), ("RSN763_LOMAP_GIL067.AT2", "RSN763_LOMAP_GIL-UP.AT2"),
-    ("H-E01140.AT2", "H-E01230.AT2"), ("CI.CLC..HNE.mseed", "CI.CLC..HNN.mseed"), ("a/site_N.csv", "a/site_E.csv"),
-    ("site_EW.txt.gz", "site_NS.txt.gz"), ("RSN1-H1.txt", "RSN1-H2.txt"), ("RSN1_X000.AT2", "RSN1_X090.AT2"),
-    ("GM1_FN.AT2", "GM1_FP.AT2"), ("site.N.txt", "site.Z.txt"),
-]  # fmt: skip
+    ("r/AOM0051801241951.EW", "r/AOM0051801241951.NS"),
+    ("r/AICH040010061330.EW2", "r/AICH040010061330.NS2"),
+    ("RSN763_LOMAP_GIL067.AT2", "RSN763_LOMAP_GIL337.AT2"),
+    ("RSN763_LOMAP_GIL067.AT2", "RSN763_LOMAP_GIL-UP.AT2"),
+    ("H-E01140.AT2", "H-E01230.AT2"),
+    ("CI.CLC..HNE.mseed", "CI.CLC..HNN.mseed"),
+    ("a/site_N.csv", "a/site_E.csv"),
+    ("site_EW.txt.gz", "site_NS.txt.gz"),
+    ("RSN1-H1.txt", "RSN1-H2.txt"),
+    ("RSN1_X000.AT2", "RSN1_X090.AT2"),
+    ("GM1_FN.AT2", "GM1_FP.AT2"),
+    ("site.N.txt", "site.Z.txt"),
+]
 OTHER_MOTION = [
-    ("a/x.EW", "b/x.NS"), ("x.EW1", "x.NS2"), ("record001.mseed", "record002.mseed"), ("A.AT2", "B.AT2"),
-    ("CI.CLC..HNE.mseed", "CI.TOW..HNN.mseed"), ("CI.CLC..HNE.mseed", "CI.CLC..BNN.mseed"),
-    ("site_N.csv", "site_E.txt"), ("site_N.csv", "site.csv"), ("record_000.csv", "record_090.csv"),
+    ("a/x.EW", "b/x.NS"),
+    ("x.EW1", "x.NS2"),
+    ("record001.mseed", "record002.mseed"),
+    ("A.AT2", "B.AT2"),
+    ("CI.CLC..HNE.mseed", "CI.TOW..HNN.mseed"),
+    ("CI.CLC..HNE.mseed", "CI.CLC..BNN.mseed"),
+    ("site_N.csv", "site_E.txt"),
+    ("site_N.csv", "site.csv"),
+    ("record_000.csv", "record_090.csv"),
     ("one.N", "one.E"),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(

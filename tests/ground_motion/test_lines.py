@@ -1,4 +1,5 @@
-"""Lines of a text file, read one after another: what is passed over, and the number of the line that messages name."""
+"""Lines of a text file, read one after another: what is passed over, and the number of the line
+that messages name."""
 
 import pytest
 

@@ -1,4 +1,5 @@
-"""Measures of ground motions against closed forms and against fine integration of the same straight lines."""
+"""Measures of ground motions against closed forms and against fine integration of the same straight
+lines."""
 
 import math
 from dataclasses import replace
@@ -52,7 +53,8 @@ class TestClosedForms:
         assert found.d5_95 == pytest.approx(10.0 * 0.95 ** (1 / 3) - start, rel=1e-12)
 
     def test_what_a_run_leaves_out(self):
-        """Of 2 m/s^2 for 10 s the energy grows with t, of a ramp with t^3: after 5 s come a half and 7 / 8 of it."""
+        """Of 2 m/s^2 for 10 s the energy grows with t, of a ramp with t^3: after 5 s come a half
+        and 7 / 8 of it."""
         step, ramp = (
             replace(record([2.0] * 21), source="step"),
             replace(record(np.arange(21.0)), source="ramp"),
@@ -102,7 +104,8 @@ class TestClosedForms:
 
 
 def thousandths(value):
-    """Named: older versions of hypothesis look for the text of a lambda at every draw, for more than a second."""
+    """Named: older versions of hypothesis look for the text of a lambda at every draw, for more
+    than a second."""
     return round(value, 3)
 
 

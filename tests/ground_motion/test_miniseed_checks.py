@@ -66,7 +66,8 @@ class TestMiniSeed:
             (11, b"0", r"record 2 of XX\.ABC\.00\.HNE continues record 1 of XX\.ABC0\.00\.HNE"),
             (12, b"0", r"record 2 of XX\.ABC\.00\.HNE continues record 1 of XX\.ABC 0\.00\.HNE"),
             (53, b"\0", "different byte orders"),
-            # Blockettes that lead back, to themselves or to before themselves: whoever follows them never ends.
+            # Blockettes that lead back, to themselves or to before themselves: whoever follows them
+            # never ends.
             (50, b"\0\x30", "the places of its blockettes are wrong"),
             (50, b"\0\x2f", "the places of its blockettes are wrong"),
             (50, b"\0\x14", "the places of its blockettes are wrong"),
@@ -85,11 +86,15 @@ class TestMiniSeed:
 
     def test_a_record_that_swallows_others(self, data):
         data[54] = 11
-        message = "its header states 2048 bytes, but another record begins after 512|has 1024 of 2048 bytes"
+        message = (
+            "its header states 2048 bytes, but another record begins after 512|has 1024 of 2048 "
+            "bytes"
+        )
         refused(data, message)
 
     def test_fewer_samples_in_the_last_record(self, data):
-        """No gap tells it, but the rest of the record is not empty; compressed samples miss the last one stated."""
+        """No gap tells it, but the rest of the record is not empty; compressed samples miss the
+        last one stated."""
         last = len(data) - 512
         (count,) = struct.unpack_from(">H", data, last + 30)
         struct.pack_into(">H", data, last + 30, count - 10)
@@ -110,10 +115,20 @@ class TestMiniSeed:
 
 
 def seed_record(
-    order=">", *, station=b"ABC  ", channel=b"HNE", samples=10, encoding=3, exponent=9, factor=100, multiplier=1,
-    rate=None, **clock,
-):  # fmt: skip
-    """A record of MiniSEED put together by hand: a fixed header, blockette 1000, perhaps 100, and samples."""
+    order=">",
+    *,
+    station=b"ABC  ",
+    channel=b"HNE",
+    samples=10,
+    encoding=3,
+    exponent=9,
+    factor=100,
+    multiplier=1,
+    rate=None,
+    **clock,
+):
+    """A record of MiniSEED put together by hand: a fixed header, blockette 1000, perhaps 100, and
+    samples."""
     header = struct.pack(
         f"{order}6scc5s2s3s2sHHBBBxHHhhBBBBiHH",
         *(b"000001", b"D", b" ", station, b"00", channel, b"XX", *(CLOCK | clock).values()),
@@ -164,7 +179,7 @@ class TestMiniSeedByHand:
     @pytest.mark.parametrize(
         ("field", "least", "most"),
         [
-            ("year", 1900, 2100), ("day", 1, 366), ("hour", 0, 23), ("minute", 0, 59), ("second", 0, 60),
+            ("year", 1900, 2100), ("day", 1, 366), ("hour", 0, 23), ("minute", 0, 59), ("second", 0, 60),  # noqa: E501
             ("fraction", 0, 9999),
         ],
     )  # fmt: skip
@@ -184,7 +199,8 @@ class TestMiniSeedByHand:
         [(100, 2, 200), (100, -2, 50), (-4, 2, 0.5), (-4, -2, 0.125), (0, 1, 0), (1, 0, 0)],
     )
     def test_rates(self, factor, multiplier, rate):
-        """SEED manual, chapter 8, fields 10 and 11: each of them positive for a factor, negative for a divisor."""
+        """SEED manual, chapter 8, fields 10 and 11: each of them positive for a factor, negative
+        for a divisor."""
         (record,) = look_at_mseed(seed_record(factor=factor, multiplier=multiplier))
         assert (record.rate, record.end > record.start) == (rate, rate > 0)
 

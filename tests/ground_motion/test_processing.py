@@ -1,4 +1,5 @@
-"""Steps of processing against closed forms, and that nothing is done which is not asked for and told."""
+"""Steps of processing against closed forms, and that nothing is done which is not asked for and
+told."""
 
 import math
 from contextlib import nullcontext
@@ -53,9 +54,14 @@ def gain(corner, frequency, corners, dt=DT):
 
 
 EVERYTHING = {
-    "trim": (2.0, 15.0), "baseline": "linear", "pad": (3.0, 5.0), "highpass": 0.2, "lowpass": 20.0, "corners": 3,
+    "trim": (2.0, 15.0),
+    "baseline": "linear",
+    "pad": (3.0, 5.0),
+    "highpass": 0.2,
+    "lowpass": 20.0,
+    "corners": 3,
     "resample": 0.02,
-}  # fmt: skip
+}
 
 
 def test_the_order_of_the_steps_is_fixed():
@@ -185,7 +191,8 @@ def test_a_sine_loses_amplitude_and_no_phase(frequency, corners):
 @pytest.mark.parametrize("kind", ["highpass", "lowpass"])
 @pytest.mark.parametrize(("corner", "corners"), [(0.05, 4), (2.0, 4), (49.0, 10), (0.001, 1)])
 def test_zeros_around_the_record_change_nothing(kind, corner, corners):
-    """The filter is that of the motion which is zero outside its samples, however much of that is written out."""
+    """The filter is that of the motion which is zero outside its samples, however much of that is
+    written out."""
     alone = process(noise(), **{kind: corner}, corners=corners).acceleration
     padded = process(noise(), pad=(20.0, 500.0), **{kind: corner}, corners=corners).acceleration
     np.testing.assert_allclose(alone, padded[2000:4000], atol=1e-10 * np.max(np.abs(alone)))
@@ -261,13 +268,26 @@ def test_steps_that_do_not_fit_the_record(wanted, message):
 @pytest.mark.parametrize(
     "wanted",
     [
-        {"trim": (2.0, 1.0)}, {"trim": (-1.0, 1.0)}, {"trim": (math.nan, 1.0)}, {"baseline": "quadratic"},
+        {"trim": (2.0, 1.0)},
+        {"trim": (-1.0, 1.0)},
+        {"trim": (math.nan, 1.0)},
+        {"baseline": "quadratic"},
         {"pad": -1.0},
-        {"pad": 0.0}, {"pad": (1.0, -0.5)}, {"pad": math.nan}, {"pad": math.inf}, {"highpass": 0.0}, {"lowpass": -1.0},
-        {"lowpass": math.inf}, {"highpass": 5.0, "lowpass": 5.0}, {"highpass": 1.0, "corners": 0},
-        {"highpass": 1.0, "corners": 11}, {"corners": 4}, {"resample": 0.0}, {"resample": math.nan},
+        {"pad": 0.0},
+        {"pad": (1.0, -0.5)},
+        {"pad": math.nan},
+        {"pad": math.inf},
+        {"highpass": 0.0},
+        {"lowpass": -1.0},
+        {"lowpass": math.inf},
+        {"highpass": 5.0, "lowpass": 5.0},
+        {"highpass": 1.0, "corners": 0},
+        {"highpass": 1.0, "corners": 11},
+        {"corners": 4},
+        {"resample": 0.0},
+        {"resample": math.nan},
     ],
-)  # fmt: skip
+)
 def test_values_that_make_no_sense(wanted):
     (name, *_), message = wanted, "(corners|trim|baseline|pad|highpass|lowpass|resample)"
     with pytest.raises(UsageError, match=message) as error:

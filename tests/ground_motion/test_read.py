@@ -88,7 +88,8 @@ class TestFormats:
     def test_text_without_unit_in_the_header(self, tmp_path):
         path = tmp_path / "a.txt"
         path.write_text(
-            "TIMESERIES XX_ABC_00_HNE_D, 3 samples, 100 sps, 2020-01-02T03:04:05, SLIST, FLOAT,\n1.5 2 0\n"
+            "TIMESERIES XX_ABC_00_HNE_D, 3 samples, 100 sps, 2020-01-02T03:04:05, SLIST, "
+            "FLOAT,\n1.5 2 0\n"
         )
         assert read_record(path, units="gal").pga == 0.02
 
@@ -128,7 +129,8 @@ print([name for name in sys.modules if name.startswith("tdint.ground_motion.form
 
 
 class TestKnet:
-    """The strong-motion record that comes with obspy: counts with an offset, peak 4.383 gal by its header."""
+    """The strong-motion record that comes with obspy: counts with an offset, peak 4.383 gal by its
+    header."""
 
     @pytest.fixture
     def path(self):

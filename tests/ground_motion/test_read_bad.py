@@ -90,7 +90,8 @@ class TestNoRecord:
     def test_unknown_format(self, data):
         refused(
             data,
-            "unknown format(; those that are read: MSEED, KNET|: a table of numbers begins in line 1)",
+            "unknown format(; those that are read: MSEED, KNET|: a table of numbers begins in line "
+            "1)",
         )
 
     def test_compressed(self):
@@ -124,7 +125,10 @@ class TestSamples:
     def test_not_finite(self, tmp_path, bad):
         data = wave()
         data[[250, 300]] = bad
-        message = r"XX\.ABC\.00\.HNE: 2 of 1000 samples are not finite numbers, the first is sample 250 .* at 2\.5 s"
+        message = (
+            r"XX\.ABC\.00\.HNE: 2 of 1000 samples are not finite numbers, the first is "
+            r"sample 250 .* at 2\.5 s"
+        )
         refused(write(tmp_path / "a", trace(data)), message)
 
     def test_too_large_in_these_units_or_one_alone(self, tmp_path):
@@ -198,7 +202,8 @@ class TestWhatCrashesTheReaders:
     ("slip", "noted"), [(0.0, False), (0.0005, False), (0.001, True), (-0.002, True), (0.005, True)]
 )
 def test_a_break_of_a_part_of_a_sample_is_told(tmp_path, slip, noted):
-    """At 100 Hz; libmseed joins records up to half a sampling interval apart. Of two breaks the larger one is told."""
+    """At 100 Hz; libmseed joins records up to half a sampling interval apart. Of two breaks the
+    larger one is told."""
     samples = np.sin(0.1 * np.arange(2000)).reshape(4, 500)
     starts = (START, START + 5.0, START + 10.0 + slip, START + 15.0 + 0.4 * slip)
     pieces = [trace(piece, start=start) for piece, start in zip(samples, starts, strict=True)]

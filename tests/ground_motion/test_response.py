@@ -125,7 +125,8 @@ def test_what_a_digital_filter_stops_is_faded_out(tmp_path):
 
 
 def test_frequencies_that_were_stopped_stay_away(tmp_path):
-    """Noise in the counts, which no ground motion behind the filter can have made, is not blown up."""
+    """Noise in the counts, which no ground motion behind the filter can have made, is not blown
+    up."""
     noise = np.random.default_rng(0).integers(-1000, 1000, 4000)
     record = read(tmp_path, noise, taps=[1 / 64, 6 / 64, 15 / 64, 20 / 64, 15 / 64, 6 / 64, 1 / 64])
     assert 1000 / GAIN < record.pga < 3000 / GAIN
@@ -148,7 +149,8 @@ def test_poles_are_undone(tmp_path):
     data = 1e8 * envelope * (seen * np.exp(1j * omega * time)).imag
     record = read(tmp_path, data, poles=[-corner], factor=corner)
     expected = 1e8 / GAIN * envelope * np.sin(omega * time)
-    # The envelope is slow, not constant: the closed form holds to the ratio of its rate to the corner.
+    # The envelope is slow, not constant: the closed form holds to the ratio of its rate to the
+    # corner.
     np.testing.assert_allclose(record.acceleration, expected, atol=4e-3 * expected.max())
     assert record.pga > 1.003 * np.abs(data).max() / GAIN
 

@@ -1,4 +1,5 @@
-"""Units of several files in one call: by format, by the end of the path, by a table; with an inventory beside them."""
+"""Units of several files in one call: by format, by the end of the path, by a table; with an
+inventory beside them."""
 
 from __future__ import annotations
 
@@ -118,7 +119,8 @@ def test_what_is_refused(suite, units, message) -> None:
 
 
 def test_entries_fit_files_of_the_call(suite, tmp_path) -> None:
-    """Nothing is assumed of a file for which an entry was meant; what shows only in the file, in an archive, counts."""
+    """Nothing is assumed of a file for which an entry was meant; what shows only in the file, in an
+    archive, counts."""
     with pytest.raises(UsageError, match="none of the units given by file fits it: at2"):
         read_record(write(tmp_path / "assumed", trace(wave(peak=1.0))), units={"AT2": "g"})
     folder = str(suite["sac"].parent)

@@ -1,4 +1,5 @@
-"""Text tables that do not tell what they are: their user does, and never against what the file tells."""
+"""Text tables that do not tell what they are: their user does, and never against what the file
+tells."""
 
 import io
 
@@ -57,7 +58,10 @@ class TestStep:
         ]
         np.testing.assert_allclose(records[2].acceleration, 0.01 * COLUMNS[2], rtol=1e-15)
         # The samples of one motion may stand so, too.
-        told = "each of 3 columns without names is taken for a motion: one that runs on along the lines must have one"
+        told = (
+            "each of 3 columns without names is taken for a motion: one that runs on along the "
+            "lines must have one"
+        )
         assert all(any(note.startswith(told) for note in record.notes) for record in records)
         timed = read(file, table([], 0.02 * np.arange(60), *COLUMNS[:2], separator=" "), "gal")
         named = read(file, table(["N,E,Z"], *COLUMNS), "gal", step=0.02)
@@ -139,7 +143,8 @@ class TestColumn:
             (
                 "4",
                 "g",
-                r"gives its units \(cm/s\), g contradicts|calls the samples a velocity, g is a unit of acc",
+                r"gives its units \(cm/s\), g contradicts|calls the samples a velocity, g is a "
+                r"unit of acc",
             ),
         ],
     )

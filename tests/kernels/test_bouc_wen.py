@@ -1,4 +1,5 @@
-"""The Bouc-Wen law against its closed forms, scipy's DOP853, and what no numerical form of it may break."""
+"""The Bouc-Wen law against its closed forms, scipy's DOP853, and what no numerical form of it may
+break."""
 
 import math
 
@@ -42,7 +43,8 @@ def test_loading_from_rest_in_closed_form(exponent, closed, sign):
 @pytest.mark.parametrize("exponent", [1.0, 1.3, 2.0, 6.0])
 @pytest.mark.parametrize("beta", [0.5, pytest.param(0.75, marks=pytest.mark.slow), 1.0])
 def test_a_cycle_agrees_with_dop853(exponent, beta):
-    """The differential equation as it is written in Wen (1976), by another solver, along each straight piece."""
+    """The differential equation as it is written in Wen (1976), by another solver, along each
+    straight piece."""
     w = 0.0
     here = 0.0
     expected = []
@@ -114,7 +116,8 @@ def gone_along_compiled(law_parameters, turn, drifts):
     ],
 )
 def test_the_force_is_a_continuous_function_of_the_drift(exponent, gone, reach, size):
-    """Newton's iteration needs it: no jump where the number of substeps changes or w its sign, a yield drift behind."""
+    """Newton's iteration needs it: no jump where the number of substeps changes or w its sign, a
+    yield drift behind."""
     drifts = 3.0 * DY - np.linspace(0.0, reach, size) * DY
     forces = gone(law(exponent, 0.9), 3.0 * DY, drifts)
     slopes = np.diff(forces) / np.diff(drifts)

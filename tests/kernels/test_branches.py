@@ -60,7 +60,8 @@ def test_the_tangent_is_the_slope(name):
 
 
 def test_bilinear_loop_by_hand():
-    """Yield at 0.02; up to 0.06, back over an elastic range of 0.04, then yielding the other way."""
+    """Yield at 0.02; up to 0.06, back over an elastic range of 0.04, then yielding the other
+    way."""
     law_parameters = law_table("bilinear", FY, HARDENING)
     forces, _, _ = follow(law_parameters, [0.02, 0.06, 0.02, -0.02])
     turn = FY + HARDENING * K * 0.04
@@ -91,7 +92,8 @@ def test_branch_by_branch_is_the_closed_form(name):
 
 
 def test_peak_oriented_loop_by_hand():
-    """Clough, no degradation of the unloading: yield, unload to zero force, reload towards the other yield point."""
+    """Clough, no degradation of the unloading: yield, unload to zero force, reload towards the
+    other yield point."""
     law_parameters = law_table("peak-oriented", FY, HARDENING, 0.0)
     turn = FY + HARDENING * K * 0.04  # at drift 0.06
     zero = 0.06 - turn / K
@@ -106,8 +108,8 @@ def test_peak_oriented_loop_by_hand():
 
 
 def _origin_oriented():
-    """Straight to and from the origin up to the farthest drift, where it goes on with a tenth of the stiffness; one row
-    of its own: how often it has turned there."""
+    """Straight to and from the origin up to the farthest drift, where it goes on with a tenth of
+    the stiffness; one row of its own: how often it has turned there."""
 
     def recoverable(law_parameters, springs, i):
         return 0.5 * springs[at.FORCE, i] * springs[at.DRIFT, i]
@@ -137,7 +139,8 @@ KNOWING = [
 
 
 def _along(functions, law_parameters, springs, drifts):
-    """Tangent, force and work at each of the drifts, one reached from the other, each in a trial block of its own."""
+    """Tangent, force and work at each of the drifts, one reached from the other, each in a trial
+    block of its own."""
     results = []
     for past, drift in enumerate(drifts):
         trial = (past + 1) * at.SPRING_ROWS
@@ -149,8 +152,8 @@ def _along(functions, law_parameters, springs, drifts):
 
 @pytest.mark.parametrize("name", [*KNOWING, *PLUGINS])
 def test_a_look_at_the_branch_first_changes_no_bit(name, monkeypatch):
-    """Of forces, tangents, work and committed states, on random ways over up to three blocks, done again with other
-    drifts as iterations do, against the plain walk."""
+    """Of forces, tangents, work and committed states, on random ways over up to three blocks, done
+    again with other drifts as iterations do, against the plain walk."""
     law = (LAWS | PLUGINS)[name]
     looking = CALLING if law.apart else law.functions()
     with monkeypatch.context() as patch:
@@ -214,7 +217,8 @@ def test_the_first_crossing_of_a_cubic(seed):
 
 
 def test_a_cubic_that_starts_beyond_comes_inside_first():
-    """As where the last event was missed by a little; or it turns outside, and goes beyond from there."""
+    """As where the last event was missed by a little; or it turns outside, and goes beyond from
+    there."""
     assert _crossing((1.0, 0.0, 0.0, 1.0), 0.999, 0.0, NONE) == pytest.approx(1.0, abs=1e-3)
     assert _crossing((1.0, 0.0, 0.0, 1.0), 0.2, 0.0, NONE) == pytest.approx(0.5)
     assert _crossing((1.0, 0.5, 0.2, 0.1), 0.999, 0.0, NONE) == NONE

@@ -74,7 +74,8 @@ def cache(tmp_path, monkeypatch):
 
 
 def test_a_kernel_is_compiled_once_and_then_loaded_without_the_compiler(small):
-    """By one of two processes that want it at once: the other waits, unless it comes when it is done."""
+    """By one of two processes that want it at once: the other waits, unless it comes when it is
+    done."""
     running = [started(CALL, small, TDINT_CACHE_DIR=str(small / "cache")) for _ in range(2)]
     said = [printed(process).splitlines() for process in running]
     assert all(lines[-3:] == ["24.0", "24.0", "False"] for lines in said)
@@ -143,7 +144,8 @@ def test_what_cannot_be_kept_costs_only_time_and_what_is_cut_off_is_compiled_ane
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limits of processes")
 def test_where_no_more_can_be_written_the_kernel_runs_from_memory(cache, monkeypatch, caplog):
-    """A disk that is full when the object is written, and not before: no file may grow beyond 100 bytes."""
+    """A disk that is full when the object is written, and not before: no file may grow beyond 100
+    bytes."""
     import resource
 
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
@@ -247,11 +249,12 @@ from tdint.kernels.building.obtaining import compile_ahead
 if hasattr(os, "sched_setaffinity"):
     os.sched_setaffinity(0, list(os.sched_getaffinity(0))[:1])  # one process compiles both
 compile_ahead([(two.{}, EVERYTHING), (two.{}, EVERYTHING)], ["native"], Path("out"), lambda done: None)
-"""
+"""  # noqa: E501
 
 
 def test_the_same_sources_give_the_same_bytes(tmp_path):
-    """Wherever they lie, in whatever order they are compiled and however Python hashes names; no path is in them."""
+    """Wherever they lie, in whatever order they are compiled and however Python hashes names; no
+    path is in them."""
     running, objects = [], []
     for place, seed, names in (
         ("a", "1", ("first", "second")),
@@ -443,23 +446,32 @@ def test_objects_that_came_with_the_package_serve_last(cache, monkeypatch):
 
 def test_without_the_compiler_a_loop_that_is_not_there_is_named(cache, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, package=None: None)
-    said = "small_kernel:scaled: not among the compiled loops that came with tdint; to compile, install numba"
+    said = (
+        "small_kernel:scaled: not among the compiled loops that came with tdint; to compile, "
+        "install numba"
+    )
     with pytest.raises(AnalysisError, match=said):
         _ = Kernel(scaled.function, scaled.signature, ()).compiled
 
 
 def test_why_a_kernel_of_another_module_cannot_be_compiled():
-    """What numba says behind its heading, and the last line of the module's own file that it names."""
+    """What numba says behind its heading, and the last line of the module's own file that it
+    names."""
     wanted = Compilation(
         SimpleNamespace(name=scaled.name, function=scaled.function, parts=()), EVERYTHING, {}
     )
     own = wanted.request[1]
     name = Path(own).name
     text = [
-        "Traceback", f'  File "/a/b/{name}", line 3, in scaled', f'  File "C:\\a\\{name}", line 17, in scaled',
-        '  File "/a/b/other.py", line 99, in scaled', "Failed in nopython mode pipeline", "  ",
-        "  cannot unify float64 and int64  ", "During: typing of assignment",
-    ]  # fmt: skip
+        "Traceback",
+        f'  File "/a/b/{name}", line 3, in scaled',
+        f'  File "C:\\a\\{name}", line 17, in scaled',
+        '  File "/a/b/other.py", line 99, in scaled',
+        "Failed in nopython mode pipeline",
+        "  ",
+        "  cannot unify float64 and int64  ",
+        "During: typing of assignment",
+    ]
     assert wanted.reason(text) == f"{own}:17: cannot unify float64 and int64"
     assert wanted.reason([text[0], *text[3:]]) == f"{own}: cannot unify float64 and int64"
     assert (
@@ -493,7 +505,8 @@ def test_a_misspelled_name_is_told_with_its_line():
 
 
 def test_what_is_said_of_what_is_compiled(monkeypatch):
-    """Loops by their modules, those with laws with the laws; the time is that of the longest, or of all shared out."""
+    """Loops by their modules, those with laws with the laws; the time is that of the longest, or of
+    all shared out."""
 
     def kernel(name, *parts):
         return SimpleNamespace(name=f"tdint.kernels.{name}:march", parts=parts)

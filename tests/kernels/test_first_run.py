@@ -26,7 +26,7 @@ for file, method in json.loads(sys.argv[1]):
     assert begin_at_once(case.prepared, [case.method], 100)
     response = tdint.run_case(case, duration=0.5, check=False)
     print(json.dumps([response.stories.peak_drift.tolist(), response.stories.peak_acceleration.tolist()]))
-"""
+"""  # noqa: E501
 LAWS = (
     "ten-story-bilinear",
     "base-isolated",

@@ -1,4 +1,5 @@
-"""Objects for other systems: what they leave open, and that they compute the same where this machine can run them."""
+"""Objects for other systems: what they leave open, and that they compute the same where this
+machine can run them."""
 
 import importlib.util
 import math
@@ -40,7 +41,8 @@ def checks():
 
 
 def weighed(x, table, row, out, factor):
-    """Sums of functions of x, weighted by a row of a table; an array on the stack is longer than a page of memory."""
+    """Sums of functions of x, weighted by a row of a table; an array on the stack is longer than a
+    page of memory."""
     kept = local(3000)
     for i in range(kept.size):
         kept[i] = i
@@ -61,7 +63,8 @@ def weighed(x, table, row, out, factor):
 
 @pytest.fixture(scope="module")
 def compiled():
-    """A kernel with what kernels call for this machine and for each of NAMES, and the symbol of all."""
+    """A kernel with what kernels call for this machine and for each of NAMES, and the symbol of
+    all."""
     return objects_of(weighed, SIGNATURE, [native(), *map(named, NAMES)])
 
 
@@ -133,14 +136,19 @@ def test_an_unknown_target_is_refused():
 @pytest.mark.parametrize(
     ("triple", "families"),
     [
-        ("powerpc64le-unknown-linux-gnu", set()), ("riscv64-unknown-linux-gnu", set()), ("s390x-ibm-linux-gnu", set()),
-        ("i686-pc-linux-gnu", set()), ("armv7l-unknown-linux-gnueabihf", set()),
-        ("aarch64-unknown-linux-gnu", {AARCH64}), ("arm64-apple-darwin23.1.0", {AARCH64}),
+        ("powerpc64le-unknown-linux-gnu", set()),
+        ("riscv64-unknown-linux-gnu", set()),
+        ("s390x-ibm-linux-gnu", set()),
+        ("i686-pc-linux-gnu", set()),
+        ("armv7l-unknown-linux-gnueabihf", set()),
+        ("aarch64-unknown-linux-gnu", {AARCH64}),
+        ("arm64-apple-darwin23.1.0", {AARCH64}),
         ("x86_64-unknown-linux-gnu", {"x86-64-v2", "x86-64"}),
     ],
-)  # fmt: skip
+)
 def test_a_processor_is_given_the_objects_of_its_own_family(monkeypatch, triple, families):
-    """A stand-in triple: on a processor that no object is made for, only what was compiled there is loaded."""
+    """A stand-in triple: on a processor that no object is made for, only what was compiled there is
+    loaded."""
     features = dict.fromkeys(LEVELS["x86-64-v2"], True)
     monkeypatch.setattr(target.llvm, "get_process_triple", lambda: triple)
     monkeypatch.setattr(target.llvm, "get_host_cpu_features", lambda: features)

@@ -12,8 +12,9 @@ from law_paths import along
 from tdint.model.definition import LAWS, Law
 
 LOOPS = Path(__file__).parent / "pinching4_loops.csv"
-"""Turn points and points between them of loops that OpenSeesPy 3.7.1 made with Pinching4 (1000 steps from row to row;
-drift over dy, force over Fy, work over Fy dy of the positive side). Damage as vmtk 1.1 has it, or general."""
+"""Turn points and points between them of loops that OpenSeesPy 3.7.1 made with Pinching4 (1000
+steps from row to row; drift over dy, force over Fy, work over Fy dy of the positive side). Damage
+as vmtk 1.1 has it, or general."""
 
 VMTK = ((1, 1), (8.000065801378538, 2.0000000969443152), (39.809834016022634, 1.2000000969443152))
 VMTK = (*VMTK, (71.61960223066673, 1.2120000581665893))
@@ -99,31 +100,32 @@ FLAT = ((1, 1), (3, 2), (5, 2), (7, 2))
 
 
 def pinched(drift):
-    """On the way from (3, 2) with the usual pinching: from 0.05 F3 past zero force on to a quarter of the force."""
+    """On the way from (3, 2) with the usual pinching: from 0.05 F3 past zero force on to a quarter
+    of the force."""
     return -0.1 - 0.15 * (0.9 - drift) / (0.9 + 0.25)
 
 
 BACK = pinched(0.5) + 0.01 * (2.0 - pinched(0.5)) / 2.5
 BY_HAND = [
-    # From (3, 2) towards (-1, -1): down with k to 0.05 F3 past zero force, on to a quarter of the force, no farther
-    # from (-1, -1) than the line of k, up to that.
+    # From (3, 2) towards (-1, -1): down with k to 0.05 F3 past zero force, on to a quarter of the
+    # force, no farther from (-1, -1) than the line of k, up to that.
     (
         USUAL,
         [1, 3, 0.9, 0.2, -0.25, -0.5, -1, -2, 9],
         [1, 2, -0.1, pinched(0.2), -0.25, -0.5, -1, -1.5, 2.0],
     ),
-    # Without pinching of the drift reloading begins on the axis, before unloading ends: from (1.01, 1.005) straight to
-    # a quarter of the force.
+    # Without pinching of the drift reloading begins on the axis, before unloading ends: from (1.01,
+    # 1.005) straight to a quarter of the force.
     (
         (0.0, 0.25, 0.05),
         [1.01, 0.505, 0, -0.5, -1],
         [1.005, 0.5 * (1.005 - 0.25), -0.25, -0.625, -1],
     ),
-    # An unloading force above that of reloading, 0.2 F3 = 0.4 and 0.3 of the yield force: both are a hundredth off
-    # their mean, each on the line that it was on.
+    # An unloading force above that of reloading, 0.2 F3 = 0.4 and 0.3 of the yield force: both are
+    # a hundredth off their mean, each on the line that it was on.
     ((0.5, 0.3, 0.2), [3, 0.6535, -0.3535, -1], [2, -0.3465, -0.3535, -1]),
-    # Small turns on the pinched part: back from 0.5 by the straight line to (3, 2), and from 0.51, where the force is
-    # beyond 0.05 F3 already, straight to where reloading begins.
+    # Small turns on the pinched part: back from 0.5 by the straight line to (3, 2), and from 0.51,
+    # where the force is beyond 0.05 F3 already, straight to where reloading begins.
     (
         USUAL,
         [3, 0.5, 0.51, 0.13, -0.25, -1],
@@ -143,7 +145,8 @@ def test_loops_by_hand(pinching, drifts, shears):
 
 
 def test_a_spent_capacity_moves_the_farthest_drift_by_hand():
-    """From 3 to 3.6, by the limit, a fifth, at the turn at 3.1, the only one where the work is beyond the capacity."""
+    """From 3 to 3.6, by the limit, a fifth, at the turn at 3.1, the only one where the work is
+    beyond the capacity."""
     drifts = [0, 3, -1.5, 3.1, -1.5, 1.8, 2.7, 3.6, 5]
     intact = along(multilinear(FLAT), drifts)
     work = intact.recoverable + intact.dissipated
@@ -167,7 +170,8 @@ def test_steps_do_not_matter():
 
 @pytest.mark.parametrize("case", CASES)
 def test_what_comes_back_is_the_work_of_the_way_to_no_force(case):
-    """From each place of the way back, after four turns: the area under the forces that follow on it."""
+    """From each place of the way back, after four turns: the area under the forces that follow on
+    it."""
     corners = pairwise([0.0, 6.3, -8.1, 4.2, -9.6])
     path = along(
         CASES[case], [0.0, *np.concatenate([np.linspace(a, b, 2001)[1:] for a, b in corners])]
@@ -211,7 +215,8 @@ def test_nothing_degrades_before_the_first_yielding():
 
 
 def uneven(random):
-    """Unlike sides; unloading ends beyond zero force, and before the force from which reloading is straight."""
+    """Unlike sides; unloading ends beyond zero force, and before the force from which reloading is
+    straight."""
     sides, pinchings = [], []
     for _ in range(2):
         k, drift = random.uniform(0.5, 2.0, 2)
@@ -229,7 +234,8 @@ def uneven(random):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_settled_cycles_make_no_energy(seed):
-    """Between any two turns, after any history, with sides of any kind: where 0 <= unloading < force."""
+    """Between any two turns, after any history, with sides of any kind: where 0 <= unloading <
+    force."""
     random = np.random.default_rng(seed)
     law, before, between = (
         uneven(random),
@@ -242,7 +248,8 @@ def test_settled_cycles_make_no_energy(seed):
 
 
 def test_where_a_settled_cycle_makes_energy():
-    """Unloading that stops before zero force, above the force of reloading: what the README warns of."""
+    """Unloading that stops before zero force, above the force of reloading: what the README warns
+    of."""
     points = ((1, 1), (10.4, 0.2), (17.1, 1.5), (24.1, 3.6))
     path = along(
         multilinear(points, (0.72, 0.33, -0.59)), [0.0, -19.0, 24.0, *np.tile([-21.0, 10.0], 40)]

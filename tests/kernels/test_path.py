@@ -1,6 +1,8 @@
-"""Drift laws along a parabola of drift: integrals, tangents, and the work against what is stored and dissipated.
+"""Drift laws along a parabola of drift: integrals, tangents, and the work against what is stored
+and dissipated.
 
-Functions as they are written; compiled, they are the step of moment4, whose energies are those of these integrals.
+Functions as they are written; compiled, they are the step of moment4, whose energies are those of
+these integrals.
 """
 
 import numpy as np
@@ -31,14 +33,15 @@ PATHS = 60
 TOLERANCE = {"tanh": 1e-9, "bouc-wen": 1e-6} | {
     law.name: 1e-6 for law in COMPILED if law.curved and law.functions().points is None
 }
-"""Of the work, over Fy times the way, where the law is integrated by points (those that do not say how many, by
-sixteen); the others are integrated exactly."""
+"""Of the work, over Fy times the way, where the law is integrated by points (those that do not say
+how many, by sixteen); the others are integrated exactly."""
 
 INTEGRALS = {"tanh": 1e-6, "bouc-wen": 1e-4}
 """Of the integrals, over the forces; else the error of Simpson's rule across kinks."""
 
 TANGENTS = {"bouc-wen": 1e-3}
-"""Over the stiffness: the points move with the path, and the law takes substeps; else the error of the differences."""
+"""Over the stiffness: the points move with the path, and the law takes substeps; else the error of
+the differences."""
 
 
 def table(name):
@@ -46,7 +49,8 @@ def table(name):
 
 
 def random_paths(seed=3):
-    """Rises and bends of up to a few yield drifts; among them ones that turn, that do not move, that only bend."""
+    """Rises and bends of up to a few yield drifts; among them ones that turn, that do not move,
+    that only bend."""
     generator = np.random.default_rng(seed)
     scale = DY * 10.0 ** generator.uniform(-2.0, 0.5, PATHS)
     rises, bends = scale * generator.normal(size=(2, PATHS)) * [[1.0], [4.0]]
@@ -57,8 +61,9 @@ def random_paths(seed=3):
 
 TURNING = list(LAWS)
 STEADY = [name for name, law in LAWS.items() if not law.curved]
-"""Laws that are linear branch by branch, whose story may never turn within a path: the parabola alone turns, and what
-the force does along it, there and back, is still what the story stores and dissipates."""
+"""Laws that are linear branch by branch, whose story may never turn within a path: the parabola
+alone turns, and what the force does along it, there and back, is still what the story stores and
+dissipates."""
 
 
 def stored_and_dissipated(law_parameters, state):
@@ -204,7 +209,8 @@ def test_a_story_that_does_not_turn_is_where_a_straight_way_ends(steady_journey)
 
 
 def test_turns_are_the_zeros_of_the_rate():
-    """Of cubics with zeros anywhere, among them lines and parabolas, against the polynomial's roots."""
+    """Of cubics with zeros anywhere, among them lines and parabolas, against the polynomial's
+    roots."""
     generator = np.random.default_rng(11)
     for degree in (1, 2, 3) * 100:
         zeros = generator.uniform(-0.7, 1.7, degree)
@@ -223,8 +229,9 @@ def test_turns_are_the_zeros_of_the_rate():
 
 
 def test_from_rest_a_rate_sets_out_with_what_grows_first():
-    """Upper stories: rates that grow with the third power of time and with higher ones, the parabolas start backwards;
-    what the floors' loads leave of an acceleration by rounding is none."""
+    """Upper stories: rates that grow with the third power of time and with higher ones, the
+    parabolas start backwards; what the floors' loads leave of an acceleration by rounding is
+    none."""
     for rise, noise in ((0.25, 0.0), (0.2, 1e-14), (0.17, -1e-14)):
         assert turns(rise, 0.0, 1.0, noise) == (1.0, 1.0, 1.0, 1.0, np.inf)
     assert turns(-0.25, 0.0, -1.0, 0.0)[:2] == (-1.0, 1.0)
@@ -235,7 +242,8 @@ def test_from_rest_a_rate_sets_out_with_what_grows_first():
 
 
 def test_a_short_turn_changes_little_unless_the_law_degrades_by_turns(steady_journey):
-    """There and back by a millionth of the yield drift, then a cycle: forces beside those without it."""
+    """There and back by a millionth of the yield drift, then a cycle: forces beside those without
+    it."""
     name, law_parameters, visited, _ = steady_journey
     if (
         name == "multilinear-pinching"

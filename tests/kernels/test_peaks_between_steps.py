@@ -1,4 +1,5 @@
-"""Peaks between the ends of a step: what the quintic errs, and that nothing is lost by looking where a peak may be."""
+"""Peaks between the ends of a step: what the quintic errs, and that nothing is lost by looking
+where a peak may be."""
 
 import math
 
@@ -7,7 +8,7 @@ import pytest
 
 from tdint.kernels import layout as at
 from tdint.kernels.march.observing import _raise_ends, look_between, observe
-from tdint.kernels.peaks_between_steps import _extreme_of_cubic, look_within
+from tdint.kernels.peaks_between_steps import _cubic_extremum, find_interstep_peaks
 from tdint.kernels.stepping import Memory, Passage, Scene, Seen, Span
 
 STORIES = 4
@@ -15,7 +16,8 @@ K = 50.0
 
 
 def scene(seed):
-    """Arguments of `look_within`: any motion of some floors over a step, and peaks that are near its ends."""
+    """Arguments of `find_interstep_peaks`: any motion of some floors over a step, and peaks that
+    are near its ends."""
     generator = np.random.default_rng(seed)
     h = 10.0 ** generator.uniform(-3.0, 0.0)
     scale = np.array([[1.0], [1.0 / h], [1.0 / h**2]]) * 10.0 ** generator.uniform(
@@ -37,7 +39,9 @@ def scene(seed):
     state[:, :STORIES] = scale * generator.normal(size=(3, STORIES))
     if (
         seed % 2
-    ):  # displacements that fit velocities and accelerations: else they tell nothing of what lies between
+        # displacements that fit velocities and accelerations: else they tell nothing of what lies
+        # between
+    ):
         rise = 0.5 * h * (old[1] + state[at.VELOCITY]) - h**2 / 12.0 * (
             state[at.ACCELERATION] - old[2]
         )
@@ -79,7 +83,7 @@ def scene(seed):
 
 
 def arguments(span, linear_terms, law_parameters, old, state, springs, turns, peaks):
-    """Arguments of `look_within`."""
+    """Arguments of `find_interstep_peaks`."""
     nothing = np.zeros((0, linear_terms.shape[1]))
     flags = np.zeros(at.FLAGS_SIZE)
     flags[at.DEVICES] = 1.0
@@ -97,9 +101,10 @@ def arguments(span, linear_terms, law_parameters, old, state, springs, turns, pe
 
 
 def observed(seed, everything):
-    """Peaks after a step of `scene` has been observed, its stories' forces in equilibrium with the motion; before it;
-    and how many stories turned. One quantity is near its peaks, at its ends beyond them in a third of the scenes. With
-    `everything` it is looked at closely whether a peak may be passed or not.
+    """Peaks after a step of `scene` has been observed, its stories' forces in equilibrium with the
+    motion; before it; and how many stories turned. One quantity is near its peaks, at its ends
+    beyond them in a third of the scenes. With `everything` it is looked at closely whether a peak
+    may be passed or not.
     """
     span, building, passage, springs, _, _, peaks, _ = scene(seed)
     absolute = passage.state[at.ACCELERATION, :STORIES] + span.ground_1
@@ -138,7 +143,7 @@ def test_some_of_these_motions_pass_each_peak():
     raised = np.zeros(2 * at.PEAK_ROWS, dtype=bool)
     for seed in range(300):
         before, after = scene(seed), scene(seed)
-        look_within(*after)
+        find_interstep_peaks(*after)
         raised |= np.any(after[-2] > before[-2], axis=1)
     of_stories = [
         row for row in range(2 * at.PEAK_ROWS) if row % at.PEAK_ROWS != at.PEAK_SHEAR
@@ -147,10 +152,12 @@ def test_some_of_these_motions_pass_each_peak():
 
 
 def errors(h):
-    """What is missed of the peaks of sin(omega t) and its rates over steps h about them, over the peaks."""
+    """What is missed of the peaks of sin(omega t) and its rates over steps h about them, over the
+    peaks."""
     omega = 2.0
     missed = np.zeros(3)
-    # The ground moves against the floor so that the absolute acceleration is -omega^2 sin(omega t) - 1.
+    # The ground moves against the floor so that the absolute acceleration is -omega^2 sin(omega t)
+    # - 1.
     for middle, quantity in ((0.5 * math.pi, 0), (math.pi, 1), (0.5 * math.pi, 2)):
         for part in (0.3, 0.5, 0.6):
             start = middle / omega - part * h
@@ -168,7 +175,7 @@ def errors(h):
             ends = [max(abs(u)), 0.0, max(abs(u)), max(abs(v)), max(abs(a - 1.0))]
             peaks = np.array([[*ends, 0.0, 0.0, 0.0, 0.0, 0.0]]).T
             span = Span(0.0, h, -1.0, -1.0, False, False, False)
-            look_within(
+            find_interstep_peaks(
                 *arguments(span, linear_terms, law_parameters, old, state, springs, turns, peaks)
             )
             found = peaks[
@@ -195,4 +202,4 @@ def test_the_largest_extremum_of_a_cubic(seed):
     values = np.polyval(p[::-1], s)
     inside = values[1:-1][np.diff(np.sign(np.diff(values))) != 0]
     expected = max([p[0], *inside], key=abs)
-    assert _extreme_of_cubic(*p) == pytest.approx(expected, abs=1e-8)
+    assert _cubic_extremum(*p) == pytest.approx(expected, abs=1e-8)

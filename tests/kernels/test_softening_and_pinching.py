@@ -1,4 +1,5 @@
-"""The trilinear-pinching and the imk law: stated a second time, as curves instead of branches, and by hand."""
+"""The trilinear-pinching and the imk law: stated a second time, as curves instead of branches, and
+by hand."""
 
 import csv
 import math
@@ -50,7 +51,8 @@ def random_path(seed, largest, turns=40, points=15):
 
 
 class TrilinearCurves:
-    """The force is the smallest of three: reloading curve, backbone, unloading line through the turn point."""
+    """The force is the smallest of three: reloading curve, backbone, unloading line through the
+    turn point."""
 
     def __init__(self, ultimate, drift, pinching, unloading):
         self.ultimate, self.drift, self.pinching, self.unloading = (
@@ -91,7 +93,8 @@ class TrilinearCurves:
 
 
 class ImkCurves:
-    """Loading goes along a polygon that is drawn at each passage of zero force and at each return to the last peak."""
+    """Loading goes along a polygon that is drawn at each passage of zero force and at each return
+    to the last peak."""
 
     def __init__(self, positive, negative, deterioration, exponent, pinching):
         self.sides = {1: dict(zip(["F", "p", "q", "c", "r", "u", "D"], positive, strict=True))}
@@ -264,7 +267,7 @@ def test_imk_by_curves(sides, pinching, capacity, exponent):
 # ---- Relatives
 
 
-def test_without_pinching_and_before_its_ultimate_drift_the_trilinear_law_is_the_peak_oriented_one():
+def test_without_pinching_and_before_its_ultimate_drift_the_trilinear_law_is_the_peak_oriented_one():  # noqa: E501
     path = random_path(1, 15.0)
     hardening = 2.0 / 19.0
     clough = imposed(Law("peak-oriented", (1.0, hardening, 0.3)), path)
@@ -277,7 +280,8 @@ def test_without_pinching_and_before_its_ultimate_drift_the_trilinear_law_is_the
 
 
 def test_the_backbone_of_the_imk_law():
-    """Yield at 1, capping at 5 with 1.2, down by 0.15 each, residual 0.2 from 5 + 1 / 0.15 on, nothing beyond 15."""
+    """Yield at 1, capping at 5 with 1.2, down by 0.15 each, residual 0.2 from 5 + 1 / 0.15 on,
+    nothing beyond 15."""
     path = imposed(
         imk(side(ultimate=15.0)), [0.5, 1.0, 3.0, 5.0, 7.0, 11.0, 12.0, 14.9, 15.1, 14.0, -3.0]
     )
@@ -290,7 +294,8 @@ def test_the_backbone_of_the_imk_law():
 
 
 def test_a_story_whose_deterioration_exceeds_one_carries_nothing():
-    """To 3: work 0.5 + 2.1, of which 1.1^2 / 2 is given back: beta = 1.995 / (capacity - 1.995) on turning."""
+    """To 3: work 0.5 + 2.1, of which 1.1^2 / 2 is given back: beta = 1.995 / (capacity - 1.995) on
+    turning."""
     spent = 0.5 + 2.1 - 0.5 * 1.1**2
     path = [3.0, 2.9, 0.0, -4.0]
     assert imposed(imk(deterioration=1.99 * spent), path).shear == pytest.approx(
@@ -301,14 +306,15 @@ def test_a_story_whose_deterioration_exceeds_one_carries_nothing():
 
 
 def test_a_turn_at_zero_residual_force_is_a_passage_of_zero():
-    """Beyond the end of the capping line there is no force; back, the other side is loaded at once."""
+    """Beyond the end of the capping line there is no force; back, the other side is loaded at
+    once."""
     path = imposed(imk(side(residual=0.0)), [14.0, 13.5, -1.0, -1.5])
     assert path.shear == pytest.approx([0.0, -0.5 / 15.0, -1.0, -1.025], abs=1e-12)
 
 
 def test_a_farthest_point_that_zero_force_passed_lies_ahead():
-    """A first turn that takes most of the unloading stiffness: zero force lies beyond the other side's yield point, and
-    the force grows again from there without a jump."""
+    """A first turn that takes most of the unloading stiffness: zero force lies beyond the other
+    side's yield point, and the force grows again from there without a jump."""
     law = imk(side(plastic=20.0), deterioration=19.6)
     path = imposed(law, [*np.linspace(0.0, 10.0, 11), *np.linspace(10.0, -20.0, 3001)])
     zero = np.flatnonzero(path.shear < 0.0)[0]
@@ -344,7 +350,8 @@ def test_loops_of_another_program():
         assert np.max(np.abs(path.recoverable + path.dissipated - work)) < 1e-5
 
 
-# ---- What is dissipated never becomes less: no path, closed or not, gives back more than was put in
+# ---- What is dissipated never becomes less: no path, closed or not, gives back more than was put
+# in
 
 PART = st.floats(0.0, 0.99)
 
@@ -390,7 +397,8 @@ def test_dissipation_never_falls(law, drifts):
 @pytest.mark.parametrize("hardening", [0.02, 0.1, 0.5])
 @pytest.mark.parametrize("unloading", [0.5, 0.9])
 def test_cycles_of_a_peak_oriented_story_that_hardens(hardening, unloading):
-    """Cycles of growing and of constant amplitude: the work of a closed one is the area that it encloses."""
+    """Cycles of growing and of constant amplitude: the work of a closed one is the area that it
+    encloses."""
     for largest in (3.0, 10.0, 100.0):
         law = Law("peak-oriented", (1.0, hardening, unloading))
         corners = np.outer([*np.linspace(1.5, largest, 6), largest, largest], [1.0, -1.0]).ravel()
@@ -404,7 +412,8 @@ def test_cycles_of_a_peak_oriented_story_that_hardens(hardening, unloading):
             last >= -1e-12 * work[-1]
         )  # nothing where the bounds make of it a line through the origin
         assert path.dissipated[-1] + path.recoverable[-1] == pytest.approx(work[-1], rel=1e-3)
-        # Unloading ends on the side where it began: what comes back is at most the triangle to the origin.
+        # Unloading ends on the side where it began: what comes back is at most the triangle to the
+        # origin.
         peak = np.argmax(path.drift)
         assert path.recoverable[peak] <= 0.5 * path.shear[peak] * path.drift[peak] * (1.0 + 1e-12)
 

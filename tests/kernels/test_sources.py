@@ -53,7 +53,8 @@ def copy(copied, monkeypatch):
 
 @pytest.fixture
 def changed(copy):
-    """The kernels that are compiled anew after an edit of a file: with all laws, in a linear building."""
+    """The kernels that are compiled anew after an edit of a file: with all laws, in a linear
+    building."""
 
     def digests():
         forget()

@@ -73,8 +73,8 @@ def test_blocks_with_low_rank(n, modes):
 
 
 def chain(n, modes, generator):
-    """Masses, dampers, a softening story among stiff ones, one that stands on the ground beside the others; the columns
-    of the solver, and the dense M, C and K."""
+    """Masses, dampers, a softening story among stiff ones, one that stands on the ground beside the
+    others; the columns of the solver, and the dense M, C and K."""
     linear_terms, springs = np.zeros((at.LINEAR_TERM_ROWS, n + 1)), np.zeros((at.EXTRA_ROWS, n + 1))
     linear_terms[[at.MASS, at.FLOOR_DAMPER, at.STORY_DAMPER], :n] = generator.uniform(
         0.1, 1.0, (3, n)
@@ -100,7 +100,8 @@ def chain(n, modes, generator):
 @pytest.mark.parametrize("modes", range(6))
 @pytest.mark.parametrize("n", [1, 2, 5, 8])
 def test_pairs_with_low_rank(n, modes):
-    """(M + l C + l^2 K) w = r, as a dense complex matrix; l from the shortest steps to those that see no mass."""
+    """(M + l C + l^2 K) w = r, as a dense complex matrix; l from the shortest steps to those that
+    see no mass."""
     modes = min(modes, n)
     generator = np.random.default_rng(n * 10 + modes)
     for size in (1e-3, 1.0, 1e3):
@@ -124,8 +125,9 @@ def test_pairs_with_low_rank(n, modes):
 @pytest.mark.parametrize("omega_h", [1e-2, 1.0, 30.0, 1e4])
 @pytest.mark.parametrize("rho_inf", [0.0, 0.5, 1.0])
 def test_a_straight_step_of_impulse4_is_newtons(rho_inf, omega_h):
-    """One complex solve in place of two unknowns a floor, from any state. Rounding is that of the stiffness beside the
-    mass: omega h of it in the motion, once more in the acceleration, which is a difference of forces."""
+    """One complex solve in place of two unknowns a floor, from any state. Rounding is that of the
+    stiffness beside the mass: omega h of it in the motion, once more in the acceleration, which is
+    a difference of forces."""
     for modes in (0, 3):
         generator = np.random.default_rng(modes)
         n = 6

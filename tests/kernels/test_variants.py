@@ -26,11 +26,13 @@ RATES = [
 METHODS = ("newmark-average", "impulse4", "moment4")
 
 APART = tuple(name for name in LAWS if LAWS[name].apart)
-"""Compiled on their own, once for all scenes: to loops that call them at an address they are all one."""
+"""Compiled on their own, once for all scenes: to loops that call them at an address they are all
+one."""
 
 SCENES = [(name,) for name in LAWS if name not in APART] + [APART]
 
-# Compiling is what costs: linear stories by all methods, the laws by one each, so that each method has two of them.
+# Compiling is what costs: linear stories by all methods, the laws by one each, so that each method
+# has two of them.
 CASES = [pytest.param(("linear",), METHODS, id="linear")] + [
     pytest.param(laws, METHODS[i % 3 : i % 3 + 1], id=" ".join(laws), marks=pytest.mark.slow)
     for i, laws in enumerate(SCENES)
@@ -39,7 +41,8 @@ CASES = [pytest.param(("linear",), METHODS, id="linear")] + [
 
 
 def building(laws):
-    """The ten stories with these laws in turn, which bend where theirs yields, and every third one linear."""
+    """The ten stories with these laws in turn, which bend where theirs yields, and every third one
+    linear."""
     model = load_model(CONFIG)
     linear = Law("linear", ())
     stories = tuple(

@@ -1,4 +1,5 @@
-"""The composite method of Bathe: the compiled step against the published formulas, and what they promise."""
+"""The composite method of Bathe: the compiled step against the published formulas, and what they
+promise."""
 
 import math
 
@@ -60,7 +61,8 @@ def test_rho_inf_0_is_the_method_of_2005_for_every_gamma(gamma):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_building_with_p_delta_dashpot_and_force_follows_the_formulas(method):
-    """The load of the first sub-step is that at its end: ground acceleration in between, force at its own time."""
+    """The load of the first sub-step is that at its end: ground acceleration in between, force at
+    its own time."""
     case, record = building(RAYLEIGH), noise(samples=201)
     history = run(case, record, method=method, history=True).history
     rho_inf, gamma = parse(method).values

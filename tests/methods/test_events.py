@@ -1,4 +1,5 @@
-"""impulse4 on piecewise-linear buildings: events located, order 4 back, robust when they pile up."""
+"""impulse4 on piecewise-linear buildings: events located, order 4 back, robust when they pile
+up."""
 
 from pathlib import Path
 
@@ -22,7 +23,8 @@ def displacement(method, parts, **more):
 
 @pytest.fixture(scope="module")
 def reference():
-    """impulse4 at dt / 16, which average acceleration, extrapolated from dt / 64 and dt / 128, confirms over 10 s."""
+    """impulse4 at dt / 16, which average acceleration, extrapolated from dt / 64 and dt / 128,
+    confirms over 10 s."""
     exact, response = displacement("impulse4", 16)
     coarse, fine = (displacement("newmark-average", parts, duration=10.0)[0] for parts in (64, 128))
     other = (4.0 * fine - coarse) / 3.0
@@ -47,7 +49,8 @@ def test_order_4_and_the_errors_at_the_records_step(reference):
 
 
 def test_average_acceleration_has_its_known_error(reference):
-    """L2 error 4.7e-3 and 1.6 % of peak drift, as measured with OpenSeesPy 3.7.1 and with a plain loop."""
+    """L2 error 4.7e-3 and 1.6 % of peak drift, as measured with OpenSeesPy 3.7.1 and with a plain
+    loop."""
     exact, peak = reference
     u, response = displacement("newmark-average", 1)
     assert np.linalg.norm(u - exact) / np.linalg.norm(exact) == pytest.approx(4.7e-3, rel=0.02)
@@ -73,10 +76,11 @@ def test_the_dissipative_members_keep_order_3(rho_inf, reference):
 def test_free_vibration_of_an_elastic_perfectly_plastic_oscillator(
     method, dt, off, unbalanced, events
 ):
-    """Energy at rest equals what is stored, and what was lost equals Fy times the slip, in closed form.
+    """Energy at rest equals what is stored, and what was lost equals Fy times the slip, in closed
+    form.
 
-    u0 = 0, v0 = 1, omega = 10, Fy = 5: yield at uy = 0.05, v = sqrt(1 - 25 * 0.01) there; then the mass is slowed down
-    by Fy and stops after a slip of v^2 / (2 Fy).
+    u0 = 0, v0 = 1, omega = 10, Fy = 5: yield at uy = 0.05, v = sqrt(1 - 25 * 0.01) there; then the
+    mass is slowed down by Fy and stops after a slip of v^2 / (2 Fy).
     """
     omega, strength = 10.0, 5.0
     building = model([story(1.0, omega**2, Law("bilinear", (strength, 0.0)))], velocity=(1.0,))
@@ -89,8 +93,9 @@ def test_free_vibration_of_an_elastic_perfectly_plastic_oscillator(
 
 
 def test_equal_stories_that_yield_at_the_same_instant():
-    """Two buildings' worth of one oscillator: equal stories of a base that moves all masses alike cannot be had in a
-    chain, but a story so stiff that it is rigid can: both yield within rounding of each other."""
+    """Two buildings' worth of one oscillator: equal stories of a base that moves all masses alike
+    cannot be had in a chain, but a story so stiff that it is rigid can: both yield within rounding
+    of each other."""
     record = noise(peak=6.0)
     law = Law("bilinear", (4e5, 0.02))
     single = run(model([story(2e5, 4e7, law)]), record, method="impulse4")
@@ -99,7 +104,8 @@ def test_equal_stories_that_yield_at_the_same_instant():
 
 
 def test_a_run_goes_on_where_events_pile_up():
-    """Steps far beyond the periods: many changes of branch in each, at last by Newton's iteration."""
+    """Steps far beyond the periods: many changes of branch in each, at last by Newton's
+    iteration."""
     record = noise(samples=401, peak=20.0)
     for stride in (1, 5, 20):
         response = run(ten_bilinear(), record, method="impulse4", dt=stride * record.dt)
@@ -111,8 +117,9 @@ def test_a_run_goes_on_where_events_pile_up():
     "method", ["newmark-average", "impulse4", "bathe", "houbolt", "impulse", "gauss4"]
 )
 def test_a_yielded_building_comes_to_rest(method):
-    """Long after the motion, lasting drifts stay and nothing stalls: about one solve per step, none halved; of gauss4,
-    whose rounding beside a lasting drift is then all that is out of balance, too."""
+    """Long after the motion, lasting drifts stay and nothing stalls: about one solve per step, none
+    halved; of gauss4, whose rounding beside a lasting drift is then all that is out of balance,
+    too."""
     response = run(ten_bilinear(), noise(), method=method, duration=60.0)
     assert np.max(np.abs(response.stories.residual_drift)) > 1e-3
     assert (
@@ -144,7 +151,8 @@ def test_a_harmonic_force_on_a_yielding_story_is_order_4():
 
 
 def test_peak_oriented_stories_are_order_4_and_agree_with_newton():
-    """Two ways through the same law: located events, and the return over whole steps of average acceleration."""
+    """Two ways through the same law: located events, and the return over whole steps of average
+    acceleration."""
     record = noise(peak=5.0)
     building = model([story(2e5, 4e7, Law("peak-oriented", (4e5, 0.05, 0.3)), dashpot=3e5)] * 3)
     runs, finest, errors = refined(building, record, (1, 2, 4, 32))
@@ -164,8 +172,8 @@ CURVED = {
 
 @pytest.mark.parametrize("name", CURVED)
 def test_kinks_are_located_among_curved_laws(name):
-    """Order 4 where the drift rate of a Bouc-Wen story turns, and where some stories have kinks and others a curve;
-    average acceleration, with Newton straight over the kinks, comes to the same."""
+    """Order 4 where the drift rate of a Bouc-Wen story turns, and where some stories have kinks and
+    others a curve; average acceleration, with Newton straight over the kinks, comes to the same."""
     record = noise(peak=6.0)
     building = model([story(2e5, 4e7, law, dashpot=3e5) for law in CURVED[name]])
     runs, finest, errors = refined(building, record, (1, 2, 4, 32))
@@ -192,8 +200,8 @@ def test_bouc_wen_stories_of_low_exponent_are_order_4(exponent):
 
 
 def test_large_steps_go_over_weak_turns_which_small_ones_locate():
-    """A Bouc-Wen story turns where its drift rate changes sign, as often as another method at a small step says. The
-    weakest are those after the motion, when it has died away."""
+    """A Bouc-Wen story turns where its drift rate changes sign, as often as another method at a
+    small step says. The weakest are those after the motion, when it has died away."""
     record = noise(peak=6.0)
     building = model([story(2e5, 4e7, law, dashpot=3e5) for law in CURVED["bouc-wen"]])
     other = run(building, record, method="moment4", dt=record.dt / 32, history=True)
@@ -208,8 +216,9 @@ def test_large_steps_go_over_weak_turns_which_small_ones_locate():
 
 
 def test_a_stop_touched_for_a_moment_is_left_again():
-    """A mass whose amplitude is a thousandth more than the gap: it meets the stop and leaves it within one step, which
-    ends where it met it. The motion is a sine and, at the stop, another one with the velocities of both ends."""
+    """A mass whose amplitude is a thousandth more than the gap: it meets the stop and leaves it
+    within one step, which ends where it met it. The motion is a sine and, at the stop, another one
+    with the velocities of both ends."""
     k, stop, gap, omega = 100.0, 1500.0, 0.06, 10.0
     v0 = omega * gap * 1.001
     building = model([story(1.0, k, Law("gap", (gap, stop)))], velocity=(v0,))
@@ -243,8 +252,9 @@ def test_the_error_falls_with_the_step(seed):
 
 @pytest.mark.slow
 def test_the_error_falls_with_the_step_in_random_buildings():
-    """Of all laws that are linear branch by branch. Where the errors at one step happen to cancel, that at the next one
-    can be a little more than twice as large; where pounding repeats, no method can tell the course."""
+    """Of all laws that are linear branch by branch. Where the errors at one step happen to cancel,
+    that at the next one can be a little more than twice as large; where pounding repeats, no method
+    can tell the course."""
     apart = [found for found in map(study, range(200)) if found.worst > 2.0]
     told = [found.worst for found in apart if not found.chaotic]
     assert len(apart) - len(told) <= 4
@@ -252,7 +262,8 @@ def test_the_error_falls_with_the_step_in_random_buildings():
 
 
 def test_a_mass_between_stops_rebounds_with_its_energy():
-    """Undamped, u0 = 0, v0 = 1, omega = 10, stops 15 times as stiff at 0.06: the peak is where v0^2 is used up."""
+    """Undamped, u0 = 0, v0 = 1, omega = 10, stops 15 times as stiff at 0.06: the peak is where v0^2
+    is used up."""
     k, stop, gap = 100.0, 1500.0, 0.06
     building = model([story(1.0, k, Law("gap", (gap, stop)))], velocity=(1.0,))
     coarse, fine = (run(building, method="impulse4", dt=dt, duration=5.0) for dt in (0.01, 0.0025))
@@ -261,6 +272,7 @@ def test_a_mass_between_stops_rebounds_with_its_energy():
     peak = (-b + np.sqrt(b * b - 4.0 * a * c)) / (2.0 * a)
     assert coarse.stories.peak_drift[0] == pytest.approx(peak, rel=1e-4)
     assert coarse.events > 20
-    # A branch conserves its energy; what is lost is where a stop is met a little beside its place, at order 4.
+    # A branch conserves its energy; what is lost is where a stop is met a little beside its place,
+    # at order 4.
     assert abs(coarse.energy.error) < 1e-7
     assert abs(fine.energy.error) < abs(coarse.energy.error) / 4.0**4

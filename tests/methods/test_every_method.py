@@ -1,4 +1,5 @@
-"""What every method does: a linear building is the sum of its modes, a yielding one converges, a failed step is undone.
+"""What every method does: a linear building is the sum of its modes, a yielding one converges, a
+failed step is undone.
 
 Order, stability, period error and numerical damping of all of them: tests/analysis/assessment.
 """
@@ -13,9 +14,13 @@ from tdint.kernels import layout as at
 from tdint.methods.catalogue import catalogue
 
 METHODS = [
-    *catalogue(), "bathe:gamma=0.5", "bathe:rho_inf=0.5", "kr-alpha:rho_inf=0", "impulse4:rho_inf=0.5",
+    *catalogue(),
+    "bathe:gamma=0.5",
+    "bathe:rho_inf=0.5",
+    "kr-alpha:rho_inf=0",
+    "impulse4:rho_inf=0.5",
     "moment4:rho_inf=0.5",
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("damping", ["rayleigh", "modal"])
@@ -34,7 +39,8 @@ def test_building_is_the_sum_of_its_modes(method, damping):
 
 @pytest.fixture(scope="module")
 def average_acceleration():
-    """Peak drifts of ten yielding stories by average acceleration with a 64th of the record's step."""
+    """Peak drifts of ten yielding stories by average acceleration with a 64th of the record's
+    step."""
     return run(ten_bilinear(), noise(), method="newmark-average", dt=0.01 / 64).stories.peak_drift
 
 
@@ -50,7 +56,8 @@ def average_acceleration():
 def test_a_yielding_building_converges_to_what_average_acceleration_gives(
     average_acceleration, method, parts, bound
 ):
-    """With an eighth of the step less than an eighth of the error; the model-based methods take one solve a step."""
+    """With an eighth of the step less than an eighth of the error; the model-based methods take one
+    solve a step."""
     runs = [run(ten_bilinear(), noise(), method=method, dt=0.01 / part) for part in parts]
     coarse, fine = (
         np.max(np.abs(one.stories.peak_drift / average_acceleration - 1.0)) for one in runs

@@ -1,4 +1,5 @@
-"""A linear building under a motion that is linear between its samples: against the dense matrix exponential."""
+"""A linear building under a motion that is linear between its samples: against the dense matrix
+exponential."""
 
 import numpy as np
 import pytest
@@ -16,9 +17,12 @@ from references import drifts, exact_linear, orders
 from tdint import run
 
 DAMPINGS = {
-    "rayleigh": RayleighRatio((0.05, 0.05), (1, 3)), "coefficients": RayleighCoefficients(0.2, 0.001),
-    "modal": ModalDamping((0.05,)), "some modes": ModalDamping((0.05, 0.02, 0.1)), "none": None,
-}  # fmt: skip
+    "rayleigh": RayleighRatio((0.05, 0.05), (1, 3)),
+    "coefficients": RayleighCoefficients(0.2, 0.001),
+    "modal": ModalDamping((0.05,)),
+    "some modes": ModalDamping((0.05, 0.02, 0.1)),
+    "none": None,
+}
 
 
 def drift_errors(building, method, halvings):

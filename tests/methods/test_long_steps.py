@@ -1,4 +1,5 @@
-"""Steps over several samples of a record: its impulse and first moment are all that a step takes of it."""
+"""Steps over several samples of a record: its impulse and first moment are all that a step takes of
+it."""
 
 from dataclasses import replace
 
@@ -16,7 +17,8 @@ ALL = list(catalogue())
 
 
 def building_for(method, yield_force=3e5):
-    """Two stories of 1.2 s and 0.5 s: central difference and rk5 take steps of 0.08 s. All of one compiled variant."""
+    """Two stories of 1.2 s and 0.5 s: central difference and rk5 take steps of 0.08 s. All of one
+    compiled variant."""
     linear = catalogue()[method].family.linear_only
     law = Law("linear", ()) if linear else Law("bilinear", (yield_force, 0.1))
     return model([story(1e5, 7e6, law, dashpot=5e4) for _ in range(2)])
@@ -24,7 +26,8 @@ def building_for(method, yield_force=3e5):
 
 @pytest.mark.parametrize("method", ALL)
 def test_of_the_samples_in_a_step_nothing_else_counts(method):
-    """Samples (0, 1, -2, 1, 0) on four intervals have neither impulse nor first moment: the motion stays the same."""
+    """Samples (0, 1, -2, 1, 0) on four intervals have neither impulse nor first moment: the motion
+    stays the same."""
     record = noise(samples=401)
     rng = np.random.default_rng(1)
     ripple = np.zeros(401)
@@ -45,8 +48,8 @@ def test_of_the_samples_in_a_step_nothing_else_counts(method):
 
 @pytest.mark.parametrize("method", ALL)
 def test_the_order_is_kept(method):
-    """Steps of 4 and 2 samples in a linear building: what the jumps between the lines leave in a method's memory would
-    cost it an order."""
+    """Steps of 4 and 2 samples in a linear building: what the jumps between the lines leave in a
+    method's memory would cost it an order."""
     dt = DT / 2
     record = noise(samples=801, dt=dt)
     building = building_for(method, yield_force=1e12)
@@ -91,7 +94,8 @@ def test_fourth_order_of_impulse4_on_a_yielding_building():
 
 @pytest.mark.parametrize("method", ["impulse4", "newmark-average", "moment4", "park", "rk5"])
 def test_the_energy_balance_of_long_steps(method):
-    """Input is the work of the lines, whose ends do not meet: what a step of one sample keeps, long steps keep too."""
+    """Input is the work of the lines, whose ends do not meet: what a step of one sample keeps, long
+    steps keep too."""
     response = run(ten_linear(), noise(), method=method, dt=2 * DT, allow_unstable=True)
     short = run(ten_linear(), noise(), method=method, dt=DT)
     assert abs(response.energy.error) < 20.0 * abs(short.energy.error) + 1e-9
@@ -103,7 +107,8 @@ def test_the_energy_balance_of_long_steps(method):
     ("method", "samples"), [("impulse4", 3), ("exact", 2), ("hht:alpha=-0.3", 1)]
 )
 def test_a_history_has_its_own_times_and_absolute_accelerations(method, samples):
-    """Absolute accelerations are the forces on the floors over their masses, whatever line stands for the record."""
+    """Absolute accelerations are the forces on the floors over their masses, whatever line stands
+    for the record."""
     response = run(ten_linear(None), noise(), method=method, dt=samples * DT, history=True)
     history = response.history
     assert np.allclose(history.time, samples * DT * np.arange(response.steps + 1), rtol=1e-12)
@@ -118,8 +123,9 @@ def test_a_history_has_its_own_times_and_absolute_accelerations(method, samples)
 
 @pytest.mark.parametrize("method", ["impulse4", "gauss4", "moment4"])
 def test_peaks_of_a_free_vibration(method):
-    """Twenty steps a period, none at a peak: all peaks of a sine. The interpolant errs by (omega h)^4 / 1900 of an
-    acceleration, and by some three times the (omega h)^4 / 720 by which the method's motion is slow."""
+    """Twenty steps a period, none at a peak: all peaks of a sine. The interpolant errs by (omega
+    h)^4 / 1900 of an acceleration, and by some three times the (omega h)^4 / 720 by which the
+    method's motion is slow."""
     omega = 2.0 * np.pi
     h = 0.0517
     response = run(
@@ -166,8 +172,9 @@ def test_steps_so_short_that_displacements_do_not_change_have_no_peaks_inside(dt
 
 
 def test_peaks_between_the_steps_are_of_the_order_of_moment4():
-    """Free vibration of a hardening building in all its modes, with its largest shears where it is stiffest. On the
-    parabolas of the method peaks of drift and displacement would be of order 2 to 3."""
+    """Free vibration of a hardening building in all its modes, with its largest shears where it is
+    stiffest. On the parabolas of the method peaks of drift and displacement would be of order 2 to
+    3."""
     hardening = [story(1e5, 2e7, Law("polynomial", (2e7, 0.0, 1e10))) for _ in range(3)]
     case = model(hardening, displacement=(0.01, -0.01, 0.03), velocity=(0.3, 0.1, -0.2))
     fine = run(case, method="impulse4", dt=0.01 / 32, duration=3.0).stories

@@ -65,7 +65,8 @@ def kr_alpha(rho, M, C, K, h):
 
 
 def shift(M, C, K, h, A, gamma, beta):
-    """Start w0 = v0 - gamma h A^-1 M a0 with a0 in equilibrium for this w0; report w + gamma h A^-1 M a."""
+    """Start w0 = v0 - gamma h A^-1 M a0 with a0 in equilibrium for this w0; report w + gamma h A^-1
+    M a."""
 
     def start(restoring, u, v, p0):
         # A q = M a0 = p0 - C (v - gamma h q) - f(u)
@@ -89,7 +90,8 @@ def scalars(*values):
 @pytest.mark.parametrize("nonlinear", [False, True], ids=["linear", "cubic"])
 @pytest.mark.parametrize("method", METHODS)
 def test_building_follows_the_published_formulas(method, nonlinear):
-    """Four stories with P-delta, a dashpot, Rayleigh damping, a floor force and ground motion, from a deflected start.
+    """Four stories with P-delta, a dashpot, Rayleigh damping, a floor force and ground motion, from
+    a deflected start.
 
     KR-alpha and CR keep their own lagging velocity here; tdint never forms it.
     """
@@ -126,10 +128,12 @@ def test_kr_alpha_is_generalized_alpha_for_a_displacement_beta_h2_q_away(rho_inf
 
 
 def grows(method, omega_h, tangent, steps=4000):
-    """Whether the free motion of an oscillator grows whose tangent is not the initial stiffness of its law.
+    """Whether the free motion of an oscillator grows whose tangent is not the initial stiffness of
+    its law.
 
-    The displacement counts: for a tangent other than the initial one chang's velocities are far too large at
-    omega dt = 100, by energies that `run` calls diverged unless unstable steps are allowed, but they do not grow.
+    The displacement counts: for a tangent other than the initial one chang's velocities are far too
+    large at omega dt = 100, by energies that `run` calls diverged unless unstable steps are
+    allowed, but they do not grow.
     """
     h = 0.01
     k = (omega_h / h) ** 2

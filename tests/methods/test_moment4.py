@@ -1,4 +1,5 @@
-"""moment4: impulse4 in linear buildings, energy kept or lost but never made in any, and the load by its moments."""
+"""moment4: impulse4 in linear buildings, energy kept or lost but never made in any, and the load by
+its moments."""
 
 from dataclasses import replace
 from functools import cache
@@ -77,7 +78,8 @@ def test_the_amplification_matrix_is_impulse4s(rho_inf, xi):
     "damping", [RAYLEIGH, ModalDamping((0.02, 0.05, 0.03, 0.08))], ids=["rayleigh", "modal"]
 )
 def test_histories_of_linear_buildings_are_impulse4s(rho_inf, case, damping):
-    """Dashpots and P-delta beside Rayleigh damping; a floor force where the load is linear or rho_inf below 1."""
+    """Dashpots and P-delta beside Rayleigh damping; a floor force where the load is linear or
+    rho_inf below 1."""
     given = building(damping)
     if rho_inf == 1.0:
         given = replace(given, excitation=replace(given.excitation, forces=()))
@@ -231,7 +233,8 @@ def test_what_the_dissipative_members_lose_is_lost_in_every_step(case):
 
 
 def test_the_loss_is_that_of_the_equations():
-    """h^2 r / 12 (A1 M A1 + U1 K U1) in each step of an oscillator, A1 and U1 from the motion itself."""
+    """h^2 r / 12 (A1 M A1 + U1 K U1) in each step of an oscillator, A1 and U1 from the motion
+    itself."""
     rho_inf, omega, h = 0.5, 3.0, 0.2
     r = (1.0 - rho_inf) / (6.0 * (1.0 + rho_inf))
     history = run(
@@ -328,7 +331,8 @@ def test_ten_yielding_stories_over_several_samples(samples, allowed):
     ("method", "damping", "halved"), [("moment4", None, 2), ("gauss4", FIVE_PERCENT, 0)]
 )
 def test_large_steps_of_a_yielding_building_converge(method, damping, halved):
-    """A tenth to a quarter of the fundamental period of a yielding building, where Newton's plain iteration cycles."""
+    """A tenth to a quarter of the fundamental period of a yielding building, where Newton's plain
+    iteration cycles."""
     given = ten_bilinear(damping)
     given = replace(
         given, initial=replace(given.initial, displacement=tuple(0.05 * np.arange(1, 11)))
@@ -343,7 +347,8 @@ def test_large_steps_of_a_yielding_building_converge(method, damping, halved):
 
 
 def turns_from_rest(monkeypatch, damping):
-    """Stories that turn in ten steps from rest under a ramp of ground acceleration; the step as it is written."""
+    """Stories that turn in ten steps from rest under a ramp of ground acceleration; the step as it
+    is written."""
     given = model([story(1e5, 4e7, Law("peak-oriented", (1e-9, 0.9, 0.3)))] * 2, damping=damping)
     built = assemble(given)
     springs = spring_table(built.law_parameters)
@@ -380,8 +385,8 @@ def turns_from_rest(monkeypatch, damping):
     "damping", [None, RAYLEIGH, ModalDamping((0.05, 0.05))], ids=["none", "rayleigh", "modal"]
 )
 def test_from_rest_under_a_ramp_no_story_turns(monkeypatch, damping):
-    """All drifts grow, those of upper stories with higher powers of time: their parabolas start backwards. They would
-    turn if only the parabola were asked."""
+    """All drifts grow, those of upper stories with higher powers of time: their parabolas start
+    backwards. They would turn if only the parabola were asked."""
     assert turns_from_rest(monkeypatch, damping) == []
     monkeypatch.setattr(equations, "_steady", lambda *_: False)
     assert turns_from_rest(monkeypatch, damping)
@@ -389,8 +394,9 @@ def test_from_rest_under_a_ramp_no_story_turns(monkeypatch, damping):
 
 @pytest.mark.slow
 def test_energy_of_stories_that_count_their_turns():
-    """A hundred random buildings of stories that lose strength and stiffness, whether or not their parabolas turn. Of
-    those that fall, the energies grow far beyond the input: they round by their own size."""
+    """A hundred random buildings of stories that lose strength and stiffness, whether or not their
+    parabolas turn. Of those that fall, the energies grow far beyond the input: they round by their
+    own size."""
     for number in range(100):
         case, record = degrading_building(number)
         energy = run(case, record, method="moment4").energy

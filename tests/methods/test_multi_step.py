@@ -1,4 +1,5 @@
-"""Houbolt and Park: the compiled step against the formulas on displacements, and what they promise."""
+"""Houbolt and Park: the compiled step against the formulas on displacements, and what they
+promise."""
 
 import numpy as np
 import pytest
@@ -11,14 +12,16 @@ from tdint.methods.catalogue import parse
 
 METHODS = ("houbolt", "park")
 
-# The formulas on displacements (on displacements and velocities for Park), times h or h^2, latest first
+# The formulas on displacements (on displacements and velocities for Park), times h or h^2, latest
+# first
 HOUBOLT_V = np.array([11.0, -18.0, 9.0, -2.0]) / 6.0
 HOUBOLT_A = np.array([2.0, -5.0, 4.0, -1.0])
 PARK = np.array([10.0, -15.0, 6.0, -1.0]) / 6.0
 
 
 def by_formulas(method, case, record, steps):
-    """March with dense matrices: average acceleration twice, then the formulas on older displacements."""
+    """March with dense matrices: average acceleration twice, then the formulas on older
+    displacements."""
     M, C, K = matrices(case)
     h = record.dt
     u, v = [np.array(case.initial.displacement)], [np.array(case.initial.velocity)]

@@ -1,4 +1,5 @@
-"""Reported peaks of all methods: no farther off than the largest values at the steps or the motion itself.
+"""Reported peaks of all methods: no farther off than the largest values at the steps or the motion
+itself.
 
 The limit is that of `benchmarks/peaks.py`, which measures more.
 """
@@ -91,7 +92,8 @@ def test_a_reported_peak_is_no_worse_than_the_motion_or_the_steps(buildings, met
 
 @pytest.mark.parametrize("method", METHODS)
 def test_peaks_of_linear_buildings_fall_with_the_order(buildings, method):
-    """From dt/2 to dt/8, in the mean of the stories of two buildings; accelerations with order 2 at least."""
+    """From dt/2 to dt/8, in the mean of the stories of two buildings; accelerations with order 2 at
+    least."""
     errors = np.zeros((len(QUANTITIES), 2))
     for building, record, truth in buildings[:2]:
         for column, parts in enumerate((2, 8)):
@@ -149,7 +151,8 @@ def test_the_truth_is_that_of_dop853():
 @pytest.mark.parametrize("method", ["impulse4", "moment4"])
 @pytest.mark.parametrize("parts", [1, 3])
 def test_the_top_story_moves_the_top_floor(method, parts):
-    """Its total shear is the floor's mass times its absolute acceleration, at all times: so are the peaks."""
+    """Its total shear is the floor's mass times its absolute acceleration, at all times: so are the
+    peaks."""
     for building, record in ((ten_bilinear(), noise()), (FRAME, noise(seed=3).scaled(1.5))):
         stories = run(building, record, method=method, dt=record.dt / parts).stories
         assert stories.peak_total_shear[-1] == pytest.approx(
@@ -158,8 +161,8 @@ def test_the_top_story_moves_the_top_floor(method, parts):
 
 
 def test_accelerations_at_corners():
-    """Where a story yields, an acceleration has a corner within a step, of which the ends of the step do not tell:
-    moment4 finds it on the paths of its stories."""
+    """Where a story yields, an acceleration has a corner within a step, of which the ends of the
+    step do not tell: moment4 finds it on the paths of its stories."""
     truth = run(
         OFFICE, NEAR, method="impulse4", dt=NEAR.dt / FINE, duration=20.0
     ).stories.peak_acceleration

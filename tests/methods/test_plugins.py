@@ -1,4 +1,5 @@
-"""Methods and laws from files outside the package, as the READMEs show them, and from installed packages."""
+"""Methods and laws from files outside the package, as the READMEs show them, and from installed
+packages."""
 
 import csv
 import hashlib
@@ -80,30 +81,47 @@ def test_the_method_of_the_readme_is_what_it_declares(verlet, monkeypatch):
 
 MISTAKES = {
     "its laws are never committed": (
-        "        commit(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)\n", "", "where 2 is due",
+        "        commit(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)\n",
+        "",
+        "where 2 is due",
     ),
     "dissipation is not added up": (
         "commit(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)",
-        "law_state.adopt(law_parameters, springs, i, at.FIRST_TRIAL)", "out of balance",
+        "law_state.adopt(law_parameters, springs, i, at.FIRST_TRIAL)",
+        "out of balance",
     ),
-    "too few rows of work": ("lambda modes: ROWS", "lambda modes: 2", "row 3 of work is used, 2 are declared"),
-    "too few rows of state": ("memory=(0, 1, 2)", "memory=(0, 1), state_rows=2", "row 2 of state is used, 2 are"),
+    "too few rows of work": (
+        "lambda modes: ROWS",
+        "lambda modes: 2",
+        "row 3 of work is used, 2 are declared",
+    ),
+    "too few rows of state": (
+        "memory=(0, 1, 2)",
+        "memory=(0, 1), state_rows=2",
+        "row 2 of state is used, 2 are",
+    ),
     "memory in scratch": (
-        "+ 0.5 * h * state[at.ACCELERATION, i])",
-        "+ 0.5 * h * work[A + 1, i])", "goes on otherwise in fresh rows of work",
+        "+ 0.5 * h * state[at.ACCELERATION, i]\n",
+        "+ 0.5 * h * work[A + 1, i]\n",
+        "goes on otherwise in fresh rows of work",
     ),
-    "a name that is not there": ("u - linear_terms", "v - linear_terms", "NameError: name 'v' is not defined"),
-}  # fmt: skip
+    "a name that is not there": (
+        "u - linear_terms",
+        "v - linear_terms",
+        "NameError: name 'v' is not defined",
+    ),
+}
 
 
 @pytest.mark.usefixtures("compiled_truth")
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_the_usual_mistakes_of_a_method_are_found(tmp_path, verlet, mistake, monkeypatch):
-    """Before anything is compiled: in plain Python, with bounds checked, then with stories that yield."""
+    """Before anything is compiled: in plain Python, with bounds checked, then with stories that
+    yield."""
     before, after, told = MISTAKES[mistake]
     text = verlet.read_text().replace(
-        "from tdint.plugin import STEP",
-        "from tdint.kernels.stories import law_state\nfrom tdint.plugin import STEP",
+        "from tdint.plugin import (",
+        "from tdint.kernels.stories import law_state\nfrom tdint.plugin import (",
     )
     assert before in text
     text = text.replace(before, after)
@@ -127,13 +145,15 @@ def test_the_usual_mistakes_of_a_method_are_found(tmp_path, verlet, mistake, mon
 
 @pytest.mark.slow
 def test_ours_make_none_of_them():
-    """Methods of each kind: several stages, several steps, without iterations, of order 2 and more."""
+    """Methods of each kind: several stages, several steps, without iterations, of order 2 and
+    more."""
     for name in ("bathe", "park", "chang", "rk5", "gauss4"):
         assert order._yielding_faults(methods.parse(name)) == {}
 
 
 def test_a_branch_that_is_set_in_part_is_told(tmp_path):
-    """The law `gap`, which forgets where a branch ends downwards: compiled it would go on in silence."""
+    """The law `gap`, which forgets where a branch ends downwards: compiled it would go on in
+    silence."""
     text = Path(gap.__file__).read_text().replace('"gap",\n', '"half-gap",\n')
     text = (
         text.replace("put_on_branch(springs, i, block, ", "half(springs, i, block, ")
@@ -221,15 +241,15 @@ def test_what_a_plugin_imports_counts(tmp_path, verlet, monkeypatch):
 FAULTS = {
     "def f(:\n": "outside_plugin.py:1: SyntaxError: ",
     "x = 1\ny = x / 0\n": "outside_plugin.py:2: ZeroDivisionError: division by zero",
-    "x = 1\n": "outside_plugin.py: a plug-in has a tuple METHODS, LAWS, PEERS or MEASURES; this one has none",
+    "x = 1\n": "outside_plugin.py: a plug-in has a tuple METHODS, LAWS, PEERS or MEASURES; this "
+    "one has none",
     "METHODS = (3,)\n": "outside_plugin.py: METHODS holds Method objects, not int",
     "METHODS = 3\n": "outside_plugin.py: TypeError: ",
     "raise SystemExit(3)\n": "outside_plugin.py:1: SystemExit: 3",
     "class Odd(BaseException): pass\nraise Odd('so')": "outside_plugin.py:2: Odd: so",
-    "class Odd(Exception):\n    def __str__(self): raise KeyError(1)\nraise Odd": "outside_plugin.py:3: Odd: without a",
-    "from dataclasses import replace\nfrom tdint.methods.bathe import METHODS\nMETHODS = (replace(METHODS[0]),)\n": (
-        "there is a method 'bathe' already; give yours another name"
-    ),
+    "class Odd(Exception):\n    def __str__(self): raise KeyError(1)\nraise Odd": "outside_plugin.py:3: Odd: without a",  # noqa: E501
+    "from dataclasses import replace\nfrom tdint.methods.bathe import METHODS\nMETHODS = "
+    "(replace(METHODS[0]),)\n": ("there is a method 'bathe' already; give yours another name"),
     "from tdint.kernels.laws.law import DriftLaw\nLAWS = (DriftLaw('tanh', '', lambda: None),)\n": (
         "there is a law 'tanh' already"
     ),
@@ -306,8 +326,10 @@ def test_a_law_of_no_file_is_refused():
 
 PACKAGE = {
     "outside_package/__init__.py": "",
-    "outside_package-1.0.dist-info/METADATA": "Metadata-Version: 2.1\nName: outside-package\nVersion: 1.0\n",
-    "outside_package-1.0.dist-info/entry_points.txt": "[tdint.methods]\nverlet = outside_package.verlet\n"
+    "outside_package-1.0.dist-info/METADATA": "Metadata-Version: 2.1\nName: "
+    "outside-package\nVersion: 1.0\n",
+    "outside_package-1.0.dist-info/entry_points.txt": "[tdint.methods]\nverlet = "
+    "outside_package.verlet\n"
     "wrong = outside_package.nothing\n[tdint.laws]\nhyperbolic = outside_package.hyperbolic:LAW\n",
 }
 
@@ -333,7 +355,8 @@ def test_an_installed_package_needs_no_option(tmp_path, verlet, hyperbolic, monk
     assert [*CODE["law hyperbolic"], *CODE["method verlet"]] == [*code.values()]
     (warning,) = caplog.messages
     assert warning.startswith(
-        "a plug-in is left out: outside-package 1.0, entry point wrong of tdint.methods (outside_package.nothing)"
+        "a plug-in is left out: outside-package 1.0, entry point wrong of tdint.methods "
+        "(outside_package.nothing)"
     )
 
 
@@ -369,7 +392,8 @@ def workshop(tmp_path, hyperbolic, monkeypatch):
 
 
 def test_commands_take_methods_and_laws_of_files(workshop, verlet, tmp_path):
-    """`run`, `stability` and `order` in one process each see what their own --plugin names, as Python does."""
+    """`run`, `stability` and `order` in one process each see what their own --plugin names, as
+    Python does."""
     plugins = ("--plugin", "verlet.py", "--plugin", "hyperbolic.py")
     (story,) = workshop("run", "shaken.yaml", *plugins, "--method", "verlet", "--dt", "0.005")
     single = tdint.run("shaken.yaml", method="verlet", dt=0.005).stories
@@ -394,8 +418,9 @@ def test_commands_take_methods_and_laws_of_files(workshop, verlet, tmp_path):
 
 @pytest.mark.usefixtures("plain")
 def test_the_code_of_a_plugin_is_an_input(workshop, verlet, hyperbolic, tmp_path, monkeypatch):
-    """A store of runs with a law that was edited since, or with what it imports, is refused and named, by `campaign`,
-    `merge` and `ida`; another plug-in may be edited. Before each call all is forgotten, as in a process of its own."""
+    """A store of runs with a law that was edited since, or with what it imports, is refused and
+    named, by `campaign`, `merge` and `ida`; another plug-in may be edited. Before each call all is
+    forgotten, as in a process of its own."""
     monkeypatch.syspath_prepend(str(tmp_path))
     helpers = outside(tmp_path, "FACTOR = 1.0\n", "outside_helpers")
     text = hyperbolic.read_text().replace(
@@ -440,8 +465,8 @@ def test_the_code_of_a_plugin_is_an_input(workshop, verlet, hyperbolic, tmp_path
 
 
 def test_a_kept_reference_is_of_its_law(of_the_law, hyperbolic, tmp_path):
-    """Not of another one with the same parameters, in the same file or in another. What a process has executed stays
-    that: an edited file is not taken for it."""
+    """Not of another one with the same parameters, in the same file or in another. What a process
+    has executed stays that: an edited file is not taken for it."""
     text = hyperbolic.read_text()
     both = text.replace(
         "LAWS = (LAW,)", "import dataclasses\nLAWS = (LAW, dataclasses.replace(LAW, name='second'))"
@@ -466,7 +491,10 @@ def test_files_of_plugins_go_to_workers(workshop, verlet, hyperbolic, tmp_path):
     chunk = make_plan(wanted, read_inputs(wanted)).chunk(0)
     sent = files_to_send()
     assert [name for name, _ in sent] == ["verlet.py", "hyperbolic.py"]
-    worker = "import pickle, sys; f, *a = pickle.load(sys.stdin.buffer); sys.stdout.buffer.write(pickle.dumps(f(*a)))"
+    worker = (
+        "import pickle, sys; f, *a = pickle.load(sys.stdin.buffer); "
+        "sys.stdout.buffer.write(pickle.dumps(f(*a)))"
+    )
     called = pickle.dumps((do_with, sent, chunk))
     done = subprocess.run(
         [sys.executable, "-c", worker], input=called, capture_output=True, cwd="/"
@@ -484,11 +512,12 @@ with open(sys.argv[1], "rb") as stream:
     case, response = pickle.load(stream)
 import tdint
 print(repr(float(tdint.run_case(case, dt=0.005).stories.peak_drift[0])), repr(float(response.stories.peak_drift[0])))
-"""
+"""  # noqa: E501
 
 
 def test_a_result_and_its_case_are_read_by_a_new_process(workshop, verlet, hyperbolic, tmp_path):
-    """Which loads the plug-ins of their method and their law by their files, if those are still the same."""
+    """Which loads the plug-ins of their method and their law by their files, if those are still the
+    same."""
     for file in (verlet, hyperbolic):
         tdint.load_plugin(str(file))
     case = tdint.prepare("shaken.yaml", method="verlet")
@@ -526,7 +555,8 @@ def test_a_result_and_its_case_are_read_by_a_new_process(workshop, verlet, hyper
 def test_a_plugin_is_executed_in_plain_python_before_its_first_compiled_run(
     tmp_path, monkeypatch, name, change, fault
 ):
-    """Once for each state of its sources, in Python and on the command line; what is sound is not looked at again."""
+    """Once for each state of its sources, in Python and on the command line; what is sound is not
+    looked at again."""
     text = (
         (Path(__file__).parent / "recipes/sdirk3.py")
         .read_text()

@@ -1,4 +1,5 @@
-"""Power-law dashpots: every method that takes them, against a linear dashpot, DOP853 and its own order."""
+"""Power-law dashpots: every method that takes them, against a linear dashpot, DOP853 and its own
+order."""
 
 import math
 from dataclasses import replace

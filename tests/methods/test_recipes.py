@@ -1,4 +1,5 @@
-"""Plug-ins of published papers, written with `tdint.plugin` alone: tests/methods/recipes, and those of the READMEs."""
+"""Plug-ins of published papers, written with `tdint.plugin` alone: tests/methods/recipes, and those
+of the READMEs."""
 
 import ast
 import math
@@ -59,8 +60,8 @@ def model_of(law, stories=1):
 @pytest.mark.usefixtures("compiled_truth")
 @pytest.mark.parametrize("name", METHODS)
 def test_a_method_comes_to_the_true_motion_of_stories_that_yield(name):
-    """With its order, energy in balance, from fresh scratch and halved steps; in plain Python, with bounds checked. Of
-    bilinear ones: the others are in what it declares."""
+    """With its order, energy in balance, from fresh scratch and halved steps; in plain Python, with
+    bounds checked. Of bilinear ones: the others are in what it declares."""
     loaded(name)
     assert order._yielding_faults(methods.parse(METHODS[name][0]), ["bilinear"]) == {}
 
@@ -158,7 +159,8 @@ def test_check_names_the_public_name_of_what_is_imported(tmp_path):
     """And where such an import fails, the line says what to write."""
     file = tmp_path / "old.py"
     file.write_text(
-        "from tdint.kernels import layout as at\nfrom tdint.kernels.stepping import Memory\nMETHODS = ()\n"
+        "from tdint.kernels import layout as at\nfrom tdint.kernels.stepping import "
+        "Memory\nMETHODS = ()\n"
     )
     said = CliRunner().invoke(cli, ["check", "--plugin", str(file)]).output
     assert (
@@ -166,8 +168,8 @@ def test_check_names_the_public_name_of_what_is_imported(tmp_path):
         in said
     )
     assert (
-        f"{file}:2: tdint.kernels.stepping may change without notice; write from tdint.plugin import Memory"
-        in said
+        f"{file}:2: tdint.kernels.stepping may change without notice; write from tdint.plugin "
+        "import Memory" in said
     )
     gone = tmp_path / "gone.py"
     gone.write_text("from tdint.kernels.bundles import Memory, Scene\nMETHODS = ()\n")

@@ -1,4 +1,5 @@
-"""The Runge-Kutta methods: the compiled steps against their stability functions and dense formulas."""
+"""The Runge-Kutta methods: the compiled steps against their stability functions and dense
+formulas."""
 
 import math
 from fractions import Fraction
@@ -12,7 +13,7 @@ from tdint.analysis.run.run import run
 from tdint.analysis.run.workspace import amplification
 from tdint.kernels import layout as at
 from tdint.methods.catalogue import parse
-from tdint.methods.runge_kutta import imaginary_limit
+from tdint.methods.runge_kutta import imaginary_stability_limit
 
 METHODS = ("rk5", "gauss4")
 
@@ -48,7 +49,8 @@ def stability_function(method, Z):
 @pytest.mark.parametrize("xi", [0.0, 0.05, 0.7])
 @pytest.mark.parametrize("method", [*METHODS, "impulse", "impulse4", "moment4"])
 def test_amplification_matrix_is_the_stability_function(method, xi):
-    """Also at and near sqrt(12), where the printed formulas of the impulse method divide by zero."""
+    """Also at and near sqrt(12), where the printed formulas of the impulse method divide by
+    zero."""
     around = math.sqrt(12.0) * (
         1.0 + np.array([0.0, 1e-15, -1e-15, 1e-12, 1e-9, -1e-9, 1e-6, 1e-3, -1e-3])
     )
@@ -92,8 +94,9 @@ def gauss_step(rate, jacobian, h, t, x):
 @pytest.mark.parametrize("nonlinear", [False, True], ids=["linear", "cubic"])
 @pytest.mark.parametrize("method", METHODS)
 def test_building_follows_the_formulas(method, nonlinear):
-    """Four stories with P-delta, a dashpot, Rayleigh damping, a floor force and ground motion, from a deflected start:
-    ground acceleration linear in between, the force at the time of each stage."""
+    """Four stories with P-delta, a dashpot, Rayleigh damping, a floor force and ground motion, from
+    a deflected start: ground acceleration linear in between, the force at the time of each
+    stage."""
     case, record = building(RAYLEIGH, nonlinear=nonlinear), noise(samples=41)
     history = run(case, record, method=method, history=True).history
     M, C, _ = matrices(case)
@@ -137,14 +140,15 @@ def test_building_follows_the_formulas(method, nonlinear):
     ],
 )
 def test_limit_on_the_imaginary_axis(table, limit):
-    assert imaginary_limit(table) == pytest.approx(limit, abs=1e-9)
+    assert imaginary_stability_limit(table) == pytest.approx(limit, abs=1e-9)
 
 
 @pytest.mark.parametrize(
     ("method", "inner"), [("rk5", ()), ("gauss4", (at.FIRST_TRIAL, at.SECOND_TRIAL))]
 )
 def test_path_of_a_hysteretic_story(method, inner):
-    """gauss4 loads a story from the start of the step through both stages to its end, rk5 straight to the end."""
+    """gauss4 loads a story from the start of the step through both stages to its end, rk5 straight
+    to the end."""
     stiffness, strength, hardening = 100.0, 5.0, 0.1
     soft = 1.0 - hardening
     steps = SingleSteps(method, Law("bilinear", (strength, hardening)))

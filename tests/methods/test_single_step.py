@@ -1,4 +1,5 @@
-"""Roots at infinity of the single-step methods: what `tdint methods` prints must not hang on how they are computed."""
+"""Roots at infinity of the single-step methods: what `tdint methods` prints must not hang on how
+they are computed."""
 
 import numpy as np
 import pytest
@@ -41,7 +42,8 @@ def eigenvalues(request, monkeypatch):
     ("beta", "theta"), [(0.24, 1.021712), (0.20, 1.159772), (1 / 6, 1.420815), (0.25, 1.0)]
 )
 def test_theta_of_optimal_collocation(eigenvalues, beta, theta):
-    """Hilber and Hughes (1978) give those of beta 0.24 and 0.20; at 1/4 the roots meet at theta 1."""
+    """Hilber and Hughes (1978) give those of beta 0.24 and 0.20; at 1/4 the roots meet at theta
+    1."""
     assert collocation_theta(beta) == pytest.approx(theta, abs=5e-7)
 
 

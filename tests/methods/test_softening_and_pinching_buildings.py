@@ -1,4 +1,5 @@
-"""Buildings of stories that pinch, soften and fail: order 4, energy, two routes, collapse at its time."""
+"""Buildings of stories that pinch, soften and fail: order 4, energy, two routes, collapse at its
+time."""
 
 from dataclasses import replace
 
@@ -84,7 +85,8 @@ LAWS = {
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("seed", range(3))
 def test_order_4_energy_and_average_acceleration(name, seed):
-    """The finest run of average acceleration goes another way through the laws: over whole steps, without events."""
+    """The finest run of average acceleration goes another way through the laws: over whole steps,
+    without events."""
     case, record = building(name, seed), noise(samples=501, seed=seed, peak=6.0)
     runs, finest, errors = refined(case, record, (1, 2, 4, 8, 32), size=np.linalg.norm)
     assert runs[0].events > 40
@@ -104,7 +106,8 @@ def failing(**more):
 
 @pytest.mark.parametrize("method", ["impulse4", "newmark-average"])
 def test_a_story_that_fails_is_said(method):
-    """To yield 0.05 m in 0.0169 s, on against 5 N and more: it fails at 0.3 m with v^2 = 9 - 0.25 - 2 (1.25 + ...)."""
+    """To yield 0.05 m in 0.0169 s, on against 5 N and more: it fails at 0.3 m with v^2 = 9 - 0.25 -
+    2 (1.25 + ...)."""
     response = run(failing(), method=method, dt=0.01, duration=0.5, history=True)
     rise = 0.5 / 0.4
     work = 0.5 * 5.0 * 0.05 + 5.0 * 0.25 + 0.5 * rise * 0.25**2
@@ -140,7 +143,8 @@ def test_what_comes_first_is_said():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_time_of_a_collapse(seed):
-    """A falling branch under P-delta: at the record's step and at a 64th of it, within one interval of the record."""
+    """A falling branch under P-delta: at the record's step and at a 64th of it, within one interval
+    of the record."""
     record = noise(samples=1201, seed=seed, peak=14.0)
     case = building("imk", seed, p_delta=True)
     heavy = [story(one.mass, one.stiffness, one.law, height=1.6) for one in case.stories]

@@ -137,7 +137,8 @@ def test_a_model_with_a_capacity_curve(curve):
     model = load_model(curve / "model.yaml")
     facts = CapacityFacts(DEMO, 3, 9.0, 3e5, soft_story=True, degradation=True)
     assert model.stories == derive_capacity(facts).stories
-    # Of Martins and Silva's stories: pinching on both sides, and what cycles take of strength and stiffness.
+    # Of Martins and Silva's stories: pinching on both sides, and what cycles take of strength and
+    # stiffness.
     pinching, losses = (
         [0.5, 0.25, 0.05] * 2,
         [0.0, 0.1, 0.0, 0.0, 0.2, 0.0, 0.1, 0.0, 0.0, 0.2, 0.0, 0.4, 0.0, 0.4, 0.9],
@@ -185,7 +186,7 @@ CR/soft,0.01,0.2,true,
 CR/soft,0.03,0.3,,
 CR/soft,0.12,0.25,,
 """
-BUILDINGS = "id,class,NumberOfStories,height,mass_kg,Latitude,Longitude\na,MUR,2,,,1,2\nb,CR/soft,5,16,8e5,1,2\n"
+BUILDINGS = "id,class,NumberOfStories,height,mass_kg,Latitude,Longitude\na,MUR,2,,,1,2\nb,CR/soft,5,16,8e5,1,2\n"  # noqa: E501
 
 
 @pytest.fixture

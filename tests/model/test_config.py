@@ -55,7 +55,7 @@ excitation:
 initial: {displacement: [0.1, 0, 0, -2], velocity: [0, 1, 0, 0]}
 analysis: {method: "generalized-alpha:rho_inf=0.8", dt: 0.01, duration: 40}
 collapse_drift: 0.05
-"""
+"""  # noqa: E501
 
 
 def load(text: str):
@@ -222,7 +222,8 @@ def test_words_stay_text() -> None:
 def test_aliases() -> None:
     model = load(
         "stories:\n"
-        "  - &typical {mass: &m 2, stiffness: 5, law: &law {type: bilinear, yield_force: 1, hardening: 0}}\n"
+        "  - &typical {mass: &m 2, stiffness: 5, law: &law {type: bilinear, yield_force: 1, "
+        "hardening: 0}}\n"
         "  - *typical\n"
         "  - {mass: *m, stiffness: 7, law: *law}\n"
     )
@@ -267,7 +268,8 @@ def test_a_power_law_dashpot_in_other_units(tmp_path: Path) -> None:
     file = tmp_path / "model.yaml"
     file.write_text(
         "units: {length: cm, force: kN, mass: kg}\n"
-        "stories: [{mass: 1, stiffness: 10, dashpot: {coefficient: 100, exponent: 0.5, linear_below: 0.2}},\n"
+        "stories: [{mass: 1, stiffness: 10, dashpot: {coefficient: 100, exponent: 0.5, "
+        "linear_below: 0.2}},\n"
         "          {mass: 1, stiffness: 10, dashpot: {coefficient: 3, exponent: 1}}]\n"
         "initial: {displacement: [1, 1]}\n"
     )

@@ -83,7 +83,8 @@ def test_one_story_has_half_of_it_from_the_mass_and_half_from_the_stiffness() ->
 
 def test_ratios_may_be_percentages() -> None:
     text = (
-        "stories: [{repeat: 2, mass: 1, stiffness: 1, law: {type: bilinear, yield_force: 1, hardening: 3%}}]\n"
+        "stories: [{repeat: 2, mass: 1, stiffness: 1, law: {type: bilinear, yield_force: 1, "
+        "hardening: 3%}}]\n"
         "damping: {modal: [2%, 0.03]}\ncollapse_drift: 8%"
     )
     model = load(text)
@@ -140,7 +141,8 @@ def test_faults_of_a_mapping_have_no_line() -> None:
         "model: stories[1].mass: must be a positive number, got 'a'",
         "model: stories[1].height: must be a positive number, got '3' in quotes; remove the quotes",
         "model: stories[1].stiffness: must be a positive number, got 'nan'; it must be finite",
-        "model: dampng: must be none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}, got nothing",
+        "model: dampng: must be none, a ratio such as 5%, {rayleigh: ...} or {modal: ...}, got "
+        "nothing",
     ]
 
 
@@ -167,7 +169,8 @@ def test_what_no_file_could_say() -> None:
     ],
 )
 def test_the_unit_of_mass_is_stated_beside_other_units_than_m_and_n(units: str) -> None:
-    """A mass of 200 beside kN would be 200 kg, a building of T1 0.01 s; a weight says its unit by that of force."""
+    """A mass of 200 beside kN would be 200 kg, a building of T1 0.01 s; a weight says its unit by
+    that of force."""
     stories = "stories: [{mass: 0.25, stiffness: 1000}]"
     with pytest.raises(
         ModelError, match=r"stories\[1\]\.mass: its unit is not said.*add mass to `units`.*weight"
@@ -179,8 +182,10 @@ def test_the_unit_of_mass_is_stated_beside_other_units_than_m_and_n(units: str) 
 
 
 TOLD = {
-    "fundamental period": "stories: [{mass: 200, height: 3, stiffness: 4.0e+7}]",  # 2 pi sqrt(200 / 4e7) = 0.014 s
-    "damping ratio": "stories: [{mass: 2e5, height: 3, stiffness: 4e7, dashpot: 1.2e+6}]",  # c / (2 sqrt(k m)) = 0.21
+    # 2 pi sqrt(200 / 4e7) = 0.014 s
+    "fundamental period": "stories: [{mass: 200, height: 3, stiffness: 4.0e+7}]",
+    # c / (2 sqrt(k m)) = 0.21
+    "damping ratio": "stories: [{mass: 2e5, height: 3, stiffness: 4e7, dashpot: 1.2e+6}]",
     "story height": "stories: [{mass: 2e5, height: 3000, stiffness: 4e7}]",
     "yield force": "stories: [{mass: 2e5, height: 3, stiffness: 4e7, law: "
     "{type: bilinear, yield_force: 9e+3, hardening: 0}}]",  # 0.46 % of the weight

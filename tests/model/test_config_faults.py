@@ -1,4 +1,5 @@
-"""What is wrong with a model file: place, key and words of every fault, all of them in one error."""
+"""What is wrong with a model file: place, key and words of every fault, all of them in one
+error."""
 
 import io
 import os
@@ -15,8 +16,8 @@ from tdint.model.keys import document as config
 
 WORDS = {
     "<keys>": (
-        "name, units, stories, building, damping, p_delta, excitation, initial, analysis, collapse_drift, "
-        "plausibility, damage, output_units, report"
+        "name, units, stories, building, damping, p_delta, excitation, initial, analysis, "
+        "collapse_drift, plausibility, damage, output_units, report"
     ),
     "<story keys>": "mass, weight, height, stiffness, law, dashpot, isolator, repeat",
     "<rayleigh>": "must be {ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",
@@ -24,9 +25,9 @@ WORDS = {
     "<laws>": ", ".join(LAWS),
 }
 
-# A file, its lines joined by a pilcrow, and below it its faults; what is indented further goes on with the line above.
-# A way to be wrong is asked once, under one key: that every key refuses what its kind does not allow is asked in
-# test_schema.py.
+# A file, its lines joined by a pilcrow, and below it its faults; what is indented further goes on
+# with the line above. A way to be wrong is asked once, under one key: that every key refuses what
+# its kind does not allow is asked in test_schema.py.
 FILES = r"""
 stories: 3
     1:10: stories: must be a list of stories, got '3'
@@ -119,7 +120,7 @@ stories: [{mass: 1, stiffness: 1}]¶analysis: {dt: 1}¶analisys: {dt: 0}
     3:1: analisys: unknown key; did you mean 'analysis'?
 stories: [{mass: 1, stiffness: 1}]¶output_units: kip, inch, g
     2:15: output_units: output units 'kip, inch, g': unknown unit 'inch'; did you mean 'in'?
-"""
+"""  # noqa: E501
 
 # A second line below that of three sound stories.
 LINES = r"""
@@ -209,9 +210,10 @@ units: {length: metre, force: KN, mass: , time: s}
     2:31: units.force: unknown force unit 'KN'; did you mean 'kN'?
     2:40: units.mass: must be the name of a mass unit, got nothing
     2:43: units.time: unknown key; known: length, force, mass
-"""
+"""  # noqa: E501
 
-# The law of a story whose mass is all that is sound of it; without the places, which are those of the keys above.
+# The law of a story whose mass is all that is sound of it; without the places, which are those of
+# the keys above.
 LAWS_OF_A_STORY = r"""
 bilinar
     stories[1].law: unknown law 'bilinar'; did you mean 'bilinear'?
@@ -236,7 +238,7 @@ bilinear
 {type: polynomial, coefficients: [3, 1]}, stiffness: 3.1
     stories[1].stiffness: must agree with the initial stiffness 3 of its polynomial law, got 3.1; correct it or
         leave it out
-"""
+"""  # noqa: E501
 
 
 def cases(table: str) -> list[tuple[str, list[str]]]:
@@ -290,17 +292,20 @@ def test_other_faults_of_files(text: str, fault: str) -> None:
 def test_coefficients_out_of_all_proportion_in_si() -> None:
     found = faults(
         "units: {length: mm, mass: kg}\n"
-        f"stories: [{{mass: 1, law: {{type: polynomial, coefficients: [{', '.join(['1'] * 110)}]}}}}]"
+        f"stories: [{{mass: 1, law: {{type: polynomial, coefficients: "
+        f"[{', '.join(['1'] * 110)}]}}}}]"
     )
     beyond = "is out of all proportion: its size must lie between 1e-60 and 1e+60 in SI units"
     assert found[0].endswith(f"stories[1].law.coefficients[21]: {beyond}, got '1'")
 
 
 def test_a_fault_has_its_place_apart(tmp_path: Path) -> None:
-    """The words of the command begin with it; all faults of a file come in their order (`storeys` above)."""
+    """The words of the command begin with it; all faults of a file come in their order (`storeys`
+    above)."""
     path = tmp_path / "bad.yaml"
     path.write_text(
-        "stories:\n  - mass: 200\n    stiffness: 1\n  - mass: abc\n    stiffness: 1\np_delta: yes\np_delta: no\n"
+        "stories:\n  - mass: 200\n    stiffness: 1\n  - mass: abc\n    stiffness: 1\np_delta: "
+        "yes\np_delta: no\n"
     )
     with pytest.raises(ModelError) as caught:
         load_model(path)
@@ -333,7 +338,8 @@ def test_long_value_is_quick() -> None:
     (fault,) = faults(f"stories: [{{mass: {'0' * 200_000}x, stiffness: 1}}]")
     assert (
         fault
-        == f"1:18: stories[1].mass: must be a positive number, got '{'0' * 37}...'; write the number alone"
+        == f"1:18: stories[1].mass: must be a positive number, got '{'0' * 37}...'; write the "
+        "number alone"
     )
 
 

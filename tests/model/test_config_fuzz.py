@@ -1,4 +1,5 @@
-"""Which texts are numbers, and that no text at all gives anything but a sound model or a `ModelError`."""
+"""Which texts are numbers, and that no text at all gives anything but a sound model or a
+`ModelError`."""
 
 import io
 import re
@@ -13,10 +14,24 @@ from tdint.errors import ModelError
 from tdint.model.config.model_file import load_model
 
 NUMBERS = [
-    ("2e8", 2e8), ("2E8", 2e8), ("2e+8", 2e8), ("1e-3", 1e-3), ("1.5e-03", 1.5e-3), ("+1.5", 1.5), (".5", 0.5),
-    ("5.", 5.0), ("5.e1", 50.0), ("-.5e1", -5.0), ("0", 0.0), ("-0.0", 0.0), ("0e5", 0.0), ("0.05", 0.05),
-    ("10", 10.0), ("123456789012345678901", 123456789012345678901.0), ("1e-999", 0.0),
-]  # fmt: skip
+    ("2e8", 2e8),
+    ("2E8", 2e8),
+    ("2e+8", 2e8),
+    ("1e-3", 1e-3),
+    ("1.5e-03", 1.5e-3),
+    ("+1.5", 1.5),
+    (".5", 0.5),
+    ("5.", 5.0),
+    ("5.e1", 50.0),
+    ("-.5e1", -5.0),
+    ("0", 0.0),
+    ("-0.0", 0.0),
+    ("0e5", 0.0),
+    ("0.05", 0.05),
+    ("10", 10.0),
+    ("123456789012345678901", 123456789012345678901.0),
+    ("1e-999", 0.0),
+]
 NOT_NUMBERS = [
     ("no", "'no'"),
     ("true", "'true'"),

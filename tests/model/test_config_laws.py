@@ -9,10 +9,19 @@ from tdint import load_model
 from tdint.errors import ModelError
 from tdint.model.definition import Story
 
-TRILINEAR = "type: trilinear-pinching, yield_force: 10, ultimate_force: 20, ultimate_drift: 100, pinching: 0.5"
-IMK = "type: imk, yield_force: 10, plastic_drift: 50, post_capping_drift: 100, capping_ratio: 1.1, residual_ratio: 0.2"
+TRILINEAR = (
+    "type: trilinear-pinching, yield_force: 10, ultimate_force: 20, ultimate_drift: 100, pinching: "
+    "0.5"
+)
+IMK = (
+    "type: imk, yield_force: 10, plastic_drift: 50, post_capping_drift: 100, capping_ratio: 1.1, "
+    "residual_ratio: 0.2"
+)
 SIDE = (1e4, 0.05, 0.1, 1.1, 0.2, 0.4, 1.0)
-NUMBERS = "a positive number for all of strength, capping, reloading, unloading, a mapping of them, or none"
+NUMBERS = (
+    "a positive number for all of strength, capping, reloading, unloading, a mapping of them, or "
+    "none"
+)
 
 
 def read(text: str, more: str = "") -> Story:
@@ -45,7 +54,10 @@ def test_imk_with_its_defaults() -> None:
 
 
 def test_imk_with_all_that_it_may_have() -> None:
-    more = "deterioration: {strength: 900, unloading: 600}, exponent: 1.5, rate: 0.9, pinching: {drift: 0.5, force: 0.3}"
+    more = (
+        "deterioration: {strength: 900, unloading: 600}, exponent: 1.5, rate: 0.9, pinching: "
+        "{drift: 0.5, force: 0.3}"
+    )
     other = "negative: {yield_force: 8, rate: 0.5, ultimate_drift: 300}"
     expected = (
         *SIDE[:6], 0.9, 8e3, *SIDE[1:5], 0.3, 0.5, 0.9, math.inf, math.inf, 0.6, 1.5, 0.3, 0.5,
@@ -155,10 +167,9 @@ def test_fewer_points_are_filled_in(points: str, four: tuple[float, ...]) -> Non
 
 def test_multilinear_pinching_with_all_that_it_may_have() -> None:
     read = stiffness_of_its_own(
-        f"{MULTILINEAR}, backbone: {POINTS}, ultimate_drift: 80, "
-        "negative: {backbone: [[8, 4], [20, 4]], pinching: {force: 0.3}}, "
-        "degradation: {capacity: 10, drift: {peak: 0.1, limit: 0.3}, "
-        "strength: {work: 0.4, peak_exponent: 0.5, work_exponent: 0, limit: 0.9}}"
+        f"{MULTILINEAR}, backbone: {POINTS}, ultimate_drift: 80, negative: {{backbone: [[8, 4], "
+        "[20, 4]], pinching: {force: 0.3}}, degradation: {capacity: 10, drift: {peak: 0.1, limit: "
+        "0.3}, strength: {work: 0.4, peak_exponent: 0.5, work_exponent: 0, limit: 0.9}}"
     )
     assert read[8:16] == pytest.approx((0.008, 4e3, 0.012, 4e3, 0.016, 4e3, 0.02, 4e3), rel=1e-14)
     assert read[16:23] == pytest.approx((0.5, 0.25, 0.05, 0.5, 0.3, 0.05, 0.08), rel=1e-14)

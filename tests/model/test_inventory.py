@@ -1,4 +1,5 @@
-"""Buildings from an inventory: the rules against numbers worked out by hand, and what is wrong with rows."""
+"""Buildings from an inventory: the rules against numbers worked out by hand, and what is wrong with
+rows."""
 
 import io
 import math
@@ -30,7 +31,8 @@ HEADER = "id,NumberOfStories,YearBuilt,StructureType,PlanArea"
 
 
 def test_a_one_story_building_by_hand():
-    """PC1, high code: 0.35 s per story, yield at 0.6 g, twice that in the end; 3000 m^2 carry 3000 t."""
+    """PC1, high code: 0.35 s per story, yield at 0.6 g, twice that in the end; 3000 m^2 carry 3000
+    t."""
     row = hazus_types()["high", "PC1"]
     made = derive(BuildingFacts("PC1", 1, 1978, 3000.0))
     stiffness = 4.0 * math.pi**2 * (0.4053 + 0.405 + 0.1869) * 3e6 / row.period_per_story_s**2
@@ -57,7 +59,8 @@ def test_the_building_has_about_the_period_of_its_type(stories):
 
 @pytest.mark.parametrize("stories", [2, 3, 5, 12, 50])
 def test_the_strength_is_that_of_the_mass_in_the_first_mode(stories):
-    """alpha1(n) is fitted to that share of the mass of a chain of n equal masses and springs; to 8 / pi^2 for many."""
+    """alpha1(n) is fitted to that share of the mass of a chain of n equal masses and springs; to 8
+    / pi^2 for many."""
     made = derive(BuildingFacts("S1", stories, 1990, 800.0))
     row = hazus_types()[made.design_level, made.type]
     chain = 2.0 * np.eye(stories) - np.eye(stories, k=1) - np.eye(stories, k=-1)
@@ -71,14 +74,26 @@ def test_the_strength_is_that_of_the_mass_in_the_first_mode(stories):
 @pytest.mark.parametrize(
     ("structure", "year", "zone", "level"),
     [
-        ("C1", 1976, "Z4", "high"), ("C1", 1975, "Z4", "moderate"), ("C1", 1941, "Z4", "moderate"),
-        ("C1", 1940, "Z4", "pre"), ("W1", 1940, "Z4", "moderate"), ("W1", 1990, "Z4", "high"),
-        ("C1", 1990, "Z3", "moderate"), ("C1", 1940, "Z3", "pre"), ("W1", 1900, "Z3", "moderate"),
-        ("C1", 1976, "Z2B", "moderate"), ("C1", 1941, "Z2B", "low"), ("W1", 1900, "Z2B", "low"),
-        ("C1", 1941, "Z2A", "low"), ("C1", 1940, "Z2A", "pre"), ("C1", 1976, "Z1", "low"), ("C1", 1975, "Z1", "pre"),
-        ("W1", 2000, "Z0", "low"), ("C1", 2000, "Z0", "pre"),
+        ("C1", 1976, "Z4", "high"),
+        ("C1", 1975, "Z4", "moderate"),
+        ("C1", 1941, "Z4", "moderate"),
+        ("C1", 1940, "Z4", "pre"),
+        ("W1", 1940, "Z4", "moderate"),
+        ("W1", 1990, "Z4", "high"),
+        ("C1", 1990, "Z3", "moderate"),
+        ("C1", 1940, "Z3", "pre"),
+        ("W1", 1900, "Z3", "moderate"),
+        ("C1", 1976, "Z2B", "moderate"),
+        ("C1", 1941, "Z2B", "low"),
+        ("W1", 1900, "Z2B", "low"),
+        ("C1", 1941, "Z2A", "low"),
+        ("C1", 1940, "Z2A", "pre"),
+        ("C1", 1976, "Z1", "low"),
+        ("C1", 1975, "Z1", "pre"),
+        ("W1", 2000, "Z0", "low"),
+        ("C1", 2000, "Z0", "pre"),
     ],
-)  # fmt: skip
+)
 def test_design_levels(structure, year, zone, level):
     assert design_level(structure, year, zone) == level
 
@@ -152,7 +167,8 @@ def test_a_model_names_a_building_or_writes_it_out():
             "building.stories: must be a whole number",
         ),
         (
-            "stories: [{mass: 1, stiffness: 1}]\nbuilding: {rules: mdof-lu, type: C1, stories: 1, year: 1985, area: 1}",
+            "stories: [{mass: 1, stiffness: 1}]\nbuilding: {rules: mdof-lu, type: C1, stories: 1, "
+            "year: 1985, area: 1}",
             "building: stands in place of `stories`; give one of the two",
         ),
     ],
@@ -197,8 +213,8 @@ CELLS = {
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(cells=st.lists(st.tuples(*CELLS.values()), min_size=1, max_size=9))
 def test_rows_together_are_as_each_alone(tmp_path: Path, cells: list[tuple[str, ...]]) -> None:
-    """Which rows are buildings and what is wrong with the others does not depend on how many there are; of an id that
-    is there twice the first sound row counts."""
+    """Which rows are buildings and what is wrong with the others does not depend on how many there
+    are; of an id that is there twice the first sound row counts."""
     header, lines = ",".join(CELLS), [",".join(row) for row in cells]
     together, faults = inventory(tmp_path, *lines, header=header)
     rows, said = {}, []
@@ -266,7 +282,8 @@ def test_scatter_is_drawn_for_each_building_by_its_id(tmp_path):
     assert np.std(factors) == pytest.approx(0.2, rel=0.15)
     assert np.std([made.damping_ratio / 0.07 for made in many]) == pytest.approx(0.1, rel=0.15)
     assert {made.yield_force[0] for made in many} == {plain.yield_force[0]}
-    # Studies that go on, in parts or in another version, need the same draws: two normal numbers by seed and id.
+    # Studies that go on, in parts or in another version, need the same draws: two normal numbers by
+    # seed and id.
     first, second = np.random.default_rng([5, *b"b7"]).standard_normal(2)
     assert factors[7] == pytest.approx(1.0 + 0.2 * first, rel=1e-12)
     assert many[7].damping_ratio == pytest.approx(0.07 * (1.0 + 0.1 * second), rel=1e-12)

@@ -1,4 +1,5 @@
-"""The JSON schema of model files: what runs is valid, and what it refuses, the reader refuses, too."""
+"""The JSON schema of model files: what runs is valid, and what it refuses, the reader refuses,
+too."""
 
 import io
 import json
@@ -28,7 +29,7 @@ initial: {displacement: [1, 2, 3], velocity: [0, 0, 0]}
 analysis: {method: impulse4, dt: 0.01, duration: 3}
 collapse_drift: 10%
 output_units: kip, in, g
-"""
+"""  # noqa: E501
 BUILDING = (
     "building: {rules: mdof-lu, type: C1, stories: 8, year: 1985, area: 600, damping_ratio: 5%}"
 )
@@ -66,11 +67,15 @@ def test_what_the_schema_refuses_the_reader_refuses(text: str) -> None:
 @pytest.mark.parametrize(
     "law",
     [
-        "bilinear", {"type": "bilinear", "yield_force": 1}, {"type": "bilinear", "yield_force": 1, "hardening": 1},
-        {"type": "linear", "hardening": 0}, {"type": "polynomial", "coefficients": []},
-        {"type": "imk", "yield_force": 1}, {"yield_force": 1},
+        "bilinear",
+        {"type": "bilinear", "yield_force": 1},
+        {"type": "bilinear", "yield_force": 1, "hardening": 1},
+        {"type": "linear", "hardening": 0},
+        {"type": "polynomial", "coefficients": []},
+        {"type": "imk", "yield_force": 1},
+        {"yield_force": 1},
     ],
-)  # fmt: skip
+)
 def test_laws_that_are_none(law: object) -> None:
     model = {"stories": [{"mass": 1, "stiffness": 1, "law": law}]}
     assert not valid(model, SCHEMA) and refused(model)

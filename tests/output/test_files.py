@@ -260,7 +260,8 @@ def test_temporary_files_of_the_living_stay_and_of_others_are_told(tmp_path, cap
     ("error", "is_there"), [(PermissionError, True), (ProcessLookupError, False), (None, False)]
 )
 def test_the_processes_of_others_may_be_hidden(tmp_path, monkeypatch, error, is_there):
-    """Of a live one of another user /proc, mounted with hidepid=2, tells nothing; one of ours would tell its start."""
+    """Of a live one of another user /proc, mounted with hidepid=2, tells nothing; one of ours would
+    tell its start."""
 
     def kill(process, number):
         if error:

@@ -1,4 +1,5 @@
-"""Results as columns by name, short lines and tables for notebooks; records of what is in memory."""
+"""Results as columns by name, short lines and tables for notebooks; records of what is in
+memory."""
 
 import csv
 import io
@@ -185,7 +186,8 @@ def test_streams_that_say_too_little(traces, part, more, error, message):
 
 
 def test_runs_as_frames_arrays_and_parquet(tmp_path):
-    """Of runs with draws, errors and a history: each by its package, skipped where that is not installed."""
+    """Of runs with draws, errors and a history: each by its package, skipped where that is not
+    installed."""
     building = tdint.load_model(
         {"stories": [{"mass": 2e5, "height": 3, "stiffness": 1e8, "repeat": 2}], "damping": "5%"}
     )

@@ -1,4 +1,5 @@
-"""Pictures of methods: what is highlighted, colors that are one's own in all of them, words that do not touch."""
+"""Pictures of methods: what is highlighted, colors that are one's own in all of them, words that do
+not touch."""
 
 import itertools
 import math

@@ -69,18 +69,25 @@ def test_a_published_model():
     assert b'ls="slight" mean="0.216657' in data and b'stddev="0.09024' in data
 
 
-READ_BY_OPENQUAKE = r"PGA|PGV|IA|CAV|AvgSA|SA\(\d+\.?\d*\)|AvgSA\(\d+\.*\d*\)|SDi\(\d+\.?\d*,\d+\.?\d*\)"  # 3.26, hazardlib/imt.py
+# 3.26, hazardlib/imt.py
+READ_BY_OPENQUAKE = (
+    r"PGA|PGV|IA|CAV|AvgSA|SA\(\d+\.?\d*\)|AvgSA\(\d+\.*\d*\)|SDi\(\d+\.?\d*,\d+\.?\d*\)"
+)
 
 
 @pytest.mark.parametrize(
     ("im", "unit", "imt", "factor"),
     [
-        ("sa(0.60001)", "m/s^2", "SA(0.60001)", 1.0 / 9.80665), ("sa-avg(0.6)", "g", "AvgSA(0.6)", 1.0),
-        ("sa-avg(0.2:2)", "cm/s^2", "AvgSA", 0.01 / 9.80665), ("pgv", "in/s", "PGV", 2.54),
-        ("arias", "m/s", "IA", 1.0), ("cav", "m/s", "CAV", 1.0 / 9.80665), ("sdi(0.6,0.1)", "m", "SDi(0.6,0.1)", 100.0),
+        ("sa(0.60001)", "m/s^2", "SA(0.60001)", 1.0 / 9.80665),
+        ("sa-avg(0.6)", "g", "AvgSA(0.6)", 1.0),
+        ("sa-avg(0.2:2)", "cm/s^2", "AvgSA", 0.01 / 9.80665),
+        ("pgv", "in/s", "PGV", 2.54),
+        ("arias", "m/s", "IA", 1.0),
+        ("cav", "m/s", "CAV", 1.0 / 9.80665),
+        ("sdi(0.6,0.1)", "m", "SDi(0.6,0.1)", 100.0),
         ("pga", "m/s^2", "PGA", 1.0 / 9.80665),
     ],
-)  # fmt: skip
+)
 def test_measures_by_their_names_and_units_there(im, unit, imt, factor):
     ((name, found),) = read(fragility_model([function(0.1, 2.0, im=im, unit=unit)], "x")).values()
     assert name == imt and re.fullmatch(READ_BY_OPENQUAKE, name)
@@ -96,7 +103,8 @@ def test_a_function_for_each_state_of_the_building():
 
 
 def test_a_function_for_each_type_of_buildings():
-    """Under the type's name, by its thresholds, which are others in another type; each with its measure."""
+    """Under the type's name, by its thresholds, which are others in another type; each with its
+    measure."""
     frame = [
         function(0.2, 1.0, type="C1 & more", state="b"),
         function(0.1, 0.5, type="C1 & more", state="a"),
@@ -140,8 +148,8 @@ TYPES = [
 
 
 def test_losses_of_types():
-    """Mean and scatter of the loss of one building from the probabilities of the states, at the points and, by straight
-    lines, between them."""
+    """Mean and scatter of the loss of one building from the probabilities of the states, at the
+    points and, by straight lines, between them."""
     data = vulnerability_model(TYPES, {"C1": (*RATIOS, 1.0), "URM": (*RATIOS, 1.0)}, "town")
     ((_, *functions),) = ElementTree.fromstring(data)
     assert [one.get("id") for one in functions] == ["C1", "URM"] and {

@@ -1,4 +1,5 @@
-"""Pictures: every format, every kind of result, names that a plotting library would take for something else."""
+"""Pictures: every format, every kind of result, names that a plotting library would take for
+something else."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -73,7 +74,8 @@ def shaken():
 
 
 def test_steps_of_several_samples_draw_the_record_and_tell_the_peaks_of_the_run():
-    """What the steps leave out is in the picture, as the samples are; the roof's peak is that of the table."""
+    """What the steps leave out is in the picture, as the samples are; the roof's peak is that of
+    the table."""
     record = replace(motion(), acceleration=np.random.default_rng(1).standard_normal(401))
     long = run(load_model(CONFIGS / "ten-story.yaml"), record, dt=0.05, history=True)
     ground, roof = run_picture(long).axes[:2]
@@ -100,7 +102,8 @@ def of_suite(building, stood, fell, height=3.0):
 
 
 def test_a_building_that_fell_under_all_motions_has_no_part_in_what_drifts_are_measured_in():
-    """The others' stay in percent of the height, or all are lengths; how many are in no line is said."""
+    """The others' stay in percent of the height, or all are lengths; how many are in no line is
+    said."""
     stood, fell, flat = (
         of_suite("stood", 3, 1),
         of_suite("fell", 0, 4),
@@ -130,7 +133,8 @@ def test_the_panels_of_a_level_stand_at_the_same_height():
 
 
 def test_no_bar_of_a_tornado_hides_behind_another():
-    """Where both ends of a parameter move a peak to the same side, the shorter bar is drawn over the longer one."""
+    """Where both ends of a parameter move a peak to the same side, the shorter bar is drawn over
+    the longer one."""
     peaks = {one.name: one for one in PEAKS}
     swings = [
         Swing("frame", "strength_factor", peaks[name], 0.8, 1.2, *peak)
@@ -271,7 +275,8 @@ def test_a_processed_record_is_called_so():
     ],
 )
 def test_axes_and_suites(axes, count):
-    """Of a suite the fractiles have names, not each of the 22; period 0 has no place on a logarithmic axis."""
+    """Of a suite the fractiles have names, not each of the 22; period 0 has no place on a
+    logarithmic axis."""
     periods = np.array([0.0, *np.geomspace(0.05, 2.0, 9)])
     motions = [motion(source=f"{i}.txt").scaled(1.0 + i) for i in range(count)]
     spectra = [spectrum(record, periods, ratio) for record in motions for ratio in (0.02, 0.05)]
@@ -286,7 +291,8 @@ def test_axes_and_suites(axes, count):
 
 @pytest.mark.parametrize("units", ["m", "kip,in,g", "kip,ft,g", "kN,mm", "kN,cm,m/s^2"])
 def test_scales_of_a_spectrum_in_any_units(units):
-    """psv = sd omega = psa / omega: names of scales lie where they say, none over another; so do rays."""
+    """psv = sd omega = psa / omega: names of scales lie where they say, none over another; so do
+    rays."""
     shown = parse_output_units(units).in_pictures
     spectra = [spectrum(motion(), np.geomspace(0.05, 10.0, 30))]
     axes = draw_tripartite(spectra, ["one"], shown).axes[0]
@@ -335,8 +341,9 @@ def test_scales_of_a_spectrum_in_any_units(units):
     ],
 )
 def test_a_run_in_other_units(shaken, units, labels, limit, part):
-    """Labels and peaks follow; where no unit of acceleration is named it is g. A collapse drift that is near is marked;
-    the error of the roof is drawn from a hundredth of its largest displacement on, not where none could be told."""
+    """Labels and peaks follow; where no unit of acceleration is named it is g. A collapse drift
+    that is near is marked; the error of the roof is drawn from a hundredth of its largest
+    displacement on, not where none could be told."""
     history, chosen = shaken.history, parse_output_units(units)
     errors = (
         part * getattr(history, name) for name in ("displacement", "velocity", "drift", "shear")
@@ -355,8 +362,8 @@ def test_a_run_in_other_units(shaken, units, labels, limit, part):
 
 @pytest.mark.parametrize(("floors", "height"), [(1, None), (3, 3.0), (60, None)])
 def test_profiles_of_low_and_tall_buildings_with_an_isolator(floors, height):
-    """Bearings without a height have the length of their drift in letters; where no story has a height none is apart,
-    however much more it drifts: what collapses is drawn as a collapse."""
+    """Bearings without a height have the length of their drift in letters; where no story has a
+    height none is apart, however much more it drifts: what collapses is drawn as a collapse."""
     upper = {"repeat": floors, "mass": 10, "stiffness": 40000} | (
         {"height": height} if height else {}
     )

@@ -70,7 +70,8 @@ ON_AXES = {
 
 @pytest.mark.usefixtures("laid_out")
 def test_each_is_drawn(results):
-    """Its panels find their places, too; those of NARROW do so below, those of two are in another one's figure."""
+    """Its panels find their places, too; those of NARROW do so below, those of two are in another
+    one's figure."""
     for name, result in results.items():
         figure = tdint.plot(result)
         assert isinstance(figure, Figure) and any(axes.has_data() for axes in figure.axes), name
@@ -287,11 +288,12 @@ figure = modes.plot()
 shown = figure._repr_png_()
 print(shown[:4] == b"\\x89PNG", int.from_bytes(shown[16:20], "big") == round(100 * figure.get_figwidth()))
 print(figure._repr_png_() == shown, "matplotlib.pyplot" in sys.modules)
-"""
+"""  # noqa: E501
 
 
 def test_a_notebook_shows_a_figure_without_pyplot():
-    """What IPython asks the last value of a cell for: a picture, the same each time; matplotlib comes with it."""
+    """What IPython asks the last value of a cell for: a picture, the same each time; matplotlib
+    comes with it."""
     printed = subprocess.run([sys.executable, "-c", NOTEBOOK], capture_output=True, text=True)
     assert printed.stdout.split() == ["False", "True", "True", "True", "False"], printed.stderr
 

@@ -1,4 +1,5 @@
-"""Pictures of studies: one record and many, nothing collapsed, nothing known; names that look like formulas."""
+"""Pictures of studies: one record and many, nothing collapsed, nothing known; names that look like
+formulas."""
 
 import math
 from dataclasses import replace
@@ -97,23 +98,38 @@ PAIR = Horizontals(record(0), record(1))
     ("scaling", "there"),
     [
         (scale_to_value([record()], sa(1.0), 2.0), ["1 record", "Sa(1 s) = 2 m/s²"]),
-        (scale_to_value([record(), record(2)], sa_average(1.0), 2.0), ["2 records", "median", "Sa_avg = 2 m/s²"]),
-        (scale_to_value([PAIR], MotionIntensity("pgv"), 0.3, "rotd50"), ["1 pair", "RotD50", "PGV = 0.3 m/s"]),
+        (
+            scale_to_value([record(), record(2)], sa_average(1.0), 2.0),
+            ["2 records", "median", "Sa_avg = 2 m/s²"],
+        ),
+        (
+            scale_to_value([PAIR], MotionIntensity("pgv"), 0.3, "rotd50"),
+            ["1 pair", "RotD50", "PGV = 0.3 m/s"],
+        ),
         (
             scale_to_target([record(i) for i in range(44)], TARGET, np.geomspace(0.2, 2.0, 5)),
             ["44 records", "16 % and 84 %", "target", "a $target$_x.csv"],
         ),
-        (scale_p695([PAIR] * 3, 1.0, 2.0), ["6 components", "FEMA P-695, scaled to median Sa(1 s) = 2 m/s²"]),
+        (
+            scale_p695([PAIR] * 3, 1.0, 2.0),
+            ["6 components", "FEMA P-695, scaled to median Sa(1 s) = 2 m/s²"],
+        ),
         (
             Scaling(
-                (PAIR,) * 11, np.ones(11), "asce7", "rotd100", 0.05, target=TARGET, periods=np.array([0.2, 2.0]),
+                (PAIR,) * 11,
+                np.ones(11),
+                "asce7",
+                "rotd100",
+                0.05,
+                target=TARGET,
+                periods=np.array([0.2, 2.0]),
                 least=(1.02, 0.4),
             ),
             ["11 pairs", "90 % of it", "average", "by ASCE 7"],
         ),
     ],
     ids=["value", "average", "pair", "target", "p695", "asce7"],
-)  # fmt: skip
+)
 def test_suites(scaling, there):
     text = words(suite_picture(scaling))
     assert not [part for part in there if part not in text]
@@ -152,7 +168,8 @@ def test_fragility_functions(functions, there):
 
 @pytest.mark.parametrize(("count", "panels"), [(1, 1), (2, 1), (4, 2)])
 def test_functions_with_the_models_dispersion_stand_beside_the_fitted_ones(count, panels):
-    """Where there are more than two: else each curve has two lines, a band and observations in one panel."""
+    """Where there are more than two: else each curve has two lines, a band and observations in one
+    panel."""
     fitted = fit_stripes([1.0, 2.0, 3.0], [0, 1, 2], [3] * 3)
     functions = [
         replace(fitted.named(t, "pga", "m/s^2"), beta_model=0.3)

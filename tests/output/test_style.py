@@ -18,7 +18,8 @@ from tdint.units import SI, parse_output_units
 
 
 def test_labels_stand_beside_their_points_and_over_nothing():
-    """Neither over a mark, nor over each other, nor beyond the frame; the first ones come first, some find no room."""
+    """Neither over a mark, nor over each other, nor beyond the frame; the first ones come first,
+    some find no room."""
     points = np.random.default_rng(3).uniform(size=(60, 2))
     figure = Figure(figsize=(5.0, 4.0))
     axes = figure.subplots()
@@ -69,10 +70,15 @@ def test_a_legend_names_some_lines_and_counts_the_others():
 @pytest.mark.parametrize(
     ("largest", "si", "units", "factor", "label"),
     [
-        (0.5, "N", "", 1.0, "N"), (999.0, "J", "", 1.0, "J"), (1e3, "N", "", 1e-3, "kN"), (1e6, "J", "", 1e-6, "MJ"),
-        (99e6, "N", "kN", 1e-3, "kN"), (1e8, "N", "kN", 1e-6, "10³ kN"), (3e11, "N", "kN", 1e-9, "10⁶ kN"),
+        (0.5, "N", "", 1.0, "N"),
+        (999.0, "J", "", 1.0, "J"),
+        (1e3, "N", "", 1e-3, "kN"),
+        (1e6, "J", "", 1e-6, "MJ"),
+        (99e6, "N", "kN", 1e-3, "kN"),
+        (1e8, "N", "kN", 1e-6, "10³ kN"),
+        (3e11, "N", "kN", 1e-9, "10⁶ kN"),
     ],
-)  # fmt: skip
+)
 def test_units_make_short_numbers(largest, si, units, factor, label):
     assert scaled_unit(largest, si, parse_output_units(units) if units else SI) == (
         pytest.approx(factor),
@@ -92,7 +98,8 @@ def test_ratios_to_a_height_stand_on_top():
 
 
 def test_a_method_looks_the_same_in_all_pictures_and_like_no_other():
-    """Parameters and other programs have what is left; a method that stands alone, or among others, is no other one."""
+    """Parameters and other programs have what is left; a method that stands alone, or among others,
+    is no other one."""
     lines = [*catalogue(), "wilson:theta=1.3", "impulse4:rho_inf=0", "openseespy/hht", "scipy/RK45"]
     looks = method_looks(lines)
     assert len({(looks[line]["color"], looks[line]["marker"]) for line in lines}) == len(lines)

@@ -45,10 +45,18 @@ def test_the_error_of_a_largest_peak_is_that_of_any_story_that_may_have_it():
     nan = math.nan
     values = np.array([1.0, 3.0, 2.9])
     stories = StoryPeaks(
-        height=np.array([nan, 10.0, 29.0]), peak_drift=values, peak_drift_ratio=np.array([nan, 0.3, 0.1]),
-        residual_drift=-values, peak_shear=values, peak_damper_force=values, peak_total_shear=values,
-        ductility=np.full(3, nan), peak_displacement=values, peak_velocity=values, peak_acceleration=values,
-    )  # fmt: skip
+        height=np.array([nan, 10.0, 29.0]),
+        peak_drift=values,
+        peak_drift_ratio=np.array([nan, 0.3, 0.1]),
+        residual_drift=-values,
+        peak_shear=values,
+        peak_damper_force=values,
+        peak_total_shear=values,
+        ductility=np.full(3, nan),
+        peak_displacement=values,
+        peak_velocity=values,
+        peak_acceleration=values,
+    )
     errors = StoryErrors(
         peak_drift=np.array(
             [1.5, 0.01, 0.2]
@@ -64,11 +72,17 @@ def test_the_error_of_a_largest_peak_is_that_of_any_story_that_may_have_it():
         peak_acceleration=np.full(3, nan),
     )
     assert peak_errors(stories, errors) == {
-        "roof_displacement_m_error": 6.0, "base_shear_N_error": 7.0, "total_base_shear_N_error": 6.0,
-        "drift_m_error": 0.2, "drift_ratio_error": 0.01, "residual_drift_m_error": 2.5,
-        "residual_drift_ratio_error": 0.0, "ductility_error": None, "floor_absolute_acceleration_m_s2_error": None,
+        "roof_displacement_m_error": 6.0,
+        "base_shear_N_error": 7.0,
+        "total_base_shear_N_error": 6.0,
+        "drift_m_error": 0.2,
+        "drift_ratio_error": 0.01,
+        "residual_drift_m_error": 2.5,
+        "residual_drift_ratio_error": 0.0,
+        "ductility_error": None,
+        "floor_absolute_acceleration_m_s2_error": None,
         "peak_damper_force_N_error": 0.4,
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize(

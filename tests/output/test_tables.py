@@ -1,4 +1,5 @@
-"""CSV: columns, digits, empty cells, names with commas; the history's fast way gives the same text."""
+"""CSV: columns, digits, empty cells, names with commas; the history's fast way gives the same
+text."""
 
 import csv
 import io
@@ -45,12 +46,29 @@ def history(steps: int, stories: int, seed: int = 1) -> History:
 
 
 def test_cells():
-    assert [cell_text(value) for value in (None, math.nan, np.float64("nan"), math.inf, True, False, np.True_)] == [
-        "", "", "", "inf", "true", "false", "true",
-    ]  # fmt: skip
-    assert [cell_text(value) for value in (3, np.int64(7), "a b", -0.0, 1.0, 0.1, np.float64(1e-7))] == [
-        "3", "7", "a b", "0", "1", "0.1", "1e-07",
-    ]  # fmt: skip
+    assert [
+        cell_text(value)
+        for value in (None, math.nan, np.float64("nan"), math.inf, True, False, np.True_)
+    ] == [
+        "",
+        "",
+        "",
+        "inf",
+        "true",
+        "false",
+        "true",
+    ]
+    assert [
+        cell_text(value) for value in (3, np.int64(7), "a b", -0.0, 1.0, 0.1, np.float64(1e-7))
+    ] == [
+        "3",
+        "7",
+        "a b",
+        "0",
+        "1",
+        "0.1",
+        "1e-07",
+    ]
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
@@ -63,12 +81,18 @@ def test_twelve_digits_survive(value):
 def test_story_table():
     nan = math.nan
     peaks = StoryPeaks(
-        height=np.array([nan, 3.5]), peak_drift=np.array([0.1, 1 / 3]), peak_drift_ratio=np.array([nan, 2 / 21]),
-        residual_drift=np.array([-0.0, -0.001]), peak_shear=np.array([1e7, 5e6]),
-        peak_damper_force=np.array([0.0, 2.0]), peak_total_shear=np.array([2e7, 6e6]), ductility=np.array([nan, 4.0]),
-        peak_displacement=np.array([0.1, 0.2]), peak_velocity=np.array([1.0, 2.0]),
+        height=np.array([nan, 3.5]),
+        peak_drift=np.array([0.1, 1 / 3]),
+        peak_drift_ratio=np.array([nan, 2 / 21]),
+        residual_drift=np.array([-0.0, -0.001]),
+        peak_shear=np.array([1e7, 5e6]),
+        peak_damper_force=np.array([0.0, 2.0]),
+        peak_total_shear=np.array([2e7, 6e6]),
+        ductility=np.array([nan, 4.0]),
+        peak_displacement=np.array([0.1, 0.2]),
+        peak_velocity=np.array([1.0, 2.0]),
         peak_acceleration=np.array([9.80665, 1e-20]),
-    )  # fmt: skip
+    )
     assert responses.story_table(peaks).csv().decode() == (
         "story,height_m,peak_drift_m,peak_drift_ratio,residual_drift_m,peak_shear_N,peak_damper_force_N,"
         "peak_total_shear_N,ductility,peak_displacement_m,"
@@ -211,14 +235,37 @@ def test_every_column_says_what_it_is_and_in_which_unit():
 
 def test_text_of_a_file_s_header_steers_no_terminal_and_is_no_formula():
     for text, cell in (
-        ("HNE", "HNE"), ("-", "-"), ("-1.5", "-1.5"), ("+3", "+3"), ("=1+1", "'=1+1"), ("@SUM(A1)", "'@SUM(A1)"),
-        ("-cmd|' /C calc'!A0", "'-cmd|' /C calc'!A0"), ("a\x1b[2Jb", "a\\x1b[2Jb"), ("a\x9bb", "a\\x9bb"),
-        ("-2+3+cmd|' /C calc'!D2", "'-2+3+cmd|' /C calc'!D2"), ("-=1", "'-=1"), ("-@SUM(1)", "'-@SUM(1)"),
-        ("+1e-3", "+1e-3"), ("-.5", "-.5"), ("-1e", "'-1e"), ("--1", "'--1"), ("-1_0", "'-1_0"),
-        ("-\u0661", "'-\u0661"), ("a,b", "a,b"), ('say "x"', 'say "x"'), ("two\nlines", "two\\nlines"),
-        ("\t=1", "'\\t=1"), ("\r1", "'\\r1"), ("'=1", "'=1"), ("a=1", "a=1"), ("", ""), ("=", "'="),
-        ("b\udcfcro", "b\\xfcro"), ("b\udcc3\udcbcro", "b\xfcro"), ("a\ud800", "a\\ud800"),
-    ):  # fmt: skip
+        ("HNE", "HNE"),
+        ("-", "-"),
+        ("-1.5", "-1.5"),
+        ("+3", "+3"),
+        ("=1+1", "'=1+1"),
+        ("@SUM(A1)", "'@SUM(A1)"),
+        ("-cmd|' /C calc'!A0", "'-cmd|' /C calc'!A0"),
+        ("a\x1b[2Jb", "a\\x1b[2Jb"),
+        ("a\x9bb", "a\\x9bb"),
+        ("-2+3+cmd|' /C calc'!D2", "'-2+3+cmd|' /C calc'!D2"),
+        ("-=1", "'-=1"),
+        ("-@SUM(1)", "'-@SUM(1)"),
+        ("+1e-3", "+1e-3"),
+        ("-.5", "-.5"),
+        ("-1e", "'-1e"),
+        ("--1", "'--1"),
+        ("-1_0", "'-1_0"),
+        ("-\u0661", "'-\u0661"),
+        ("a,b", "a,b"),
+        ('say "x"', 'say "x"'),
+        ("two\nlines", "two\\nlines"),
+        ("\t=1", "'\\t=1"),
+        ("\r1", "'\\r1"),
+        ("'=1", "'=1"),
+        ("a=1", "a=1"),
+        ("", ""),
+        ("=", "'="),
+        ("b\udcfcro", "b\\xfcro"),
+        ("b\udcc3\udcbcro", "b\xfcro"),
+        ("a\ud800", "a\\ud800"),
+    ):
         assert cell_text(text) == cell
         table = Table((text, "b"), [(text, 1.0)])
         assert (
@@ -256,14 +303,15 @@ def cell_of(text):
                 "degradation": {"strength": {"work": 0.2, "limit": 0}, "capacity": 20},
             },
             "kN,mm",
-            "backbone 2 kN at 10 mm, 3 kN at 30 mm, 3 kN at 50 mm, 0.5 kN at 60 mm, pinching.drift 0.5, pinching.force "
-            "0.5, pinching.unloading 0, negative.pinching.drift 0.25, degradation.strength.work 0.2, "
-            "degradation.capacity 20",
+            "backbone 2 kN at 10 mm, 3 kN at 30 mm, 3 kN at 50 mm, 0.5 kN at 60 mm, pinching.drift "
+            "0.5, pinching.force 0.5, pinching.unloading 0, negative.pinching.drift 0.25, "
+            "degradation.strength.work 0.2, degradation.capacity 20",
         ),
     ],
 )
 def test_a_law_is_told_as_its_model_file_has_it(law, units, words):
-    """A side, a group and a parameter that the file may leave out are left out where they say nothing."""
+    """A side, a group and a parameter that the file may leave out are left out where they say
+    nothing."""
     own = {} if {"coefficients", "backbone"} & law.keys() else {"stiffness": 1000}
     (story,) = load_model({"stories": [{"mass": 1, "law": law, **own}]}).stories
     assert buildings.law_words(story, parse_output_units(units)) == f"{law['type']}: {words}"

@@ -109,10 +109,14 @@ def test_soft_soil_sways_at_two_seconds():
 @pytest.mark.parametrize(
     ("station", "component", "pga"),
     [
-        ("WTMC", "HN1", 9.7331), ("WTMC", "HN2", 7.9664), ("WTMC", "HNZ", 18.0219), ("HSES", "HN1", 2.3646),
-        ("HSES", "HN2", 2.5537), ("HSES", "HNZ", 1.5712),
+        ("WTMC", "HN1", 9.7331),
+        ("WTMC", "HN2", 7.9664),
+        ("WTMC", "HNZ", 18.0219),
+        ("HSES", "HN1", 2.3646),
+        ("HSES", "HN2", 2.5537),
+        ("HSES", "HNZ", 1.5712),
     ],
-)  # fmt: skip
+)
 def test_kaikoura_has_the_numbers_of_geonet(station, component, pga):
     record = read_record(
         FOLDER / "kaikoura" / f"{station}.mseed", component=component, units="m/s^2"

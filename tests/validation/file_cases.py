@@ -31,7 +31,8 @@ def _spectral_displacements(pairs: list[tuple[float, float]], unit: float) -> Ar
 
 
 def _frame() -> Array:
-    """Chopra's five-story frame: roof displacement (cm), shears of story 5 and 1 (kN), base moment (kN m)."""
+    """Chopra's five-story frame: roof displacement (cm), shears of story 5 and 1 (kN), base moment
+    (kN m)."""
     model = tdint.load_model(
         {
             "units": {"length": "m", "force": "kN", "mass": "t"},
@@ -60,7 +61,10 @@ def _two_stories() -> Array:
 
 def el_centro_cases() -> tuple[ValidationCase, ...]:
     """Chopra's spectra and frames under El Centro."""
-    book = "A. K. Chopra, section 6.4, figures 6.6.2, 6.8.4 and 7.4.3a; OpenSees' sdofTransient verification has the same"
+    book = (
+        "A. K. Chopra, section 6.4, figures 6.6.2, 6.8.4 and 7.4.3a; OpenSees' sdofTransient "
+        "verification has the same"
+    )
     pairs = [(0.5, 0.02), (1.0, 0.02), (2.0, 0.02), (2.0, 0.0), (2.0, 0.05), (0.5, 0.05)]
     return (
         ValidationCase(
@@ -99,7 +103,8 @@ def el_centro_cases() -> tuple[ValidationCase, ...]:
             1.5e-3,
             ROUNDING,
             relative=True,
-            remark="the book's g is 9.81, and it steps; a state-space solution of our own agrees to 6 digits",
+            remark="the book's g is 9.81, and it steps; a state-space solution of our own agrees "
+            "to 6 digits",
         ),
         ValidationCase(
             "nptel-3.6",
@@ -192,7 +197,8 @@ def kaikoura_cases() -> tuple[ValidationCase, ...]:
                 6e-2,
                 MODEL,
                 relative=True,
-                remark="the network's velocities went through its filters and are no integrals of these 0.02 s samples",
+                remark="the network's velocities went through its filters and are no integrals of "
+                "these 0.02 s samples",
             ),
         ]
     return tuple(cases)

@@ -1,9 +1,10 @@
-"""Manufactured solutions: an oscillator whose motion is chosen, under the force that makes it move so.
+"""Manufactured solutions: an oscillator whose motion is chosen, under the force that makes it move
+so.
 
-The motion is u = A sin(w t). A smooth law's force along it is a Fourier series of odd sines, which ends (polynomials)
-or falls off exponentially (tanh), so that the force of the floor is a sum of harmonics: exact to rounding. Bouc-Wen's
-law has a memory with kinks where the rate turns; no such series ends there, and its motions are compared with SciPy's
-DOP853 elsewhere (tests/kernels).
+The motion is u = A sin(w t). A smooth law's force along it is a Fourier series of odd sines, which
+ends (polynomials) or falls off exponentially (tanh), so that the force of the floor is a sum of
+harmonics: exact to rounding. Bouc-Wen's law has a memory with kinks where the rate turns; no such
+series ends there, and its motions are compared with SciPy's DOP853 elsewhere (tests/kernels).
 """
 
 from collections.abc import Callable, Mapping
@@ -38,7 +39,8 @@ LAWS: Mapping[str, tuple[Mapping[str, Any], Callable[[Array], Array]]] = {
 
 @dataclass(frozen=True)
 class Observed:
-    """Largest errors of the displacement over A, step by step, and the order that they show (nan: rounding)."""
+    """Largest errors of the displacement over A, step by step, and the order that they show (nan:
+    rounding)."""
 
     method: str
     law: str

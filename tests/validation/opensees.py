@@ -1,9 +1,11 @@
-"""OpenSees on models of this project: python tests/validation/opensees.py writes opensees.json anew.
+"""OpenSees on models of this project: python tests/validation/opensees.py writes opensees.json
+anew.
 
-The models are written out here for OpenSeesPy by themselves, with nothing of tdint: ten equal stories (Elastic;
-Steel01) and ten unequal ones, Rayleigh damping from the initial stiffness, average acceleration with Newton's method,
-0.01 s, records/firm-soil.mseed HN1. Kept are the largest drifts at the steps. `pip install openseespy` is needed to
-make them anew, not to compare.
+The models are written out here for OpenSeesPy by themselves, with nothing of tdint: ten equal
+stories (Elastic; Steel01) and ten unequal ones, Rayleigh damping from the initial stiffness,
+average acceleration with Newton's method,
+0.01 s, records/firm-soil.mseed HN1. Kept are the largest drifts at the steps. `pip install
+openseespy` is needed to make them anew, not to compare.
 """
 
 import json
@@ -28,8 +30,8 @@ DT = 0.01
 
 @dataclass(frozen=True)
 class Frame:
-    """A shear building: masses (kg), stiffnesses (N/m), yield forces (N; nan: none), hardening, damping ratio in the
-    first and third mode."""
+    """A shear building: masses (kg), stiffnesses (N/m), yield forces (N; nan: none), hardening,
+    damping ratio in the first and third mode."""
 
     what: str
     mass: Array

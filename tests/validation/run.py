@@ -1,8 +1,9 @@
 """Write the validation page: python tests/validation/run.py
 
-The page is README.md beside this file, with its pictures. Cases whose files are not here (`fetch.py`) are left out of
-it with a line that says how to get them. With --check nothing is written: the cases are carried out and compared with
-their tolerances, exit code 1 if one is outside.
+The page is README.md beside this file, with its pictures. Cases whose files are not here
+(`fetch.py`) are left out of it with a line that says how to get them. With --check nothing is
+written: the cases are carried out and compared with their tolerances, exit code 1 if one is
+outside.
 """
 
 import argparse
@@ -52,7 +53,7 @@ $ python tests/validation/run.py
 `tdint validate` carries out the cases that need no file in seconds. Each case says what its difference is:
 **{NUMERICAL}** (of method and step), **{MODEL}** (a row of masses is not that structure), **{ROUNDING}** (printed
 digits, the book's g). What is outside its tolerance stays on the page and is marked so.
-"""
+"""  # noqa: E501
 
 
 def tdint_command(*arguments: str) -> str:
@@ -89,8 +90,8 @@ def shown(result: ValidationResult) -> str:
     verdict = "within" if result.within else "**outside**"
     remark = f" ({case.remark})" if case.remark else ""
     text = (
-        f"**{case.name}**: {case.title}. Source: {case.source}. Largest {size} {result.largest:.1e}, {verdict} "
-        f"{case.tolerance:.1e}: {case.difference_is}{remark}.\n\n"
+        f"**{case.name}**: {case.title}. Source: {case.source}. Largest {size} "
+        f"{result.largest:.1e}, {verdict} {case.tolerance:.1e}: {case.difference_is}{remark}.\n\n"
     )
     numbers = (("published" + unit, case.published), ("computed" + unit, result.computed))
     return text + table(
@@ -111,7 +112,10 @@ def with_file(
     """Cases that need a fetched file, or how to get it."""
     source = SOURCES[name]
     if not source.here():
-        return f"`{name}` is not here ({source.what}): `python tests/validation/fetch.py {name}`, then this page anew.\n"
+        return (
+            f"`{name}` is not here ({source.what}): `python tests/validation/fetch.py {name}`, "
+            "then this page anew.\n"
+        )
     return cases(results, group())
 
 
@@ -139,14 +143,15 @@ def code_verification(results: list[ValidationResult]) -> str:
         "### Exact solutions\n\n"
         + cases(results, closed_form_cases())
         + "\n### Observed orders, linear oscillator\n\n"
-        "Harmonic force at half the natural frequency, steps T/50 to T/800, against the exact motion "
-        "(`tdint order --frequency-ratio 0.5`): slopes of the errors of displacement, velocity and acceleration.\n\n"
+        "Harmonic force at half the natural frequency, steps T/50 to T/800, against the exact "
+        "motion (`tdint order --frequency-ratio 0.5`): slopes of the errors of displacement, "
+        "velocity and acceleration.\n\n"
         + table(["method", "declared", *_QUANTITIES], orders)
         + "\n### Manufactured solutions, smooth laws\n\n"
-        f"The motion {AMPLITUDE} sin 5t m is chosen and the force that makes it is given as its harmonics "
-        "([manufactured.py](manufactured.py)): largest error of the displacement over the amplitude, and the order "
-        "of the last two steps that are not rounding. T is the period of the motion.\n\n"
-        + table(["law", "method", "observed", *steps], manufactured)
+        f"The motion {AMPLITUDE} sin 5t m is chosen and the force that makes it is given as its "
+        "harmonics ([manufactured.py](manufactured.py)): largest error of the displacement over "
+        "the amplitude, and the order of the last two steps that are not rounding. T is the period "
+        "of the motion.\n\n" + table(["law", "method", "observed", *steps], manufactured)
     )
 
 
@@ -175,9 +180,10 @@ def other_programs() -> str:
         else f"kept from {kept['version']}; OpenSeesPy is not installed here"
     )
     return (
-        f"Peak drifts at the steps of the same models with the same method and step: average acceleration, 0.01 s, "
-        f"[opensees.py](opensees.py). OpenSees' numbers: {origin}. Differences are {NUMERICAL}: OpenSees iterates to a "
-        "tolerance of 1e-9 of the largest inertia force.\n\n"
+        "Peak drifts at the steps of the same models with the same method and step: average "
+        f"acceleration, 0.01 s, [opensees.py](opensees.py). OpenSees' numbers: {origin}. "
+        f"Differences are {NUMERICAL}: OpenSees iterates to a tolerance of 1e-9 of the largest "
+        "inertia force.\n\n"
         + table(
             [
                 "model",
@@ -217,14 +223,15 @@ def work_precision() -> str:
         if row["outcome"] in ("done", "collapsed") and row["peak_drift_error"]
     ]
     return (
-        "`tdint chart configs/ten-story-bilinear.yaml --peers`: ten stories that yield, 40 s, processor time of the "
-        "loops alone on this machine (above), error of the worst story's peak drift against a reference that a "
-        "second method confirms.\n\n![Time over error of methods and of other programs](work-precision.png)\n\n"
+        "`tdint chart configs/ten-story-bilinear.yaml --peers`: ten stories that yield, 40 s, "
+        "processor time of the loops alone on this machine (above), error of the worst story's "
+        "peak drift against a reference that a second method confirms.\n\n![Time over error of "
+        "methods and of other programs](work-precision.png)\n\n"
         + table(["method", "time at dt 0.01 s, ms", "error of peak drift"], shown_rows)
     )
 
 
-_CHARTED = "newmark-average,central-difference,hht,generalized-alpha,bathe,impulse,impulse4,moment4,gauss4,rk5"
+_CHARTED = "newmark-average,central-difference,hht,generalized-alpha,bathe,impulse,impulse4,moment4,gauss4,rk5"  # noqa: E501
 
 
 def recorded_structures(results: list[ValidationResult]) -> str:
@@ -232,8 +239,8 @@ def recorded_structures(results: list[ValidationResult]) -> str:
     source = SOURCES["shake-table"]
     if not source.here():
         return (
-            f"`shake-table` is not here ({source.what}): `python tests/validation/fetch.py shake-table` says how to "
-            "get it.\n"
+            f"`shake-table` is not here ({source.what}): `python tests/validation/fetch.py "
+            "shake-table` says how to get it.\n"
         )
     import shake_table
 
@@ -307,7 +314,8 @@ def main() -> int:
         if not result.within:
             print(f"{result.case.name}: {result.largest:.3g} is beyond {result.case.tolerance:.3g}")
     print(
-        f"{sum(result.within for result in results)} of {len(results)} within, {time.perf_counter() - begin:.0f} s"
+        f"{sum(result.within for result in results)} of {len(results)} within, "
+        f"{time.perf_counter() - begin:.0f} s"
     )
     return 0 if all(result.within for result in results) else 1
 

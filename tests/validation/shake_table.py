@@ -1,4 +1,5 @@
-"""A three-story model frame on a shake table: the shear building that was identified from it, beside its floors."""
+"""A three-story model frame on a shake table: the shear building that was identified from it,
+beside its floors."""
 
 import csv
 import io
@@ -16,7 +17,8 @@ PUBLISHED = (0.951, 0.970, 0.971, 0.985, 0.951, 0.912)
 
 
 def compared(path: Path, command: Callable[..., str]) -> list[float]:
-    """Correlations of floors 1 to 3 and ratios of their peaks, computed over recorded, 0.5 to 25 Hz."""
+    """Correlations of floors 1 to 3 and ratios of their peaks, computed over recorded, 0.5 to 25
+    Hz."""
     with TemporaryDirectory() as folder:
         model, recorded = Path(folder) / "frame.yaml", Path(folder) / "recorded.yaml"
         stories = [{"mass": 1.0, "stiffness": stiffness} for stiffness in STIFFNESS]
@@ -49,14 +51,15 @@ def shake_table_cases(path: Path, command: Callable[..., str]) -> tuple[Validati
         ValidationCase(
             "shake-table",
             "a model frame under the Northridge motion, absolute accelerations of its floors",
-            "chrystalchern/mdof (C. Chern 2023, doi 10.5281/zenodo.11660200); the published side is a computation of "
-            "the same shear building apart from this program",
+            "chrystalchern/mdof (C. Chern 2023, doi 10.5281/zenodo.11660200); the published side "
+            "is a computation of the same shear building apart from this program",
             "1",
             floors,
             PUBLISHED,
             lambda: compared(path, command),
             2e-3,
             ROUNDING,
-            remark="how far the ratios are from 1 is model error: a shear building of three masses is not that frame",
+            remark="how far the ratios are from 1 is model error: a shear building of three "
+            "masses is not that frame",
         ),
     )

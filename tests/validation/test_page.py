@@ -1,4 +1,5 @@
-"""The cases of the validation page hold, the page shows them, and files are taken only if they are the ones meant."""
+"""The cases of the validation page hold, the page shows them, and files are taken only if they are
+the ones meant."""
 
 import dataclasses
 import math

@@ -1,4 +1,5 @@
-"""`tdint campaign`: many buildings under many records at many levels, kept on disk as they are done."""
+"""`tdint campaign`: many buildings under many records at many levels, kept on disk as they are
+done."""
 
 from __future__ import annotations
 
@@ -38,7 +39,8 @@ class CampaignRequest(SuiteRequest):
     )
     output: str | None = options.output.output(
         "DIR",
-        "The folder of the campaign: campaign.sqlite, runs.csv, profiles.csv, summary.json, stories.csv.",
+        "The folder of the campaign: campaign.sqlite, runs.csv, profiles.csv, summary.json, "
+        "stories.csv.",
     )
     jobs: int | None = options.output.threads("Threads; one for each processor")
     shard: str | None = options.option(
@@ -51,7 +53,8 @@ class CampaignRequest(SuiteRequest):
     dask: str | None = options.option(
         metavar="ADDRESS",
         rare=True,
-        help="Have the workers of this Dask scheduler do the runs: tcp://127.0.0.1:8786 on this machine, else tls://.",
+        help="Have the workers of this Dask scheduler do the runs: tcp://127.0.0.1:8786 on this "
+        "machine, else tls://.",
     )
     tls_ca: str | None = options.option(
         type=FileName(),
@@ -74,13 +77,13 @@ class CampaignRequest(SuiteRequest):
     )
     geojson: bool = options.output.option(
         rare=True,
-        help="With export: also buildings.geojson, the buildings of an inventory as points with their mean and largest "
-        "demands, for maps.",
+        help="With export: also buildings.geojson, the buildings of an inventory as points with "
+        "their mean and largest demands, for maps.",
     )
 
     plot: str | None = options.output.plot(
-        "Also draw drifts, accelerations and shears over the height, of each motion and over all: to this file (.png, "
-        ".pdf, .svg), or alone as profiles.png into the folder."
+        "Also draw drifts, accelerations and shears over the height, of each motion and over all: "
+        "to this file (.png, .pdf, .svg), or alone as profiles.png into the folder."
     )
     report: str | None = options.output.report
     report_head: tuple[tuple[str, str], ...] | None = options.output.option(
@@ -88,7 +91,8 @@ class CampaignRequest(SuiteRequest):
         type=Written("head", parse_head),
         metavar="TEXT",
         rare=True,
-        help="Lines at the top of the page, in place of `report` of the models: 'Project: Bridge 7; Author: A. B.'.",
+        help="Lines at the top of the page, in place of `report` of the models: 'Project: Bridge "
+        "7; Author: A. B.'.",
     )
     output_units: OutputUnits | None = options.output.units
     overwrite: bool = options.output.overwrite
@@ -96,20 +100,22 @@ class CampaignRequest(SuiteRequest):
     require: bool = REQUIRE
     baseline: str | None = options.analysis.option(
         metavar="NAME",
-        help="Also write ratios.csv: each building's mean, median and largest over those of this one, and tell the "
-        "ratios of the largest of all stories.",
+        help="Also write ratios.csv: each building's mean, median and largest over those of this "
+        "one, and tell the ratios of the largest of all stories.",
     )
     by: str | None = options.output.option(
         metavar="COLUMN",
         rare=True,
-        help="Losses also by what stands in this column of the inventory, such as district: a column of losses.csv.",
+        help="Losses also by what stands in this column of the inventory, such as district: a "
+        "column of losses.csv.",
     )
     im: tuple[str, ...] | None = options.studies.option(
         type=ListOf(Name()),
         rare=True,
-        help="Also write measures.csv, intensities of each run for `tdint fragility --im`: pga, pgv, pgd, arias, cav, "
-        "cav5, d5-75, d5-95, sa (at T1) or sa:SECONDS, sa-avg (about T1) or sa-avg:FIRST:LAST in seconds, "
-        "sdi:T1:STRENGTH or sdi:SECONDS:STRENGTH (yield force over weight).",
+        help="Also write measures.csv, intensities of each run for `tdint fragility --im`: pga, "
+        "pgv, pgd, arias, cav, cav5, d5-75, d5-95, sa (at T1) or sa:SECONDS, sa-avg (about T1) or "
+        "sa-avg:FIRST:LAST in seconds, sdi:T1:STRENGTH or sdi:SECONDS:STRENGTH (yield force over "
+        "weight).",
     )
 
 
@@ -140,13 +146,14 @@ MODES = (_RUN, _STATUS, _EXPORT, _MERGE)
 def command(request: CampaignRequest) -> None:
     """Runs of many buildings under many records at many levels.
 
-    `tdint campaign CAMPAIGN.yaml -o DIR` does all runs that the file asks for and writes a row of each to DIR/runs.csv,
-    and their mean, fractiles and largest over the motions to DIR/profiles.csv. Whatever ends it, the same call goes on
-    where it stopped. `status DIR` tells how far it is, `export DIR` writes the tables anew, `merge DIR... -o DIR` puts
-    parts together that were done with --shard.
+    `tdint campaign CAMPAIGN.yaml -o DIR` does all runs that the file asks for and writes a row of
+    each to DIR/runs.csv, and their mean, fractiles and largest over the motions to
+    DIR/profiles.csv. Whatever ends it, the same call goes on where it stopped. `status DIR` tells
+    how far it is, `export DIR` writes the tables anew, `merge DIR... -o DIR` puts parts together
+    that were done with --shard.
 
-    A run that fails is repeated with finer steps; if it still does, its row has the status and no peaks. Records that
-    cannot be read are told, the others are done, and the exit code is 4.
+    A run that fails is repeated with finer steps; if it still does, its row has the status and no
+    peaks. Records that cannot be read are told, the others are done, and the exit code is 4.
     """
     mode, act = _ACTIONS.get(request.words[0], (_RUN, _run))
     refuse_idle(mode, MODES)
@@ -160,7 +167,8 @@ def _run(request: CampaignRequest) -> None:
         )
     if request.output is None:
         raise UsageError("a campaign is kept in a folder: give -o DIR")
-    # What can be seen to fail is refused before the inputs are read: floors, measures, outputs, shard, cluster.
+    # What can be seen to fail is refused before the inputs are read: floors, measures, outputs,
+    # shard, cluster.
     request.of_floors.check(request.output)
     if request.im:
         from tdint.campaign.fragility.measures import run_measure

@@ -58,37 +58,38 @@ class Request(options.record.RecordRequest):
         heading=options.grammar.RECORD,
         type=FileName(),
         multiple=True,
-        help="Ground motion in place of the model's; nothing that the model says of its own applies to it. Several: "
-        "each building under each of them.",
+        help="Ground motion in place of the model's; nothing that the model says of its own "
+        "applies to it. Several: each building under each of them.",
     )
     problems: str | None = options.option(
         type=FileName(),
         metavar="standard|FILE",
-        help="In place of models many problems: the standard ones, twelve buildings under three records each, or those "
-        "of a YAML file.",
+        help="In place of models many problems: the standard ones, twelve buildings under three "
+        "records each, or those of a YAML file.",
     )
     methods: tuple[str, ...] = options.analysis.methods("ten of them, from impulse4 to exact,")
     steps: tuple[float, ...] | None = options.analysis.option(
         "--dt",
         type=ListOf(Number(0.0, MOST_SECONDS, min_open=True)),
         metavar="SECONDS,...",
-        help="Time steps: whole parts or whole multiples of the record's sampling interval, or without a record of the "
-        "model's dt.",
+        help="Time steps: whole parts or whole multiples of the record's sampling interval, or "
+        "without a record of the model's dt.",
     )
     halvings: int | None = options.analysis.option(
         type=Count(0, 16),
-        help="Without --dt: eight times that interval, halved so many times. By default 7 times, with some steps "
-        "between; fewer times for very large buildings.",
+        help="Without --dt: eight times that interval, halved so many times. By default 7 times, "
+        "with some steps between; fewer times for very large buildings.",
     )
     stories: tuple[int, ...] | None = options.analysis.option(
         type=ListOf(click.IntRange(1, MOST_STORIES)),
         metavar="COUNT,...",
-        help="Chart the building with these numbers of stories, its own ones repeated; with the interval itself as the "
-        "step unless --dt or --halvings is given.",
+        help="Chart the building with these numbers of stories, its own ones repeated; with the "
+        "interval itself as the step unless --dt or --halvings is given.",
     )
     duration: float | None = options.analysis.duration
     peers: bool = options.option(
-        help="Also chart OpenSeesPy, if it is installed (pip install 'tdint[peers]'), and SciPy's solve_ivp: minutes."
+        help="Also chart OpenSeesPy, if it is installed (pip install 'tdint[peers]'), and SciPy's "
+        "solve_ivp: minutes."
     )
     repeat: int = options.option(
         type=Count(1, 1000), default=5, rare=True, help="Times each; 5 by default."
@@ -96,13 +97,14 @@ class Request(options.record.RecordRequest):
     tolerances: tuple[float, ...] | None = options.analysis.option(
         "--tolerance",
         type=ListOf(Ratio(0.0, 1.0, min_open=True, max_open=True)),
-        help="Also chart moment4 and impulse4 (of many problems those asked for) with the steps that `tdint run "
-        "--tolerance` chooses for these errors of the peak drifts.",
+        help="Also chart moment4 and impulse4 (of many problems those asked for) with the steps "
+        "that `tdint run --tolerance` chooses for these errors of the peak drifts.",
     )
     target: str = options.option(
         type=click.Choice(TARGETS),
         default=TARGETS[0],
-        help="The error that is drawn and, for one building, for which methods are recommended; peak-drift by default.",
+        help="The error that is drawn and, for one building, for which methods are recommended; "
+        "peak-drift by default.",
     )
     versus: str = options.option(
         needs="--plot",
@@ -114,7 +116,8 @@ class Request(options.record.RecordRequest):
         needs="--plot",
         default="",
         metavar="NAME",
-        help="The method whose line is thick and in front; by default the only one of a plug-in, if there is one.",
+        help="The method whose line is thick and in front; by default the only one of a plug-in, "
+        "if there is one.",
     )
     cache: bool = options.option(
         "--cache/--no-cache",
@@ -149,31 +152,35 @@ class Request(options.record.RecordRequest):
 def command(request: Request) -> None:
     """Time against accuracy: what methods cost and how much they err on a building.
 
-    Each method integrates the building with each step. MODEL.yaml is a model file, - is standard input. CSV: steps and
-    solves; processor time of the compiled loop alone, as `tdint run` without --history has it (peaks and energies
-    included, compilation not; wall time where the system's clock for it is coarse), the median and the least of the
-    repeats, in which all methods take turns; relative errors; how `tdint run` ends: done, collapsed, unstable-step
-    (refused), diverged or not-converged, the last three with empty cells. Other programs (--peers) are named
-    program/method; their times are those of their analysis loops alone, the solves of scipy are evaluations of the
-    rate. Lines by --tolerance have the time of all that `tdint run --tolerance` does, and the error of peak drifts
-    alone.
+    Each method integrates the building with each step. MODEL.yaml is a model file, - is standard
+    input. CSV: steps and solves; processor time of the compiled loop alone, as `tdint run` without
+    --history has it (peaks and energies included, compilation not; wall time where the system's
+    clock for it is coarse), the median and the least of the repeats, in which all methods take
+    turns; relative errors; how `tdint run` ends: done, collapsed, unstable-step (refused), diverged
+    or not-converged, the last three with empty cells. Other programs (--peers) are named
+    program/method; their times are those of their analysis loops alone, the solves of scipy are
+    evaluations of the rate. Lines by --tolerance have the time of all that `tdint run --tolerance`
+    does, and the error of peak drifts alone.
 
-    displacement_error, drift_error, velocity_error and absolute_acceleration_error are those of the whole history: root
-    of the sum of squares over all floors or stories and all common times, relative to the reference. Common times are
-    the samples of the record, or the steps' ends where these are further apart. peak_drift_error is the largest
-    relative error of a story's peak drift; stories whose peak is below a thousandth of the largest are left out.
+    displacement_error, drift_error, velocity_error and absolute_acceleration_error are those of the
+    whole history: root of the sum of squares over all floors or stories and all common times,
+    relative to the reference. Common times are the samples of the record, or the steps' ends where
+    these are further apart. peak_drift_error is the largest relative error of a story's peak drift;
+    stories whose peak is below a thousandth of the largest are left out.
 
-    The reference is computed, not assumed: by the exact method in linear buildings without floor forces, otherwise by
-    impulse4 with a very small step. A second method confirms it, and how far this is from it goes to standard error, to
-    the picture and to the .json file: smaller errors are not drawn. It is kept in TDINT_CACHE_DIR or the user's cache
-    folder. Standard error also tells the cheapest method and step for an error of 1 % and 0.1 %.
+    The reference is computed, not assumed: by the exact method in linear buildings without floor
+    forces, otherwise by impulse4 with a very small step. A second method confirms it, and how far
+    this is from it goes to standard error, to the picture and to the .json file: smaller errors are
+    not drawn. It is kept in TDINT_CACHE_DIR or the user's cache folder. Standard error also tells
+    the cheapest method and step for an error of 1 % and 0.1 %.
 
-    Several buildings or motions, or --problems: performance profiles. For each tolerance from 10 to 0.01 % and the
-    peaks of drift, absolute acceleration and total shear each method takes its cheapest step, of 16 samples to 1/16;
-    the table tells how many problems it solves within a factor of the least cost (Dolan and More 2002). The reference
-    is impulse4 with 32 steps a sample; where moment4, with up to 128, is farther from it than a fifth of a tolerance,
-    the problem is not judged there. --peers: OpenSeesPy, on the problems whose laws it has. A method that does
-    not take a problem does not solve it.
+    Several buildings or motions, or --problems: performance profiles. For each tolerance from 10 to
+    0.01 % and the peaks of drift, absolute acceleration and total shear each method takes its
+    cheapest step, of 16 samples to 1/16; the table tells how many problems it solves within a
+    factor of the least cost (Dolan and More 2002). The reference is impulse4 with 32 steps a
+    sample; where moment4, with up to 128, is farther from it than a fifth of a tolerance, the
+    problem is not judged there. --peers: OpenSeesPy, on the problems whose laws it has. A method
+    that does not take a problem does not solve it.
     """
     if request.problems or len(request.models) > 1 or len(request.records) > 1:
         refuse_idle(_PROBLEMS if request.problems else _MANY, MODES)
@@ -208,8 +215,9 @@ def command(request: Request) -> None:
     for chart in charts:
         reference = chart.reference
         say(
-            f"{how_many(chart.stories, 'story')}: the reference is {reference.method} with dt {reference.dt:.6g} s; "
-            f"{reference.confirmed_by} differs from it by {reference.gap.of(request.target):.1e} ({request.target})."
+            f"{how_many(chart.stories, 'story')}: the reference is {reference.method} with dt "
+            f"{reference.dt:.6g} s; {reference.confirmed_by} differs from it by "
+            f"{reference.gap.of(request.target):.1e} ({request.target})."
         )
     if advice:
         _recommend(request, charts[0], advice)
@@ -218,15 +226,17 @@ def command(request: Request) -> None:
 
 
 def _tell_timing(timings: Sequence[Timing], programs: Sequence[Peer]) -> None:
-    """How the marches were timed, whether that was disturbed, and which other programs took part."""
+    """How the marches were timed, whether that was disturbed, and which other programs took
+    part."""
     from tdint.system import CLOCKS
 
     worst = max(timings, key=lambda timing: timing.stretch or 0.0)
     say(f"Times are {CLOCKS[worst.clock]}, {worst.told}, {worst.processor}.")
     if worst.disturbed:
         warn(
-            f"the marches took {worst.stretch:.3g} times their processor time on the wall: other work had the "
-            "processors, and what shares their caches slows the marches, too; time them again on a quiet machine"
+            f"the marches took {worst.stretch:.3g} times their processor time on the wall: other "
+            "work had the processors, and what shares their caches slows the marches, too; time "
+            "them again on a quiet machine"
         )
     note(*(f"{peer.name} {peer.version}: {peer.settings}" for peer in programs))
 
@@ -276,7 +286,8 @@ def _chart_many(request: Request) -> None:
         if doubtful := {name: case.gap.of(name) for name in PEAKS if not case.judges(name, 1e-4)}:
             gaps = ", ".join(f"{name} {gap:.1e}" for name, gap in doubtful.items())
             notes.append(
-                f"{case.name}, {case.motion}: the reference is known to {gaps}: not judged where that is too far"
+                f"{case.name}, {case.motion}: the reference is known to {gaps}: not judged where "
+                "that is too far"
             )
         if case.peer_note:
             apart = "" if math.isnan(case.peer_gap) else f" {case.peer_gap:.1e} from the reference,"
@@ -291,8 +302,9 @@ def _chart_many(request: Request) -> None:
     )
     leaders = chart.leaders()
     say(
-        f"{how_many(len(chart.measured), 'problem')}. Best overall (most within twice the least cost): "
-        f"{leaders.overall}; for errors of 3 % and more: {leaders.coarse}; safest (fails least): {leaders.safest}."
+        f"{how_many(len(chart.measured), 'problem')}. Best overall (most within twice the least "
+        f"cost): {leaders.overall}; for errors of 3 % and more: {leaders.coarse}; safest (fails "
+        f"least): {leaders.safest}."
     )
     note(*notes)
     _tell_timing([chart.timing], chart.peers)
@@ -320,7 +332,8 @@ def _problems(request: Request) -> list[FieldProblem]:
 
 
 def _integrators(request: Request, usual: Sequence[str]) -> list[Integrator]:
-    """The methods of a chart, after the one to highlight was found among them, or may be another program's."""
+    """The methods of a chart, after the one to highlight was found among them, or may be another
+    program's."""
     integrators = options.analysis.integrators(request.methods or usual)
     labels = [integrator.label for integrator in integrators]
     programs = tables.methods.PEER in request.highlight or request.tolerances
@@ -421,7 +434,8 @@ def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:
 
 
 def _peaks_at_start(request: Request, chart: Chart) -> bool:
-    """Whether the errors asked for are those of peaks that are there from the start, as in free vibration."""
+    """Whether the errors asked for are those of peaks that are there from the start, as in free
+    vibration."""
     motion = chart.reference.motion
     peaks, start = motion.peak_drift, abs(motion.drift[0])
     return request.target == "peak-drift" and bool((peaks <= 1.001 * start).all())
@@ -480,8 +494,9 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
             # Over its time that of another method, and that of the usual choice
             others = [("next best: ", advised.next_best), ("", chart.usual)]
             words = [
-                f"; {word}{other.line} with dt {other.dt:.6g} s, {other.fastest / best.fastest:.2g} times as long, "
-                f"error {100.0 * other.error(request.target):.2g} %"
+                f"; {word}{other.line} with dt {other.dt:.6g} s, "
+                f"{other.fastest / best.fastest:.2g} times as long, error "
+                f"{100.0 * other.error(request.target):.2g} %"
                 for word, other in others
                 if other and other.errors and (other.line, other.dt) != (best.line, best.dt)
             ]
@@ -492,7 +507,8 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
             )
     whose = "record" if chart.recorded else "model"
     say(
-        f"The usual choice, {chart.usual.line} with the {whose}'s dt {chart.usual.dt:.6g} s: {cost(chart.usual)}."
+        f"The usual choice, {chart.usual.line} with the {whose}'s dt {chart.usual.dt:.6g} s: "
+        f"{cost(chart.usual)}."
     )
 
 
@@ -502,14 +518,16 @@ def _notes(request: Request, charts: list[Chart], record: Record | None) -> list
 
     notes = list(record.notes) if record else []
     points = [point for chart in charts for point in chart.points]
-    # Our methods take the impulse of all samples in a long step; other programs look at its end alone.
+    # Our methods take the impulse of all samples in a long step; other programs look at its end
+    # alone.
     coarse = dict.fromkeys(
         p.method.partition(":")[0] for p in points if p.dt > charts[0].interval * 1.001
     )
     skipping = [name for name in coarse if name not in catalogue()]
     if record and skipping:
         notes.append(
-            f"steps over {charts[0].interval:.6g} s skip samples of the record in {', '.join(skipping)}"
+            f"steps over {charts[0].interval:.6g} s skip samples of the record in "
+            f"{', '.join(skipping)}"
         )
     for label, outcome in dict.fromkeys(
         (point.line, point.outcome) for point in points if not point.errors
@@ -522,7 +540,8 @@ def _notes(request: Request, charts: list[Chart], record: Record | None) -> list
         gap = chart.reference.gap.of(request.target)
         if _peaks_at_start(request, chart):
             notes.append(
-                "the largest drifts are those at the start, which no method misses: use --target drift"
+                "the largest drifts are those at the start, which no method misses: use --target "
+                "drift"
             )
         if not gap < min(LIMITS):
             notes.append(

@@ -40,8 +40,8 @@ _CAMPAIGN = re.compile(rb"^(buildings|records)\s*:", re.MULTILINE)
     flag_value="model",
     type=click.Choice(["model", "campaign"]),
     metavar="[model|campaign]",
-    help="Print the JSON schema (draft 7) of such files instead, of models if it is not said: editors check and "
-    "complete a file with it.",
+    help="Print the JSON schema (draft 7) of such files instead, of models if it is not said: "
+    "editors check and complete a file with it.",
 )
 @options.output.units
 def command(
@@ -52,16 +52,18 @@ def command(
 ) -> None:
     """What is wrong with model files, all at once, or what they are.
 
-    Each MODEL.yaml and the record that it names are read, its first mode is found, and nothing is run. Every fault is
-    reported with its line and column, those under misspelled keys, too; also an unknown method and a record that is
-    not there. What is unusual is told, from periods to peaks of ground motion: mostly a wrong unit. A table with a row
-    for each sound model goes to standard output: stories, height, mass, fundamental period and damping, drift laws,
-    method, record. A campaign file is checked with the models that it names. Exit code 3 if one of them has a fault, 4
-    if a record cannot be read.
+    Each MODEL.yaml and the record that it names are read, its first mode is found, and nothing is
+    run. Every fault is reported with its line and column, those under misspelled keys, too; also an
+    unknown method and a record that is not there. What is unusual is told, from periods to peaks of
+    ground motion: mostly a wrong unit. A table with a row for each sound model goes to standard
+    output: stories, height, mass, fundamental period and damping, drift laws, method, record. A
+    campaign file is checked with the models that it names. Exit code 3 if one of them has a fault,
+    4 if a record cannot be read.
 
-    With --plugin and no model the table has its methods: declared and observed order, stability limit and spectral
-    radius at infinity; exit code 5 if one is not as declared. With models that have its laws, these are put through
-    cycles of drift: force, tangent and energy must fit each other.
+    With --plugin and no model the table has its methods: declared and observed order, stability
+    limit and spectral radius at infinity; exit code 5 if one is not as declared. With models that
+    have its laws, these are put through cycles of drift: force, tangent and energy must fit each
+    other.
     """
     mode = _SCHEMA if schema else _PLUGINS if plugins and not models else _MODELS
     refuse_idle(mode, MODES)
@@ -88,7 +90,8 @@ def command(
     from tdint.units import SI
     from tdint_cli.drawing import emit_table
 
-    # A file with faults does not keep the others from being checked; models of a campaign take its place.
+    # A file with faults does not keep the others from being checked; models of a campaign take its
+    # place.
     sound: list[Overview] = []
     failures: list[TdintError] = []
     waiting = list(models)

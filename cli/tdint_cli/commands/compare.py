@@ -57,15 +57,16 @@ class Request:
     recorded: str = options.option(
         type=FileName(),
         required=True,
-        help="What was recorded in the building, and where: a YAML file with the keys base, floors, band, window, "
-        "shift.",
+        help="What was recorded in the building, and where: a YAML file with the keys base, "
+        "floors, band, window, shift.",
     )
     fit: tuple[str, ...] | None = options.option(
         type=ListOf(click.Choice(["stiffness", "stiffness-factor", "damping"])),
         metavar="stiffness|stiffness-factor,damping",
-        help="First fit the stiffnesses of the stories, or one factor on all of them, which is what a single sensor "
-        "can tell, or the damping to the recording: stiffnesses from a tenth to ten times, ratios from 0.01 to 50 %, "
-        "Rayleigh's coefficients from a thousandth to a thousand times the model's.",
+        help="First fit the stiffnesses of the stories, or one factor on all of them, which is "
+        "what a single sensor can tell, or the damping to the recording: stiffnesses from a tenth "
+        "to ten times, ratios from 0.01 to 50 %, Rayleigh's coefficients from a thousandth to a "
+        "thousand times the model's.",
     )
     blind: tuple[str, ...] | None = options.option(
         needs="--fit",
@@ -74,16 +75,16 @@ class Request:
     )
     require: tuple[tuple[str, float], ...] | None = options.option(
         type=ListOf(Written("NAME=NUMBER", _requirement)),
-        help="End with exit code 5 unless every floor has a correlation of at least this, a peak_ratio between this "
-        "and its inverse, or an rms_difference of at most this.",
+        help="End with exit code 5 unless every floor has a correlation of at least this, a "
+        "peak_ratio between this and its inverse, or an rms_difference of at most this.",
     )
     method: str | None = options.analysis.method
     dt: float | None = options.analysis.option(
         type=float,
         metavar="SECONDS",
         rare=True,
-        help="Time step: the recording's sampling interval or a whole part of it; by default short enough that the "
-        "method's error is not seen.",
+        help="Time step: the recording's sampling interval or a whole part of it; by default "
+        "short enough that the method's error is not seen.",
     )
     damping: float = options.analysis.damping_of(
         "the floors' spectra", heading=options.grammar.SPECTRUM, needs="-o or --plot"
@@ -93,9 +94,9 @@ class Request:
     )
     output: str | None = options.output.output(
         "DIR|FILE.csv",
-        f"Write {TABLE}, {SPECTRA} and {SUMMARY} into this folder, with --fit {FIT} and the "
-        f"fitted model {FITTED}, too; or the table to this file "
-        "and the others beside it, their names behind its name.",
+        f"Write {TABLE}, {SPECTRA} and {SUMMARY} into this folder, with --fit {FIT} and the fitted "
+        f"model {FITTED}, too; or the table to this file and the others beside it, their names "
+        "behind its name.",
     )
     plot: str | None = options.output.picture
     report: str | None = options.output.report
@@ -103,7 +104,8 @@ class Request:
     overwrite: bool = options.output.overwrite
 
     def file(self, name: str) -> Path:
-        """The file of this name: in the folder of -o, or beside the table that -o names (`NAME.csv`: `NAME-name`)."""
+        """The file of this name: in the folder of -o, or beside the table that -o names
+        (`NAME.csv`: `NAME-name`)."""
         output = Path(self.output or "")
         if output.suffix.lower() != ".csv":
             return output / name
@@ -137,12 +139,13 @@ class Request:
 def command(request: Request) -> None:
     """A building's result beside what was recorded in it.
 
-    MODEL.yaml is a model file; the mean of the base's recordings drives it, in place of the record that it names.
-    Several sensors of a floor are averaged. Each recording loses its offset (an acceleration its median, a
-    displacement, which may remain, what it is before the shaking), and the same filters without shift of phase,
-    forwards and backwards, take recording and result to the band. CSV, a row per floor: correlation, largest value
-    computed over that recorded, rms of the difference over that of the recording. With -o also the spectra of the
-    floors' absolute accelerations.
+    MODEL.yaml is a model file; the mean of the base's recordings drives it, in place of the record
+    that it names. Several sensors of a floor are averaged. Each recording loses its offset (an
+    acceleration its median, a displacement, which may remain, what it is before the shaking), and
+    the same filters without shift of phase, forwards and backwards, take recording and result to
+    the band. CSV, a row per floor: correlation, largest value computed over that recorded, rms of
+    the difference over that of the recording. With -o also the spectra of the floors' absolute
+    accelerations.
     """
     from tdint.analysis.compare import Event, compare, unmet
     from tdint.analysis.fit import fit
@@ -191,7 +194,8 @@ def _write(
         fitted_table,
     )
 
-    # The periods of the spectra: those asked for, or of `PERIODS` those that the recording's interval and band leave
+    # The periods of the spectra: those asked for, or of `PERIODS` those that the recording's
+    # interval and band leave
     periods = options.spectra.chosen_periods(request.periods, PERIODS)
     if request.periods is None:
         event, every = comparisons[0].event, periods
@@ -212,7 +216,8 @@ def _write(
                 files[request.file(FITTED)] = f"# {' '.join(origin.split())}\n{text}".encode()
             else:
                 note(
-                    f"{model.source}: cannot be written with other numbers; the fitted values are in {FIT} alone"
+                    f"{model.source}: cannot be written with other numbers; the fitted values are "
+                    f"in {FIT} alone"
                 )
             files[request.file(FIT)] = fitted_table(fitted.values, units).csv()
     if picture := request.picture:
@@ -276,7 +281,8 @@ def _driven(item: Comparison, units: OutputUnits) -> str:
     event, run, (acceleration, g) = item.event, item.response, units.unit("m/s^2")
     band = event.recording.band
     return (
-        f"{run.model.name} beside {event.recording.source}: {event.count} samples of {event.base.dt:.6g} s, "
+        f"{run.model.name} beside {event.recording.source}: {event.count} samples of "
+        f"{event.base.dt:.6g} s, "
         + (f"{band[0]:g} to {band[1]:g} Hz, " if band else "unfiltered, ")
         + f"PGA {event.base.pga / g:.3g} {acceleration}; {run.method}, dt {run.dt:.6g} s"
         + (f"; recordings shifted by {item.shift:.6g} s." if item.shift else ".")

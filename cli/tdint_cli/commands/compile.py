@@ -38,12 +38,13 @@ class Request:
         "--target",
         type=ListOf(click.Choice(TARGETS)),
         metavar="NAME,...",
-        help=f"Processors to compile for: native, this machine's, by default; {', '.join(_HERE)}; those of another "
-        f"system behind {', '.join(_SYSTEMS)}: macos-aarch64.",
+        help=f"Processors to compile for: native, this machine's, by default; {', '.join(_HERE)}; "
+        f"those of another system behind {', '.join(_SYSTEMS)}: macos-aarch64.",
     )
     method: str | None = options.analysis.method_of("MODEL.yaml")
     show: bool = options.option(
-        help="Tell for each loop which object is used and whether it came in a wheel; compile nothing."
+        help="Tell for each loop which object is used and whether it came in a wheel; compile "
+        "nothing."
     )
     clean: bool = options.option(help="Remove all compiled loops from the user's cache.")
     output: str | None = options.output.output(
@@ -61,10 +62,11 @@ class Request:
 def command(request: Request) -> None:
     """Compile time loops ahead of their first use.
 
-    tdint compiles what a building needs when it is first integrated, 5 to 20 s once; this does it before. It is for
-    images, clusters and laboratories where users cannot write, and for other processors. For each MODEL.yaml what its
-    run needs, with --all one variant of everything that serves any building, in a few minutes. Without -o the objects
-    lie in the user's cache, never in the installed package; --clean removes them, before tdint is uninstalled, say.
+    tdint compiles what a building needs when it is first integrated, 5 to 20 s once; this does it
+    before. It is for images, clusters and laboratories where users cannot write, and for other
+    processors. For each MODEL.yaml what its run needs, with --all one variant of everything that
+    serves any building, in a few minutes. Without -o the objects lie in the user's cache, never in
+    the installed package; --clean removes them, before tdint is uninstalled, say.
     """
     # --clean alone is an order by itself; with models it comes before they are compiled.
     asked = bool(request.models or request.everything)
@@ -85,7 +87,8 @@ def command(request: Request) -> None:
 
     if request.output:
         check_outputs([Path(request.output) / "objects"], overwrite=True)
-    # What each model needs, beside what serves any building; what is compiled already is passed over.
+    # What each model needs, beside what serves any building; what is compiled already is passed
+    # over.
     kernels = of_everything() if request.everything else []
     for file in request.models:
         model = load_model(file)

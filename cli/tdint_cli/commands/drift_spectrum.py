@@ -40,17 +40,18 @@ class DriftRequest(TablesRequest):
     story_height: float | None = options.spectra.option(
         type=Number(0.0, min_open=True),
         metavar="METERS",
-        help=f"Without --stories: as many stories as the building's height has of these, rounded, at least one; "
-        f"{STORY_HEIGHT:g} by default.",
+        help="Without --stories: as many stories as the building's height has of these, rounded, "
+        f"at least one; {STORY_HEIGHT:g} by default.",
     )
     height_period: str = options.spectra.option(
         metavar="A,B",
         default=_HEIGHT_PERIOD,
-        help=f"The height H of a building with the fundamental period T, by T = A H^B in s and m; {_HEIGHT_PERIOD} by "
-        "default.",
+        help="The height H of a building with the fundamental period T, by T = A H^B in s and m; "
+        f"{_HEIGHT_PERIOD} by default.",
     )
     beam: bool = options.spectra.option(
-        help="A continuous shear beam instead of stories, and its drift at the base (Iwan's drift spectrum)."
+        help="A continuous shear beam instead of stories, and its drift at the base (Iwan's drift "
+        "spectrum)."
     )
 
     def settings(self) -> dict[str, Any]:
@@ -73,16 +74,19 @@ class DriftRequest(TablesRequest):
 def command(request: DriftRequest) -> None:
     """Drift spectra: the largest story drifts of shear buildings.
 
-    RECORD is a file, or a folder for all records in it, - is standard input; all components are taken unless
-    --component names one. The buildings are linear, with equal masses, stiffnesses and heights of their stories and the
-    same damping ratio in all modes. CSV: the largest drift ratio of all stories, the story where it is (none for
-    --beam), and the largest displacement of the roof over the building's height. They are exact for a ground motion
-    that is linear between its samples, the largest between the samples, too. A record that fails does not keep the
-    others from being done.
+    RECORD is a file, or a folder for all records in it, - is standard input; all components are
+    taken unless
+    --component names one. The buildings are linear, with equal masses, stiffnesses and heights of
+    their stories and the same damping ratio in all modes. CSV: the largest drift ratio of all
+    stories, the story where it is (none for
+    --beam), and the largest displacement of the roof over the building's height. They are exact for
+    a ground motion that is linear between its samples, the largest between the samples, too. A
+    record that fails does not keep the others from being done.
 
-    A and B of some codes, in s and m: 0.0731,0.75 moment frames of reinforced concrete in the Uniform Building Code of
-    1997, and in ASCE 7 frames of steel with eccentric or buckling-restrained braces; 0.0724,0.8 and 0.0466,0.9 moment
-    frames of steel and of concrete in ASCE 7; 0.0488,0.75 other buildings in both.
+    A and B of some codes, in s and m: 0.0731,0.75 moment frames of reinforced concrete in the
+    Uniform Building Code of 1997, and in ASCE 7 frames of steel with eccentric or
+    buckling-restrained braces; 0.0724,0.8 and 0.0466,0.9 moment frames of steel and of concrete in
+    ASCE 7; 0.0488,0.75 other buildings in both.
     """
     make_tables(request, _DriftSpectra())
 

@@ -1,4 +1,5 @@
-"""`tdint examples`: the examples of the paper that proposed impulse, its methods and their errors."""
+"""`tdint examples`: the examples of the paper that proposed impulse, its methods and their
+errors."""
 
 from __future__ import annotations
 
@@ -63,8 +64,9 @@ class Request:
     reference: str = options.analysis.option(
         type=click.Choice(["paper", "finer"]),
         default="paper",
-        help="What figures and ranks take as exact: the paper's newmark-linear with 0.001 s (examples 1, 2) or 0.002 s "
-        "(3), by default, or rk5 with steps 8 times finer. The table has the errors against both.",
+        help="What figures and ranks take as exact: the paper's newmark-linear with 0.001 s "
+        "(examples 1, 2) or 0.002 s (3), by default, or rk5 with steps 8 times finer. The table "
+        "has the errors against both.",
     )
     output: str | None = options.output.output(
         "DIR", "Also write the tables and figures into this folder."
@@ -79,8 +81,8 @@ class Request:
     all_figures: bool = options.output.option(
         "--figures",
         needs="-o",
-        help="Draw all sixteen figures: those of stability, accuracy and order (1 to 6) and the buildings of examples "
-        "2 and 3 (9, 13), too.",
+        help="Draw all sixteen figures: those of stability, accuracy and order (1 to 6) and the "
+        "buildings of examples 2 and 3 (9, 13), too.",
     )
     overwrite: bool = options.output.overwrite
 
@@ -96,24 +98,27 @@ class Request:
 def command(request: Request) -> None:
     """Examples of the paper that proposed impulse: errors of methods, and its figures.
 
-    Example 1 is one mass on a quadratic spring, 2 a building of two stories, 3 a chain of 150 masses. All three if none
-    is named. The data of example 2 stand in a drawing of the paper that we do not have: its building has values of our
-    own. CSV: the largest errors over all floors and steps; the rank by displacement.
+    Example 1 is one mass on a quadratic spring, 2 a building of two stories, 3 a chain of 150
+    masses. All three if none is named. The data of example 2 stand in a drawing of the paper that
+    we do not have: its building has values of our own. CSV: the largest errors over all floors and
+    steps; the rank by displacement.
 
-    The paper: "An Implicit Unconditionally Stable Integration Method for Nonlinear Structural Dynamics and Earthquake
-    Engineering Problems", published online 15 March 2022.
+    The paper: "An Implicit Unconditionally Stable Integration Method for Nonlinear Structural
+    Dynamics and Earthquake Engineering Problems", published online 15 March 2022.
 
-    The methods are the paper's: the proposed one (impulse), Newmark's average and linear acceleration, central
-    difference, Wilson, U0-V0 and RK5, with 0.02 s. RK5 is also fed with the load's samples, linear between the steps
-    and held over each step, and the central difference started with u(-dt) = 0: what probably stands behind the
-    paper's ranking. The reasons go to standard error.
+    The methods are the paper's: the proposed one (impulse), Newmark's average and linear
+    acceleration, central difference, Wilson, U0-V0 and RK5, with 0.02 s. RK5 is also fed with the
+    load's samples, linear between the steps and held over each step, and the central difference
+    started with u(-dt) = 0: what probably stands behind the paper's ranking. The reasons go to
+    standard error.
 
-    With -o: example-1-errors.csv and so on, and the paper's figures by its numbers: 7 displacement of example 1, 8 its
-    errors |u - u_exact|; 10 and 11 displacements of floors 1 and 2 of example 2, 12 the errors of floor 2; 14 and 15
-    displacements of masses 1 and 150 of example 3, 16 the errors of mass 1. With --figures also 1 and 2 spectral radii
-    without damping and with 5 %, 3 period elongations, 4 numerical damping, 5 amplitude decay, 6 order of accuracy over
-    the frequency of the load, with impulse4 and moment4 as thin lines; 9 and 13 the buildings in our own drawing; and
-    beta-scan, which the paper has not: impulse with other values of beta.
+    With -o: example-1-errors.csv and so on, and the paper's figures by its numbers: 7 displacement
+    of example 1, 8 its errors |u - u_exact|; 10 and 11 displacements of floors 1 and 2 of example
+    2, 12 the errors of floor 2; 14 and 15 displacements of masses 1 and 150 of example 3, 16 the
+    errors of mass 1. With --figures also 1 and 2 spectral radii without damping and with 5 %, 3
+    period elongations, 4 numerical damping, 5 amplitude decay, 6 order of accuracy over the
+    frequency of the load, with impulse4 and moment4 as thin lines; 9 and 13 the buildings in our
+    own drawing; and beta-scan, which the paper has not: impulse with other values of beta.
     """
     from tdint.analysis.assessment.paper_examples import (
         DT,
@@ -203,8 +208,8 @@ def _files(
 
 
 def _general_figures(drawn: Sequence[Example], kind: str) -> dict[str, Content]:
-    """The paper's figures that show no motion, methods on an oscillator and the buildings of examples; and the scan of
-    beta, which the paper has not."""
+    """The paper's figures that show no motion, methods on an oscillator and the buildings of
+    examples; and the scan of beta, which the paper has not."""
     numbers = [*_LABORATORY, _ORDER_FIGURE]
     drawings: dict[str, Callable[[], Any]] = {
         _name(number): partial(_draw_laboratory, number) for number in numbers
@@ -226,7 +231,8 @@ def _name(number: int) -> str:
 
 
 def _draw_laboratory(number: int) -> Any:
-    """One of the figures 1 to 6: the paper's five methods on an oscillator without load, or under a harmonic one."""
+    """One of the figures 1 to 6: the paper's five methods on an oscillator without load, or under a
+    harmonic one."""
     from tdint.analysis.assessment.order import observed_order, order_problem
     from tdint.analysis.assessment.paper_examples import FIVE
     from tdint.analysis.assessment.stability import stability
@@ -267,20 +273,24 @@ def _exact(example: Example, dt: float, reference: str) -> str:
 
 
 def _say_example(example: Example, runs: list[ExampleRun], reference: str, remark: bool) -> None:
-    """What the example is, how good its references, the methods by rank, and how the paper's ranking comes about."""
+    """What the example is, how good its references, the methods by rank, and how the paper's
+    ranking comes about."""
     from tdint.analysis.assessment.paper_examples import EXACT, exact_steps, gap
 
     dt = runs[0].dt
     say(f"Example {example.number}: {example.about}")
     paper, other = gap(example, dt, EXACT, exact_steps(example, dt)), gap(example, dt, _CONFIRMS)
     say(
-        f"The paper's exact motion, {_exact(example, dt, 'paper')}, is off by {paper:.1e} m: against"
+        f"The paper's exact motion, {_exact(example, dt, 'paper')}, is off by {paper:.1e} m: "
+        "against"
     )
     say(
-        f"{_exact(example, dt, 'finer')}, from which {_CONFIRMS} with as many steps differs by {other:.1e} m."
+        f"{_exact(example, dt, 'finer')}, from which {_CONFIRMS} with as many steps differs by "
+        f"{other:.1e} m."
     )
     say(
-        f"Largest errors of the displacement at dt {dt:g} s, against {_exact(example, dt, reference)}:"
+        f"Largest errors of the displacement at dt {dt:g} s, against "
+        f"{_exact(example, dt, reference)}:"
     )
     errors = [(run.error("displacement", reference), run) for run in runs if run.outcome == "done"]
     ranked = sorted(errors, key=lambda pair: pair[0])

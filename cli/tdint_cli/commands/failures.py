@@ -29,22 +29,25 @@ def _problems() -> list[str]:
     "problems",
     type=ListOf(Name(_problems)),
     help="Problems to take: hardening, softening, stiff-node, soft-node, stiff-pair, limit-2, "
-    "limit-sqrt-6, limit-sqrt-12, sqrt-12, large-step, overshoot-displacement, overshoot-velocity; all if there is "
-    "none.",
+    "limit-sqrt-6, limit-sqrt-12, sqrt-12, large-step, overshoot-displacement, overshoot-velocity; "
+    "all if there is none.",
 )
 @options.output.to_files(picture=options.output.PICTURE, in_units=False)
 def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs: Outputs) -> None:
     """Which methods fail on hard problems with known answers, and how.
 
-    Stories that harden and soften, stiff parts beside soft ones, steps at the limits of stability, large first steps.
-    Without --method also impulse4 and moment4 with rho_inf=0.5 and rho_inf=0, and wilson:theta=1.3, without newmark,
-    which is newmark-average. src/tdint/methods/README.md lists the problems and what a method must keep to.
+    Stories that harden and soften, stiff parts beside soft ones, steps at the limits of stability,
+    large first steps. Without --method also impulse4 and moment4 with rho_inf=0.5 and rho_inf=0,
+    and wilson:theta=1.3, without newmark, which is newmark-average. src/tdint/methods/README.md
+    lists the problems and what a method must keep to.
 
-    CSV: least and largest energy over the largest of the exact motion (the initial one in free vibration); the error,
-    and in the last column what it is; the outcome, which is the status of `tdint run` while the rest of the row is what
-    --allow-unstable gives, or `refused` for nonlinear stories with a method for linear ones; the verdict: pass, loses
-    energy, gains energy, rings, inaccurate, grows, overshoots, blows up, does not converge; the time reached. The
-    counts of the verdicts go to standard error. A method that fails is a result: exit code 0.
+    CSV: least and largest energy over the largest of the exact motion (the initial one in free
+    vibration); the error, and in the last column what it is; the outcome, which is the status of
+    `tdint run` while the rest of the row is what
+    --allow-unstable gives, or `refused` for nonlinear stories with a method for linear ones; the
+    verdict: pass, loses energy, gains energy, rings, inaccurate, grows, overshoots, blows up, does
+    not converge; the time reached. The counts of the verdicts go to standard error. A method that
+    fails is a result: exit code 0.
     """
     from tdint.analysis.assessment.failures import (
         attempt,
@@ -65,7 +68,8 @@ def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs:
     outputs.deliver(
         tables.methods.failure_table(trials), lambda: figures.assessment.failure_picture(trials)
     )
-    # How often each method got each verdict; the columns in the order in which verdicts were met, `pass` first
+    # How often each method got each verdict; the columns in the order in which verdicts were met,
+    # `pass` first
     verdicts = sorted(
         dict.fromkeys(trial.verdict for trial in trials), key=lambda verdict: verdict != "pass"
     )

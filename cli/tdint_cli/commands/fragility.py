@@ -41,8 +41,9 @@ _OF_OPENQUAKE = (
         "--openquake",
         type=FileName(written=True),
         metavar="FILE.xml",
-        help="Also write the functions as OpenQuake reads them (NRML 0.5), under the file's name as their id, or those "
-        "of types under their names; of types with losses also FILE-vulnerability.xml, for its scenario_risk.",
+        help="Also write the functions as OpenQuake reads them (NRML 0.5), under the file's name "
+        "as their id, or those of types under their names; of types with losses also "
+        "FILE-vulnerability.xml, for its scenario_risk.",
     ),
     options.output.option(
         "--states",
@@ -63,43 +64,47 @@ class Request:
     table: str = options.argument("TABLE.csv|DIR", type=FileName())
     fit: str | None = options.option(
         type=click.Choice(_FITS),
-        help="stripes: maximum likelihood of numbers of exceedances; ida: moments of capacities, maximum likelihood if "
-        "some are censored; cloud: a line through ln EDP over ln IM. By default what the table's columns are for.",
+        help="stripes: maximum likelihood of numbers of exceedances; ida: moments of capacities, "
+        "maximum likelihood if some are censored; cloud: a line through ln EDP over ln IM. By "
+        "default what the table's columns are for.",
     )
     threshold: tuple[float, ...] | None = options.studies.threshold(
-        help="Drift ratios, or other demands, whose exceedance is meant; by default those of the table."
+        help="Drift ratios, or other demands, whose exceedance is meant; by default those of the "
+        "table."
     )
     by: str | None = options.option(
         type=click.Choice(["type", "building"]),
-        help="A function for each type (class) of buildings of a campaign, or for each building, and each of its "
-        "damage states: DIR is the folder of a campaign with `damage`; of buildings --threshold may be given instead.",
+        help="A function for each type (class) of buildings of a campaign, or for each building, "
+        "and each of its damage states: DIR is the folder of a campaign with `damage`; of "
+        "buildings --threshold may be given instead.",
     )
     edp_range: tuple[float, float] | None = options.option(
         type=span,
-        help="Of a cloud: demands below LOW are left out, those above HIGH known only to be above it. One may be "
-        "left out.",
+        help="Of a cloud: demands below LOW are left out, those above HIGH known only to be above "
+        "it. One may be left out.",
     )
     im: tuple[str, ...] | None = options.option(
         type=ListOf(Name()),
-        help="Intensity of a campaign's runs: sa, at the first period (by default), pga, or what `tdint campaign "
-        "--im` has found (pgv, sa:0.6, ...); of pairs the geometric mean of both components. Several are compared, by "
-        "how well they tell the largest drift: another table.",
+        help="Intensity of a campaign's runs: sa, at the first period (by default), pga, or what "
+        "`tdint campaign --im` has found (pgv, sa:0.6, ...); of pairs the geometric mean of both "
+        "components. Several are compared, by how well they tell the largest drift: another table.",
     )
     sufficiency: str | None = options.option(
         needs="--im",
         type=FileName(),
         metavar="FILE.csv",
         rare=True,
-        help="With several: characteristics of the motions (record,magnitude,...), on which what a measure leaves "
-        "should not depend. Runs under one motion count as alike, or those of one event with a column `event`.",
+        help="With several: characteristics of the motions (record,magnitude,...), on which what "
+        "a measure leaves should not depend. Runs under one motion count as alike, or those of one "
+        "event with a column `event`.",
     )
     beta_model: float = options.option(
         type=Number(0.0, 10.0),
         default=0.0,
         metavar="BETA",
         rare=True,
-        help="Standard deviation (of the logarithm) of what is not known of the model: adds the column beta_total, the "
-        "root of the sum of squares.",
+        help="Standard deviation (of the logarithm) of what is not known of the model: adds the "
+        "column beta_total, the root of the sum of squares.",
     )
 
 
@@ -109,24 +114,26 @@ class Request:
     "tdint fragility stripes.csv -o curve.csv --plot",
 )
 @options.output.to_files(
-    picture="Also draw functions, observations and confidence bands, to this file (.png, .pdf, .svg) or beside -o "
-    "under its name.",
+    picture="Also draw functions, observations and confidence bands, to this file (.png, .pdf, "
+    ".svg) or beside -o under its name.",
     more=_OF_OPENQUAKE,
 )
 @options.of(Request)
 def command(request: Request) -> None:
     """Fragility functions: the probability of exceedance over intensity.
 
-    TABLE.csv has the columns im,collapses,records (stripes), capacity[,censored] (ida) or im,edp[,censored] (cloud). It
-    may have threshold, im_name, unit; - is standard input. DIR is a folder of `tdint ida` or `tdint campaign`; --by
-    type fits the types of buildings of a campaign's damage states. CSV: median theta and dispersion beta of a lognormal
-    distribution for each threshold, with the standard errors of ln theta and beta: by leaving out ground motions, or
-    events where these are known; of tables that tell neither from the information matrix. The picture has 95 %
-    confidence bands by the delta method.
+    TABLE.csv has the columns im,collapses,records (stripes), capacity[,censored] (ida) or
+    im,edp[,censored] (cloud). It may have threshold, im_name, unit; - is standard input. DIR is a
+    folder of `tdint ida` or `tdint campaign`; --by type fits the types of buildings of a campaign's
+    damage states. CSV: median theta and dispersion beta of a lognormal distribution for each
+    threshold, with the standard errors of ln theta and beta: by leaving out ground motions, or
+    events where these are known; of tables that tell neither from the information matrix. The
+    picture has 95 % confidence bands by the delta method.
 
-    With several measures of --im no function is fitted: CSV, from the best on, the line of ln drift over ln IM of the
-    runs that ended, beta about it (efficiency), beta over the slope (proficiency), and for each characteristic the
-    slope of what is left with its p-value (sufficiency).
+    With several measures of --im no function is fitted: CSV, from the best on, the line of ln drift
+    over ln IM of the runs that ended, beta about it (efficiency), beta over the slope
+    (proficiency), and for each characteristic the slope of what is left with its p-value
+    (sufficiency).
     """
     several = bool(request.im and len(request.im) > 1)
     refuse_idle(_COMPARE if several else _FIT, MODES)
@@ -146,13 +153,14 @@ def _compare(request: Request) -> None:
     request.outputs.deliver(tables.studies.comparison_of_measures(fits))
     best = fits[0]
     say(
-        f"{best.im} leaves the least: beta {best.beta:.3g} about its line, {how_many(best.runs, 'run')}; "
-        f"{best.left_out} left out."
+        f"{best.im} leaves the least: beta {best.beta:.3g} about its line, "
+        f"{how_many(best.runs, 'run')}; {best.left_out} left out."
     )
     for slope in best.dependences:
         if slope.p_value < SIGNIFICANT:
             say(
-                f"What it leaves depends on {slope.characteristic}: slope {slope.slope:.3g}, p {slope.p_value:.2g}."
+                f"What it leaves depends on {slope.characteristic}: slope {slope.slope:.3g}, p "
+                f"{slope.p_value:.2g}."
             )
 
 
@@ -169,7 +177,8 @@ def _fragility(request: Request) -> None:
         raise UsageError("--states is not for --by type: the states are those of the campaign")
     if by and request.states and not request.threshold:
         raise UsageError(
-            "--states names thresholds: give --threshold, or leave it out for the states of the campaign"
+            "--states names thresholds: give --threshold, or leave it out for the states of the "
+            "campaign"
         )
     if request.edp_range is not None and request.fit not in (None, "cloud"):
         raise UsageError("--edp-range is for --fit cloud")

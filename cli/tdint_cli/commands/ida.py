@@ -57,8 +57,8 @@ class IdaRequest(RecordsRequest):
     im: str = options.studies.option(
         type=_Measure(_measures),
         default="sa",
-        help="Intensity measure: Sa at a period (by default), PGA, PGV, Sa_avg, the geometric mean of Sa about a "
-        "period, Arias intensity or CAV.",
+        help="Intensity measure: Sa at a period (by default), PGA, PGV, Sa_avg, the geometric "
+        "mean of Sa about a period, Arias intensity or CAV.",
     )
     period: float | None = options.studies.option(
         needs="--im sa or sa-avg",
@@ -66,7 +66,8 @@ class IdaRequest(RecordsRequest):
         help="Period of sa and sa-avg; by default T1, the first one of the building.",
     )
     pairs: PairWish | None = options.studies.pairs(
-        "Take the two horizontal components of a motion together: both are run, at levels of this measure."
+        "Take the two horizontal components of a motion together: both are run, at levels of this "
+        "measure."
     )
     damping: float = options.studies.damping("--im sa or sa-avg")
     max_im: Units | None = options.studies.option(
@@ -85,16 +86,16 @@ class IdaRequest(RecordsRequest):
         help="Drift ratio over which the building has collapsed; by default the model's.",
     )
     threshold: tuple[float, ...] | None = options.studies.threshold(
-        help="Drift ratios whose capacities are told beside that of collapse; by default the medians of the model's "
-        "damage states by drift_ratio, else 1%,2%,4%."
+        help="Drift ratios whose capacities are told beside that of collapse; by default the "
+        "medians of the model's damage states by drift_ratio, else 1%,2%,4%."
     )
     after: str | None = options.option(
         needs="--damage",
         type=FileName(),
         metavar="MAIN",
         rare=True,
-        help="Do the same once more for the building that this mainshock has damaged: each RECORD is an aftershock, "
-        "which finds it at rest.",
+        help="Do the same once more for the building that this mainshock has damaged: each RECORD "
+        "is an aftershock, which finds it at rest.",
     )
     damage: tuple[float, ...] | None = options.option(
         needs="--after",
@@ -113,12 +114,12 @@ class IdaRequest(RecordsRequest):
     )
     output: str | None = options.output.output(
         "DIR",
-        f"Write {RUNS}, {CAPACITIES} and {SUMMARY} into this folder, and go on there with what an interrupted call of "
-        "the same kind left.",
+        f"Write {RUNS}, {CAPACITIES} and {SUMMARY} into this folder, and go on there with what an "
+        "interrupted call of the same kind left.",
     )
     plot: str | None = options.output.plot(
-        "Also draw all curves with fractiles and capacities, to this file (.png, .pdf, .svg), or alone as ida.png "
-        "into the folder of -o."
+        "Also draw all curves with fractiles and capacities, to this file (.png, .pdf, .svg), or "
+        "alone as ida.png into the folder of -o."
     )
     output_units: OutputUnits | None = options.output.units
     overwrite: bool = options.output.overwrite
@@ -143,17 +144,20 @@ class IdaRequest(RecordsRequest):
 def command(request: IdaRequest) -> None:
     """Incremental dynamic analysis: drift over intensity, up to collapse.
 
-    MODEL.yaml is a model file, RECORD a file, or a folder for all records in it; all horizontal components are taken,
-    each for itself, unless --component names one. Every record is scaled up by 1.5 until the building collapses, its
-    capacity bracketed, the curve filled where the drift changes by more than 20 %, and two levels tried above the
-    collapse, where a building may stand again (resurrection). A run that does not converge or diverges is repeated with
-    half the step, up to three times, and counts neither as standing nor as collapse if that does not help.
+    MODEL.yaml is a model file, RECORD a file, or a folder for all records in it; all horizontal
+    components are taken, each for itself, unless --component names one. Every record is scaled up
+    by 1.5 until the building collapses, its capacity bracketed, the curve filled where the drift
+    changes by more than 20 %, and two levels tried above the collapse, where a building may stand
+    again (resurrection). A run that does not converge or diverges is repeated with half the step,
+    up to three times, and counts neither as standing nor as collapse if that does not help.
 
-    With --after and --damage the tables have a column damage, 0 for the intact building; `tdint fragility` fits each
-    state for itself. Drifts are then the largest in the aftershock, counted from where the building stood at first.
+    With --after and --damage the tables have a column damage, 0 for the intact building; `tdint
+    fragility` fits each state for itself. Drifts are then the largest in the aftershock, counted
+    from where the building stood at first.
 
-    CSV of the capacities on standard output, or with -o a folder: one row per record and drift threshold, the collapse
-    drift last. The same call again goes on where it was interrupted; --overwrite begins anew.
+    CSV of the capacities on standard output, or with -o a folder: one row per record and drift
+    threshold, the collapse drift last. The same call again goes on where it was interrupted;
+    --overwrite begins anew.
     """
     from tdint.analysis.spectra.elastic import first_mode
     from tdint.campaign.ida import IdaSettings, ida
@@ -316,19 +320,21 @@ def _report(study: IdaStudy, precision: float) -> None:
     finer = sum(run.finer > 0 and (run.stable or run.collapsed) for run in runs)
     if finer:
         note(
-            f"{how_many(finer, 'run')} repeated with a finer step, for want of a result with the first one"
+            f"{how_many(finer, 'run')} repeated with a finer step, for want of a result with the "
+            "first one"
         )
     again = sum(curve.resurrection for curve in study.curves)
     if again:
         note(
-            f"the building stands again at a level tried above its first collapse under {again} of {len(study.curves)} "
-            "records"
+            f"the building stands again at a level tried above its first collapse under {again} of "
+            f"{len(study.curves)} records"
         )
     # What the capacities must not be taken for
     lost = sum(not (run.stable or run.collapsed) for run in runs)
     if lost:
         warn(
-            f"{lost} of {len(runs)} runs have no result, also with a finer step; they count neither way"
+            f"{lost} of {len(runs)} runs have no result, also with a finer step; they count "
+            "neither way"
         )
     capacities = [curve.collapse for curve in study.curves if not curve.collapse.censored]
     wide = sum(
@@ -337,12 +343,14 @@ def _report(study: IdaStudy, precision: float) -> None:
     )
     if wide:
         warn(
-            f"{wide} of {len(capacities)} capacities are bracketed less closely than {100.0 * precision:g} %"
+            f"{wide} of {len(capacities)} capacities are bracketed less closely than "
+            f"{100.0 * precision:g} %"
         )
     off = sum(abs(run.energy_error) > _OFF_BALANCE for run in runs if run.stable)
     if off:
         warn(
-            f"the energy balance of {off} of {len(runs)} runs is off by more than 1 %: use a smaller step"
+            f"the energy balance of {off} of {len(runs)} runs is off by more than 1 %: use a "
+            "smaller step"
         )
 
 
@@ -366,5 +374,8 @@ def _median(study: IdaStudy) -> str:
     state = f", damaged to {100.0 * damage:g} %" if damage else ""
     text = f"Median capacity against collapse{state}: {capacity}"
     if count > 1 and low == low and high == high:
-        text += f", 16 and 84 %: {low:.4g} and {high:.4g} (by rank; the median of `tdint fragility` is a geometric mean)"
+        text += (
+            f", 16 and 84 %: {low:.4g} and {high:.4g} (by rank; the median of `tdint fragility` is "
+            "a geometric mean)"
+        )
     return text + (f"; {censored} of {count} censored." if censored else ".")

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tdint.data import dataclass
 from tdint.errors import TdintError, UsageError
 from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
@@ -74,9 +73,9 @@ _EXPORT = options.output.option(
     "--export",
     type=FileName(written=True),
     callback=options.output.refuse_empty,
-    help="Also write the motions as they are after all that is done, to this .mseed or .csv file; acceleration, "
-    "velocity and displacement: all components as MiniSEED in SI units, or one as CSV; what they are and what was done "
-    "stands in a JSON file beside.",
+    help="Also write the motions as they are after all that is done, to this .mseed or .csv file; "
+    "acceleration, velocity and displacement: all components as MiniSEED in SI units, or one as "
+    "CSV; what they are and what was done stands in a JSON file beside.",
 )
 
 
@@ -88,7 +87,8 @@ _EXPORT = options.output.option(
 )
 @options.record.of_records
 @options.output.to_files(
-    "Write the table to this file instead of standard output, and what the records are to a JSON file beside it.",
+    "Write the table to this file instead of standard output, and what the records are to a JSON "
+    "file beside it.",
     picture=options.output.PICTURE,
     more=[_EXPORT],
 )
@@ -96,12 +96,14 @@ _EXPORT = options.output.option(
 def command(request: Request) -> None:
     """What ground-motion records are and how strong.
 
-    RECORD is a file, or a folder for all records in it, - is standard input; all components are taken unless
-    --component names one. CSV, a row each: samples, units and how they are known, peak acceleration,
-    velocity and displacement (from rest, nothing corrected), Arias intensity and its significant durations, cumulative
-    absolute velocity, Housner's spectrum intensity (5 % damping, 0.1 to 2.5 s), zeros at the ends, and notes on what
-    was assumed or looks wrong. The measures are exact for a ground motion that is linear between its samples. The
-    picture shows the first components. A record that fails does not keep the others from being done.
+    RECORD is a file, or a folder for all records in it, - is standard input; all components are
+    taken unless
+    --component names one. CSV, a row each: samples, units and how they are known, peak
+    acceleration, velocity and displacement (from rest, nothing corrected), Arias intensity and its
+    significant durations, cumulative absolute velocity, Housner's spectrum intensity (5 % damping,
+    0.1 to 2.5 s), zeros at the ends, and notes on what was assumed or looks wrong. The measures are
+    exact for a ground motion that is linear between its samples. The picture shows the first
+    components. A record that fails does not keep the others from being done.
     """
     from tdint.ground_motion.reading.suites import records_of
     from tdint.output.summary import table_summary
@@ -125,7 +127,8 @@ def command(request: Request) -> None:
                 products.append(outcome)
                 notes |= dict.fromkeys(outcome.changes)
                 warnings |= dict.fromkeys(outcome.warnings)
-    # One table and one picture of all components; the picture has no room for more than the first ones.
+    # One table and one picture of all components; the picture has no room for more than the first
+    # ones.
     infos = [info for product in products for info in product.infos]
     if products:
         notes |= dict.fromkeys(_export(request, products))
@@ -184,8 +187,8 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
     if file.suffix.lower() == _MSEED:
         if len({record.dt for record in motions}) > 1:
             raise UsageError(
-                f"--export {request.export[:60]}: the records have different sampling intervals, with which no program "
-                "reads a file: export them one by one, or give --resample"
+                f"--export {request.export[:60]}: the records have different sampling intervals, "
+                "with which no program reads a file: export them one by one, or give --resample"
             )
         channels = channels_of(motions)
         content, notes = to_mseed(channels)
@@ -195,8 +198,8 @@ def _export(request: Request, products: Sequence[Product]) -> tuple[str, ...]:
             summary["exported_as"] = channel.id
     elif len(motions) > 1:
         raise UsageError(
-            f"--export {request.export[:60]}: a CSV file has one component, there are {len(motions)}: choose one by "
-            f"--component, or give FILE{_MSEED}, which has all"
+            f"--export {request.export[:60]}: a CSV file has one component, there are "
+            f"{len(motions)}: choose one by --component, or give FILE{_MSEED}, which has all"
         )
     else:
         units = request.outputs.shown_units

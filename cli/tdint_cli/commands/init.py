@@ -83,36 +83,40 @@ class Request:
     period: float | None = options.option(
         type=click.FloatRange(0.0, 100.0, min_open=True),
         metavar="SECONDS",
-        help="Fundamental period of equal floors on bilinear stories; 0.1 s for each story by default.",
+        help="Fundamental period of equal floors on bilinear stories; 0.1 s for each story by "
+        "default.",
     )
     weights: tuple[float, ...] | None = options.option(
         type=Written("weight,...", _weights),
-        help="Weights of the floors from the ground up, kN (kip of --units us), equal ones as 6x3900: one story each, "
-        "stiffnesses such that the first mode is a straight line with --period.",
+        help="Weights of the floors from the ground up, kN (kip of --units us), equal ones as "
+        "6x3900: one story each, stiffnesses such that the first mode is a straight line with "
+        "--period.",
     )
     from_pushover: str | None = options.option(
         type=FileName(),
         needs="--weights",
         metavar="CURVES.csv",
-        help="Fit the law of each story to its curve in this CSV file, with the columns story, drift_m and shear_N (or "
-        "in other units); says the misfit.",
+        help="Fit the law of each story to its curve in this CSV file, with the columns story, "
+        "drift_m and shear_N (or in other units); says the misfit.",
     )
     law: str = options.option(
         needs="--from-pushover",
         type=click.Choice(["bilinear", "trilinear", "multilinear"]),
         default="bilinear",
-        help="What is fitted; bilinear by default. A multilinear one has four points and may fall; none of them "
-        "pinches.",
+        help="What is fitted; bilinear by default. A multilinear one has four points and may "
+        "fall; none of them pinches.",
     )
     motion: str | None = options.option(
         metavar="NAME:PARAMETERS",
-        help="The artificial motion beside the model: sine:frequency=1.5,duration=20,pga=0.1g (Hz, s), "
-        "sweep:first=0.5,last=10,duration=40,pga=0.1g, or pulse:period=1.2,velocity=0.4 (m/s).",
+        help="The artificial motion beside the model: sine:frequency=1.5,duration=20,pga=0.1g "
+        "(Hz, s), sweep:first=0.5,last=10,duration=40,pga=0.1g, or pulse:period=1.2,velocity=0.4 "
+        "(m/s).",
     )
     structure: str | None = options.option(
         "--type",
         type=Name(_structures),
-        help="A building of this Hazus type instead, by rules: W1, S1, C1, RM1, URM, ...; with --year and --area.",
+        help="A building of this Hazus type instead, by rules: W1, S1, C1, RM1, URM, ...; with "
+        "--year and --area.",
     )
     year: int | None = options.option(
         type=click.IntRange(1000, 2200),
@@ -129,7 +133,8 @@ class Request:
     units: str = options.option(
         type=click.Choice(["si", "us"]),
         default="si",
-        help="Units of the file and of its output: kN, m, t, or kip, in and weights; si by default.",
+        help="Units of the file and of its output: kN, m, t, or kip, in and weights; si by "
+        "default.",
     )
     overwrite: bool = options.output.overwrite
 
@@ -143,9 +148,10 @@ class Request:
 def command(request: Request) -> None:
     """A first model of a building, with comments, that runs as it is.
 
-    FILE (building.yaml if there is none) gets the model; beside it lies an artificial ground motion, so that `tdint run
-    FILE` shows something until you have a record. The motion is FILE without its suffix and with -motion.txt. FILE may
-    be -, standard output: that model vibrates freely, without a record.
+    FILE (building.yaml if there is none) gets the model; beside it lies an artificial ground
+    motion, so that `tdint run FILE` shows something until you have a record. The motion is FILE
+    without its suffix and with -motion.txt. FILE may be -, standard output: that model vibrates
+    freely, without a record.
     """
     _check(request)
     if request.file == "-":
@@ -219,8 +225,8 @@ def _laws(request: Request) -> list[FittedLaw]:
         " ..." if len(fits) > _FEW else ""
     )
     say(
-        f"Misfit of the stories (root mean square over the largest shear): {listed} %; the worst is story "
-        f"{worst.story}, {100.0 * worst.misfit:.2g} %."
+        f"Misfit of the stories (root mean square over the largest shear): {listed} %; the worst "
+        f"is story {worst.story}, {100.0 * worst.misfit:.2g} %."
     )
     return [fit.law for fit in fits]
 

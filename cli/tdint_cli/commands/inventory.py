@@ -32,7 +32,8 @@ _MODELS = options.output.option(
     "--models",
     type=FileName(folder=True, written=True),
     metavar="DIR",
-    help="Also write a model file ID.yaml of each building, as `tdint run` takes it, into this folder.",
+    help="Also write a model file ID.yaml of each building, as `tdint run` takes it, into this "
+    "folder.",
 )
 
 
@@ -46,7 +47,8 @@ class Request:
     units: str = options.option(
         type=click.Choice(["ft", "m"]),
         required=True,
-        help="Unit of the file's lengths; plan areas are in its square. It must be said: ft in SimCenter's files.",
+        help="Unit of the file's lengths; plan areas are in its square. It must be said: ft in "
+        "SimCenter's files.",
     )
     rules: str = options.option(
         type=click.Choice(RULES),
@@ -56,13 +58,14 @@ class Request:
     classes: str | None = options.option(
         type=FileName(),
         needs="--rules capacity",
-        help="Classes of the rules capacity: CSV with the columns class, sd_m and sa_g, two to four rows for each, "
-        "and, if they are wanted, soft_story and degradation (true or false).",
+        help="Classes of the rules capacity: CSV with the columns class, sd_m and sa_g, two to "
+        "four rows for each, and, if they are wanted, soft_story and degradation (true or false).",
     )
     damping: str = options.option(
         type=click.Choice(["full", "mass-only"]),
         default="full",
-        help="full by default; mass-only leaves out the stiffness-proportional part, as programs do that lose it.",
+        help="full by default; mass-only leaves out the stiffness-proportional part, as programs "
+        "do that lose it.",
     )
 
 
@@ -77,15 +80,16 @@ class Request:
 def command(request: Request) -> None:
     """Shear buildings by rules from a table of buildings.
 
-    BUILDINGS.csv has a row per building, and the table has a row per story. The columns are id, NumberOfStories,
-    YearBuilt, StructureType (W1 W2 S1-S5 C1-C3 PC1 PC2 RM1 RM2 URM MH) and PlanArea (of one floor); optional are height
-    (of the whole building), seismicZone (Z4 by default), DampingRatio and DesignLevel; other columns are not read; - is
-    standard input. The rules mdof-lu are those of Lu et al. (2014, 2020) with the building types of Hazus: trilinear
+    BUILDINGS.csv has a row per building, and the table has a row per story. The columns are id,
+    NumberOfStories, YearBuilt, StructureType (W1 W2 S1-S5 C1-C3 PC1 PC2 RM1 RM2 URM MH) and
+    PlanArea (of one floor); optional are height (of the whole building), seismicZone (Z4 by
+    default), DampingRatio and DesignLevel; other columns are not read; - is standard input. The
+    rules mdof-lu are those of Lu et al. (2014, 2020) with the building types of Hazus: trilinear
     stories that pinch. CSV, one row per story.
 
-    With --rules capacity a building has the columns id, class and NumberOfStories, optional height, mass_kg (of all
-    floors; 1000 by default) and DampingRatio: its stories follow from the capacity curve of its class as in GEM's
-    vulnerability toolkit (oq-vmtk), with the period of the curve.
+    With --rules capacity a building has the columns id, class and NumberOfStories, optional height,
+    mass_kg (of all floors; 1000 by default) and DampingRatio: its stories follow from the capacity
+    curve of its class as in GEM's vulnerability toolkit (oq-vmtk), with the period of the curve.
 
     Rows that cannot be used are told together, the others are done, and the exit code is 3.
     """
@@ -116,7 +120,8 @@ def command(request: Request) -> None:
         Table.of_results(columns.INVENTORY if classes is None else columns.OF_CLASSES, derived)
     )
     say(
-        f"{len(derived)} of {len(derived) + len({fault.line for fault in faults})} buildings by the rules {rules}."
+        f"{len(derived)} of {len(derived) + len({fault.line for fault in faults})} buildings by "
+        f"the rules {rules}."
     )
     # A column that is wrong throughout has as many faults as rows.
     if len(faults) > _SHOWN:
@@ -143,7 +148,8 @@ def _model_files(
         name = building.row.id
         if not _FILE_NAME.fullmatch(name):
             raise UsageError(
-                f"the id {name!r} does not make a file name; --models needs ids of letters, digits, -, _ and ."
+                f"the id {name!r} does not make a file name; --models needs ids of letters, "
+                "digits, -, _ and ."
             )
         files[Path(folder) / f"{name}.yaml"] = model_text(name, building.building, rules).encode()
     return files

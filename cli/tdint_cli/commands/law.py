@@ -42,8 +42,8 @@ class Request:
     drifts: tuple[DriftSize, ...] | None = options.option(
         "--drift",
         type=ListOf(drift_size, once=False),
-        help="Amplitudes, one after the other: drift ratios (0.02 or 2%), lengths with their unit (20mm; m, cm, mm, "
-        "in, ft), or multiples of the yield drift (4dy).",
+        help="Amplitudes, one after the other: drift ratios (0.02 or 2%), lengths with their unit "
+        "(20mm; m, cm, mm, in, ft), or multiples of the yield drift (4dy).",
     )
     cycles: int | None = options.option(
         type=Count(min=1), help="Cycles of each amplitude; 1 by default."
@@ -53,8 +53,8 @@ class Request:
     )
     path: str | None = options.option(
         type=FileName(),
-        help="Any path of drifts in place of --drift, --cycles and --points: a CSV file with a column drift_m, - is "
-        "standard input.",
+        help="Any path of drifts in place of --drift, --cycles and --points: a CSV file with a "
+        "column drift_m, - is standard input.",
     )
     units: str | None = options.option(
         needs="--path",
@@ -74,16 +74,18 @@ class Request:
 def command(request: Request) -> None:
     """Cyclic test of one story: its force over imposed cycles of drift.
 
-    The story starts at rest; each cycle goes to the amplitude, to the same drift on the other side, and back to zero,
-    as in a slow test in a laboratory. Nothing else of the building and no time takes part. MODEL.yaml is a model file,
-    - is standard input. With --path it goes straight to each drift of a file, one row for each. CSV, one row per point:
-    drift; the story's shear as `tdint run` reports it, without dashpots, damping and P-delta; the same with the model's
-    P-delta (without p_delta in the model, equal); the law's tangent stiffness on the way to the point; the energy that
-    it stores and has dissipated. drift_ratio is empty without a height.
+    The story starts at rest; each cycle goes to the amplitude, to the same drift on the other side,
+    and back to zero, as in a slow test in a laboratory. Nothing else of the building and no time
+    takes part. MODEL.yaml is a model file,
+    - is standard input. With --path it goes straight to each drift of a file, one row for each.
+      CSV, one row per point: drift; the story's shear as `tdint run` reports it, without dashpots,
+      damping and P-delta; the same with the model's P-delta (without p_delta in the model, equal);
+      the law's tangent stiffness on the way to the point; the energy that it stores and has
+      dissipated. drift_ratio is empty without a height.
 
-    For the last cycle of each amplitude standard error tells the forces at its ends, the slope between these (secant
-    stiffness), the energy dissipated, and the equivalent viscous damping ratio, energy / (4 pi secant stiffness drift^2
-    / 2).
+    For the last cycle of each amplitude standard error tells the forces at its ends, the slope
+    between these (secant stiffness), the energy dissipated, and the equivalent viscous damping
+    ratio, energy / (4 pi secant stiffness drift^2 / 2).
     """
     if request.path is None and not request.drifts:
         raise UsageError("no drift: give --drift, or a path of drifts by --path")
@@ -133,14 +135,15 @@ def _report(test: CyclicTest, cycles: Sequence[Cycle], units: OutputUnits) -> No
         path = test.path
         say(
             f"{how_many(path.drift.size, 'drift')} from {units.of(path.drift.min(), 'm'):.4g} to "
-            f"{units.text(path.drift.max(), 'm')}, forces from {units.of(path.shear.min(), 'N'):.4g} to "
-            f"{units.text(path.shear.max(), 'N')}, {units.text(path.dissipated[-1], 'J')} dissipated."
+            f"{units.text(path.drift.max(), 'm')}, forces from "
+            f"{units.of(path.shear.min(), 'N'):.4g} to {units.text(path.shear.max(), 'N')}, "
+            f"{units.text(path.dissipated[-1], 'J')} dissipated."
         )
         return
     length, force, slope, energy = (units.unit(si)[0] for si in ("m", "N", "N/m", "J"))
     header = (
-        f"cycle,drift ({length}),ratio,ductility,force + ({force}),force - ({force}),secant ({slope}),"
-        f"dissipated ({energy}),damping ratio"
+        f"cycle,drift ({length}),ratio,ductility,force + ({force}),force - ({force}),secant "
+        f"({slope}),dissipated ({energy}),damping ratio"
     )
     rows = [tuple(header.split(","))]
     for cycle in cycles:

@@ -43,12 +43,14 @@ class MatchRequest(RecordsRequest):
 
     output: str | None = options.output.output(
         "DIR",
-        f"Write {MATCHED} and each motion, under its record's name, into this folder, which is made.",
+        f"Write {MATCHED} and each motion, under its record's name, into this folder, which is "
+        "made.",
     )
     target: str = options.option(
         required=True,
         metavar="SPECTRUM",
-        help="The spectrum to match: a CSV file, or a design spectrum such as asce7:sds=1,sd1=0.6,tl=8.",
+        help="The spectrum to match: a CSV file, or a design spectrum such as "
+        "asce7:sds=1,sd1=0.6,tl=8.",
     )
     range: tuple[float, float] = options.option(
         type=span, default="0.05:4", help="Periods over which it is matched, s; 0.05:4 by default."
@@ -62,14 +64,15 @@ class MatchRequest(RecordsRequest):
     pairs: PairWish | None = options.option(
         type=PairsType((PAIR,)),
         metavar=f"{PAIR}[,NAMES]",
-        help="Change the two horizontal components of a motion together until their RotD100 is the target. Files of a "
-        "pair are named alike but for the component, or as NAMES says: '{}_a.txt,{}_b.txt'.",
+        help="Change the two horizontal components of a motion together until their RotD100 is "
+        "the target. Files of a pair are named alike but for the component, or as NAMES says: "
+        "'{}_a.txt,{}_b.txt'.",
     )
     suite: str = options.option(
         type=click.Choice(SUITES),
         default=SUITES[0],
-        help="each (by default): all motions to the target. mean: their mean to it, each to its own scaled spectrum "
-        "times target over mean, so that their scatter is kept.",
+        help="each (by default): all motions to the target. mean: their mean to it, each to its "
+        "own scaled spectrum times target over mean, so that their scatter is kept.",
     )
     within: float = options.option(
         type=Ratio(0.0, 1.0, min_open=True),
@@ -79,8 +82,8 @@ class MatchRequest(RecordsRequest):
     )
     require: bool = options.option(help="Exit with 5 where a misfit stays above --within.")
     plot: str | None = options.output.plot(
-        f"Also draw spectra and histories of the first motion beside its scaled seed: to this file, or as {PICTURE} "
-        "into the folder."
+        "Also draw spectra and histories of the first motion beside its scaled seed: to this file, "
+        f"or as {PICTURE} into the folder."
     )
     overwrite: bool = options.output.overwrite
 
@@ -96,10 +99,11 @@ class MatchRequest(RecordsRequest):
 def command(request: MatchRequest) -> None:
     """Ground motions whose spectra are a target's, by the least change.
 
-    RECORD is a file, or a folder for all records in it; all horizontal components are taken unless --component names
-    one, or together with --pairs. Each motion is scaled once and then changed as little as it can be, where it is
-    strong, so that the largest response at each period is the target. The table has the misfit at 1000 periods and what
-    became of the motion, beside its scaled seed. A motion that would be worse than its scaled seed is left as that.
+    RECORD is a file, or a folder for all records in it; all horizontal components are taken unless
+    --component names one, or together with --pairs. Each motion is scaled once and then changed as
+    little as it can be, where it is strong, so that the largest response at each period is the
+    target. The table has the misfit at 1000 periods and what became of the motion, beside its
+    scaled seed. A motion that would be worse than its scaled seed is left as that.
     """
     from tdint.analysis.matching import match, match_suite
     from tdint.analysis.spectra.target import read_target
@@ -144,7 +148,8 @@ def command(request: MatchRequest) -> None:
         say(repr(matched)[1:-1] + ".")
         warn(*_doubts(matched, request.within))
     note(
-        "codes ask for more of a suite than a fit: numbers of motions, their sources, what near-fault pulses are"
+        "codes ask for more of a suite than a fit: numbers of motions, their sources, what "
+        "near-fault pulses are"
     )
     if request.suite == "mean":
         say(_of_mean(matches, target))
@@ -200,9 +205,9 @@ def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:
     off = np.mean(after, axis=0) / target.at(matches[0].periods) - 1.0
     scatter = [float(np.mean(np.std(np.log(psa), axis=0, ddof=1))) for psa in (before, after)]
     return (
-        f"The mean of {len(matches)} is off the target by {100.0 * np.max(np.abs(off)):.2g} % at most, "
-        f"{100.0 * np.mean(np.abs(off)):.2g} % in the mean; scatter of ln Sa {scatter[0]:.3f} before, {scatter[1]:.3f} "
-        "after."
+        f"The mean of {len(matches)} is off the target by {100.0 * np.max(np.abs(off)):.2g} % at "
+        f"most, {100.0 * np.mean(np.abs(off)):.2g} % in the mean; scatter of ln Sa "
+        f"{scatter[0]:.3f} before, {scatter[1]:.3f} after."
     )
 
 
@@ -214,7 +219,8 @@ def _doubts(matched: Match, within: float) -> list[str]:
         doubts.append(f"{subject}: the misfit stays at {100.0 * matched.largest_misfit:.2g} %")
     if matched.change > _WHOLE:
         doubts.append(
-            f"{subject}: the change is {matched.change:.2g} times the motion itself: choose another one"
+            f"{subject}: the change is {matched.change:.2g} times the motion itself: choose "
+            "another one"
         )
     for part in matched.parts:
         after, before = part.measures

@@ -24,9 +24,10 @@ def command(names: tuple[str, ...], references: bool, bibtex: bool) -> None:
 
     If in doubt: impulse4, which is taken where none is named.
 
-    CSV on standard output: name, family, parameters with their values (the defaults, or those of SPEC) and ranges.
-    Then, at these values, the order for a smooth load, whether the method is implicit, the largest stable omega dt
-    without damping (none: stable at any step) and the spectral radius for omega dt to infinity.
+    CSV on standard output: name, family, parameters with their values (the defaults, or those of
+    SPEC) and ranges. Then, at these values, the order for a smooth load, whether the method is
+    implicit, the largest stable omega dt without damping (none: stable at any step) and the
+    spectral radius for omega dt to infinity.
     """
     from tdint.methods.catalogue import chosen
     from tdint.output.tables.methods import method_table, reference_table

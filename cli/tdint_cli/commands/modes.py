@@ -34,24 +34,25 @@ MODES = (
 @options.option(
     "--shapes",
     type=click.Choice(["roof", "participation"]),
-    help="Also a column for each floor with its ordinate: 1 at the roof, or such that the participation factor is 1 "
-    "(the sum over all modes is 1 at each floor then).",
+    help="Also a column for each floor with its ordinate: 1 at the roof, or such that the "
+    "participation factor is 1 (the sum over all modes is 1 at each floor then).",
 )
 @options.studies.target(
     "The peaks of the stories under a design spectrum, by modes, in place of the modes"
 )
 @options.output.to_files(
-    picture="Also draw the shapes of the first modes, or the peaks of the stories, to this file (.png, .pdf, .svg) or "
-    "beside -o.",
+    picture="Also draw the shapes of the first modes, or the peaks of the stories, to this file "
+    "(.png, .pdf, .svg) or beside -o.",
     page=True,
 )
 def command(model: str, shapes: str | None, target: str | None, outputs: Outputs) -> None:
     """Periods, damping ratios, modal masses and shapes of a building.
 
-    CSV, one row per undamped mode of the initial stiffness: period, frequency, damping ratio, participation factor of
-    the shape with unit roof displacement, effective modal mass over the total mass, and its sum so far. MODEL.yaml is a
-    model file, - is standard input. With --target one row per story: drifts, shears and displacements of the linear
-    building under a design spectrum, modal peaks combined by SRSS and CQC; accelerations of and forces on the floors,
+    CSV, one row per undamped mode of the initial stiffness: period, frequency, damping ratio,
+    participation factor of the shape with unit roof displacement, effective modal mass over the
+    total mass, and its sum so far. MODEL.yaml is a model file, - is standard input. With --target
+    one row per story: drifts, shears and displacements of the linear building under a design
+    spectrum, modal peaks combined by SRSS and CQC; accelerations of and forces on the floors,
     overturning moments; the JSON beside -o has the share of each mode.
     """
     refuse_idle(_OF_BUILDING if target is None else _PEAKS, MODES)
@@ -77,7 +78,8 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
         note("the damping couples the modes; each ratio is that of the mode moving alone")
     if building.isolators:
         note(
-            "these are before the isolators yield; `tdint run --report` has the period at their peak drift"
+            "these are before the isolators yield; `tdint run --report` has the period at their "
+            "peak drift"
         )
 
 
@@ -100,7 +102,10 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
             )
     # Which damping stands in the numbers, and which of the model does not.
     damping, ratio = result.target.damping, assemble(model).first_mode()[1]
-    noted = f"the target spectrum stands for every mode{f', at {100.0 * damping:g} % damping' if damping else ''}; "
+    noted = (
+        "the target spectrum stands for every "
+        f"mode{f', at {100.0 * damping:g} % damping' if damping else ''}; "
+    )
     noted += f"the model's own damping, {100.0 * ratio:.3g} % in the first mode, is ignored"
 
     def page() -> bytes:
@@ -135,7 +140,8 @@ def _peak_words(result: ModalResponse, units: OutputUnits) -> str:
     roof = units.text(float(result.displacement_cqc[-1]), "m")
     share = 100.0 * result.base_shear[0] ** 2 / float((result.base_shear**2).sum())
     return (
-        f"{result.model.name}, linear with its initial stiffness, under {result.target.source}: base shear {cqc} by "
-        f"CQC, {srss} by SRSS, {share:.3g} % of its square from the first mode; roof {roof}."
+        f"{result.model.name}, linear with its initial stiffness, under {result.target.source}: "
+        f"base shear {cqc} by CQC, {srss} by SRSS, {share:.3g} % of its square from the first "
+        f"mode; roof {roof}."
         + (" All modes are in it: no mass is missing." if not result.left_out else "")
     )

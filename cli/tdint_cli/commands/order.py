@@ -32,7 +32,8 @@ _RATIOS = Grid(0.2, 5.0, 15)
     "--load",
     type=click.Choice(["free", "harmonic", "record"]),
     default="harmonic",
-    help="Free vibration, a harmonic force (default), or a ground motion that is linear between its samples.",
+    help="Free vibration, a harmonic force (default), or a ground motion that is linear between "
+    "its samples.",
 )
 @options.option(
     "--law",
@@ -45,16 +46,16 @@ _RATIOS = Grid(0.2, 5.0, 15)
     needs="--load harmonic",
     type=grid(0.01, 10.0),  # with 10 there are five coarsest steps to a period of the load
     metavar="FIRST:LAST:COUNT",
-    help="Frequency of the harmonic force over the natural frequency in equal ratios, both ends included, or a single "
-    f"ratio; {_RATIOS} by default.",
+    help="Frequency of the harmonic force over the natural frequency in equal ratios, both ends "
+    f"included, or a single ratio; {_RATIOS} by default.",
 )
 @options.option(
     "--stride",
     needs="--load record",
     type=Count(1, 1024),
     default=1,
-    help="Samples of the record in the coarsest step, a power of 2: 1 by default, so that no step is longer than a "
-    "sampling interval.",
+    help="Samples of the record in the coarsest step, a power of 2: 1 by default, so that no step "
+    "is longer than a sampling interval.",
 )
 @options.output.to_files(picture=options.output.PICTURE, in_units=False)
 def command(
@@ -67,16 +68,18 @@ def command(
 ) -> None:
     """Observed order of methods, from their errors over halved steps.
 
-    An oscillator of period T = 1 s and damping ratio 0.02 starts from a displacement and a velocity and is integrated
-    over 4 s with the steps 0.02, 0.01, 0.005, 0.0025 and 0.00125 s. The samples of the record are 0.02 s apart, or with
-    --stride so many times closer: noise up to 10 Hz, of which a step takes the impulse and the first moment. The errors
-    are the largest ones at every 0.02 s over the largest value, against the exact motion or SciPy's DOP853 at a
-    tolerance of 1e-13. CSV: the slopes of the errors over the step, by regression over the finest three that are not
-    rounding (empty if there are not two), and the displacement's error with the finest step, 0.00125 s.
+    An oscillator of period T = 1 s and damping ratio 0.02 starts from a displacement and a velocity
+    and is integrated over 4 s with the steps 0.02, 0.01, 0.005, 0.0025 and 0.00125 s. The samples
+    of the record are 0.02 s apart, or with
+    --stride so many times closer: noise up to 10 Hz, of which a step takes the impulse and the
+    first moment. The errors are the largest ones at every 0.02 s over the largest value, against
+    the exact motion or SciPy's DOP853 at a tolerance of 1e-13. CSV: the slopes of the errors over
+    the step, by regression over the finest three that are not rounding (empty if there are not
+    two), and the displacement's error with the finest step, 0.00125 s.
 
-    The acceleration is that of equilibrium, as `tdint run` reports it. The own acceleration is what a method carries
-    from step to step, empty for one that carries none and with --stride. Without a frequency of the load there is one
-    row per method.
+    The acceleration is that of equilibrium, as `tdint run` reports it. The own acceleration is what
+    a method carries from step to step, empty for one that carries none and with --stride. Without a
+    frequency of the load there is one row per method.
     """
     from tdint.analysis.assessment.order import observed_order, order_problem
 

@@ -36,7 +36,8 @@ class Request(options.analysis.OscillatorRequest):
     law: str = options.analysis.option(
         type=click.Choice(["linear", "hardening", "softening"]),
         default="linear",
-        help="Restoring force: linear (default), or that of the problem of this name in `tdint failures`.",
+        help="Restoring force: linear (default), or that of the problem of this name in `tdint "
+        "failures`.",
     )
 
 
@@ -50,18 +51,20 @@ class Request(options.analysis.OscillatorRequest):
 def command(request: Request) -> None:
     """First steps of methods under a large step, and how they grow with it.
 
-    An oscillator without load starts from a displacement (u, v) = (1, 0), then from a velocity (0, 1). CSV: u / U and
-    v / (omega U) at the steps, with the amplitude U of the exact undamped motion: 1 for the first start, 1 / omega for
-    the second. The exact motion stays within -1 and 1; what lies outside is overshoot. The cells are empty after a
-    motion that ran away.
+    An oscillator without load starts from a displacement (u, v) = (1, 0), then from a velocity (0,
+    1). CSV: u / U and v / (omega U) at the steps, with the amplitude U of the exact undamped
+    motion: 1 for the first start, 1 / omega for the second. The exact motion stays within -1 and 1;
+    what lies outside is overshoot. The cells are empty after a motion that ran away.
 
-    The powers p tell how the first step grows, u ~ (omega dt)^p and dt v ~ (omega dt)^p as omega dt goes to infinity,
-    from u = 1 and from dt v = 1. They go to standard error, too, with those of the exact motion: a method overshoots
-    where its power is larger. houbolt and park start with average acceleration; theirs are the powers of that start.
+    The powers p tell how the first step grows, u ~ (omega dt)^p and dt v ~ (omega dt)^p as omega dt
+    goes to infinity, from u = 1 and from dt v = 1. They go to standard error, too, with those of
+    the exact motion: a method overshoots where its power is larger. houbolt and park start with
+    average acceleration; theirs are the powers of that start.
 
-    With --law hardening or softening the oscillator starts with the energy of the problem of that name, all of it in
-    the spring, then all of it in the mass. The columns are over the largest displacement and velocity of the exact
-    motion, T is the period of small vibrations. There are no powers; what the steps pass goes to standard error.
+    With --law hardening or softening the oscillator starts with the energy of the problem of that
+    name, all of it in the spring, then all of it in the mass. The columns are over the largest
+    displacement and velocity of the exact motion, T is the period of small vibrations. There are no
+    powers; what the steps pass goes to standard error.
     """
     from tdint.analysis.assessment.stability import STARTS, overshoot, verdict
 

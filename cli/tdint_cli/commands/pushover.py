@@ -32,13 +32,15 @@ PATTERNS = ("first-mode", "uniform", "triangular")
     "--pattern",
     type=click.Choice(PATTERNS),
     default=PATTERNS[0],
-    help="Forces on the floors: the masses times the first mode (by default), times 1, or times the height.",
+    help="Forces on the floors: the masses times the first mode (by default), times 1, or times "
+    "the height.",
 )
 @options.option(
     "--drift",
     type=drift_size,
     default="4%",
-    help="How far the roof is pushed: a ratio of the building's height (0.04 or 4%, by default) or a length (200mm).",
+    help="How far the roof is pushed: a ratio of the building's height (0.04 or 4%, by default) "
+    "or a length (200mm).",
 )
 @options.option(
     "--points",
@@ -55,12 +57,14 @@ def command(
 ) -> None:
     """Base shear of a building over its roof displacement, pushed slowly.
 
-    Forces of one pattern on the floors grow until the first story gives way, and fall as it does, to zero at the most.
-    The roof's displacement is led, through peaks and down falling branches, with the model's P-delta, without dashpots
-    and damping. MODEL.yaml is a model file, - is standard input. CSV, one row per step: displacement of the roof and
-    its ratio to the height, base shear, drifts of the stories. With --target one row per method and story: its drift
-    where a design spectrum pushes the building to, by the N2 method (EN 1998-1, annex B) and by the coefficient method
-    (ASCE 41-17, site class D, C_m 1); roof, base shear and oscillator stand on stderr and in the JSON beside -o.
+    Forces of one pattern on the floors grow until the first story gives way, and fall as it does,
+    to zero at the most. The roof's displacement is led, through peaks and down falling branches,
+    with the model's P-delta, without dashpots and damping. MODEL.yaml is a model file, - is
+    standard input. CSV, one row per step: displacement of the roof and its ratio to the height,
+    base shear, drifts of the stories. With --target one row per method and story: its drift where a
+    design spectrum pushes the building to, by the N2 method (EN 1998-1, annex B) and by the
+    coefficient method (ASCE 41-17, site class D, C_m 1); roof, base shear and oscillator stand on
+    stderr and in the JSON beside -o.
     """
     from tdint.analysis.static import pushover
     from tdint.model.config.model_file import load_model
@@ -105,7 +109,10 @@ def _page(result: Pushover, reached: Sequence[TargetDisplacement], units: Output
     shown = page_units(units)
     verdict: list[tuple[bool | None, str]] = []
     for made in reached:
-        roof = f"{made.method}: target displacement {shown.text(made.roof_displacement, 'm')} of the roof"
+        roof = (
+            f"{made.method}: target displacement {shown.text(made.roof_displacement, 'm')} of the "
+            "roof"
+        )
         verdict.append(
             (
                 False if made.notes else None,
@@ -121,13 +128,17 @@ def _reached(made: TargetDisplacement, units: OutputUnits) -> str:
     """Where a method pushes the building to, and by which oscillator, in a sentence."""
     factors = "C0 {:.4g}, C1 {:.4g}, C2 {:.4g}".format(made.participation, *made.factors)
     if made.method == "n2":
-        factors = f"participation factor {made.participation:.4g}, over the elastic displacement {made.factors[0]:.4g}"
+        factors = (
+            f"participation factor {made.participation:.4g}, over the elastic displacement "
+            f"{made.factors[0]:.4g}"
+        )
     return (
         f"{made.method}: the roof at {units.text(made.roof_displacement, 'm')}, base shear "
         f"{units.text(made.base_shear, 'N')}; T {made.period:.4g} s, Sa "
-        f"{units.text(made.spectral_acceleration, 'm/s^2')}, mass {units.text(made.mass, 'kg')}, idealized yield "
-        f"{units.text(made.yield_force, 'N')} at {units.text(made.yield_displacement, 'm')}, strength ratio "
-        f"{made.strength_ratio:.3g}, {factors}; largest drift in story {int(made.drift.argmax()) + 1}, "
+        f"{units.text(made.spectral_acceleration, 'm/s^2')}, mass {units.text(made.mass, 'kg')}, "
+        f"idealized yield {units.text(made.yield_force, 'N')} at "
+        f"{units.text(made.yield_displacement, 'm')}, strength ratio {made.strength_ratio:.3g}, "
+        f"{factors}; largest drift in story {int(made.drift.argmax()) + 1}, "
         f"{units.text(float(made.drift.max()), 'm')}."
     )
 

@@ -1,4 +1,5 @@
-"""`tdint rerun`: the command line in the JSON file beside a table, carried out again elsewhere; tables compared."""
+"""`tdint rerun`: the command line in the JSON file beside a table, carried out again elsewhere;
+tables compared."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, chdir, redirect_stdout
-from dataclasses import field
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, OutputError, UsageError
 from tdint.files import STDIN, digest_of, is_file, is_folder
 from tdint.output import tables
@@ -47,11 +47,13 @@ class Request:
         help="Also with inputs that are not those of then; they are named."
     )
     trust: bool = options.option(
-        help="Also run what may start programs: plug-ins, and style sheets with text.usetex. Read them first."
+        help="Also run what may start programs: plug-ins, and style sheets with text.usetex. Read "
+        "them first."
     )
     output: str | None = options.output.output(
         "DIR",
-        "Keep what the command writes now, in this folder: a new or an empty one. Without it nothing is kept.",
+        "Keep what the command writes now, in this folder: a new or an empty one. Without it "
+        "nothing is kept.",
         tables=False,
     )
 
@@ -69,21 +71,24 @@ class Request:
 def command(request: Request) -> None:
     """What the JSON file beside a table says, done again and compared.
 
-    The file's `arguments` are carried out in the folder that they were typed in, with the installed version; whatever
-    they write goes to another place, so that no file is replaced. DIR stands for DIR/summary.json. All CSV and
-    Parquet files are compared cell by cell, but for measured times: exit code 0 if they are the same, else 5, and a
-    table of the cells that differ goes to standard output, with 1000 of them at most. Standard error tells what was
-    compared and what was not, and versions that are others now. What a campaign has exported is exported again.
+    The file's `arguments` are carried out in the folder that they were typed in, with the installed
+    version; whatever they write goes to another place, so that no file is replaced. DIR stands for
+    DIR/summary.json. All CSV and Parquet files are compared cell by cell, but for measured times:
+    exit code 0 if they are the same, else 5, and a table of the cells that differ goes to standard
+    output, with 1000 of them at most. Standard error tells what was compared and what was not, and
+    versions that are others now. What a campaign has exported is exported again.
 
-    The inputs must be those of then, by SHA-256: models, records, tables, plug-ins. They are looked for from the folder
-    in which the command was typed, if the file still lies where it was written, and then from this one. With --changed
-    other inputs are named, and taken. A command that fails ends with its own exit code. Only commands that write
-    tables are carried out, and every file that the command line names is looked at first; plug-ins, which are Python
-    code, and style sheets that have LaTeX started need --trust.
+    The inputs must be those of then, by SHA-256: models, records, tables, plug-ins. They are looked
+    for from the folder in which the command was typed, if the file still lies where it was written,
+    and then from this one. With --changed other inputs are named, and taken. A command that fails
+    ends with its own exit code. Only commands that write tables are carried out, and every file
+    that the command line names is looked at first; plug-ins, which are Python code, and style
+    sheets that have LaTeX started need --trust.
     """
     told = _Told.read(request.file)
     folder = told.folder()
-    # Files that are not what they were are known before the work; what lies in an archive, and standard input, after.
+    # Files that are not what they were are known before the work; what lies in an archive, and
+    # standard input, after.
     digests = {
         name: digest_of(folder / name)
         for name in told.inputs
@@ -94,8 +99,8 @@ def command(request: Request) -> None:
         for name, now in digests.items()
         if now != told.inputs[name]
     }
-    # Nothing that the command line names is opened by it, nor executed, that was not read then; but a table of one
-    # record of several knows this one alone.
+    # Nothing that the command line names is opened by it, nor executed, that was not read then; but
+    # a table of one record of several knows this one alone.
     read = [os.path.realpath(folder / name) for name in told.inputs]
     for name in told.code if told.is_folder and told.file.name != SUMMARY else told.files:
         file = os.path.realpath(folder / name)
@@ -129,7 +134,8 @@ def command(request: Request) -> None:
         if not moved.summary.is_file():
             if not code:
                 raise UsageError(
-                    f"{told.file}: the command writes no file of this name; give it back the one that it had"
+                    f"{told.file}: the command writes no file of this name; give it back the one "
+                    "that it had"
                 )
             raise click.exceptions.Exit(code)
         # Inputs and plug-ins that are others, or that one of both runs alone has read
@@ -241,7 +247,8 @@ class _Told:
                 or _words(both[1][1], "words")[:1] != ["export"]
             ):
                 raise UsageError(f"{file}: `export` is no command line of `tdint campaign export`")
-        # A table's file has a suffix; a folder that was there may have been named without a / at its end.
+        # A table's file has a suffix; a folder that was there may have been named without a / at
+        # its end.
         whole = Path(output).parts
         within = file.absolute().parent.parts[-len(whole) :] == whole if whole else False
         only = isinstance(named.type, FileName) and named.type.kind == "dir"
@@ -272,8 +279,8 @@ class _Told:
         )
 
     def folder(self) -> Path:
-        """The folder that the command line was typed in: the one that its -o leads from, if the file still lies there,
-        or else the working directory; the one that has the inputs.
+        """The folder that the command line was typed in: the one that its -o leads from, if the
+        file still lies there, or else the working directory; the one that has the inputs.
 
         Raises
         ------
@@ -292,13 +299,14 @@ class _Told:
                 return place
         looked = " and ".join(dict.fromkeys(str(place) for place in places))
         raise UsageError(
-            f"{missing[0]}: an input of {self.file}, is not there, seen from {looked}; call `tdint rerun` in the "
-            "folder in which the command was typed"
+            f"{missing[0]}: an input of {self.file}, is not there, seen from {looked}; call `tdint "
+            "rerun` in the folder in which the command was typed"
         )
 
 
 def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
-    """The command of a command line and what it is given, as words, found as click finds them; nothing is carried out.
+    """The command of a command line and what it is given, as words, found as click finds them;
+    nothing is carried out.
 
     Raises
     ------
@@ -311,7 +319,8 @@ def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
         or not all(isinstance(word, str) for word in arguments)
     ):
         raise UsageError(
-            f"{file}: says no command line (`arguments`): an earlier version wrote it; call the command once more"
+            f"{file}: says no command line (`arguments`): an earlier version wrote it; call the "
+            "command once more"
         )
     context = click.get_current_context().find_root()
     group = context.command
@@ -340,7 +349,8 @@ def _files(command: click.Command, given: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _words(given: Mapping[str, Any], name: str) -> list[str]:
-    """What a parameter is given, once or several times; click has a sign of its own for what is not given."""
+    """What a parameter is given, once or several times; click has a sign of its own for what is not
+    given."""
     value = given.get(name)
     values = value if isinstance(value, list | tuple) else [value]
     return [word for word in values if isinstance(word, str)]
@@ -362,7 +372,8 @@ class _Elsewhere:
     """What it writes beside -o: the name that was typed and the one instead."""
 
     def __call__(self, parameter: str, name: str, folder: bool) -> str:
-        """The name for one that was typed: that of -o in the new place, others in folders of their own there."""
+        """The name for one that was typed: that of -o in the new place, others in folders of their
+        own there."""
         end = os.sep if folder else ""
         if parameter == "output":
             instead = self.place / _last(name)
@@ -442,7 +453,10 @@ def _judge_inputs(others: Mapping[str, str], changed: bool) -> None:
 def _otherwise(name: str, then: str | None, now: str | None) -> str:
     """What is to be said of an input that is another one."""
     if then is None or now is None:
-        return f"{name}: was {'not read' if then is None else 'read'} then, and is {'' if now else 'not '}read now"
+        return (
+            f"{name}: was {'not read' if then is None else 'read'} then, and is "
+            f"{'' if now else 'not '}read now"
+        )
     return f"{name}: is not what was read then (SHA-256 {then[:12]}..., now {now[:12]}...)"
 
 

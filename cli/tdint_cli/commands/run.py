@@ -61,18 +61,20 @@ def command(request: Request) -> None:
     """Response of a building in time: the peaks of each story.
 
     MODEL.yaml is a model file and RECORD a ground motion; one of them may be -, standard input. The
-    table of stories goes to standard output, as CSV; with -o it is written to a folder, too. The options
-    under Record belong to the record if one is given, and otherwise replace what the model says of its record;
-    --method, --dt and --duration replace what it says of the analysis. --overwrite replaces all files of an earlier
-    run: those the new one does not write are removed.
+    table of stories goes to standard output, as CSV; with -o it is written to a folder, too. The
+    options under Record belong to the record if one is given, and otherwise replace what the model
+    says of its record;
+    --method, --dt and --duration replace what it says of the analysis. --overwrite replaces all
+    files of an earlier run: those the new one does not write are removed.
 
-    With --sequence the records are shocks one after the other; the table has the stories once for each shock and once
-    for all.
+    With --sequence the records are shocks one after the other; the table has the stories once for
+    each shock and once for all.
 
-    With several records, a folder of records, several scales (--scale 0.5,1,2) or --factors the table has a row for
-    each run instead, of all horizontal components without --component. With -o it is a small campaign: runs.csv,
-    profiles.csv (mean, fractiles and largest over the motions, in each story) and campaign.sqlite, which `tdint
-    campaign status`, `export` and `merge` take; a call that was ended goes on.
+    With several records, a folder of records, several scales (--scale 0.5,1,2) or --factors the
+    table has a row for each run instead, of all horizontal components without --component. With -o
+    it is a small campaign: runs.csv, profiles.csv (mean, fractiles and largest over the motions, in
+    each story) and campaign.sqlite, which `tdint campaign status`, `export` and `merge` take; a
+    call that was ended goes on.
     """
     if request.record is not None and request.records:
         raise UsageError(
@@ -82,14 +84,15 @@ def command(request: Request) -> None:
     models = [file for file in named if file.lower().endswith((".yaml", ".yml"))]
     if models:
         raise UsageError(
-            f"{models[0]} is a model, and `tdint run` takes one: several buildings under the same records are a "
-            f"campaign, `buildings: {{models: [{', '.join([request.model, *models])}]}}` (tdint campaign FILE -o DIR)"
+            f"{models[0]} is a model, and `tdint run` takes one: several buildings under the same "
+            "records are a campaign, `buildings: {models: "
+            f"[{', '.join([request.model, *models])}]}}` (tdint campaign FILE -o DIR)"
         )
     method = request.method
     if method and "," in method and ":" not in method:
         raise UsageError(
-            f"--method {method}: `tdint run` takes one; `tdint chart {request.model} --method {method}` compares "
-            "methods, and --history of a call for each gives their histories"
+            f"--method {method}: `tdint run` takes one; `tdint chart {request.model} --method "
+            f"{method}` compares methods, and --history of a call for each gives their histories"
         )
     shocks = named if request.sequence else ()
     scale = request.scale if shocks else tuple(dict.fromkeys(request.scale or ())) or None
@@ -105,7 +108,8 @@ def command(request: Request) -> None:
         return
     if request.factors is not None and (request.scale or not named):
         raise UsageError(
-            "--factors stands in place of --scale, and is for the RECORDs that were scaled: name them"
+            "--factors stands in place of --scale, and is for the RECORDs that were scaled: name "
+            "them"
         )
     if (
         request.factors is not None
@@ -149,7 +153,8 @@ def _run(request: Request) -> None:
         from tdint.campaign.fragility.type_states import own_type
 
         own_type(model)  # refused now, not after the run
-    # The records of a sequence, each with its factor or all with one; else that of the model, if there is one
+    # The records of a sequence, each with its factor or all with one; else that of the model, if
+    # there is one
     factors = request.scale or (1.0,)
     shocks = []
     for number, file in enumerate(request.shocks):
@@ -215,7 +220,8 @@ def _run(request: Request) -> None:
 
 
 def _judged(response: Response, limit: float | None) -> tuple[bool, str] | None:
-    """Whether the largest drift ratio of a run keeps a limit, and the sentence on it; None where there is none.
+    """Whether the largest drift ratio of a run keeps a limit, and the sentence on it; None where
+    there is none.
 
     Raises
     ------
@@ -327,7 +333,8 @@ def _files(
         )
         if judged := _judged(response, request.limit):
             verdict = (judged[0], kept_words(judged[0]) + judged[1])
-        # What changes the meaning of a number: a collapse, what is odd about the record, what the run warns of
+        # What changes the meaning of a number: a collapse, what is odd about the record, what the
+        # run warns of
         warnings = [_collapsed(response, response.collapse)] if response.collapse else []
         if response.record is not None:
             warnings += [f"{response.record.source}: {text}" for text in response.record.warnings]
@@ -355,8 +362,8 @@ def _thinned(response: Response) -> Response:
 
 
 def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]) -> None:
-    """Write the files of this run, and in its folder last the summary, which lists those beside it: with --overwrite
-    what an earlier one lists is removed."""
+    """Write the files of this run, and in its folder last the summary, which lists those beside it:
+    with --overwrite what an earlier one lists is removed."""
     from tdint.output.run_summary import UNITS
     from tdint.output.summary import listed_files
 
@@ -426,8 +433,8 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         dts = " and ".join(f"{dt:.6g}" for dt in check.dts)
         source = f"from {'runs' if several else 'a run'} of {method} with dt {dts} s"
         lines.append(
-            f"Largest estimated error of a peak drift: {100.0 * check.drift_error:.2g} % (story {check.drift_story}), "
-            f"{source}."
+            f"Largest estimated error of a peak drift: {100.0 * check.drift_error:.2g} % (story "
+            f"{check.drift_story}), {source}."
         )
         # Only where it differs in the digits that are told
         nearer = check.corrected and _largest(response.model, check.corrected, units, page)
@@ -437,7 +444,8 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
 
 
 def _largest(model: Model, stories: StoryPeaks, units: OutputUnits, page: bool = False) -> str:
-    """The largest demands of a run; on a page the base shear with and without viscous forces, whatever damps."""
+    """The largest demands of a run; on a page the base shear with and without viscous forces,
+    whatever damps."""
     from tdint.analysis.run.demands import demands
 
     largest = demands(stories)
@@ -483,15 +491,24 @@ def _damage(response: Response, units: OutputUnits) -> str:
         if probability >= _TOLD
     )
     loss = f"; mean loss ratio {damage.loss[0]:.3g}" if states.losses else ""
-    return f"Damage by {states.demand.replace('_', ' ')} {value}: {damage.state[0]} ({', '.join(shares)}){loss}."
+    return (
+        f"Damage by {states.demand.replace('_', ' ')} {value}: {damage.state[0]} "
+        f"({', '.join(shares)}){loss}."
+    )
 
 
 def _chosen(response: Response, choice: StepChoice) -> str:
     """The step that was chosen, and what it costs."""
-    line = f"Step chosen for peak drifts within {100.0 * choice.tolerance:g} %, from {how_many(choice.runs, 'run')}: "
+    line = (
+        f"Step chosen for peak drifts within {100.0 * choice.tolerance:g} %, from "
+        f"{how_many(choice.runs, 'run')}: "
+    )
     line += f"{response.dt:.6g} s"
     if choice.samples is not None:
-        line += f", {choice.samples:g} sampling {'interval' if choice.samples == 1.0 else 'intervals'} of the record"
+        line += (
+            f", {choice.samples:g} sampling {'interval' if choice.samples == 1.0 else 'intervals'} "
+            "of the record"
+        )
     line += f".\nIt takes {response.iterations} solves"
     if choice.solves_at_record is not None and choice.samples != 1.0:
         line += f", the record's own step {choice.solves_at_record}"

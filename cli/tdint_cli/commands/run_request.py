@@ -53,15 +53,16 @@ class Request(BuildingRequest, SuiteRequest):
         help="Run the records with the factors that `tdint scale -o` wrote, in place of --scale.",
     )
     sequence: bool = options.record.option(
-        help="Run the records one after the other on one building, which keeps what each has left: peaks of each shock "
-        "and over all. --scale takes one factor for all, or one for each."
+        help="Run the records one after the other on one building, which keeps what each has "
+        "left: peaks of each shock and over all. --scale takes one factor for all, or one for each."
     )
     rest: float | None = options.record.option(
         needs="--sequence",
         type=Number(0.0),
         metavar="SECONDS",
         rare=True,
-        help="Time from the end of a record to the begin of the next; until the building is at rest by default.",
+        help="Time from the end of a record to the begin of the next; until the building is at "
+        "rest by default.",
     )
     method: str | None = options.analysis.method
     dt: float | None = options.analysis.dt
@@ -74,8 +75,8 @@ class Request(BuildingRequest, SuiteRequest):
         type=FileName(written=True),
         metavar="[FILE]",
         callback=options.output.refuse_empty,
-        help=f"Also write every floor and story and the energies at every step: to this file (.csv, .csv.gz), or alone "
-        f"as {HISTORY} into the folder of -o.",
+        help="Also write every floor and story and the energies at every step: to this file "
+        f"(.csv, .csv.gz), or alone as {HISTORY} into the folder of -o.",
     )
     every: int = options.output.option(
         needs="--history",
@@ -86,9 +87,10 @@ class Request(BuildingRequest, SuiteRequest):
     )
     export_floors: str | None = options.spectra.export_floors
     plot: str | None = options.output.plot(
-        f"Also draw roof displacement, energies, drifts, the hysteresis of the worst story (drifts "
-        f"and shears of the others are columns of --history); of several records the profiles of all and "
-        f"their mean: to this file (.png, .pdf, .svg), or alone as {PICTURE} or profiles.png into the folder of -o."
+        "Also draw roof displacement, energies, drifts, the hysteresis of the worst story (drifts "
+        "and shears of the others are columns of --history); of several records the profiles of "
+        f"all and their mean: to this file (.png, .pdf, .svg), or alone as {PICTURE} or "
+        "profiles.png into the folder of -o."
     )
     report: str | None = options.output.report
     output_units: OutputUnits | None = options.output.units
@@ -96,14 +98,16 @@ class Request(BuildingRequest, SuiteRequest):
     check: bool | None = options.analysis.option(
         "--check/--no-check",
         default=None,
-        help="Columns <name>_error with estimated errors, by one more run of impulse4 with half of the step. One run "
-        "has them unless --no-check leaves them out; --check also in --history, and of several runs.",
+        help="Columns <name>_error with estimated errors, by one more run of impulse4 with half "
+        "of the step. One run has them unless --no-check leaves them out; --check also in "
+        "--history, and of several runs.",
     )
     tolerance: float | None = options.analysis.option(
         type=Ratio(0.0, 1.0, min_open=True, max_open=True),
         metavar="1%",
-        help="Take the largest step with which the estimated error of every peak drift is within this part of it: "
-        "from four sampling intervals of the record, or from --dt, down to a 256th.",
+        help="Take the largest step with which the estimated error of every peak drift is within "
+        "this part of it: from four sampling intervals of the record, or from --dt, down to a "
+        "256th.",
     )
     limit: float | None = LIMIT
     require: bool = REQUIRE
@@ -119,7 +123,8 @@ class Request(BuildingRequest, SuiteRequest):
         count, factors = len(self.shocks), len(self.scale or (1.0,))
         if count < 2:
             raise UsageError(
-                "--sequence takes two records or more, one after the other: name them behind the model"
+                "--sequence takes two records or more, one after the other: name them behind the "
+                "model"
             )
         if "-" in self.shocks:
             raise UsageError("the records of a sequence are files, not standard input")
@@ -167,7 +172,8 @@ class Request(BuildingRequest, SuiteRequest):
             return file
         if self.output is None:
             raise UsageError(
-                "--history alone writes into the folder of -o: add -o DIR, or name it: --history=FILE.csv"
+                "--history alone writes into the folder of -o: add -o DIR, or name it: "
+                "--history=FILE.csv"
             )
         return Path(self.output) / HISTORY
 

@@ -53,23 +53,24 @@ class ScaleRequest(RecordsRequest):
     range: Grid | None = options.option(
         needs="--target",
         type=span_at(100),
-        help="Periods over which the target is met, s, at 100 in equal ratios (or FIRST:LAST:COUNT); by default all "
-        "of the target; with --building, or --at T and a rule of a code, 0.2 T to 2 T.",
+        help="Periods over which the target is met, s, at 100 in equal ratios (or "
+        "FIRST:LAST:COUNT); by default all of the target; with --building, or --at T and a rule of "
+        "a code, 0.2 T to 2 T.",
     )
     rule: str | None = options.option(
         needs="--target",
         type=click.Choice(_RULES),
-        help="mean (by default): least squares of ln Sa, each motion for itself. asce7: 11 pairs at least; the "
-        "average of the maximum-direction spectra is nowhere below 90 % of the target (ASCE 7-16, 16.2.3.2). ec8: "
-        "the mean spectrum is nowhere below 90 % of it, the mean PGA not below its value at the period 0 (EN "
-        "1998-1:2004, 3.2.3.1.2).",
+        help="mean (by default): least squares of ln Sa, each motion for itself. asce7: 11 pairs "
+        "at least; the average of the maximum-direction spectra is nowhere below 90 % of the "
+        "target (ASCE 7-16, 16.2.3.2). ec8: the mean spectrum is nowhere below 90 % of it, the "
+        "mean PGA not below its value at the period 0 (EN 1998-1:2004, 3.2.3.1.2).",
     )
     building: tuple[str, ...] | None = options.option(
         needs="--target",
         type=ListOf(FileName()),
         metavar="MODEL.yaml,...",
-        help="The target is met from 0.2 times the first period of this building to 2 times it; of several, from the "
-        "shortest to the longest.",
+        help="The target is met from 0.2 times the first period of this building to 2 times it; "
+        "of several, from the shortest to the longest.",
     )
     max_factor: float | None = options.option(
         type=Number(0.0, min_open=True),
@@ -85,27 +86,29 @@ class ScaleRequest(RecordsRequest):
         needs="--select",
         type=span,
         rare=True,
-        help="The least and the largest factor of --select, 0.25:4 by default; a motion that needs a farther one has "
-        "the limit.",
+        help="The least and the largest factor of --select, 0.25:4 by default; a motion that "
+        "needs a farther one has the limit.",
     )
     per_event: int | None = options.option(
         needs="--select",
         type=Count(1),
         rare=True,
-        help="At most so many motions of one earthquake: by --events, or motions that begin within ten minutes.",
+        help="At most so many motions of one earthquake: by --events, or motions that begin "
+        "within ten minutes.",
     )
     events: str | None = options.option(
         needs="--per-event",
         type=FileName(),
         rare=True,
-        help="The earthquake of each record: a CSV file with the columns record (the file's name) and event.",
+        help="The earthquake of each record: a CSV file with the columns record (the file's name) "
+        "and event.",
     )
     scatter: str | None = options.option(
         needs="--select",
         metavar="0.35|FILE",
         rare=True,
-        help="Standard deviation of ln Sa that the chosen are to have, or a CSV file with the columns period_s and "
-        "scatter.",
+        help="Standard deviation of ln Sa that the chosen are to have, or a CSV file with the "
+        "columns period_s and scatter.",
     )
     sa: Units | None = options.option(
         type=_ACCELERATION, help="Scale to this Sa at the period --at: 0.6g."
@@ -131,11 +134,12 @@ class ScaleRequest(RecordsRequest):
         help="Scale to this cumulative absolute velocity: 9m/s.",
     )
     p695: bool = options.option(
-        help="Normalize pairs by their peak velocities (FEMA P-695, A.8); with --sa and --at scale the set on, to this "
-        "median Sa of all components."
+        help="Normalize pairs by their peak velocities (FEMA P-695, A.8); with --sa and --at "
+        "scale the set on, to this median Sa of all components."
     )
     pairs: PairWish | None = options.studies.pairs(
-        "Take the two horizontal components of a motion together, with one factor, by this measure of both."
+        "Take the two horizontal components of a motion together, with one factor, by this measure "
+        "of both."
     )
     damping: float = options.studies.damping("--target or --sa or --sa-avg or --plot")
 
@@ -164,7 +168,8 @@ class ScaleRequest(RecordsRequest):
         if len(aims) != 1:
             aim = f"{' and '.join(aims)} are given" if aims else "nothing to scale to"
             raise UsageError(
-                f"{aim}: give one of --target, --sa with --at, --sa-avg with --at, --pga, --pgv, --arias, --cav, --p695"
+                f"{aim}: give one of --target, --sa with --at, --sa-avg with --at, --pga, --pgv, "
+                "--arias, --cav, --p695"
             )
         if self.p695 and measure not in ("", "sa"):
             raise UsageError("--p695 is scaled on by --sa with --at")
@@ -177,15 +182,18 @@ class ScaleRequest(RecordsRequest):
             )
         if self.building and (self.at is not None or self.range is not None):
             raise UsageError(
-                f"--building and --{'range' if self.at is None else 'at'} are given; leave one of them out"
+                f"--building and --{'range' if self.at is None else 'at'} are given; leave one of "
+                "them out"
             )
         if by_period and self.at is None and not self.building:
             raise UsageError(
-                f"--rule {self.rule} compares over 0.2 T to 2 T: give the period T by --at, or --building, or --range"
+                f"--rule {self.rule} compares over 0.2 T to 2 T: give the period T by --at, or "
+                "--building, or --range"
             )
         if (self.p695 or self.rule == "asce7") and self.pairs is not None and self.pairs.measure:
             raise UsageError(
-                f"--pairs: {'--p695' if self.p695 else '--rule asce7'} says itself what stands for a pair"
+                f"--pairs: {'--p695' if self.p695 else '--rule asce7'} says itself what stands for "
+                "a pair"
             )
 
     @property
@@ -219,20 +227,22 @@ _SPECTRA = options.output.option(
 @options.analysis.plugin
 @options.record.of_records
 @options.output.to_files(
-    picture="Also draw the scaled spectra with median, fractiles and target, to this file (.png, .pdf, .svg) or beside "
-    "-o under its name.",
+    picture="Also draw the scaled spectra with median, fractiles and target, to this file (.png, "
+    ".pdf, .svg) or beside -o under its name.",
     more=[_SPECTRA],
 )
 @options.of(ScaleRequest)
 def command(request: ScaleRequest) -> None:
     """Factors that scale ground motions to a value or to a target spectrum.
 
-    CSV: one factor for each component, the same for both of a pair. RECORD is a file, or a folder for all records in
-    it; horizontal components are taken one by one unless --component names one, or together with --pairs: those of a
-    file, or of files that are named alike. A campaign takes the table as `factors`. With -o a JSON file beside the
-    table says what the records are and how the factors came about.
+    CSV: one factor for each component, the same for both of a pair. RECORD is a file, or a folder
+    for all records in it; horizontal components are taken one by one unless --component names one,
+    or together with --pairs: those of a file, or of files that are named alike. A campaign takes
+    the table as `factors`. With -o a JSON file beside the table says what the records are and how
+    the factors came about.
 
-    A record that fails does not keep the others from being done, unless the factors depend on the whole set (--p695,
+    A record that fails does not keep the others from being done, unless the factors depend on the
+    whole set (--p695,
     --rule asce7 and ec8).
     """
     from hashlib import sha256
@@ -276,7 +286,8 @@ def command(request: ScaleRequest) -> None:
 
 
 def _aim(request: ScaleRequest) -> Any:
-    """What scales a suite as the command line asks; the target is read and compared with the periods before."""
+    """What scales a suite as the command line asks; the target is read and compared with the
+    periods before."""
     from tdint.campaign import scaling
     from tdint.campaign.intensity import measure_at
 
@@ -446,10 +457,19 @@ def _words(scaling: Scaling, units: OutputUnits) -> str:
         text += " normalized by peak velocity"
     if scaling.measure is not None and scaling.value is not None:
         of = "median " if scaling.rule == "p695" else ""
-        text += f" scaled to {of}{scaling.measure.name} = {units.text(scaling.value, scaling.measure.unit)}"
+        text += (
+            f" scaled to {of}{scaling.measure.name} = "
+            f"{units.text(scaling.value, scaling.measure.unit)}"
+        )
     if scaling.target is not None and scaling.periods is not None:
-        text += f" scaled to {scaling.target.source} over {scaling.periods[0]:.4g} to {scaling.periods[-1]:.4g} s"
-    text += f": factors {np.min(factors):.4g} to {np.max(factors):.4g}, median {np.median(factors):.4g}."
+        text += (
+            f" scaled to {scaling.target.source} over {scaling.periods[0]:.4g} to "
+            f"{scaling.periods[-1]:.4g} s"
+        )
+    text += (
+        f": factors {np.min(factors):.4g} to {np.max(factors):.4g}, median "
+        f"{np.median(factors):.4g}."
+    )
     if (
         scaling.chosen
         and scaling.target is not None
@@ -463,12 +483,15 @@ def _words(scaling: Scaling, units: OutputUnits) -> str:
             f"{count} {reason}" for reason, count in scaling.left_out.items() if count
         )
         text += (
-            f"\nSelected from {len(scaling.chosen) + len(scaling.rest)}: the mean of ln Sa is off the target by "
-            f"{100.0 * np.sqrt(np.mean(off**2)):.2g} % (root mean square). "
+            f"\nSelected from {len(scaling.chosen) + len(scaling.rest)}: the mean of ln Sa is off "
+            f"the target by {100.0 * np.sqrt(np.mean(off**2)):.2g} % (root mean square). "
             + (f"Not taken: {reasons}." if reasons else "None was left out.")
         )
     if scaling.least is not None:
         part, period = scaling.least
         spectra = "maximum-direction spectra" if scaling.rule == "asce7" else "spectra"
-        text += f"\nThe average of the {spectra} is {100.0 * part:.3g} % of the target at the least, at {period:.4g} s."
+        text += (
+            f"\nThe average of the {spectra} is {100.0 * part:.3g} % of the target at the least, "
+            f"at {period:.4g} s."
+        )
     return text

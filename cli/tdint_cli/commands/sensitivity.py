@@ -32,7 +32,8 @@ def _ranges(
             both = None
         if both is None or not both[0] < both[1]:
             raise UsageError(
-                f"--vary {text!r}: write NAME=LOW:HIGH, such as damping=2%:5% or stiffness_factor=0.8:1.2"
+                f"--vary {text!r}: write NAME=LOW:HIGH, such as damping=2%:5% or "
+                "stiffness_factor=0.8:1.2"
             )
         ranges[name] = both
     return ranges
@@ -49,8 +50,8 @@ class Request(RecordsRequest):
         multiple=True,
         callback=_ranges,
         metavar="NAME=LOW:HIGH,...",
-        help="Parameters with a low and a high value: damping, stiffness_factor, strength_factor, mass_factor, or a "
-        "factor of one story, 'story 3.stiffness_factor'.",
+        help="Parameters with a low and a high value: damping, stiffness_factor, strength_factor, "
+        "mass_factor, or a factor of one story, 'story 3.stiffness_factor'.",
     )
     method: str | None = options.analysis.method
     dt: float | None = options.analysis.dt
@@ -74,12 +75,13 @@ MODES = (_MODEL, _CAMPAIGN)
 def command(request: Request) -> None:
     """How much each parameter of a building moves its peaks.
 
-    MODEL.yaml is run under the RECORDs as it is, and with one parameter of --vary at a time at its low and its high
-    value. CSV, for each peak the parameters in the order of what they do: the medians over the records, and the swing
-    between both ends over the peak of the building as it is. With --plot a tornado for each peak.
+    MODEL.yaml is run under the RECORDs as it is, and with one parameter of --vary at a time at its
+    low and its high value. CSV, for each peak the parameters in the order of what they do: the
+    medians over the records, and the swing between both ends over the peak of the building as it
+    is. With --plot a tornado for each peak.
 
-    With the folder of a campaign that has `vary` in place of the model, the rank correlations (Spearman) of what was
-    varied with the medians of the peaks.
+    With the folder of a campaign that has `vary` in place of the model, the rank correlations
+    (Spearman) of what was varied with the medians of the peaks.
     """
     # A campaign has done its runs: their ranks are looked at, and nothing is run.
     if Path(request.building).is_dir():

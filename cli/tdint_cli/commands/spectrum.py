@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from io import BytesIO
 from pathlib import Path
@@ -12,7 +12,6 @@ from typing import Any
 
 import click
 
-from tdint.data import dataclass
 from tdint.errors import OutputError, TdintError, UsageError
 from tdint.files import STDIN, check_outputs, write_files
 from tdint.output import figures
@@ -36,7 +35,8 @@ class RecordTable:
     Attributes
     ----------
     text : bytes
-        The rows of all its components and damping ratios, after a header: CSV, or drawn for a terminal.
+        The rows of all its components and damping ratios, after a header: CSV, or drawn for a
+        terminal.
     meanings : dict
         What its columns mean, for the JSON file.
     records : tuple of dict
@@ -64,7 +64,8 @@ class RecordTable:
 
 
 def make_tables(request: TablesRequest, kind: Kind) -> None:
-    """Make the tables of a command line, and say what there is to say; one bad record does not keep the others back.
+    """Make the tables of a command line, and say what there is to say; one bad record does not keep
+    the others back.
 
     Raises
     ------
@@ -76,7 +77,8 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
     kind.check(request)
     if request.is_folder and request.plot not in (None, BESIDE):
         raise UsageError(
-            "--plot=FILE is one picture of all records; give -o a file, or --plot alone for one each"
+            "--plot=FILE is one picture of all records; give -o a file, or --plot alone for one "
+            "each"
         )
     sources = records_of(request.records, request.choice)
     # What to do for the files of each record, after it is clear that its outputs can be written
@@ -168,7 +170,8 @@ def _picture(request: TablesRequest, kind: Kind, results: Sequence[Any], suffix:
 def _write(
     request: TablesRequest, kind: Kind, table: Path | None, products: Sequence[RecordTable]
 ) -> None:
-    """Write a table of the records of several files, or of one, with what goes beside it; or a picture alone."""
+    """Write a table of the records of several files, or of one, with what goes beside it; or a
+    picture alone."""
     from tdint.output.summary import table_summary
 
     outputs = _outputs(request, table)
@@ -201,7 +204,8 @@ def _without_header(csv: bytes) -> bytes:
 
 
 def tables_of(files: Sequence[str], folder: Path) -> list[Path]:
-    """The CSV file in `folder` for each record: its name without suffix, or with it where several have the same stem.
+    """The CSV file in `folder` for each record: its name without suffix, or with it where several
+    have the same stem.
 
     Raises
     ------
@@ -216,8 +220,8 @@ def tables_of(files: Sequence[str], folder: Path) -> list[Path]:
         table = folder / f"{name}.csv"
         if table in tables:
             raise OutputError(
-                f"{table}: both {tables[table]} and {file} would be written to it; use -o FILE for all in one file, "
-                "or one folder each"
+                f"{table}: both {tables[table]} and {file} would be written to it; use -o FILE for "
+                "all in one file, or one folder each"
             )
         tables[table] = file
     return list(tables)
@@ -239,30 +243,36 @@ def tables_of(files: Sequence[str], folder: Path) -> list[Path]:
 def command(request: SpectrumRequest) -> None:
     """Response spectra of ground-motion records, elastic and inelastic; Fourier amplitude spectra.
 
-    RECORD is a file, or a folder for all records in it, - is standard input; all components are taken unless
-    --component names one. CSV: relative displacement, pseudo-velocity, pseudo-acceleration, relative
-    velocity and absolute acceleration, the largest from the first sample to the last, between the samples, too. They
-    are exact for a ground motion that is linear between its samples, or come from --method with the record's sampling
-    interval as its step. A record that fails does not keep the others from being done.
+    RECORD is a file, or a folder for all records in it, - is standard input; all components are
+    taken unless
+    --component names one. CSV: relative displacement, pseudo-velocity, pseudo-acceleration,
+    relative velocity and absolute acceleration, the largest from the first sample to the last,
+    between the samples, too. They are exact for a ground motion that is linear between its samples,
+    or come from --method with the record's sampling interval as its step. A record that fails does
+    not keep the others from being done.
 
-    --ductility and --strength make another table, of oscillators with bilinear hysteresis: yield force over weight,
-    ductility, displacement at rest after the record, largest and yield displacement, yield force over mass, and largest
-    elastic force over yield force.
+    --ductility and --strength make another table, of oscillators with bilinear hysteresis: yield
+    force over weight, ductility, displacement at rest after the record, largest and yield
+    displacement, yield force over mass, and largest elastic force over yield force.
 
-    --rotd makes another table, of two horizontal components together: percentiles of the pseudo-acceleration over all
-    directions, 180 of them, the geometric mean of both components, and the direction of the largest, in degrees from
-    the first named component towards the second. They stand in one file, or in two that are named alike (K-NET, PEER,
-    channel codes) or given as the only ones.
+    --rotd makes another table, of two horizontal components together: percentiles of the
+    pseudo-acceleration over all directions, 180 of them, the geometric mean of both components, and
+    the direction of the largest, in degrees from the first named component towards the second. They
+    stand in one file, or in two that are named alike (K-NET, PEER, channel codes) or given as the
+    only ones.
 
-    --oscillator with --history makes another table, of the motion of oscillators at the record's samples: relative
-    displacement and velocity, absolute acceleration.
+    --oscillator with --history makes another table, of the motion of oscillators at the record's
+    samples: relative displacement and velocity, absolute acceleration.
 
-    --fourier makes another table, of the amplitude of the acceleration's Fourier transform (sampling interval times the
-    sum), smoothed over the frequency (Konno and Ohmachi 1998) unless --smoothing is none.
+    --fourier makes another table, of the amplitude of the acceleration's Fourier transform
+    (sampling interval times the sum), smoothed over the frequency (Konno and Ohmachi 1998) unless
+    --smoothing is none.
 
-    --target without RECORD writes the design spectrum itself: displacement, pseudo-velocity, pseudo-acceleration.
+    --target without RECORD writes the design spectrum itself: displacement, pseudo-velocity,
+    pseudo-acceleration.
 
-    --against makes another table, of one column of a published spectrum and what is computed at its periods.
+    --against makes another table, of one column of a published spectrum and what is computed at its
+    periods.
     """
     if not request.records:
         _write_target(request)

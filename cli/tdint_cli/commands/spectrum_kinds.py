@@ -1,15 +1,15 @@
-"""What `tdint spectrum` makes of each record: elastic, inelastic and rotated spectra, or one beside a published one."""
+"""What `tdint spectrum` makes of each record: elastic, inelastic and rotated spectra, or one beside
+a published one."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import click
 
 from tdint.analysis.defaults import MOST_DUCTILE, PERIODS, STEPS_PER_PERIOD
-from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError
 from tdint.files import STDIN
 from tdint.output import figures, tables
@@ -36,16 +36,16 @@ if TYPE_CHECKING:
     from tdint.units import OutputUnits
 
 
-# ---- The command lines of `spectrum` and `drift-spectrum`, and what a kind of table over the period must do with
-# them
+# ---- The command lines of `spectrum` and `drift-spectrum`, and what a kind of table over the
+# period must do with them
 
 AXES = options.output.option(
     "--axes",
     needs="--plot",
     type=click.Choice(["periods", "tripartite", "adrs"]),
     rare=True,
-    help="Axes of the picture of elastic spectra: PSA and SD over the period (periods, the default), PSV over it with "
-    "scales of the other two (tripartite), or PSA over SD (adrs).",
+    help="Axes of the picture of elastic spectra: PSA and SD over the period (periods, the "
+    "default), PSV over it with scales of the other two (tripartite), or PSA over SD (adrs).",
 )
 
 _NOT_SETTINGS = (
@@ -88,14 +88,16 @@ class Kind(Protocol):
         """Refuse, before any work, a request that makes no sense (UsageError)."""
 
     def gather(self, request: Any, files: Sequence[str]) -> list[tuple[str, ...]]:
-        """From the request and all files the files of each record; here each is a record by itself."""
+        """From the request and all files the files of each record; here each is a record by
+        itself."""
         return [(file,) for file in files]
 
     def compute(self, request: Any, records: Sequence[Record]) -> Results:
         """The results of the components of one record."""
 
     def table(self, request: Any, lines: Sequence[Any]) -> Table:
-        """The table of results; by default what their class declares, a row for each period, sample or frequency."""
+        """The table of results; by default what their class declares, a row for each period, sample
+        or frequency."""
         return tables.spectra.result_table(lines)
 
     def picture(self, request: Any, lines: Sequence[Any]) -> Figure:
@@ -103,14 +105,15 @@ class Kind(Protocol):
         raise AssertionError("a kind without a picture takes no --plot")
 
     def remark(self, request: Any, interval: float) -> str:
-        """What is to be said at the end for the longest sampling interval of all records (s); empty for nothing."""
+        """What is to be said at the end for the longest sampling interval of all records (s); empty
+        for nothing."""
         return ""
 
 
 @dataclass(frozen=True)
 class TablesRequest(RecordsRequest):
-    """What the command lines have in common that make a table over the period of each record, at `DEFAULT_PERIODS`
-    where none are asked for."""
+    """What the command lines have in common that make a table over the period of each record, at
+    `DEFAULT_PERIODS` where none are asked for."""
 
     DEFAULT_PERIODS: ClassVar[str] = PERIODS
 
@@ -173,44 +176,47 @@ class SpectrumRequest(TablesRequest):
     maxima: str | None = options.spectra.option(
         type=click.Choice(["exact", "peer", "samples"]),
         rare=True,
-        help="Where the largest values are looked for: between the samples, too (exact, the default), at ten or more "
-        "steps per period (peer, as PEER's own spectra), or at the record's samples (samples, as those of USGS). "
-        "Not with --method, whose steps have their own. Adds a column.",
+        help="Where the largest values are looked for: between the samples, too (exact, the "
+        "default), at ten or more steps per period (peer, as PEER's own spectra), or at the "
+        "record's samples (samples, as those of USGS). Not with --method, whose steps have their "
+        "own. Adds a column.",
     )
     interpolation: str | None = options.spectra.option(
         type=click.Choice(["linear", "band-limited"]),
         rare=True,
-        help="The ground motion between its samples: straight lines (linear, the default), or the motion without "
-        "frequencies above half the sampling rate (band-limited). Adds a column.",
+        help="The ground motion between its samples: straight lines (linear, the default), or the "
+        "motion without frequencies above half the sampling rate (band-limited). Adds a column.",
     )
     rotd: tuple[int, ...] | None = options.spectra.option(
         type=ListOf(click.IntRange(0, 100)),
         metavar="P,...",
-        help="Spectra of two horizontal components instead: these percentiles of the pseudo-acceleration over all "
-        "directions, such as 0,50,100 (RotD00, RotD50, RotD100).",
+        help="Spectra of two horizontal components instead: these percentiles of the "
+        "pseudo-acceleration over all directions, such as 0,50,100 (RotD00, RotD50, RotD100).",
     )
     pairs: PairNames | None = options.spectra.option(
         needs="--rotd",
         type=pair_names,
         rare=True,
-        help="How the two files of a motion are named, {} for what they share: '{}_N.AT2,{}_E.AT2'.",
+        help="How the two files of a motion are named, {} for what they share: "
+        "'{}_N.AT2,{}_E.AT2'.",
     )
     ductility: tuple[float, ...] | None = options.spectra.option(
         type=ListOf(Number(1.0, MOST_DUCTILE)),
         metavar="MU,...",
-        help="Inelastic spectra instead: the yield strength for each of these ratios of largest to yield displacement "
-        "(the largest strength if there are several).",
+        help="Inelastic spectra instead: the yield strength for each of these ratios of largest "
+        "to yield displacement (the largest strength if there are several).",
     )
     strength: tuple[float, ...] | None = options.spectra.option(
         type=ListOf(Ratio(0.0, min_open=True)),
-        help="Inelastic spectra instead: the response for each of these ratios of yield force to weight.",
+        help="Inelastic spectra instead: the response for each of these ratios of yield force to "
+        "weight.",
     )
     hardening: float | None = options.spectra.option(
         needs="--ductility or --strength",
         type=Ratio(0.0, 1.0, max_open=True),
         rare=True,
-        help="With --ductility or --strength: stiffness after yielding over the initial one; 0 by default "
-        "(elastoplastic).",
+        help="With --ductility or --strength: stiffness after yielding over the initial one; 0 by "
+        "default (elastoplastic).",
     )
     oscillator: tuple[float, ...] | None = options.spectra.option(
         needs="--history",
@@ -226,14 +232,16 @@ class SpectrumRequest(TablesRequest):
         help="With --oscillator: a row for each sample.",
     )
     target: str | None = options.studies.target(
-        "Draw this spectrum over those of the records (--plot) or, without RECORD, write it as a table",
+        "Draw this spectrum over those of the records (--plot) or, without RECORD, write it as a "
+        "table",
         grammar.SPECTRUM,
     )
     against: str | None = options.spectra.option(
         type=FileName(),
         rare=True,
-        help="Difference to a published spectrum instead: CSV with names in its first line that say quantity and units "
-        "(period_s, psa_g; T (s), SD (cm)); at its periods, unless others are given.",
+        help="Difference to a published spectrum instead: CSV with names in its first line that "
+        "say quantity and units (period_s, psa_g; T (s), SD (cm)); at its periods, unless others "
+        "are given.",
     )
     against_column: str | None = options.spectra.option(
         needs="--against",
@@ -255,7 +263,8 @@ class SpectrumRequest(TablesRequest):
         type=grammar.Written("bandwidth", _bandwidth),
         metavar="B|none",
         rare=True,
-        help="With --fourier: bandwidth of the smoothing by Konno and Ohmachi's window; 40 by default.",
+        help="With --fourier: bandwidth of the smoothing by Konno and Ohmachi's window; 40 by "
+        "default.",
     )
     axes: str | None
     scale: float | None
@@ -364,16 +373,18 @@ class _OfOscillators(Kind):
         if any((periods > 0.0) & (periods < limit * (1.0 - 1e-9))):
             manner = request.manner
             remarks.append(
-                f"below a period of {limit:.6g} s ({STEPS_PER_PERIOD} sampling intervals) the ground motion between "
-                f"its samples matters: taken as {manner.interpolation.words}, maxima {manner.maxima.words}"
+                f"below a period of {limit:.6g} s ({STEPS_PER_PERIOD} sampling intervals) the "
+                "ground motion between its samples matters: taken as "
+                f"{manner.interpolation.words}, maxima {manner.maxima.words}"
             )
-        # A grid that nobody chose and that is coarser than half the width of resonance, which is the damping ratio
+        # A grid that nobody chose and that is coarser than half the width of resonance, which is
+        # the damping ratio
         if request.periods is None:
             apart, damping = float(periods[1] / periods[0]) - 1.0, min(request.damping)
             if apart > damping * (1.0 + 1e-9):
                 remarks.append(
-                    f"the periods are {100.0 * apart:.2g} % apart: with {100.0 * damping:.3g} % damping the spectrum "
-                    "may be higher between them; --periods takes more"
+                    f"the periods are {100.0 * apart:.2g} % apart: with {100.0 * damping:.3g} % "
+                    "damping the spectrum may be higher between them; --periods takes more"
                 )
         return "; ".join(remarks)
 
@@ -410,7 +421,8 @@ class Elastic(_OfOscillators):
 
 
 class Inelastic(_OfOscillators):
-    """Inelastic spectra: oscillators with bilinear hysteresis, of given ductility or of given strength."""
+    """Inelastic spectra: oscillators with bilinear hysteresis, of given ductility or of given
+    strength."""
 
     mode = Mode("with --ductility or --strength", _PERIODS | {"ductility", "strength"})
 
@@ -468,7 +480,8 @@ class Histories(Kind):
         """Refuse, before any work, what makes no sense together."""
         if request.history != BESIDE:
             raise UsageError(
-                f"--history {request.history}: the table goes to -o; write -o {request.history} --history"
+                f"--history {request.history}: the table goes to -o; write -o {request.history} "
+                "--history"
             )
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
@@ -492,9 +505,11 @@ class Rotated(_OfOscillators):
     )
 
     def gather(self, request: SpectrumRequest, files: Sequence[str]) -> list[tuple[str, ...]]:
-        """The files of each motion: those that are named alike but for the component, in the order of the first ones.
+        """The files of each motion: those that are named alike but for the component, in the order
+        of the first ones.
 
-        Two files of a single horizontal component each are one motion, too, whatever their names are.
+        Two files of a single horizontal component each are one motion, too, whatever their names
+        are.
         """
         from tdint.ground_motion.horizontals import USUAL, files_of_motions
 
@@ -510,7 +525,8 @@ class Rotated(_OfOscillators):
         return result
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
-        """The spectra of the two horizontals among the components of a motion, for each damping ratio."""
+        """The spectra of the two horizontals among the components of a motion, for each damping
+        ratio."""
         from tdint.analysis.spectra.rotated import rotated_spectrum
         from tdint.ground_motion.horizontals import find_horizontals, with_component
 
@@ -566,8 +582,9 @@ class Against(Kind):
                 continue
             difference, period = line.largest
             notes.append(
-                f"{line.record.name}, damping {line.damping:g}: largest difference of {line.published.quantity} to "
-                f"{line.published.source} {100.0 * difference:+.3g} % at {period:.4g} s"
+                f"{line.record.name}, damping {line.damping:g}: largest difference of "
+                f"{line.published.quantity} to {line.published.source} {100.0 * difference:+.3g} % "
+                f"at {period:.4g} s"
             )
         return Results(lines, records, notes)
 

@@ -22,12 +22,12 @@ class Request(options.analysis.OscillatorRequest):
         type=ListOf(grid(*options.analysis.DT_OVER_T)),
         default=(_STEPS,),
         metavar="RATIO,...|FIRST:LAST:COUNT",
-        help="Steps over the undamped period: numbers, or a grid in equal ratios, both ends included; "
-        f"{_STEPS} by default.",
+        help="Steps over the undamped period: numbers, or a grid in equal ratios, both ends "
+        f"included; {_STEPS} by default.",
     )
     beta_scan: bool = options.option(
-        help=f"Add (without --method: take) impulse with beta {', '.join(BETAS)}, and {_BAND[2]} steps with omega "
-        f"dt in {_BAND[0]:g}..{_BAND[1]:g}: off 1/144 it is unstable there."
+        help=f"Add (without --method: take) impulse with beta {', '.join(BETAS)}, and {_BAND[2]} "
+        f"steps with omega dt in {_BAND[0]:g}..{_BAND[1]:g}: off 1/144 it is unstable there."
     )
 
 
@@ -41,12 +41,14 @@ class Request(options.analysis.OscillatorRequest):
 def command(request: Request) -> None:
     """Spectral radius, period error and numerical damping of methods over dt/T.
 
-    Measured on the compiled steps that integrate buildings, for an oscillator without load. CSV: spectral radius of the
-    amplification matrix; period error (numerical over exact period, minus 1), numerical damping (damping ratio of the
-    numerical oscillation minus that of the oscillator; eq. 40 of the paper of 2022 prints half of it) and amplitude
-    decay (the part of the amplitude that the method takes in one cycle; eq. 41), empty where the method does not
-    oscillate and beyond half a period; spurious radius (of the roots beside the principal pair, 0 without any; eq. 35),
-    empty where that pair is real. The largest stable omega dt of each method goes to standard error.
+    Measured on the compiled steps that integrate buildings, for an oscillator without load. CSV:
+    spectral radius of the amplification matrix; period error (numerical over exact period, minus
+    1), numerical damping (damping ratio of the numerical oscillation minus that of the oscillator;
+    eq. 40 of the paper of 2022 prints half of it) and amplitude decay (the part of the amplitude
+    that the method takes in one cycle; eq. 41), empty where the method does not oscillate and
+    beyond half a period; spurious radius (of the roots beside the principal pair, 0 without any;
+    eq. 35), empty where that pair is real. The largest stable omega dt of each method goes to
+    standard error.
     """
     import numpy as np
 

@@ -18,9 +18,10 @@ from tdint_cli.terminal import progress_bar, say
 def command(outputs: Outputs) -> None:
     """Published and exact results beside those of this installation.
 
-    Closed forms, tables of textbooks and printed results of other programs that need no file, computed on this machine
-    with its compiled time loops. CSV: for each case its largest difference and what the case allows; exit code 5 if one
-    is beyond that. With all numbers, other programs and recordings the cases stand in tests/validation of the source.
+    Closed forms, tables of textbooks and printed results of other programs that need no file,
+    computed on this machine with its compiled time loops. CSV: for each case its largest difference
+    and what the case allows; exit code 5 if one is beyond that. With all numbers, other programs
+    and recordings the cases stand in tests/validation of the source.
     """
     from tdint.output.tables.methods import validation_table
     from tdint.validation import carry_out, closed_form_cases, textbook_cases
@@ -39,6 +40,7 @@ def command(outputs: Outputs) -> None:
         worst = outside[0]
         more = f", and {len(outside) - 1} more" if len(outside) > 1 else ""
         raise AnalysisError(
-            f"{worst.case.name}: the largest difference, {worst.largest:.3g}, is beyond {worst.case.tolerance:.3g}"
-            f"{more}: this installation computes something else than the one that was released"
+            f"{worst.case.name}: the largest difference, {worst.largest:.3g}, is beyond "
+            f"{worst.case.tolerance:.3g}{more}: this installation computes something else than the "
+            "one that was released"
         )

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import click
 
-from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import FileName, ListOf, Name, Ratio
@@ -33,7 +32,8 @@ class OfMethod(Protocol):
 Result = TypeVar("Result", bound=OfMethod)
 
 DT_OVER_T = (1e-6, 1e6)
-"""Steps over the period of an oscillator that may be asked for: beyond, rounding is all that is seen."""
+"""Steps over the period of an oscillator that may be asked for: beyond, rounding is all that is
+seen."""
 
 option = partial(grammar.option, heading=grammar.ANALYSIS)
 
@@ -77,7 +77,8 @@ def plugins(text: str = "", exposed: bool = True) -> grammar.Declaration:
         callback=_load,
         metavar="FILE.py",
         rare=True,
-        help="A Python file with methods or drift laws of your own, its tuples METHODS and LAWS, or with programs for "
+        help="A Python file with methods or drift laws of your own, its tuples METHODS and LAWS, "
+        "or with programs for "
         "`tdint chart`, its tuple PEERS; it is executed." + text,
     )
 
@@ -92,8 +93,8 @@ def method_of(needs: str) -> grammar.Declaration:
         type=method_name,
         needs=needs,
         metavar="SPEC",
-        help="Time-integration method with its parameters, such as newmark:beta=0.25:gamma=0.5; `tdint methods` lists "
-        "all.",
+        help="Time-integration method with its parameters, such as newmark:beta=0.25:gamma=0.5; "
+        "`tdint methods` lists all.",
     )
 
 
@@ -109,15 +110,16 @@ def methods(text: str) -> grammar.Declaration:
         multiple=True,
         callback=_specifications,
         metavar="SPEC,...",
-        help=f"Time-integration methods with their parameters, such as newmark:beta=0.25:gamma=0.5; {text} if there is "
-        "none.",
+        help="Time-integration methods with their parameters, such as "
+        f"newmark:beta=0.25:gamma=0.5; {text} if there is none.",
     )
 
 
 def _specifications(
     _: click.Context, __: click.Parameter, texts: tuple[str, ...]
 ) -> tuple[str, ...]:
-    """Take lists apart at the commas between methods; `beta=...` behind a comma belongs to the method before it."""
+    """Take lists apart at the commas between methods; `beta=...` behind a comma belongs to the
+    method before it."""
     specifications: list[str] = []
     for text in texts:
         start = len(specifications)
@@ -139,8 +141,8 @@ dt = option(
     "--dt",
     type=float,
     metavar="SECONDS",
-    help="Time step; by default the model's, else the record's sampling interval. Under a record it is a whole part "
-    "or a whole multiple of that interval.",
+    help="Time step; by default the model's, else the record's sampling interval. Under a record "
+    "it is a whole part or a whole multiple of that interval.",
 )
 duration = option(
     "--duration",
@@ -153,7 +155,8 @@ duration = option(
 until_rest = option(
     "--until-rest",
     is_flag=True,
-    help="Go on after the record with the ground at rest until the building is, too: residual drifts are at rest then.",
+    help="Go on after the record with the ground at rest until the building is, too: residual "
+    "drifts are at rest then.",
 )
 
 
@@ -167,7 +170,8 @@ DRAWN = (
     "impulse4",
     "moment4",
 )
-"""Methods of a picture of all: what people compare with, and what is ours; more lines are not told apart."""
+"""Methods of a picture of all: what people compare with, and what is ours; more lines are not told
+apart."""
 
 
 def draw_all(names: Sequence[str]) -> grammar.Declaration:
@@ -179,13 +183,15 @@ def draw_all(names: Sequence[str]) -> grammar.Declaration:
         needs="--plot",
         is_flag=True,
         rare=True,
-        help=f"Draw all methods; without --method the picture has {', '.join(names)}. The table always has all.",
+        help=f"Draw all methods; without --method the picture has {', '.join(names)}. The table "
+        "always has all.",
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class OscillatorRequest:
-    """What the command lines have in common that measure methods on an oscillator: `of_oscillator` gives it."""
+    """What the command lines have in common that measure methods on an oscillator: `of_oscillator`
+    gives it."""
 
     methods: tuple[str, ...]
     damping: tuple[float, ...]
@@ -243,7 +249,8 @@ def for_nonlinear(integrators: list[Integrator], law: str) -> list[Integrator]:
     return suited
 
 
-# ---- The building of a command line, and its ground motion: the model and the options of the record together
+# ---- The building of a command line, and its ground motion: the model and the options of the
+# record together
 
 model = grammar.together(plugin, click.argument("model", metavar="MODEL.yaml", type=FileName()))
 """The model, and the plug-ins with methods and laws that it may have."""
@@ -260,7 +267,8 @@ class BuildingRequest(RecordRequest):
 
 
 def warn_of(model: Model) -> None:
-    """What is unusual of a building, mostly a unit that was mistaken: its periods and forces are believed, too."""
+    """What is unusual of a building, mostly a unit that was mistaken: its periods and forces are
+    believed, too."""
     from tdint.model.building import assemble
     from tdint.model.plausibility import mistakable
 
@@ -319,7 +327,8 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
         return None
     choice = source.choice
     if "units" in given or "inventory" in given:
-        # Each of the two excludes the other: who names one on the command line does without the model's other one.
+        # Each of the two excludes the other: who names one on the command line does without the
+        # model's other one.
         choice = replace(choice, units=None, inventory=None)
     processing, layout = (
         request.processing.over(choice.processing),

@@ -1,4 +1,5 @@
-"""Kinds of values that options take: numbers in a range, ratios, lists of them, grids, names that complete."""
+"""Kinds of values that options take: numbers in a range, ratios, lists of them, grids, names that
+complete."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextvars import ContextVar
-from dataclasses import field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise, takewhile
 from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 
@@ -15,7 +16,6 @@ import click
 from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
-from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.files import STDIN, keep_input
 from tdint.units import (
@@ -98,8 +98,8 @@ class Count(click.IntRange):
 class ListOf(ValueType):
     """Values of one type with commas between them.
 
-    An option of this type may be repeated; the command gets all of them, each once (or, without `once`, as they are),
-    as a tuple, or None if there is none.
+    An option of this type may be repeated; the command gets all of them, each once (or, without
+    `once`, as they are), as a tuple, or None if there is none.
     """
 
     def __init__(self, member: ValueType, once: bool = True) -> None:
@@ -249,7 +249,8 @@ pair_names = Written("names", _pair_names)
 
 
 class PairsType(ValueType):
-    """What stands for a pair of components, how their files are named ({}_N.AT2,{}_E.AT2), or both."""
+    """What stands for a pair of components, how their files are named ({}_N.AT2,{}_E.AT2), or
+    both."""
 
     name = "pairs"
 
@@ -285,15 +286,16 @@ class PairsType(ValueType):
 
 @dataclass(frozen=True)
 class PairWish:
-    """What stands for a pair of components, None where nobody said, and how their files are named."""
+    """What stands for a pair of components, None where nobody said, and how their files are
+    named."""
 
     measure: str | None
     names: PairNames
 
 
 class Name(ValueType):
-    """A text, and the names that it completes to, if any are known; they are asked for only then, and may take a while
-    to load."""
+    """A text, and the names that it completes to, if any are known; they are asked for only then,
+    and may take a while to load."""
 
     name = "name"
 
@@ -308,7 +310,8 @@ class Name(ValueType):
 
 
 class SampleUnitsType(Name):
-    """Units of the samples of all records, or by file: `AT2=g,*.mseed=m/s^2`, or a table of them, which is read."""
+    """Units of the samples of all records, or by file: `AT2=g,*.mseed=m/s^2`, or a table of them,
+    which is read."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         from tdint.ground_motion.reading.sample_units import units_of_text
@@ -319,15 +322,15 @@ class SampleUnitsType(Name):
 ELSEWHERE: ContextVar[Callable[[str, str, bool], str] | None] = ContextVar(
     "elsewhere", default=None
 )
-"""Where a command that is run again writes instead, by parameter, the name that was typed, and whether it is that of a
-folder; None where outputs go where they are typed."""
+"""Where a command that is run again writes instead, by parameter, the name that was typed, and
+whether it is that of a folder; None where outputs go where they are typed."""
 
 
 class FileName(ValueType):
     """The name of a file or, if `folder`, of a folder: a text that completes to what is there.
 
-    What is not `written` is read, and so never replaced by what the command writes; `tables` are what its command is
-    for.
+    What is not `written` is read, and so never replaced by what the command writes; `tables` are
+    what its command is for.
     """
 
     name = "file"
@@ -353,7 +356,8 @@ class FileName(ValueType):
         return [CompletionItem(incomplete, type=self.kind)]
 
 
-# ---- Options stand in the help of a command under headings: whose they are, not the order of declaration
+# ---- Options stand in the help of a command under headings: whose they are, not the order of
+# declaration
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Kind = TypeVar("Kind")
@@ -376,12 +380,13 @@ _NAMES = {
     ),
     "--history": re.compile(r".*\.csv(\.gz)?", re.IGNORECASE | re.DOTALL),
 }
-"""What follows such an option and names its file; pictures that cannot be are refused later, in words."""
+"""What follows such an option and names its file; pictures that cannot be are refused later, in
+words."""
 
 
 class HeadedOption(click.Option):
-    """An option that knows its heading, without which others of the command line it has nothing to act on, and whether
-    it is `common`: shown by --help, too, and not by --help-all only."""
+    """An option that knows its heading, without which others of the command line it has nothing to
+    act on, and whether it is `common`: shown by --help, too, and not by --help-all only."""
 
     def __init__(
         self, *arguments: Any, heading: str, needs: str = "", rare: bool = True, **settings: Any
@@ -402,7 +407,8 @@ else:
 
 @dataclass(frozen=True)
 class Declaration(_Value):
-    """An option or an argument: what declares it of a command, or of a field of its request (`request`).
+    """An option or an argument: what declares it of a command, or of a field of its request
+    (`request`).
 
     Attributes
     ----------
@@ -425,8 +431,8 @@ class Declaration(_Value):
         return together(self.declare(*self.names, **self.settings), *self.behind)(command)
 
     def of_field(self, name: str, kind: str) -> Declaration:
-        """The same for a field of a request, which names what has no name, and is what the command gets it as; one of
-        the kind `bool` is given by a flag."""
+        """The same for a field of a request, which names what has no name, and is what the command
+        gets it as; one of the kind `bool` is given by a flag."""
         flags = [flag for flag in self.names if flag.startswith("-")]
         if not flags and self.declare is click.option:
             flags = [f"--{name.replace('_', '-')}"]
@@ -444,12 +450,14 @@ def option(
 ) -> Declaration:
     """As `click.option`, under a heading.
 
-    `rare`: most people never type it, so that it stands in `--help-all` alone; `COMMAND --help` shows all others, with
-    the first clauses of their help. A command has at most `COMMON` of these, and its help at most `LINES` lines: what
-    is declared once for many commands is shown by all of them.
+    `rare`: most people never type it, so that it stands in `--help-all` alone; `COMMAND --help`
+    shows all others, with the first clauses of their help. A command has at most `COMMON` of these,
+    and its help at most `LINES` lines: what is declared once for many commands is shown by all of
+    them.
 
-    `needs`: what it acts on, as in `--history`, `--ductility or --strength`, `--im sa or sa-avg`: an option, one of
-    several, or one with one of these values, its default among them. Given alone the option is refused.
+    `needs`: what it acts on, as in `--history`, `--ductility or --strength`, `--im sa or sa-avg`:
+    an option, one of several, or one with one of these values, its default among them. Given alone
+    the option is refused.
     """
     kind = settings.get("type")
     if type(kind) is ListOf:
@@ -465,8 +473,8 @@ def argument(metavar: str, **settings: Any) -> Declaration:
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def request(kind: type[Kind]) -> type[Kind]:
-    """A command line as a frozen dataclass: a field whose default is an option is given by it (`of`), in the order of
-    the fields, others by what else the command has."""
+    """A command line as a frozen dataclass: a field whose default is an option is given by it
+    (`of`), in the order of the fields, others by what else the command has."""
     declared = {name: value for name, value in vars(kind).items() if isinstance(value, Declaration)}
     for name in declared:
         delattr(kind, name)
@@ -478,8 +486,8 @@ def request(kind: type[Kind]) -> type[Kind]:
 
 
 def of(kind: type[Any], among: str = "") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """The options that are declared in a request, not in those it is derived from; the command gets the request, or
-    among others by a name."""
+    """The options that are declared in a request, not in those it is derived from; the command gets
+    the request, or among others by a name."""
 
     def declared(command: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(command)
@@ -508,7 +516,8 @@ def together(*declarations: Callable[[Any], Any]) -> Callable[[Function], Functi
 def with_named_files(
     arguments: Sequence[str], options: Collection[str] = tuple(_NAMES)
 ) -> list[str]:
-    """A command line in which every option of these has its value: the next word if that is such a name or empty."""
+    """A command line in which every option of these has its value: the next word if that is such a
+    name or empty."""
     result: list[str] = []
     words = iter(enumerate(arguments))
     # As click does, nothing behind -- is an option.
@@ -530,7 +539,8 @@ def with_named_files(
 def shown_when_asked(
     text: Callable[[click.Context], str],
 ) -> Callable[[click.Context, click.Parameter, bool], None]:
-    """The callback of a flag in place of the command: a text goes where data go, and the command exits."""
+    """The callback of a flag in place of the command: a text goes where data go, and the command
+    exits."""
 
     def show(ctx: click.Context, _: click.Parameter, is_asked: bool) -> None:
         if is_asked and not ctx.resilient_parsing:
@@ -541,7 +551,8 @@ def shown_when_asked(
 
 
 class HelpAsData(click.Command):
-    """A command whose help goes where its data go, with the same errors; its options stand under headings."""
+    """A command whose help goes where its data go, with the same errors; its options stand under
+    headings."""
 
     def get_help_option(self, ctx: click.Context) -> click.Option | None:
         option = super().get_help_option(ctx)
@@ -563,14 +574,16 @@ class HelpAsData(click.Command):
 
 
 COMMON, LINES = 20, 60
-"""Of `COMMAND --help`: so many options and, on 80 columns, lines at most. It is read on one screen."""
+"""Of `COMMAND --help`: so many options and, on 80 columns, lines at most. It is read on one
+screen."""
 
 
 class Command(HelpAsData):
     """A command with help in two levels and the options that every command has.
 
-    `--help` shows the first two sentences of its function's docstring, `examples`, the options that are not `rare` and
-    `exits`, what an exit code means here; `--help-all` the whole docstring and all options under their headings.
+    `--help` shows the first two sentences of its function's docstring, `examples`, the options that
+    are not `rare` and `exits`, what an exit code means here; `--help-all` the whole docstring and
+    all options under their headings.
     """
 
     def __init__(
@@ -621,7 +634,8 @@ class Command(HelpAsData):
             )
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """As click does, after `--plot` and the like have got their values; refuse what has nothing to act on."""
+        """As click does, after `--plot` and the like have got their values; refuse what has nothing
+        to act on."""
         flags = {name for parameter in self.params for name in parameter.opts}
         # An option behind one that needs a value would be taken for the value.
         valued = {
@@ -680,16 +694,19 @@ _FORMER = {
     "--label": ("--style", "'label:moment4=present method'"),
     "--no-title": ("--style", "title=no"),
 }
-"""Options that went, what does their work and with which value, for those who type them from memory."""
+"""Options that went, what does their work and with which value, for those who type them from
+memory."""
 
 _SENTENCE = re.compile(r"(?<=[.])\s+(?=[A-Z`-])")
 _CLAUSE = re.compile(r"(?<=[;.])\s+(?![^(]*\))")
 _ENOUGH = 100
-"""Letters of an option's help to which another clause or sentence is still added: two lines beside its name."""
+"""Letters of an option's help to which another clause or sentence is still added: two lines beside
+its name."""
 
 
 def _is_given(ctx: click.Context, parameter: click.Parameter) -> bool:
-    # To click before 8.2 an argument of any number of values, given none, comes from the command line, too.
+    # To click before 8.2 an argument of any number of values, given none, comes from the command
+    # line, too.
     name = parameter.name or ""
     return (
         ctx.get_parameter_source(name) == ParameterSource.COMMANDLINE and ctx.params.get(name) != ()
@@ -716,7 +733,8 @@ class Mode:
 
 
 def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
-    """Raise UsageError for an option that was given and has nothing to act on in this mode of the command that runs."""
+    """Raise UsageError for an option that was given and has nothing to act on in this mode of the
+    command that runs."""
     context = click.get_current_context()
     idle = frozenset[str]().union(*(other.takes for other in modes)) - mode.takes
     for parameter in context.command.params:
@@ -736,8 +754,8 @@ def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
 def command(
     name: str, *examples: str, exits: Mapping[int, str] | None = None
 ) -> Callable[[Callable[..., Any]], Command]:
-    """Make a function a command of this name; two `examples` that run beside what `tdint init office.yaml` writes, and
-    the `exits` that mean something special."""
+    """Make a function a command of this name; two `examples` that run beside what `tdint init
+    office.yaml` writes, and the `exits` that mean something special."""
     return click.command(name, cls=Command, examples=examples, exits=exits)
 
 

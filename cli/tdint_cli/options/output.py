@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
-from tdint.data import dataclass
 from tdint.errors import OutputError, UsageError
 from tdint.files import STDIN, check_outputs, is_folder, keep_input, write_files
 from tdint.units import SI, OutputUnits
@@ -35,18 +34,21 @@ SUFFIX = ".png"
 TABLE = "Write the table to this file instead of standard output."
 
 _NO_TABLES = (".png", ".pdf", ".svg", ".jpg", ".xlsx", ".xls", ".ods", ".zip")
-"""Ends of names that say of a table what it is not: whoever opens it is told that the file is damaged."""
+"""Ends of names that say of a table what it is not: whoever opens it is told that the file is
+damaged."""
 
 
 def output(metavar: str = "FILE", text: str = TABLE, *, tables: bool = True) -> grammar.Declaration:
-    """The option -o; what it names differs between the commands: `tables`, which `tdint rerun` may write again."""
+    """The option -o; what it names differs between the commands: `tables`, which `tdint rerun` may
+    write again."""
     kind = FileName(folder=metavar == "DIR", written=True, tables=tables)
     return option("-o", "--output", type=kind, metavar=metavar, callback=_place, help=text)
 
 
 def _place(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
-    """Where a table goes; - is standard output, as without -o. A folder is none, and a table's file has a suffix: it is
-    no folder, which is what the same word names in a command that writes several files."""
+    """Where a table goes; - is standard output, as without -o. A folder is none, and a table's file
+    has a suffix: it is no folder, which is what the same word names in a command that writes
+    several files."""
     kinds = (parameter.metavar or "").split("|")
     # A folder cannot go to standard output; a table does so without -o.
     if value == STDIN and kinds == ["DIR"]:
@@ -60,16 +62,19 @@ def _place(context: click.Context, parameter: click.Parameter, value: str | None
     to_folder = "DIR" in kinds and value is not None and is_folder_name(value)
     if value and kinds != ["FILE"] and is_parquet(value) and not to_folder:
         raise UsageError(
-            f"-o {value}: this command writes CSV alone; Parquet is for commands with a single table"
+            f"-o {value}: this command writes CSV alone; Parquet is for commands with a single "
+            "table"
         )
     if value and "FILE" in kinds and Path(value).suffix.lower() in _NO_TABLES and not to_folder:
         warn(
-            f"-o {value}: a table is CSV, whatever its file is called: name it .csv; a picture is --plot=FILE"
+            f"-o {value}: a table is CSV, whatever its file is called: name it .csv; a picture is "
+            "--plot=FILE"
         )
     if value and "FILE" in kinds and not (Path(value).suffix or to_folder):
         folder = f"; {value}/ is a folder" if "DIR" in kinds else ""
         raise UsageError(
-            f"-o {value}: a table is a file, {value}.csv or {value}.csv.gz{folder}; -o - is standard output"
+            f"-o {value}: a table is a file, {value}.csv or {value}.csv.gz{folder}; -o - is "
+            "standard output"
         )
     return value
 
@@ -134,8 +139,9 @@ def style_of(needs: str) -> grammar.Declaration:
         callback=_styled,
         metavar="LOOKS",
         rare=True,
-        help="Looks of the picture: 90mm, paper.mplstyle. A width is for print: letters of 6 to 8 points, 600 dpi; "
-        "a style sheet is matplotlib's. All words: \"width=90mm,file=paper.mplstyle,font='Times New Roman',title=no,"
+        help="Looks of the picture: 90mm, paper.mplstyle. A width is for print: letters of 6 to 8 "
+        "points, 600 dpi; a style sheet is matplotlib's. All words: "
+        "\"width=90mm,file=paper.mplstyle,font='Times New Roman',title=no,"
         'label:moment4=present method".',
     )
 
@@ -145,16 +151,16 @@ picture = plot(PICTURE)
 units = option(
     "--output-units",
     type=OutputUnitsType(),
-    help="Units of tables, summaries and pictures in place of the model's output_units or SI, one each of force, "
-    "length, mass, velocity, acceleration: kip,in,g.",
+    help="Units of tables, summaries and pictures in place of the model's output_units or SI, one "
+    "each of force, length, mass, velocity, acceleration: kip,in,g.",
 )
 report = option(
     "--report",
     type=FileName(written=True),
     metavar="FILE.html",
     callback=_page,
-    help="Also write a page for a report: result, building, motions, pictures, assumptions, warnings, hashes; one file "
-    "that needs no network and prints on A4.",
+    help="Also write a page for a report: result, building, motions, pictures, assumptions, "
+    "warnings, hashes; one file that needs no network and prints on A4.",
 )
 overwrite = option("--overwrite", is_flag=True, help="Replace existing outputs.")
 
@@ -178,8 +184,8 @@ jobs = threads("Processes that share the records; one", grammar.GENERAL, default
 
 @dataclass(frozen=True)
 class Outputs:
-    """Where a command's table goes (standard output if None) and, if asked for, its picture and its summary; in which
-    units, or None where nobody said.
+    """Where a command's table goes (standard output if None) and, if asked for, its picture and its
+    summary; in which units, or None where nobody said.
     """
 
     table: Path | None
@@ -204,13 +210,14 @@ class Outputs:
         units: OutputUnits | None = None,
         report: str | None = None,
     ) -> Outputs:
-        """The outputs of a command line, after what can be seen to fail was refused; the summary is a JSON file beside
-        the table.
+        """The outputs of a command line, after what can be seen to fail was refused; the summary is
+        a JSON file beside the table.
 
         Raises
         ------
         UsageError
-            A picture without a name and without a table beside which it could lie; Parquet without pyarrow.
+            A picture without a name and without a table beside which it could lie; Parquet without
+            pyarrow.
         OutputError
             A file that cannot be written, or a picture of an unknown format.
         """
@@ -247,8 +254,9 @@ class Outputs:
         summarize: Callable[[], dict[str, Any]] | None = None,
         page: Callable[[], bytes] | None = None,
     ) -> None:
-        """Write all; `draw` makes the picture's figure, `summarize` what the summary holds, if that is more than the
-        command line, what was read and what the columns mean, `page` that of --report."""
+        """Write all; `draw` makes the picture's figure, `summarize` what the summary holds, if that
+        is more than the command line, what was read and what the columns mean, `page` that of
+        --report."""
         from tdint.output import figures
 
         assert draw or not self.picture, "a command without a drawing declares no --plot"
@@ -265,7 +273,8 @@ class Outputs:
             files[self.report] = page()
         if self.summary:
             files[self.summary] = provenance(meanings, self.shown_units, told)
-        # The table goes to standard output before the files: a reader of a pipe need not wait for a picture.
+        # The table goes to standard output before the files: a reader of a pipe need not wait for a
+        # picture.
         if not self.table:
             emit_table(table)
         write_files(files, overwrite=self.overwrite)
@@ -279,8 +288,9 @@ def to_files(
     page: bool = False,
     more: Sequence[Callable[[Any], Any]] = (),
 ) -> Callable[[Function], Function]:
-    """The options of a command with a table: -o, `--plot` for one that draws (`picture` says what), what is peculiar to
-    the command, --report with a `page`, units, --overwrite. The command gets them together as `outputs`, checked."""
+    """The options of a command with a table: -o, `--plot` for one that draws (`picture` says what),
+    what is peculiar to the command, --report with a `page`, units, --overwrite. The command gets
+    them together as `outputs`, checked."""
 
     def declared(command: Function) -> Function:
         @functools.wraps(command)
@@ -315,8 +325,8 @@ def provenance(
     units: OutputUnits,
     told: dict[str, Any] | None = None,
 ) -> bytes:
-    """The JSON file beside a table whose columns mean this: what is `told`, all that was read, and the options of the
-    command line where what is told has no schema of its own."""
+    """The JSON file beside a table whose columns mean this: what is `told`, all that was read, and
+    the options of the command line where what is told has no schema of its own."""
     from tdint.output.summary import table_summary
 
     told = told or {}
@@ -338,8 +348,9 @@ def summary_bytes(
     keys: Mapping[str, str] = MappingProxyType({}),
     converted: Mapping[str, Any] = MappingProxyType({}),
 ) -> bytes:
-    """A JSON file beside tables: what is `told`, in these units (of `keys` beside those that all have), what is
-    `converted` to them already, all that was read, and the command line that `tdint rerun` carries out."""
+    """A JSON file beside tables: what is `told`, in these units (of `keys` beside those that all
+    have), what is `converted` to them already, all that was read, and the command line that `tdint
+    rerun` carries out."""
     from tdint.output.summary import files_read, in_units, json_bytes, merged_inputs
 
     # The command names its own inputs first; what it read beside them comes behind.
@@ -363,7 +374,8 @@ def _plain(value: Any) -> Any:
 
 
 def check_picture(file: Path) -> None:
-    """Raise UsageError for a picture of an unknown format, a font or a style sheet that is not there."""
+    """Raise UsageError for a picture of an unknown format, a font or a style sheet that is not
+    there."""
     from tdint.output.figures.style import check_print, picture_format
     from tdint.output.printed import PRINTED
 
@@ -375,7 +387,8 @@ def check_picture(file: Path) -> None:
 
 
 def picture_file(plot: str | None, table: Path | None) -> Path | None:
-    """The file of a picture, if one is asked for; the table's name with another suffix if it got no name.
+    """The file of a picture, if one is asked for; the table's name with another suffix if it got no
+    name.
 
     Raises
     ------

@@ -1,16 +1,17 @@
-"""Options under the heading Record: what a ground motion is, and what is done to it before it is used."""
+"""Options under the heading Record: what a ground motion is, and what is done to it before it is
+used."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 import click
 
-from tdint.data import dataclass
 from tdint.written_numbers import first_few
 from tdint_cli.options import grammar
 from tdint_cli.options.grammar import FileName, Function, ListOf, Nonzero, Number, SampleUnitsType
@@ -74,16 +75,18 @@ records_if_any = click.argument("records", metavar="[RECORD]...", nargs=-1, type
 record = _rare(
     "--record",
     type=FileName(),
-    help="Ground motion in place of the model's; nothing that the model says of its own applies to it.",
+    help="Ground motion in place of the model's; nothing that the model says of its own applies "
+    "to it.",
 )
 units = option(
     "--units",
     type=SampleUnitsType(_units),
     metavar="UNITS",
     help="Units of the samples, or by file AT2=g,*.mseed=m/s^2; of all: m/s^2, cm/s^2, gal, "
-    "mm/s^2, g, in/s^2 or ft/s^2, with a factor the value of one count ('2.38e-6 m/s^2'), of a velocity or a "
-    "displacement (cm/s, cm), which is then differentiated. By file: a format or the end of a path each, or a table "
-    "(.csv) with the columns record and units; the first that fits counts.",
+    "mm/s^2, g, in/s^2 or ft/s^2, with a factor the value of one count ('2.38e-6 m/s^2'), of a "
+    "velocity or a displacement (cm/s, cm), which is then differentiated. By file: a format or the "
+    "end of a path each, or a table (.csv) with the columns record and units; the first that fits "
+    "counts.",
 )
 component = option(
     "--component",
@@ -93,8 +96,8 @@ component = option(
 inventory = _rare(
     "--inventory",
     type=FileName(),
-    help="StationXML file by which the instrument's response is removed, where neither the file nor --units says what "
-    "the samples are.",
+    help="StationXML file by which the instrument's response is removed, where neither the file "
+    "nor --units says what the samples are.",
 )
 _factor = partial(
     option, "--scale", metavar="FACTOR", help="Factor on the ground acceleration, not zero."
@@ -107,14 +110,15 @@ _LAYOUT = (
         "--step",
         type=Number(0.0, min_open=True),
         metavar="SECONDS",
-        help="Sampling interval of a text table that does not tell it; a file that does must agree.",
+        help="Sampling interval of a text table that does not tell it; a file that does must "
+        "agree.",
     ),
     _rare(
         "--column",
         type=ListOf(click.STRING),
         metavar="N|NAME,...",
-        help="Columns of a text table, by number, counted from 1, or name; by default those whose names are those of "
-        "accelerations, else all but the time.",
+        help="Columns of a text table, by number, counted from 1, or name; by default those whose "
+        "names are those of accelerations, else all but the time.",
     ),
     _rare(
         "--skip-lines",
@@ -140,7 +144,8 @@ _PROCESSING = (
         "--highpass",
         type=Number(0.0, min_open=True),
         metavar="HZ",
-        help="Butterworth filter without shift of phase (forwards and backwards: half the amplitude at the corner).",
+        help="Butterworth filter without shift of phase (forwards and backwards: half the "
+        "amplitude at the corner).",
     ),
     _rare(
         "--lowpass",
@@ -158,7 +163,8 @@ _PROCESSING = (
         "--resample",
         type=Number(0.0, min_open=True),
         metavar="DT",
-        help="Change the sampling interval, s: band-limited, with a filter against aliasing if it becomes longer.",
+        help="Change the sampling interval, s: band-limited, with a filter against aliasing if it "
+        "becomes longer.",
     ),
 )
 
@@ -172,7 +178,8 @@ NAMES = frozenset(("units", "component", "inventory")) | {
 
 
 def _read_and_changed(command: Function) -> Function:
-    """The command gets what a text table does not tell together as `layout`, and what changes a record as `processing`.
+    """The command gets what a text table does not tell together as `layout`, and what changes a
+    record as `processing`.
 
     The steps are taken in the order of the options, whatever that of the command line.
     """
@@ -204,14 +211,16 @@ of_records_if_any = grammar.together(records_if_any, *_READ, *_CHANGED)
 """The same, where there need be none."""
 
 of_motion = grammar.together(*_READ, scale, *_CHANGED)
-"""The options of a single record but --record, in place of a model's or beside it, for a BuildingRequest."""
+"""The options of a single record but --record, in place of a model's or beside it, for a
+BuildingRequest."""
 
 of_record = grammar.together(record, of_motion)
 """The same with --record."""
 
 
 def warnings_of_suite(records: Sequence[Record]) -> list[str]:
-    """What was assumed of records and changes what their numbers mean: a line for each kind, with the first names."""
+    """What was assumed of records and changes what their numbers mean: a line for each kind, with
+    the first names."""
     # Texts of one kind begin with the same words, and differ in a number.
     kinds: dict[str, tuple[str, dict[str, None]]] = {}
     for record in records:
@@ -224,7 +233,8 @@ def warnings_of_suite(records: Sequence[Record]) -> list[str]:
 def notes_of_components(
     records: Sequence[Record], notes_of: Callable[[Record], Sequence[str]]
 ) -> tuple[str, ...]:
-    """Notes about the components of one file, with its name; what holds for all of them is said once."""
+    """Notes about the components of one file, with its name; what holds for all of them is said
+    once."""
     notes: dict[str, None] = {}  # a set in the order of arrival
     for record in records:
         for note in notes_of(record):

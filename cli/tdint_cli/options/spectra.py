@@ -1,4 +1,5 @@
-"""Options of spectra and of the motions of floors, and the files of floors that `tdint run` writes."""
+"""Options of spectra and of the motions of floors, and the files of floors that `tdint run`
+writes."""
 
 from __future__ import annotations
 
@@ -35,11 +36,13 @@ option = partial(grammar.option, heading=grammar.SPECTRUM)
 
 _PER_RECORD = output.output(
     "FILE|DIR",
-    "Write to this file instead of standard output; to one file per record in an existing folder or one that is named "
-    "with a / at its end. What the records are and how the numbers came about stands in a JSON file beside each.",
+    "Write to this file instead of standard output; to one file per record in an existing folder "
+    "or one that is named with a / at its end. What the records are and how the numbers came about "
+    "stands in a JSON file beside each.",
 )
 _PICTURE = output.plot(
-    "Also draw all records, to this file (.png, .pdf, .svg); alone, each CSV file of -o, as PNG beside it."
+    "Also draw all records, to this file (.png, .pdf, .svg); alone, each CSV file of -o, as PNG "
+    "beside it."
 )
 
 
@@ -89,7 +92,8 @@ def periods(default: str, zero: str = "", needs: str = "") -> grammar.Declaratio
         rare=bool(needs),
         needs=needs,
         metavar="SECONDS|FIRST:LAST:COUNT,...",
-        help=f"Periods, or so many in equal ratios, both ends included; {default} by default.{zero}",
+        help=f"Periods, or so many in equal ratios, both ends included; {default} by "
+        f"default.{zero}",
     )
 
 
@@ -113,7 +117,8 @@ export_floors = output.option(
     "--export-floors",
     type=click.Choice(["mseed"]),
     rare=True,
-    help=f"Also write {MOTIONS}: the absolute accelerations of all floors, m/s^2, as MiniSEED; stations F01, F02, ...",
+    help=f"Also write {MOTIONS}: the absolute accelerations of all floors, m/s^2, as MiniSEED; "
+    "stations F01, F02, ...",
 )
 _NEEDS = "--floor-spectra"
 
@@ -126,9 +131,10 @@ class FloorRequest:
         _NEEDS,
         type=ListOf(click.STRING),
         metavar="FLOOR,...",
-        help=f"Also write {SPECTRA}: elastic response spectra of the absolute accelerations of these floors (from 1, "
-        f"or roof), exact for motions that are linear between the steps; with --plot {SPECTRA_PICTURE}, too. Of "
-        f"several records those of every run, and in {SPECTRA_MEAN} their mean and envelope.",
+        help=f"Also write {SPECTRA}: elastic response spectra of the absolute accelerations of "
+        "these floors (from 1, or roof), exact for motions that are linear between the steps; with "
+        f"--plot {SPECTRA_PICTURE}, too. Of several records those of every run, and in "
+        f"{SPECTRA_MEAN} their mean and envelope.",
     )
     damping: tuple[float, ...] = damping(_NEEDS)
     periods: tuple[float | Grid, ...] | None = periods(
@@ -157,8 +163,9 @@ class FloorRequest:
     def of_suite(
         self, plan: Plan, store: Store, jobs: int | None, units: OutputUnits, *, plot: bool
     ) -> tuple[dict[str, Content], Sequence[FloorSuite]]:
-        """The files of a suite by their names and what they hold, in these units, with a picture if one is wanted, and
-        the spectra over the motions; nothing if no floor is asked for. Every run is done once more for them.
+        """The files of a suite by their names and what they hold, in these units, with a picture if
+        one is wanted, and the spectra over the motions; nothing if no floor is asked for. Every run
+        is done once more for them.
 
         Raises
         ------
@@ -200,8 +207,8 @@ class FloorRequest:
         plot: bool = False,
         export: str | None = None,
     ) -> tuple[dict[Path, Content], Sequence[str]]:
-        """The files in a folder and what they hold, tables in these units, a picture and motions if they are wanted;
-        and notes on them."""
+        """The files in a folder and what they hold, tables in these units, a picture and motions if
+        they are wanted; and notes on them."""
         stories = len(response.model.stories)
         files: dict[Path, Content] = {}
         notes: Sequence[str] = ()

@@ -31,7 +31,8 @@ def target(text: str, heading: str = grammar.OWN) -> grammar.Declaration:
     """The option --target; what becomes of it differs between the commands."""
     named = (
         "a design spectrum by name, asce7:sds=1.0,sd1=0.6,tl=8 (mcer: 1.5 times it) or "
-        "ec8:type=1,soil=B,ag=0.25g[,damping=5%], or a CSV file with the columns period_s and sa_g or sa_m_s2."
+        "ec8:type=1,soil=B,ag=0.25g[,damping=5%], or a CSV file with the columns period_s and sa_g "
+        "or sa_m_s2."
     )
     return grammar.option(
         "--target", heading=heading, type=FileName(), metavar="SPECTRUM", help=f"{text}: {named}"
@@ -64,7 +65,8 @@ threshold = partial(
 
 
 def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | None) -> Suite:
-    """The ground motions of a command line; what there is to say of them is said, but for what could not be read.
+    """The ground motions of a command line; what there is to say of them is said, but for what
+    could not be read.
 
     Raises
     ------

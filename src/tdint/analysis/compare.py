@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,6 @@ from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.run import prepare
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.arrays import Array, cached_property
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, RecordError, UsageError, did_you_mean
 from tdint.ground_motion.reading.named_table import read_column
 from tdint.ground_motion.reading.read import read_signal
@@ -30,7 +29,8 @@ from tdint.tabular import Tabular
 from tdint.units import GROUND_MOTION
 from tdint.written_numbers import how_many, parse_positive
 
-# ---- A recorded event on one clock: the ground motion that drives the model, and the floors' motions at its times
+# ---- A recorded event on one clock: the ground motion that drives the model, and the floors'
+# motions at its times
 
 _FEWEST = 10
 """Samples that a comparison needs."""
@@ -38,7 +38,8 @@ _FEWEST = 10
 
 @dataclass(frozen=True)
 class RecordedFloor:
-    """The motion that was recorded on a floor, without its offset and in the band of the comparison.
+    """The motion that was recorded on a floor, without its offset and in the band of the
+    comparison.
 
     Attributes
     ----------
@@ -60,7 +61,8 @@ class RecordedFloor:
         return self.signal.quantity
 
     def at(self, interval: float, count: int, shift: float) -> Array:
-        """The motion at so many times, an interval (s) apart, later by `shift` (s); nan where nothing was recorded."""
+        """The motion at so many times, an interval (s) apart, later by `shift` (s); nan where
+        nothing was recorded."""
         return at_times(self.signal.samples, self.signal.dt, self.first + shift, interval, count)
 
 
@@ -73,8 +75,8 @@ class Event:
     recording : Recording
         The file that says what was recorded.
     base : Record
-        The ground motion that drives the model: the mean of the base's sensors, without an offset that its samples
-        tell, unfiltered.
+        The ground motion that drives the model: the mean of the base's sensors, without an offset
+        that its samples tell, unfiltered.
     floors : tuple of RecordedFloor
         From the ground up.
     notes, warnings : tuple of str
@@ -97,8 +99,8 @@ class Event:
         Raises
         ------
         RecordError
-            A file cannot be read, its quantity is another one than expected, the recordings do not meet in time, or the
-            band is out of reach of their samples.
+            A file cannot be read, its quantity is another one than expected, the recordings do not
+            meet in time, or the band is out of reach of their samples.
         """
         base = [_read(sensor) for sensor in recording.base]
         floors = [[_read(sensor) for sensor in sensors] for _, sensors in recording.floors]
@@ -118,7 +120,8 @@ class Event:
         if has_offset(motion):
             motion = without_offset(motion, mean.quantity)
             notes[
-                f"the offset of the base, {mean.samples[0] - motion[0]:.3g} m/s^2 (its median), is removed"
+                f"the offset of the base, {mean.samples[0] - motion[0]:.3g} m/s^2 (its median), is "
+                "removed"
             ] = None
         record = Record(motion, mean.dt, start="", id="", component="base", source=recording.source)
         # The translation of each floor: the mean of its sensors, without what the floor turns.
@@ -139,7 +142,8 @@ class Event:
             first = _later(signal, base[0], notes) - lead
             if first >= record.duration or first + (signal.samples.size - 1) * signal.dt <= 0.0:
                 raise RecordError(
-                    f"{signal.label}: recorded at another time than {base[0].label}; see their starts"
+                    f"{signal.label}: recorded at another time than {base[0].label}; see their "
+                    "starts"
                 )
             centered = signal.centered()
             samples = in_band(
@@ -172,7 +176,8 @@ class Event:
         return self.filtered(self.base.acceleration, "acceleration")
 
     def filtered(self, samples: Array, quantity: str) -> Array:
-        """What was computed at the base's times made what the recordings are: without its offset, in the band."""
+        """What was computed at the base's times made what the recordings are: without its offset,
+        in the band."""
         centered = without_offset(samples, quantity)
         return in_band(centered, self.base.dt, self.recording.band, self.base.source, quantity)
 
@@ -184,7 +189,8 @@ class Event:
         return self.filtered(moved, "displacement")
 
     def window(self, recorded: Array, label: str) -> slice:
-        """The times at which a floor is compared: in the window, and where it was recorded (not nan).
+        """The times at which a floor is compared: in the window, and where it was recorded (not
+        nan).
 
         Raises
         ------
@@ -199,7 +205,8 @@ class Event:
         last = min(math.floor(end / self.base.dt + 1e-6), int(there[-1]) if there.size else 0)
         if last - first + 1 < _FEWEST:
             raise RecordError(
-                f"{label}: has fewer than {_FEWEST} samples in the window from {start:g} to {end:g} s"
+                f"{label}: has fewer than {_FEWEST} samples in the window from {start:g} to "
+                f"{end:g} s"
             )
         return slice(first, last + 1)
 
@@ -217,22 +224,25 @@ def _read(sensor: Sensor) -> Signal:
     else:
         signal = read_column(sensor.file, sensor.column, sensor.units)
     if sensor.quantity and signal.quantity != sensor.quantity:
-        # Units that were given have been judged with the quantity: what differs is a file's own, or a column's name.
+        # Units that were given have been judged with the quantity: what differs is a file's own, or
+        # a column's name.
         cure = "correct the quantity, or give its units"
         if sensor.column is not None:
             cure = (
-                "if the end of the column's name is right, take `quantity` out; if not, give `units` beside it, which "
-                f"count in place of the name: one of {', '.join(GROUND_MOTION[sensor.quantity])}"
+                "if the end of the column's name is right, take `quantity` out; if not, give "
+                "`units` beside it, which count in place of the name: one of "
+                f"{', '.join(GROUND_MOTION[sensor.quantity])}"
             )
         raise RecordError(
-            f"{signal.label}: its units say {signal.quantity}, its quantity says {sensor.quantity}; {cure}"
+            f"{signal.label}: its units say {signal.quantity}, its quantity says "
+            f"{sensor.quantity}; {cure}"
         )
     return signal.times(sensor.sign)
 
 
 def _common(signals: Sequence[Signal], place: str, notes: dict[str, None]) -> tuple[Signal, float]:
-    """The mean of signals over the time that they have in common, as the first one with other samples; and where that
-    begins, s from the first one's first sample."""
+    """The mean of signals over the time that they have in common, as the first one with other
+    samples; and where that begins, s from the first one's first sample."""
     first = signals[0]
     starts = [_later(signal, first, notes) for signal in signals]
     lead = max(starts)
@@ -251,11 +261,13 @@ def _common(signals: Sequence[Signal], place: str, notes: dict[str, None]) -> tu
 
 
 def _later(signal: Signal, than: Signal, notes: dict[str, None]) -> float:
-    """How much later a recording begins than another, s; 0 where their clocks cannot be compared, which is noted."""
+    """How much later a recording begins than another, s; 0 where their clocks cannot be compared,
+    which is noted."""
     if signal.start is None or than.start is None or signal.clock != than.clock:
         if signal.label != than.label:
             notes[
-                f"{signal.label}: taken to begin with {than.label}: the files do not tell on one clock"
+                f"{signal.label}: taken to begin with {than.label}: the files do not tell on one "
+                "clock"
             ] = None
         return 0.0
     return signal.start - than.start
@@ -293,7 +305,8 @@ _MET: dict[str, tuple[Callable[[float, float], bool], str]] = {
 
 @dataclass(frozen=True)
 class FloorComparison:
-    """A floor's motion as it was computed and as it was recorded, over the times at which both are compared.
+    """A floor's motion as it was computed and as it was recorded, over the times at which both are
+    compared.
 
     Attributes
     ----------
@@ -327,14 +340,16 @@ class FloorComparison:
 
     @property
     def rms_difference(self) -> float:
-        """Root mean square of the difference over that of the recording; nan where nothing was recorded."""
+        """Root mean square of the difference over that of the recording; nan where nothing was
+        recorded."""
         difference = float(np.sqrt(np.mean((self.computed - self.recorded) ** 2)))
         return _ratio(difference, float(np.sqrt(np.mean(self.recorded**2))))
 
 
 @dataclass(frozen=True)
 class FloorSpectra:
-    """Response spectra of a floor's absolute acceleration, computed and recorded, m/s^2, shape (k,)."""
+    """Response spectra of a floor's absolute acceleration, computed and recorded, m/s^2, shape
+    (k,)."""
 
     floor: int
     periods: Array
@@ -393,7 +408,8 @@ class Comparison(Tabular):
 
 
 def absolute_displacements(comparison: Comparison) -> list[str]:
-    """A sentence for each floor whose recorded displacement agrees much better once the base's is subtracted."""
+    """A sentence for each floor whose recorded displacement agrees much better once the base's is
+    subtracted."""
     event, curves = comparison.event, []
     for floor in comparison.floors:
         if floor.quantity != "displacement":
@@ -406,9 +422,10 @@ def absolute_displacements(comparison: Comparison) -> list[str]:
             and relative.rms_difference < floor.rms_difference
         ):
             curves.append(
-                f"floor {floor.floor}: less the base's displacement the recording has a correlation of "
-                f"{relative.correlation:.3f} instead of {floor.correlation:.3f}: it seems to be absolute, and a "
-                "displacement is compared relative to the base; subtract the base's from it in the file"
+                f"floor {floor.floor}: less the base's displacement the recording has a "
+                f"correlation of {relative.correlation:.3f} instead of {floor.correlation:.3f}: it "
+                "seems to be absolute, and a displacement is compared relative to the base; "
+                "subtract the base's from it in the file"
             )
     return curves
 
@@ -421,7 +438,8 @@ def compare(
     dt: float | None = None,
     shift: float | None = None,
 ) -> Comparison:
-    """Integrate a model under the base's motion of an event, and set the floors beside what was recorded.
+    """Integrate a model under the base's motion of an event, and set the floors beside what was
+    recorded.
 
     Parameters
     ----------
@@ -478,8 +496,8 @@ def is_linear(model: Model) -> bool:
 def respond(case: Case, dt: float | None, band: tuple[float, float] | None = None) -> Response:
     """The response over the whole of the base's motion, with its history.
 
-    Without a step it is the base's sampling interval, or a part of it that is short for all modes within the band:
-    what the method errs is not to be seen beside the recording.
+    Without a step it is the base's sampling interval, or a part of it that is short for all modes
+    within the band: what the method errs is not to be seen beside the recording.
     """
     record = case.record
     assert record is not None
@@ -491,8 +509,8 @@ def respond(case: Case, dt: float | None, band: tuple[float, float] | None = Non
     steps = case.steps(dt, record.duration)
     if steps.h > record.dt * (1.0 + _ROUNDING):
         raise UsageError(
-            f"dt {steps.h:.6g} s is longer than the recording's sampling interval, {record.dt:.6g} s; a comparison "
-            "needs a result at every sample: use that or a whole part of it"
+            f"dt {steps.h:.6g} s is longer than the recording's sampling interval, {record.dt:.6g} "
+            "s; a comparison needs a result at every sample: use that or a whole part of it"
         )
     return case.march(steps, history=True)
 
@@ -510,8 +528,8 @@ def computed_floors(response: Response, event: Event) -> list[Array]:
     every = round(event.base.dt / response.dt)
     if history.time[::every].size < event.count:
         raise AnalysisError(
-            f"{response.model.name}: the building collapsed after {history.time[-1]:.6g} s, before the recording ends; "
-            "there is nothing to compare"
+            f"{response.model.name}: the building collapsed after {history.time[-1]:.6g} s, before "
+            "the recording ends; there is nothing to compare"
         )
     motions = {"acceleration": history.acceleration, "displacement": history.displacement}
     return [
@@ -545,7 +563,8 @@ def compared_floors(
 
 
 def best_shift(event: Event, computed: Sequence[Array]) -> float:
-    """What added to the times of the recordings (s) brings the floors' correlation with the result to its largest sum.
+    """What added to the times of the recordings (s) brings the floors' correlation with the result
+    to its largest sum.
 
     The best whole number of samples first (by the cross-correlation), then parts of one.
     """
@@ -590,8 +609,8 @@ def parse_requirement(text: str) -> tuple[str, float]:
 def unmet(comparison: Comparison, requirements: Sequence[tuple[str, float]]) -> list[str]:
     """A sentence for each floor and requirement that it does not meet."""
     return [
-        f"{comparison.event.recording.source}: floor {floor.floor}: {name} is {value:.12g}, required is "
-        + words.format(limit=limit)
+        f"{comparison.event.recording.source}: floor {floor.floor}: {name} is {value:.12g}, "
+        "required is " + words.format(limit=limit)
         for floor in comparison.floors
         for name, limit in requirements
         for meets, words in [_MET[name]]

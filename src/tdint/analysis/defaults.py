@@ -12,7 +12,8 @@ DRIFT_PERIODS = "0.2:10:200"
 """Periods of a drift spectrum where none are asked for, s."""
 
 STEPS_PER_PERIOD = 10
-"""Steps per period of PEER's sampling; with fewer samples per period the motion between samples matters."""
+"""Steps per period of PEER's sampling; with fewer samples per period the motion between samples
+matters."""
 
 MOST_DUCTILE = 1000.0
 """The largest ductility that may be asked for."""
@@ -31,7 +32,8 @@ QUANTITIES = {
     "velocity": "error of the velocities (L2 of the history)",
     "acceleration": "error of the accelerations (L2 of the history)",
 }
-"""By their names on the command line, what they are: the fields of `tdint.analysis.chart.problem.Errors`."""
+"""By their names on the command line, what they are: the fields of
+`tdint.analysis.chart.problem.Errors`."""
 
 PEAKS = {
     "peak-drift": "largest error of a story's peak drift",

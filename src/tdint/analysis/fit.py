@@ -1,23 +1,24 @@
 """The stiffnesses and damping ratios with which a model comes closest to a recorded event.
 
-Least squares on the floors' histories have many minima: a mode that is off by a few percent loses step with the
-recording. So the floors' smoothed Fourier spectra are fitted first, in logarithms, which lead from far away; from
-there the histories are fitted (Levenberg 1944, Marquardt 1963, by trust regions: Branch, Coleman and Li 1999).
+Least squares on the floors' histories have many minima: a mode that is off by a few percent loses
+step with the recording. So the floors' smoothed Fourier spectra are fitted first, in logarithms,
+which lead from far away; from there the histories are fitted (Levenberg 1944, Marquardt 1963, by
+trust regions: Branch, Coleman and Li 1999).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from tdint.analysis import compare
 from tdint.analysis.compare import Event
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.definition import (
     LAWS,
@@ -36,7 +37,9 @@ _UNITS = {_STIFFNESS: "N/m"}
 
 _FACTOR = 10.0  # by which a stiffness may change, either way
 _RATIOS = (1e-4, 0.5)
-_SMALLEST = 1e-4  # relative step of a numerical derivative
+_DIFFERENCE_STEP = (
+    1e-4  # change of the logarithm of a value for a numerical derivative, so relative to the value
+)
 _SCAN = np.geomspace(0.4, 2.5, 41)  # common factors of the stiffnesses to start from
 _STARTS, _CANDIDATES = 3, 2
 _BANDWIDTH = 0.1  # of the smoothing, in the logarithm of frequency, either side
@@ -55,8 +58,8 @@ class FittedValue:
     Attributes
     ----------
     name : str
-        `stiffness_N_m`, `stiffness_factor`, `damping_ratio`, or a Rayleigh coefficient: `mass_coefficient_1_s`,
-        `stiffness_coefficient_s`.
+        `stiffness_N_m`, `stiffness_factor`, `damping_ratio`, or a Rayleigh coefficient:
+        `mass_coefficient_1_s`, `stiffness_coefficient_s`.
     place : int or None
         The story or mode, from 1; None for a value that is common to all.
     start, value : float
@@ -64,8 +67,8 @@ class FittedValue:
     low, high : float
         The bounds of the fit.
     standard_error : float
-        Of the value, if what remains of the difference were independent from sample to sample; inf where the recording
-        does not tell the value.
+        Of the value, if what remains of the difference were independent from sample to sample; inf
+        where the recording does not tell the value.
     """
 
     name: str
@@ -89,7 +92,8 @@ class FittedValue:
 
 @dataclass(frozen=True)
 class Fit:
-    """A model fitted to an event: its values, the runs that it took, and what there is to say of it."""
+    """A model fitted to an event: its values, the runs that it took, and what there is to say of
+    it."""
 
     model: Model
     values: tuple[FittedValue, ...]
@@ -120,8 +124,8 @@ def fit(
     Parameters
     ----------
     names : sequence of str
-        What may change, of `FITTED`: the stiffness of each story (yield forces stay), or one factor on all of them; the
-        values of `damping` as the model has them.
+        What may change, of `FITTED`: the stiffness of each story (yield forces stay), or one factor
+        on all of them; the values of `damping` as the model has them.
     progress : callable
         Told the number of runs so far.
 
@@ -140,31 +144,16 @@ def fit(
     for first in _starts(
         problem, start, bounds, any(name.startswith("stiffness") for name in names)
     ):
-        solution = least_squares(
-            problem.spectral,
-            first,
-            bounds=bounds,
-            diff_step=_SMALLEST,
-            xtol=1e-4,
-            ftol=1e-4,
-            max_nfev=15,
-        )
+        solution = _minimize(problem.spectral, first, bounds, xtol=1e-4, ftol=1e-4, max_nfev=15)
         candidates.append((solution.cost, solution.x))
     best = None
     for _, first in sorted(candidates, key=lambda candidate: float(candidate[0]))[:_CANDIDATES]:
         problem.settle_shift(first)
         # Within d standard errors of its minimum a sum of n squares is d^2 / n of itself above it.
         close = _STANDARD_ERRORS**2 / (len(event.floors) * event.count)
-        # The gradient ends nothing: beside a recording without noise it is small long before the minimum.
-        solution = least_squares(
-            problem.temporal,
-            first,
-            bounds=bounds,
-            diff_step=_SMALLEST,
-            xtol=1e-12,
-            ftol=close,
-            gtol=None,
-        )
+        # The gradient ends nothing: beside a recording without noise it is small long before the
+        # minimum.
+        solution = _minimize(problem.temporal, first, bounds, xtol=1e-12, ftol=close, gtol=None)
         if best is None or solution.cost < best.cost:
             best = solution
     assert best is not None
@@ -186,8 +175,8 @@ def fit(
         if error > _UNTOLD
     ]
     notes += [
-        f"{_called(value)} ended on a bound of the fit, {value.low:.4g} to {value.high:.4g}: the best value may lie "
-        "beyond, or the model is another one"
+        f"{_called(value)} ended on a bound of the fit, {value.low:.4g} to {value.high:.4g}: the "
+        "best value may lie beyond, or the model is another one"
         for value in values
         if value.on_bound
     ]
@@ -233,7 +222,8 @@ class _Problem:
             self._shift = compare.best_shift(self._event, computed)
 
     def temporal(self, logarithms: Array) -> Array:
-        """Differences of the histories over the recording's rms; their squares sum to the mean over the floors."""
+        """Differences of the histories over the recording's rms; their squares sum to the mean over
+        the floors."""
         computed = self.computed(logarithms)
         if computed is None:
             return np.full(self._event.count, _FAILED / math.sqrt(self._event.count))
@@ -261,11 +251,52 @@ class _Problem:
         )
 
 
+def _minimize(
+    residuals: Callable[[Array], Array], start: Array, bounds: Array, **limits: Any
+) -> OptimizeResult:
+    """Minimize the sum of squared residuals over logarithms of values, with forward differences.
+
+    SciPy's own differences have a step relative to the variable. The variable is a logarithm here:
+    it is 0 at a factor of 1, where the step vanishes and the derivatives are lost.
+
+    Parameters
+    ----------
+    residuals : callable
+        Residuals, shape (m,), as a function of the logarithms of the values, shape (n,).
+    start : array, shape (n,)
+        Logarithms to start from.
+    bounds : array, shape (2, n)
+        Lower and upper bounds of the logarithms.
+    **limits
+        Tolerances and limits of `scipy.optimize.least_squares`.
+    """
+    latest: dict[bytes, Array] = {}
+
+    def evaluate(x: Array) -> Array:
+        latest.clear()
+        latest[x.tobytes()] = residuals(x)
+        return latest[x.tobytes()]
+
+    def derivatives(x: Array) -> Array:
+        # SciPy has just evaluated the residuals at x, in general.
+        base = latest[x.tobytes()] if x.tobytes() in latest else evaluate(x)
+        steps = np.where(x + _DIFFERENCE_STEP <= bounds[1], _DIFFERENCE_STEP, -_DIFFERENCE_STEP)
+        columns = [
+            (residuals(x + step * unit) - base) / step
+            for step, unit in zip(steps, np.eye(x.size), strict=True)
+        ]
+        return np.stack(columns, axis=1)
+
+    return least_squares(evaluate, start, jac=derivatives, bounds=bounds, **limits)
+
+
 def _starts(problem: _Problem, start: Array, bounds: Array, stiffness: bool) -> list[Array]:
-    """Values to begin with: those given and, where stiffnesses are fitted, the best common factors on them."""
+    """Values to begin with: those given and, where stiffnesses are fitted, the best common factors
+    on them."""
     if not stiffness:
         return [start]
-    # The spectral misfit has several minima along a common factor: each low point of a scan is a start.
+    # The spectral misfit has several minima along a common factor: each low point of a scan is a
+    # start.
     stiff = np.array([value.name in (_STIFFNESS, _COMMON) for value in problem.free])
     points = [np.clip(start + np.where(stiff, math.log(factor), 0.0), *bounds) for factor in _SCAN]
     costs = np.array([float(np.sum(problem.spectral(point) ** 2)) for point in points])
@@ -274,7 +305,8 @@ def _starts(problem: _Problem, start: Array, bounds: Array, stiffness: bool) -> 
 
 
 def _smoothed(samples: Array, dt: float, band: tuple[float, float] | None) -> Array:
-    """Logarithm of the smoothed Fourier amplitude at frequencies in equal ratios, shape (_FREQUENCIES,)."""
+    """Logarithm of the smoothed Fourier amplitude at frequencies in equal ratios, shape
+    (_FREQUENCIES,)."""
     low, high = band or (0.0, math.inf)
     low, high = max(low, _LOWEST_CYCLES / (samples.size * dt)), min(high, 0.4 / dt)
     power = np.abs(np.fft.rfft(samples)) ** 2
@@ -289,7 +321,8 @@ def _smoothed(samples: Array, dt: float, band: tuple[float, float] | None) -> Ar
 
 
 def _standard_errors(solution: object) -> Array:
-    """Relative standard errors from the Jacobian at the minimum, shape (values,); inf where it tells nothing."""
+    """Relative standard errors from the Jacobian at the minimum, shape (values,); inf where it
+    tells nothing."""
     jacobian: Array = solution.jac  # type: ignore[attr-defined]
     rows, count = jacobian.shape
     _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
@@ -311,7 +344,8 @@ def _free_values(model: Model, names: Sequence[str]) -> list[_Free]:
     free: list[_Free] = []
     if "stiffness" in names and "stiffness-factor" in names:
         raise UsageError(
-            "fit stiffness or stiffness-factor: the stiffness of each story, or one factor on all of them"
+            "fit stiffness or stiffness-factor: the stiffness of each story, or one factor on all "
+            "of them"
         )
     if "stiffness-factor" in names:
         # One factor on the stiffnesses of all stories.
@@ -334,7 +368,8 @@ def _stiffness(model: Model, i: int) -> _Free:
     story = model.stories[i]
     if LAWS[story.law.name].initial_stiffness is not None:
         raise UsageError(
-            f"{model.name}: the stiffness of story {i + 1} follows from its {story.law.name} law; it cannot be fitted"
+            f"{model.name}: the stiffness of story {i + 1} follows from its {story.law.name} law; "
+            "it cannot be fitted"
         )
 
     def put(model: Model, value: float) -> Model:

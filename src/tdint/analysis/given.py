@@ -1,4 +1,5 @@
-"""What callers give in the place of a model, a record or a number: taken as it is meant, or refused in words."""
+"""What callers give in the place of a model, a record or a number: taken as it is meant, or refused
+in words."""
 
 from __future__ import annotations
 
@@ -37,7 +38,8 @@ AnyModel: TypeAlias = "Model | str | Path | TextIO | Mapping[str, Any]"
 """A building: what `load_model` gives, or what that takes."""
 
 AnyRecord: TypeAlias = Record | str | Path | AnyTrace | AnyStream
-"""A ground motion: what `read_record` gives, a file that tells its units and has one component, or a trace."""
+"""A ground motion: what `read_record` gives, a file that tells its units and has one component, or
+a trace."""
 
 AnyMotion: TypeAlias = "AnyRecord | Horizontals | tuple[AnyRecord, AnyRecord]"
 """A record, or a pair of components."""
@@ -82,8 +84,8 @@ def record_of(given: Any) -> Record:
     if hasattr(given, "stats") or hasattr(given, "traces"):
         return make_record(given)
     raise RecordError(
-        f"a record is what read_record gives, a path or a trace, got {_kind(given)}; of samples make_record(samples, "
-        "dt=0.01, units='m/s^2') makes one"
+        f"a record is what read_record gives, a path or a trace, got {_kind(given)}; of samples "
+        "make_record(samples, dt=0.01, units='m/s^2') makes one"
     )
 
 
@@ -104,8 +106,8 @@ def model_record(model: Model) -> Record | None:
 
 
 def horizontals_of(given: Any) -> Horizontals:
-    """A pair of components, or that of a sequence of two records or paths. Errors are those of `record_of`, and of
-    `find_horizontals`."""
+    """A pair of components, or that of a sequence of two records or paths. Errors are those of
+    `record_of`, and of `find_horizontals`."""
     from tdint.ground_motion.horizontals import Horizontals, find_horizontals
 
     if isinstance(given, Horizontals):
@@ -146,7 +148,8 @@ def number_of(given: Any, name: str) -> float | None:
 def between(
     given: Any, name: str, low: float = 0.0, high: float = math.inf, *, above: bool = False
 ) -> float:
-    """A finite number from `low` (with `above`, larger than it) to `high`. UsageError as `number_of`."""
+    """A finite number from `low` (with `above`, larger than it) to `high`. UsageError as
+    `number_of`."""
     number = number_of(given, name)
     if (
         number is None
@@ -156,7 +159,8 @@ def between(
     ):
         most = f" to {high:g}" if math.isfinite(high) else ""
         raise UsageError(
-            f"{name} must be a number {'above' if above else 'from'} {low:g}{most}, got {given!r:.60}"
+            f"{name} must be a number {'above' if above else 'from'} {low:g}{most}, got "
+            f"{given!r:.60}"
         )
     return number
 
@@ -189,7 +193,8 @@ def damping_of(given: Any) -> float:
 
 
 def drift_of(given: Any) -> DriftSize:
-    """A drift, of a text as `parse_drift` has it, or of a number, a drift ratio. UsageError as by both."""
+    """A drift, of a text as `parse_drift` has it, or of a number, a drift ratio. UsageError as by
+    both."""
     if isinstance(given, DriftSize):
         return given
     return parse_drift(given if isinstance(given, str) else str(number_of(given, "drift")))

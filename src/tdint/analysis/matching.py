@@ -1,20 +1,21 @@
 """Ground motions matched to a target spectrum by the least change.
 
-A response of an oscillator is linear in the samples of the motion. Wanted is the change d of least norm d' P^-1 d by
-which the largest response at each period is the target, while its other extremes above `_NEAR` of it do not exceed it:
-a small quadratic program in multipliers, d = P H' lambda. The rows of H are the derivatives of the extremes with
-respect to the samples, the oscillators' impulse responses reversed in time from the extreme's own moment. P = F E^2 F:
-E is the record's own envelope, so that nothing is added where it is quiet, F a band of the periods. Two more rows keep
-the last velocity and displacement of the ground. Far from the target each round solves for the whole change from the
-scaled seed, then stepwise; periods between those that are matched join where they are worst (after Hancock et al. 2006;
-Al Atik and Abrahamson 2010; Grant and Diaferia 2013).
+A response of an oscillator is linear in the samples of the motion. Wanted is the change d of least
+norm d' P^-1 d by which the largest response at each period is the target, while its other extremes
+above `_NEAR` of it do not exceed it: a small quadratic program in multipliers, d = P H' lambda. The
+rows of H are the derivatives of the extremes with respect to the samples, the oscillators' impulse
+responses reversed in time from the extreme's own moment. P = F E^2 F: E is the record's own
+envelope, so that nothing is added where it is quiet, F a band of the periods. Two more rows keep
+the last velocity and displacement of the ground. Far from the target each round solves for the
+whole change from the scaled seed, then stepwise; periods between those that are matched join where
+they are worst (after Hancock et al. 2006; Al Atik and Abrahamson 2010; Grant and Diaferia 2013).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
 
@@ -26,7 +27,6 @@ from tdint.analysis.spectra.elastic import SA_DAMPING, recursion_table, spectrum
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.ground_motion.measures import Measures, Motion, integrate, measure
 from tdint.ground_motion.reading.suites import GroundMotion, components
@@ -42,7 +42,8 @@ CHECKED = 1000
 """Periods in equal ratios at which a match is judged."""
 
 _FIRST, _STAGES, _ROUNDS = 130, 4, (12, 6, 6, 8, 8)
-"""Periods matched at first, how often the worst of those judged join, and rounds of each stage at most."""
+"""Periods matched at first, how often the worst of those judged join, and rounds of each stage at
+most."""
 
 _ENOUGH = 0.008
 """Misfit up to which a period does not join, nor a stage begins."""
@@ -51,28 +52,34 @@ _NEAR, _MOST = 0.8, 3.0
 """Extremes above this part of the target are held, three for each period in all at most."""
 
 _CLIP, _STEPWISE = 0.3, 0.1
-"""The largest relative step of a response in a round; and the misfit from which rounds add to the change."""
+"""The largest relative step of a response in a round; and the misfit from which rounds add to the
+change."""
 
 _DAMPED, _POLISHED, _LEAST = 1e-2, 1e-4, 1e-6
-"""Levenberg and Marquardt's damping over the Gram matrix's diagonal: at first, when polishing, at least."""
+"""Levenberg and Marquardt's damping over the Gram matrix's diagonal: at first, when polishing, at
+least."""
 
 _WINDOW = 2.0
 """Half of the window of the envelope, s."""
 
 _UNEVEN = 0.03, 10.0
-"""Damping of a row over the others' in steps: the less the farther it is from what is asked, within these bounds."""
+"""Damping of a row over the others' in steps: the less the farther it is from what is asked, within
+these bounds."""
 
 _POWERS = 2.0, 4.0
-"""What is to fall is the sum of these powers of ln of responses over the target: far from it, and in steps."""
+"""What is to fall is the sum of these powers of ln of responses over the target: far from it, and
+in steps."""
 
 _OF_MEAN = 4.0
-"""Weight of the mean misfit beside the largest one, which is about four times as large, where the best is chosen."""
+"""Weight of the mean misfit beside the largest one, which is about four times as large, where the
+best is chosen."""
 
 _TRIES = 6
 """Times that a step is damped more, fourfold each."""
 
 _ORDER, _CORNER = 8, 1.0
-"""Order of the band's edges; frequency (Hz) below which changes weigh more, for they move the ground far."""
+"""Order of the band's edges; frequency (Hz) below which changes weigh more, for they move the
+ground far."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -88,7 +95,8 @@ class Match(Tabular):
     target : TargetSpectrum
         The target.
     periods, psa, seed_psa : ndarray, shape (CHECKED,)
-        Periods, s; pseudo-accelerations of the match and of the scaled seed, of pairs RotD100, m/s^2.
+        Periods, s; pseudo-accelerations of the match and of the scaled seed, of pairs RotD100,
+        m/s^2.
     damping : float
         Damping ratio.
     """
@@ -157,7 +165,8 @@ class Match(Tabular):
 
     @cached_property
     def directions(self) -> tuple[tuple[float, float], tuple[float, float]] | None:
-        """Of a pair and of its seed: the mean ratio of RotD100 to RotD50, and the correlation of the accelerations."""
+        """Of a pair and of its seed: the mean ratio of RotD100 to RotD50, and the correlation of
+        the accelerations."""
         result = []
         for motion in (self.record, self.seed):
             if isinstance(motion, Record):
@@ -172,14 +181,15 @@ class Match(Tabular):
 
     def _headline(self) -> str:
         words = (
-            f"of {self.seed.source} {self.seed.component}: largest misfit {100.0 * self.largest_misfit:.2g} %, "
-            f"mean {100.0 * self.mean_misfit:.2g} %, change {self.change:.2g} of the motion"
+            f"of {self.seed.source} {self.seed.component}: largest misfit "
+            f"{100.0 * self.largest_misfit:.2g} %, mean {100.0 * self.mean_misfit:.2g} %, change "
+            f"{self.change:.2g} of the motion"
         )
         if self.directions:
             (ratio, correlation), (ratio_before, correlation_before) = self.directions
             words += (
-                f", RotD100 over RotD50 {ratio_before:.3g} before and {ratio:.3g} after, correlation of the components "
-                f"{correlation_before:.2f} and {correlation:.2f}"
+                f", RotD100 over RotD50 {ratio_before:.3g} before and {ratio:.3g} after, "
+                f"correlation of the components {correlation_before:.2f} and {correlation:.2f}"
             )
         return words
 
@@ -198,7 +208,8 @@ def match(
     motion : Record, Horizontals, str, Path, ObsPy trace, or tuple of two of them
         The seed. Both components of a pair are changed together, with one factor.
     target : TargetSpectrum or str
-        A file of a spectrum, or the text of a design spectrum (`tdint.analysis.spectra.target.read_target`).
+        A file of a spectrum, or the text of a design spectrum
+        (`tdint.analysis.spectra.target.read_target`).
     periods : tuple of two floats
         The range over which it is matched, s.
     damping : float
@@ -230,8 +241,8 @@ def match_suite(
     periods: tuple[float, float] = (0.05, 4.0),
     damping: float = SA_DAMPING,
 ) -> list[Match]:
-    """Bring the mean spectrum of motions to a target, each by the least change to its own scaled spectrum times target
-    over mean: their scatter is kept.
+    """Bring the mean spectrum of motions to a target, each by the least change to its own scaled
+    spectrum times target over mean: their scatter is kept.
 
     Parameters
     ----------
@@ -272,7 +283,8 @@ def _aim(
     shortest, longest = periods
     if not 0.0 < shortest < longest < math.inf:
         raise UsageError(
-            f"the range of periods must rise from a positive number, got {shortest:g} to {longest:g} s"
+            f"the range of periods must rise from a positive number, got {shortest:g} to "
+            f"{longest:g} s"
         )
     aim.check_damping(damping, "of the motion")
     checked = np.geomspace(shortest, longest, CHECKED)
@@ -288,7 +300,8 @@ def _judged(motion: GroundMotion, periods: Array, damping: float) -> Array:
     )
     if not (fit and damping > 0.0):
         raise UsageError(
-            "a motion is matched that has some acceleration and 100 samples at least, with some damping"
+            "a motion is matched that has some acceleration and 100 samples at least, with some "
+            "damping"
         )
     if isinstance(motion, Record):
         return spectrum(motion, periods, damping).psa
@@ -323,7 +336,10 @@ def _matched(
     as_it_was = np.abs(factor * before / wanted - 1.0)
     if not least < np.max(as_it_was) + _OF_MEAN * np.mean(as_it_was):
         best = start
-    words = f"matched to {aim.source} from {checked[0]:g} to {checked[-1]:g} s, {100.0 * damping:g} % damping"
+    words = (
+        f"matched to {aim.source} from {checked[0]:g} to {checked[-1]:g} s, {100.0 * damping:g} % "
+        "damping"
+    )
     matched = _with_samples(seed, best, words)
     return Match(
         matched,
@@ -358,7 +374,8 @@ def _with_samples(motion: GroundMotion, samples: Array, *words: str) -> GroundMo
 
 @dataclass
 class _Problem:
-    """A motion's components, the periods at which they are matched, and what a change may be made of."""
+    """A motion's components, the periods at which they are matched, and what a change may be made
+    of."""
 
     start: Array
     dt: float
@@ -401,7 +418,8 @@ class _Problem:
             n - 1, -1, -1.0
         )  # what a sample does to the last velocity and displacement
         ends = np.stack([np.full(n, dt), dt * dt * left])
-        # Free vibrations, cosine and sine, over the samples since, from the latest back to `reach` before the moment.
+        # Free vibrations, cosine and sine, over the samples since, from the latest back to `reach`
+        # before the moment.
         rate = omega * complex(-damping, math.sqrt(1.0 - damping**2))
         vibrations = np.exp(rate[:, None] * dt * np.arange(n))
         vibrations[:, 0] = 0.0  # the two samples about the moment are dealt with by themselves
@@ -438,8 +456,8 @@ class _Problem:
         )
 
     def extremes(self, samples: Array, level: Array) -> tuple[Array, Array]:
-        """Extremes above a level, rows WHO, WHEN and VALUE of each component; the largest of each oscillator, and its
-        place among them."""
+        """Extremes above a level, rows WHO, WHEN and VALUE of each component; the largest of each
+        oscillator, and its place among them."""
         found, largest = (
             np.empty((VALUE + len(samples), 400 * level.size)),
             np.empty((2, level.size)),
@@ -453,15 +471,18 @@ class _Problem:
         return found[:, :count], largest
 
     def rows(self, who: NDArray[np.int64], when: Array, directions: Array) -> NDArray[np.float32]:
-        """Derivatives of sizes of extremes with respect to the samples of all components, through band and envelope.
+        """Derivatives of sizes of extremes with respect to the samples of all components, through
+        band and envelope.
 
-        A sample changes the ground by a hat, the second difference of a ramp. Once the hat is over, the oscillator
-        vibrates freely: what an earlier sample does to a moment is one vibration, by its cosine and its sine.
+        A sample changes the ground by a hat, the second difference of a ramp. Once the hat is over,
+        the oscillator vibrates freely: what an earlier sample does to a moment is one vibration, by
+        its cosine and its sine.
         """
         n, w, z, dt = self.envelope.size, self.omega[who], self.damping, self.dt
         before = np.minimum((when / dt).astype(int), n - 2)
         late = when - dt * before
-        # Displacement over -g for a ground acceleration t / dt: a particular solution, less the vibration from rest.
+        # Displacement over -g for a ground acceleration t / dt: a particular solution, less the
+        # vibration from rest.
         rate = w * complex(-z, math.sqrt(1.0 - z * z))
         constant = 2.0 * z / (w**3 * dt)
         begun = constant - 1j * (constant * z * w - 1.0 / (w * w * dt)) / rate.imag
@@ -488,11 +509,13 @@ class _Problem:
     def asked(
         self, found: Array, largest: Array
     ) -> tuple[NDArray[np.int64], Array, Array, Array, Bools]:
-        """What a change is asked for, a row each: oscillator, moment, direction over the components, how much is short
-        of the target over it, and whether it is to be the target or not to exceed it."""
+        """What a change is asked for, a row each: oscillator, moment, direction over the
+        components, how much is short of the target over it, and whether it is to be the target or
+        not to exceed it."""
         who, values = found[WHO].astype(int), found[VALUE:]
         size = np.linalg.norm(values, axis=0)
-        # The largest of each period is to be the target, others above `_NEAR` of it no more than that.
+        # The largest of each period is to be the target, others above `_NEAR` of it no more than
+        # that.
         equal = np.zeros(who.size, bool)
         moved = largest[1] >= 0.0  # an oscillator that the motion does not move has none
         equal[largest[1, moved].astype(int)] = True
@@ -507,7 +530,8 @@ class _Problem:
     def rounds(
         self, samples: Array, multiplied: NDArray[np.float32], most: int, *, first: bool
     ) -> tuple[Array, NDArray[np.float32]]:
-        """The samples after some rounds, and what the band and the envelope make their change of."""
+        """The samples after some rounds, and what the band and the envelope make their change
+        of."""
         from scipy.linalg.blas import ssyrk
 
         damped, stepwise = _DAMPED if first else _POLISHED, not first
@@ -525,7 +549,8 @@ class _Problem:
                 found, largest = self.extremes(
                     samples, np.minimum(_NEAR * self.wanted, 0.9999 * largest[0])
                 )
-            # The quadratic program: each row's derivatives, how much it is short of, all rows' products
+            # The quadratic program: each row's derivatives, how much it is short of, all rows'
+            # products
             who, when, directions, short, equal = self.asked(found, largest)
             table = np.vstack([self.rows(who, when, directions), weighted])
             short = np.concatenate([short, -ends @ (samples - self.start).ravel()])
@@ -562,7 +587,8 @@ class _Problem:
         return best
 
     def merits(self, largest: Array, stepwise: bool) -> tuple[float, float]:
-        """Sum of powers of ln of the largest extremes over the target; the largest of their misfits."""
+        """Sum of powers of ln of the largest extremes over the target; the largest of their
+        misfits."""
         part = largest[0] / self.wanted
         return float(np.sum(np.abs(np.log(part)) ** _POWERS[stepwise])), float(
             np.max(np.abs(part - 1.0))
@@ -572,7 +598,8 @@ class _Problem:
 def _exchange(
     gram: Array, short: Array, equal: Bools, damped: Array, who: NDArray[np.int64], scales: Array
 ) -> None:
-    """Where another extreme of a period comes nearer to its target than the largest one, it becomes the equality."""
+    """Where another extreme of a period comes nearer to its target than the largest one, it becomes
+    the equality."""
     for _ in range(2):
         left = (short - gram @ program(gram, short, equal, damped)) / scales
         changed = False
@@ -585,7 +612,8 @@ def _exchange(
 
 
 def program(gram: Array, short: Array, equal: Bools, damped: Array) -> Array:
-    """Multipliers l of the least l' (G + diag(damped)) l / 2 - short' l, of inequalities (not `equal`) none above 0.
+    """Multipliers l of the least l' (G + diag(damped)) l / 2 - short' l, of inequalities (not
+    `equal`) none above 0.
 
     A primal-dual active set: those above 0 leave it, those whose bound is passed join.
     """

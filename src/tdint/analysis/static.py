@@ -1,17 +1,18 @@
 """Pushover: the base shear of a building that is pushed slowly, over the displacement of its roof.
 
-The forces on the floors keep one pattern and grow and fall together, by one factor. In a chain the shears of all
-stories follow from that factor; so a building is led along by the drift of one story, the softest at the time, and each
-other story takes the drift at which it carries its share: forwards while the factor grows, backwards while it falls.
-That goes through peaks and down falling branches, and needs no matrix. Where one story falls and the others spring back
-by more than it goes on, the roof comes back: the curve is a path, not a function of the roof's displacement.
+The forces on the floors keep one pattern and grow and fall together, by one factor. In a chain the
+shears of all stories follow from that factor; so a building is led along by the drift of one story,
+the softest at the time, and each other story takes the drift at which it carries its share:
+forwards while the factor grows, backwards while it falls. That goes through peaks and down falling
+branches, and needs no matrix. Where one story falls and the others spring back by more than it goes
+on, the roof comes back: the curve is a path, not a function of the roof's displacement.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,6 @@ from numpy.typing import NDArray
 from tdint.analysis.given import AnyModel, drift_of, model_of
 from tdint.arrays import Array, halved
 from tdint.csv_table import read_table
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
 from tdint.kernels.laws.compiled_separately import spring_table
@@ -37,7 +37,8 @@ from tdint.tabular import Tabular
 from tdint.units import DriftSize
 from tdint.written_numbers import how_many
 
-# ---- Cyclic test of a story: its drift law along cycles of given amplitudes. The work behind `tdint law`.
+# ---- Cyclic test of a story: its drift law along cycles of given amplitudes. The work behind
+# `tdint law`.
 
 MOST_OF_CYCLES = 2_000_000
 """Points that a test may have; it keeps a slip in the number of cycles from filling the memory."""
@@ -90,13 +91,14 @@ class Cycle:
 
     @property
     def secant_stiffness(self) -> float:
-        """Slope between the two points of largest drift, N/m (the effective stiffness of ASCE 7-16, 17.2-3)."""
+        """Slope between the two points of largest drift, N/m (the effective stiffness of ASCE 7-16,
+        17.2-3)."""
         return (self.shear[0] - self.shear[1]) / (2.0 * self.amplitude)
 
     @property
     def damping_ratio(self) -> float:
-        """Equivalent viscous damping ratio E_D / (4 pi E_S0), E_S0 = secant stiffness amplitude^2 / 2 (Chopra 2012,
-        section 3.9); nan without a positive secant stiffness."""
+        """Equivalent viscous damping ratio E_D / (4 pi E_S0), E_S0 = secant stiffness amplitude^2 /
+        2 (Chopra 2012, section 3.9); nan without a positive secant stiffness."""
         strain = 0.5 * self.secant_stiffness * self.amplitude**2
         return self.dissipated / (4.0 * math.pi * strain) if strain > 0.0 else math.nan
 
@@ -118,7 +120,8 @@ class CyclicTest(Tabular):
     yield_drift : float
         Drift at first yield, m; nan for a law that does not yield.
     path : LawPath
-        From rest through all cycles, of which `cycle_numbers` tells that of each point; or the path given.
+        From rest through all cycles, of which `cycle_numbers` tells that of each point; or the path
+        given.
     """
 
     model: Model
@@ -130,7 +133,10 @@ class CyclicTest(Tabular):
     path: LawPath
 
     def _headline(self) -> str:
-        return f"of {self.model.name!r}, story {self.story}, {self.law} law, {how_many(self.path.drift.size, 'point')}"
+        return (
+            f"of {self.model.name!r}, story {self.story}, {self.law} law, "
+            f"{how_many(self.path.drift.size, 'point')}"
+        )
 
     @property
     def height(self) -> float:
@@ -145,14 +151,16 @@ class CyclicTest(Tabular):
 
     @property
     def cycle_numbers(self) -> NDArray[np.int64] | None:
-        """Cycle of each point, from 1; 0 for the start. None for a path that is not made of cycles."""
+        """Cycle of each point, from 1; 0 for the start. None for a path that is not made of
+        cycles."""
         if self.points is None:
             return None
         return -(-np.arange(self.path.drift.size) // (4 * self.points))
 
     @property
     def shear_with_p_delta(self) -> Array:
-        """Restoring force with the geometric stiffness, N: what holds the story against a horizontal force."""
+        """Restoring force with the geometric stiffness, N: what holds the story against a
+        horizontal force."""
         return self.path.shear + self.geometric_stiffness * self.path.drift
 
     @property
@@ -188,8 +196,8 @@ def cyclic_test(
 ) -> CyclicTest:
     """Impose cycles of drift on the law of one story, as in a slow test in a laboratory.
 
-    A cycle goes 0, amplitude, 0, -amplitude, 0 in straight lines. There are `cycles` of each amplitude, in the order
-    given.
+    A cycle goes 0, amplitude, 0, -amplitude, 0 in straight lines. There are `cycles` of each
+    amplitude, in the order given.
 
     Parameters
     ----------
@@ -210,7 +218,8 @@ def cyclic_test(
     Raises
     ------
     UsageError
-        The story does not exist, an amplitude needs what it does not have, or there are too many points.
+        The story does not exist, an amplitude needs what it does not have, or there are too many
+        points.
     AnalysisError
         The law has no finite force along the path.
     """
@@ -218,7 +227,8 @@ def cyclic_test(
     _check_story(model, story)
     if len(sizes) * cycles * 4 * points > MOST_OF_CYCLES:
         raise UsageError(
-            f"{len(sizes) * cycles} cycles of {4 * points} points are more than {MOST_OF_CYCLES:,} points"
+            f"{len(sizes) * cycles} cycles of {4 * points} points are more than {MOST_OF_CYCLES:,} "
+            "points"
         )
     # Damping has no part in a slow test, and may be impossible where P-delta takes all stiffness.
     building = assemble(replace(model, damping=None))
@@ -229,7 +239,8 @@ def cyclic_test(
 def path_test(
     model: Model, story: int, drifts: Sequence[float], *, in_yield_drifts: bool = False
 ) -> CyclicTest:
-    """Impose any path of drifts on the law of one story (from 1), straight from rest to the first and on to each next.
+    """Impose any path of drifts on the law of one story (from 1), straight from rest to the first
+    and on to each next.
 
     Parameters
     ----------
@@ -250,7 +261,8 @@ def path_test(
     unit = float(building.yield_drift[story - 1]) if in_yield_drifts else 1.0
     if math.isnan(unit):
         raise UsageError(
-            f"multiples of the yield drift: the law of story {story} does not yield; give drifts in m"
+            f"multiples of the yield drift: the law of story {story} does not yield; give drifts "
+            "in m"
         )
     return _test(model, building, story, unit * np.asarray(drifts, float), None)
 
@@ -272,7 +284,8 @@ def _test(
 def _check_story(model: Model, story: int) -> None:
     if not 1 <= story <= len(model.stories):
         raise UsageError(
-            f"story {story}: the model has {how_many(len(model.stories), 'story')}, counted from 1 at the bottom"
+            f"story {story}: the model has {how_many(len(model.stories), 'story')}, counted from 1 "
+            "at the bottom"
         )
 
 
@@ -282,7 +295,8 @@ def amplitude(size: DriftSize, building: Building, story: int) -> float:
     Raises
     ------
     UsageError
-        A drift ratio without a height, or a multiple of the yield drift of a law that does not yield.
+        A drift ratio without a height, or a multiple of the yield drift of a law that does not
+        yield.
     """
     scales = {
         "length": 1.0,
@@ -292,15 +306,16 @@ def amplitude(size: DriftSize, building: Building, story: int) -> float:
     if math.isnan(scales[size.kind]):
         missing = {
             "ratio": f"is a drift ratio, and story {story} has no height",
-            "yield drift": f"is a multiple of the yield drift, and the law of story {story} does not yield",
+            "yield drift": f"is a multiple of the yield drift, and the law of story {story} does "
+            "not yield",
         }
         raise UsageError(f"drift {size.text} {missing[size.kind]}; give a length, such as 20mm")
     return size.value * float(scales[size.kind])
 
 
 def cyclic_path(amplitudes: Sequence[float], cycles: int, points: int) -> Array:
-    """Drifts of `cycles` cycles of each amplitude with `points` points in each quarter, from 0 to 0, shape
-    (1 + len(amplitudes) cycles 4 points,)."""
+    """Drifts of `cycles` cycles of each amplitude with `points` points in each quarter, from 0 to
+    0, shape (1 + len(amplitudes) cycles 4 points,)."""
     up = np.arange(1, points + 1) / points
     down = np.arange(points - 1, -1, -1) / points
     cycle = np.concatenate([up, down, -up, -down])
@@ -321,7 +336,8 @@ def follow_path(building: Building, story: int, drifts: Array) -> LawPath:
     wrong = np.flatnonzero(~np.all(np.isfinite(result), axis=1))
     if wrong.size:
         raise AnalysisError(
-            f"story {story}: its law has no finite force and energy at drift {drifts[wrong[0]]:.6g} m"
+            f"story {story}: its law has no finite force and energy at drift "
+            f"{drifts[wrong[0]]:.6g} m"
         )
     return LawPath(
         drifts, result[:, SHEAR], result[:, TANGENT], result[:, RECOVERABLE], result[:, DISSIPATION]
@@ -332,7 +348,8 @@ COLUMN = "drift_m"
 
 
 def read_drift_path(source: str) -> list[float]:
-    """The numbers in the column `drift_m` of a CSV file; `-` is standard input, other columns are not read.
+    """The numbers in the column `drift_m` of a CSV file; `-` is standard input, other columns are
+    not read.
 
     Raises
     ------
@@ -355,7 +372,8 @@ MOST_PUSHOVER_POINTS = 100_000  # rows of a table that can still be opened
 _CLOSE = 1e-11  # of a force over the story's largest one so far: it carries its share
 _ITERATIONS = 60  # Newton needs up to ten; halving 60 times leaves rounding alone
 _PARTS = 8  # steps of the leading story in a step of the roof
-_MOST_PARTS = 4000  # of them for a row: the roof hardly moves where the others come back as fast as one story goes on
+# of them for a row: the roof hardly moves where the others come back as fast as one story goes on
+_MOST_PARTS = 4000
 _CUT = 1e-8  # of an area, at each yield point: ten of them leave seven digits of it
 _LEAST_PART = 1e-5  # of a usual one: the law's own corner, or a story that turns
 _MOST_ROWS = 20  # times the points that were asked for, of a path on which the roof comes back
@@ -403,7 +421,10 @@ class Pushover(Tabular):
     way: tuple[Array, Array]
 
     def _headline(self) -> str:
-        return f"of {self.model.name!r}, {self.pattern} pattern, largest base shear {self.largest_base_shear:.4g} N"
+        return (
+            f"of {self.model.name!r}, {self.pattern} pattern, largest base shear "
+            f"{self.largest_base_shear:.4g} N"
+        )
 
     @property
     def roof_displacement(self) -> Array:
@@ -432,7 +453,8 @@ class Pushover(Tabular):
 def _triangular(building: Building) -> Array:
     if np.isnan(building.rises).any():
         raise UsageError(
-            "the triangular pattern needs the height of every story; give heights or another --pattern"
+            "the triangular pattern needs the height of every story; give heights or another "
+            "--pattern"
         )
     return building.mass * np.cumsum(building.rises)
 
@@ -442,7 +464,8 @@ PATTERNS: Mapping[str, Callable[[Building], Array]] = {
     "uniform": lambda building: building.mass.copy(),
     "triangular": _triangular,
 }
-"""Forces on the floors, up to a factor: the masses times first mode, 1, or height above the ground."""
+"""Forces on the floors, up to a factor: the masses times first mode, 1, or height above the
+ground."""
 
 
 def pushover(
@@ -463,9 +486,10 @@ def pushover(
     pattern : str
         A key of `PATTERNS`.
     points : int
-        Rows after the start, at equal steps of the roof displacement, and as many more where the roof comes back: there
-        at such steps of the way that all stories go together. They end where the base shear has fallen to zero, beyond
-        which the building would fall by itself, or where no equilibrium is found (`ended`).
+        Rows after the start, at equal steps of the roof displacement, and as many more where the
+        roof comes back: there at such steps of the way that all stories go together. They end where
+        the base shear has fallen to zero, beyond which the building would fall by itself, or where
+        no equilibrium is found (`ended`).
 
     Returns
     -------
@@ -475,7 +499,8 @@ def pushover(
     Raises
     ------
     UsageError
-        A drift ratio or the triangular pattern without heights; a multiple of a yield drift; an unknown pattern.
+        A drift ratio or the triangular pattern without heights; a multiple of a yield drift; an
+        unknown pattern.
     AnalysisError
         No equilibrium is found after the start.
     """
@@ -521,7 +546,8 @@ def _target(size: DriftSize, building: Building) -> float:
         )
     if math.isnan(scales[size.kind]):
         raise UsageError(
-            f"drift {size.text} is a drift ratio, and a story has no height; give a length, such as 200mm"
+            f"drift {size.text} is a drift ratio, and a story has no height; give a length, such "
+            "as 200mm"
         )
     return size.value * scales[size.kind]
 
@@ -560,14 +586,14 @@ class _Chain:
     def push(self, displacement: float, step: float) -> str:
         """On to the next row; the reason if the way ends before that.
 
-        A row is where the roof has moved by a displacement, or, once it comes back, where the stories' ways on and back
-        add up to a step.
+        A row is where the roof has moved by a displacement, or, once it comes back, where the
+        stories' ways on and back add up to a step.
         """
         usual, way = step / _PARTS, 0.0
         size = usual
         for _ in range(_MOST_PARTS):
-            # A step of the story that moves most as the factor changes, and of one that falls before all others; of
-            # another one where that cannot carry its share.
+            # A step of the story that moves most as the factor changes, and of one that falls
+            # before all others; of another one where that cannot carry its share.
             tangents = np.array([story.tangent for story in self.stories])
             order = np.arange(tangents.size)
             softest = int(np.argmin(tangents / self.share))
@@ -577,8 +603,9 @@ class _Chain:
             else:
                 return "no equilibrium was found further on"
             drift, factor = state
-            # Half of it, where the way bends within it: at a yield point the area below the curve would be cut. How
-            # much a straight line leaves out or adds follows from how far the state is from where the tangents lead.
+            # Half of it, where the way bends within it: at a yield point the area below the curve
+            # would be cut. How much a straight line leaves out or adds follows from how far the
+            # state is from where the tangents lead.
             if size > _LEAST_PART * usual:
                 moved, grown = drift - self.drift, factor - self.factor
                 bent = abs(grown - tangents[lead] * moved[lead] / self.share[lead]) * abs(
@@ -613,13 +640,17 @@ class _Chain:
             # The next row of one that comes back.
             if way >= step and drift.sum() < self.furthest * (1.0 - _BACK):
                 return ""
-        return f"the other stories come back as fast as story {lead + 1} goes on; more points may lead on"
+        return (
+            f"the other stories come back as fast as story {lead + 1} goes on; more points may "
+            "lead on"
+        )
 
     def _meet(
         self, miss: Miss, lead: int, size: float, drift: Array, factor: float
     ) -> tuple[Array, float]:
-        """Between here and a step of the leading story with these results, the state that misses nothing: by the
-        Illinois algorithm (Dowell and Jarratt 1971). Here a state misses less than nothing, there more."""
+        """Between here and a step of the leading story with these results, the state that misses
+        nothing: by the Illinois algorithm (Dowell and Jarratt 1971). Here a state misses less than
+        nothing, there more."""
         low, high = 0.0, size
         below, above = miss(self.drift, self.factor), miss(drift, factor)
         for _ in range(_ITERATIONS):
@@ -639,7 +670,8 @@ class _Chain:
         return drift, factor
 
     def _trial(self, lead: int, size: float) -> tuple[Array, float] | None:
-        """Drifts and factor after a step of one story; None if another story cannot carry its share."""
+        """Drifts and factor after a step of one story; None if another story cannot carry its
+        share."""
         force, _ = self.stories[lead].at(self.drift[lead] + size)
         factor = force / self.share[lead]
         drift = self.drift.copy()
@@ -654,7 +686,8 @@ class _Chain:
 
     def _keep(self, lead: int, drift: Array, factor: float) -> None:
         """Go to these drifts, and note the largest base shear on the way."""
-        # It is at the end, or where the leading story stops to rise: the factor follows from its force alone.
+        # It is at the end, or where the leading story stops to rise: the factor follows from its
+        # force alone.
         story, high = self.stories[lead], float(drift[lead] - self.drift[lead])
         largest = (factor, drift)
         if story.tangent > 0.0 and story.at(float(drift[lead]))[1] <= 0.0:
@@ -702,13 +735,15 @@ class _Story:
         self.drift = drift
 
     def carrying(self, force: float) -> float | None:
-        """The next drift with this force: forwards for more than now, backwards for less; None if there is none."""
+        """The next drift with this force: forwards for more than now, backwards for less; None if
+        there is none."""
         missing = force - self.force
         close = _CLOSE * max(self._largest, abs(force))
         if abs(missing) <= close:
             return self.drift
         forwards = missing > 0.0
-        # Newton's method, kept between a drift that carries too little and one that carries too much.
+        # Newton's method, kept between a drift that carries too little and one that carries too
+        # much.
         near, far = self.drift, None
         stiffness = self.tangent if self.tangent > 0.0 and forwards else self.initial
         drift = near + missing / stiffness

@@ -1,17 +1,19 @@
-"""How far a design spectrum pushes a building: an equivalent oscillator of its pushover, and two published methods.
+"""How far a design spectrum pushes a building: an equivalent oscillator of its pushover, and two
+published methods.
 
-N2 (EN 1998-1:2004, annex B; Fajfar 2000) takes the oscillator's elastic demand, larger by a rule where it is stiff;
-the coefficient method (ASCE 41-17, 7.4.3.3) multiplies the elastic demand of an effective period. Both idealize the
-curve up to the displacement that they give, so it is searched for: the first one on the curve that is the answer to
-itself. A displacement within the curve's first straight line leaves the idealized curve that line, and one beyond its
-largest base shear what it is up to there.
+N2 (EN 1998-1:2004, annex B; Fajfar 2000) takes the oscillator's elastic demand, larger by a rule
+where it is stiff; the coefficient method (ASCE 41-17, 7.4.3.3) multiplies the elastic demand of an
+effective period. Both idealize the curve up to the displacement that they give, so it is searched
+for: the first one on the curve that is the answer to itself. A displacement within the curve's
+first straight line leaves the idealized curve that line, and one beyond its largest base shear what
+it is up to there.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -19,7 +21,6 @@ import numpy as np
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.analysis.static import Pushover, pushover
 from tdint.arrays import Array, halved
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.building import Building, assemble
 from tdint.tabular import Several, Tabular
@@ -34,7 +35,9 @@ _SECANT = (
 )
 _STRONG_AT_1_S = 0.6  # g: sites near faults have more (ASCE 41-17, 7.4.3.3.2)
 _ENOUGH = 1.5  # times the target displacement: so far a curve is to reach (EN 1998-1, 4.3.3.4.2.3)
-_STRAIGHT = 1e-6  # of the force: what equilibrium leaves is a millionth of that, the first yield a thousand times more
+# of the force: what equilibrium leaves is a millionth of that, the first yield a thousand times
+# more
+_STRAIGHT = 1e-6
 _ROUNDING = 1e-9  # of a force: equilibrium of the curve is a hundredth of that
 _HALVINGS = 100  # of an interval: more than a float has digits
 
@@ -50,7 +53,8 @@ class TargetDisplacement(Tabular):
     method : str
         `n2` or `coefficients`.
     participation : float
-        Participation factor of the shape that is pushed (`n2`), of the first mode (`coefficients`, C0).
+        Participation factor of the shape that is pushed (`n2`), of the first mode (`coefficients`,
+        C0).
     mass : float
         Of the equivalent oscillator, kg; of the building with `coefficients`.
     period : float
@@ -68,7 +72,8 @@ class TargetDisplacement(Tabular):
     base_shear : float
         There, N.
     drift, drift_ratio, ductility : ndarray, shape (n,)
-        Of the stories there: m, over the height (nan without one), over the yield drift (nan of a law without).
+        Of the stories there: m, over the height (nan without one), over the yield drift (nan of a
+        law without).
     notes : tuple of str
         What takes the value away from what the method is for.
     """
@@ -92,7 +97,10 @@ class TargetDisplacement(Tabular):
     notes: tuple[str, ...] = ()
 
     def _headline(self) -> str:
-        return f"by {self.method}: roof displacement {self.roof_displacement:.4g} m, T {self.period:.4g} s"
+        return (
+            f"by {self.method}: roof displacement {self.roof_displacement:.4g} m, T "
+            f"{self.period:.4g} s"
+        )
 
 
 class TargetDisplacements(Several[TargetDisplacement]):
@@ -129,7 +137,8 @@ class _Pushed:
         return cls(pushed, roof, shear, work, drift)
 
     def idealized_to(self, displacement: float) -> float:
-        """As far as it is idealized for a displacement: at least its first straight line, and not beyond its peak."""
+        """As far as it is idealized for a displacement: at least its first straight line, and not
+        beyond its peak."""
         line = self.shear[1:] >= (1.0 - _STRAIGHT) * self.shear[1] / self.roof[1] * self.roof[1:]
         straight = line.size if line.all() else int(np.argmin(line))
         return float(np.clip(displacement, self.roof[straight], self.roof[self.peak]))
@@ -157,8 +166,8 @@ class _Pushed:
 
 @dataclass(frozen=True)
 class _Idealized:
-    """What a method makes of the curve up to a displacement of the roof, and the displacement that it answers with:
-    fields of `TargetDisplacement`."""
+    """What a method makes of the curve up to a displacement of the roof, and the displacement that
+    it answers with: fields of `TargetDisplacement`."""
 
     period: float
     yield_force: float
@@ -176,7 +185,8 @@ def target_displacements(
     site_class: str = "D",
     mass_factor: float = 1.0,
 ) -> TargetDisplacements:
-    """The displacements to which a design spectrum pushes a building, by N2 and by the coefficient method.
+    """The displacements to which a design spectrum pushes a building, by N2 and by the coefficient
+    method.
 
     Parameters
     ----------
@@ -187,7 +197,8 @@ def target_displacements(
     site_class : str
         A to F, of C1; D where nothing is known of the site.
     mass_factor : float
-        C_m, the effective mass of the first mode in the strength ratio: 1 unless table 7-4 has less for the building.
+        C_m, the effective mass of the first mode in the strength ratio: 1 unless table 7-4 has less
+        for the building.
 
     Returns
     -------
@@ -237,7 +248,8 @@ def target_displacements(
 def _n2(
     curve: _Pushed, demand: TargetSpectrum, mass: float, participation: float, roof: float
 ) -> _Idealized:
-    """EN 1998-1:2004, annex B: elastic and perfectly plastic, of the strength and the area up to a displacement."""
+    """EN 1998-1:2004, annex B: elastic and perfectly plastic, of the strength and the area up to a
+    displacement."""
     roof = curve.idealized_to(roof)
     strength = curve.strongest(roof) / participation
     reached, area = roof / participation, curve.at(roof)[1] / participation**2
@@ -264,7 +276,8 @@ def _coefficients(
     mass_factor: float,
     roof: float,
 ) -> _Idealized:
-    """ASCE 41-17, 7.4.3.3: two lines of the curve's area, the first through its point at 0.6 of the yield force."""
+    """ASCE 41-17, 7.4.3.3: two lines of the curve's area, the first through its point at 0.6 of the
+    yield force."""
     roof = curve.idealized_to(roof)
     modes = building.modes()
     strength, yields = _two_lines(curve, roof)
@@ -283,12 +296,14 @@ def _coefficients(
 
 
 def _two_lines(curve: _Pushed, roof: float) -> tuple[float, float]:
-    """Force and displacement at which two lines of the curve's area up to a displacement of the roof meet: the smallest
-    force, for where a curve hardens beyond a yield at 0.6 of it, the secant flattens and balances the areas again."""
+    """Force and displacement at which two lines of the curve's area up to a displacement of the
+    roof meet: the smallest force, for where a curve hardens beyond a yield at 0.6 of it, the secant
+    flattens and balances the areas again."""
     end, area = curve.at(roof)
     largest = curve.strongest(roof)
-    # Between the corners of the curve below 0.6 of it the secant's point moves on a straight line, and so does what the
-    # lines enclose beyond the curve: a corner is told from both sides, as the curve may dip or be flat before it.
+    # Between the corners of the curve below 0.6 of it the secant's point moves on a straight line,
+    # and so does what the lines enclose beyond the curve: a corner is told from both sides, as the
+    # curve may dip or be flat before it.
     before = np.maximum.accumulate(curve.shear)
     rising = np.flatnonzero(curve.shear[1:] > before[:-1]) + 1
     rising = rising[before[rising - 1] < _SECANT * largest]
@@ -306,7 +321,8 @@ def _two_lines(curve: _Pushed, roof: float) -> tuple[float, float]:
         return float(forces[0, i] + part * np.ptp(forces[:, i])), float(
             yields[0, i] + part * np.ptp(yields[:, i])
         )
-    # A curve that never yields is its first line, through the first point at which the secant's force is reached.
+    # A curve that never yields is its first line, through the first point at which the secant's
+    # force is reached.
     secant, i = _SECANT * largest, int(np.argmax(curve.shear >= _SECANT * largest))
     (start, stop), (low_force, high_force) = curve.roof[i - 1 : i + 1], curve.shear[i - 1 : i + 1]
     return largest, float(
@@ -330,8 +346,8 @@ def _solve(method: str, curve: _Pushed, idealize: Callable[[float], _Idealized])
             else ": push further"
         )
         raise AnalysisError(
-            f"the target displacement ({method}) is beyond the curve, some {answer:.4g} m of the roof where it reaches "
-            f"{before:.4g} m{why}"
+            f"the target displacement ({method}) is beyond the curve, some {answer:.4g} m of the "
+            f"roof where it reaches {before:.4g} m{why}"
         )
     root = before
     if before != roof:
@@ -342,7 +358,8 @@ def _solve(method: str, curve: _Pushed, idealize: Callable[[float], _Idealized])
 def _beyond_strength(
     curve: _Pushed, building: Building, made: _Idealized, demand: TargetSpectrum
 ) -> tuple[str, ...]:
-    """Whether the strength ratio is beyond what the coefficient method is for (ASCE 41-17, 7.4.3.3.2 and 7-32)."""
+    """Whether the strength ratio is beyond what the coefficient method is for (ASCE 41-17,
+    7.4.3.3.2 and 7-32)."""
     peak = curve.peak
     below = np.flatnonzero(curve.shear[peak:] <= _SECANT * made.yield_force)
     last = peak + int(below[0]) if below.size else curve.shear.size - 1
@@ -381,9 +398,9 @@ def _beyond_strength(
     if made.strength_ratio <= max(largest, 1.0):  # what stays elastic loses no strength
         return ()
     return (
-        f"coefficients: the strength ratio {made.strength_ratio:.3g} is beyond {largest:.3g}, up to which the method "
-        "holds for a building that loses strength (ASCE 41-17, 7.4.3.3.2): do not use its displacement, run time "
-        "histories",
+        f"coefficients: the strength ratio {made.strength_ratio:.3g} is beyond {largest:.3g}, up "
+        "to which the method holds for a building that loses strength (ASCE 41-17, 7.4.3.3.2): do "
+        "not use its displacement, run time histories",
     )
 
 

@@ -1,4 +1,5 @@
-"""Many runs: buildings under suites of records at many levels, kept in a store that survives whatever ends them."""
+"""Many runs: buildings under suites of records at many levels, kept in a store that survives
+whatever ends them."""
 
 import sys
 

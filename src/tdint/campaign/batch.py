@@ -1,5 +1,6 @@
-"""A chunk of runs, what one thread or a worker far away does without asking for anything more: all runs of one building
-and one step together (`tdint.analysis.run.together`), and what failed again with half of the step."""
+"""A chunk of runs, what one thread or a worker far away does without asking for anything more: all
+runs of one building and one step together (`tdint.analysis.run.together`), and what failed again
+with half of the step."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from itertools import chain, islice, repeat, zip_longest
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -32,16 +33,15 @@ from tdint.analysis.run.step_choice import step_within
 from tdint.analysis.run.together import Subject, run_together
 from tdint.analysis.run.workspace import Steps, finer
 from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
-from tdint.data import dataclass
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import JoinedRecord, Record
 
-# ---- What is run, a building with its method under ground motions, and what is kept of it: a row of numbers for each
-# run, and one for each story if that is asked for
+# ---- What is run, a building with its method under ground motions, and what is kept of it: a row
+# of numbers for each run, and one for each story if that is asked for
 
 REPEATS = 3
-"""How often a run that diverged or did not converge is repeated, each time with half of the step before; in each of
-them single steps are halved, too (`tdint.analysis.run.workspace.HALVINGS`)."""
+"""How often a run that diverged or did not converge is repeated, each time with half of the step
+before; in each of them single steps are halved, too (`tdint.analysis.run.workspace.HALVINGS`)."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,8 @@ class RunSettings:
     check : bool
         Estimate the errors of the demands of each run, as `tdint.run` does.
     tolerance : float or None
-        The step of a building is such that the estimated errors of its peak drifts are within this part of them.
+        The step of a building is such that the estimated errors of its peak drifts are within this
+        part of them.
     """
 
     dt: float | None = None
@@ -84,7 +85,8 @@ class Source(Protocol):
 
 
 class Run(NamedTuple):
-    """A ground motion by its number, the factor on it, and which of a building's draws it is (0: none was drawn)."""
+    """A ground motion by its number, the factor on it, and which of a building's draws it is (0:
+    none was drawn)."""
 
     motion: int
     scale: float
@@ -113,8 +115,9 @@ class BuildingRuns(NamedTuple):
 
 
 class RunRow(NamedTuple):
-    """The values of a run, those of `RUN` in their order, None or nan where there is none; the errors of the demands in
-    `RUN_WITH_ERROR`, where these were estimated. A value is found by its name, too: `row.status`."""
+    """The values of a run, those of `RUN` in their order, None or nan where there is none; the
+    errors of the demands in `RUN_WITH_ERROR`, where these were estimated. A value is found by its
+    name, too: `row.status`."""
 
     building: int
     motion: int
@@ -139,8 +142,8 @@ _PLACES = {quantity.name: place for place, quantity in enumerate(RUN)}
 
 
 class ShockRow(NamedTuple):
-    """The values of a shock in a run of several, those of `DEMANDED` in their order; from 1, with the time (s) of its
-    first sample and its peak ground acceleration (m/s^2)."""
+    """The values of a shock in a run of several, those of `DEMANDED` in their order; from 1, with
+    the time (s) of its first sample and its peak ground acceleration (m/s^2)."""
 
     building: int
     motion: int
@@ -153,7 +156,8 @@ class ShockRow(NamedTuple):
 
 
 class StoryRow(NamedTuple):
-    """The values of a story in a run, those of `STORY` in their order, and their errors where these were estimated."""
+    """The values of a story in a run, those of `STORY` in their order, and their errors where these
+    were estimated."""
 
     building: int
     motion: int
@@ -181,7 +185,8 @@ class Rows:
 
 
 def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
-    """Of each run, whose peaks have the shape (runs, n), the values that follow from its demands."""
+    """Of each run, whose peaks have the shape (runs, n), the values that follow from its
+    demands."""
     columns = {name: column.tolist() for name, column in demand_columns(stories).items()}
     return [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
 
@@ -227,19 +232,21 @@ def building_step(
     settings: RunSettings,
     tolerance: float,
 ) -> float | None:
-    """The largest step (s) with which the peak drifts of a building are within a tolerance under some of its runs, by
-    the estimate of `tdint.analysis.run.step_choice`; None if there is none. It is chosen once for all of its runs.
+    """The largest step (s) with which the peak drifts of a building are within a tolerance under
+    some of its runs, by the estimate of `tdint.analysis.run.step_choice`; None if there is none. It
+    is chosen once for all of its runs.
 
-    What a step errs by hangs on the motion as much as on the building: one motion, be it the strongest, tells little of
-    the others. So the runs that are looked at are spread over motions and scales, and the smallest of their steps is
-    taken.
+    What a step errs by hangs on the motion as much as on the building: one motion, be it the
+    strongest, tells little of the others. So the runs that are looked at are spread over motions
+    and scales, and the smallest of their steps is taken.
 
     Parameters
     ----------
     runs : sequence of Run
         All runs of the building.
     """
-    # All runs, of any beginning of them as many as can be under motions of their own, at scales in the middle.
+    # All runs, of any beginning of them as many as can be under motions of their own, at scales in
+    # the middle.
     of_motion: dict[int, list[Run]] = {}
     for run in sorted(runs, key=lambda run: abs(run.scale)):
         of_motion.setdefault(run.motion, []).append(run)
@@ -327,8 +334,9 @@ class Batch:
         runs : sequence of Run
             The runs.
         largest : float or None
-            The step chosen for a tolerance, s: of a record's step, halved or doubled, the largest within it is taken.
-            None: no step keeps the tolerance. By default steps are those of the settings.
+            The step chosen for a tolerance, s: of a record's step, halved or doubled, the largest
+            within it is taken. None: no step keeps the tolerance. By default steps are those of the
+            settings.
 
         Raises
         ------
@@ -365,14 +373,16 @@ class Batch:
         return results
 
     def _sequence(self, run: Run, largest: float | None) -> Rows:
-        """A run of shocks one after the other: that of the record that they make on this building, and its parts."""
+        """A run of shocks one after the other: that of the record that they make on this building,
+        and its parts."""
         case, dt = self._case(run), self.settings.dt
         record = case.record
         assert isinstance(record, JoinedRecord)
         # Where the shocks stand may hang on how long the building swings after each, at this scale.
         sequence = sequence_of(case, record.shocks, rest=record.rest, dt=dt)
         joined = case.under(sequence.whole)
-        # The joined record has the factor in it: it is one run at the scale 1, with intensities that are scaled before.
+        # The joined record has the factor in it: it is one run at the scale 1, with intensities
+        # that are scaled before.
         spectral = self.spectral[run.motion]
         alone = replace(
             self,
@@ -389,7 +399,8 @@ class Batch:
                 joined, sequence, steps, check=self.settings.check and bool(record.fixed)
             )
             rows.shocks = shock_rows(self.number, run, shocks)
-            # Behind shocks that only damage the building the demands of the last one alone are those of the run.
+            # Behind shocks that only damage the building the demands of the last one alone are
+            # those of the run.
             if record.fixed and len(shocks) > record.fixed:
                 last = shocks[-1]
                 errors = (
@@ -400,7 +411,8 @@ class Batch:
         return Rows([row._replace(scale=run.scale)], stories, rows.shocks)
 
     def _steps(self, motion: int, largest: float) -> Steps:
-        """Steps on a motion as the settings want them, halved or doubled to the largest within `largest`."""
+        """Steps on a motion as the settings want them, halved or doubled to the largest within
+        `largest`."""
         case, duration = self._case(Run(motion, 1.0)), self.settings.duration
         steps = case.steps(self.settings.dt, duration)
         if largest == math.inf:
@@ -417,8 +429,8 @@ class Batch:
         return self.subject.case(self.motions.records[run.motion], run.scale)
 
     def _at_step(self, jobs: list[_Job], results: Rows) -> list[_Job]:
-        """Integrate runs of one step; the rows of those that are done join the results, the others are returned with a
-        finer step."""
+        """Integrate runs of one step; the rows of those that are done join the results, the others
+        are returned with a finer step."""
         runs, settings = [(job.run.motion, job.run.scale, job.steps) for job in jobs], self.settings
         outcomes = run_together(
             self.subject, self.motions, runs, check=settings.check, to_rest=settings.until_rest
@@ -455,7 +467,8 @@ class Batch:
     def _row(
         self, job: _Job, status: str, collapse: Collapse | None = None, **values: Any
     ) -> RunRow:
-        """The row of a run; of one without a result its step, status, PGA, Sa(T1) and repeats alone."""
+        """The row of a run; of one without a result its step, status, PGA, Sa(T1) and repeats
+        alone."""
         if collapse:
             values |= {"collapse_time": collapse.time, "collapse_story": collapse.story}
         spectral, factor = self.spectral[job.run.motion], abs(job.run.scale)
@@ -526,8 +539,8 @@ def do(chunk: Chunk) -> Done:
 
 
 def spectral_accelerations(record: Record, periods: list[float]) -> list[float | None]:
-    """Sa of a record at some periods, m/s^2, 5 % damping; None for a period that is too short for it. Of shocks the
-    largest."""
+    """Sa of a record at some periods, m/s^2, 5 % damping; None for a period that is too short for
+    it. Of shocks the largest."""
     if isinstance(record, JoinedRecord):
         of_all = zip(
             *(spectral_accelerations(shock, periods) for shock in record.shocks), strict=True

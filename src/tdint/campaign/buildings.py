@@ -1,4 +1,5 @@
-"""The buildings of a campaign: model files, or the rows of an inventory, each made when its runs begin."""
+"""The buildings of a campaign: model files, or the rows of an inventory, each made when its runs
+begin."""
 
 from __future__ import annotations
 
@@ -56,7 +57,8 @@ class GivenBuilding:
     made : Subject
         The building.
     cells : str
-        What stands in the columns of its inventory that are carried along into tables, a JSON list of texts.
+        What stands in the columns of its inventory that are carried along into tables, a JSON list
+        of texts.
     """
 
     name: str
@@ -200,8 +202,8 @@ class RowBuilding:
 
 
 class RowBuildings(Made[RowBuilding]):
-    """Those of an inventory, each made when it is asked for. What a sweep cannot change is refused at once, in the
-    first building of each number of stories.
+    """Those of an inventory, each made when it is asked for. What a sweep cannot change is refused
+    at once, in the first building of each number of stories.
 
     Raises
     ------

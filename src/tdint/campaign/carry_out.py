@@ -1,5 +1,5 @@
-"""A campaign from its plan to its store: which chunks are left, who does them, and who is told. And the stores of its
-shards put together in one."""
+"""A campaign from its plan to its store: which chunks are left, who does them, and who is told. And
+the stores of its shards put together in one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import sqlite3
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,6 @@ from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.reader import load_campaign
 from tdint.campaign.store import FILE, Store, all_differences, is_empty, open_existing, open_store
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.kernels.building.compilable import EVERYTHING
 from tdint.kernels.building.obtaining import obtain
@@ -86,7 +85,8 @@ def carry_out(
     max_runs: int | None = None,
     tell: Callable[[Advance], None] = lambda advance: None,
 ) -> Advance:
-    """Do what is left of a campaign, or of a shard of it, and keep every chunk as soon as it is done.
+    """Do what is left of a campaign, or of a shard of it, and keep every chunk as soon as it is
+    done.
 
     Parameters
     ----------
@@ -142,7 +142,8 @@ def cluster(of: Cluster) -> Engine:
 
 
 def compile_for(plan: Plan) -> None:
-    """Load the time loops of the buildings, compiled if they are not yet: before threads ask for them all at once."""
+    """Load the time loops of the buildings, compiled if they are not yet: before threads ask for
+    them all at once."""
     variants = {(many, EVERYTHING): None}
     for building in plan.buildings[:_LOOKED_AT]:
         subject = building.subject()
@@ -202,7 +203,10 @@ class CampaignRuns(Tabular):
 
     def _headline(self) -> str:
         ended = ", ".join(f"{count} {status}" for status, count in self.statuses.items())
-        return f"of {self.name!r}: {sum(self.statuses.values())} of {how_many(self.asked, 'run')} ({ended})"
+        return (
+            f"of {self.name!r}: {sum(self.statuses.values())} of {how_many(self.asked, 'run')} "
+            f"({ended})"
+        )
 
 
 def campaign(
@@ -221,14 +225,15 @@ def campaign(
     source : str or Path
         The YAML file.
     folder : str or Path, optional
-        Where the runs are kept as they are done, and found again by the next call; `tdint campaign export FOLDER`
-        writes the tables of it. In memory by default.
+        Where the runs are kept as they are done, and found again by the next call; `tdint campaign
+        export FOLDER` writes the tables of it. In memory by default.
     jobs : int, optional
         Threads; one for each processor by default. The result does not depend on it.
     max_runs : int, optional
         Stop after about so many runs.
     progress : bool or callable
-        A bar on a terminal or in a notebook, by tqdm, or what is told how much is done, of how much.
+        A bar on a terminal or in a notebook, by tqdm, or what is told how much is done, of how
+        much.
     partial : bool
         Of an interrupt (Ctrl-C) give the runs that are done.
 
@@ -281,8 +286,8 @@ _log = logging.getLogger(__name__)
 
 
 def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> Store:
-    """Put the stores of several folders, which are all of one campaign, into the one in `target`; what several have is
-    taken once.
+    """Put the stores of several folders, which are all of one campaign, into the one in `target`;
+    what several have is taken once.
 
     Parameters
     ----------
@@ -368,7 +373,10 @@ def _check_same(part: _Part, other: _Part) -> None:
         part.about["fingerprint"] == other.about["fingerprint"]
         and part.about["chunks"] == other.about["chunks"]
     ):
-        lines = "what the inventory carries along, or damage: differs; call `tdint campaign` for each of them again"
+        lines = (
+            "what the inventory carries along, or damage: differs; call `tdint campaign` for each "
+            "of them again"
+        )
     else:
         with _reopened(part) as one, _reopened(other) as another:
             sides = one.sides(), another.sides()
@@ -379,7 +387,8 @@ def _check_same(part: _Part, other: _Part) -> None:
 
 
 def _told_left(parts: Sequence[_Part]) -> str:
-    """How many runs are in none of some stores of one campaign, and the shards that they belong to; nothing if none."""
+    """How many runs are in none of some stores of one campaign, and the shards that they belong to;
+    nothing if none."""
     held = {number: runs for part in parts for number, runs in part.chunks.items()}
     missing = sorted(set(range(int(parts[0].about["chunks"]))) - set(held))
     if not missing:
@@ -417,7 +426,8 @@ def _copy(
 
 
 def _take_buildings(parts: Sequence[_Part], target: Store) -> None:
-    """Take what the campaign is, the first time, and the buildings of all parts: all of it or nothing."""
+    """Take what the campaign is, the first time, and the buildings of all parts: all of it or
+    nothing."""
     with schema.transaction(target.connection, target.name):
         begins = is_empty(target)
         for statement in schema.TABLES if begins else ():

@@ -1,7 +1,8 @@
-"""Chunks on other machines, by Dask: each goes out with all that it needs, and comes back as rows.
+"""Run the chunks of a campaign on a Dask cluster.
 
-Dask unpickles what reaches its port: whoever reaches it runs programs there. Beyond this machine certificates are asked
-for.
+Each chunk is sent to a worker with all its input, and the worker returns table rows. Dask unpickles
+everything it receives, so anyone who can connect to its port can execute code. TLS certificates are
+therefore required unless the scheduler runs on this machine.
 """
 
 from __future__ import annotations
@@ -11,42 +12,43 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, wait
 from contextlib import suppress
+from dataclasses import dataclass
 from ipaddress import ip_address
 from itertools import islice
 from typing import Any
 from urllib.parse import urlsplit
 
 from tdint.campaign.batch import Chunk, Done, do
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import MOST_BYTES, read_at_most
 from tdint.methods.catalogue import load_plugin
 from tdint.model.plugins import files_received, files_to_send
 
 _AHEAD = 3
-"""Chunks for each thread of the workers, those they are at among them."""
+"""Number of submitted chunks per worker thread, including the chunk that is running."""
 
-_SILENT, _PATIENCE = 1.0, 10.0
-"""Seconds for which a scheduler is waited for without a word, and at most."""
+_NOTICE_AFTER, _TIMEOUT = 1.0, 10.0
+"""Seconds after which the user is informed that the scheduler has not responded, and after which to
+give up."""
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Cluster:
-    """A scheduler, and the certificates by which both sides know each other.
+    """Address of a Dask scheduler, and the TLS certificates for mutual authentication.
 
     Attributes
     ----------
     address : str
         tcp://HOST:PORT or tls://HOST:PORT.
     ca, cert, key : str or None
-        PEM files: the authority's certificate, our own and its key.
+        PEM files: certificate of the certificate authority, client certificate, and client key.
 
     Raises
     ------
     UsageError
-        No such address; no certificates where they are needed.
+        The address is invalid, or certificates are required but missing.
     """
 
     address: str
@@ -55,33 +57,38 @@ class Cluster:
     key: str | None = None
 
     def __post_init__(self) -> None:
-        # Whoever reaches a scheduler runs programs on it: beyond this machine certificates are a must.
-        parts = _parts(self.address)
+        # Anyone who can connect to a scheduler can execute code on it, so remote schedulers require
+        # certificates.
+        parts = _parse_address(self.address)
         given = [self.ca, self.cert, self.key]
         if parts.scheme == "tls":
             if None in given:
                 raise UsageError(
-                    f"{self.address}: give --tls-ca, --tls-cert and --tls-key, all three"
+                    f"{self.address}: --tls-ca, --tls-cert and --tls-key are all required"
                 )
             for file in given:
                 try:
                     read_at_most(str(file), MOST_BYTES, UsageError)
                 except OSError as error:
-                    raise UsageError(f"{file}: cannot be read: {error.strerror or error}") from None
+                    raise UsageError(
+                        f"{file}: cannot read the file: {error.strerror or error}"
+                    ) from None
         elif any(given):
-            raise UsageError(
-                f"{self.address}: certificates are for an address that begins with tls://"
-            )
+            raise UsageError(f"{self.address}: certificates can only be used with a tls:// address")
         elif not is_loopback(parts.hostname or ""):
             raise UsageError(
-                f"{self.address}: beyond this machine the connection must be encrypted, for whoever reaches the port "
-                "runs programs; start scheduler and workers with --tls-ca-file, --tls-cert and --tls-key, and give a "
-                "tls:// address with --tls-ca, --tls-cert and --tls-key"
+                f"{self.address}: connections to another machine must be encrypted, because anyone "
+                "who can connect to the port can execute code; start scheduler and workers with "
+                "--tls-ca-file, --tls-cert and --tls-key, and use a tls:// address with --tls-ca, "
+                "--tls-cert and --tls-key"
             )
 
 
-def _parts(address: str) -> Any:
-    with suppress(ValueError):  # a port that is no number shows only when it is asked for
+def _parse_address(address: str) -> Any:
+    """Split a scheduler address into its parts; raise UsageError if it is invalid."""
+    with suppress(
+        ValueError
+    ):  # urlsplit raises it for an invalid port, but only when `port` is accessed
         parts = urlsplit(address)
         is_bare = (
             f"{parts.scheme}://{parts.netloc}".lower() == address.lower()
@@ -90,12 +97,12 @@ def _parts(address: str) -> Any:
         if is_bare and parts.scheme in ("tcp", "tls") and parts.hostname and parts.port:
             return parts
     raise UsageError(
-        f"{address!r} is no address of a scheduler; write tcp://HOST:PORT or tls://HOST:PORT"
+        f"invalid scheduler address {address!r}; expected tcp://HOST:PORT or tls://HOST:PORT"
     )
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host is this machine."""
+    """Return True if a host name or IP address refers to this machine."""
     if host == "localhost":
         return True
     try:
@@ -107,29 +114,42 @@ def is_loopback(host: str) -> bool:
 def on_cluster(
     cluster: Cluster, chunk: Callable[[int], Chunk], numbers: Sequence[int]
 ) -> Iterator[Done]:
-    """Each chunk, in the order in which they are done. Those of a worker that is lost are done by others.
+    """Run chunks on a Dask cluster and yield their results in order of completion.
+
+    Chunks of a worker that fails are re-run on another worker.
+
+    Parameters
+    ----------
+    cluster : Cluster
+        Scheduler address and certificates.
+    chunk : callable
+        Creates the chunk with a given number; called when the chunk is submitted.
+    numbers : sequence of int
+        Numbers of the chunks to run.
 
     Raises
     ------
     UsageError
-        Dask is not installed, or there is no scheduler at the address.
+        Dask is not installed, or no scheduler responds at the address.
     AnalysisError
-        Workers are lost with one chunk again and again; and what chunks raise.
+        Workers were lost repeatedly while running the same chunk. Exceptions raised by chunks are
+        propagated.
     """
     client = _connect(cluster)
     try:
-        yield from _done(client, chunk, iter(numbers))
+        yield from _results(client, chunk, iter(numbers))
     finally:
         client.close()
 
 
 def do_with(plugins: tuple[tuple[str, bytes], ...], chunk: Chunk) -> Done:
-    """Integrate the runs of a chunk on a worker, which executes the files of plug-ins that the chunk may need first.
+    """Run a chunk on a worker, after loading the plug-ins that it may need.
 
     Raises
     ------
     UsageError
-        A plug-in that does not run there: what else it imports does not travel.
+        A plug-in fails on the worker. Only the plug-in file is sent, not the other modules that it
+        imports.
     """
     for file in files_received(plugins):
         load_plugin(file)
@@ -141,65 +161,74 @@ def _connect(cluster: Cluster) -> Any:
         from distributed import Client, Security
     except ImportError:
         raise UsageError(
-            "--dask needs Dask: pip install 'tdint[dask]', here and for the workers"
+            "--dask needs Dask: pip install 'tdint[dask]' on this machine and on the workers"
         ) from None
-    # Where certificates are given nothing may go unencrypted.
+    # With certificates, refuse unencrypted connections.
     security = Security(
         tls_ca_file=cluster.ca,
         tls_client_cert=cluster.cert,
         tls_client_key=cluster.key,
         require_encryption=True,
     )
-    answer: Future[Any] = Future()
+    connection: Future[Any] = Future()
 
     def connect() -> None:
         try:
             secured = security if cluster.ca else None
-            answer.set_result(
-                Client(cluster.address, security=secured, timeout=_PATIENCE, set_as_default=False)
+            connection.set_result(
+                Client(cluster.address, security=secured, timeout=_TIMEOUT, set_as_default=False)
             )
         except Exception as error:
-            answer.set_exception(error)
+            connection.set_exception(error)
 
-    # On a thread, for Dask waits for ever where the port belongs to something else that says nothing.
+    # Connect in a thread: Dask ignores its timeout if another program owns the port and does not
+    # respond.
     threading.Thread(target=connect, daemon=True).start()
-    # A scheduler that answers late is waited for, and that is said; one that says nothing is given up.
-    if not wait([answer], _SILENT).done:
-        _log.info("%s: no scheduler answers yet; waiting for ten seconds at most", cluster.address)
-        wait([answer], _PATIENCE - _SILENT)
-    error = answer.exception() if answer.done() else TimeoutError("waited for ten seconds")
+    # Inform the user if the scheduler is slow to respond, and give up after the timeout.
+    if not wait([connection], _NOTICE_AFTER).done:
+        _log.info(
+            "%s: no response from the scheduler yet; waiting up to ten seconds", cluster.address
+        )
+        wait([connection], _TIMEOUT - _NOTICE_AFTER)
+    error = (
+        connection.exception()
+        if connection.done()
+        else TimeoutError("no response within ten seconds")
+    )
     if error:
         text = " ".join(str(error).split()) or type(error).__name__
-        raise UsageError(f"{cluster.address}: no scheduler answers: {text}")
-    return answer.result()
+        raise UsageError(f"{cluster.address}: no scheduler responds: {text}")
+    return connection.result()
 
 
-def _done(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) -> Iterator[Done]:
+def _results(client: Any, chunk: Callable[[int], Chunk], numbers: Iterator[int]) -> Iterator[Done]:
+    """Submit chunks a few at a time and yield their results in order of completion."""
     from distributed import KilledWorker, as_completed
 
-    # Workers may lack the user's own methods: their files travel with every chunk.
+    # Workers may not have the user's plug-ins, so the plug-in files are sent with every chunk.
     plugins = files_to_send()
     running = as_completed(loop=client.loop)
 
-    # Some chunks more than there are threads, so that no worker waits; workers may come and go. Chunks are made as they
-    # are sent: all of them at once would fill the memory.
-    def go_on(under_way: int) -> int:
+    # Submit a few more chunks than there are threads, so that no worker is idle; workers may join
+    # and leave. Chunks are created when they are submitted, because all of them together may not
+    # fit in memory.
+    def submit_more(pending: int) -> int:
         threads: dict[str, int] = client.nthreads()
-        width = _AHEAD * max(1, sum(threads.values()))
-        for number in islice(numbers, max(0, width - under_way)):
+        limit = _AHEAD * max(1, sum(threads.values()))
+        for number in islice(numbers, max(0, limit - pending)):
             running.add(client.submit(do_with, plugins, chunk(number), pure=False, retries=0))
-            under_way += 1
-        return under_way
+            pending += 1
+        return pending
 
-    under_way = go_on(0)
+    pending = submit_more(0)
     for future in running:
         try:
             done: Done = future.result()
         except KilledWorker as error:
             raise AnalysisError(
-                f"workers were lost again and again with the same runs: {error}"
+                f"workers failed repeatedly while processing the same runs: {error}"
             ) from None
-        # The scheduler forgets a result that is here.
+        # Let the scheduler free the memory of the result.
         future.release()
         yield done
-        under_way = go_on(under_way - 1)
+        pending = submit_more(pending - 1)

@@ -1,4 +1,5 @@
-"""What a campaign file says, as typed values in SI units; nothing here reads the files that it names."""
+"""What a campaign file says, as typed values in SI units; nothing here reads the files that it
+names."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,6 @@ import numpy as np
 from tdint.campaign.batch import RunSettings
 from tdint.campaign.fragility.type_states import DamageWishes
 from tdint.campaign.motions import MAX_DISTANCE, GridFile, MeasureLevels, Scales
-from tdint.data import dataclass
 from tdint.errors import ModelError, ModelFault, UsageError
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.horizontals import PairNames
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from tdint.model.inventory import InventoryRows
 
 
-# ---- Sweeps: each building of a campaign varied over grids and samples of its parameters, methods and steps, as the
-# key `vary` of a campaign file and the lists under `analysis` say
+# ---- Sweeps: each building of a campaign varied over grids and samples of its parameters, methods
+# and steps, as the key `vary` of a campaign file and the lists under `analysis` say
 
 _MOST = 1_000_000  # variations of a building: they are held in memory
 _SHOWN = 6  # digits in a label
@@ -82,7 +82,8 @@ class ParameterSweep:
     grids : mapping of str to tuple of float
         Values of parameters (`tdint.model.definition.PARAMETERS`): all combinations.
     random : mapping of str to Distribution
-        Random ones, drawn together by a Latin hypercube (McKay, Beckman and Conover 1979), independent of each other.
+        Random ones, drawn together by a Latin hypercube (McKay, Beckman and Conover 1979),
+        independent of each other.
     samples, seed : int
         Draws, the same in each combination of the others, and what they are drawn from.
     methods : tuple of str
@@ -103,7 +104,8 @@ class ParameterSweep:
 
     @contextmanager
     def told_at_its_place(self) -> Iterator[None]:
-        """What a variation cannot be, which its building tells (UsageError), is a fault of the file (ModelError)."""
+        """What a variation cannot be, which its building tells (UsageError), is a fault of the file
+        (ModelError)."""
         try:
             yield
         except UsageError as error:
@@ -176,7 +178,8 @@ class ParameterSweep:
         )
 
     def of_rows(self, rows: InventoryRows) -> InventoryRows:
-        """All variations of the buildings of an inventory: scatter and drawn motions of one are those of the others.
+        """All variations of the buildings of an inventory: scatter and drawn motions of one are
+        those of the others.
 
         Raises
         ------
@@ -391,8 +394,8 @@ class InventoryFile:
 
 @dataclass(frozen=True)
 class RecordFiles:
-    """Records by files and folders; `pairs`: how the two horizontals of each motion are named that are taken
-    together."""
+    """Records by files and folders; `pairs`: how the two horizontals of each motion are named that
+    are taken together."""
 
     files: tuple[str, ...]
     choice: RecordChoice
@@ -401,8 +404,8 @@ class RecordFiles:
 
 @dataclass(frozen=True)
 class SequenceFile:
-    """Shocks one after the other, by a CSV file of their records; `rest` seconds between them, None: until the building
-    is at rest."""
+    """Shocks one after the other, by a CSV file of their records; `rest` seconds between them,
+    None: until the building is at rest."""
 
     file: str
     choice: RecordChoice

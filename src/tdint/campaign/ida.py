@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +27,6 @@ from tdint.campaign.intensity import (
 )
 from tdint.campaign.store import Identity, Store, as_json, open_or_begin
 from tdint.campaign.store_schema import locked
-from tdint.data import dataclass
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import SuiteMotion, components
@@ -41,8 +40,8 @@ from tdint.units import OutputUnits
 from tdint.written_numbers import how_many
 
 THRESHOLDS = (0.01, 0.02, 0.04)
-"""Drift ratios whose capacities are told beside that of collapse, where neither the settings nor the model's damage
-states tell others."""
+"""Drift ratios whose capacities are told beside that of collapse, where neither the settings nor
+the model's damage states tell others."""
 
 PRECISION = 0.05  # of a capacity: a tenth of the scatter between motions (beta .3 to .5)
 
@@ -70,14 +69,15 @@ class IdaSettings:
     collapse_drift : float or None
         Drift ratio over which the building has collapsed; by default the model's.
     thresholds : tuple of float or None
-        Drift ratios whose capacities are told beside that of collapse; by default the medians of the model's damage
-        states, where they are drift ratios, else `THRESHOLDS`.
+        Drift ratios whose capacities are told beside that of collapse; by default the medians of
+        the model's damage states, where they are drift ratios, else `THRESHOLDS`.
     max_im : float
         The largest intensity, in the measure's unit: capacities above it are censored.
     dt, duration : float or None
         Step and duration of the runs, s; by default the model's, else those of the record.
     until_rest : bool
-        Go on after that with the ground at rest until the building is: residual drifts are at rest then.
+        Go on after that with the ground at rest until the building is: residual drifts are at rest
+        then.
     check : bool
         Estimate the errors of the demands of each run.
     """
@@ -109,7 +109,8 @@ class IdaStudy(Tabular):
     curves : tuple of IdaCurve
         One for each record, in the order given.
     pair : str or None
-        What of a pair of components the levels are levels of: a name of `PAIRS`; None for those of each component.
+        What of a pair of components the levels are levels of: a name of `PAIRS`; None for those of
+        each component.
     resumed : int
         Records whose runs were there already.
     remarks : tuple of str
@@ -129,7 +130,10 @@ class IdaStudy(Tabular):
     checked: bool = False
 
     def _headline(self) -> str:
-        return f"of {self.model.name!r}: {how_many(len(self.curves), 'record')}, levels of {self.im_name}, {self.method}"
+        return (
+            f"of {self.model.name!r}: {how_many(len(self.curves), 'record')}, levels of "
+            f"{self.im_name}, {self.method}"
+        )
 
     @property
     def im_name(self) -> str:
@@ -170,15 +174,16 @@ def ida(
     progress: bool | Progress = False,
     mainshock: Mainshock | None = None,
 ) -> IdaStudy:
-    """Run a building at levels of intensity until its collapse is bracketed, under each record for itself.
+    """Run a building at levels of intensity until its collapse is bracketed, under each record for
+    itself.
 
     Parameters
     ----------
     model : Model, str, Path or mapping
         What `run` takes; all stories have heights.
     motions : sequence of Record, of Horizontals, or of paths and traces
-        Ground motions, none twice. Of a pair both components are run, each for itself, at levels of the pair's
-        intensity.
+        Ground motions, none twice. Of a pair both components are run, each for itself, at levels of
+        the pair's intensity.
     measure : IntensityMeasure, optional
         Sa at the building's first period with 5 % damping by default.
     settings : IdaSettings, optional
@@ -190,12 +195,14 @@ def ida(
     jobs : int
         Threads; the result does not depend on it.
     folder : Path, optional
-        Where the runs are kept as they are done, and found again by the next call with the same arguments.
+        Where the runs are kept as they are done, and found again by the next call with the same
+        arguments.
     progress : bool or callable
-        A bar on a terminal or in a notebook, by tqdm, or what is told how much is done, of how much.
+        A bar on a terminal or in a notebook, by tqdm, or what is told how much is done, of how
+        much.
     mainshock : Mainshock, optional
-        Do the same once more with the building damaged by it: drifts are then the largest under the motions of the
-        study, counted from where the building stood at first.
+        Do the same once more with the building damaged by it: drifts are then the largest under the
+        motions of the study, counted from where the building stood at first.
 
     Returns
     -------
@@ -268,7 +275,8 @@ STORE = "ida.sqlite"
 
 @contextmanager
 def _opened(folder: Path | None, identity: Identity) -> Iterator[tuple[Store, list[str]]]:
-    """The store of a study in a folder that nobody else writes, and what to say of it; in memory without a folder."""
+    """The store of a study in a folder that nobody else writes, and what to say of it; in memory
+    without a folder."""
     with locked(folder) if folder else nullcontext():
         store, remarks = open_or_begin(folder / STORE if folder else None, identity, log=False)
         with store:
@@ -277,8 +285,8 @@ def _opened(folder: Path | None, identity: Identity) -> Iterator[tuple[Store, li
 
 @dataclass(frozen=True)
 class _Work:
-    """The runs of a record by its number: what does them, the measure of its intensity and its value for the record as
-    it is, and what decides on the levels."""
+    """The runs of a record by its number: what does them, the measure of its intensity and its
+    value for the record as it is, and what decides on the levels."""
 
     number: int
     batch: Batch
@@ -302,7 +310,8 @@ class _Work:
         settings: IdaSettings,
         before: DamagedState | None = None,
     ) -> _Work:
-        # Drifts that a mainshock has left tell nothing of the next shock: thresholds above them alone count.
+        # Drifts that a mainshock has left tell nothing of the next shock: thresholds above them
+        # alone count.
         left = before.left if before else 0.0
         elastic = _elastic_scale(subject.prepared.building, record, subject.model.collapse_drift)
         # The first level is below yield by the first mode, so that a curve begins elastic.
@@ -323,8 +332,8 @@ class _Work:
         return cls(number, batch, measure, intensity, levels)
 
     def done(self) -> tuple[Done, RecordRuns]:
-        """Do all runs of the record; one that has no result is repeated with half the step. FailedRun where the step is
-        beyond the method's limit."""
+        """Do all runs of the record; one that has no result is repeated with half the step.
+        FailedRun where the step is beyond the method's limit."""
         began, rows = time.thread_time(), Rows()
 
         def run(scale: float) -> RunRow:
@@ -358,7 +367,8 @@ class _Work:
 def _done(
     works: Sequence[_Work], store: Store, jobs: int, progress: Progress
 ) -> tuple[list[RecordRuns], int]:
-    """The runs of all records, and how many records were done before; the others are shared by threads."""
+    """The runs of all records, and how many records were done before; the others are shared by
+    threads."""
     results: dict[int, RecordRuns] = {}
     for number in sorted(store.done()):
         if runs := works[number].kept(store.runs_of(number)):
@@ -383,7 +393,8 @@ def _prepared(
     collapse_drift = settings.collapse_drift or model.collapse_drift
     if not 0.0 < settings.precision <= 0.5:
         raise UsageError(
-            f"the precision of a capacity must be above 0 and at most 50 %, got {settings.precision:g}"
+            "the precision of a capacity must be above 0 and at most 50 %, got "
+            f"{settings.precision:g}"
         )
     # Without thresholds those of the model's own damage states, if these are drift ratios.
     states = model.damage if model.damage and model.damage.demand == "drift_ratio" else None
@@ -396,11 +407,13 @@ def _prepared(
     for threshold in thresholds:
         if not 0.0 < threshold <= collapse_drift:
             raise UsageError(
-                f"threshold {threshold:g}: a drift ratio above 0 and at most the collapse drift, {collapse_drift:g}"
+                f"threshold {threshold:g}: a drift ratio above 0 and at most the collapse drift, "
+                f"{collapse_drift:g}"
             )
     if not settings.max_im > 0.0:
         raise UsageError(f"the largest intensity must be positive, got {settings.max_im:g}")
-    # An isolator has no drift ratio and needs no height; of isolators alone there would be none at all.
+    # An isolator has no drift ratio and needs no height; of isolators alone there would be none at
+    # all.
     without = [
         i
         for i, story in enumerate(model.stories, start=1)
@@ -410,7 +423,8 @@ def _prepared(
         without = [1]
     if without:
         raise ModelError(
-            f"{model.source}: an incremental dynamic analysis needs drift ratios: give story {without[0]} a height"
+            f"{model.source}: an incremental dynamic analysis needs drift ratios: give story "
+            f"{without[0]} a height"
         )
     subject = Subject(
         replace(model, collapse_drift=collapse_drift),
@@ -422,7 +436,8 @@ def _prepared(
 def _states(
     subject: Subject, records: Sequence[Record], mainshock: Mainshock | None, settings: IdaSettings
 ) -> list[list[DamagedState | None]]:
-    """For each state of the building what each record comes after: nothing first, then what damages it to some drifts.
+    """For each state of the building what each record comes after: nothing first, then what damages
+    it to some drifts.
 
     Raises
     ------
@@ -456,7 +471,8 @@ def _states(
 
 
 def _elastic_scale(building: Building, record: Record, collapse_drift: float) -> float:
-    """The factor on a record with which its first mode alone, if it stayed linear, would not yet yield."""
+    """The factor on a record with which its first mode alone, if it stayed linear, would not yet
+    yield."""
     omega, shape = building.vibration.first
     tall = np.isfinite(building.heights)  # an isolator has no drift ratio
     heights = building.heights[tall]

@@ -1,10 +1,11 @@
-"""The curve of a building under one record in an incremental dynamic analysis: its runs, which level comes next, its
-capacities; and a building that a mainshock has damaged before."""
+"""The curve of a building under one record in an incremental dynamic analysis: its runs, which
+level comes next, its capacities; and a building that a mainshock has damaged before."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -15,17 +16,16 @@ from tdint.analysis.run.sequence import ShockSequence, sequence_of, shocks_of
 from tdint.analysis.run.together import Subject
 from tdint.arrays import Array, cached_property
 from tdint.campaign.batch import RunRow
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.model.damage_states import DONE, FALLEN
 
-# ---- The curve of a building under one record: its runs at levels of intensity, which level comes next, and what
-# they say
+# ---- The curve of a building under one record: its runs at levels of intensity, which level comes
+# next, and what they say
 #
-# A level is a function of the runs so far alone, so that a study goes on where it ended: hunt, bisect, fill
-# (Vamvatsikos and Cornell 2002, doi 10.1002/eqe.141; 2004, doi 10.1193/1.1737737), and then look above the
-# capacity, where a building may stand again (structural resurrection).
+# A level is a function of the runs so far alone, so that a study goes on where it ended: hunt,
+# bisect, fill (Vamvatsikos and Cornell 2002, doi 10.1002/eqe.141; 2004, doi 10.1193/1.1737737), and
+# then look above the capacity, where a building may stand again (structural resurrection).
 
 _OF_ROW = {
     "drift_ratio": "peak_drift_ratio",
@@ -46,9 +46,11 @@ class IdaRun:
     scale : float
         Factor on the record.
     status : str
-        As of `tdint run`; one that is neither `done` nor a collapse has no result, also with a finer step.
+        As of `tdint run`; one that is neither `done` nor a collapse has no result, also with a
+        finer step.
     drift_ratio, acceleration, residual_drift_ratio : float
-        Largest drift ratio, absolute acceleration (m/s^2) and drift ratio at the end; nan without a result.
+        Largest drift ratio, absolute acceleration (m/s^2) and drift ratio at the end; nan without a
+        result.
     finer : int
         How often the step was halved, for the run had no result.
     energy_error : float
@@ -89,7 +91,8 @@ class IdaRun:
 
     @property
     def collapsed(self) -> bool:
-        """Whether the building collapsed, by its own motion; every other status but `done` says nothing of it."""
+        """Whether the building collapsed, by its own motion; every other status but `done` says
+        nothing of it."""
         return self.status in FALLEN
 
 
@@ -107,7 +110,8 @@ _NEAR = 0.01
 """Levels that differ by less than this part, of themselves or of their bracket, are the same."""
 
 _PLACES = (0.5, 0.25, 0.75, 0.375, 0.625)
-"""Where between two levels, in the logarithm, a run is tried; the next one where the run before had no result."""
+"""Where between two levels, in the logarithm, a run is tried; the next one where the run before had
+no result."""
 
 MOST_RUNS = 300  # a curve takes 10 to 40; more means that it does not end
 
@@ -136,9 +140,10 @@ class LevelSearch:
     def next(self, runs: Sequence[IdaRun]) -> float | None:
         """The next level, None if all is known; `runs` in any order.
 
-        The hunt and fill of Vamvatsikos and Cornell (2004): up to the first collapse, then between the levels that
-        bracket it, below until one run stays under the lowest threshold, between drifts that differ by much, and
-        last above the first collapse, where the building may stand again.
+        The hunt and fill of Vamvatsikos and Cornell (2004): up to the first collapse, then between
+        the levels that bracket it, below until one run stays under the lowest threshold, between
+        drifts that differ by much, and last above the first collapse, where the building may stand
+        again.
         """
         if not runs:
             return min(self.start, self.most)
@@ -159,7 +164,8 @@ class LevelSearch:
             level = _between(standing[-1].im, collapse.im, runs)
             if level is not None:
                 return level
-        # Descend until a drift is below the lowest threshold: in proportion, but by no more than a tenth at once.
+        # Descend until a drift is below the lowest threshold: in proportion, but by no more than a
+        # tenth at once.
         if standing and standing[0].drift_ratio >= self.lowest_drift and lowest >= least:
             return lowest * max(
                 0.1, min(1.0 / _HUNT, 0.8 * self.lowest_drift / standing[0].drift_ratio)
@@ -211,7 +217,8 @@ class Capacity:
     capacity : float
         The intensity; of a censored one what it is known to lie above; nan if nothing is known.
     lower, upper : float
-        Levels next to it at which the building was run: below, not exceeded; above, exceeded (nan if censored).
+        Levels next to it at which the building was run: below, not exceeded; above, exceeded (nan
+        if censored).
     censored : bool
         Whether it was not exceeded up to the largest level.
     """
@@ -236,7 +243,8 @@ class IdaCurve:
     collapse_drift : float
         Drift ratio of collapse.
     damage, left : float
-        Of a building that a mainshock has damaged: the drift ratio that it has reached, and that it is left with.
+        Of a building that a mainshock has damaged: the drift ratio that it has reached, and that it
+        is left with.
     """
 
     record: Record
@@ -254,7 +262,8 @@ class IdaCurve:
     def resurrection(self) -> bool:
         """Whether the building stands again at a level that was run above its first collapse.
 
-        Two are tried for that, 1.25 and 1.5 times it, others are met in the search; of those between nothing is known.
+        Two are tried for that, 1.25 and 1.5 times it, others are met in the search; of those
+        between nothing is known.
         """
         collapse = first_collapse(self.runs)
         return collapse is not None and any(
@@ -263,7 +272,8 @@ class IdaCurve:
 
     @cached_property
     def collapse(self) -> Capacity:
-        """The capacity against collapse: the geometric mean of the last level that stands and the first that falls."""
+        """The capacity against collapse: the geometric mean of the last level that stands and the
+        first that falls."""
         lower, high = self.stable[-1].im if self.stable else math.nan, first_collapse(self.runs)
         if high is None:
             return Capacity(self.collapse_drift, lower, lower, math.nan, censored=True)
@@ -272,12 +282,13 @@ class IdaCurve:
         )
 
     def capacity(self, threshold: float) -> Capacity:
-        """The capacity for a drift ratio: where the curve first reaches it, straight on logarithmic axes.
+        """The capacity for a drift ratio: where the curve first reaches it, straight on logarithmic
+        axes.
 
         A damaged building that is left with as much has none (nan).
 
-        A building that collapses before has the capacity against collapse: no line leads to the drift of a run that
-        ran away.
+        A building that collapses before has the capacity against collapse: no line leads to the
+        drift of a run that ran away.
         """
         if threshold >= self.collapse_drift:
             return self.collapse
@@ -307,7 +318,8 @@ class IdaCurve:
         )
 
     def intensity_at(self, drift_ratios: Array) -> Array:
-        """The capacities for drift ratios, shape (k,): inf where censored, nan where nothing is known."""
+        """The capacities for drift ratios, shape (k,): inf where censored, nan where nothing is
+        known."""
         capacities = [self.capacity(drift) for drift in drift_ratios.tolist()]
         values = np.array(
             [
@@ -321,10 +333,11 @@ class IdaCurve:
 def fractiles(
     curves: Sequence[IdaCurve], drift_ratios: Array, parts: Sequence[float] = (0.16, 0.5, 0.84)
 ) -> Array:
-    """Fractiles over the records of the intensity that leads to each drift ratio, shape (len(parts), k).
+    """Fractiles over the records of the intensity that leads to each drift ratio, shape
+    (len(parts), k).
 
-    A fractile is nan from where on it lies among censored capacities. Between two records lies a straight line of the
-    logarithm.
+    A fractile is nan from where on it lies among censored capacities. Between two records lies a
+    straight line of the logarithm.
     """
     standing = [curve for curve in curves if curve.stable]
     result = np.full((len(parts), drift_ratios.size), math.nan)
@@ -352,12 +365,14 @@ _HALVINGS = 60  # 2^-60: rounding alone is left
 
 @dataclass(frozen=True)
 class Mainshock:
-    """A ground motion before each of a study's, scaled so that the building reaches some drift ratios.
+    """A ground motion before each of a study's, scaled so that the building reaches some drift
+    ratios.
 
     Attributes
     ----------
     records : tuple of Record
-        Its horizontal components; one goes with all records, of several the one of a record's own component.
+        Its horizontal components; one goes with all records, of several the one of a record's own
+        component.
     damages : tuple of float
         The drift ratios.
     """
@@ -380,8 +395,8 @@ class Mainshock:
                 return main
         names = ", ".join(main.component for main in self.records)
         raise UsageError(
-            f"{self.records[0].source}: no component {record.component or 'of that kind'} to go with {record.name}; it "
-            f"has {names}: name one with --component"
+            f"{self.records[0].source}: no component {record.component or 'of that kind'} to go "
+            f"with {record.name}; it has {names}: name one with --component"
         )
 
 
@@ -432,7 +447,8 @@ def damaged(
             return math.inf
         return math.inf if response.collapse else demands(response.stories).drift_ratio.value
 
-    # Hunt upwards until the drift is reached, then halve; a drift that is passed by is that of no factor.
+    # Hunt upwards until the drift is reached, then halve; a drift that is passed by is that of no
+    # factor.
     low, high = 0.0, first
     for _ in range(_HUNTS):
         if reached(high) >= drift:
@@ -446,8 +462,8 @@ def damaged(
         low, high = (factor, high) if reached_drift < drift else (low, factor)
     else:
         raise AnalysisError(
-            f"{main.name}: the building does not reach a drift of {100.0 * drift:g} % under any factor on it without "
-            "collapse"
+            f"{main.name}: the building does not reach a drift of {100.0 * drift:g} % under any "
+            "factor on it without collapse"
         )
 
     # The mainshock by itself, until the building is at rest: what it leaves.

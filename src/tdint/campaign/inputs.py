@@ -1,4 +1,5 @@
-"""What a campaign file names, read: models, an inventory, records or a grid, factors; each by a reader of its own."""
+"""What a campaign file names, read: models, an inventory, records or a grid, factors; each by a
+reader of its own."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -39,7 +40,6 @@ from tdint.campaign.motions import (
 )
 from tdint.campaign.sites import read_field, read_grid
 from tdint.csv_table import no_number, number, read_table
-from tdint.data import dataclass
 from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageError
 from tdint.files import MOST_BYTES, note_input, read_at_most
 from tdint.ground_motion.reading.suites import (
@@ -100,7 +100,8 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     Raises
     ------
     ModelError
-        A model or the inventory cannot be used: all faults of all of them. The file of factors cannot be read.
+        A model or the inventory cannot be used: all faults of all of them. The file of factors
+        cannot be read.
     RecordError
         No record can be used.
     UsageError
@@ -205,7 +206,8 @@ def read_rows(buildings: InventoryFile) -> tuple[InventoryRows, tuple[ModelError
 
 
 def _check_costs(rows: InventoryRows) -> None:
-    """Raise ModelError for costs and numbers of buildings that are none: all of them, before any run."""
+    """Raise ModelError for costs and numbers of buildings that are none: all of them, before any
+    run."""
     faults: list[ModelFault] = []
     for name in filter(rows.of.table.has, (COST, NUMBER)):
         faults += rows.faults(
@@ -226,8 +228,9 @@ def _placed(
     motions: GridMotions | FieldMotions,
     rows: InventoryRows | None,
 ) -> tuple[InventoryRows, list[ModelFault], tuple[ModelFault, ...]]:
-    """The buildings that have a place near enough to a site, and those left out: without a place, and too far away. Of
-    fields the nearest site and its distance go before the other columns that are carried along.
+    """The buildings that have a place near enough to a site, and those left out: without a place,
+    and too far away. Of fields the nearest site and its distance go before the other columns that
+    are carried along.
 
     Raises
     ------
@@ -272,8 +275,8 @@ def _assignment(
     rows: InventoryRows | None,
     models: int,
 ) -> Assignment | None:
-    """The motions of each building: draws near it, or the events of the nearest site, of the one that it names, or,
-    without sites, all; None for all motions.
+    """The motions of each building: draws near it, or the events of the nearest site, of the one
+    that it names, or, without sites, all; None for all motions.
 
     Raises
     ------
@@ -295,12 +298,15 @@ def _assignment(
         return FieldDraws(motions, np.repeat(rows.near[1], len(rows.changes)))
     if not rows or not rows.of.table.has("site"):
         raise UsageError(
-            f"{campaign.source}: events at sites need an inventory with a column `site`, or `sites` of the records, a "
-            "file of their places"
+            f"{campaign.source}: events at sites need an inventory with a column `site`, or "
+            "`sites` of the records, a file of their places"
         )
     # Sites without places are named by the buildings themselves.
     numbers = {site: number for number, site in enumerate(motions.sites)}
-    reason = f"is not in {records.file}; known: {', '.join(motions.sites[:5])}{' ...' * (len(numbers) > 5)}"
+    reason = (
+        f"is not in {records.file}; known: "
+        f"{', '.join(motions.sites[:5])}{' ...' * (len(numbers) > 5)}"
+    )
     if lost := rows.faults("site", lambda _, text: "" if text in numbers else f"{text!r} {reason}"):
         raise ModelError(lost)
     return FieldDraws(
@@ -325,9 +331,9 @@ def read_motions(records: RecordFiles) -> FoundMotions:
 
 
 def read_sequences(sequences: SequenceFile) -> FoundMotions:
-    """Shocks one after the other, of a CSV file with the columns sequence, record (relative to the file) and, if they
-    are wanted, component, factor and units (of the samples, empty where the file says them); shocks of one sequence
-    stand below each other.
+    """Shocks one after the other, of a CSV file with the columns sequence, record (relative to the
+    file) and, if they are wanted, component, factor and units (of the samples, empty where the file
+    says them); shocks of one sequence stand below each other.
 
     Raises
     ------
@@ -336,7 +342,10 @@ def read_sequences(sequences: SequenceFile) -> FoundMotions:
     RecordError
         No sequence can be used: why, one line each.
     """
-    needs = f"sequences are a CSV file with the columns {', '.join(_SHOCK_COLUMNS)}; the last three may be left out"
+    needs = (
+        f"sequences are a CSV file with the columns {', '.join(_SHOCK_COLUMNS)}; the last three "
+        "may be left out"
+    )
     table = read_table(sequences.file, needs, columns=_SHOCK_COLUMNS)
     table.need("sequence", "record")
     # Columns that are left out say nothing: all components, the factor 1, the file's own units.
@@ -389,7 +398,8 @@ def _sequence(
     of_shocks: list[list[Record]] = []
     common = sequences.choice
     for shock in shocks:
-        # What a row says of its file counts before what is said of all; an inventory is for the other rows.
+        # What a row says of its file counts before what is said of all; an inventory is for the
+        # other rows.
         units = {"*": shock.units} if shock.units else common.units
         choice = replace(common, component=shock.component or common.component, units=units)
         suite = read_components([shock.file], choice)
@@ -409,7 +419,8 @@ def _sequence(
 
 
 def read_factors(factors_file: FactorsFile) -> FactorTable:
-    """Factors from a CSV file with the columns record, component (empty for all components) and factor.
+    """Factors from a CSV file with the columns record, component (empty for all components) and
+    factor.
 
     Raises
     ------
@@ -417,7 +428,10 @@ def read_factors(factors_file: FactorsFile) -> FactorTable:
         It cannot be read.
     """
     file = factors_file.file
-    needs = f"factors are a CSV file with the columns {', '.join(_FACTOR_COLUMNS)}; `tdint scale -o` writes such a file"
+    needs = (
+        f"factors are a CSV file with the columns {', '.join(_FACTOR_COLUMNS)}; `tdint scale -o` "
+        "writes such a file"
+    )
     table = read_table(file, needs, columns=_FACTOR_COLUMNS)
     table.need(*_FACTOR_COLUMNS)
     names = zip(table.texts("record"), table.texts("component"), strict=True)

@@ -1,14 +1,17 @@
-"""Measures of a ground motion's intensity, by which records are scaled: Sa at a period, its average, and what a motion
-has by itself, as PGA, PGV, Arias intensity, CAV (`tdint.ground_motion.measures`).
+"""Measures of a ground motion's intensity, by which records are scaled: Sa at a period, its
+average, and what a motion has by itself, as PGA, PGV, Arias intensity, CAV
+(`tdint.ground_motion.measures`).
 
-Of a pair of horizontal components the geometric mean of both, or a percentile over all directions (RotD, Boore 2010).
-They grow in proportion to a power of a factor on the motion, Arias intensity to its square.
+Of a pair of horizontal components the geometric mean of both, or a percentile over all directions
+(RotD, Boore 2010). They grow in proportion to a power of a factor on the motion, Arias intensity to
+its square.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -16,7 +19,6 @@ import numpy as np
 from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError, did_you_mean
 from tdint.ground_motion.measures import MEASURES
 from tdint.ground_motion.reading.suites import GroundMotion
@@ -25,17 +27,20 @@ from tdint.written_numbers import Grid
 
 GEOMETRIC_MEAN = "geometric-mean"
 PAIRS: dict[str, int | None] = {GEOMETRIC_MEAN: None, "rotd50": 50, "rotd100": 100}
-"""What stands for a pair: the percentile over all directions, or None for the geometric mean of both components."""
+"""What stands for a pair: the percentile over all directions, or None for the geometric mean of
+both components."""
 
 AVERAGE = Grid(0.2, 3.0, 50)
-"""Multiples of the period over which Sa is averaged, where nothing else is asked for (Eads et al. 2015)."""
+"""Multiples of the period over which Sa is averaged, where nothing else is asked for (Eads et al.
+2015)."""
 
 _DIRECTIONS = 180  # every degree, as RotD is defined by (Boore 2010)
 
 
 @dataclass(frozen=True)
 class SpectralIntensity:
-    """The geometric mean of pseudo-accelerations at some periods; of a single one it is Sa(T), at period 0 the PGA.
+    """The geometric mean of pseudo-accelerations at some periods; of a single one it is Sa(T), at
+    period 0 the PGA.
 
     Attributes
     ----------
@@ -69,7 +74,8 @@ class SpectralIntensity:
 
 @dataclass(frozen=True)
 class MotionIntensity:
-    """A measure of the motion of the ground alone, of `tdint.ground_motion.measures.MEASURES` by its name."""
+    """A measure of the motion of the ground alone, of `tdint.ground_motion.measures.MEASURES` by
+    its name."""
 
     name: str
     unit: str = ""
@@ -97,7 +103,8 @@ class MotionIntensity:
         first, second = motion.first, motion.second
         if percentile is None:
             return _positive(math.sqrt(value(first) * value(second)), self.name, motion)
-        # Each direction has a record of its own: half a turn, for the other half differs in sign alone.
+        # Each direction has a record of its own: half a turn, for the other half differs in sign
+        # alone.
         angles = np.arange(_DIRECTIONS) * (math.pi / _DIRECTIONS)
         x, y, dt = first.acceleration, second.acceleration, first.dt
         values = [
@@ -108,7 +115,8 @@ class MotionIntensity:
 
 
 def without_levels(name: str) -> str:
-    """Why no factor brings a motion to a level of a measure; empty where one does, or there is none of that name."""
+    """Why no factor brings a motion to a level of a measure; empty where one does, or there is none
+    of that name."""
     if name == "sdi":
         return "it does not grow by a power of the factor"
     return MEASURES[name].without_levels if name in MEASURES else ""
@@ -133,7 +141,8 @@ def pga() -> SpectralIntensity:
 
 
 def sa(period: float, damping: float = SA_DAMPING) -> SpectralIntensity:
-    """Pseudo-acceleration at a period (s), exact for a motion that is linear between its samples."""
+    """Pseudo-acceleration at a period (s), exact for a motion that is linear between its
+    samples."""
     _check_period(period)
     return SpectralIntensity(f"sa({period:.6g})", (float(period),), damping)
 
@@ -141,7 +150,8 @@ def sa(period: float, damping: float = SA_DAMPING) -> SpectralIntensity:
 def sa_average(
     period: float, damping: float = SA_DAMPING, multiples: Grid = AVERAGE
 ) -> SpectralIntensity:
-    """The geometric mean of pseudo-accelerations over multiples of a period (s), in equal ratios."""
+    """The geometric mean of pseudo-accelerations over multiples of a period (s), in equal
+    ratios."""
     _check_period(period)
     periods = tuple((period * multiples.values()).tolist())
     return SpectralIntensity(f"sa-avg({period:.6g})", periods, damping)
@@ -159,7 +169,8 @@ def measure_at(name: str, damping: float, period: float) -> IntensityMeasure:
 
 
 def measure_of(name: str, damping: float = SA_DAMPING) -> IntensityMeasure:
-    """The measure of a name as tables have it: `sa(1.0)`, `sa-avg(1.0)`, periods in s, `pga`, or another of a motion.
+    """The measure of a name as tables have it: `sa(1.0)`, `sa-avg(1.0)`, periods in s, `pga`, or
+    another of a motion.
 
     Raises
     ------
@@ -181,7 +192,8 @@ def measure_of(name: str, damping: float = SA_DAMPING) -> IntensityMeasure:
 
 
 def percentile_of(pair: str) -> int | None:
-    """The percentile over all directions that a name of `PAIRS` stands for; None for the geometric mean.
+    """The percentile over all directions that a name of `PAIRS` stands for; None for the geometric
+    mean.
 
     Raises
     ------
@@ -203,7 +215,8 @@ def geometric_mean(values: Array) -> float:
 def pseudo_accelerations(
     motion: GroundMotion, periods: Array, damping: float, pair: str = GEOMETRIC_MEAN
 ) -> Array:
-    """Pseudo-accelerations of a motion at periods (s), m/s^2, shape (k,); of two components that which `pair` names.
+    """Pseudo-accelerations of a motion at periods (s), m/s^2, shape (k,); of two components that
+    which `pair` names.
 
     Raises
     ------
@@ -224,7 +237,8 @@ def pseudo_accelerations(
 def _check_period(period: float) -> None:
     if not (math.isfinite(period) and period > 0.0):
         raise UsageError(
-            f"the period of an intensity measure must be a positive number of seconds, got {period!r}"
+            "the period of an intensity measure must be a positive number of seconds, got "
+            f"{period!r}"
         )
 
 

@@ -1,5 +1,5 @@
-"""The ground motions of a campaign: which of them each building gets, all or draws among those near it, and how strong
-they are made, by factors that are given or found from a measure of intensity.
+"""The ground motions of a campaign: which of them each building gets, all or draws among those near
+it, and how strong they are made, by factors that are given or found from a measure of intensity.
 
 Draws are by nearest neighbors, as in the regional workflow of SimCenter.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,13 +19,13 @@ from scipy.spatial import cKDTree
 from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.arrays import Array, cached_property
 from tdint.campaign.intensity import IntensityMeasure, factor_to
-from tdint.data import dataclass
 from tdint.errors import ModelError, TdintError
 from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.model.inventory import InventoryRows
 
 MAX_DISTANCE = 15e3
-"""Of a building from the site whose motions it gets, m; `asset_hazard_distance` of OpenQuake has this by default."""
+"""Of a building from the site whose motions it gets, m; `asset_hazard_distance` of OpenQuake has
+this by default."""
 
 _EARTH = 6371e3  # m, mean radius
 
@@ -34,8 +34,8 @@ Places = Sequence[tuple[float, float]] | Array
 
 
 class Draw(NamedTuple):
-    """A motion by its number that a building gets, the number of the draw (0 where nothing is drawn), and the factor
-    that the motion has where it is drawn."""
+    """A motion by its number that a building gets, the number of the draw (0 where nothing is
+    drawn), and the factor that the motion has where it is drawn."""
 
     motion: int
     sample: int
@@ -44,7 +44,8 @@ class Draw(NamedTuple):
 
 @dataclass(frozen=True)
 class FieldMotions:
-    """Ground motions of events at sites: rows in the order of the sites, of which there may be millions.
+    """Ground motions of events at sites: rows in the order of the sites, of which there may be
+    millions.
 
     Attributes
     ----------
@@ -59,7 +60,8 @@ class FieldMotions:
     value : ndarray, shape (rows,)
         The factor on the record, or the intensity that it is brought to.
     motions : tuple of tuples of (int, float)
-        Of each record its motions by their numbers, and what a value is divided by for their factor.
+        Of each record its motions by their numbers, and what a value is divided by for their
+        factor.
     places : sequence of tuples of two floats
         Longitude and latitude of the sites, degrees; empty where buildings name theirs.
     """
@@ -107,8 +109,8 @@ class FieldMotions:
 
 @dataclass(frozen=True)
 class FieldDraws:
-    """Each building has all events of its site, nothing is drawn: how the motions of one event lie to each other is
-    that of the fields.
+    """Each building has all events of its site, nothing is drawn: how the motions of one event lie
+    to each other is that of the fields.
 
     Attributes
     ----------
@@ -144,7 +146,8 @@ class FieldDraws:
 
 
 PointMotion = tuple[tuple[int, ...], float]
-"""A ground motion at a point of a grid: the numbers of its components, and the factor on it there."""
+"""A ground motion at a point of a grid: the numbers of its components, and the factor on it
+there."""
 
 
 @dataclass(frozen=True)
@@ -165,8 +168,8 @@ class GridMotions:
 
 @dataclass(frozen=True)
 class FoundMotions:
-    """Ground motions that were read, what could not be, what a person should know of them, where they are, and how
-    often their events come in a year."""
+    """Ground motions that were read, what could not be, what a person should know of them, where
+    they are, and how often their events come in a year."""
 
     motions: tuple[SuiteMotion, ...] = ()
     failures: tuple[TdintError, ...] = ()
@@ -211,7 +214,8 @@ class GridFile:
     distance : str
         As of `tdint.campaign.motions.COORDINATES`.
     events : bool
-        Nothing is drawn: rows of the points' files are events, and a building has those of the nearest point.
+        Nothing is drawn: rows of the points' files are events, and a building has those of the
+        nearest point.
     max_distance : float
         Buildings whose nearest point is farther away are left out, m.
     """
@@ -245,7 +249,8 @@ class GridDraws:
     wanted: GridFile
 
     def draws(self, building: int) -> Sequence[Draw]:
-        """Points by their weights, with replacement; then one of the point's ground motions, each as likely."""
+        """Points by their weights, with replacement; then one of the point's ground motions, each
+        as likely."""
         random = np.random.default_rng([self.wanted.seed, *self.rows[building].id.encode()])
         near, weights = self.weights(building)
         points = random.choice(near, size=self.wanted.samples, p=weights)
@@ -314,12 +319,14 @@ def meters(here: Places, there: Places) -> Array:
 
 
 def coordinates(places: Places, distance: str) -> Array:
-    """Points whose distances are those that are meant (`COORDINATES`), of longitudes and latitudes in degrees."""
+    """Points whose distances are those that are meant (`COORDINATES`), of longitudes and latitudes
+    in degrees."""
     return COORDINATES[distance](np.array(places, dtype=np.float64).reshape(-1, 2))
 
 
 def unit_vectors(degrees: Array) -> Array:
-    """Directions from the center of the earth to places given as longitude and latitude; shape (k, 3)."""
+    """Directions from the center of the earth to places given as longitude and latitude; shape (k,
+    3)."""
     longitude, latitude = np.radians(degrees).T
     return np.column_stack(
         [
@@ -334,8 +341,8 @@ COORDINATES: Mapping[str, Callable[[Array], Array]] = {
     "km": unit_vectors,
     "degrees": lambda degrees: degrees,
 }
-"""What distances are between: places on the earth, or, as in SimCenter's workflow, degrees of longitude and latitude as
-if they were alike and the plane did not end."""
+"""What distances are between: places on the earth, or, as in SimCenter's workflow, degrees of
+longitude and latitude as if they were alike and the plane did not end."""
 
 
 @dataclass(frozen=True)
@@ -349,7 +356,8 @@ class Scales:
     by_period : bool
         Whether they hang on the building, by its first period; else nobody needs to find it.
     of_value : bool
-        Whether they bring a motion to a value, whatever factor it has in a grid; else they come on top of it.
+        Whether they bring a motion to a value, whatever factor it has in a grid; else they come on
+        top of it.
     """
 
     values: tuple[float, ...]
@@ -371,7 +379,8 @@ class Scales:
 
 @dataclass(frozen=True)
 class FactorTable:
-    """Factors by the names of motions and components, as a CSV file has them; no component stands for all.
+    """Factors by the names of motions and components, as a CSV file has them; no component stands
+    for all.
 
     Attributes
     ----------

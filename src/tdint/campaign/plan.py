@@ -1,4 +1,5 @@
-"""All runs of a campaign in their order, cut into chunks; which run is which does not depend on who does them.
+"""All runs of a campaign in their order, cut into chunks; which run is which does not depend on who
+does them.
 
 A plan is made of what was read: nothing is opened here.
 """
@@ -9,7 +10,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -33,7 +34,6 @@ from tdint.campaign.motions import (
     MeasureLevels,
     Scales,
 )
-from tdint.data import dataclass
 from tdint.errors import ModelError, ModelFault, TdintError, UsageError
 from tdint.ground_motion.measures import cut_off
 from tdint.ground_motion.reading.suites import SuiteMotion
@@ -53,7 +53,8 @@ _CHUNKS = 64
 _MOST_NAMES = 10  # that a note names
 _KEPT = 1000  # buildings whose steps are remembered
 _SHORTEST, _LONGEST = 0.002, 2.0
-"""Seconds of a chunk: a small campaign is cut into `_CHUNKS`, so that all processors have their share."""
+"""Seconds of a chunk: a small campaign is cut into `_CHUNKS`, so that all processors have their
+share."""
 
 
 @dataclass(frozen=True)
@@ -91,9 +92,11 @@ class Plan:
     factors : str
         The file of the factors on the motions, if there is one.
     style : tuple of (str, str)
-        Looks of the pictures as they are written, and the folder that a style sheet in them is relative to.
+        Looks of the pictures as they are written, and the folder that a style sheet in them is
+        relative to.
     scaled : mapping
-        What `tdint scale` told beside it of how they came about; empty where it did not, or not of these.
+        What `tdint scale` told beside it of how they came about; empty where it did not, or not of
+        these.
     """
 
     name: str
@@ -119,7 +122,8 @@ class Plan:
 
     @property
     def unused(self) -> list[tuple[str, str]]:
-        """Of each record and row of an inventory that could not be used `record` or `building`, and why."""
+        """Of each record and row of an inventory that could not be used `record` or `building`, and
+        why."""
         reasons_of: dict[tuple[str, str], list[str]] = {
             ("building", str(fault)): [str(fault)] for fault in self.far
         }
@@ -153,7 +157,8 @@ class Plan:
         return int(self._cuts[chunk + 1] - self._cuts[chunk])
 
     def buildings_of(self, chunks: Sequence[int]) -> list[int]:
-        """The buildings whose runs some chunks have; one without any belongs to the chunk that goes on behind it."""
+        """The buildings whose runs some chunks have; one without any belongs to the chunk that goes
+        on behind it."""
         firsts = np.searchsorted(self._ends, self._cuts[:-1], side="right")
         firsts[0] = 0
         # A building may begin in one chunk and end in the next one.
@@ -163,7 +168,8 @@ class Plan:
         return sorted({at for chunk in chunks for at in range(firsts[chunk], lasts[chunk])})
 
     def chunk(self, number: int) -> Chunk:
-        """A chunk with all that its runs need. Errors are those of intensity measures that a motion does not have."""
+        """A chunk with all that its runs need. Errors are those of intensity measures that a motion
+        does not have."""
         first, last = int(self._cuts[number]), int(self._cuts[number + 1])
         # A chunk may begin and end within a building: its slice of that building's runs.
         at = int(np.searchsorted(self._ends, first, side="right"))
@@ -180,7 +186,8 @@ class Plan:
         )
 
     def check_steps(self) -> None:
-        """Raise UsageError for a step that does not fit a record; of an inventory all buildings are alike in that."""
+        """Raise UsageError for a step that does not fit a record; of an inventory all buildings are
+        alike in that."""
         from tdint.analysis.run.workspace import choose_steps
 
         settings = self.settings
@@ -252,7 +259,8 @@ class Plan:
         return tuple(parts)
 
     def _largest_step(self, number: int, source: Source, runs: Sequence[Run]) -> float | None:
-        """The largest step of a building for the tolerance, s: found once, whatever chunks its runs are in."""
+        """The largest step of a building for the tolerance, s: found once, whatever chunks its runs
+        are in."""
         tolerance = self.settings.tolerance
         if tolerance is None:
             return math.inf
@@ -327,7 +335,8 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     residual = damage and any("residual" in type_.demand for type_ in damage.types.values())
     if residual and not campaign.settings.until_rest:
         notes.append(
-            "damage is told by drifts at the end of the records: until_rest of the analysis goes on to rest"
+            "damage is told by drifts at the end of the records: until_rest of the analysis goes "
+            "on to rest"
         )
     # All that is said before the runs goes along: what was left out, and what may surprise.
     plan = Plan(
@@ -356,7 +365,8 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
 
 
 def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buildings:
-    """The buildings with their methods: that of the campaign, of a model, or the default, which is noted."""
+    """The buildings with their methods: that of the campaign, of a model, or the default, which is
+    noted."""
     inventory, analysis = campaign.buildings, campaign.analysis
     # An inventory has rules for all rows; their scatter is drawn by the id of each.
     if isinstance(inventory, InventoryFile):
@@ -374,14 +384,16 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
             return RowBuildings(inputs.rows, rules)
     if len({model.output_units for model in inputs.models}) > 1:
         notes.append(
-            "the models want results in different units: they are written in SI; --output-units names others"
+            "the models want results in different units: they are written in SI; --output-units "
+            "names others"
         )
     # Of a sweep the variations of a model are buildings of their own.
     named = Counter((model.source, model.label) for model in inputs.models)
     again = [source for (source, _), count in named.items() if count > 1]
     if again:
         notes.append(
-            f"named more than once, and run as often: {first_few(list(dict.fromkeys(again)), _MOST_NAMES)}"
+            "named more than once, and run as often: "
+            f"{first_few(list(dict.fromkeys(again)), _MOST_NAMES)}"
         )
     # Models may bring methods of their own, unless the campaign names one for all.
     subjects = []

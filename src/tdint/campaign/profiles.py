@@ -1,8 +1,10 @@
-"""Peaks over the height of a building under a suite of motions: each motion's, and their mean, fractiles and largest.
+"""Peaks over the height of a building under a suite of motions: each motion's, and their mean,
+fractiles and largest.
 
-The order of operations is that of codes: the largest value of each motion over time, in each story; the mean of it over
-the motions; then the worst story. Of a pair of horizontal components the larger value counts. What collapsed or failed
-is counted and has no part in any number: a mean is that of the motions under which the building stood.
+The order of operations is that of codes: the largest value of each motion over time, in each story;
+the mean of it over the motions; then the worst story. Of a pair of horizontal components the larger
+value counts. What collapsed or failed is counted and has no part in any number: a mean is that of
+the motions under which the building stood.
 """
 
 from __future__ import annotations
@@ -10,7 +12,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from functools import partial
 from typing import NamedTuple
 
@@ -26,7 +28,6 @@ from tdint.campaign.batch import Run
 from tdint.campaign.intensity import SPECTRAL, measure_at
 from tdint.campaign.plan import Plan
 from tdint.campaign.store import Store
-from tdint.data import dataclass
 from tdint.errors import UsageError, did_you_mean
 from tdint.ground_motion.horizontals import at_right_angles, motion_name
 from tdint.model.damage_states import DONE, FALLEN
@@ -51,7 +52,8 @@ class Statistics:
 
     @classmethod
     def of(cls, values: Array) -> Statistics:
-        """Of values of shape (motions, n); fractiles lie on straight lines between the values in order."""
+        """Of values of shape (motions, n); fractiles lie on straight lines between the values in
+        order."""
         if not len(values):
             return cls(*(np.full(values.shape[1], math.nan) for _ in fields(cls)))
         p16, median, p84 = np.percentile(values, (16.0, 50.0, 84.0), axis=0)
@@ -59,15 +61,16 @@ class Statistics:
 
     @classmethod
     def errors(cls, values: Array, errors: Array) -> Statistics:
-        """By how much these may be off where values, shape (motions, n), are off by their errors: none of them falls
-        where a value grows, so they are off most where all are to one side."""
+        """By how much these may be off where values, shape (motions, n), are off by their errors:
+        none of them falls where a value grows, so they are off most where all are to one side."""
         return cls(
             *_may_add(lambda those: np.array(list(vars(cls.of(those)).values())), values, errors)
         )
 
 
 def _may_add(rising: Callable[[Array], Array], values: Array, errors: Array) -> Array:
-    """By how much what rises with all values may be off where they are off by their errors, to one side."""
+    """By how much what rises with all values may be off where they are off by their errors, to one
+    side."""
     told = rising(values)
     return np.asarray(np.maximum(rising(values + errors) - told, told - rising(values - errors)))
 
@@ -81,8 +84,8 @@ class SuiteLevel:
     scale : float
         The factor on all motions; nan where each has its own.
     level : float
-        The value of the intensity measure, SI units, or where motions have several factors of their own the number of
-        the factor, from 1; nan where the scale says all.
+        The value of the intensity measure, SI units, or where motions have several factors of their
+        own the number of the factor, from 1; nan where the scale says all.
     stood : list of list of Run
         The runs of each motion that came to its end, two of a pair.
     pairs : int
@@ -125,7 +128,8 @@ class Profile(SuiteLevel):
     height : ndarray, shape (n,)
         Story heights, m; nan where there is none.
     peaks : mapping of str to ndarray, shape (motions, n)
-        The largest absolute values of each quantity of `tdint.analysis.run.outcome.STORY`, by its name.
+        The largest absolute values of each quantity of `tdint.analysis.run.outcome.STORY`, by its
+        name.
     peak_errors : mapping of str to ndarray, shape (motions, n)
         Their estimated errors, nan where there is none; empty where they were not asked for.
     """
@@ -141,7 +145,8 @@ class Profile(SuiteLevel):
         return Statistics.of(self.peaks[quantity.name])
 
     def errors(self, quantity: Quantity) -> Statistics | None:
-        """What errors of the runs may add to these, in each story; nothing is said of the choice of the motions."""
+        """What errors of the runs may add to these, in each story; nothing is said of the choice of
+        the motions."""
         if not self.peak_errors:
             return None
         return Statistics.errors(self.peaks[quantity.name], self.peak_errors[quantity.name])
@@ -149,7 +154,8 @@ class Profile(SuiteLevel):
 
 @dataclass(frozen=True)
 class Ratios:
-    """A quantity of a building over that of another one at the same level, in each story that both have.
+    """A quantity of a building over that of another one at the same level, in each story that both
+    have.
 
     Attributes
     ----------
@@ -160,8 +166,8 @@ class Ratios:
     quantity : Quantity
         What is compared.
     mean, median, max : ndarray, shape (1 + stories,)
-        First that of the largest value of all stories, then that of each story, from the ground up; nan where the
-        baseline has none, or nothing.
+        First that of the largest value of all stories, then that of each story, from the ground up;
+        nan where the baseline has none, or nothing.
     """
 
     building: str
@@ -175,7 +181,8 @@ class Ratios:
 
 
 def check_baseline(baseline: str, buildings: Iterable[str]) -> None:
-    """Refuse a baseline that is none of the buildings of these names, or the only one (UsageError)."""
+    """Refuse a baseline that is none of the buildings of these names, or the only one
+    (UsageError)."""
     names = list(dict.fromkeys(buildings))
     if baseline not in names:
         near = did_you_mean(baseline, names)
@@ -220,7 +227,8 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
 
 def _over(ours: Array, theirs: Array) -> Array:
     common = min(ours.size, theirs.size)
-    # First the largest of all stories, which a building may have in another story than the baseline.
+    # First the largest of all stories, which a building may have in another story than the
+    # baseline.
     tops = [np.max(values[np.isfinite(values)], initial=-math.inf) for values in (ours, theirs)]
     over, under = (
         np.concatenate([[tops[0]], ours[:common]]),
@@ -233,8 +241,8 @@ def _over(ours: Array, theirs: Array) -> Array:
 class DriftCheck(NamedTuple):
     """The mean drift ratios of a building beside a limit.
 
-    `mean` and `story` (from 1) are those of the story with the largest mean, `largest` is that of any motion and
-    story. It is `within` if that mean is, and the building stood under every motion.
+    `mean` and `story` (from 1) are those of the story with the largest mean, `largest` is that of
+    any motion and story. It is `within` if that mean is, and the building stood under every motion.
     """
 
     mean: float
@@ -256,9 +264,11 @@ def check_drift(profile: Profile, limit: float) -> DriftCheck | None:
     ratios = profile.peaks[DRIFT_RATIO]
     if np.isnan(ratios).all():
         raise UsageError(
-            f"{profile.building}: a limit of drift ratios needs story heights, and the model gives none"
+            f"{profile.building}: a limit of drift ratios needs story heights, and the model gives "
+            "none"
         )
-    # The story with the largest mean, not the mean of the largest: as codes check drifts of a suite.
+    # The story with the largest mean, not the mean of the largest: as codes check drifts of a
+    # suite.
     mean = np.mean(ratios, axis=0)
     worst = int(np.nanargmax(mean))
     stood = not (profile.collapsed or profile.failed)
@@ -271,7 +281,8 @@ def check_drift(profile: Profile, limit: float) -> DriftCheck | None:
 
 
 def profiles(store: Store) -> Iterator[Profile]:
-    """Of each building and level, in their order; one building is held at a time. None where no stories are kept."""
+    """Of each building and level, in their order; one building is held at a time. None where no
+    stories are kept."""
     if store.connection.execute("SELECT 1 FROM story_rows LIMIT 1").fetchone() is None:
         return
     # What is the same for all buildings is found once: there may be a million.
@@ -281,12 +292,16 @@ def profiles(store: Store) -> Iterator[Profile]:
     )
     rules, checked = SuiteRules.of(store), store.checked
     for number, (name, _) in store.buildings().items():
-        # The values of the stories of each run, with their errors where the campaign has estimated them.
+        # The values of the stories of each run, with their errors where the campaign has estimated
+        # them.
         quantities = [quantity.column for quantity in STORY]
         columns = ", ".join(
             ("height_m", *quantities, *(f"{name}_error" for name in quantities if checked))
         )
-        query = f"SELECT record, scale, sample, {columns} FROM story_rows WHERE building = ? ORDER BY 1, 2, 3, story"
+        query = (
+            f"SELECT record, scale, sample, {columns} FROM story_rows WHERE building = ? ORDER BY "
+            "1, 2, 3, story"
+        )
         by_run: dict[Run, list[list[float]]] = defaultdict(list)
         for record, scale, sample, *values in store.connection.execute(query, (number,)):
             by_run[Run(record, scale, sample)].append(values)
@@ -305,7 +320,8 @@ def profiles(store: Store) -> Iterator[Profile]:
 
 
 def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
-    """The level of a `Profile` in words: `scale 2`, `sa(T1) 2.94 m/s^2`, or of motions' own factors `level 2`."""
+    """The level of a `Profile` in words: `scale 2`, `sa(T1) 2.94 m/s^2`, or of motions' own factors
+    `level 2`."""
     if not math.isnan(scale):
         return f"scale {scale:g}"
     name, unit = measure
@@ -314,8 +330,9 @@ def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
 
 @dataclass(frozen=True)
 class SuiteRules:
-    """How the runs of a building are taken together: the motion of each record (`motion_numbers`), the values of the
-    levels and their `measure`, if one has them, and whether there are `several` (`has_levels`)."""
+    """How the runs of a building are taken together: the motion of each record (`motion_numbers`),
+    the values of the levels and their `measure`, if one has them, and whether there are `several`
+    (`has_levels`)."""
 
     motions: Mapping[int, int]
     values: Sequence[float]
@@ -336,7 +353,10 @@ class SuiteRules:
 
     def levels_of(self, store: Store, building: int) -> Iterator[SuiteLevel]:
         """The levels of a building of the store by its number, from the smallest factor."""
-        query = "SELECT record, scale, sample, status FROM run_rows WHERE building = ? ORDER BY record, scale, sample"
+        query = (
+            "SELECT record, scale, sample, status FROM run_rows WHERE building = ? ORDER BY "
+            "record, scale, sample"
+        )
         return self.levels(
             {Run(*key): told for *key, told in store.connection.execute(query, (building,))}
         )
@@ -381,8 +401,8 @@ def has_levels(store: Store) -> bool:
 def _peaks(
     level: SuiteLevel, kept: Mapping[Run, Array], stories: int, checked: bool
 ) -> tuple[Array, dict[str, Array], dict[str, Array]]:
-    """Story heights, shape (n,), the quantities by their names, shape (motions, n), and their errors, if they were
-    `checked`, from the rows of the runs."""
+    """Story heights, shape (n,), the quantities by their names, shape (motions, n), and their
+    errors, if they were `checked`, from the rows of the runs."""
     if not level.stood:
         nothing = {quantity.name: np.empty((0, stories)) for quantity in STORY}
         return np.full(stories, math.nan), nothing, nothing if checked else {}
@@ -406,13 +426,14 @@ def _by_name(values: Array) -> dict[str, Array]:
 
 
 def motion_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, int]:
-    """The motion of each record, named by its first one: pairs are those that were read so, and what are by their names
-    the two horizontals of a motion."""
+    """The motion of each record, named by its first one: pairs are those that were read so, and
+    what are by their names the two horizontals of a motion."""
     groups: dict[str, list[int]] = defaultdict(list)
     for number, (name, _, _) in records.items():
         groups[motion_name(name)].append(number)
     numbers = {number: number for number in records}
-    # Files of one motion by their names alone; pairs that were read as such are told by the direction.
+    # Files of one motion by their names alone; pairs that were read as such are told by the
+    # direction.
     for first, *others in groups.values():
         if len(others) == 1 and at_right_angles(records[first][1], records[others[0]][1]):
             numbers[others[0]] = first
@@ -427,7 +448,8 @@ _OWN = 1 + len(STORY)
 
 
 def level_ranks(runs: Iterable[Run]) -> dict[Run, int]:
-    """The level of each run, from 0: the smallest factor of every motion and draw, the next one, and so on."""
+    """The level of each run, from 0: the smallest factor of every motion and draw, the next one,
+    and so on."""
     factors: dict[tuple[int, int], list[Run]] = defaultdict(list)
     for key in runs:
         factors[key.motion, key.sample].append(key)
@@ -438,7 +460,8 @@ def level_ranks(runs: Iterable[Run]) -> dict[Run, int]:
     }
 
 
-# ---- Response spectra of floors under a suite: of every run, and their mean and envelope over the motions
+# ---- Response spectra of floors under a suite: of every run, and their mean and envelope over the
+# motions
 
 
 @dataclass(frozen=True)
@@ -505,8 +528,8 @@ class FloorSuite(SuiteLevel):
 
 
 def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list[RunFloors]:
-    """The spectra of the floors of all runs of a campaign that came to their end: each run is done once more, with its
-    history, over the steps that the store tells.
+    """The spectra of the floors of all runs of a campaign that came to their end: each run is done
+    once more, with its history, over the steps that the store tells.
 
     Raises
     ------
@@ -514,7 +537,8 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
         A building has no such floor.
     """
     done = store.connection.execute(
-        "SELECT building, record, scale, sample, dt_s FROM run_rows WHERE status = 'done' ORDER BY 1, 2, 3, 4"
+        "SELECT building, record, scale, sample, dt_s FROM run_rows WHERE status = 'done' ORDER BY "
+        "1, 2, 3, 4"
     ).fetchall()
     floors: list[RunFloors] = []
     # Building by building, so that each is made once, its runs then side by side.
@@ -547,8 +571,8 @@ def _spectra(
 
 
 def floor_suites(store: Store, floors: Sequence[RunFloors]) -> Iterator[FloorSuite]:
-    """The spectra over the motions of each building, level, floor and damping ratio; none where no motion came to its
-    end."""
+    """The spectra over the motions of each building, level, floor and damping ratio; none where no
+    motion came to its end."""
     of_buildings: dict[int, dict[Run, tuple[FloorSpectrum, ...]]] = defaultdict(dict)
     for floor_run in floors:
         of_buildings[floor_run.building][floor_run.run] = floor_run.spectra

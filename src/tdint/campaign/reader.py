@@ -1,4 +1,5 @@
-"""Campaign files: YAML to a checked `CampaignFile`, with the same reader as models; nothing else is opened."""
+"""Campaign files: YAML to a checked `CampaignFile`, with the same reader as models; nothing else is
+opened."""
 
 from __future__ import annotations
 
@@ -59,7 +60,8 @@ from tdint.model.keys.fields import (
 )
 from tdint.units import GROUND_MOTION, LENGTH, parse_units
 
-# ---- What a campaign file says of its ground motions, under `records`: files, sequences, fields or a grid
+# ---- What a campaign file says of its ground motions, under `records`: files, sequences, fields or
+# a grid
 
 SEED = Whole(0, 2**31 - 1)
 _FILES = (
@@ -74,8 +76,8 @@ _FILES = (
     Key(
         "pairs",
         Either((Flag(), Words())),
-        "take the two horizontals of a motion together: they share their factors; true, or how the files are named: "
-        "'{}_N.AT2,{}_E.AT2'",
+        "take the two horizontals of a motion together: they share their factors; true, or how the "
+        "files are named: '{}_N.AT2,{}_E.AT2'",
     ),
     Key("inventory", Words(), "station metadata, to remove the instrument's response"),
     *LAYOUT,
@@ -89,7 +91,8 @@ _GRID = (
     Key(
         "events",
         Flag(),
-        "nothing is drawn: the rows of the points' files are events, those of the nearest point count",
+        "nothing is drawn: the rows of the points' files are events, those of the nearest point "
+        "count",
     ),
 )
 _FIELDS = (
@@ -134,8 +137,8 @@ _FILE_KEYS, _GRID_KEYS, _FIELD_KEYS, _SEQUENCE_KEYS = (
 _SAMPLE_UNITS = Key(
     "units",
     Words(),
-    "units of the samples, where the files do not say them: m/s^2, g, ...; by file 'AT2=g,*.mseed=m/s^2', or a table "
-    "of them, relative to this file",
+    "units of the samples, where the files do not say them: m/s^2, g, ...; by file "
+    "'AT2=g,*.mseed=m/s^2', or a table of them, relative to this file",
 )
 MOTIONS = Keys(
     (*_FILES, *_SEQUENCES, *_FIELDS, *_GRID, _DISTANCE, _LARGEST, _SAMPLE_UNITS),
@@ -333,7 +336,8 @@ _ANALYSIS = Keys(
         Key(
             "dt",
             Either((POSITIVE, EntriesOf(POSITIVE, 1, short="is empty; give at least one step"))),
-            "time step, s, or several, each with all the rest; that of each model, else of each record, without it",
+            "time step, s, or several, each with all the rest; that of each model, else of each "
+            "record, without it",
         ),
         Key("duration", POSITIVE, "time to integrate, s"),
         Key(
@@ -479,7 +483,8 @@ def _check_together(section: Section) -> None:
     # A sequence has its own end: that of its last shock.
     if (duration := said("analysis", "duration")) and said("records", "sequences"):
         duration.fault(
-            "is not for `sequences`, which have all of each record; `rest` of the records is in between"
+            "is not for `sequences`, which have all of each record; `rest` of the records is in "
+            "between"
         )
     for name in ("measure", "factors"):
         if (entry := said("intensity", name)) and (

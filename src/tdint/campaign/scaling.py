@@ -1,4 +1,5 @@
-"""Factors that scale a suite of ground motions: to a value, to a target spectrum, by ASCE 7, EN 1998-1, FEMA P-695.
+"""Factors that scale a suite of ground motions: to a value, to a target spectrum, by ASCE 7, EN
+1998-1, FEMA P-695.
 
 One factor for both components of a pair.
 """
@@ -7,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -26,7 +27,6 @@ from tdint.campaign.intensity import (
     pseudo_accelerations,
     sa,
 )
-from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import GroundMotion, components
@@ -37,17 +37,19 @@ LEAST_PAIRS = 11
 """Ground motions that ASCE 7-16 asks for (16.2.2)."""
 
 _CLOSE, _MOST = 1e-6, 20_000
-"""By what part the least average may be lower than it is told, and at how many periods it is looked for at the most:
-motions that match their target are low everywhere."""
+"""By what part the least average may be lower than it is told, and at how many periods it is looked
+for at the most: motions that match their target are low everywhere."""
 
 LEAST_PART = 0.9
-"""Part of the target below which the average may nowhere fall (ASCE 7-16, 16.2.3.2; EN 1998-1:2004, 3.2.3.1.2(4))."""
+"""Part of the target below which the average may nowhere fall (ASCE 7-16, 16.2.3.2; EN 1998-1:2004,
+3.2.3.1.2(4))."""
 
 FEW = 3
 """Motions below which a mean of them is hardly one."""
 
 BOUNDS = (0.25, 4.0)
-"""Factors beyond which a motion is asked for what it was not: bounds of common practice, of no code."""
+"""Factors beyond which a motion is asked for what it was not: bounds of common practice, of no
+code."""
 
 POSSIBLE = (0.05, 20.0)
 """Factors beyond which the units of a motion are more likely mistaken than meant."""
@@ -103,7 +105,10 @@ class Scaling(Tabular):
 
     def _headline(self) -> str:
         low, high = np.min(self.factors), np.max(self.factors)
-        return f"of {how_many(len(self.motions), 'motion')} by the rule {self.rule}, factors {low:.4g} to {high:.4g}"
+        return (
+            f"of {how_many(len(self.motions), 'motion')} by the rule {self.rule}, factors "
+            f"{low:.4g} to {high:.4g}"
+        )
 
     def beyond(self, low: float, high: float) -> list[tuple[str, float]]:
         """The motions whose factors lie outside these, and the factors."""
@@ -155,7 +160,8 @@ def scale_to_target(
     damping: float = SA_DAMPING,
     pair: str = GEOMETRIC_MEAN,
 ) -> Scaling:
-    """Scale each motion to a target spectrum: least squares of ln Sa over the periods, each with the same weight.
+    """Scale each motion to a target spectrum: least squares of ln Sa over the periods, each with
+    the same weight.
 
     The factor is exp(mean(ln target - ln Sa)).
 
@@ -183,11 +189,12 @@ def scale_asce7(
     damping: float = SA_DAMPING,
     pair: str = MAXIMUM_DIRECTION,
 ) -> Scaling:
-    """Scale pairs as ASCE 7-16 asks (16.2.3.2): the average of maximum-direction spectra is nowhere in the range below
-    90 % of the target.
+    """Scale pairs as ASCE 7-16 asks (16.2.3.2): the average of maximum-direction spectra is nowhere
+    in the range below 90 % of the target.
 
-    Each pair is fitted to the target by `scale_to_target`; where the average then falls below 90 % of it, all are
-    raised by one more factor, so that it just does not. What stands for a pair the rule says, whatever `pair` is.
+    Each pair is fitted to the target by `scale_to_target`; where the average then falls below 90 %
+    of it, all are raised by one more factor, so that it just does not. What stands for a pair the
+    rule says, whatever `pair` is.
 
     Raises
     ------
@@ -197,7 +204,8 @@ def scale_asce7(
     _check_pairs(pairs, "asce7")
     if len(pairs) < LEAST_PAIRS:
         raise UsageError(
-            f"the rule asce7 needs {LEAST_PAIRS} pairs of components at least (16.2.2), got {len(pairs)}"
+            f"the rule asce7 needs {LEAST_PAIRS} pairs of components at least (16.2.2), got "
+            f"{len(pairs)}"
         )
     fitted = scale_to_target(pairs, target, periods, damping=damping, pair=MAXIMUM_DIRECTION)
     return _raised(fitted, "asce7")
@@ -211,11 +219,12 @@ def scale_ec8(
     damping: float = SA_DAMPING,
     pair: str = GEOMETRIC_MEAN,
 ) -> Scaling:
-    """Scale motions as EN 1998-1:2004 asks (3.2.3.1.2(4)): the mean spectrum is nowhere in the range below 90 % of the
-    target, and the mean of the peak ground accelerations not below the target at the period 0, which is ag S.
+    """Scale motions as EN 1998-1:2004 asks (3.2.3.1.2(4)): the mean spectrum is nowhere in the
+    range below 90 % of the target, and the mean of the peak ground accelerations not below the
+    target at the period 0, which is ag S.
 
-    Each motion is fitted to the target by `scale_to_target`; where the mean then falls short, all are raised by one
-    more factor, so that it just does not.
+    Each motion is fitted to the target by `scale_to_target`; where the mean then falls short, all
+    are raised by one more factor, so that it just does not.
 
     Raises
     ------
@@ -224,7 +233,8 @@ def scale_ec8(
     """
     if target.zero is None:
         raise UsageError(
-            f"{target.source}: the rule ec8 compares at the period 0, too, which the table does not have"
+            f"{target.source}: the rule ec8 compares at the period 0, too, which the table does "
+            "not have"
         )
     fitted = scale_to_target(motions, target, periods, damping=damping, pair=pair)
     peaks = fitted.factors * np.array([pga().of(motion, pair) for motion in motions])
@@ -232,7 +242,8 @@ def scale_ec8(
 
 
 def _raised(fitted: Scaling, rule: str, at_least: float = 1.0) -> Scaling:
-    """Fitted motions, all raised by one factor of `at_least` this or 1, by which their average is nowhere too low."""
+    """Fitted motions, all raised by one factor of `at_least` this or 1, by which their average is
+    nowhere too low."""
     average, period = _least(fitted)
     raised = max(1.0, at_least, LEAST_PART / average)
     return replace(
@@ -241,11 +252,13 @@ def _raised(fitted: Scaling, rule: str, at_least: float = 1.0) -> Scaling:
 
 
 def _least(fitted: Scaling) -> tuple[float, float]:
-    """The least average spectrum over the target in the whole range of the periods, and its period, s.
+    """The least average spectrum over the target in the whole range of the periods, and its period,
+    s.
 
-    Between two periods it cannot be lower than its slope on logarithmic axes allows (Piyavskii 1972; Shubert 1972):
-    intervals in which it may be are halved. The slope of a spectrum is at most about that of an
-    oscillator's resonance curve, 1 / (2 damping), that of a code's branches is 2 at most.
+    Between two periods it cannot be lower than its slope on logarithmic axes allows (Piyavskii
+    1972; Shubert 1972): intervals in which it may be are halved. The slope of a spectrum is at most
+    about that of an oscillator's resonance curve, 1 / (2 damping), that of a code's branches is 2
+    at most.
     """
     target, periods = fitted.target, fitted.periods
     assert target is not None
@@ -278,8 +291,9 @@ def scale_p695(
 ) -> Scaling:
     """Normalize pairs by their peak velocities, and scale the set, as FEMA P-695 does (A.8).
 
-    The factor of a pair is median(PGV) / PGV, with PGV the geometric mean of its components; with a period and a value
-    all get one more factor, by which the median Sa of all components at that period is the value.
+    The factor of a pair is median(PGV) / PGV, with PGV the geometric mean of its components; with a
+    period and a value all get one more factor, by which the median Sa of all components at that
+    period is the value.
 
     Parameters
     ----------
@@ -296,7 +310,8 @@ def scale_p695(
     _check_pairs(pairs, "p695")
     if (period is None) != (value is None):
         raise UsageError("a set is scaled to a pseudo-acceleration at a period: give both or none")
-    # Normalized by the peak velocities first: what motions differ by in magnitude and distance goes.
+    # Normalized by the peak velocities first: what motions differ by in magnitude and distance
+    # goes.
     velocities = np.array([MotionIntensity("pgv").of(pair) for pair in pairs])
     factors = np.median(velocities) / velocities
     if period is None or value is None:
@@ -325,21 +340,24 @@ def scale(
     damping: float = SA_DAMPING,
     pair: str = GEOMETRIC_MEAN,
 ) -> Scaling:
-    """Factors that scale ground motions to a value of an intensity measure, or to a target spectrum.
+    """Factors that scale ground motions to a value of an intensity measure, or to a target
+    spectrum.
 
     Parameters
     ----------
     motions : sequence
-        Records, paths or traces; a tuple of two, or what `read_horizontals` gives, is a pair with one factor.
+        Records, paths or traces; a tuple of two, or what `read_horizontals` gives, is a pair with
+        one factor.
     measure : IntensityMeasure or str
         `pga`, `pgv`, `arias`, `cav`, `sa(1.0)` or `sa-avg(1.0)` with the period in s.
     value : float
         Its value, m/s^2 or m/s.
     target : TargetSpectrum or str
-        Instead: a file of a spectrum, or the text of a design spectrum (`tdint.analysis.spectra.target.read_target`).
+        Instead: a file of a spectrum, or the text of a design spectrum
+        (`tdint.analysis.spectra.target.read_target`).
     rule : str
-        For a target: `mean` (each motion by least squares of ln Sa), `asce7` or `ec8`; for pairs without a target also
-        `p695`, which takes a measure `sa(T)` and its value or none.
+        For a target: `mean` (each motion by least squares of ln Sa), `asce7` or `ec8`; for pairs
+        without a target also `p695`, which takes a measure `sa(T)` and its value or none.
     periods : sequence of float, optional
         Where the target is met, s; by default 100 in equal ratios over all of it.
     damping : float
@@ -355,7 +373,8 @@ def scale(
     Raises
     ------
     UsageError
-        Neither a value nor a target, or both; an unknown measure or rule; periods beyond the target.
+        Neither a value nor a target, or both; an unknown measure or rule; periods beyond the
+        target.
     RecordError
         A motion is none, or zero.
     """
@@ -396,7 +415,8 @@ def target_at(
 
 
 def by_rule(rule: str) -> Callable[..., Scaling]:
-    """What scales motions to a target by a rule: (motions, target, periods, damping=, pair=) -> Scaling.
+    """What scales motions to a target by a rule: (motions, target, periods, damping=, pair=) ->
+    Scaling.
 
     Raises
     ------

@@ -1,8 +1,10 @@
-"""Ground motions chosen from many so that the mean of their scaled spectra, and if asked their scatter, fit a target.
+"""Ground motions chosen from many so that the mean of their scaled spectra, and if asked their
+scatter, fit a target.
 
-The score of a choice is the mean over the periods of (mean ln Sa - ln target)^2, plus half of (scatter - asked)^2, each
-motion with its own factor (least squares of ln Sa) within limits. Motions are added one by one, each time the best,
-then exchanged for others while that helps (Jayaram, Lin and Baker 2011; Baker and Lee 2018), from many starts.
+The score of a choice is the mean over the periods of (mean ln Sa - ln target)^2, plus half of
+(scatter - asked)^2, each motion with its own factor (least squares of ln Sa) within limits. Motions
+are added one by one, each time the best, then exchanged for others while that helps (Jayaram, Lin
+and Baker 2011; Baker and Lee 2018), from many starts.
 """
 
 from __future__ import annotations
@@ -24,17 +26,20 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.reading.suites import GroundMotion, components
 
 _STARTS, _ROWS = (10, 200), 20_000
-"""Beginnings, at least and at most, and motions in all of them together: the best motion alone, then by turns half of
-the best choice so far, and any motions. With 20, pools of 16 miss their best choice of five in one case of six."""
+"""Beginnings, at least and at most, and motions in all of them together: the best motion alone,
+then by turns half of the best choice so far, and any motions. With 20, pools of 16 miss their best
+choice of five in one case of six."""
 
 _OF_SCATTER = 0.5
-"""Weight of the scatter's misfit beside that of the mean (Baker and Lee 2018 have 1 and 2 among theirs)."""
+"""Weight of the scatter's misfit beside that of the mean (Baker and Lee 2018 have 1 and 2 among
+theirs)."""
 
 _UNTOLD = "1970-01-02"
 """MiniSEED without a time begins with 1970."""
 
 _TOGETHER = timedelta(minutes=10)
-"""Between records of one earthquake: waves are at 2000 km by then, and strong aftershocks seldom come as soon."""
+"""Between records of one earthquake: waves are at 2000 km by then, and strong aftershocks seldom
+come as soon."""
 
 _GAIN = 1e-12
 """Part of the score by which an exchange must be better: else rounding goes on for ever."""
@@ -63,7 +68,8 @@ def select(
     count : int
         How many are chosen.
     rule : str
-        `mean` (each with its own factor within the limits), or `asce7` or `ec8`, which then act on those chosen.
+        `mean` (each with its own factor within the limits), or `asce7` or `ec8`, which then act on
+        those chosen.
     factors : tuple of two floats
         The least and the largest factor; a motion that needs a farther one has the limit.
     events : sequence, optional
@@ -76,13 +82,14 @@ def select(
     Returns
     -------
     Scaling
-        That of the chosen motions; `chosen` are their places among those given, `left_out` says how many were not
-        looked at and why, `rest` are the scaled spectra of the others.
+        That of the chosen motions; `chosen` are their places among those given, `left_out` says how
+        many were not looked at and why, `rest` are the scaled spectra of the others.
 
     Raises
     ------
     UsageError
-        Fewer motions, or events, than are asked for; limits, a scatter or a rule that make no sense.
+        Fewer motions, or events, than are asked for; limits, a scatter or a rule that make no
+        sense.
     """
     low, high = factors
     if not 0.0 < low <= high < np.inf:
@@ -142,8 +149,8 @@ def select(
 
 
 def begin_together(motions: Sequence[GroundMotion]) -> list[str]:
-    """The earthquake of each motion by when it begins: those that begin within ten minutes of the first are of one; one
-    whose file tells no time is of its own."""
+    """The earthquake of each motion by when it begins: those that begin within ten minutes of the
+    first are of one; one whose file tells no time is of its own."""
     known = sorted(
         {start for motion in motions if (start := components(motion)[0].start) > _UNTOLD}
     )
@@ -161,7 +168,8 @@ def begin_together(motions: Sequence[GroundMotion]) -> list[str]:
 def _pool(
     motions: Sequence[GroundMotion], periods: Array, damping: float, pair: str
 ) -> tuple[list[int], Array, dict[str, int]]:
-    """Places of the motions to choose from, their spectra (m/s^2), and how many others there are, by the reason."""
+    """Places of the motions to choose from, their spectra (m/s^2), and how many others there are,
+    by the reason."""
     left_out = {"duplicate": 0, "range of periods": 0, "zero": 0}
     places, spectra, seen = [], [], set()
     for place, motion in enumerate(motions):
@@ -186,7 +194,8 @@ def _pool(
 def _search(
     off: Array, count: int, wanted: Array | None, events: NDArray[np.int64], most: int
 ) -> list[int]:
-    """Rows of `off`, ln of scaled spectra over the target, shape (n, k), that have the least score together."""
+    """Rows of `off`, ln of scaled spectra over the target, shape (n, k), that have the least score
+    together."""
     random, best, least = np.random.default_rng(0), list[int](), np.inf
     squares = off * off
     of_row, parts = squares.sum(axis=1), np.empty_like(off)

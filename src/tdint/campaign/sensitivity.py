@@ -1,10 +1,11 @@
-"""How much the parameters of a building move its peaks: one at a time, or by the ranks of a sampled sweep."""
+"""How much the parameters of a building move its peaks: one at a time, or by the ranks of a sampled
+sweep."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,6 @@ from tdint.campaign.inputs import Inputs
 from tdint.campaign.motions import FoundMotions, Scales
 from tdint.campaign.plan import Plan, make_plan
 from tdint.campaign.store import Store, open_store
-from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.ground_motion.choice import RecordChoice
 from tdint.ground_motion.reading.suites import suite_motions
@@ -92,8 +92,8 @@ class RankCorrelation:
     scale : float
         Factor on the motions.
     coefficient : float
-        Spearman's rank correlation of the parameter and the peak's median over the motions; nan where one of them does
-        not vary.
+        Spearman's rank correlation of the parameter and the peak's median over the motions; nan
+        where one of them does not vary.
     draws : int
         How many there are with a peak.
     """
@@ -156,7 +156,8 @@ def sensitivity(
     jobs : int, optional
         Threads; one for each processor by default.
     progress : bool or callable
-        A bar on a terminal or in a notebook, by tqdm, or what is told how much is done, of how much.
+        A bar on a terminal or in a notebook, by tqdm, or what is told how much is done, of how
+        much.
 
     Returns
     -------
@@ -203,7 +204,8 @@ def plan_of(
 
 
 def swings(store: Store, name: str, ranges: Mapping[str, tuple[float, float]]) -> list[Swing]:
-    """Of the runs of the buildings that `one_at_a_time` gives, the swings: of each peak the largest first."""
+    """Of the runs of the buildings that `one_at_a_time` gives, the swings: of each peak the largest
+    first."""
     result: list[Swing] = []
     medians = {number: values for (number, _), values in _medians(store, by_scale=False).items()}
     for place, quantity in enumerate(PEAKS):
@@ -268,7 +270,8 @@ def _medians(store: Store, *, by_scale: bool) -> dict[tuple[int, float], Array]:
         runs.setdefault((number, scale if by_scale else 0.0), []).append(peaks)
     medians = {}
     for key, rows in runs.items():
-        # A run without a value, as a collapse is, counts as larger than any peak: where one in two has none, nan.
+        # A run without a value, as a collapse is, counts as larger than any peak: where one in two
+        # has none, nan.
         ordered = np.sort(np.array(rows, dtype=np.float64), axis=0)
         middle = (len(rows) - 1) / 2.0
         medians[key] = np.asarray(0.5 * (ordered[math.floor(middle)] + ordered[math.ceil(middle)]))

@@ -7,7 +7,7 @@ import math
 import re
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from operator import itemgetter
 from pathlib import Path
 from typing import TypeVar
@@ -21,7 +21,6 @@ from tdint.campaign.definition import FieldFile
 from tdint.campaign.intensity import GEOMETRIC_MEAN, IntensityMeasure, MotionIntensity, pga, sa
 from tdint.campaign.motions import FieldMotions, FoundMotions, GridFile, GridMotions, PointMotion
 from tdint.csv_table import CsvTable, no_number, number, read_table, stream_table
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
 from tdint.files import MOST_BYTES, read_whole
 from tdint.ground_motion.horizontals import ONE_MOTION, Horizontals, SingleHorizontal, motion_name
@@ -39,13 +38,13 @@ from tdint.model.keys.fields import resolve
 from tdint.units import STANDARD_GRAVITY, parse_units
 from tdint.written_numbers import how_many
 
-# ---- Reading ground motions at places: a grid, as the regional workflow of SimCenter has it, and fields of many
-# events
+# ---- Reading ground motions at places: a grid, as the regional workflow of SimCenter has it, and
+# fields of many events
 #
-# EventGrid.csv names a file for each point (GP_file, Longitude, Latitude), that file the ground motions there
-# (TH_file and, if they differ, their factor), and NAME.json holds one of these: name, dT, data_x and, of a pair,
-# data_y. Fields are a table of event, site, record and factor, and a table of sites; OpenQuake's names of the
-# columns are known, too.
+# EventGrid.csv names a file for each point (GP_file, Longitude, Latitude), that file the ground
+# motions there (TH_file and, if they differ, their factor), and NAME.json holds one of these: name,
+# dT, data_x and, of a pair, data_y. Fields are a table of event, site, record and factor, and a
+# table of sites; OpenQuake's names of the columns are known, too.
 
 _EVENTS, _SITES = ("event", "event_id"), ("site", "site_id", "custom_site_id")
 _LONGITUDES, _LATITUDES = ("longitude", "lon"), ("latitude", "lat")
@@ -75,7 +74,8 @@ def read_grid(grid: GridFile) -> FoundMotions:
     unit = parse_units(grid.units)
     if unit.quantity != "acceleration":
         raise RecordError(
-            f"{grid.file}: the motions of a grid are accelerations, their units are given as {grid.units}"
+            f"{grid.file}: the motions of a grid are accelerations, their units are given as "
+            f"{grid.units}"
         )
     columns = ("GP_file", "Longitude", "Latitude")
     table = read_table(
@@ -133,8 +133,8 @@ def _rows_as_events(
     for (file, _), motions in zip(points, of_points, strict=True):
         if len(motions) != count:
             raise ModelError(
-                f"{Path(source).parent / file}: {len(motions)} motions, where {points[0][0]} has {count}; with "
-                "`events` the rows of these files are the same events at all points"
+                f"{Path(source).parent / file}: {len(motions)} motions, where {points[0][0]} has "
+                f"{count}; with `events` the rows of these files are the same events at all points"
             )
     records = {
         both: number
@@ -178,7 +178,8 @@ def read_field(field_file: FieldFile) -> FoundMotions:
 
 
 def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
-    """How often each event of the fields comes in a year; events that have no field cause no loss."""
+    """How often each event of the fields comes in a year; events that have no field cause no
+    loss."""
     table = read_table(file, "rates are a CSV file with the columns event and rate", comment="#")
     event = _called(table, _EVENTS)
     table.need(event, "rate")
@@ -191,7 +192,8 @@ def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
     missing = [name for name in events if name not in rates]
     if missing:
         raise ModelError(
-            f"{file}: has no rate of {how_many(len(missing), 'event')} of the fields, such as {missing[0]!r}"
+            f"{file}: has no rate of {how_many(len(missing), 'event')} of the fields, such as "
+            f"{missing[0]!r}"
         )
     return {name: rates[name] for name in events}
 
@@ -208,8 +210,9 @@ def _by_name(table: CsvTable, column: str, what: str, values: Iterable[Value]) -
 
 @dataclass
 class _FieldRows:
-    """What events do at sites: of each row numbers for its site, event (from 1) and record, the value (a factor on the
-    record, or the intensity that it is brought to, SI), and its line; 24 bytes each."""
+    """What events do at sites: of each row numbers for its site, event (from 1) and record, the
+    value (a factor on the record, or the intensity that it is brought to, SI), and its line; 24
+    bytes each."""
 
     sites: dict[str, int]
     events: dict[str, int] = field(default_factory=dict)
@@ -236,7 +239,8 @@ class _FieldRows:
         return site, event, record, np.frombuffer(self.value, np.float64)
 
     def first_lines(self) -> list[tuple[int, str, str, str]]:
-        """Of each record the line where it stands first, its name, its component and the file of the other one."""
+        """Of each record the line where it stands first, its name, its component and the file of
+        the other one."""
         first = np.unique(np.frombuffer(self.record, np.int32), return_index=True)[1].tolist()
         return [(self.line[place], *key) for place, key in zip(first, self.records, strict=True)]
 
@@ -255,8 +259,8 @@ class _FieldRows:
             name = names[self.site[before]]
             at = f"site {name!r}" if name else "all buildings"
             faults.append(
-                f"{file}:{self.line[before]}: event {events[self.event[before] - 1]!r} at {at} is already on line "
-                f"{self.line[place]}; give each event one record at a site"
+                f"{file}:{self.line[before]}: event {events[self.event[before] - 1]!r} at {at} is "
+                f"already on line {self.line[place]}; give each event one record at a site"
             )
         return faults
 
@@ -264,8 +268,8 @@ class _FieldRows:
 def _field_rows(
     field: FieldFile, sites: dict[str, int]
 ) -> tuple[_FieldRows, IntensityMeasure | None]:
-    """The rows, read one after the other, and the measure of their values; None for factors. Sites are those that there
-    are places of, or where there are none all that are named.
+    """The rows, read one after the other, and the measure of their values; None for factors. Sites
+    are those that there are places of, or where there are none all that are named.
 
     Raises
     ------
@@ -273,7 +277,10 @@ def _field_rows(
         The table cannot be read; all faults of its rows.
     """
     file = field.file
-    needs = "fields are a CSV file with the columns event, site, record and, if they are wanted, component and factor"
+    needs = (
+        "fields are a CSV file with the columns event, site, record and, if they are wanted, "
+        "component and factor"
+    )
     columns = (*_EVENTS, *_SITES, "record", _OTHER, "component", "factor")
     # Row by row: a table of many events at many sites does not fit into memory as text.
     table, lines = stream_table(file, needs, columns=columns, comment="#")
@@ -292,7 +299,8 @@ def _field_rows(
     for line, cells in lines:
         if len(faults) >= _MOST_FAULTS:
             break
-        # Almost all rows have names that stood before and a number: taken as they are, in two thirds of the time.
+        # Almost all rows have names that stood before and a number: taken as they are, in two
+        # thirds of the time.
         if len(cells) == width:
             event_name, record, place, component, other, text = pick([*cells, ""])
             at_site, of_event = sites.get(place, -1), rows.events.get(event_name, -1)
@@ -322,7 +330,8 @@ def _field_rows(
             faults.append(f"{file}:{line}: {value} is missing")
         elif math.isnan(factor) or (measure and factor <= 0.0):
             faults.append(
-                f"{file}:{line}: {value} {no_number(text, 'a positive number' if measure else 'a number')}"
+                f"{file}:{line}: {value} "
+                f"{no_number(text, 'a positive number' if measure else 'a number')}"
             )
         elif factor == 0.0:
             faults.append(f"{file}:{line}: {value} must not be zero, got {text[:40]!r}")
@@ -347,8 +356,8 @@ def _field_rows(
 
 
 def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]:
-    """The column of factors, or of OpenQuake's intensities, gmv_PGA, gmv_PGV or gmv_SA(0.6), its unit in SI, and the
-    measure of these; no column where all factors are 1."""
+    """The column of factors, or of OpenQuake's intensities, gmv_PGA, gmv_PGV or gmv_SA(0.6), its
+    unit in SI, and the measure of these; no column where all factors are 1."""
     columns = [name for name in table.header if name.startswith("gmv_")]
     # A column of factors goes before OpenQuake's intensities, which may then be any number.
     if table.has("factor") or not columns:
@@ -356,8 +365,8 @@ def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]
     match = _GMV.fullmatch(columns[0])
     if len(columns) > 1 or match is None:
         raise ModelError(
-            f"{table.source}:{table.header_line}: {', '.join(columns)}: leave the one that the records are to have, "
-            "gmv_PGA, gmv_PGV or gmv_SA(period), or give a column factor"
+            f"{table.source}:{table.header_line}: {', '.join(columns)}: leave the one that the "
+            "records are to have, gmv_PGA, gmv_PGV or gmv_SA(period), or give a column factor"
         )
     period = match["period"]
     if columns[0] == "gmv_pgv":
@@ -394,8 +403,9 @@ class _FieldRecords:
     def motions_of(
         self, line: int, record: str, component: str, other: str, measure: IntensityMeasure | None
     ) -> tuple[tuple[int, float], ...]:
-        """The motions of a record by their numbers, and what they have of the measure, SI (of a pair the geometric
-        mean), or 1 for factors; none if it cannot be read or has not the measure."""
+        """The motions of a record by their numbers, and what they have of the measure, SI (of a
+        pair the geometric mean), or 1 for factors; none if it cannot be read or has not the
+        measure."""
         first = len(self.motions)
         try:
             motions = self._read(record, component, other)
@@ -435,7 +445,8 @@ class _FieldRecords:
         return suite_motions(suite.motions)
 
     def _named_alike(self, file: str) -> list[str]:
-        """The files of a motion by their names: those beside a file that `records: files` would take together."""
+        """The files of a motion by their names: those beside a file that `records: files` would
+        take together."""
         folder = Path(file).parent
         if folder not in self._files:
             self._files[folder] = {}
@@ -457,7 +468,8 @@ def _json_motions(file: str, named: str, field: FieldFile) -> tuple[SuiteMotion,
     kept = [motion for motion in motions if component in (None, "", motion.component)]
     if not kept:
         raise RecordError(
-            f"{file}: has no component {component!r}; it has {', '.join(motion.component for motion in motions)}"
+            f"{file}: has no component {component!r}; it has "
+            f"{', '.join(motion.component for motion in motions)}"
         )
     return tuple(
         kept
@@ -480,7 +492,10 @@ def _degrees(table: CsvTable, longitude: str, latitude: str) -> list[tuple[float
 
 def _motions_at(file: str) -> list[tuple[str, float]]:
     """The ground motions of a point, and their factors."""
-    needs = "the file of a grid's point is a CSV file with the column TH_file and, if they differ, factor"
+    needs = (
+        "the file of a grid's point is a CSV file with the column TH_file and, if they differ, "
+        "factor"
+    )
     table = read_table(file, needs, columns=("TH_file", "factor"))
     names = table.texts("TH_file", empty=False)
     factors = [1.0] * len(names)

@@ -1,4 +1,5 @@
-"""The store of a campaign or a study: one SQLite file, written by one process, a chunk at a time."""
+"""The store of a campaign or a study: one SQLite file, written by one process, a chunk at a
+time."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ import json
 import sqlite3
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
@@ -32,7 +33,6 @@ from tdint.campaign.store_schema import (
     in_words,
     transaction,
 )
-from tdint.data import dataclass
 from tdint.errors import OutputError, UsageError
 from tdint.files import digest_of, is_file, keep_input, refuse_kept
 from tdint.ground_motion.measures import measure
@@ -133,8 +133,8 @@ class Identity:
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 over the settings, the files of plug-ins if there are any, and the SHA-256 of all buildings and
-        records in order."""
+        """SHA-256 over the settings, the files of plug-ins if there are any, and the SHA-256 of all
+        buildings and records in order."""
         whole = hashlib.sha256(json.dumps(self.settings, sort_keys=True).encode())
         if self.code:
             whole.update(json.dumps(["plug-ins", self.code]).encode())
@@ -150,7 +150,8 @@ class Identity:
         """What `all_differences` compares."""
         named = {building.name: building.digest for building in self.buildings}
         records: dict[str, str] = {}
-        # Motions that share name and component, as draws of a grid do, are told apart by their numbers.
+        # Motions that share name and component, as draws of a grid do, are told apart by their
+        # numbers.
         for number, motion in enumerate(self.motions, start=1):
             name = f"{motion.name} {motion.component}"
             records[name if name not in records else f"{name} ({number})"] = motion.record.digest
@@ -165,7 +166,8 @@ def as_json(settings: dict[str, Any]) -> dict[str, str]:
 def differences(
     before: dict[str, str], now: dict[str, str], *, kind: str, store: str, given: str
 ) -> list[str]:
-    """What differs between two sides, one sentence each: from names to values, or to SHA-256 (kind `building`)."""
+    """What differs between two sides, one sentence each: from names to values, or to SHA-256 (kind
+    `building`)."""
     lines = []
     for name in dict.fromkeys([*before, *now]):
         if name not in now:
@@ -191,7 +193,8 @@ Sides = Sequence[Mapping[str, str]]
 def all_differences(
     before: Sides, now: Sides, *, store: str = "the store", given: str, parts: bool = False
 ) -> str:
-    """What differs of two sides, a line each. Of parts of a campaign each tells of its own buildings alone."""
+    """What differs of two sides, a line each. Of parts of a campaign each tells of its own
+    buildings alone."""
     kinds = ("setting", "building", "record", "plug-in")
     lines = []
     for kind, stored, other in zip(kinds, before, now, strict=True):
@@ -347,7 +350,8 @@ class Store:
             self.connection.execute("INSERT INTO chunks VALUES(?, ?, ?, ?, ?)", values)
 
     def heal(self, identity: Identity | None = None) -> int:
-        """Take out the chunks that are not as they were written, or not of this campaign: they are left to be done.
+        """Take out the chunks that are not as they were written, or not of this campaign: they are
+        left to be done.
 
         Returns
         -------
@@ -415,7 +419,8 @@ class Store:
                 self.connection.executemany("INSERT INTO written VALUES(?, ?)", sorted(new))
 
     def unused(self) -> dict[str, list[str]]:
-        """Why records and buildings could not be used, a line for each, by `record` and `building`."""
+        """Why records and buildings could not be used, a line for each, by `record` and
+        `building`."""
         reasons: dict[str, list[str]] = {"record": [], "building": []}
         for kind, reason in self.connection.execute(
             "SELECT kind, reason FROM unused ORDER BY rowid"
@@ -429,8 +434,8 @@ class Store:
         return parse_output_units(units) if units is not None else SI
 
     def tell(self, identity: Identity) -> None:
-        """Keep what is known beside what the runs depend on: inputs that could not be used, units, damage states, looks
-        of pictures, files of models, and columns of an inventory."""
+        """Keep what is known beside what the runs depend on: inputs that could not be used, units,
+        damage states, looks of pictures, files of models, and columns of an inventory."""
         buildings, every = identity.buildings, len(identity.buildings)
         rows = buildings.rows if isinstance(buildings, RowBuildings) else None
         columns, carried = (rows.titles, rows.digest(carried=True)) if rows else ((), "")
@@ -475,7 +480,8 @@ class Store:
             self.seal()
 
     def inventory_columns(self) -> tuple[str, ...]:
-        """Columns of the inventory that are carried along, as they are written there; none without one."""
+        """Columns of the inventory that are carried along, as they are written there; none without
+        one."""
         return tuple(json.loads(self.meta("inventory"))["columns"])
 
     def shards(self) -> list[str]:
@@ -491,7 +497,8 @@ class Store:
                 self.seal()
 
     def events(self) -> list[str]:
-        """The events of ground motion fields, whose numbers from 1 are those of the draws; none without fields."""
+        """The events of ground motion fields, whose numbers from 1 are those of the draws; none
+        without fields."""
         return list(json.loads(self._known("setting events") or "[]"))
 
     def carried(self, building: int) -> list[str]:
@@ -516,7 +523,8 @@ class Store:
         return chosen is None or table in chosen
 
     def style(self) -> tuple[str, str]:
-        """Looks of the pictures, empty where none are told, and the folder that a style sheet is relative to."""
+        """Looks of the pictures, empty where none are told, and the folder that a style sheet is
+        relative to."""
         text, folder = json.loads(self._known("style") or '["", ""]')
         return text, folder
 
@@ -534,14 +542,16 @@ class Store:
         return row and float(row[0])
 
     def damage(self) -> str:
-        """What `tdint.campaign.fragility.type_states.Damage.description` tells; nothing where damage is not told."""
+        """What `tdint.campaign.fragility.type_states.Damage.description` tells; nothing where
+        damage is not told."""
         return self._known("damage") or ""
 
     def building_type(self, building: int) -> tuple[str, str, float, float]:
-        """The name of a building, and what `tdint.campaign.fragility.type_states.BuildingType` has of it."""
+        """The name of a building, and what `tdint.campaign.fragility.type_states.BuildingType` has
+        of it."""
         query = (
-            "SELECT b.name, t.type, t.divisor, t.period_s FROM buildings b JOIN building_types t ON t.building = b.id "
-            "WHERE b.id = ?"
+            "SELECT b.name, t.type, t.divisor, t.period_s FROM buildings b JOIN building_types t "
+            "ON t.building = b.id WHERE b.id = ?"
         )
         name, of_type, divisor, period = self.connection.execute(query, (building,)).fetchone()
         return name, of_type, divisor, period
@@ -586,8 +596,8 @@ class Store:
 def open_store(
     folder: Path | None, plan: Plan, kept: Sequence[int] | None = None
 ) -> tuple[Store, list[str]]:
-    """The store of a campaign in a folder, in memory without one, which tells of all buildings or of those of a shard;
-    results and errors are those of `open_or_begin`."""
+    """The store of a campaign in a folder, in memory without one, which tells of all buildings or
+    of those of a shard; results and errors are those of `open_or_begin`."""
     return open_or_begin(None if folder is None else folder / FILE, Identity.of(plan, kept))
 
 
@@ -630,7 +640,8 @@ def open_or_begin(
 
 
 def open_existing(folder: Path, *, write: bool = False) -> Store:
-    """The store of a campaign in a folder, to be read, or written, too; chunks in it may be damaged (`check_chunks`).
+    """The store of a campaign in a folder, to be read, or written, too; chunks in it may be damaged
+    (`check_chunks`).
 
     Raises
     ------
@@ -654,7 +665,8 @@ def open_existing(folder: Path, *, write: bool = False) -> Store:
 
 
 def open_written(file: Path) -> Store:
-    """The store in a file that is written without a log, as it is. Errors are those of `open_existing`."""
+    """The store in a file that is written without a log, as it is. Errors are those of
+    `open_existing`."""
     with in_words(str(file)):
         store = Store(connect(str(file), log=False), str(file))
     _begun(store)
@@ -676,8 +688,8 @@ def check_chunks(store: Store) -> None:
         bad = schema.damaged_chunks(store.connection)
     if bad:
         raise OutputError(
-            f"{store.name}: {len(bad)} chunks of runs are not as they were written; call `tdint campaign FILE -o "
-            f"{Path(store.name).parent}` again, which does them anew"
+            f"{store.name}: {len(bad)} chunks of runs are not as they were written; call `tdint "
+            f"campaign FILE -o {Path(store.name).parent}` again, which does them anew"
         )
 
 
@@ -699,7 +711,8 @@ def check_same(store: Store, identity: Identity) -> list[str]:
             store.sides(), identity.sides, given=f"this {identity.kind}", parts=bool(store.shards())
         )
         raise UsageError(
-            f"{store.name}: holds another {identity.kind}; give another folder with -o, or --overwrite to begin anew\n"
+            f"{store.name}: holds another {identity.kind}; give another folder with -o, or "
+            "--overwrite to begin anew\n"
             f"{lines}"
         )
     version = store.meta("version")
@@ -713,8 +726,8 @@ def check_same(store: Store, identity: Identity) -> list[str]:
 def foreign(file: Path) -> OutputError:
     """That a file was not made of a store beside it."""
     return OutputError(
-        f"{file}: exists already, and is not as this command wrote it; give another folder with -o, or --overwrite to "
-        "replace it"
+        f"{file}: exists already, and is not as this command wrote it; give another folder with "
+        "-o, or --overwrite to replace it"
     )
 
 
@@ -753,9 +766,13 @@ def is_empty(store: Store) -> bool:
 def _create(store: Store, identity: Identity) -> None:
     """Make the tables and say in them what the runs are, all or nothing."""
     about = {
-        "schema": schema.VERSION, "version": __version__, "name": identity.name, "fingerprint": identity.fingerprint,
-        "runs": str(identity.runs), "chunks": str(identity.chunks),
-    } | {f"{_SETTING}{name}": value for name, value in identity.settings.items()}  # fmt: skip
+        "schema": schema.VERSION,
+        "version": __version__,
+        "name": identity.name,
+        "fingerprint": identity.fingerprint,
+        "runs": str(identity.runs),
+        "chunks": str(identity.chunks),
+    } | {f"{_SETTING}{name}": value for name, value in identity.settings.items()}
     if identity.code:
         about["code"] = json.dumps(identity.code)
     # Of an inventory without a sweep there is nothing to be looked for in a million buildings.
@@ -764,10 +781,19 @@ def _create(store: Store, identity: Identity) -> None:
     if any(varied := [dict(building.varied) for building in buildings] if is_varied else []):
         about["varied"] = json.dumps(varied)
     records = (
-        (number, _text(motion.name), _text(motion.component), motion.direction,
-         (record := motion.record).dt, record.acceleration.size, record.pga, measure(record).pgv, record.digest)
+        (
+            number,
+            _text(motion.name),
+            _text(motion.component),
+            motion.direction,
+            (record := motion.record).dt,
+            record.acceleration.size,
+            record.pga,
+            measure(record).pgv,
+            record.digest,
+        )
         for number, motion in enumerate(identity.motions)
-    )  # fmt: skip
+    )
     with transaction(store.connection, store.name):
         for statement in schema.TABLES:
             store.connection.execute(statement)

@@ -1,8 +1,8 @@
 """The tables of a store, and whether they are as they were written.
 
-Numbers stand for buildings and records; the views `runs` and `stories` show their names, under the columns of the CSV
-files. Checksums over each chunk and over what the campaign is find damage and rows changed by hand; they are no
-signature.
+Numbers stand for buildings and records; the views `runs` and `stories` show their names, under the
+columns of the CSV files. Checksums over each chunk and over what the campaign is find damage and
+rows changed by hand; they are no signature.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import logging
 import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass
 from itertools import accumulate, chain
 from pathlib import Path
 from typing import Any
@@ -19,13 +20,13 @@ from typing import Any
 from tdint.analysis.run.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.analysis.run.outcome import STORY
 from tdint.campaign.batch import RunRow
-from tdint.data import dataclass
 from tdint.errors import OutputError
 from tdint.files import is_file, remove_abandoned
 from tdint.system import file_system
 from tdint.units import Quantity
 
-# ---- Connections to the file of a store: where it may lie, how they wait for others, what SQLite says put in words
+# ---- Connections to the file of a store: where it may lie, how they wait for others, what SQLite
+# says put in words
 
 SILENT, _LONGEST = 1000, 9000
 """Milliseconds that a lock of another program is waited for without a word, and with one."""
@@ -38,8 +39,8 @@ class UntrustedStoreError(OutputError):
 
     def __init__(self, name: str, why: str) -> None:
         super().__init__(
-            f"{name}: cannot be trusted: {why}; is it a store of tdint? Give another folder with -o, or "
-            "--overwrite to begin anew"
+            f"{name}: cannot be trusted: {why}; is it a store of tdint? Give another folder with "
+            "-o, or --overwrite to begin anew"
         )
 
 
@@ -49,8 +50,8 @@ def connect(name: str, *, log: bool = True) -> sqlite3.Connection:
     Parameters
     ----------
     log : bool
-        Write fast, a log ahead of the file, and let others read meanwhile; not for network file systems. Else the file
-        alone is written, each time to the disk.
+        Write fast, a log ahead of the file, and let others read meanwhile; not for network file
+        systems. Else the file alone is written, each time to the disk.
 
     Raises
     ------
@@ -67,7 +68,8 @@ def connect(name: str, *, log: bool = True) -> sqlite3.Connection:
 
 
 def connect_to_read(file: Path) -> sqlite3.Connection:
-    """A connection that changes nothing and needs no lock that a writer has. Errors are those of `connect`."""
+    """A connection that changes nothing and needs no lock that a writer has. Errors are those of
+    `connect`."""
     _refuse_what_is_no_file(str(file))
     connection = sqlite3.connect(
         f"{file.absolute().as_uri()}?mode=ro", uri=True, isolation_level=None
@@ -104,7 +106,8 @@ def _refuse_what_is_no_file(name: str) -> None:
 
 
 def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
-    """Execute a statement that another program's lock may hold up: that is said after a second, and ends after ten.
+    """Execute a statement that another program's lock may hold up: that is said after a second, and
+    ends after ten.
 
     Raises
     ------
@@ -127,7 +130,8 @@ def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
                     "%s: another program has locked it; waiting for ten seconds at most", name
                 )
     finally:
-        # Who reads a store holds it for a moment, too, while the log is opened, say: what follows waits without a word.
+        # Who reads a store holds it for a moment, too, while the log is opened, say: what follows
+        # waits without a word.
         connection.execute(f"PRAGMA busy_timeout={_LONGEST}")
     raise OutputError(f"{name}: another program keeps it locked; end that one, then call again")
 
@@ -159,7 +163,8 @@ def in_words(name: str) -> Iterator[None]:
 
 
 LOCK = ".campaign.lock"
-"""Held by the one that writes; an empty SQLite file, for its locks end with their process on every system."""
+"""Held by the one that writes; an empty SQLite file, for its locks end with their process on every
+system."""
 
 _NETWORK = {
     *(
@@ -205,15 +210,16 @@ def refuse_network(folder: Path) -> None:
     kind = file_system(folder)
     if kind in _NETWORK:
         raise OutputError(
-            f"{folder}: lies on a network file system ({kind}), on which the store is not safe; write to a disk of "
-            "this machine (such as /tmp), each shard to its own, and put them together with `tdint campaign merge`"
+            f"{folder}: lies on a network file system ({kind}), on which the store is not safe; "
+            "write to a disk of this machine (such as /tmp), each shard to its own, and put them "
+            "together with `tdint campaign merge`"
         )
 
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Be the only one that writes into a folder, made if it is not there (and gone again if nothing was written); the
-    lock ends with the process, however that ends.
+    """Be the only one that writes into a folder, made if it is not there (and gone again if nothing
+    was written); the lock ends with the process, however that ends.
 
     Raises
     ------
@@ -274,8 +280,8 @@ class RowTable:
     name : str
         Of the table.
     key, others : dict of str to type
-        The columns that tell rows apart, and those behind them, in the order of a row's fields (`RunRow`, `StoryRow`,
-        `ShockRow`).
+        The columns that tell rows apart, and those behind them, in the order of a row's fields
+        (`RunRow`, `StoryRow`, `ShockRow`).
     view, hidden : str, tuple of str
         The name of its view, and what that does not show.
     """
@@ -298,26 +304,33 @@ class RowTable:
             f"{name} {_TYPES.get(kind, 'REAL')}" for name, kind in (self.key | self.others).items()
         )
         key = ", ".join(self.key)
-        return f"CREATE TABLE {self.name}({columns}, chunk INTEGER NOT NULL, PRIMARY KEY({key})) WITHOUT ROWID"
+        return (
+            f"CREATE TABLE {self.name}({columns}, chunk INTEGER NOT NULL, PRIMARY KEY({key})) "
+            "WITHOUT ROWID"
+        )
 
     @property
     def create_view(self) -> str:
         """What makes its view."""
-        # For people who look with SQLite: names in place of numbers, first who and how, then results.
+        # For people who look with SQLite: names in place of numbers, first who and how, then
+        # results.
         shown = [column for column in self.columns if column not in (*_KEY, "dt_s", *self.hidden)]
         method = ["b.method AS method", f"{self.name}.dt_s"] if "dt_s" in self.others else []
         named = ["b.name AS building", "m.name AS record", "m.component AS component"]
         scale, sample, *others = (f"{self.name}.{column}" for column in ("scale", "sample", *shown))
         columns = ", ".join([*named, scale, sample, *method, *others])
         return (
-            f"CREATE VIEW {self.view} AS SELECT {columns} FROM {self.name} "
-            f"JOIN buildings b ON b.id = {self.name}.building JOIN records m ON m.id = {self.name}.record "
-            f"ORDER BY {', '.join(f'{self.name}.{column}' for column in self.key)}"
+            f"CREATE VIEW {self.view} AS SELECT {columns} FROM {self.name} JOIN buildings b ON "
+            f"b.id = {self.name}.building JOIN records m ON m.id = {self.name}.record ORDER BY "
+            f"{', '.join(f'{self.name}.{column}' for column in self.key)}"
         )
 
     def select(self, more: str = "", where: str = "") -> str:
         """What reads its columns, and more, in the order of the key."""
-        return f"SELECT {', '.join(self.columns)}{more} FROM {self.name} {where} ORDER BY {', '.join(self.key)}"
+        return (
+            f"SELECT {', '.join(self.columns)}{more} FROM {self.name} {where} ORDER BY "
+            f"{', '.join(self.key)}"
+        )
 
     def insert(
         self, connection: sqlite3.Connection, rows: Iterable[tuple[Any, ...]], chunk: int
@@ -329,8 +342,8 @@ class RowTable:
         )
 
     def plain(self, rows: Iterable[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
-        """Rows as SQLite gives them back, in the order of the key: nan is nothing there, a column has one type, and
-        values without errors are followed by nothing."""
+        """Rows as SQLite gives them back, in the order of the key: nan is nothing there, a column
+        has one type, and values without errors are followed by nothing."""
         kinds = (self.key | self.others).values()
         result = []
         for row in rows:
@@ -346,7 +359,8 @@ class RowTable:
 
 
 def _kinds(quantities: Iterable[Quantity], behind: str = "") -> dict[str, type]:
-    """Columns of some quantities, or of numbers that are told beside them, with `behind` behind the names."""
+    """Columns of some quantities, or of numbers that are told beside them, with `behind` behind the
+    names."""
     return {quantity.column + behind: float if behind else quantity.kind for quantity in quantities}
 
 
@@ -362,18 +376,18 @@ ROW_TABLES = (RUNS, STORIES, SHOCKS)
 
 TABLES = (
     "CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID",
-    "CREATE TABLE buildings(id INTEGER PRIMARY KEY, name TEXT NOT NULL, method TEXT NOT NULL, stories INTEGER NOT NULL,"
-    " sha256 TEXT NOT NULL)",
+    "CREATE TABLE buildings(id INTEGER PRIMARY KEY, name TEXT NOT NULL, method TEXT NOT NULL, "
+    "stories INTEGER NOT NULL, sha256 TEXT NOT NULL)",
     "CREATE INDEX building_names ON buildings(name)",
-    "CREATE TABLE records(id INTEGER PRIMARY KEY, name TEXT NOT NULL, component TEXT NOT NULL, direction INTEGER NOT"
-    " NULL, dt_s REAL NOT NULL, samples INTEGER NOT NULL, pga_m_s2 REAL NOT NULL, pgv_m_s REAL NOT NULL, sha256 TEXT"
-    " NOT NULL)",
-    "CREATE TABLE chunks(id INTEGER PRIMARY KEY, runs INTEGER NOT NULL, stories INTEGER NOT NULL, seconds REAL NOT"
-    " NULL, sha256 TEXT NOT NULL)",
+    "CREATE TABLE records(id INTEGER PRIMARY KEY, name TEXT NOT NULL, component TEXT NOT NULL, "
+    "direction INTEGER NOT NULL, dt_s REAL NOT NULL, samples INTEGER NOT NULL, pga_m_s2 REAL NOT "
+    "NULL, pgv_m_s REAL NOT NULL, sha256 TEXT NOT NULL)",
+    "CREATE TABLE chunks(id INTEGER PRIMARY KEY, runs INTEGER NOT NULL, stories INTEGER NOT NULL, "
+    "seconds REAL NOT NULL, sha256 TEXT NOT NULL)",
     *(one.create for one in ROW_TABLES),
     "CREATE TABLE inventory(building INTEGER PRIMARY KEY, cells TEXT NOT NULL)",
-    "CREATE TABLE building_types(building INTEGER PRIMARY KEY, type TEXT NOT NULL, divisor REAL NOT NULL, period_s REAL"
-    " NOT NULL)",
+    "CREATE TABLE building_types(building INTEGER PRIMARY KEY, type TEXT NOT NULL, divisor REAL "
+    "NOT NULL, period_s REAL NOT NULL)",
     "CREATE TABLE unused(kind TEXT NOT NULL, reason TEXT NOT NULL, PRIMARY KEY(kind, reason))",
     "CREATE TABLE written(file TEXT NOT NULL, sha256 TEXT NOT NULL, PRIMARY KEY(file, sha256))",
     *(one.create_view for one in ROW_TABLES),
@@ -401,7 +415,8 @@ _SEALED = (
 
 
 def chunk_digest(number: int, seconds: float, *tables: Iterable[tuple[Any, ...]]) -> str:
-    """SHA-256 over a chunk, from its runs, stories and shocks in the order of their keys, as SQLite gives them back."""
+    """SHA-256 over a chunk, from its runs, stories and shocks in the order of their keys, as SQLite
+    gives them back."""
     whole = hashlib.sha256(repr((number, seconds)).encode())
     for row in chain(*tables):
         whole.update(repr(row).encode())
@@ -409,8 +424,8 @@ def chunk_digest(number: int, seconds: float, *tables: Iterable[tuple[Any, ...]]
 
 
 def damaged_chunks(connection: sqlite3.Connection) -> set[int]:
-    """The numbers of the chunks whose rows, or whose counts of them, are not as they were written; of rows that belong
-    to no chunk, too."""
+    """The numbers of the chunks whose rows, or whose counts of them, are not as they were written;
+    of rows that belong to no chunk, too."""
     stated = {
         number: rest
         for number, *rest in connection.execute(
@@ -448,14 +463,16 @@ def seal_of(connection: sqlite3.Connection) -> str:
 
 
 def check_store(connection: sqlite3.Connection, name: str) -> None:
-    """Make sure that a file is a whole store of this layout; its chunks are another question (`damaged_chunks`).
+    """Make sure that a file is a whole store of this layout; its chunks are another question
+    (`damaged_chunks`).
 
     Raises
     ------
     UntrustedStoreError
         It is not.
     """
-    # The file first, then its layout, then what it says of its campaign: each makes sense only after the one before.
+    # The file first, then its layout, then what it says of its campaign: each makes sense only
+    # after the one before.
     (verdict,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
     if verdict != "ok":
         raise UntrustedStoreError(name, f"SQLite says: {' '.join(verdict.split())}")

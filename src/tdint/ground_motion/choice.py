@@ -1,19 +1,20 @@
-"""What is taken of a file of records, and what is done to it; `tdint.ground_motion.processing_steps` does it.
+"""What is taken of a file of records, and what is done to it;
+`tdint.ground_motion.processing_steps` does it.
 
-The steps are always taken in this order: trim, baseline, pad, filters, resample. So the mean is that of the part which
-is used, the filters see the record between zeros, and the zeros of a pad take up what a filter spreads beyond the ends.
+The steps are always taken in this order: trim, baseline, pad, filters, resample. So the mean is
+that of the part which is used, the filters see the record between zeros, and the zeros of a pad
+take up what a filter spreads beyond the ends.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, Self
 
-from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError
 
 SAME_STEP = 1e-3
@@ -50,8 +51,9 @@ class TextLayout(_Wishes):
     step : float or None
         Sampling interval, s. Other formats, and tables that tell theirs, are compared with it.
     column : tuple of str
-        Columns to take, by their number, counted from 1, or their name; empty for the accelerations that the table
-        names, or else all columns but that of the time. A single one may be given as it is.
+        Columns to take, by their number, counted from 1, or their name; empty for the accelerations
+        that the table names, or else all columns but that of the time. A single one may be given as
+        it is.
     skip_lines : int or None
         Lines before the table, or its names, that are passed over whatever they hold.
 
@@ -86,19 +88,22 @@ class TextLayout(_Wishes):
             )
 
     def check_format(self, name: str) -> None:
-        """Raise RecordError for columns or lines of a file that is no table but of the format `name`."""
+        """Raise RecordError for columns or lines of a file that is no table but of the format
+        `name`."""
         for option, given in (("column", ", ".join(self.column)), ("skip_lines", self.skip_lines)):
             if given not in (None, ""):
                 raise RecordError(
-                    f"`{option}={given}` is given, but the file is {name}, which tells itself where its samples are; "
-                    f"leave it out"
+                    f"`{option}={given}` is given, but the file is {name}, which tells itself "
+                    "where its samples are; leave it out"
                 )
 
     def check_step(self, dt: float) -> None:
-        """Raise RecordError for a sampling interval (s) of a file that is not the one that the user gives."""
+        """Raise RecordError for a sampling interval (s) of a file that is not the one that the user
+        gives."""
         if self.step is not None and not math.isclose(dt, self.step, rel_tol=SAME_STEP):
             raise RecordError(
-                f"the file's own sampling interval is {dt:.9g} s, `step={self.step:.9g}` contradicts it; leave it out"
+                f"the file's own sampling interval is {dt:.9g} s, `step={self.step:.9g}` "
+                "contradicts it; leave it out"
             )
 
 
@@ -115,12 +120,13 @@ class Processing(_Wishes):
     trim : tuple of two floats or None
         The part to keep, s from the first sample; None for one of them leaves that end.
     baseline : str or None
-        What is removed from the acceleration: `constant`, its mean, or `linear`, its least-squares line.
+        What is removed from the acceleration: `constant`, its mean, or `linear`, its least-squares
+        line.
     pad : tuple of two floats or None
         Zeros before and after, s.
     highpass, lowpass : float or None
-        Corner frequencies, Hz, of Butterworth filters that are run forwards and backwards: no shift of phase, and half
-        the amplitude at the corner.
+        Corner frequencies, Hz, of Butterworth filters that are run forwards and backwards: no shift
+        of phase, and half the amplitude at the corner.
     corners : int or None
         Order of the filters, 4 if None.
     resample : float or None
@@ -221,4 +227,7 @@ def _problems(steps: Processing) -> Iterator[str]:
     if steps.corners is not None and steps.highpass is None and steps.lowpass is None:
         yield "corners are those of a filter: give highpass or lowpass, too"
     if steps.highpass is not None and steps.lowpass is not None and steps.highpass >= steps.lowpass:
-        yield f"highpass ({steps.highpass:g} Hz) must be below lowpass ({steps.lowpass:g} Hz): nothing would be left"
+        yield (
+            f"highpass ({steps.highpass:g} Hz) must be below lowpass ({steps.lowpass:g} Hz): "
+            "nothing would be left"
+        )

@@ -6,11 +6,11 @@ import math
 import re
 import struct
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from tdint.data import dataclass
 from tdint.ground_motion import miniseed_checks
 from tdint.ground_motion.miniseed_checks import (
     CHECKSUM,
@@ -24,7 +24,8 @@ from tdint.ground_motion.miniseed_checks import (
 )
 from tdint.written_numbers import how_many
 
-# SAC (SAC manual, data format): a header of 158 words, in which much is stated that the samples tell as well.
+# SAC (SAC manual, data format): a header of 158 words, in which much is stated that the samples
+# tell as well.
 
 _DELTA, _SMALLEST, _LARGEST, _BEGIN, _END, _MEAN = 0, 1, 2, 5, 6, 56
 _VERSION, _COUNT = 76, 79
@@ -36,8 +37,8 @@ _SINGLE = 2.0**-22
 """Relative rounding of a sum of two single-precision numbers."""
 
 _EXTREME, _AVERAGE = 1e-5, 1e-3
-"""Parts of the peak by which programs round the smallest and largest sample, and the mean, which they sum in single
-precision."""
+"""Parts of the peak by which programs round the smallest and largest sample, and the mean, which
+they sum in single precision."""
 
 
 def look_at_sac(data: bytes) -> tuple[int, tuple[float, ...]]:
@@ -46,7 +47,8 @@ def look_at_sac(data: bytes) -> tuple[int, tuple[float, ...]]:
     Raises
     ------
     Damaged
-        A longitude is out of all bounds: ObsPy turns it into -180..180 degrees one turn at a time, for ever from 1e30.
+        A longitude is out of all bounds: ObsPy turns it into -180..180 degrees one turn at a time,
+        for ever from 1e30.
     """
     order = "<" if 0 <= struct.unpack_from("<i", data, 4 * _VERSION)[0] <= 20 else ">"
     words = struct.unpack_from(f"{order}70f", data)
@@ -87,15 +89,16 @@ def sac_statements(header: tuple[int, tuple[float, ...]], traces: list[Any]) -> 
     return statements
 
 
-# GSE1 and GSE2 (GSETT documentation, annex D; compression CM6): libgse2 trusts the number of samples and copies lines
-# of any length into 83 bytes; ObsPy compares the checksum.
+# GSE1 and GSE2 (GSETT documentation, annex D; compression CM6): libgse2 trusts the number of
+# samples and copies lines of any length into 83 bytes; ObsPy compares the checksum.
 
 _LINE = 81
 _FIELDS = {
     "1": (slice(27, 35), slice(74, 78), b"CMP6"),
     "2": (slice(48, 56), slice(44, 48), b"CM6"),
 }
-"""Places of the number of samples and of the type of data in the header line, and the type that is compressed."""
+"""Places of the number of samples and of the type of data in the header line, and the type that is
+compressed."""
 
 _CM6 = re.compile(rb"[-+0-9A-Za-z]*")
 _CM6_LAST = re.compile(rb"[-+0-9A-T]")
@@ -217,7 +220,8 @@ class Check:
     statements : callable
         From what `look` found and the traces that were read the statements to compare.
     look : callable
-        From the bytes of a file what they state; raises Damaged for a file that must not come before the reader.
+        From the bytes of a file what they state; raises Damaged for a file that must not come
+        before the reader.
     """
 
     statements: Callable[[Any, list[Any]], list[Statement]]
@@ -233,12 +237,13 @@ CHECKS = {
     "TSPAIR": Check(timeseries_statements, _counts),
     "KNET": Check(knet_statements),
 }
-"""ObsPy's formats that many have, or whose readers crash or never end on a damaged file (SAC, GSE); tdint's own readers
-compare while they read (`tdint.ground_motion.formats.series`)."""
+"""ObsPy's formats that many have, or whose readers crash or never end on a damaged file (SAC, GSE);
+tdint's own readers compare while they read (`tdint.ground_motion.formats.series`)."""
 
 
 def look_at(format_name: str, data: bytes) -> Any:
-    """What the bytes of a file state, for `compare_with_statements`; None if the format has nothing.
+    """What the bytes of a file state, for `compare_with_statements`; None if the format has
+    nothing.
 
     Raises
     ------
@@ -250,7 +255,8 @@ def look_at(format_name: str, data: bytes) -> Any:
 
 
 def compare_with_statements(format_name: str, looked_at: Any, traces: list[Any]) -> tuple[str, ...]:
-    """Compare what was read with what the file states; returns what was compared, nothing if it states nothing.
+    """Compare what was read with what the file states; returns what was compared, nothing if it
+    states nothing.
 
     Parameters
     ----------

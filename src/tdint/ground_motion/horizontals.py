@@ -5,14 +5,13 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
 from math import isclose
 from pathlib import Path
 from typing import TypeVar
 
-from tdint.data import dataclass
 from tdint.errors import RecordError, TdintError, UsageError
 from tdint.files import STDIN
 from tdint.ground_motion.record import Record
@@ -41,7 +40,8 @@ class SingleHorizontal(RecordError):
         self.file, self.component = file, component
         whose = component or "one"
         super().__init__(
-            f"{file}: has a single horizontal component, {whose}; name the file of the other one, too"
+            f"{file}: has a single horizontal component, {whose}; name the file of the other one, "
+            "too"
         )
 
 
@@ -49,7 +49,8 @@ class SingleHorizontal(RecordError):
 class Horizontals:
     """Two horizontal components at right angles, of equal sampling and length.
 
-    Where both names tell a direction the second component lies 90 degrees clockwise of the first one.
+    Where both names tell a direction the second component lies 90 degrees clockwise of the first
+    one.
 
     Attributes
     ----------
@@ -85,8 +86,8 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
     Raises
     ------
     RecordError
-        There are not two, they are no pair (same or skew directions, different stations, sampling or start), or their
-        lengths differ by much.
+        There are not two, they are no pair (same or skew directions, different stations, sampling
+        or start), or their lengths differ by much.
     """
     source = "+".join(dict.fromkeys(record.source for record in records))
     matches = [record for record in records if not is_vertical(record.component)]
@@ -116,7 +117,8 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
         ):
             raise RecordError(f"{source}: both components are called {first.component}")
         notes.append(
-            f"directions unknown from the names: {names} are taken as two horizontals at right angles"
+            f"directions unknown from the names: {names} are taken as two horizontals at right "
+            "angles"
         )
 
     # Of one instrument: step, station and start are the same, the samples are not.
@@ -135,7 +137,8 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
         ).total_seconds()
         if abs(late) > 0.5 * first.dt:
             raise RecordError(
-                f"{source}: the components begin {abs(late):g} s apart; cut both to the same start first"
+                f"{source}: the components begin {abs(late):g} s apart; cut both to the same start "
+                "first"
             )
     if (
         first.acceleration.size == second.acceleration.size
@@ -156,7 +159,8 @@ def is_vertical(component: str) -> bool:
 
 
 def azimuth(component: str) -> float | None:
-    """Degrees from north towards east by a component's name (067, N23E, EW, HNE); None if it tells none."""
+    """Degrees from north towards east by a component's name (067, N23E, EW, HNE); None if it tells
+    none."""
     name = component.strip()
     if _AZIMUTH.fullmatch(name):
         return float(name) if int(name) >= _LEAST_AZIMUTH or name in ("0", "00", "000") else None
@@ -167,8 +171,8 @@ def azimuth(component: str) -> float | None:
 
 
 def at_right_angles(component: str, other: str) -> bool:
-    """Whether the names of two components say that they are: by their azimuths (000, EW, HNE), or as HN1 and HN2, X and
-    Y do."""
+    """Whether the names of two components say that they are: by their azimuths (000, EW, HNE), or
+    as HN1 and HN2, X and Y do."""
     first, second = azimuth(component), azimuth(other)
     if first is not None and second is not None:
         return abs(abs((second - first + 90.0) % 180.0 - 90.0) - 90.0) <= _SKEW
@@ -188,7 +192,8 @@ def _of_equal_length(
     size, excess = min(sizes), abs(sizes[0] - sizes[1])
     if excess > _LONGER * max(sizes):
         raise RecordError(
-            f"{source}: the components have {sizes[0]} and {sizes[1]} samples; cut them to equal length"
+            f"{source}: the components have {sizes[0]} and {sizes[1]} samples; cut them to equal "
+            "length"
         )
     longer = first if sizes[0] > size else second
     first, second = (
@@ -199,12 +204,14 @@ def _of_equal_length(
         first,
         second,
         [
-            f"the {lost} of {longer.component or longer.source} left out: the other component is shorter"
+            f"the {lost} of {longer.component or longer.source} left out: the other component is "
+            "shorter"
         ],
     )
 
 
-# ---- Which files hold the two horizontal components of one motion: by the names in use, or by names that are given
+# ---- Which files hold the two horizontal components of one motion: by the names in use, or by
+# names that are given
 
 _KNET = re.compile(r"\.(?P<component>EW|NS|UD)(?=\d?$)", re.IGNORECASE)
 _PEER = re.compile(r"[-_]?(?P<component>\d{3}|UP|DOWN|DWN|DN|VERT?|V)(?=\.AT2$)", re.IGNORECASE)
@@ -223,7 +230,8 @@ _SHOWN = 4  # files that a message names
 
 @dataclass(frozen=True)
 class PairNames:
-    """How the files of a pair are named: `first` and `second` with {} for what both share, or as is usual without."""
+    """How the files of a pair are named: `first` and `second` with {} for what both share, or as is
+    usual without."""
 
     first: str = ""
     second: str = ""
@@ -240,12 +248,14 @@ class PairNames:
         parts = [part.strip() for part in text.split(",")]
         if len(parts) != 2 or parts[0] == parts[1] or any(part.count(_MARK) != 1 for part in parts):
             raise UsageError(
-                f"{text!r}: write two names with {{}} for what they share, such as {{}}_N.AT2,{{}}_E.AT2"
+                f"{text!r}: write two names with {{}} for what they share, such as "
+                "{}_N.AT2,{}_E.AT2"
             )
         return cls(*parts)
 
     def motion(self, file: str) -> str:
-        """The motion that a file belongs to, a name with {} for the component; empty if it has neither name."""
+        """The motion that a file belongs to, a name with {} for the component; empty if it has
+        neither name."""
         if self == ONE_MOTION:
             return _MARK
         path = Path(file).as_posix()
@@ -268,8 +278,9 @@ ONE_MOTION = PairNames("{}", "{}")
 def motion_name(file: str) -> str:
     """The name of a file without what tells its component: equal for the files of one motion.
 
-    Known are the endings of K-NET (.EW, .NS2), of PEER's AT2 files (067.AT2, -UP.AT2), channel codes (HNE), and before
-    the suffix _N and _E, _NS and _EW, -H1 and -H2, _X and _Y, _FN and _FP with the vertical ones beside them.
+    Known are the endings of K-NET (.EW, .NS2), of PEER's AT2 files (067.AT2, -UP.AT2), channel
+    codes (HNE), and before the suffix _N and _E, _NS and _EW, -H1 and -H2, _X and _Y, _FN and _FP
+    with the vertical ones beside them.
     """
     path = Path(file)
     match = _component(path.name)
@@ -284,7 +295,8 @@ def motion_name(file: str) -> str:
 def files_of_motions(
     files: Sequence[str], names: PairNames = USUAL
 ) -> tuple[list[tuple[str, ...]], list[str]]:
-    """The files of each motion, in the order of the first ones, and those that belong to none by the names given.
+    """The files of each motion, in the order of the first ones, and those that belong to none by
+    the names given.
 
     Raises
     ------
@@ -311,17 +323,24 @@ def with_component(record: Record) -> Record:
 
 
 def told_once(failures: Sequence[Failure]) -> list[Failure | RecordError]:
-    """The failures, those of files without a partner as one: with the names that nearly fit each other."""
+    """The failures, those of files without a partner as one: with the names that nearly fit each
+    other."""
     single = [failure for failure in failures if isinstance(failure, SingleHorizontal)]
     if len(single) < 2:
         return list(failures)
     files = [failure.file for failure in single]
     listed = first_few(files, _SHOWN)
-    text = f"{len(files)} files have a single horizontal component and, by their names, no partner: {listed}"
+    text = (
+        f"{len(files)} files have a single horizontal component and, by their names, no partner: "
+        f"{listed}"
+    )
     close = Counter(_nearly(files)).most_common(1)
     if close:
         first, second = close[0][0]
-        text += f"; if these are pairs, say how they are named: --pairs '{first},{second}' (`pairs` of a campaign)"
+        text += (
+            f"; if these are pairs, say how they are named: --pairs '{first},{second}' (`pairs` of "
+            "a campaign)"
+        )
     return [*(failure for failure in failures if failure not in single), RecordError(text)]
 
 

@@ -1,8 +1,10 @@
-"""Measures of a ground motion's strength, exact for an acceleration that is linear between its samples.
+"""Measures of a ground motion's strength, exact for an acceleration that is linear between its
+samples.
 
-Peak velocity and displacement (from rest at the first sample), Arias intensity (Arias 1970) with its significant
-durations (Trifunac and Brady 1975), cumulative absolute velocity (EPRI NP-5930, 1988; CAV5: Kramer and Mitchell 2006,
-Earthquake Spectra 22(2)) and the spectrum intensity of Housner (1952).
+Peak velocity and displacement (from rest at the first sample), Arias intensity (Arias 1970) with
+its significant durations (Trifunac and Brady 1975), cumulative absolute velocity (EPRI NP-5930,
+1988; CAV5: Kramer and Mitchell 2006, Earthquake Spectra 22(2)) and the spectrum intensity of
+Housner (1952).
 """
 
 from __future__ import annotations
@@ -10,13 +12,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from tdint.arrays import Array, halved
-from tdint.data import dataclass
 from tdint.ground_motion.record import UNITS_BY_LOCATION, Record
 from tdint.units import STANDARD_GRAVITY
 from tdint.written_numbers import first_few
@@ -48,7 +49,8 @@ _DRIFT = 0.1
 
 @dataclass(frozen=True)
 class Motion:
-    """Velocity (m/s) and displacement (m) of the ground at the samples, shape (samples,), and their peaks.
+    """Velocity (m/s) and displacement (m) of the ground at the samples, shape (samples,), and their
+    peaks.
 
     The peaks lie between the samples, too.
     """
@@ -66,14 +68,15 @@ class Measures:
     Attributes
     ----------
     pga, pgv, pgd : float
-        Peak acceleration (m/s^2), velocity (m/s) and displacement (m) of the ground; those of velocity and displacement
-        that the file itself has, else from rest at the first sample.
+        Peak acceleration (m/s^2), velocity (m/s) and displacement (m) of the ground; those of
+        velocity and displacement that the file itself has, else from rest at the first sample.
     arias : float
         Arias intensity, pi / (2 g) times the integral of the squared acceleration, m/s.
     cav : float
         Cumulative absolute velocity, the integral of the absolute acceleration, m/s.
     cav5 : float
-        The same of the times at which the acceleration is 0.05 m/s^2 or more (Kramer and Mitchell 2006), m/s.
+        The same of the times at which the acceleration is 0.05 m/s^2 or more (Kramer and Mitchell
+        2006), m/s.
     d5_75, d5_95 : float
         Time between 5 and 75 or 95 % of the Arias intensity, s; nan without any acceleration.
     mean : float
@@ -99,7 +102,8 @@ class Measures:
 
 
 def measure(record: Record) -> Measures:
-    """Measures of a record, without the spectrum intensity; infinite or nan where they are beyond what floats hold."""
+    """Measures of a record, without the spectrum intensity; infinite or nan where they are beyond
+    what floats hold."""
     # As a decorator it would keep what to restore for all threads together (numpy before 2).
     with np.errstate(over="ignore", invalid="ignore"):
         motion = integrate(record)
@@ -111,7 +115,8 @@ def measure(record: Record) -> Measures:
         ("displacement", record.peaks[1], motion.pgd, "m"),
     )
     of_file = [
-        f"the peak {name} is that of the file's own {name}; integration from rest gives {integrated:.4g} {unit}"
+        f"the peak {name} is that of the file's own {name}; integration from rest gives "
+        f"{integrated:.4g} {unit}"
         for name, column, integrated, unit in both
         if column is not None
     ]
@@ -125,7 +130,8 @@ def measure(record: Record) -> Measures:
 
 
 def integrate(record: Record) -> Motion:
-    """Velocity and displacement of the ground, at rest at the first sample; no baseline is corrected."""
+    """Velocity and displacement of the ground, at rest at the first sample; no baseline is
+    corrected."""
     a, h = record.acceleration, record.dt
     velocity = np.concatenate([[0.0], np.cumsum(0.5 * h * (a[:-1] + a[1:]))])
     displacement = np.concatenate(
@@ -153,11 +159,11 @@ def integrate(record: Record) -> Motion:
 
 
 def channels_of(records: Sequence[Record]) -> list[Record]:
-    """Acceleration, velocity and displacement of records, for `to_mseed`: channels of one code, their locations as of
-    `UNITS_BY_LOCATION`.
+    """Acceleration, velocity and displacement of records, for `to_mseed`: channels of one code,
+    their locations as of `UNITS_BY_LOCATION`.
 
-    Codes are those of the records where these are an accelerometer's and differ, else stations R01, R02, ... with the
-    channel HN1.
+    Codes are those of the records where these are an accelerometer's and differ, else stations R01,
+    R02, ... with the channel HN1.
     """
     codes = [record.id.split(".") for record in records]
     are_accelerometers = all(_CODES.fullmatch(record.id) for record in records)
@@ -179,7 +185,8 @@ def channels_of(records: Sequence[Record]) -> list[Record]:
 
 
 def cumulative_energy(record: Record) -> Array:
-    """Integral of the squared acceleration from the first sample to each one, m^2/s^3, shape (samples,)."""
+    """Integral of the squared acceleration from the first sample to each one, m^2/s^3, shape
+    (samples,)."""
     a, b = record.acceleration[:-1], record.acceleration[1:]
     return np.concatenate([[0.0], np.cumsum(record.dt / 3.0 * (a * a + a * b + b * b))])
 
@@ -191,13 +198,14 @@ _ARIAS = math.pi / (2.0 * STANDARD_GRAVITY)
 
 
 def arias_intensity(record: Record) -> float:
-    """Arias intensity (Arias 1970), m/s: pi / (2 g) times the integral of the squared acceleration."""
+    """Arias intensity (Arias 1970), m/s: pi / (2 g) times the integral of the squared
+    acceleration."""
     return _ARIAS * float(cumulative_energy(record)[-1])
 
 
 def cut_off(records: Iterable[Record], end: float) -> list[str]:
-    """A sentence if runs that end at a time (s) leave out more of the Arias intensity of records than D5-95 has behind
-    its end: a model may say a duration for another record."""
+    """A sentence if runs that end at a time (s) leave out more of the Arias intensity of records
+    than D5-95 has behind its end: a model may say a duration for another record."""
     parts = []
     for record in records:
         if end < record.duration:
@@ -205,14 +213,19 @@ def cut_off(records: Iterable[Record], end: float) -> list[str]:
             left = float(energy[-1] - energy[round(end / record.dt)])
             if left > _BEHIND * energy[-1]:
                 parts.append(f"{record.name} {100.0 * left / energy[-1]:.2g} %")
-    told = f"the run ends at {end:.6g} s, before so much of the Arias intensity: {first_few(parts, _MOST_NAMES)}"
+    told = (
+        f"the run ends at {end:.6g} s, before so much of the Arias intensity: "
+        f"{first_few(parts, _MOST_NAMES)}"
+    )
     return [told] if parts else []
 
 
 def time_of_energy(record: Record, energy: Array, part: float) -> float:
-    """Time from the first sample until a part of the `cumulative_energy` has come, s; nan if there is none.
+    """Time from the first sample until a part of the `cumulative_energy` has come, s; nan if there
+    is none.
 
-    Within its sampling interval the energy is a cubic of the time that does not fall, so that bisection finds it.
+    Within its sampling interval the energy is a cubic of the time that does not fall, so that
+    bisection finds it.
     """
     target = part * float(energy[-1])
     if not 0.0 < target < math.inf:
@@ -240,7 +253,8 @@ def cumulative_absolute_velocity(record: Record) -> float:
 
 
 def cumulative_absolute_velocity_above(record: Record, threshold: float) -> float:
-    """Integral of the absolute acceleration over the times at which it is a threshold (m/s^2) or more, m/s."""
+    """Integral of the absolute acceleration over the times at which it is a threshold (m/s^2) or
+    more, m/s."""
     a, b = record.acceleration[:-1], record.acceleration[1:]
     low, high = np.minimum(a, b), np.maximum(a, b)
     change = np.where(high > low, high - low, 1.0)
@@ -258,7 +272,8 @@ def cumulative_absolute_velocity_above(record: Record, threshold: float) -> floa
 
 
 def significant_duration(record: Record, part: float) -> float:
-    """Time between 5 % and a part of the Arias intensity (Trifunac and Brady 1975), s; nan without acceleration."""
+    """Time between 5 % and a part of the Arias intensity (Trifunac and Brady 1975), s; nan without
+    acceleration."""
     energy = cumulative_energy(record)
     return time_of_energy(record, energy, part) - time_of_energy(record, energy, 0.05)
 
@@ -276,7 +291,8 @@ class Measure:
     value : callable
         Record -> the measure in that unit.
     power : float or None
-        Of a factor on the motion with which it grows; 0: it does not change. None: by no power, it is found anew.
+        Of a factor on the motion with which it grows; 0: it does not change. None: by no power, it
+        is found anew.
     column : str
         In tables, where that is not the name.
     """
@@ -334,24 +350,28 @@ MEASURES = {
         ),
     )
 }
-"""The measures of motions by themselves, by name: ours, then those of plug-ins (`tdint.load_plugin`)."""
+"""The measures of motions by themselves, by name: ours, then those of plug-ins
+(`tdint.load_plugin`)."""
 
 _OURS = tuple(MEASURES)
 
 
 def _peak(record: Record, column: int, name: str) -> float:
-    """The peak velocity or displacement that the file itself has, else from rest at the first sample."""
+    """The peak velocity or displacement that the file itself has, else from rest at the first
+    sample."""
     peak = record.peaks[column]
     return float(getattr(integrate(record), name)) if peak is None else peak
 
 
 def spectrum_intensity(periods: Array, psv: Array) -> float:
-    """Housner's spectrum intensity, m: the integral of pseudo-velocities (m/s) over periods (s), both shape (k,)."""
+    """Housner's spectrum intensity, m: the integral of pseudo-velocities (m/s) over periods (s),
+    both shape (k,)."""
     return float(np.sum(0.5 * np.diff(periods) * (psv[:-1] + psv[1:])))
 
 
 def zeros_at_ends(samples: Array) -> tuple[int, int]:
-    """Number of samples before the first and after the last that is not zero; all and none if there is none."""
+    """Number of samples before the first and after the last that is not zero; all and none if there
+    is none."""
     places = np.flatnonzero(samples)
     if not places.size:
         return samples.size, 0
@@ -376,17 +396,19 @@ def _doubts(record: Record, motion: Motion, leading: int, trailing: int) -> tupl
         notes.append(
             f"the first sample is {first:.3g} m/s^2, {share:.0%} of the peak: cut off before it?"
         )
-    # A baseline that drifts shows in the velocity first; only without that the displacement is looked at.
+    # A baseline that drifts shows in the velocity first; only without that the displacement is
+    # looked at.
     end = abs(float(motion.displacement[-1]))
     if abs(last) > _DRIFT * motion.pgv:
         share = abs(last) / motion.pgv
         notes.append(
-            f"the velocity at the end is {last:.3g} m/s, {share:.0%} of its peak: a baseline that drifts?"
+            f"the velocity at the end is {last:.3g} m/s, {share:.0%} of its peak: a baseline that "
+            "drifts?"
         )
     elif end > _LEFT * motion.pgd and record.peaks[1] is None:
         share = end / motion.pgd
         notes.append(
-            f"the displacement at the end is {end:.3g} m, {share:.0%} of its peak: a baseline that drifts, or ground "
-            "that stays displaced?"
+            f"the displacement at the end is {end:.3g} m, {share:.0%} of its peak: a baseline that "
+            "drifts, or ground that stays displaced?"
         )
     return tuple(notes)

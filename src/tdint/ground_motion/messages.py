@@ -1,4 +1,5 @@
-"""What ObsPy and its C libraries say while they work, caught before it reaches the user's terminal."""
+"""What ObsPy and its C libraries say while they work, caught before it reaches the user's
+terminal."""
 
 from __future__ import annotations
 
@@ -18,7 +19,8 @@ _LONGEST = 300
 
 _DRAWING = "obspy.imaging.source"
 
-# Warnings about code, not about a file: obspy's plugins are imported late, and Python's own changes show up here.
+# Warnings about code, not about a file: obspy's plugins are imported late, and Python's own changes
+# show up here.
 _ABOUT_CODE = (
     DeprecationWarning,
     PendingDeprecationWarning,
@@ -30,7 +32,8 @@ _ABOUT_CODE = (
 
 @contextmanager
 def quiet_import() -> Iterator[None]:
-    """Import a part of obspy without the warnings that its own code (not the user's file) gives rise to.
+    """Import a part of obspy without the warnings that its own code (not the user's file) gives
+    rise to.
 
     And without what its earthquakes are drawn by, a quarter of the time that all of obspy takes.
     """
@@ -66,13 +69,14 @@ def _put_off(name: str) -> Iterator[None]:
 def caught_messages() -> Iterator[list[str]]:
     """Collect Python warnings and what C code prints to standard error.
 
-    Both are the whole process's: another thread that writes to standard error at this time is caught as well.
+    Both are the whole process's: another thread that writes to standard error at this time is
+    caught as well.
 
     Yields
     ------
     list of str
-        Empty inside the block; afterwards every message once, in the order of appearance, without the warnings
-        that are about code.
+        Empty inside the block; afterwards every message once, in the order of appearance, without
+        the warnings that are about code.
     """
     messages: list[str] = []
     with (
@@ -90,7 +94,8 @@ def caught_messages() -> Iterator[list[str]]:
 
 @contextmanager
 def _lost_in_callbacks() -> Iterator[list[str]]:
-    """Catch what goes wrong in Python functions that C code calls: nothing can be raised through the C code.
+    """Catch what goes wrong in Python functions that C code calls: nothing can be raised through
+    the C code.
 
     ObsPy loses libmseed's messages this way when a channel code in them is not ASCII.
     """
@@ -115,7 +120,8 @@ def _lost_in_callbacks() -> Iterator[list[str]]:
 
 @contextmanager
 def _printed_by_c() -> Iterator[list[str]]:
-    """Catch standard error at the level of the operating system, where libgse2 and evalresp print to."""
+    """Catch standard error at the level of the operating system, where libgse2 and evalresp print
+    to."""
     lines: list[str] = []
     try:
         saved = os.dup(2)
@@ -148,6 +154,7 @@ def _spool() -> IO[bytes]:
 
 
 def one_line(text: str) -> str:
-    """A message of another program as one line that a person can read: what is too long ends in an ellipsis."""
+    """A message of another program as one line that a person can read: what is too long ends in an
+    ellipsis."""
     line = " ".join(text[: 2 * _LONGEST].split())
     return line if len(line) <= _LONGEST else f"{line[:_LONGEST]} ..."

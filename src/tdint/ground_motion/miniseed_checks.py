@@ -1,12 +1,14 @@
-"""MiniSEED and SEED (SEED manual 2.4, chapters 3 and 8): every record's header against the bytes of the record.
+"""MiniSEED and SEED (SEED manual 2.4, chapters 3 and 8): every record's header against the bytes of
+the record.
 
-libmseed takes the header's word: more samples than the record has room for are read from the memory behind it, a wrong
-place of the data or type of the record drops the record. The walk over all records here finds both before libmseed
-sees the file; afterwards the samples of each channel must be the sum of the headers' counts.
+libmseed takes the header's word: more samples than the record has room for are read from the memory
+behind it, a wrong place of the data or type of the record drops the record. The walk over all
+records here finds both before libmseed sees the file; afterwards the samples of each channel must
+be the sum of the headers' counts.
 
-Steim's compression (appendix B) is in frames of 64 bytes with differences of 4 to 32 bits. A frame's first word has two
-bits for each of the 15 others that tell how many differences are packed into it; the first frame has the first and the
-last sample in its first two words.
+Steim's compression (appendix B) is in frames of 64 bytes with differences of 4 to 32 bits. A
+frame's first word has two bits for each of the 15 others that tell how many differences are packed
+into it; the first frame has the first and the last sample in its first two words.
 """
 
 from __future__ import annotations
@@ -16,18 +18,18 @@ import struct
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import isfinite
 from typing import Any
 
 import numpy as np
 
-from tdint.data import dataclass
 from tdint.errors import RecordError
 from tdint.written_numbers import how_many
 
-# ---- A statement of a file about its own samples, and its comparison with the samples that were read
+# ---- A statement of a file about its own samples, and its comparison with the samples that were
+# read
 
 SAMPLES = "number of samples"
 STEP = "sampling interval"
@@ -39,7 +41,8 @@ SHORTEST_STEP, LONGEST_STEP = 1e-6, 10.0
 """Sampling intervals beyond which no recorder of ground motion goes, s."""
 
 _NEAR = 0.01
-"""Part of a stated measured value (a peak) within which another one is remarked only: rounding, another offset."""
+"""Part of a stated measured value (a peak) within which another one is remarked only: rounding,
+another offset."""
 
 
 class Damaged(RecordError):
@@ -63,7 +66,8 @@ class Statement:
     where : str
         The part of the file, for messages; empty for all of it.
     measured : bool
-        Whether the number comes from the samples' values, so that a difference up to 1 % is remarked, not refused.
+        Whether the number comes from the samples' values, so that a difference up to 1 % is
+        remarked, not refused.
     """
 
     what: str
@@ -82,7 +86,10 @@ class Statement:
     def __str__(self) -> str:
         place = f"{self.where}: " if self.where else ""
         unit = f" {self.unit}" if self.unit else ""
-        return f"{place}the file states a {self.what} of {self.stated:.9g}{unit}, what was read has {self.found:.9g}{unit}"
+        return (
+            f"{place}the file states a {self.what} of {self.stated:.9g}{unit}, what was read has "
+            f"{self.found:.9g}{unit}"
+        )
 
 
 def compare(statements: Iterable[Statement]) -> tuple[str, ...]:
@@ -115,7 +122,8 @@ def check_step(dt: float) -> None:
     """Raise Damaged for a sampling interval, s, that no recorder has."""
     if not SHORTEST_STEP <= dt <= LONGEST_STEP:
         raise Damaged(
-            f"its header gives a sampling interval of {dt:g} s; recorders have {SHORTEST_STEP:g} to {LONGEST_STEP:g} s"
+            f"its header gives a sampling interval of {dt:g} s; recorders have {SHORTEST_STEP:g} "
+            f"to {LONGEST_STEP:g} s"
         )
 
 
@@ -132,8 +140,8 @@ _DIFFERENCES: dict[int, dict[tuple[int, int | None], int]] = {
     1: {(1, None): 4, (2, None): 2, (3, None): 1},
     2: {(1, None): 4, (2, 1): 1, (2, 2): 2, (2, 3): 3, (3, 0): 5, (3, 1): 6, (3, 2): 7},
 }
-"""Of each version the number of differences in a word, by its code and, where it has one, the code in its first two
-bits."""
+"""Of each version the number of differences in a word, by its code and, where it has one, the code
+in its first two bits."""
 
 
 def most_samples(frames: bytes, version: int, order: str = ">") -> int:
@@ -150,7 +158,8 @@ def most_samples(frames: bytes, version: int, order: str = ">") -> int:
     """
     whole = len(frames) // (4 * _WORDS) * _WORDS
     words = np.frombuffer(frames, f"{order}u4", whole).astype(np.uint32)
-    # The code of each word stands in the first one of its frame; that one, and the first and last sample, have none.
+    # The code of each word stands in the first one of its frame; that one, and the first and last
+    # sample, have none.
     codes = ((words[::_WORDS, None] >> np.arange(30, -2, -2, dtype=np.uint32)) & 3).astype(np.int64)
     codes[:, 0] = 0
     codes = codes.reshape(-1)
@@ -169,7 +178,8 @@ _YEARS = range(1900, 2101)
 _FILLED = re.compile(rb"[^ \0]")
 _TEXT, _STEIM = 0, {10: 1, 11: 2, 19: 1, 20: 2}
 _WIDTHS = {1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 12: 3, 13: 2, 14: 2, 16: 2, 30: 2, 32: 2, 33: 2}
-"""Bytes of a sample by the code of the encoding (SEED manual, blockette 1000), where all have the same."""
+"""Bytes of a sample by the code of the encoding (SEED manual, blockette 1000), where all have the
+same."""
 
 _HEADER = "6scc5s2s3s2sHHBBBxHHhhBBBBiHH"
 _ACTUAL_RATE, _DATA_ONLY = 100, 1000
@@ -177,8 +187,8 @@ _MISSPELT = 3
 """Letters in which two names may differ to be taken for the same one, damaged."""
 
 _SLIP, _JOINED = 0.1 * (1.0 - 1e-6), 0.5
-"""Parts of a sampling interval: from the first one on a break between two records is told, up to the second one
-libmseed joins them."""
+"""Parts of a sampling interval: from the first one on a break between two records is told, up to
+the second one libmseed joins them."""
 
 _TICK = 1.01e-4
 """Headers have times in steps of 0.1 ms, s: of two that are rounded no smaller break is known."""
@@ -206,7 +216,8 @@ class DataRecord:
     start : float
         Seconds from the beginning of the year.
     rest : int
-        Bytes after the samples, where these have a fixed width, up to the last one that is not zero.
+        Bytes after the samples, where these have a fixed width, up to the last one that is not
+        zero.
     """
 
     number: int
@@ -243,7 +254,8 @@ def look_at_mseed(data: bytes) -> list[DataRecord]:
         encodings = {record.encoding for record in members}
         if len(encodings) > 1:
             raise Damaged(f"the records of {name} have different encodings, {sorted(encodings)}")
-    # No channel goes on, to the sample, where another one ends whose name differs in a few letters: one is misspelt.
+    # No channel goes on, to the sample, where another one ends whose name differs in a few letters:
+    # one is misspelt.
     for name, members in channels.items():
         for other, others in channels.items():
             before, after = members[-1], others[0]
@@ -263,8 +275,8 @@ def look_at_mseed(data: bytes) -> list[DataRecord]:
 
 
 def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[Statement]:
-    """The counts of all headers of a channel against the samples that were read of it. It is told where records that
-    libmseed joins do not follow one another by a sampling interval."""
+    """The counts of all headers of a channel against the samples that were read of it. It is told
+    where records that libmseed joins do not follow one another by a sampling interval."""
     stated: Counter[str] = Counter()
     for record in records:
         if record.encoding != _TEXT and record.rate:
@@ -272,8 +284,8 @@ def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[State
     for record in {record.id: record for record in records if record.samples}.values():
         if record.rest:  # Of an earlier record a gap would tell.
             warnings.warn(
-                f"after the {record.samples} samples that the last record of {record.id} states, {record.rest} bytes "
-                "follow in it that are not zero: are samples missing?",
+                f"after the {record.samples} samples that the last record of {record.id} states, "
+                f"{record.rest} bytes follow in it that are not zero: are samples missing?",
                 stacklevel=2,
             )
     for name in stated:
@@ -291,8 +303,9 @@ def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[State
         if slips:
             worst, number = max(slips, key=lambda slip: abs(slip[0]))
             warnings.warn(
-                f"{how_many(len(slips), 'break')} between the records of {name}, the largest {1e3 * worst:+.3g} ms "
-                f"before record {number}: less than half a sampling interval each, joined without them",
+                f"{how_many(len(slips), 'break')} between the records of {name}, the largest "
+                f"{1e3 * worst:+.3g} ms before record {number}: less than half a sampling interval "
+                "each, joined without them",
                 stacklevel=2,
             )
     counts: Counter[str] = Counter()
@@ -337,7 +350,8 @@ def _walk(data: bytes) -> Iterator[DataRecord]:
 
 
 def _control_length(data: bytes) -> int | None:
-    """Length of a full SEED volume's records, bytes: by its first blockette, else to the next header."""
+    """Length of a full SEED volume's records, bytes: by its first blockette, else to the next
+    header."""
     if data[8:11] in (b"005", b"008", b"010") and data[19:21].isdigit():
         exponent = int(data[19:21])
         return 2**exponent if exponent in _LENGTH_EXPONENTS else None
@@ -379,7 +393,8 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
         raise Damaged(f"{where}: its header states {blockettes} blockettes, there are {len(chain)}")
     if _DATA_ONLY not in chain:
         raise RecordError(
-            f"{where} has no blockette 1000, which tells its length and encoding; nothing in it can be checked"
+            f"{where} has no blockette 1000, which tells its length and encoding; nothing in it "
+            "can be checked"
         )
     place = chain[_DATA_ONLY]
     encoding, big, exponent = data[place + 4 : place + 7]
@@ -388,7 +403,8 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
     if samples and encoding != _TEXT and (order == ">") != (big == 1):
         raise Damaged(f"{where}: its header and its blockette 1000 have different byte orders")
 
-    # Samples per second: either of the two numbers divides where it is negative (SEED manual, fields 10 and 11).
+    # Samples per second: either of the two numbers divides where it is negative (SEED manual,
+    # fields 10 and 11).
     rate = 0.0
     if factor and multiplier:
         rate = float(factor) if factor > 0 else -1.0 / factor
@@ -408,7 +424,8 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
         raise Damaged(f"its last record has {len(data) - offset} of {record.length} bytes")
     if inner := _inner_record(data, record, offset):
         raise Damaged(
-            f"{where}: its header states {record.length} bytes, but another record begins after {inner}"
+            f"{where}: its header states {record.length} bytes, but another record begins after "
+            f"{inner}"
         )
     ends = max(chain.values()) - offset + 8
     content = data[offset : offset + record.length]
@@ -446,14 +463,15 @@ def _check_room(record: DataRecord, content: bytes, headers_end: int, big: bool)
     where = f"record {record.number}"
     if not headers_end <= record.data < record.length:
         raise Damaged(
-            f"{where}: its header places the data at byte {record.data}; its blockettes end at {headers_end}, "
-            f"and the record at {record.length}"
+            f"{where}: its header places the data at byte {record.data}; its blockettes end at "
+            f"{headers_end}, and the record at {record.length}"
         )
     room = record.length - record.data
     if record.encoding in _STEIM:
         if record.data % 64:
             raise Damaged(
-                f"{where}: its header places compressed data at byte {record.data}, no multiple of 64"
+                f"{where}: its header places compressed data at byte {record.data}, no multiple of "
+                "64"
             )
         most = most_samples(content[record.data :], _STEIM[record.encoding], ">" if big else "<")
     elif record.encoding in _WIDTHS:

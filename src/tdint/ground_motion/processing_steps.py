@@ -1,10 +1,11 @@
-"""Changes to a record, made only when asked for (`tdint.ground_motion.processing`), each told in its notes."""
+"""Changes to a record, made only when asked for (`tdint.ground_motion.processing`), each told in
+its notes."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from functools import lru_cache
 from operator import attrgetter
@@ -12,25 +13,25 @@ from operator import attrgetter
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.choice import CORNERS, Processing
 from tdint.ground_motion.record import Record
 
 # ---- A ground motion between its samples: straight lines, or the band-limited motion
 #
-# The response of an oscillator is computed for straight lines. The band-limited motion, which has no frequency
-# above half the sampling rate (Shannon 1949) and is zero at the samples before and after the record, is
-# therefore given by points so close that lines between them will do. Lines through the points of a motion weaken
-# its frequency f by sinc(f h)^2, where h is the distance of the points; the points are raised by as much, so
-# that up to half the sampling rate the lines hold the motion itself. What remains are its images around 1/h,
-# 2/h, ...: weaker than a thousandth, far above the frequencies of the oscillators. Measured against a windowed
-# sum of sines up to 0.8 of that rate, whose response is known in closed form: all largest values within 1e-5
-# from T = dt / 2 on, most of them within 1e-6 (tests/analysis/spectra/test_band_limited.py).
+# The response of an oscillator is computed for straight lines. The band-limited motion, which has
+# no frequency above half the sampling rate (Shannon 1949) and is zero at the samples before and
+# after the record, is therefore given by points so close that lines between them will do. Lines
+# through the points of a motion weaken its frequency f by sinc(f h)^2, where h is the distance of
+# the points; the points are raised by as much, so that up to half the sampling rate the lines hold
+# the motion itself. What remains are its images around 1/h, 2/h, ...: weaker than a thousandth, far
+# above the frequencies of the oscillators. Measured against a windowed sum of sines up to 0.8 of
+# that rate, whose response is known in closed form: all largest values within 1e-5 from T = dt / 2
+# on, most of them within 1e-6 (tests/analysis/spectra/test_band_limited.py).
 #
-# Another sampling interval for such a motion: interpolation by sinc functions under a Kaiser window. Where the
-# new interval is longer, the sinc is stretched so that what lies above the new Nyquist frequency is gone
-# (Crochiere and Rabiner, 1983; Kaiser 1974 for the window).
+# Another sampling interval for such a motion: interpolation by sinc functions under a Kaiser
+# window. Where the new interval is longer, the sinc is stretched so that what lies above the new
+# Nyquist frequency is gone (Crochiere and Rabiner, 1983; Kaiser 1974 for the window).
 
 _POINTS = 16
 """Points per sampling interval, and per period of the stiffest oscillator."""
@@ -45,8 +46,8 @@ class Interpolation:
     name : str
         Its name on the command line and in tables.
     resample : callable
-        Samples (m/s^2, shape (points,)) and their interval (s), between which straight lines stand for the motion, from
-        the record and the shortest period (s) of the oscillators.
+        Samples (m/s^2, shape (points,)) and their interval (s), between which straight lines stand
+        for the motion, from the record and the shortest period (s) of the oscillators.
     peak : callable
         Peak ground acceleration (m/s^2) of a record.
     words : str
@@ -119,7 +120,8 @@ _ATTENUATION = 100.0
 """Of what is to go, dB."""
 
 _TRANSITION = 0.2
-"""Width of the band between what stays and what goes, over the lower one of the two Nyquist frequencies."""
+"""Width of the band between what stays and what goes, over the lower one of the two Nyquist
+frequencies."""
 
 _BETA = 0.1102 * (_ATTENUATION - 8.7)
 _AT_ONCE = 2**20  # numbers, 8 MB
@@ -138,8 +140,8 @@ def resampled(samples: Array, dt: float, new: float) -> tuple[Array, float]:
     Returns
     -------
     samples : ndarray, shape (m,)
-        As many as there are up to the last old sample. Old samples are kept where the new ones meet them, if the new
-        interval is the shorter one.
+        As many as there are up to the last old sample. Old samples are kept where the new ones meet
+        them, if the new interval is the shorter one.
     band : float
         Frequency, Hz, up to which amplitudes are kept to 2e-5.
     """
@@ -169,8 +171,8 @@ def resampled(samples: Array, dt: float, new: float) -> tuple[Array, float]:
 # ---- Processing steps
 
 _NARROWEST = 1e-5
-"""Least distance of a filter's corner from zero and from the Nyquist frequency, over the sampling rate: closer,
-rounding and the time to settle get out of hand."""
+"""Least distance of a filter's corner from zero and from the Nyquist frequency, over the sampling
+rate: closer, rounding and the time to settle get out of hand."""
 
 _SETTLED = 1e-13  # what is left of the filter's own motion
 _ROUNDING = 1e-6  # of a sample: times are written with six digits or more
@@ -264,19 +266,22 @@ def _done(
 
 
 def trim(record: Record, start: float | None, end: float | None) -> Record:
-    """The samples from `start` to `end`, s from the first one, both included; None is an end of the record."""
+    """The samples from `start` to `end`, s from the first one, both included; None is an end of the
+    record."""
     start = start or 0.0
     end = record.duration if end is None else end
     if end > record.duration + _ROUNDING * record.dt or start >= record.duration:
         raise RecordError(
-            f"{_label(record)}: trim {start:g}:{end:g} s leaves the record, which ends at {record.duration:.6g} s"
+            f"{_label(record)}: trim {start:g}:{end:g} s leaves the record, which ends at "
+            f"{record.duration:.6g} s"
         )
     # Ends between samples are taken inwards: nothing is made up.
     first = math.ceil(start / record.dt - _ROUNDING)
     last = math.floor(end / record.dt + _ROUNDING)
     if last <= first:
         raise RecordError(
-            f"{_label(record)}: trim {start:g}:{end:g} s leaves fewer than two samples, which are {record.dt:g} s apart"
+            f"{_label(record)}: trim {start:g}:{end:g} s leaves fewer than two samples, which are "
+            f"{record.dt:g} s apart"
         )
     note = f"trimmed to the part from {first * record.dt:.6g} to {last * record.dt:.6g} s"
     return _done(record, record.acceleration[first : last + 1], note, later=first * record.dt)
@@ -310,7 +315,8 @@ def pad(record: Record, *seconds: float) -> Record:
 
 
 def butterworth(record: Record, kind: str, corner: float, corners: int) -> Record:
-    """A Butterworth filter of order `corners` run forwards and, from where it has settled after the end, backwards.
+    """A Butterworth filter of order `corners` run forwards and, from where it has settled after the
+    end, backwards.
 
     The motion is zero outside its samples. `kind` is highpass or lowpass, `corner` in Hz.
     """
@@ -329,7 +335,8 @@ def zero_phase(
     *,
     held: bool = False,
 ) -> Array:
-    """The samples (along the first axis, dt seconds apart) after the filter of `butterworth`; `label` names them.
+    """The samples (along the first axis, dt seconds apart) after the filter of `butterworth`;
+    `label` names them.
 
     Before and after them is rest, or with `held` their last value after them.
 
@@ -370,7 +377,8 @@ def resample(record: Record, dt: float) -> Record:
         return record
     if record.duration / dt > MOST_SAMPLES:
         raise RecordError(
-            f"{_label(record)}: resampled at {dt:g} s it would have more than {MOST_SAMPLES} samples"
+            f"{_label(record)}: resampled at {dt:g} s it would have more than {MOST_SAMPLES} "
+            "samples"
         )
     if dt > record.duration:
         raise RecordError(

@@ -1,14 +1,15 @@
-"""Artificial ground motions in closed form: for teaching, and for a first run of a building that has no record yet."""
+"""Artificial ground motions in closed form: for teaching, and for a first run of a building that
+has no record yet."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.units import ACCELERATION, parse_with_unit
 from tdint.written_numbers import parse_named, parse_positive
@@ -22,8 +23,8 @@ _MOST_TURNS = 100_000  # cycles, 10^7 samples: a mistaken unit, not a motion
 class VelocityPulse:
     """A pulse of the ground's velocity as close to a fault: a cosine under a longer one.
 
-    v(t) = V/2 (1 + cos(omega (t - t0) / gamma)) cos(omega (t - t0) + phase) for |t - t0| <= gamma pi / omega, 0 beyond
-    (Mavroeidis and Papageorgiou 2003, eq. 4).
+    v(t) = V/2 (1 + cos(omega (t - t0) / gamma)) cos(omega (t - t0) + phase) for |t - t0| <= gamma
+    pi / omega, 0 beyond (Mavroeidis and Papageorgiou 2003, eq. 4).
 
     Attributes
     ----------
@@ -65,7 +66,8 @@ class VelocityPulse:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A sine whose frequency goes on a straight line from `first` to `last` (Hz) over `duration` (s), `pga` m/s^2."""
+    """A sine whose frequency goes on a straight line from `first` to `last` (Hz) over `duration`
+    (s), `pga` m/s^2."""
 
     first: float
     last: float
@@ -95,7 +97,8 @@ _PARAMETERS: dict[str, dict[str, bool]] = {
 
 
 def parse_motion(text: str) -> Artificial:
-    """Understand `sine:frequency=1.5,duration=20,pga=0.1g`, a sweep or a pulse (`EXAMPLES`): Hz, s, m/s.
+    """Understand `sine:frequency=1.5,duration=20,pga=0.1g`, a sweep or a pulse (`EXAMPLES`): Hz, s,
+    m/s.
 
     Raises
     ------
@@ -122,7 +125,8 @@ def parse_motion(text: str) -> Artificial:
 
 
 def motion_text(motion: Artificial, *, unit: str) -> str:
-    """A motion, and rest after it, as a text that tdint reads as a record: its step and its unit, a sample a line."""
+    """A motion, and rest after it, as a text that tdint reads as a record: its step and its unit, a
+    sample a line."""
     fastest = max(motion.first, motion.last) if isinstance(motion, Sweep) else 1.0 / motion.period
     dt = min(_DT, round(1.0 / (_SAMPLES_PER_CYCLE * fastest), 4) or 1e-4)
     duration = max(motion.duration + _REST, _SHORTEST)
@@ -130,7 +134,10 @@ def motion_text(motion: Artificial, *, unit: str) -> str:
     samples = motion.acceleration(times) / ACCELERATION[unit]
     if isinstance(motion, Sweep):
         last = "" if motion.first == motion.last else f" to {motion.last:g}"
-        words = f"a sine of {motion.first:g}{last} Hz and {motion.pga:.6g} m/s^2 over {motion.duration:g} s"
+        words = (
+            f"a sine of {motion.first:g}{last} Hz and {motion.pga:.6g} m/s^2 over "
+            f"{motion.duration:g} s"
+        )
     else:
         words = (
             f"a velocity pulse of {motion.velocity:g} m/s and {motion.period:g} s\n"

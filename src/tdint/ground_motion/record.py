@@ -7,13 +7,12 @@ import io
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.data import dataclass
 from tdint.errors import OutputError, RecordError, UsageError
 from tdint.tabular import Tabular
 from tdint.units import STANDARD_GRAVITY
@@ -22,18 +21,21 @@ from tdint.written_numbers import how_many
 
 @dataclass(frozen=True)
 class Input:
-    """A file that a result depends on, as the user named it, and the SHA-256 of the bytes that were read from it."""
+    """A file that a result depends on, as the user named it, and the SHA-256 of the bytes that were
+    read from it."""
 
     file: str
     sha256: str
 
 
 _USUAL = (1e-4, 5.0)
-"""Peak accelerations of grounds and floors, g: below nobody feels it, above it is twice the largest ever recorded."""
+"""Peak accelerations of grounds and floors, g: below nobody feels it, above it is twice the largest
+ever recorded."""
 
 
 def doubt_of_peak(peak: float, name: str = "peak ground acceleration") -> tuple[str, ...]:
-    """What is to be said of a peak acceleration, m/s^2, that a wrong unit would explain; nothing of a usual one."""
+    """What is to be said of a peak acceleration, m/s^2, that a wrong unit would explain; nothing of
+    a usual one."""
     low, high = _USUAL
     if not 0.0 < peak < math.inf or low <= peak / STANDARD_GRAVITY <= high:
         return ()
@@ -48,7 +50,8 @@ class Record(Tabular):
     Raises
     ------
     RecordError
-        The acceleration is no row of at least two finite real numbers, or the sampling interval is not positive.
+        The acceleration is no row of at least two finite real numbers, or the sampling interval is
+        not positive.
 
     Attributes
     ----------
@@ -69,10 +72,11 @@ class Record(Tabular):
     units : str
         Units of the file's samples; empty for a record that comes from no file.
     units_from : str
-        How they are known: `format` (all its files have them), `file`, `given` (by the user), `assumed`, or
-        `inventory` (counts whose instrument's response was removed).
+        How they are known: `format` (all its files have them), `file`, `given` (by the user),
+        `assumed`, or `inventory` (counts whose instrument's response was removed).
     quantity : str
-        What the file's samples are: `acceleration`, or the `velocity` or `displacement` that was differentiated.
+        What the file's samples are: `acceleration`, or the `velocity` or `displacement` that was
+        differentiated.
     warnings : tuple of str
         What the reader assumed that changes what the numbers mean: a person must see it.
     inputs : tuple of Input
@@ -80,11 +84,11 @@ class Record(Tabular):
     processing : tuple of str
         What was done to it on request, one sentence a step; they stand among the notes, too.
     peaks : tuple of two floats or None
-        Peak velocity (m/s) and displacement (m) that the file itself has beside the acceleration; None where it has
-        none, or the record was processed since.
+        Peak velocity (m/s) and displacement (m) that the file itself has beside the acceleration;
+        None where it has none, or the record was processed since.
     compared : tuple of str
-        What its file states of itself (number of samples, peak, checksum) and was compared with the samples; empty if
-        the file states nothing.
+        What its file states of itself (number of samples, peak, checksum) and was compared with the
+        samples; empty if the file states nothing.
     scale : float
         What the acceleration has been multiplied by since it was read.
     """
@@ -107,7 +111,10 @@ class Record(Tabular):
     peaks: tuple[float | None, float | None] = (None, None)
 
     def _headline(self) -> str:
-        return f"{self.name}: {how_many(self.acceleration.size, 'sample')}, dt {self.dt:.6g} s, PGA {self.pga:.4g} m/s^2"
+        return (
+            f"{self.name}: {how_many(self.acceleration.size, 'sample')}, dt {self.dt:.6g} s, PGA "
+            f"{self.pga:.4g} m/s^2"
+        )
 
     def __post_init__(self) -> None:
         samples = _checked(self.acceleration, self.source)
@@ -118,7 +125,8 @@ class Record(Tabular):
             or not 0.0 < float(dt) < math.inf
         ):
             raise RecordError(
-                f"{self.source or 'record'}: the sampling interval must be a positive number, got {dt!r}"
+                f"{self.source or 'record'}: the sampling interval must be a positive number, got "
+                f"{dt!r}"
             )
         object.__setattr__(self, "dt", float(dt))
         if samples is self.acceleration or samples.base is not None:
@@ -165,7 +173,8 @@ class Record(Tabular):
 
 
 def masked_samples(samples: NDArray[Any]) -> int:
-    """How many samples are marked as missing. numpy's masks are not imported for an array that has none."""
+    """How many samples are marked as missing. numpy's masks are not imported for an array that has
+    none."""
     return 0 if type(samples) is np.ndarray else int(np.sum(np.ma.getmaskarray(samples)))
 
 
@@ -185,7 +194,8 @@ def _checked(acceleration: Any, source: str) -> NDArray[np.float64]:
         raise RecordError(f"{whose}: the acceleration must be real numbers, got {given.dtype.name}")
     if given.ndim != 1 or given.size < 2:
         raise RecordError(
-            f"{whose}: the acceleration must be a row of two samples at least, got shape {given.shape}"
+            f"{whose}: the acceleration must be a row of two samples at least, got shape "
+            f"{given.shape}"
         )
     samples = np.ascontiguousarray(given, dtype=np.float64)
     if not np.isfinite(samples).all():
@@ -197,8 +207,8 @@ def _checked(acceleration: Any, source: str) -> NDArray[np.float64]:
 
 
 def component_names(records: Sequence[Record]) -> list[str]:
-    """The component of each record; its full id where others of the same file have the same component, and of floors
-    that tdint exported their names, F04."""
+    """The component of each record; its full id where others of the same file have the same
+    component, and of floors that tdint exported their names, F04."""
     components = {(record.source, record.id, record.component) for record in records}
     count = Counter((source, component) for source, _, component in components)
     names = []
@@ -209,10 +219,12 @@ def component_names(records: Sequence[Record]) -> list[str]:
 
 
 IN_SI = "SI"
-"""Location code with which tdint exports motions, whose samples are in SI units: MiniSEED has no place for a unit."""
+"""Location code with which tdint exports motions, whose samples are in SI units: MiniSEED has no
+place for a unit."""
 
 UNITS_BY_LOCATION = {IN_SI: "m/s^2", "SV": "m/s", "SD": "m"}
-"""Units of what tdint exports: acceleration, and beside it under the same code velocity and displacement."""
+"""Units of what tdint exports: acceleration, and beside it under the same code velocity and
+displacement."""
 
 
 def station_of(id: str) -> str:
@@ -221,13 +233,15 @@ def station_of(id: str) -> str:
     return parts[1] if len(parts) == 4 else ""
 
 
-# ---- Records one after the other as one record: shocks of a sequence, with the ground at rest in between
+# ---- Records one after the other as one record: shocks of a sequence, with the ground at rest in
+# between
 
 _SAME = 1e-9  # sampling intervals that differ by less than this part are the same
 
 
 def at_one_interval(records: Sequence[Record]) -> list[Record]:
-    """The records at the shortest of their sampling intervals: linear between their samples, they stay as they are.
+    """The records at the shortest of their sampling intervals: linear between their samples, they
+    stay as they are.
 
     Raises
     ------
@@ -237,12 +251,13 @@ def at_one_interval(records: Sequence[Record]) -> list[Record]:
     shortest = min(record.dt for record in records)
     refined = []
     for record in records:
-        # Only whole multiples keep each sample, and with straight lines in between the motion itself.
+        # Only whole multiples keep each sample, and with straight lines in between the motion
+        # itself.
         whole = round(record.dt / shortest)
         if abs(record.dt / shortest - whole) > _SAME * whole:
             raise UsageError(
-                f"{record.name}: its sampling interval, {record.dt:.6g} s, is no whole multiple of the shortest of the "
-                f"sequence, {shortest:.6g} s: change one with --resample"
+                f"{record.name}: its sampling interval, {record.dt:.6g} s, is no whole multiple of "
+                f"the shortest of the sequence, {shortest:.6g} s: change one with --resample"
             )
         samples = record.acceleration
         if whole > 1:
@@ -253,7 +268,8 @@ def at_one_interval(records: Sequence[Record]) -> list[Record]:
 
 
 def samples_of(rest: float, dt: float) -> int:
-    """How many samples after the last of a record the next one begins, for `rest` seconds in between; at least 1.
+    """How many samples after the last of a record the next one begins, for `rest` seconds in
+    between; at least 1.
 
     Raises
     ------
@@ -266,9 +282,11 @@ def samples_of(rest: float, dt: float) -> int:
 
 
 def one_after_another(records: Sequence[Record], starts: Sequence[int]) -> Record:
-    """The records, of one sampling interval, as one: each begins at its sample, and zero stands in between.
+    """The records, of one sampling interval, as one: each begins at its sample, and zero stands in
+    between.
 
-    What the records have in common is that of the whole; of what differs only the sources and components are told.
+    What the records have in common is that of the whole; of what differs only the sources and
+    components are told.
     """
     samples = np.zeros(starts[-1] + records[-1].acceleration.size)
     for record, start in zip(records, starts, strict=True):
@@ -296,9 +314,11 @@ def one_after_another(records: Sequence[Record], starts: Sequence[int]) -> Recor
 
 @dataclass(frozen=True, repr=False)
 class JoinedRecord(Record):
-    """Shocks of which each building makes a record of its own, for it rests between them as long as it moves.
+    """Shocks of which each building makes a record of its own, for it rests between them as long as
+    it moves.
 
-    As a record it is that of the shortest rest: what measures them all is taken of it, and nothing is run under it.
+    As a record it is that of the shortest rest: what measures them all is taken of it, and nothing
+    is run under it.
 
     Attributes
     ----------
@@ -307,8 +327,8 @@ class JoinedRecord(Record):
     rest : float or None
         Seconds between them; None: until the building is at rest.
     fixed : int
-        So many of the first shocks stay as they are where the record is scaled: what is asked is what those after them
-        do.
+        So many of the first shocks stay as they are where the record is scaled: what is asked is
+        what those after them do.
     """
 
     shocks: tuple[Record, ...] = ()
@@ -317,7 +337,8 @@ class JoinedRecord(Record):
 
     @classmethod
     def of(cls, records: Sequence[Record], rest: float | None, fixed: int = 0) -> Self:
-        """The shocks as they are to follow each other. Errors are those of `at_one_interval` and `samples_of`."""
+        """The shocks as they are to follow each other. Errors are those of `at_one_interval` and
+        `samples_of`."""
         shocks, starts = at_one_interval(records), [0]
         for shock in shocks[:-1]:
             starts.append(
@@ -340,13 +361,13 @@ class JoinedRecord(Record):
 # ---- Motions as MiniSEED, as other programs and tdint itself read them
 
 _SAME_INTERVAL = 1e-12
-"""Relative difference up to which MiniSEED keeps a sampling interval: it stores a rate as a ratio of two small whole
-numbers, or in single precision."""
+"""Relative difference up to which MiniSEED keeps a sampling interval: it stores a rate as a ratio
+of two small whole numbers, or in single precision."""
 
 
 def to_mseed(motions: Sequence[Record]) -> tuple[bytes, tuple[str, ...]]:
-    """Accelerations in m/s^2 as MiniSEED: FLOAT64, a channel of each record's id (NET.STA.LOC.CHA), its start if known;
-    and what there is to say of the file.
+    """Accelerations in m/s^2 as MiniSEED: FLOAT64, a channel of each record's id (NET.STA.LOC.CHA),
+    its start if known; and what there is to say of the file.
 
     Raises
     ------

@@ -1,14 +1,14 @@
-"""What one sensor recorded: samples of an acceleration, a velocity or a displacement, brought to other times."""
+"""What one sensor recorded: samples of an acceleration, a velocity or a displacement, brought to
+other times."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.ground_motion.choice import CORNERS
 from tdint.ground_motion.processing_steps import resampled, zero_phase
 from tdint.ground_motion.record import Input
@@ -71,8 +71,8 @@ class Signal:
 
 
 def without_offset(samples: Array, quantity: str) -> Array:
-    """Samples less what they are at rest: an acceleration its median; a displacement, which may remain when all is
-    over, the median of what it is before the shaking."""
+    """Samples less what they are at rest: an acceleration its median; a displacement, which may
+    remain when all is over, the median of what it is before the shaking."""
     if quantity != "displacement":
         return np.asarray(samples - np.median(samples))
     moved = np.cumsum(np.diff(samples) ** 2)
@@ -81,11 +81,12 @@ def without_offset(samples: Array, quantity: str) -> Array:
 
 
 def has_offset(acceleration: Array) -> bool:
-    """Whether samples tell an offset: they lie on one side of zero more often than chance lets them.
+    """Whether samples tell an offset: they lie on one side of zero more often than chance lets
+    them.
 
-    By the sign test: the mean of the signs is beyond three times its standard error, 1 / sqrt(stays), where a stay on
-    one side of the median is one draw. The median of a motion without an offset is not zero; who takes it off adds a
-    step to the ground, which the building answers.
+    By the sign test: the mean of the signs is beyond three times its standard error, 1 /
+    sqrt(stays), where a stay on one side of the median is one draw. The median of a motion without
+    an offset is not zero; who takes it off adds a step to the ground, which the building answers.
     """
     centered = acceleration - np.median(acceleration)
     stays = 1 + np.count_nonzero(np.diff(np.sign(centered)))
@@ -99,8 +100,8 @@ def in_band(
     label: str,
     quantity: str = "acceleration",
 ) -> Array:
-    """Samples (along the first axis) between two frequencies, Hz, by filters without shift of phase; as they are
-    without a band. A displacement stays where it ends.
+    """Samples (along the first axis) between two frequencies, Hz, by filters without shift of
+    phase; as they are without a band. A displacement stays where it ends.
 
     Raises
     ------
@@ -115,7 +116,8 @@ def in_band(
 
 
 def at_times(samples: Array, dt: float, first: float, interval: float, count: int) -> Array:
-    """The band-limited motion through samples dt (s) apart, at the times 0, interval, ..., (count - 1) interval.
+    """The band-limited motion through samples dt (s) apart, at the times 0, interval, ..., (count -
+    1) interval.
 
     Parameters
     ----------
@@ -132,7 +134,8 @@ def at_times(samples: Array, dt: float, first: float, interval: float, count: in
     whole = math.floor(first / interval + 0.5)
     rest = first / interval - whole
     if abs(rest) > _SAME * max(1, count):
-        # The band-limited motion a part of the sampling interval later; it is zero outside its samples.
+        # The band-limited motion a part of the sampling interval later; it is zero outside its
+        # samples.
         size = 2 * samples.size
         phase = np.exp(-2j * math.pi * rest * np.fft.rfftfreq(size))
         samples = np.fft.irfft(np.fft.rfft(samples, size) * phase, size)[: samples.size]

@@ -1,9 +1,11 @@
-"""A process that compiles kernels of one variant, one after the other: `python -P -m tdint.kernels.build`.
+"""A process that compiles kernels of one variant, one after the other: `python -P -m
+tdint.kernels.build`.
 
-A line of its standard input asks for one, as JSON: `["MODULE:KERNEL", FILE]`, where FILE is that of a module that
-cannot be found by its name, else null. Its objects, for the targets that TDINT_KERNELS_TARGETS names, go to standard
-output, each as `tdint.kernels.building.loading` packs it, behind a line that tells how many bytes follow. What two
-kernels have in common is compiled once. The process ends when its standard input does, so that none is left behind.
+A line of its standard input asks for one, as JSON: `["MODULE:KERNEL", FILE]`, where FILE is that of
+a module that cannot be found by its name, else null. Its objects, for the targets that
+TDINT_KERNELS_TARGETS names, go to standard output, each as `tdint.kernels.building.loading` packs
+it, behind a line that tells how many bytes follow. What two kernels have in common is compiled
+once. The process ends when its standard input does, so that none is left behind.
 """
 
 from __future__ import annotations
@@ -81,7 +83,8 @@ def _take_shortcuts() -> None:
         return resolved[key]
 
     setattr(BaseFunction, "get_call_type", resolve_once)  # noqa: B010 (a method, to mypy)
-    # The variables of an instruction: mostly told by a type, of which the usual ones are asked for first.
+    # The variables of an instruction: mostly told by a type, of which the usual ones are asked for
+    # first.
     others = ir.Inst._rec_list_vars
 
     def variables(self: Any, value: Any) -> list[Any]:
@@ -96,9 +99,9 @@ def _take_shortcuts() -> None:
         return of_others
 
     ir.Inst._rec_list_vars = variables
-    # Labels and names of variables are numbered in each function from one on, not through all: what was compiled before
-    # would show in the order of sets of names, and that in the code. Functions are numbered through, so that no two
-    # have a symbol in common.
+    # Labels and names of variables are numbered in each function from one on, not through all: what
+    # was compiled before would show in the order of sets of names, and that in the code. Functions
+    # are numbered through, so that no two have a symbol in common.
     number, labels, compile_one = (
         itertools.count(1),
         ir_utils._the_max_label,
@@ -140,7 +143,8 @@ def _module(name: str, file: str) -> Any:
 
 
 def _add_laws(variant: str) -> None:
-    """Put the laws of plug-ins that a variant names at their numbers, before what goes by the laws is imported."""
+    """Put the laws of plug-ins that a variant names at their numbers, before what goes by the laws
+    is imported."""
     from tdint.kernels.building.compilable import parse
     from tdint.kernels.building.sources import OUTSIDE
     from tdint.kernels.laws import LAWS, linear

@@ -1,8 +1,9 @@
 """The decorators of kernels.
 
-A kernel has one explicit signature. In the process of a user the decorated functions stay plain Python, and a kernel is
-loaded from an object file when it is first called (`tdint.kernels.building`). If there is none a process of its own
-compiles it: there the same decorators are those of numba, and what a variant does without is left out.
+A kernel has one explicit signature. In the process of a user the decorated functions stay plain
+Python, and a kernel is loaded from an object file when it is first called
+(`tdint.kernels.building`). If there is none a process of its own compiles it: there the same
+decorators are those of numba, and what a variant does without is left out.
 """
 
 from __future__ import annotations
@@ -49,7 +50,8 @@ COMPILES = os.environ.get("TDINT_KERNELS") == "compile"
 """Whether this process compiles kernels, as `tdint.kernels.building.process` starts it."""
 
 VARIANT = parse(os.environ["TDINT_KERNELS_VARIANT"]) if COMPILES else EVERYTHING
-"""What this process compiles for; everything in other processes, for there kernels are chosen at run time."""
+"""What this process compiles for; everything in other processes, for there kernels are chosen at
+run time."""
 
 _LAWS_AND_LOADS = ("laws", "modal", "forces", "dashpots")
 
@@ -82,9 +84,10 @@ def kernel(
 ) -> Callable[[Callable[..., Any]], Kernel]:
     """Make a `Kernel` of a function.
 
-    A loop over stories is short, and before each that could be vectorized compiled code would ask whether its rows
-    overlap: that costs a building of three stories a third of its time and one of ten up to a seventh; one of 300 would
-    gain a fifth. Loops over many oscillators gain more than half.
+    A loop over stories is short, and before each that could be vectorized compiled code would ask
+    whether its rows overlap: that costs a building of three stories a third of its time and one of
+    ten up to a seventh; one of 300 would gain a fifth. Loops over many oscillators gain more than
+    half.
     """
     return lambda function: Kernel(function, signature, parts, vectorized)
 
@@ -106,7 +109,8 @@ else:
         return function
 
     def called(function: Callable[..., Any]) -> Any:
-        """Mark a function that kernels call now and then: compiled once and called, it keeps compiling short."""
+        """Mark a function that kernels call now and then: compiled once and called, it keeps
+        compiling short."""
         return function
 
     def specialized(function: Callable[..., Any]) -> Any:
@@ -118,7 +122,8 @@ else:
         return lambda kernel, *arguments: kernel(*arguments)
 
     def local(size: int) -> Any:
-        """An array of a kernel's own, not filled, that lasts as long as its call; not to be made in a loop."""
+        """An array of a kernel's own, not filled, that lasts as long as its call; not to be made in
+        a loop."""
         return np.empty(size)
 
     def local_table(rows: int, columns: int) -> Any:

@@ -1,7 +1,7 @@
 """Rows of the tables that kernels work on, and how rows of scratch follow each other.
 
-Every table has one column per story (and the floor above it), counted from the ground, and one more that stays zero:
-the free end of the chain, so that a loop may look one story up without asking.
+Every table has one column per story (and the floor above it), counted from the ground, and one more
+that stays zero: the free end of the chain, so that a loop may look one story up without asking.
 """
 
 from __future__ import annotations
@@ -66,7 +66,9 @@ HIGH_FORCE = 9
 LOW_DRIFT = 10
 LOW_FORCE = 11
 WORK = 12  # done on the story so far, J
-BORROWED = 13  # rows from a trial block to the one that has its branch (INTERNAL, SLOPE to LOW_FORCE, more); 0: its own
+# rows from a trial block to the one that has its branch (INTERNAL, SLOPE to LOW_FORCE, more); 0:
+# its own
+BORROWED = 13
 SPRING_ROWS = 14
 COMMITTED = 0
 FIRST_TRIAL = SPRING_ROWS
@@ -122,12 +124,12 @@ SINE = 2
 OMEGA = 3
 FORCE_COLUMNS = 4
 
-# history: per stored time the ground acceleration, then for all floors displacement, velocity, absolute acceleration,
-# and for all stories the shear, then the energies
+# history: per stored time the ground acceleration, then for all floors displacement, velocity,
+# absolute acceleration, and for all stories the shear, then the energies
 HISTORY_FIELDS = 4
 
-# totals: numbers of the whole run, the energies first: so many, and a history has them at each stored time. Those at
-# the end of the run, J
+# totals: numbers of the whole run, the energies first: so many, and a history has them at each
+# stored time. Those at the end of the run, J
 ENERGY_INPUT = 0  # work of the load on the motion relative to the ground
 ENERGY_KINETIC = 1  # of the motion relative to the ground
 ENERGY_DAMPED = 2  # work of viscous damping, without dashpots
@@ -197,8 +199,10 @@ CARRIED_GROUND = (
 )
 STEPS_DONE = 1  # since the start, or since a step that was halved
 FACTORED_STEP = 2  # the step size of the factorization in work, 0 for none
-WITHIN = 3  # row of work from which on the step has raised its own peaks between its ends; 0 if it has not
-OWN_PEAKS = 4  # row of work from which on the step keeps peaks of the run beside those it has raised; 0 for none
+# row of work from which on the step has raised its own peaks between its ends; 0 if it has not
+WITHIN = 3
+# row of work from which on the step keeps peaks of the run beside those it has raised; 0 for none
+OWN_PEAKS = 4
 WORK_INPUT = 5  # of the load in the last step, J
 WORK_DAMPED = 6  # of the viscous dampers in the last step, J
 WORST_STORY = 7  # where the equations are farthest from balance, if they are

@@ -32,8 +32,8 @@ def force_rate(forces, j, t):
 def force_impulse(forces, j, t, h):
     """Exact impulse of floor force `j` over [t, t + h], N s.
 
-    The integral of cos over the step is h sinc(omega h / 2) times cos at mid-step, and likewise for sin: no
-    cancellation.
+    The integral of cos over the step is h sinc(omega h / 2) times cos at mid-step, and likewise for
+    sin: no cancellation.
     """
     half = 0.5 * forces[j, at.OMEGA] * h
     sinc = math.sin(half) / half if half > 1e-4 else 1.0 - half * half / 6.0
@@ -44,7 +44,8 @@ def force_impulse(forces, j, t, h):
 def force_moment(forces, j, t, h):
     """Twelve times the mean of s times floor force `j` over [t, t + h], s in [-1/2, 1/2], exact, N.
 
-    With the rate R at mid-step the part of the force that is odd there is R h / (2 x) sin(2 x s), x = omega h / 2.
+    With the rate R at mid-step the part of the force that is odd there is R h / (2 x) sin(2 x s), x
+    = omega h / 2.
     """
     x = 0.5 * forces[j, at.OMEGA] * h
     if abs(x) > 0.1:
@@ -71,8 +72,8 @@ def _add_forces(forces, t, work, row):
 
 @inlined
 def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, work, row):
-    """Exact impulse of the load over [t, t + h] into a row of work, N s; the ground acceleration is linear in
-    between."""
+    """Exact impulse of the load over [t, t + h] into a row of work, N s; the ground acceleration is
+    linear in between."""
     for i in range(linear_terms.shape[1] - 1):
         work[row, i] = -0.5 * h * linear_terms[at.MASS, i] * (ground_0 + ground_1)
     if FORCES and forces.shape[0] > 0:
@@ -87,11 +88,12 @@ def _add_impulses(forces, t, h, work, row):
 
 @inlined
 def mean_load(linear_terms, forces, load, h, r, work, row):
-    """Mean of the load over a step into a row of work, and its first moment, twelve times the mean of the load
-    times s in [-1/2, 1/2], into the next, N; the ground acceleration is linear.
+    """Mean of the load over a step into a row of work, and its first moment, twelve times the mean
+    of the load times s in [-1/2, 1/2], into the next, N; the ground acceleration is linear.
 
-    With r > 0 the moment of a floor force is the one that makes a part so stiff that it has no mass follow the force
-    at the ends of the steps: p1 - p0 + 12 r ((p0 + p1) / 2 - mean), the first moment where the force is linear.
+    With r > 0 the moment of a floor force is the one that makes a part so stiff that it has no mass
+    follow the force at the ends of the steps: p1 - p0 + 12 r ((p0 + p1) / 2 - mean), the first
+    moment where the force is linear.
     """
     for i in range(linear_terms.shape[1] - 1):
         work[row, i] = -0.5 * linear_terms[at.MASS, i] * (load[at.GROUND_0] + load[at.GROUND_1])
@@ -116,7 +118,8 @@ def _add_means(forces, t, h, r, work, row):
 
 @inlined
 def add_modal_force(modal, table, x, factor, work, row, n):
-    """Add factor * C_modal * x to a row of work, with C_modal = W^T W; row `x` of `table` is the velocity."""
+    """Add factor * C_modal * x to a row of work, with C_modal = W^T W; row `x` of `table` is the
+    velocity."""
     if MODAL and modal.shape[0] > 0:
         _add_modal_force(modal, table, x, factor, work, row, n)
 
@@ -151,9 +154,11 @@ def _power_damper(linear_terms, i, rate):
 
 @inlined
 def internal_forces(linear_terms, modal, springs, block, work, velocity, row, sums):
-    """C v + f(u) of every floor into row `row` of work, N; story forces from the spring states in `block`.
+    """C v + f(u) of every floor into row `row` of work, N; story forces from the spring states in
+    `block`.
 
-    Row `velocity` of work is the velocity; its row `sums` receives the force of each story, column and damper.
+    Row `velocity` of work is the velocity; its row `sums` receives the force of each story, column
+    and damper.
     """
     n = linear_terms.shape[1] - 1
     below = 0.0

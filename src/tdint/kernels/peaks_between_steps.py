@@ -1,22 +1,66 @@
-"""Peaks within a step, or within the piece of one between two changes of branch.
+"""Peak responses between the endpoints of a time step or substep.
 
-Between both ends a floor moves on the quintic that has its displacement, velocity and acceleration there; drifts are
-differences of such. It errs by (omega h)^4 / 1900 of an acceleration with the frequency omega, and by what a step's
-displacements miss over h^2: with a method of order 2 that is of the size of what the acceleration changes by in a step.
-Beside the straight line between its ends an acceleration has a bulge, which the velocities tell, and a tilt of it,
-which needs the displacements. Where the tilt is no larger, the bulge lies on one side of that line, and is taken; where
-it is far larger, with methods of order 2 as a rule, displacements do not tell, and the acceleration is largest at an
-end. In between a part of both is taken, so that no peak jumps.
+A substep is the part of a step between two located branch changes of the hysteretic laws. This
+module searches its interior for the maximum absolute value of displacements, story drifts,
+velocities, drift rates, absolute accelerations and total shears. The caller records the values at
+the endpoints.
 
-It is looked at closely only where a peak could be passed. The observer asks that of all floors without a branch
-(`may_pass`, `may_bulge`); of most steps that is all there is to do. Else the displacement (or drift) is looked at where
-its rate changes sign, the velocity where the acceleration does, the absolute acceleration where it is at least half its
-peak.
+Interpolant
+-----------
+With s = (t - t0) / h in [0, 1], the displacement u(s) of a floor is approximated by the quintic
+with displacement, velocity and acceleration (u0, v0, a0) at s = 0 and (u1, v1, a1) at s = 1. A
+story drift is the difference of two such quintics. The acceleration of the quintic is
 
-Where both accelerations do not tell about what the velocities changed by, or, with modes that the step does not follow,
-the rates at the ends of two steps do not lie about on a line, the floor moves otherwise than the interpolant: then
-nothing is told, and what the peak might be goes to the rows of doubt. A method whose displacements follow parabolas
-tells by these what they do there.
+    a(s) = a0 + (a1 - a0) s + s (1 - s) (B + D (1 - 2 s))
+    B = 6 (v1 - v0) / h - 3 (a0 + a1)                                     bulge
+    D = 60 ((u1 - u0) / h - (v0 + v1) / 2) / h + 5 (a1 - a0)              tilt
+
+B and D are the symmetric and antisymmetric deviations from the straight line between a0 and a1.
+For a harmonic response of circular frequency omega, the maximum error of a(s) is
+(omega h)^4 / 1920 of the acceleration amplitude.
+
+Accelerations
+-------------
+The tilt depends on displacements, divided by h^2. A displacement error d of the time-integration
+method in one step changes a(s) by up to 5.8 d / h^2. For second-order methods this change is of the
+size of a1 - a0, so the tilt is not reliable. The weight of B and D therefore depends on |D / B|:
+
+    |D| <= |B|              B and D are used fully: a(s) stays on one side of the straight line
+    |B| < |D| < 2 |B|       both are multiplied by 2 - |D / B|, so that peaks change continuously
+    |D| >= 2 |B|            both are ignored: the maximum is the larger endpoint value
+
+Search criteria
+---------------
+Only steps that may exceed a recorded peak are searched. The observer
+(`tdint.kernels.march.observing`) checks this for all floors by `may_exceed_peaks` and
+`may_exceed_acceleration_peak`, which contain no branches. The interior is then searched if
+
+    displacement, drift       the velocity or drift rate changes its sign
+    velocity, drift rate      the acceleration changes its sign
+    absolute acceleration,    an endpoint value exceeds half the recorded peak
+    total shear
+
+Unresolved motion
+-----------------
+An interior maximum is unreliable in three cases:
+
+1. Displacement, drift: |v1 - v0 - h (a0 + a1) / 2| is large compared with the velocities, so the
+   endpoint accelerations do not explain the change of velocity.
+2. Velocity, drift rate, acceleration, shear: the interior Bezier points of the acceleration deviate
+   from the straight line by more than the sum of the absolute endpoint values.
+3. All quantities: the building has modes that the time step does not resolve, and the values at the
+   endpoints of two successive steps are far from a straight line.
+
+The maximum is then recorded as a possible peak, PEAK_ROWS rows after the row of the peak
+(`tdint.kernels.layout`). For displacements and drifts, it is the maximum of the cubic Hermite
+interpolant of u0, v0, u1 and v1. If the method itself defines a parabola for the displacements
+within a step, the extremum of that parabola is recorded as a regular peak instead.
+
+References
+----------
+Farin, G. (2002). Curves and Surfaces for CAGD, 5th ed.: convex hull property. On [0, 1] a
+polynomial does not exceed its Bezier points, which are used as bounds before the extremum is
+computed.
 """
 
 from __future__ import annotations
@@ -28,373 +72,630 @@ from tdint.kernels.compiling import called, inlined
 from tdint.kernels.linear_terms import DASHPOTS, FORCES, force_value
 from tdint.kernels.stepping import Ends
 
-_RESOLVED = 0.5  # what a change of velocity may miss the mean acceleration by, over the velocities
-_SMOOTH = 1.0  # what an acceleration inside may miss the straight line by, over those at the ends
-_NOTHING = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-_UNLOADED = (0.0, 0.0, 0.0, 0.0)  # no forces on floors: of `_loaded`
-_FADED = 2.0  # tilt over bulge from which neither is taken; up to 1 all of both is
-_SWING = (
-    0.5  # of h times the rates at both ends: what a parabola may go beyond the value at its end
-)
+# Dimensionless. Maximum of |v1 - v0 - h (a0 + a1) / 2| / (|v0| + |v1|): above this ratio the
+# endpoint accelerations do not explain the change of velocity, and the quintic is not used.
+_MAX_VELOCITY_MISMATCH = 0.5
+
+# Dimensionless. Maximum deviation of the interior Bezier points of the acceleration from the
+# straight line between the endpoints, divided by the sum of the absolute endpoint values.
+_MAX_ACCELERATION_DEVIATION = 1.0
+
+# Dimensionless. Ratio |tilt / bulge| above which both are ignored. They are fully used up to a
+# ratio of 1; the linear transition in between avoids jumps of peaks.
+_MAX_TILT_RATIO = 2.0
+
+# Dimensionless. A parabola with the endpoint velocities v0 and v1 exceeds its endpoint
+# displacements by at most this factor times h (|v0| + |v1|).
+_PARABOLA_EXCURSION = 0.5
+
+_ZERO_ENDS = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # there is no floor above the roof
+_ZERO_FORCES = (0.0, 0.0, 0.0, 0.0)  # N; result of `_add_floor_forces` without forces on floors
 
 
 @inlined
 def raise_peak(peaks, row, i, value):
-    """Raise a peak to the size of a value."""
+    """Raise a recorded peak to the absolute value of a response.
+
+    Parameters
+    ----------
+    peaks : ndarray
+        Maximum absolute values so far; the columns are floors or stories.
+    row, i : int
+        Row of the quantity and column of the floor or story.
+    value : float
+        Response in the unit of the row, of either sign.
+    """
     size = abs(value)
     if size > peaks[row, i]:
         peaks[row, i] = size
 
 
 @inlined
-def raise_at_nodes(work, first, column, count, row, i):
-    """Raise a peak by what stands in a column of `count` rows from `first` on, and by the parabolas through the first,
-    second and third of these, the third, fourth and fifth, and so on, the second being half-way. The first of several
-    stands at the start of the step, where the step before has ended."""
+def raise_peak_at_nodes(work, first, column, count, row, i):
+    """Raise a peak by values at successive times and by the parabolas through them.
+
+    The parabolas interpolate the nodes (0, 1, 2), (2, 3, 4) and so on. The middle node of each
+    parabola is at half of its time interval.
+
+    Parameters
+    ----------
+    work : ndarray
+        Table that contains both the values and the peaks.
+    first : int
+        Row of the value at the first node; later nodes follow in the next rows.
+    column : int
+        Column of the values.
+    count : int
+        Number of nodes: 1, or an odd number. If there are several nodes, the first is the start of
+        the step. Its value is not recorded, because it was the end of the previous step.
+    row, i : int
+        Row and column of the peak.
+    """
     if count == 1:
         raise_peak(work, row, i, work[first, column])
     for k in range(0, count - 2, 2):
-        a0, a1, a2 = (
-            work[first + k, column],
-            work[first + k + 1, column],
-            work[first + k + 2, column],
-        )
-        raise_peak(work, row, i, a1)
-        raise_peak(work, row, i, a2)
-        b = 0.5 * (4.0 * a1 - 3.0 * a0 - a2)
-        c = 0.5 * (a0 - 2.0 * a1 + a2)
-        if abs(b + 2.0 * c) < 2.0 * abs(c):
-            raise_peak(work, row, i, a0 - 0.25 * b * b / c)
+        p0, p1 = work[first + k, column], work[first + k + 1, column]
+        p2 = work[first + k + 2, column]
+        raise_peak(work, row, i, p1)
+        raise_peak(work, row, i, p2)
+        # Parabola p0 + linear x + quadratic x^2 with x = 0, 1, 2 at the nodes. Its extremum is at
+        # x = -linear / (2 quadratic), which is inside if the distance from x = 1 is less than 1.
+        linear = 0.5 * (4.0 * p1 - 3.0 * p0 - p2)
+        quadratic = 0.5 * (p0 - 2.0 * p1 + p2)
+        if abs(linear + 2.0 * quadratic) < 2.0 * abs(quadratic):
+            raise_peak(work, row, i, p0 - 0.25 * linear * linear / quadratic)
 
 
 @inlined
-def may_pass(span, floor, story, shear, stiffness, peaks, i):
-    """Whether a displacement, velocity, drift or shear of floor `i` and its story may pass its peak within a step or at
-    its end."""
-    swing = _SWING * span.h
-    by_story = swing * (abs(story.v0) + abs(story.v1))
-    passing = abs(story.u1) + by_story > peaks[at.PEAK_DRIFT, i]
-    passing |= abs(shear) + stiffness * by_story > peaks[at.PEAK_SHEAR, i]
-    passing |= (
-        abs(floor.u1) + swing * (abs(floor.v0) + abs(floor.v1)) > peaks[at.PEAK_DISPLACEMENT, i]
-    )
-    return passing | may_be_fastest(span, floor, peaks[at.PEAK_VELOCITY, i])
+def may_exceed_peaks(span, floor, story, shear, stiffness, peaks, i):
+    """Return True if a displacement, velocity, drift or shear may exceed its recorded peak.
+
+    Both the interior and the end of the step are covered. The function has no branches, because
+    the observer calls it for each floor in each step.
+
+    Parameters
+    ----------
+    span : Span
+        Time step.
+    floor : Ends
+        Floor `i`, relative to the ground; u0 is not used.
+    story : Ends
+        Story `i` below this floor; only u1, v0 and v1 are used.
+    shear : float
+        Restoring force of the story at the end of the step, N.
+    stiffness : float
+        Initial stiffness of the story, N/m. It converts the drift excursion to a shear.
+    peaks : ndarray
+        Recorded peaks, rows `PEAK_...` of `tdint.kernels.layout`.
+    i : int
+        Floor and story.
+    """
+    excursion_time = _PARABOLA_EXCURSION * span.h
+    drift_excursion = excursion_time * (abs(story.v0) + abs(story.v1))
+    exceeds = abs(story.u1) + drift_excursion > peaks[at.PEAK_DRIFT, i]
+    exceeds |= abs(shear) + stiffness * drift_excursion > peaks[at.PEAK_SHEAR, i]
+    displacement_excursion = excursion_time * (abs(floor.v0) + abs(floor.v1))
+    exceeds |= abs(floor.u1) + displacement_excursion > peaks[at.PEAK_DISPLACEMENT, i]
+    return exceeds | may_exceed_velocity_peak(span, floor, peaks[at.PEAK_VELOCITY, i])
 
 
 @inlined
-def may_be_fastest(span, ends, peak):
-    """Whether a velocity or a drift rate may pass its peak."""
-    return abs(ends.v1) + _SWING * span.h * (abs(ends.a0) + abs(ends.a1)) > peak
+def may_exceed_velocity_peak(span, ends, peak):
+    """Return True if a velocity or drift rate (m/s) may exceed the recorded `peak`."""
+    return abs(ends.v1) + _PARABOLA_EXCURSION * span.h * (abs(ends.a0) + abs(ends.a1)) > peak
 
 
 @inlined
-def may_bulge(absolute_0, absolute_1, bulge, peak):
-    """Whether an absolute acceleration, or masses times such, may pass its peak: as far as bulge and tilt are
-    taken, the Bezier points inside (`_most`) are no farther beyond the larger end than this."""
-    inside = (2.0 * abs(bulge) - abs(absolute_1 - absolute_0)) / 3.0
-    return max(abs(absolute_0), abs(absolute_1)) + max(inside, 0.0) > peak
+def may_exceed_acceleration_peak(absolute_0, absolute_1, bulge, peak):
+    """Return True if an absolute acceleration or total shear may exceed its recorded peak.
+
+    The criterion does not need the tilt: the weights described in the module docstring limit
+    |B + D| and |B - D| to 2 |B|. The interior Bezier points (`_max_interior_bezier_point`)
+    therefore exceed the larger endpoint by at most (2 |B| - |A1 - A0|) / 3.
+
+    Parameters
+    ----------
+    absolute_0, absolute_1 : float
+        Values A0 and A1 at the endpoints: m/s^2 for an acceleration, N for the sum of mass times
+        absolute acceleration.
+    bulge : float
+        Bulge B of the acceleration (`acceleration_bulge`) or the mass-weighted sum of bulges.
+    peak : float
+        Recorded peak in the same unit.
+    """
+    excess = (2.0 * abs(bulge) - abs(absolute_1 - absolute_0)) / 3.0
+    return max(abs(absolute_0), abs(absolute_1)) + max(excess, 0.0) > peak
 
 
 @called
-def look_within(span, scene, passage, springs, turns, turn, peaks, top):
-    """Raise the peaks, rows of `peaks` from `top` on, that a step has between its ends.
+def find_interstep_peaks(span, scene, passage, springs, reversals, reversal_row, peaks, first_peak):
+    """Raise the peaks of all floors and stories by the response inside a step or substep.
 
-    Row `turn` of `turns` receives the drift at which a story turns with what may be its largest shear, for others the
-    present drift; returns how many there are of these.
+    The restoring force at an interior drift depends on the hysteretic law, so this function does
+    not compute it. It stores reversal drifts; the caller evaluates the laws at these drifts.
+
+    Parameters
+    ----------
+    span : Span
+        Step or substep. If `span.cornered` is set, the kernel of the method has already searched
+        accelerations and total shears, and this function skips them.
+    scene : Scene
+        Building and forces on floors.
+    passage : Passage
+        Motion at both endpoints, relative to the ground.
+    springs : ndarray
+        State of the hysteretic laws at the end of the step: story drift (m) and shear (N).
+    reversals : ndarray
+        Table that receives the drifts, m. For each story, row `reversal_row` is set to the
+        extreme drift inside the step if that drift may cause a new peak drift or peak shear, and
+        to the drift at the end of the step otherwise.
+    reversal_row : int
+        Row of `reversals`.
+    peaks : ndarray
+        Table of the peaks, raised in place.
+    first_peak : int
+        Row of the first peak in `peaks`. PEAK_ROWS rows of peaks are followed by PEAK_ROWS rows of
+        possible peaks of unresolved motion.
+
+    Returns
+    -------
+    int
+        Number of stories for which a reversal drift inside the step was stored.
     """
     linear_terms = scene.linear_terms
-    swing = _SWING * span.h
-    with_devices = scene.flags[at.DEVICES] != 0.0
-    turned = 0
+    excursion_time = _PARABOLA_EXCURSION * span.h
+    has_dashpots = scene.flags[at.DEVICES] != 0.0
+    reversal_count = 0
     n = linear_terms.shape[1] - 1
-    above, mass = _NOTHING, 0.0
-    loaded = _UNLOADED
-    floor = _floor(span.fast, passage, n - 1)
+    # Sums over the floors from the roof down to floor i: mass times motion, mass, and forces.
+    inertia, mass_sum = _ZERO_ENDS, 0.0
+    floor_forces = _ZERO_FORCES
+    floor = _floor_ends(span.fast, passage, n - 1)
     for i in range(n - 1, -1, -1):
-        below = _floor(span.fast, passage, max(i - 1, 0))
-        story = _story(floor, below, linear_terms[at.LINK, i], springs[at.DRIFT, i])
-        turns[turn, i] = story.u1
-        if _turns(span, story):
+        # Story 0 has no floor below: its link is 0, so floor 0 is passed without effect.
+        floor_below = _floor_ends(span.fast, passage, max(i - 1, 0))
+        story = _story_ends(floor, floor_below, linear_terms[at.LINK, i], springs[at.DRIFT, i])
+        reversals[reversal_row, i] = story.u1
+        if _has_extremum(span, story):
             stiffness = scene.law_parameters[at.STIFFNESS, i]
-            passing = peaks[top + at.PEAK_DRIFT, i] - abs(story.u1)
-            shearing = peaks[top + at.PEAK_SHEAR, i] - abs(springs[at.FORCE, i])
-            rates = swing * (abs(story.v0) + abs(story.v1))
-            if rates > passing or stiffness * rates > shearing:
-                far = _turning_point(
-                    span, story, min(passing, shearing / stiffness), peaks, top + at.PEAK_DRIFT, i
-                )
-                # A story that has become stiffer may have its largest shear where its drift is largest.
-                if far != story.u1:
-                    turns[turn, i] = far
-                    turned += 1
-        passing = peaks[top + at.PEAK_DISPLACEMENT, i] - abs(floor.u1)
-        if _turns(span, floor) and swing * (abs(floor.v0) + abs(floor.v1)) > passing:
-            _turning_point(span, floor, passing, peaks, top + at.PEAK_DISPLACEMENT, i)
-        if floor.a0 * floor.a1 < 0.0 and may_be_fastest(
-            span, floor, peaks[top + at.PEAK_VELOCITY, i]
-        ):
-            _fastest(span, floor, peaks, top + at.PEAK_VELOCITY, i)
-        fastest = peaks[top + at.PEAK_DRIFT_RATE, i]
+            drift_margin = peaks[first_peak + at.PEAK_DRIFT, i] - abs(story.u1)
+            shear_margin = peaks[first_peak + at.PEAK_SHEAR, i] - abs(springs[at.FORCE, i])
+            drift_excursion = excursion_time * (abs(story.v0) + abs(story.v1))
+            if drift_excursion > drift_margin or stiffness * drift_excursion > shear_margin:
+                margin = min(drift_margin, shear_margin / stiffness)
+                row = first_peak + at.PEAK_DRIFT
+                reversal = _raise_displacement_peak(span, story, margin, peaks, row, i)
+                # A stiffening story may have its peak shear at its largest drift.
+                if reversal != story.u1:
+                    reversals[reversal_row, i] = reversal
+                    reversal_count += 1
+        margin = peaks[first_peak + at.PEAK_DISPLACEMENT, i] - abs(floor.u1)
+        if _has_extremum(span, floor) and excursion_time * (abs(floor.v0) + abs(floor.v1)) > margin:
+            row = first_peak + at.PEAK_DISPLACEMENT
+            _raise_displacement_peak(span, floor, margin, peaks, row, i)
+        velocity_peak = peaks[first_peak + at.PEAK_VELOCITY, i]
+        if floor.a0 * floor.a1 < 0.0 and may_exceed_velocity_peak(span, floor, velocity_peak):
+            _raise_velocity_peak(span, floor, peaks, first_peak + at.PEAK_VELOCITY, i)
+        rate_peak = peaks[first_peak + at.PEAK_DRIFT_RATE, i]
+        # DASHPOTS is a compile-time constant: without dashpots this search is not compiled.
         if (
             DASHPOTS
-            and with_devices
+            and has_dashpots
             and story.a0 * story.a1 < 0.0
-            and may_be_fastest(span, story, fastest)
+            and may_exceed_velocity_peak(span, story, rate_peak)
         ):
-            _fastest(span, story, peaks, top + at.PEAK_DRIFT_RATE, i)
+            _raise_velocity_peak(span, story, peaks, first_peak + at.PEAK_DRIFT_RATE, i)
         if not span.cornered:
-            _most_accelerated(span, floor, 1.0, peaks, top + at.PEAK_ACCELERATION, i, _UNLOADED)
-            above, mass = _moved(linear_terms, i, floor, above, mass)
+            row = first_peak + at.PEAK_ACCELERATION
+            _raise_acceleration_peak(span, floor, 1.0, peaks, row, i, _ZERO_FORCES)
+            inertia, mass_sum = _add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
             if FORCES and scene.forces.shape[0] > 0:
-                loaded = _loaded(span, scene.forces, linear_terms[at.LINK, i + 1], i, loaded)
-            _most_accelerated(span, above, mass, peaks, top + at.PEAK_TOTAL_SHEAR, i, loaded)
-        floor = below
-    return turned
+                link = linear_terms[at.LINK, i + 1]
+                floor_forces = _add_floor_forces(span, scene.forces, link, i, floor_forces)
+            row = first_peak + at.PEAK_TOTAL_SHEAR
+            _raise_acceleration_peak(span, inertia, mass_sum, peaks, row, i, floor_forces)
+        floor = floor_below
+    return reversal_count
 
 
 @inlined
-def _floor(fast, passage, i):
-    """Floor `i` at both ends of a step."""
+def _floor_ends(has_unresolved_modes, passage, i):
+    """Return the motion of floor `i` at both endpoints as `Ends`, relative to the ground.
+
+    The velocity and acceleration one step earlier are read only if `has_unresolved_modes` is set,
+    because only then does the table `passage.old` contain them. Otherwise the values at the start
+    of the step are returned instead; they are not used.
+    """
     old, first, state, accelerations, new = passage
     v0 = old[first + 1, i]
     a0 = old[first + 2, i]
-    w = old[first + 3, i] if fast else v0
-    b = old[first + 4, i] if fast else a0
-    return Ends(
-        old[first, i],
-        v0,
-        a0,
-        state[at.DISPLACEMENT, i],
-        state[at.VELOCITY, i],
-        accelerations[new, i],
-        w,
-        b,
-    )
+    u1, v1, a1 = state[at.DISPLACEMENT, i], state[at.VELOCITY, i], accelerations[new, i]
+    v_earlier = old[first + 3, i] if has_unresolved_modes else v0
+    a_earlier = old[first + 4, i] if has_unresolved_modes else a0
+    return Ends(old[first, i], v0, a0, u1, v1, a1, v_earlier, a_earlier)
 
 
 @inlined
-def _story(floor, below, link, drift):
-    """The story between a floor and the one below."""
+def _story_ends(floor, floor_below, link, drift):
+    """Return drift, drift rate and drift acceleration of a story at both endpoints as `Ends`.
+
+    Parameters
+    ----------
+    floor, floor_below : Ends
+        Floors at the top and at the base of the story.
+    link : float
+        1 if the story is supported by the floor below, 0 if it is supported by the ground.
+    drift : float
+        Story drift at the end of the step as stored by the hysteretic law, m.
+    """
     return Ends(
-        u0=floor.u0 - link * below.u0,
-        v0=floor.v0 - link * below.v0,
-        a0=floor.a0 - link * below.a0,
+        u0=floor.u0 - link * floor_below.u0,
+        v0=floor.v0 - link * floor_below.v0,
+        a0=floor.a0 - link * floor_below.a0,
         u1=drift,
-        v1=floor.v1 - link * below.v1,
-        a1=floor.a1 - link * below.a1,
-        w=floor.w - link * below.w,
-        b=floor.b - link * below.b,
+        v1=floor.v1 - link * floor_below.v1,
+        a1=floor.a1 - link * floor_below.a1,
+        v_earlier=floor.v_earlier - link * floor_below.v_earlier,
+        a_earlier=floor.a_earlier - link * floor_below.a_earlier,
     )
 
 
 @inlined
-def _moved(linear_terms, i, floor, above, mass):
-    """Motion times mass of floor `i` and all above, of which that of those above is given; and their mass."""
-    link, floor_mass = linear_terms[at.LINK, i + 1], linear_terms[at.MASS, i]
+def _add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
+    """Add mass times motion of floor `i` to the sums over the floors above.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building.
+    i : int
+        Floor.
+    floor : Ends
+        Motion of the floor relative to the ground.
+    inertia_above : Ends
+        Sum of mass times motion over the floors above: kg m, kg m/s and N.
+    mass_above : float
+        Sum of the masses of the floors above, kg.
+
+    Returns
+    -------
+    Ends, float
+        Both sums including floor `i`. The floors above are excluded if the story above is
+        supported by the ground instead of floor `i` (link 0).
+    """
+    link, mass = linear_terms[at.LINK, i + 1], linear_terms[at.MASS, i]
     ends = Ends(
-        u0=link * above.u0 + floor_mass * floor.u0,
-        v0=link * above.v0 + floor_mass * floor.v0,
-        a0=link * above.a0 + floor_mass * floor.a0,
-        u1=link * above.u1 + floor_mass * floor.u1,
-        v1=link * above.v1 + floor_mass * floor.v1,
-        a1=link * above.a1 + floor_mass * floor.a1,
-        w=link * above.w + floor_mass * floor.w,
-        b=link * above.b + floor_mass * floor.b,
+        u0=link * inertia_above.u0 + mass * floor.u0,
+        v0=link * inertia_above.v0 + mass * floor.v0,
+        a0=link * inertia_above.a0 + mass * floor.a0,
+        u1=link * inertia_above.u1 + mass * floor.u1,
+        v1=link * inertia_above.v1 + mass * floor.v1,
+        a1=link * inertia_above.a1 + mass * floor.a1,
+        v_earlier=link * inertia_above.v_earlier + mass * floor.v_earlier,
+        a_earlier=link * inertia_above.a_earlier + mass * floor.a_earlier,
     )
-    return ends, link * mass + floor_mass
+    return ends, link * mass_above + mass
 
 
 @inlined
-def _turns(span, ends):
-    """Whether a displacement has an extremum inside the step."""
-    bends = 2.0 * abs(ends.u1 - ends.u0) < span.h * abs(ends.v1 - ends.v0)
-    return (span.on_path & bends) | (ends.v0 * ends.v1 < 0.0)
+def _has_extremum(span, ends):
+    """Return True if a displacement or drift has an extremum inside the step.
+
+    The velocity changes its sign, or, for methods with parabolic displacements, the parabola with
+    the displacement increment u1 - u0 and the velocity increment v1 - v0 has an interior extremum.
+    """
+    has_vertex = 2.0 * abs(ends.u1 - ends.u0) < span.h * abs(ends.v1 - ends.v0)
+    return (span.on_path & has_vertex) | (ends.v0 * ends.v1 < 0.0)
 
 
 @called
-def _turning_point(span, ends, passing, peaks, row, i):
-    """Raise a peak of displacement by the extremum between both ends, if it may be more than `passing` beyond u1; that
-    is returned, u1 if there is none."""
+def _raise_displacement_peak(span, ends, margin, peaks, row, i):
+    """Raise the peak of a displacement or drift by its extremum inside the step.
+
+    Resolved motion uses the quintic. Unresolved motion uses the parabola of the method if it has
+    one; otherwise the extremum of the cubic Hermite interpolant is recorded as a possible peak.
+
+    Parameters
+    ----------
+    span : Span
+        Time step.
+    ends : Ends
+        Displacement or drift (m) with its rates at the endpoints.
+    margin : float
+        Amount that an extremum may exceed |u1| without a new peak, m. For a drift this includes a
+        new peak shear: additional drift times initial stiffness must not exceed the remaining
+        shear. Extrema that cannot exceed |u1| by this amount are ignored, except on a parabola.
+    peaks : ndarray
+        Table of the peaks.
+    row, i : int
+        Row and column of the peak.
+
+    Returns
+    -------
+    float
+        Extremum inside the step, m. u1 if there is no extremum, if it cannot exceed `margin`, or
+        if it is recorded as a possible peak only.
+    """
     h = span.h
     u0, v0, a0, u1, v1, a1, _, _ = ends
-    # Both accelerations tell about what the velocities changed by.
-    told = _calm(span, ends) and abs(v1 - v0 - 0.5 * h * (a0 + a1)) <= _RESOLVED * (
-        abs(v0) + abs(v1)
+    velocity_mismatch = abs(v1 - v0 - 0.5 * h * (a0 + a1))
+    is_resolved = _is_resolved(span, ends) and (
+        velocity_mismatch <= _MAX_VELOCITY_MISMATCH * (abs(v0) + abs(v1))
     )
-    if span.on_path and not told:
+    if span.on_path and not is_resolved:
+        # Parabola u0 + rise s + curvature (s^2 - s) / 2
         rise = u1 - u0
-        bend = h * (v1 - v0)
-        if 2.0 * abs(rise) >= abs(bend):
+        curvature = h * (v1 - v0)
+        if 2.0 * abs(rise) >= abs(curvature):
             return u1
-        s = 0.5 - rise / bend
-        far = u0 + s * (rise + 0.5 * bend * (s - 1.0))
-        raise_peak(peaks, row, i, far)
-        return far
+        s = 0.5 - rise / curvature
+        extremum = u0 + s * (rise + 0.5 * curvature * (s - 1.0))
+        raise_peak(peaks, row, i, extremum)
+        return extremum
     if v0 * v1 >= 0.0:
         return u1
-    # Bezier points of the quintic, or beyond these, and of the cubic. It turns where it goes at first.
-    way = math.copysign(1.0, v0)
-    back = way * (u0 - u1)
-    early = max(h * abs(v0) / 3.0, 0.4 * h * abs(v0) + 0.05 * h * h * way * a0)
-    late = max(h * abs(v1) / 3.0, 0.4 * h * abs(v1) + 0.05 * h * h * way * a1)
-    if max(back + early, late) <= passing:
+    # The extremum is on the side of the initial velocity. The interpolant does not exceed its
+    # Bezier points. For the quintic these are u0 + 2/5 h v0 + h^2 a0 / 20 and
+    # u1 - 2/5 h v1 + h^2 a1 / 20 (u0 + h v0 / 5 and u1 - h v1 / 5 are covered by the cubic);
+    # for the cubic they are u0 + h v0 / 3 and u1 - h v1 / 3.
+    direction = math.copysign(1.0, v0)
+    start_offset = direction * (u0 - u1)
+    excess_0 = max(h * abs(v0) / 3.0, 0.4 * h * abs(v0) + 0.05 * h * h * direction * a0)
+    excess_1 = max(h * abs(v1) / 3.0, 0.4 * h * abs(v1) + 0.05 * h * h * direction * a1)
+    if max(start_offset + excess_0, excess_1) <= margin:
         return u1
-    if not told:
+    if not is_resolved:
         rise = u1 - u0
-        bend = 3.0 * rise - h * (2.0 * v0 + v1)
-        raise_peak(
-            peaks, row + at.PEAK_ROWS, i, _extreme_of_cubic(u0, h * v0, bend, rise - h * v0 - bend)
-        )
+        c2 = 3.0 * rise - h * (2.0 * v0 + v1)
+        extremum = _cubic_extremum(u0, h * v0, c2, rise - h * v0 - c2)
+        raise_peak(peaks, row + at.PEAK_ROWS, i, extremum)
         return u1
-    c3, c4, c5 = _quintic(h, ends)
-    far = _extreme(v0 / (v0 - v1), (u0, h * v0, 0.5 * h * h * a0, c3, c4, c5))
-    raise_peak(peaks, row, i, far)
-    return far
+    c3, c4, c5 = _quintic_coefficients(h, ends)
+    # The zero of the velocity on the straight line between v0 and v1 is the first estimate.
+    extremum = _quintic_extremum(v0 / (v0 - v1), (u0, h * v0, 0.5 * h * h * a0, c3, c4, c5))
+    raise_peak(peaks, row, i, extremum)
+    return extremum
 
 
 @called
-def _fastest(span, ends, peaks, peak_row, i):
-    """Raise the peak of a velocity or a drift rate."""
+def _raise_velocity_peak(span, ends, peaks, peak_row, i):
+    """Raise the peak of a velocity or drift rate by the quartic derivative of the quintic.
+
+    Call this function only if the endpoint accelerations have opposite signs.
+
+    Parameters
+    ----------
+    span : Span
+        Time step.
+    ends : Ends
+        Displacement or drift (m) with its rates at the endpoints.
+    peaks : ndarray
+        Table of the peaks, m/s.
+    peak_row, i : int
+        Row and column of the peak. The row of possible peaks is raised for unresolved motion.
+    """
     h = span.h
     u0, v0, a0, u1, v1, a1, _, _ = ends
-    c3, c4, c5 = _quintic(h, ends)
-    bulge, tilt = _bend(h, ends)
-    told = _calm(span, ends) and _smooth(bulge, tilt, abs(a0) + abs(a1))
-    row = peak_row + (0 if told else at.PEAK_ROWS)
-    # Inside it is no larger than its Bezier points.
-    early = v0 + 0.25 * h * a0
-    late = v1 - 0.25 * h * a1
-    middle = 5.0 * (u1 - u0) / h - (v0 + early + late + v1)
-    if max(abs(early), abs(middle), abs(late)) > peaks[row, i]:
-        far = _extreme(a0 / (a0 - a1), (v0, h * a0, 3.0 * c3 / h, 4.0 * c4 / h, 5.0 * c5 / h, 0.0))
-        raise_peak(peaks, row, i, far)
+    c3, c4, c5 = _quintic_coefficients(h, ends)
+    bulge, tilt = _bulge_and_tilt(h, ends)
+    is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, abs(a0) + abs(a1))
+    row = peak_row + (0 if is_resolved else at.PEAK_ROWS)
+    # The velocity does not exceed its Bezier points v0, point_1, point_2, point_3, v1. Their
+    # mean is the mean velocity (u1 - u0) / h; this condition determines point_2.
+    point_1 = v0 + 0.25 * h * a0
+    point_3 = v1 - 0.25 * h * a1
+    point_2 = 5.0 * (u1 - u0) / h - (v0 + point_1 + point_3 + v1)
+    if max(abs(point_1), abs(point_2), abs(point_3)) > peaks[row, i]:
+        velocity = (v0, h * a0, 3.0 * c3 / h, 4.0 * c4 / h, 5.0 * c5 / h, 0.0)
+        raise_peak(peaks, row, i, _quintic_extremum(a0 / (a0 - a1), velocity))
 
 
 @inlined
-def _most_accelerated(span, ends, mass, peaks, peak_row, i, loaded):
-    """Raise the peak of an absolute acceleration, or of masses times such less the forces on them, if it may be
-    passed."""
+def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
+    """Raise the peak of an absolute acceleration or of a total shear.
+
+    The total shear of a story is the sum of mass times absolute acceleration over the floors that
+    it supports, minus the forces on these floors, with the opposite sign. Peaks do not depend on
+    the sign. The ground acceleration is linear within the step, so it changes only A0 and A1.
+
+    Parameters
+    ----------
+    span : Span
+        Time step with the ground acceleration at its endpoints, m/s^2.
+    ends : Ends
+        Motion relative to the ground: of one floor, or the sum of mass times motion.
+    mass : float
+        Factor of the ground acceleration: 1 for one floor, the sum of the masses (kg) for a shear.
+    peaks : ndarray
+        Table of the peaks, m/s^2 or N.
+    peak_row, i : int
+        Row and column of the peak. The row of possible peaks is raised for unresolved motion.
+    forces : tuple of float
+        Sum of the forces on floors at the start and at the end of the step, its bulge and its
+        tilt (`_add_floor_forces`), N; zeros for an acceleration.
+    """
     peak = peaks[peak_row, i]
-    absolute_0 = ends.a0 + mass * span.ground_0 - loaded[0]
-    absolute_1 = ends.a1 + mass * span.ground_1 - loaded[1]
-    bulge, tilt = _bend(span.h, ends)
-    near = 2.0 * max(abs(absolute_0), abs(absolute_1)) > peak
-    if near and abs(tilt) < _FADED * abs(bulge):
-        taken = min((_FADED - abs(tilt / bulge)) / (_FADED - 1.0), 1.0)
-        bulge = bulge * taken - loaded[2]
-        tilt = tilt * taken - loaded[3]
+    absolute_0 = ends.a0 + mass * span.ground_0 - forces[0]
+    absolute_1 = ends.a1 + mass * span.ground_1 - forces[1]
+    bulge, tilt = _bulge_and_tilt(span.h, ends)
+    is_candidate = 2.0 * max(abs(absolute_0), abs(absolute_1)) > peak
+    if is_candidate and abs(tilt) < _MAX_TILT_RATIO * abs(bulge):
+        weight = min((_MAX_TILT_RATIO - abs(tilt / bulge)) / (_MAX_TILT_RATIO - 1.0), 1.0)
+        # The forces are known functions of time: their bulge and tilt have no error to weight.
+        bulge = bulge * weight - forces[2]
+        tilt = tilt * weight - forces[3]
     else:
-        near = False
-    if near and _most(absolute_0, absolute_1, bulge, tilt) > peak:
-        told = _calm(span, ends) and _smooth(bulge, tilt, abs(absolute_0) + abs(absolute_1))
-        row = peak_row + (0 if told else at.PEAK_ROWS)
-        change = absolute_1 - absolute_0 + bulge + tilt
-        raise_peak(
-            peaks, row, i, _extreme_of_cubic(absolute_0, change, -bulge - 3.0 * tilt, 2.0 * tilt)
-        )
+        is_candidate = False
+    if is_candidate and _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt) > peak:
+        scale = abs(absolute_0) + abs(absolute_1)
+        is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, scale)
+        row = peak_row + (0 if is_resolved else at.PEAK_ROWS)
+        # Expand A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s)) in powers of s.
+        c1 = absolute_1 - absolute_0 + bulge + tilt
+        extremum = _cubic_extremum(absolute_0, c1, -bulge - 3.0 * tilt, 2.0 * tilt)
+        raise_peak(peaks, row, i, extremum)
 
 
 @called
-def _loaded(span, forces, link, i, above):
-    """Forces on floor `i` and those above, of which the latter are given: at both ends of the step, and their bulge and
-    tilt between, by their values at quarters of it."""
+def _add_floor_forces(span, forces, link, i, sums_above):
+    """Add the forces on floor `i` to the sums over the floors above.
+
+    The deviation of a force from the straight line between its endpoint values is represented as
+    s (1 - s) (bulge + tilt (1 - 2 s)). It is matched at s = 1/4 and s = 3/4:
+
+        deviation(1/4) = 3/16 (bulge + tilt / 2)
+        deviation(3/4) = 3/16 (bulge - tilt / 2)
+
+    Parameters
+    ----------
+    span : Span
+        Time step; `span.t` is its end.
+    forces : ndarray
+        Harmonic forces on floors, one row each.
+    link : float
+        1 if the story above is supported by floor `i`, else 0.
+    i : int
+        Floor.
+    sums_above : tuple of float
+        Result of this function for floor `i + 1`.
+
+    Returns
+    -------
+    tuple of float
+        Sum of the forces at the start and at the end of the step, its bulge and its tilt, N.
+    """
     t, h = span.t, span.h
-    p0 = link * above[0]
-    p1 = link * above[1]
-    bulge = link * above[2]
-    tilt = link * above[3]
+    sum_0 = link * sums_above[0]
+    sum_1 = link * sums_above[1]
+    bulge = link * sums_above[2]
+    tilt = link * sums_above[3]
     for j in range(forces.shape[0]):
         if forces[j, at.FLOOR] == i:
-            f0 = force_value(forces, j, t - h)
-            f1 = force_value(forces, j, t)
-            first = force_value(forces, j, t - 0.75 * h) - 0.75 * f0 - 0.25 * f1
-            last = force_value(forces, j, t - 0.25 * h) - 0.25 * f0 - 0.75 * f1
-            p0 += f0
-            p1 += f1
-            bulge += 8.0 / 3.0 * (first + last)
-            tilt += 16.0 / 3.0 * (first - last)
-    return p0, p1, bulge, tilt
+            force_0 = force_value(forces, j, t - h)
+            force_1 = force_value(forces, j, t)
+            # Deviations at s = 1/4 and s = 3/4
+            early = force_value(forces, j, t - 0.75 * h) - 0.75 * force_0 - 0.25 * force_1
+            late = force_value(forces, j, t - 0.25 * h) - 0.25 * force_0 - 0.75 * force_1
+            sum_0 += force_0
+            sum_1 += force_1
+            bulge += 8.0 / 3.0 * (early + late)
+            tilt += 16.0 / 3.0 * (early - late)
+    return sum_0, sum_1, bulge, tilt
 
 
 @inlined
-def _bend(h, ends):
-    """What the acceleration of the quintic has inside beside the straight line between its ends: s (1 - s) times the
-    bulge, (1 - 2 s) times the tilt of it."""
+def _bulge_and_tilt(h, ends):
+    """Return bulge B and tilt D of the acceleration of the quintic (see the module docstring)."""
     u0, v0, a0, u1, v1, a1, _, _ = ends
     by_h = 1.0 / h
     tilt = 60.0 * by_h * (by_h * (u1 - u0) - 0.5 * (v0 + v1)) + 5.0 * (a1 - a0)
-    return bulge(by_h, ends), tilt
+    return acceleration_bulge(by_h, ends), tilt
 
 
 @inlined
-def bulge(by_h, ends):
-    """The bulge of the acceleration over a step of 1 / by_h."""
+def acceleration_bulge(by_h, ends):
+    """Return the bulge B = 6 (v1 - v0) / h - 3 (a0 + a1), m/s^2.
+
+    `by_h` is the reciprocal 1 / h of the time step, 1/s. Displacements in `ends` are not used.
+    """
     return 6.0 * by_h * (ends.v1 - ends.v0) - 3.0 * (ends.a0 + ends.a1)
 
 
 @inlined
-def _most(absolute_0, absolute_1, bulge, tilt):
-    """The larger of the absolute acceleration's Bezier points inside: it is no larger than these and its ends."""
+def _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt):
+    """Return the larger absolute value of the two interior Bezier points of the acceleration.
+
+    The points are (2 A0 + A1 + B + D) / 3 and (A0 + 2 A1 + B - D) / 3. The cubic acceleration does
+    not exceed the maximum of these points and its endpoints.
+    """
     first = abs(2.0 * absolute_0 + absolute_1 + bulge + tilt)
-    other = abs(absolute_0 + 2.0 * absolute_1 + bulge - tilt)
-    return max(first, other) / 3.0
+    second = abs(absolute_0 + 2.0 * absolute_1 + bulge - tilt)
+    return max(first, second) / 3.0
 
 
 @inlined
-def _smooth(bulge, tilt, size):
-    """Whether the acceleration's Bezier points inside lie about on the straight line between both ends."""
-    return abs(bulge) + abs(tilt) <= 3.0 * _SMOOTH * size
+def _is_near_line(bulge, tilt, scale):
+    """Return True if the acceleration is close to the straight line between its endpoints.
+
+    The interior Bezier points deviate from this line by (B + D) / 3 and (B - D) / 3, thus by at
+    most (|B| + |D|) / 3. `scale` is the sum of the absolute endpoint values.
+    """
+    return abs(bulge) + abs(tilt) <= 3.0 * _MAX_ACCELERATION_DEVIATION * scale
 
 
 @inlined
-def _calm(span, ends):
-    """Whether velocities and accelerations at the ends of two steps lie about on lines, in a fast span."""
-    velocities = abs(ends.v1 - 2.0 * ends.v0 + ends.w) <= abs(ends.v0) + abs(ends.v1)
-    accelerations = abs(ends.a1 - 2.0 * ends.a0 + ends.b) <= abs(ends.a0) + abs(ends.a1)
+def _is_resolved(span, ends):
+    """Return True if velocities and accelerations of two successive steps are nearly linear.
+
+    Second differences must not exceed the sum of the absolute values at the endpoints of the
+    present step. The result is always True without unresolved modes (`span.fast` is False).
+    """
+    v_difference = abs(ends.v1 - 2.0 * ends.v0 + ends.v_earlier)
+    a_difference = abs(ends.a1 - 2.0 * ends.a0 + ends.a_earlier)
+    velocities = v_difference <= abs(ends.v0) + abs(ends.v1)
+    accelerations = a_difference <= abs(ends.a0) + abs(ends.a1)
     return not span.fast or (velocities and accelerations)
 
 
 @inlined
-def _quintic(h, ends):
-    """Coefficients of s^3, s^4 and s^5, s in [0, 1], of the quintic with these values, rates and accelerations at its
-    ends."""
+def _quintic_coefficients(h, ends):
+    """Return the coefficients c3, c4, c5 of the quintic Hermite interpolant, m.
+
+    u(s) = u0 + h v0 s + h^2 a0 s^2 / 2 + c3 s^3 + c4 s^4 + c5 s^5, with s in [0, 1]. The
+    coefficients follow from u1, v1 and a1 at s = 1.
+    """
     u0, v0, a0, u1, v1, a1, _, _ = ends
+    # Values, slopes and curvatures at s = 1 without the terms up to s^2 (curvature halved)
     rise = u1 - u0 - h * (v0 + 0.5 * h * a0)
     change = h * (v1 - v0 - h * a0)
     bend = 0.5 * h * h * (a1 - a0)
-    return (
-        10.0 * rise - 4.0 * change + bend,
-        -15.0 * rise + 7.0 * change - 2.0 * bend,
-        6.0 * rise - 3.0 * change + bend,
-    )
+    c3 = 10.0 * rise - 4.0 * change + bend
+    c4 = -15.0 * rise + 7.0 * change - 2.0 * bend
+    c5 = 6.0 * rise - 3.0 * change + bend
+    return c3, c4, c5
 
 
 @inlined
-def _extreme(s, coefficients):
-    """Value of p0 + p1 s + ... + p5 s^5 on [0, 1] where its rate is zero, by Newton's iteration from s."""
+def _quintic_extremum(s, coefficients):
+    """Return the value of p(s) = p0 + p1 s + ... + p5 s^5 at an extremum in [0, 1].
+
+    Parameters
+    ----------
+    s : float
+        First estimate of the location, improved by three Newton iterations.
+    coefficients : tuple of float
+        p0 to p5. The sign of p1 determines the type of the extremum: a maximum if p increases at
+        s = 0, a minimum if it decreases.
+    """
     p0, p1, p2, p3, p4, p5 = coefficients
     for _ in range(3):
-        rate = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
-        bend = 2.0 * p2 + s * (6.0 * p3 + s * (12.0 * p4 + s * 20.0 * p5))
-        # Not towards an extremum of the other kind
-        s -= rate / bend if bend * p1 < 0.0 else 0.0
+        slope = p1 + s * (2.0 * p2 + s * (3.0 * p3 + s * (4.0 * p4 + s * 5.0 * p5)))
+        curvature = 2.0 * p2 + s * (6.0 * p3 + s * (12.0 * p4 + s * 20.0 * p5))
+        # A curvature of the wrong sign would lead to an extremum of the other type: keep s.
+        s -= slope / curvature if curvature * p1 < 0.0 else 0.0
         s = min(max(s, 0.0), 1.0)
     return p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
 
 
 @inlined
-def _extreme_of_cubic(p0, p1, p2, p3):
-    """Value of the largest size of p0 + p1 s + p2 s^2 + p3 s^3 at 0 and at its extrema in [0, 1]."""
-    best = p0
+def _cubic_extremum(p0, p1, p2, p3):
+    """Return the value of largest absolute size among p0 and the interior extrema of a cubic.
+
+    The cubic is p(s) = p0 + p1 s + p2 s^2 + p3 s^3 with 0 < s < 1. Its value at s = 1 is not
+    considered, because the caller records the end of the step.
+    """
+    largest = p0
+    # Zeros of p1 + 2 p2 s + 3 p3 s^2. The numerator has the sign without cancellation; the second
+    # zero follows from the product p1 / (3 p3) of both. It is also the zero for p3 = 0.
     discriminant = p2 * p2 - 3.0 * p1 * p3
     if discriminant >= 0.0:
-        root = -(p2 + math.copysign(math.sqrt(discriminant), p2))
-        s = root / (3.0 * p3) if p3 != 0.0 else 0.0
+        numerator = -(p2 + math.copysign(math.sqrt(discriminant), p2))
+        s = numerator / (3.0 * p3) if p3 != 0.0 else 0.0
         if 0.0 < s < 1.0:
             value = p0 + s * (p1 + s * (p2 + s * p3))
-            best = value if abs(value) > abs(best) else best
-        s = p1 / root if root != 0.0 else 0.0
+            largest = value if abs(value) > abs(largest) else largest
+        s = p1 / numerator if numerator != 0.0 else 0.0
         if 0.0 < s < 1.0:
             value = p0 + s * (p1 + s * (p2 + s * p3))
-            best = value if abs(value) > abs(best) else best
-    return best
+            largest = value if abs(value) > abs(largest) else largest
+    return largest

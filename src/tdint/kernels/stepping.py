@@ -1,15 +1,20 @@
 """The signature of every compiled step:
 
-    step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs, work, report)
+    step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs,
+    work, report)
     -> iterations, or a negative code
 
-1. coefficients: the method's numbers, with the step's own where they depend on the building (`exact`).
-2. linear_terms, modal, law_parameters, forces, flags: the `Scene`, never written (`tdint.kernels.stepping`,
+1. coefficients: the method's numbers, with the step's own where they depend on the building
+  (`exact`).
+2. linear_terms, modal, law_parameters, forces, flags: the `Scene`, never written
+  (`tdint.kernels.stepping`,
    `tdint.kernels.layout`).
 3. load: time at the step's start and the ground acceleration at both ends, linear in between.
-4. state, springs: the whole memory of the method and of the drift laws, before and after. A step that returns
+4. state, springs: the whole memory of the method and of the drift laws, before and after. A step
+  that returns
    NOT_CONVERGED leaves both as they were; after NOT_FINITE the march ends.
-5. work, report: scratch and kept factorizations, and what a step leaves for the next one. It gives the same result from
+5. work, report: scratch and kept factorizations, and what a step leaves for the next one. It gives
+  the same result from
    fresh ones with the same `report[STEPS_DONE]`, but for rounding.
 6. State row ACCELERATION is what the method itself uses next; nothing that is reported is fed back.
 """
@@ -23,10 +28,11 @@ from numpy.typing import NDArray
 
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called_at, inlined
 
-# ---- Arrays and numbers that go together, as kernels hand them on: tuples with names, which the compiler takes apart
+# ---- Arrays and numbers that go together, as kernels hand them on: tuples with names, which the
+# compiler takes apart
 #
-# A kernel is entered with flat arguments, in the order of the fields, and makes its bundles of them. Their
-# signatures stand here, too.
+# A kernel is entered with flat arguments, in the order of the fields, and makes its bundles of
+# them. Their signatures stand here, too.
 
 Array = NDArray[np.float64]
 
@@ -57,7 +63,8 @@ class Seen(NamedTuple):
     peaks: Array  # and their doubt
     limits: Array  # of the drifts
     totals: Array  # numbers of the whole run
-    history: Array  # the start and each k-th step, k = steps / (rows - 1) a whole number; no rows for none
+    # the start and each k-th step, k = steps / (rows - 1) a whole number; no rows for none
+    history: Array
 
 
 SCENE = (TABLE, TABLE, TABLE, TABLE, VECTOR)
@@ -66,8 +73,8 @@ SEEN = (TABLE, TABLE, TABLE, VECTOR, TABLE)
 
 
 class Span(NamedTuple):
-    """A step, or a piece of one: when it ends, how long it is, the ground acceleration at its ends, and how floors move
-    in it."""
+    """A step, or a piece of one: when it ends, how long it is, the ground acceleration at its ends,
+    and how floors move in it."""
 
     t: float
     h: float
@@ -75,15 +82,16 @@ class Span(NamedTuple):
     ground_1: float
     on_path: bool  # displacements follow parabolas
     fast: bool  # the building has modes that the step does not follow
-    cornered: bool  # the step has looked at accelerations and total shears: at corners that its ends do not tell of
+    # the step has looked at accelerations and total shears: at corners that its ends do not tell of
+    cornered: bool
 
 
 class Passage(NamedTuple):
     """Where a motion stands at both ends of a step, one column for each floor.
 
-    Rows from `first` of `old` are displacement, velocity and acceleration at its start, and, of a fast span, velocity
-    and acceleration one step before; rows of `state`, and row `new` of `accelerations`, those at its end, relative to
-    the ground.
+    Rows from `first` of `old` are displacement, velocity and acceleration at its start, and, of a
+    fast span, velocity and acceleration one step before; rows of `state`, and row `new` of
+    `accelerations`, those at its end, relative to the ground.
     """
 
     old: Array
@@ -94,8 +102,17 @@ class Passage(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """Displacement (or drift), velocity and acceleration of one floor (or story) at both ends of a step; w and b are
-    velocity and acceleration one step before."""
+    """Motion of one floor or story at both endpoints of a time step.
+
+    Attributes
+    ----------
+    u0, v0, a0 : float
+        Displacement (or story drift), velocity and acceleration at the start of the step.
+    u1, v1, a1 : float
+        The same at the end of the step.
+    v_earlier, a_earlier : float
+        Velocity and acceleration one step before the start of the step.
+    """
 
     u0: float
     v0: float
@@ -103,8 +120,8 @@ class Ends(NamedTuple):
     u1: float
     v1: float
     a1: float
-    w: float
-    b: float
+    v_earlier: float
+    a_earlier: float
 
 
 class Factors(NamedTuple):
@@ -125,14 +142,16 @@ class Weights(NamedTuple):
 
 
 class Integrals(NamedTuple):
-    """Where those along a path go (`tdint.kernels.stories.path`): rows of a table from `first` on."""
+    """Where those along a path go (`tdint.kernels.stories.path`): rows of a table from `first`
+    on."""
 
     table: Array
     first: int
 
 
 class Stretch(NamedTuple):
-    """The part from t = begin to t = end of a parabola of drift, start + rise t + bend (t^2 - t) / 2."""
+    """The part from t = begin to t = end of a parabola of drift, start + rise t + bend (t^2 - t) /
+    2."""
 
     start: float
     rise: float

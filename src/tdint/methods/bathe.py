@@ -1,11 +1,13 @@
-"""The composite methods of Bathe: average acceleration to a point inside the step, then a formula over three points.
+"""The composite methods of Bathe: average acceleration to a point inside the step, then a formula
+over three points.
 
     t0 + gamma h:  vg = v0 + gamma h (a0 + ag) / 2            ug = u0 + gamma h (v0 + vg) / 2
     t0 + h:        v1 = v0 + h (q0 a0 + q1 ag + q2 a1)        u1 = u0 + h (q0 v0 + q1 vg + q2 v1)
 
-with equilibrium at both points (Noh and Bathe 2019). For rho_inf = 0 this is, for every gamma, the method of Bathe and
-Baig (2005) and Bathe (2007): q0 = q1 = 1 / (2 (2 - gamma)) and q2 = (1 - gamma) / (2 - gamma) are its three-point
-backward difference. The default gamma gives both sub-steps the same matrix.
+with equilibrium at both points (Noh and Bathe 2019). For rho_inf = 0 this is, for every gamma, the
+method of Bathe and Baig (2005) and Bathe (2007): q0 = q1 = 1 / (2 (2 - gamma)) and q2 = (1 - gamma)
+/ (2 - gamma) are its three-point backward difference. The default gamma gives both sub-steps the
+same matrix.
 """
 
 from __future__ import annotations
@@ -88,7 +90,8 @@ def step(
 
 @inlined
 def _guess_inner(half, state, work, n):
-    """First guess: the acceleration stays over the first sub-step, of length 2 `half`; x is its change."""
+    """First guess: the acceleration stays over the first sub-step, of length 2 `half`; x is its
+    change."""
     for i in range(n):
         v = state[at.VELOCITY, i] + 2.0 * half * state[at.ACCELERATION, i]
         work[ROW.U, i] = state[at.DISPLACEMENT, i] + half * (state[at.VELOCITY, i] + v)
@@ -98,7 +101,8 @@ def _guess_inner(half, state, work, n):
 
 @inlined
 def _guess_end(coefficients, h, state, work, n):
-    """First guess: the acceleration of the inner point, left in work, stays over the second sub-step."""
+    """First guess: the acceleration of the inner point, left in work, stays over the second
+    sub-step."""
     q0 = coefficients[Q0]
     q1 = coefficients[Q1]
     q2 = coefficients[Q2]
@@ -113,12 +117,14 @@ def _guess_end(coefficients, h, state, work, n):
 
 
 def gamma_of_one_matrix(rho_inf: float) -> float:
-    """The gamma for which both sub-steps have the same matrix, (2 - sqrt(2 + 2 r)) / (1 - r), without its 0 / 0."""
+    """The gamma for which both sub-steps have the same matrix, (2 - sqrt(2 + 2 r)) / (1 - r),
+    without its 0 / 0."""
     return 2.0 / (2.0 + math.sqrt(2.0 + 2.0 * rho_inf))
 
 
 def coefficients(rho_inf: float, gamma: float) -> tuple[float, ...]:
-    """Noh and Bathe (2019); q2 is rid of the rounding that would hide from the step that it is gamma / 2."""
+    """Noh and Bathe (2019); q2 is rid of the rounding that would hide from the step that it is
+    gamma / 2."""
     q1 = (1.0 + rho_inf) / (4.0 - 2.0 * gamma * (1.0 - rho_inf))
     q0 = 0.5 - (1.0 - gamma) * q1
     q2 = 0.5 - gamma * q1

@@ -1,4 +1,5 @@
-"""The catalogue of methods: the only list of them, and where they were published, as `publications.bib` has it.
+"""The catalogue of methods: the only list of them, and where they were published, as
+`publications.bib` has it.
 
 A new family is one file, one line here, and its entries there.
 """
@@ -9,13 +10,13 @@ import copyreg
 import os
 import re
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
-from tdint.data import dataclass
 from tdint.errors import UsageError, did_you_mean
 from tdint.kernels.laws.law import DriftLaw
 from tdint.kernels.stepping import STEP
@@ -72,8 +73,8 @@ def _known() -> dict[str, Method]:
 
 @cache
 def catalogue() -> dict[str, Method]:
-    """All methods by name, in the order in which they are listed: ours, then those of plug-ins, those of installed
-    packages (entry points `tdint.methods`) among them."""
+    """All methods by name, in the order in which they are listed: ours, then those of plug-ins,
+    those of installed packages (entry points `tdint.methods`) among them."""
 
     def take(module: Any, origin: Origin) -> None:
         for method in declared(module, "METHODS", Method, origin.where):
@@ -94,7 +95,8 @@ def register_method(method: Method, where: str | Origin = "") -> None:
     Parameters
     ----------
     method : Method
-        See `tdint.methods.method`. Its family's step stands in a module with a file; it may be a family of ours.
+        See `tdint.methods.method`. Its family's step stands in a module with a file; it may be a
+        family of ours.
     where : str or Origin
         Where it is from, for messages; by default its name.
 
@@ -105,12 +107,13 @@ def register_method(method: Method, where: str | Origin = "") -> None:
     Raises
     ------
     UsageError
-        No method; a name that is taken or is none; a family of another step under a name of ours; a declaration that
-        cannot be called with the defaults.
+        No method; a name that is taken or is none; a family of another step under a name of ours; a
+        declaration that cannot be called with the defaults.
     """
     if not isinstance(method, Method):
         raise UsageError(
-            f"{where or repr(method)}: a method is a tdint.plugin.Method, not {type(method).__name__}"
+            f"{where or repr(method)}: a method is a tdint.plugin.Method, not "
+            f"{type(method).__name__}"
         )
     origin = where if isinstance(where, Origin) else Origin(where or f"method {method.name!r}")
     where = origin.where
@@ -122,9 +125,11 @@ def register_method(method: Method, where: str | Origin = "") -> None:
         )
     if method.family.step.signature != STEP:
         raise UsageError(
-            f"{where}: method {method.name!r}: its step is no kernel of the signature tdint.plugin.STEP"
+            f"{where}: method {method.name!r}: its step is no kernel of the signature "
+            "tdint.plugin.STEP"
         )
-    # What it declares is asked for with its defaults, as it will be; a method that fails there is not kept.
+    # What it declares is asked for with its defaults, as it will be; a method that fails there is
+    # not kept.
     kinds = {"order": int, "implicit": bool, "stability_limit": float, "rho_inf": float}
     _known()[method.name] = method
     try:
@@ -136,7 +141,8 @@ def register_method(method: Method, where: str | Origin = "") -> None:
                     kind is float and isinstance(declaration, int)
                 ):
                     raise UsageError(
-                        f"{where}: {integrator.label}: {name} gives {declaration!r}, no {kind.__name__}"
+                        f"{where}: {integrator.label}: {name} gives {declaration!r}, no "
+                        f"{kind.__name__}"
                     )
             if integrator.family.prepare is None:
                 np.array(integrator.method.coefficients(*integrator.values), dtype=np.float64)
@@ -148,8 +154,8 @@ def register_method(method: Method, where: str | Origin = "") -> None:
 
 
 def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
-    """Register the methods and drift laws of a Python file, and its measures of motions: what its tuples METHODS, LAWS
-    and MEASURES have.
+    """Register the methods and drift laws of a Python file, and its measures of motions: what its
+    tuples METHODS, LAWS and MEASURES have.
 
     Parameters
     ----------
@@ -196,13 +202,15 @@ def load_plugin(file: str | Path) -> tuple[list[Method], list[DriftLaw]]:
 
 
 def parse(text: str) -> Integrator:
-    """Read a specification such as `generalized-alpha` or `newmark:beta=0.25:gamma=0.5`. Commas in place of the further
-    colons are read with a line that says so: they would part the cells of a table.
+    """Read a specification such as `generalized-alpha` or `newmark:beta=0.25:gamma=0.5`. Commas in
+    place of the further colons are read with a line that says so: they would part the cells of a
+    table.
 
     Raises
     ------
     UsageError
-        Unknown method or parameter, a value that is no number or out of range. No other method ever takes its place.
+        Unknown method or parameter, a value that is no number or out of range. No other method ever
+        takes its place.
     """
     if not isinstance(text, str):
         raise UsageError(f"a method is a text such as 'impulse4', got {text!r}")
@@ -268,8 +276,8 @@ def _deprecate(text: str, typed: str) -> None:
 
 
 def _reduce(integrator: Integrator) -> tuple[Callable[..., Integrator], tuple[str, ...]]:
-    """An integrator goes to another process as its specification, that of a plug-in with its file: compiled functions
-    do not travel."""
+    """An integrator goes to another process as its specification, that of a plug-in with its file:
+    compiled functions do not travel."""
     home = home_of(integrator.method.name, "METHODS")
     return (_parse_again, (integrator.label, *home)) if home else (parse, (integrator.label,))
 
@@ -286,8 +294,8 @@ def _parse_again(text: str, file: str, digest: str) -> Integrator:
 
 @dataclass(frozen=True)
 class _Unknown:
-    """A method whose plug-in could not be loaded: whoever asks anything of it is told so. A pool would wait for ever
-    for a result that cannot be read."""
+    """A method whose plug-in could not be loaded: whoever asks anything of it is told so. A pool
+    would wait for ever for a result that cannot be read."""
 
     text: str
     file: str
@@ -304,7 +312,8 @@ copyreg.pickle(Integrator, _reduce)
 
 
 def chosen(specifications: str | Iterable[str] | None) -> list[Integrator]:
-    """The methods of one or several specifications, each once; all of the catalogue at their defaults if none is given.
+    """The methods of one or several specifications, each once; all of the catalogue at their
+    defaults if none is given.
 
     Raises
     ------
@@ -371,7 +380,8 @@ class Publication:
 
 @cache
 def references() -> dict[str, tuple[Publication, ...]]:
-    """The publications of each method of ours, which an entry of the file names among its keywords."""
+    """The publications of each method of ours, which an entry of the file names among its
+    keywords."""
     from importlib.resources import files  # which takes longer to load than a run's first step
 
     publications: dict[str, tuple[Publication, ...]] = {}

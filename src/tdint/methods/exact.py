@@ -1,8 +1,9 @@
-"""The exact response of a linear building to a load that is linear over each step (Nigam and Jennings 1969).
+"""The exact response of a linear building to a load that is linear over each step (Nigam and
+Jennings 1969).
 
-(u1, v1) = A (u0, v0) + B0 p0 + B1 p1 with the matrix exponential of the step. Where the damping is classical the
-matrices come from the modes, each in closed form; otherwise from the exponential of the block matrix of Van Loan
-(1978). Harmonic forces are taken as linear between the steps' ends.
+(u1, v1) = A (u0, v0) + B0 p0 + B1 p1 with the matrix exponential of the step. Where the damping is
+classical the matrices come from the modes, each in closed form; otherwise from the exponential of
+the block matrix of Van Loan (1978). Harmonic forces are taken as linear between the steps' ends.
 """
 
 from __future__ import annotations
@@ -43,7 +44,8 @@ def step(
 ):
     """One step: a matrix times (u0, v0, loads at the start, loads at the end), column by column.
 
-    A column is 2 n numbers. The loads are the ground acceleration and the floor forces, one column each per end.
+    A column is 2 n numbers. The loads are the ground acceleration and the floor forces, one column
+    each per end.
     """
     n = linear_terms.shape[1] - 1
     loads = 1 + forces.shape[0]
@@ -93,8 +95,9 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
     Returns
     -------
     ndarray, shape (k, 2, 4)
-        Matrix from (u0, h v0, h^2 p0, h^2 p1) to (u1, h v1). By power series for small omega h, where the closed form
-        cancels; in closed form for underdamped oscillators; from Van Loan's block matrix otherwise.
+        Matrix from (u0, h v0, h^2 p0, h^2 p1) to (u1, h v1). By power series for small omega h,
+        where the closed form cancels; in closed form for underdamped oscillators; from Van Loan's
+        block matrix otherwise.
     """
     omega_h, damping = np.broadcast_arrays(np.asarray(omega_h, float), np.asarray(damping, float))
     result = np.empty((*omega_h.shape, 2, 4))
@@ -132,7 +135,8 @@ def _fill(w: Array, g: Array, i1: Array, i2: Array, a11: Array, a22: Array) -> A
 
 
 def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
-    """Step of u'' + c u' + k u = P p(t) over unit time, from (u0, v0, p0, p1); k and c are divided by the mass."""
+    """Step of u'' + c u' + k u = P p(t) over unit time, from (u0, v0, p0, p1); k and c are divided
+    by the mass."""
     from scipy.linalg import expm
 
     n, loads = patterns.shape
@@ -149,7 +153,8 @@ def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
 
 
 def prepare(building: Building, forces: Array, h: float) -> Array:
-    """The step's matrix for one building and step, column by column (shape (2 n (2 n + 2 loads),))."""
+    """The step's matrix for one building and step, column by column (shape (2 n (2 n + 2
+    loads),))."""
     n = building.stories
     patterns = np.zeros((n, 1 + len(forces)))
     patterns[:, 0] = -1.0
@@ -197,6 +202,7 @@ METHODS = (
         coefficients=tuple,
         implicit=lambda: False,
         rho_inf=lambda: 1.0,
-        source="Nigam and Jennings (1969); exact for a load linear over the step, order 2 for a smooth one",
+        source="Nigam and Jennings (1969); exact for a load linear over the step, order 2 for a "
+        "smooth one",
     ),
 )

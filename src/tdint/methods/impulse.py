@@ -1,4 +1,5 @@
-"""The impulse-momentum method as published in 2022, with its free number beta, line by line as the paper has it.
+"""The impulse-momentum method as published in 2022, with its free number beta, line by line as the
+paper has it.
 
     eqs. 11, 12   M (u1 - u0) - h/2 M (v0 + v1) = h^2/12 M (a0 - a1)                 displacement quartic over the step
     eq. 13        M (v1 - v0) + C (u1 - u0) + K q = I                                impulse is change of momentum
@@ -16,16 +17,18 @@
 | k_x u1 = p_x, eqs. 17-21 | the Newton matrix (`_factor`) and minus the residuals (`residuals`): u1 and v1 together |
 | a1, eq. 16 | none: the number m h^2/6 - k h^4/72, which the paper divides by to eliminate the jerk |
 
-That number is zero at omega h = sqrt(12); the lines above, solved for u1 and v1, have no such division. The paper as
-printed, with the division, is `tests/as_printed.py`: the same motion to rounding.
+That number is zero at omega h = sqrt(12); the lines above, solved for u1 and v1, have no such
+division. The paper as printed, with the division, is `tests/as_printed.py`: the same motion to
+rounding.
 
-Misprints: eq. 11 is for the increment of the jerk and misses powers of dt; eq. 12 has 12 du/dt^2, not 2; eq. 14 has
-a0 h^3/6, j0 h^4/24, v0 h^2/2; eq. 16 is a1 = -(-m h^2/6 + k h^4/24 - 4 k beta h^4); eq. 20 has I h^2/(6 a1) in its
-second block; eq. 29 and the appendix have wrong powers, their denominator is W^4 + 12 xi W^3 + (12 + 48 xi^2) W^2
-+ 144 xi W + 144, W = omega dt; eqs. 36 and 37 miss the 2 of eq. 31; eq. 40 is half of the numerical damping; eqs. 44
-and 45 hold for xi = 1 alone, with 288 for 228; eq. 49's second m is c; eq. 54 is eq. 16 with k_T. Of Wilson's method
-the conclusions say order 1: it is 2.
-"""
+Misprints: eq. 11 is for the increment of the jerk and misses powers of dt; eq. 12 has 12 du/dt^2,
+not 2; eq. 14 has a0 h^3/6, j0 h^4/24, v0 h^2/2; eq. 16 is a1 = -(-m h^2/6 + k h^4/24 - 4 k beta
+h^4); eq. 20 has I h^2/(6 a1) in its second block; eq. 29 and the appendix have wrong powers, their
+denominator is W^4 + 12 xi W^3 + (12 + 48 xi^2) W^2 + 144 xi W + 144, W = omega dt; eqs. 36 and 37
+miss the 2 of eq. 31; eq. 40 is half of the numerical damping; eqs. 44 and 45 hold for xi = 1 alone,
+with 288 for 228; eq. 49's second m is c; eq. 54 is eq. 16 with k_T. Of Wilson's method the
+conclusions say order 1: it is 2.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -36,7 +39,12 @@ from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined, kernel
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse_momentum import correct, guess, in_balance, residuals
-from tdint.kernels.equations.iteration import CLOSE, ITERATIONS, SAME_TANGENT, SMALL
+from tdint.kernels.equations.iteration import (
+    MAX_ITERATIONS,
+    RESIDUAL_TOLERANCE,
+    ROUNDING,
+    TANGENT_TOLERANCE,
+)
 from tdint.kernels.equations.tridiagonal import (
     COUPLING_ROWS,
     ModalBlocks,
@@ -82,8 +90,8 @@ def step(
     work,
     report,
 ):
-    """One step (eqs. 15-23, nonlinear 46-54); Newton with unknowns (u1 - u0, v1 - v0) per floor, the change of the
-    tangent left out of the matrix."""
+    """One step (eqs. 15-23, nonlinear 46-54); Newton with unknowns (u1 - u0, v1 - v0) per floor,
+    the change of the tangent left out of the matrix."""
     n = linear_terms.shape[1] - 1
     memory = Memory(state, springs, work, report)
     factors = Factors(work, _ROW.BLOCKS, _ROW.COUPLING, _STORE)
@@ -93,17 +101,21 @@ def step(
     last = False
     while True:
         stale = _end(coefficients, linear_terms, law_parameters, h, memory)  # eqs. 14 and 46
-        # Eqs. 11, 12 (kinematics), 13 (momentum) and equilibrium at the end: what they are out of balance
+        # Eqs. 11, 12 (kinematics), 13 (momentum) and equilibrium at the end: what they are out of
+        # balance
         residuals(_THETA, _BY_A, _BY_A, linear_terms, modal, h, state, work)
-        balanced = in_balance(iterations == ITERATIONS, _BY_A, linear_terms, h, state, work, report)
-        if last or (balanced and iterations == ITERATIONS):
+        balanced = in_balance(
+            iterations == MAX_ITERATIONS, _BY_A, linear_terms, h, state, work, report
+        )
+        if last or (balanced and iterations == MAX_ITERATIONS):
             break
-        if iterations == ITERATIONS:
+        if iterations == MAX_ITERATIONS:
             return at.NOT_CONVERGED
         if stale:
             _factor(coefficients, linear_terms, modal, h, factors)
             report[at.FACTORED_STEP] = h
-        # One correction beyond balance: the published equations to rounding, where balance alone leaves 1e-11.
+        # One correction beyond balance: the published equations to rounding, where balance alone
+        # leaves 1e-11.
         last = correct(_BY_A, modal, h, factors, n) or balanced or flags[at.LINEAR] != 0.0
         iterations += 1
     for i in range(n):
@@ -116,7 +128,8 @@ def step(
 
 @inlined
 def _loads(linear_terms, forces, h, load, work):
-    """Load at the end of the step, and its impulse I by the trapezoidal rule, as published (eq. 13)."""
+    """Load at the end of the step, and its impulse I by the trapezoidal rule, as published (eq.
+    13)."""
     floor_load(linear_terms, forces, load[at.TIME], load[at.GROUND_0], work, momentum.IMPULSE)
     floor_load(linear_terms, forces, load[at.TIME] + h, load[at.GROUND_1], work, momentum.LOAD)
     for i in range(linear_terms.shape[1] - 1):
@@ -125,7 +138,8 @@ def _loads(linear_terms, forces, h, load, work):
 
 @inlined
 def _end(coefficients, linear_terms, law_parameters, h, memory):
-    """Story forces at the end of the step and story impulses. True if the factorization does not fit the tangents."""
+    """Story forces at the end of the step and story impulses. True if the factorization does not
+    fit the tangents."""
     state, springs, work, report = memory
     n = linear_terms.shape[1] - 1
     beta = coefficients[BETA]
@@ -158,13 +172,12 @@ def _end(coefficients, linear_terms, law_parameters, h, memory):
         tangent = restoring(law_parameters, springs, i, 0, at.FIRST_TRIAL, drift)
         work[_ROW.TANGENT, i] = tangent
         # A drift is a difference: what the displacements round is not out of balance.
-        work[momentum.SIZE, i] = (
-            SMALL / CLOSE * law_parameters[at.STIFFNESS, i] * (abs(u) + abs(u - drift))
-        )
+        rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[at.STIFFNESS, i]
+        work[momentum.SIZE, i] = rounding * (abs(u) + abs(u - drift))
         stale = (
             stale
             or abs(tangent - work[_ROW.FACTORED, i])
-            > SAME_TANGENT * law_parameters[at.STIFFNESS, i]
+            > TANGENT_TOLERANCE * law_parameters[at.STIFFNESS, i]
         )
         geometric = linear_terms[at.GEOMETRIC, i]
         damper = linear_terms[at.STORY_DAMPER, i]
@@ -203,8 +216,8 @@ def _factor(coefficients, linear_terms, modal, h, factors):
 def _limit(beta: float) -> float:
     """Lower end of the unstable band of an undamped oscillator; none for beta = 1/144.
 
-    The determinant of the amplification matrix is 1, and trace + 2 is proportional to (W^2 - 12)(12 beta W^2 - 1): it
-    is negative between the two roots.
+    The determinant of the amplification matrix is 1, and trace + 2 is proportional to (W^2 - 12)(12
+    beta W^2 - 1): it is negative between the two roots.
     """
     if beta == PUBLISHED:
         return math.inf

@@ -1,14 +1,16 @@
-"""The impulse-momentum step with the restoring force and the load integrated: order 4, dissipation by rho_inf.
+"""The impulse-momentum step with the restoring force and the load integrated: order 4, dissipation
+by rho_inf.
 
     kinematics  u1 - u0 = h ((1 - th) v0 + th v1) + h^2 (al a0 - be a1)
     momentum    M (v1 - v0) + C (u1 - u0) + S = I
     equilibrium M a1 + C v1 + f(u1) = p1
 
-I is the exact impulse of the load. S = h (w0 f0 + wc f(uc) + w1 f1) integrates the restoring force with a point inside
-the step, uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1) at the fraction c; forces of power-law dashpots are integrated
-alike, with vc from the cubic Hermite interpolant (`tdint.kernels.equations.impulse4`). In a linear building the step
-is the Pade approximation of the exponential with denominator of degree 2: (2,2) for rho_inf = 1, order 4; (1,2), that
-is Radau IIA, for rho_inf = 0; order 3 in between. The tests derive the coefficients again.
+I is the exact impulse of the load. S = h (w0 f0 + wc f(uc) + w1 f1) integrates the restoring force
+with a point inside the step, uc = u0 + gd (u1 - u0) + h (g0 v0 + g1 v1) at the fraction c; forces
+of power-law dashpots are integrated alike, with vc from the cubic Hermite interpolant
+(`tdint.kernels.equations.impulse4`). In a linear building the step is the Pade approximation of the
+exponential with denominator of degree 2: (2,2) for rho_inf = 1, order 4; (1,2), that is Radau IIA,
+for rho_inf = 0; order 3 in between. The tests derive the coefficients again.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ from tdint.kernels.equations.impulse4 import (
 from tdint.kernels.laws.choosing import BENDING, CURVES, CURVING
 from tdint.kernels.laws.walking import copy_extra_rows
 from tdint.kernels.linear_terms import FORCES, finite, force_value
-from tdint.kernels.peaks_between_steps import look_within, raise_peak
+from tdint.kernels.peaks_between_steps import find_interstep_peaks, raise_peak
 from tdint.kernels.stepping import STEP, Memory, Passage, Scene, Span
 from tdint.kernels.stories.branches import NONE, advance, first_event, go_along, switch
 from tdint.kernels.stories.law_state import commit, reach, resume, settle
@@ -61,7 +63,8 @@ def step(
     work,
     report,
 ):
-    """One step from kink to kink of the laws that have any; where kinks pile up, and without any, straight on."""
+    """One step from kink to kink of the laws that have any; where kinks pile up, and without any,
+    straight on."""
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
     if not BENDING:
@@ -85,14 +88,17 @@ def step(
 
 @called
 def _by_branches(coefficients, scene, h, load, memory):
-    """One step in which no law changes its branch, or one piece for each part of it between two such changes.
+    """One step in which no law changes its branch, or one piece for each part of it between two
+    such changes.
 
-    The first change is looked for on the cubic Hermite interpolant of the drifts, the step done again up to there, and
-    the rest of it on the new branch. A curved law may turn within a piece if that bends its force by less than a step
-    errs (`join`). Where all laws are linear on their branches, a piece is one linear solve; curved ones among them take
-    Newton's iteration. Where the step is too large for the interpolant, the motion up to a change may fall short of it:
-    the piece is taken, and the change looked for from there. Or it may go far beyond: the change is looked for again on
-    the interpolant of the piece. Where there are more than a few such pieces per story, the state is left as it was.
+    The first change is looked for on the cubic Hermite interpolant of the drifts, the step done
+    again up to there, and the rest of it on the new branch. A curved law may turn within a piece if
+    that bends its force by less than a step errs (`join`). Where all laws are linear on their
+    branches, a piece is one linear solve; curved ones among them take Newton's iteration. Where the
+    step is too large for the interpolant, the motion up to a change may fall short of it: the piece
+    is taken, and the change looked for from there. Or it may go far beyond: the change is looked
+    for again on the interpolant of the piece. Where there are more than a few such pieces per
+    story, the state is left as it was.
     """
     linear_terms, modal, law_parameters, forces, flags = scene
     state, springs, work, report = memory
@@ -187,9 +193,9 @@ def _by_branches(coefficients, scene, h, load, memory):
 def _change(linear_terms, law_parameters, state, springs, story, how):
     """Change the branch of a story.
 
-    It does so at the end of its branch, which the motion may miss by rounding and by what the interpolant errs: from
-    beside it a law might find the same end still ahead, over and over. A force that changes at once, as that of a story
-    that fails, accelerates the floors.
+    It does so at the end of its branch, which the motion may miss by rounding and by what the
+    interpolant errs: from beside it a law might find the same end still ahead, over and over. A
+    force that changes at once, as that of a story that fails, accelerates the floors.
     """
     drift = springs[at.DRIFT, story]
     force = springs[at.FORCE, story]
@@ -216,7 +222,8 @@ def _change(linear_terms, law_parameters, state, springs, story, how):
 
 @called
 def _miss(linear_terms, h, state, springs, work, story, how):
-    """Whether a piece up to an event reaches it (0), falls short of it, or takes a story far off its branch."""
+    """Whether a piece up to an event reaches it (0), falls short of it, or takes a story far off
+    its branch."""
     miss = 0.0
     u_below = 0.0
     v_below = 0.0
@@ -263,9 +270,11 @@ def _advance(linear_terms, law_parameters, state, springs, work):
 
 @called
 def _arrive(frozen, linear_terms, law_parameters, state, springs, work):
-    """Update the state after a step or a piece of one; with `frozen`, linear stories go along their branches.
+    """Update the state after a step or a piece of one; with `frozen`, linear stories go along their
+    branches.
 
-    Not inlined, and not for linear stories alone: that would cost them a fifth to a half of their time.
+    Not inlined, and not for linear stories alone: that would cost them a fifth to a half of their
+    time.
     """
     below = 0.0
     for i in range(linear_terms.shape[1] - 1):
@@ -290,12 +299,15 @@ def _arrive(frozen, linear_terms, law_parameters, state, springs, work):
 
 @called
 def _look(scene, span, memory):
-    """Raise the peaks by what the motion has at the end of a piece, and, unless it is fast, within it."""
+    """Raise the peaks by what the motion has at the end of a piece, and, unless it is fast, within
+    it."""
     state, springs, work, _ = memory
     turned = 0
     if not span.fast:
         passage = Passage(work, ROW.PIECE, state, state, at.ACCELERATION)
-        turned = look_within(span, scene, passage, springs, work, ROW.TURNS, work, ROW.PEAKS)
+        turned = find_interstep_peaks(
+            span, scene, passage, springs, work, ROW.TURNS, work, ROW.PEAKS
+        )
     moved = 0.0
     for i in range(scene.linear_terms.shape[1] - 2, -1, -1):
         drift = springs[at.DRIFT, i]
@@ -349,14 +361,15 @@ def _restore(state, springs, work, n):
 def coefficients(rho_inf: float) -> tuple[float, ...]:
     """Coefficients of the step for a spectral radius rho_inf at infinity.
 
-    theta, alpha and beta make the linear step the Pade approximation that tends to rho_inf. Any inner point c would do
-    for order 3: quadratics are integrated exactly by (w0, wc, w1), and uc is exact for quadratics. c runs from 1/3,
-    where the step is Radau IIA for nonlinear laws too, to 1/2, where it is Simpson's rule on the cubic Hermite
-    interpolant.
+    theta, alpha and beta make the linear step the Pade approximation that tends to rho_inf. Any
+    inner point c would do for order 3: quadratics are integrated exactly by (w0, wc, w1), and uc is
+    exact for quadratics. c runs from 1/3, where the step is Radau IIA for nonlinear laws too, to
+    1/2, where it is Simpson's rule on the cubic Hermite interpolant.
 
-    Measured on a hardening and a softening oscillator: at rho_inf = 1 Simpson's rule has a quarter of the error of the
-    corrected trapezoidal rule with tangents at the ends; below 1 the choice of c matters by a few percent, and the
-    inner point of the cubic Hermite interpolant, c = 1 / (1 + rho_inf), degenerates towards rho_inf = 0.
+    Measured on a hardening and a softening oscillator: at rho_inf = 1 Simpson's rule has a quarter
+    of the error of the corrected trapezoidal rule with tangents at the ends; below 1 the choice of
+    c matters by a few percent, and the inner point of the cubic Hermite interpolant, c = 1 / (1 +
+    rho_inf), degenerates towards rho_inf = 0.
     """
     theta = (2.0 + rho_inf) / (3.0 * (1.0 + rho_inf))
     alpha = 1.0 / 3.0 - theta / 2.0
@@ -398,6 +411,7 @@ METHODS = (
         coefficients=coefficients,
         order=lambda rho_inf: 4 if rho_inf == 1.0 else 3,
         rho_inf=lambda rho_inf: rho_inf,
-        source="tdint: the impulse-momentum method of 2022 with exact impulses; rho_inf = 0 is Radau IIA (Ehle 1969)",
+        source="tdint: the impulse-momentum method of 2022 with exact impulses; rho_inf = 0 is "
+        "Radau IIA (Ehle 1969)",
     ),
 )

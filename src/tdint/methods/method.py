@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.data import dataclass
 from tdint.kernels import layout as at
 
 if TYPE_CHECKING:
@@ -20,7 +19,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of a method: its default and the range it may have (both ends allowed unless said otherwise).
+    """A parameter of a method: its default and the range it may have (both ends allowed unless said
+    otherwise).
 
     A default may be a function of the values of the parameters before it.
     """
@@ -59,8 +59,8 @@ class Family:
     work_rows : callable
         Number of modally damped modes -> rows of work that the step needs.
     memory : tuple of int
-        Rows of the state that are independent; the acceleration row follows from equilibrium where it is not one of
-        them.
+        Rows of the state that are independent; the acceleration row follows from equilibrium where
+        it is not one of them.
     state_rows : int
         Rows of the state.
     derivatives : tuple of int
@@ -74,12 +74,15 @@ class Family:
     limited_by_stiffening : bool
         Whether the step is stable only up to some size where a story is stiffer than at rest.
     own_work : bool
-        Whether the step tells the work of load and dampers in it; else it is found from the powers at its ends.
+        Whether the step tells the work of load and dampers in it; else it is found from the powers
+        at its ends.
     shifts : tuple of float
-        What each row of the state takes of a jump of the ground acceleration between two steps, over
-        h^(2 - derivative). Such jumps come with steps longer than the record's sampling interval.
+        What each row of the state takes of a jump of the ground acceleration between two steps,
+        over h^(2 - derivative). Such jumps come with steps longer than the record's sampling
+        interval.
     parabolic : bool
-        Whether the displacements follow parabolas within the step, along which the rates change as from end to end.
+        Whether the displacements follow parabolas within the step, along which the rates change as
+        from end to end.
     prepare : callable, optional
         (building, forces, h) -> the step's coefficients, where they depend on the building.
     """
@@ -109,7 +112,8 @@ class Method:
     coefficients : callable
         Parameter values -> coefficients of the family's step.
     rho_inf : callable
-        Parameter values -> spectral radius for omega dt to infinity; nan where the method is not stable there.
+        Parameter values -> spectral radius for omega dt to infinity; nan where the method is not
+        stable there.
     source : str
         Who published it.
     order : callable
@@ -117,8 +121,8 @@ class Method:
     implicit : callable
         Parameter values -> whether the step solves for the restoring force at its end, as most do.
     stability_limit : callable
-        Parameter values -> largest stable omega dt without damping; inf if there is none. Where a parameter opens an
-        unstable band, the lower end of the band.
+        Parameter values -> largest stable omega dt without damping; inf if there is none. Where a
+        parameter opens an unstable band, the lower end of the band.
     """
 
     name: str
@@ -134,7 +138,8 @@ class Method:
 
 @dataclass(frozen=True)
 class Integrator:
-    """A method with the values of its parameters: what `method: newmark:beta=0.25:gamma=0.5` stands for.
+    """A method with the values of its parameters: what `method: newmark:beta=0.25:gamma=0.5` stands
+    for.
 
     Attributes
     ----------

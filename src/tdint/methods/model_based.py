@@ -1,25 +1,28 @@
-"""Explicit methods with the initial stiffness K0 in their matrices: one pass per step, whatever the drift laws.
+"""Explicit methods with the initial stiffness K0 in their matrices: one pass per step, whatever the
+drift laws.
 
-KR-alpha (Kolay and Ricles 2014), with w for its velocity, X = gamma h C + beta h^2 K0, A = M + X, q = A^-1 M a and
-g = p - C w - f(u):
+KR-alpha (Kolay and Ricles 2014), with w for its velocity, X = gamma h C + beta h^2 K0, A = M + X, q
+= A^-1 M a and g = p - C w - f(u):
 
     u1 = u0 + h w0 + (1/2 + gamma) h^2 q0,   w1 = w0 + h q0
-    [(1 - alpha_m) M + (1 - alpha_f) X] q1 + (alpha_m M + alpha_f X) q0 = (1 - alpha_f) g1 + alpha_f g0
+    [(1 - alpha_m) M + (1 - alpha_f) X] q1 + (alpha_m M + alpha_f X) q0 = (1 - alpha_f) g1 + alpha_f
+    g0
 
-(Published with a for q.) w lags: it is the velocity at t - gamma h, and a start from w0 = v0 makes u and v order 1.
-Here v = w + gamma h q is carried and reported instead; the same lines become
+(Published with a for q.) w lags: it is the velocity at t - gamma h, and a start from w0 = v0 makes
+u and v order 1. Here v = w + gamma h q is carried and reported instead; the same lines become
 
     u1 = u0 + h v0 + h^2/2 q0,   v1 = v0 + h ((1 - gamma) q0 + gamma q1)
     (1 - alpha_m) M q1 + alpha_m M q0 = (1 - alpha_f) r1 + alpha_f r0,   r = p - C v - f(u) - beta h^2 K0 q
 
-and are order 2 from any initial state. They are generalized-alpha for the displacement u + beta h^2 q, whose last part
-is left to K0. CR (Chen and Ricles 2008) is the member alpha_m = alpha_f = 0. State row ACCELERATION holds q, which
-starts from M q0 = r0.
+and are order 2 from any initial state. They are generalized-alpha for the displacement u + beta h^2
+q, whose last part is left to K0. CR (Chen and Ricles 2008) is the member alpha_m = alpha_f = 0.
+State row ACCELERATION holds q, which starts from M q0 = r0.
 
 Chang (2002) needs no such shift; its acceleration is that of equilibrium at every step.
 
-All are stable for every step in a linear building and where stories soften, but not where one stiffens above K0.
-"""
+All are stable for every step in a linear building and where stories soften, but not where one
+stiffens above K0.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -80,7 +83,8 @@ def step(
     work,
     report,
 ):
-    """One step of KR-alpha or CR: one solve with (1 - alpha_m) M + (1 - alpha_f) X for the change of q."""
+    """One step of KR-alpha or CR: one solve with (1 - alpha_m) M + (1 - alpha_f) X for the change
+    of q."""
     n = linear_terms.shape[1] - 1
     memory = Memory(state, springs, work, report)
     factors = Factors(work, _ROW.PIVOT, _ROW.COUPLING, _STORE)
@@ -143,7 +147,8 @@ def _weighted_load(linear_terms, forces, weight, h, load, work, n):
 
 @inlined
 def _advance(linear_terms, law_parameters, weight, by_k, h, memory):
-    """Displacement and drift laws to the end of the step; weighted velocity and story forces for q1 = q0."""
+    """Displacement and drift laws to the end of the step; weighted velocity and story forces for q1
+    = q0."""
     state, springs, work, _ = memory
     n = linear_terms.shape[1] - 1
     u_below = 0.0
@@ -187,8 +192,9 @@ def chang_step(
     work,
     report,
 ):
-    """One step of Chang (2002): u1 = u0 + h v0 + h^2/2 D^-1 (M a0 - h/2 K0 v0) with D = M + h/2 C + h^2/4 K0, which is
-    the published line without the matrix C on its right; then average acceleration with equilibrium at u1."""
+    """One step of Chang (2002): u1 = u0 + h v0 + h^2/2 D^-1 (M a0 - h/2 K0 v0) with D = M + h/2 C +
+    h^2/4 K0, which is the published line without the matrix C on its right; then average
+    acceleration with equilibrium at u1."""
     n = linear_terms.shape[1] - 1
     half = 0.5 * h
     first = Factors(work, _ROW.PIVOT, _ROW.COUPLING, _STORE)

@@ -1,18 +1,21 @@
-"""Multi-step methods: velocity and acceleration from differences over three steps, equilibrium at the end.
+"""Multi-step methods: velocity and acceleration from differences over three steps, equilibrium at
+the end.
 
-With the mean velocity w1 = (u1 - u0) / h and the mean acceleration b1 = (v1 - v0) / h of the step, and those of the two
-steps before it, w0, w_ and b0, b_, the formulas of Houbolt (1950) and Park (1975) are sums with three weights each:
+With the mean velocity w1 = (u1 - u0) / h and the mean acceleration b1 = (v1 - v0) / h of the step,
+and those of the two steps before it, w0, w_ and b0, b_, the formulas of Houbolt (1950) and Park
+(1975) are sums with three weights each:
 
     v1 = V . (w1, w0, w_)
     a1 = W . (w1, w0, w_) / h + B . (b1, b0, b_)
     M a1 + C v1 + f(u1) = p1
 
-The state keeps the means in the place of older displacements and velocities. That is the same memory, but small steps
-do not drown in rounding: differences of displacements would put an error of rounding(u) / h^2 into each acceleration.
-Where the ground's acceleration jumps by j between two steps, the means become those of a past under the new one, which
-is u + j t^2 / 2 before the jump at t = 0.
-The first two steps are average acceleration (Newmark 1959), which keeps order 2 in u, v and a; so are the pieces of a
-step that was halved because it did not converge, and the two steps after it.
+The state keeps the means in the place of older displacements and velocities. That is the same
+memory, but small steps do not drown in rounding: differences of displacements would put an error of
+rounding(u) / h^2 into each acceleration. Where the ground's acceleration jumps by j between two
+steps, the means become those of a past under the new one, which is u + j t^2 / 2 before the jump at
+t = 0. The first two steps are average acceleration (Newmark 1959), which keeps order 2 in u, v and
+a; so are the pieces of a step that was halved because it did not converge, and the two steps after
+it.
 """
 
 from __future__ import annotations

@@ -1,10 +1,32 @@
-"""Runge-Kutta methods on the first-order system u' = v, M v' = p - C v - f(u), explicit and implicit.
+"""Runge-Kutta methods: the explicit method rk5 and the implicit method gauss4.
 
-A method is its table: nodes c, matrix A, weights b. The ground acceleration is linear within the step, floor forces are
-taken at the time of each stage.
+The equations of motion are written as a first-order system of displacement u and velocity v:
 
-Drift laws with a memory: the stages of an explicit method go back and forth in time, so each is reached from the state
-at the start of the step; those of the implicit one lie one after the other, and the path runs through them.
+    u' = v
+    v' = a(t, u, v) = M^-1 (p(t) - C v - f(u))
+
+M, C are the mass and damping matrices, f(u) the restoring forces of the stories including P-delta,
+and p(t) = -M 1 ag(t) plus the forces on floors. Forces of power-law dashpots depend nonlinearly on
+v and are added to C v. A method with s stages is defined by its Butcher table: nodes c (c_i is the
+sum of row i of A), matrix A and weights b. With the step h from t0,
+
+    u_i = u0 + h sum_j A_ij v_j,     v_i = v0 + h sum_j A_ij a_j,     a_i = a(t0 + c_i h, u_i, v_i)
+    u1  = u0 + h sum_j b_j v_j,      v1  = v0 + h sum_j b_j a_j
+
+The ground acceleration ag is linear within the step. Forces on floors are evaluated at the time of
+each stage.
+
+Hysteretic laws depend on the path of the drift. The stages of rk5 are not in chronological order,
+so the law evaluates each stage, and the end of the step, directly from the start of the step. The
+stages of gauss4 are ordered in time, so the path leads from the start through both stages to the
+end of the step.
+
+References
+----------
+Dormand, J. R., Prince, P. J. (1980). A family of embedded Runge-Kutta formulae. Journal of
+Computational and Applied Mathematics 6, 19-26: table 2, fifth-order weights, used with fixed steps.
+
+Kuntzmann, J. (1961) and Butcher, J. C. (1964): implicit Runge-Kutta methods with Gauss nodes.
 """
 
 from __future__ import annotations
@@ -17,16 +39,16 @@ import numpy as np
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import inlined, kernel
 from tdint.kernels.equations.iteration import (
-    CLOSE,
-    ITERATIONS,
-    PATIENCE,
-    SAME_TANGENT,
-    SMALL,
+    MAX_ITERATIONS,
+    RESIDUAL_TOLERANCE,
+    ROUNDING,
+    TANGENT_TOLERANCE,
+    UNDAMPED_ITERATIONS,
     add_rows,
-    balanced,
     copy_rows,
-    squares,
-    too_far,
+    is_balanced,
+    must_halve,
+    squared_norm,
 )
 from tdint.kernels.equations.tridiagonal import (
     COUPLING_ROWS,
@@ -48,23 +70,22 @@ from tdint.methods.method import Family, Method
 
 Table = tuple[tuple[float, ...], ...]
 
-# ---- Explicit: a step of s stages. Coefficients: s, then for each stage after the first, and for the end of the step,
-# its node and its row of A (for the end: 1 and b).
+# ---- Explicit methods
 
-_MOST_STAGES = 6  # of the methods here: rk5
+_MAX_STAGES = 6  # number of stages of rk5, the only explicit method in this module
 
 
 class _ExplicitRows(NamedTuple):
-    """Rows of work."""
+    """Number of rows of the work array for each quantity; the columns are floors or stories."""
 
-    LOAD: int = 1
-    SUM: int = 1
-    U: int = 1
-    V: int = _MOST_STAGES + 1  # velocity of each stage and of the end
-    A: int = _MOST_STAGES + 1  # acceleration, likewise
+    LOAD: int = 1  # load p at the time of the current stage, N
+    STORY_FORCE: int = 1  # story force including P-delta and dashpots, N
+    U: int = 1  # displacement of the current stage, m
+    V: int = _MAX_STAGES + 1  # velocities of all stages and of the end of the step, m/s
+    A: int = _MAX_STAGES + 1  # accelerations of all stages and of the end of the step, m/s^2
 
 
-_AT, _EXPLICIT_ROWS = at.chained(_ExplicitRows)
+_EXPLICIT, _EXPLICIT_ROWS = at.chained(_ExplicitRows)
 
 
 @kernel(STEP)
@@ -82,96 +103,139 @@ def explicit_step(
     work,
     report,
 ):
-    """One explicit step. The first stage is the end of the step before: state row ACCELERATION, from equilibrium."""
+    """Advance the state by one step of an explicit Runge-Kutta method.
+
+    The first stage is the start of the step. Its acceleration is taken from the state, because it
+    was computed from equilibrium at the end of the previous step. The end of the step is treated
+    like a further stage with the node 1 and the weights b as row of A.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Result of `explicit_coefficients`.
+    linear_terms, modal, law_parameters, forces, flags : ndarray
+        Fields of `tdint.kernels.stepping.Scene`; not changed.
+    h : float
+        Time step, s.
+    load : ndarray
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
+    state : ndarray
+        Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
+        the ground; updated in place.
+    springs : ndarray
+        State of the hysteretic laws; updated in place.
+    work : ndarray
+        Scratch rows `_ExplicitRows`.
+    report : ndarray
+        Not used.
+
+    Returns
+    -------
+    int
+        1, or NOT_FINITE if the new state is not finite.
+    """
     n = linear_terms.shape[1] - 1
     for i in range(n):
-        work[_AT.V, i] = state[at.VELOCITY, i]
-        work[_AT.A, i] = state[at.ACCELERATION, i]
+        work[_EXPLICIT.V, i] = state[at.VELOCITY, i]
+        work[_EXPLICIT.A, i] = state[at.ACCELERATION, i]
     stages = int(coefficients[0])
-    row = 1
+    node_index = 1  # index of the node c of the current stage in `coefficients`
     for stage in range(1, stages + 1):
         for i in range(n):
-            work[_AT.U, i] = state[at.DISPLACEMENT, i]
-            work[_AT.V + stage, i] = state[at.VELOCITY, i]
-        # A stage is the start and what the rates of the earlier ones add.
+            work[_EXPLICIT.U, i] = state[at.DISPLACEMENT, i]
+            work[_EXPLICIT.V + stage, i] = state[at.VELOCITY, i]
         for earlier in range(stage):
-            weight = h * coefficients[row + 1 + earlier]
+            weight = h * coefficients[node_index + 1 + earlier]
             for i in range(n):
-                work[_AT.U, i] += weight * work[_AT.V + earlier, i]
-                work[_AT.V + stage, i] += weight * work[_AT.A + earlier, i]
-        below = 0.0
+                work[_EXPLICIT.U, i] += weight * work[_EXPLICIT.V + earlier, i]
+                work[_EXPLICIT.V + stage, i] += weight * work[_EXPLICIT.A + earlier, i]
+        u_below = 0.0
         for i in range(n):
-            restoring(
-                law_parameters,
-                springs,
-                i,
-                0,
-                at.FIRST_TRIAL,
-                work[_AT.U, i] - linear_terms[at.LINK, i] * below,
-            )
-            below = work[_AT.U, i]
-        # Its acceleration from equilibrium at its own time, the ground linear in the step.
-        c = coefficients[row]
+            drift = work[_EXPLICIT.U, i] - linear_terms[at.LINK, i] * u_below
+            restoring(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL, drift)
+            u_below = work[_EXPLICIT.U, i]
+        c = coefficients[node_index]
         ground = load[at.GROUND_0] + c * (load[at.GROUND_1] - load[at.GROUND_0])
-        floor_load(linear_terms, forces, load[at.TIME] + c * h, ground, work, _AT.LOAD)
-        internal_forces(
-            linear_terms,
-            modal,
-            springs,
-            at.FIRST_TRIAL,
-            work,
-            _AT.V + stage,
-            _AT.A + stage,
-            _AT.SUM,
-        )
+        floor_load(linear_terms, forces, load[at.TIME] + c * h, ground, work, _EXPLICIT.LOAD)
+        # The row of the acceleration first receives the internal forces C v + f(u).
+        velocity, acceleration = _EXPLICIT.V + stage, _EXPLICIT.A + stage
+        trial, sums = at.FIRST_TRIAL, _EXPLICIT.STORY_FORCE
+        internal_forces(linear_terms, modal, springs, trial, work, velocity, acceleration, sums)
         for i in range(n):
-            work[_AT.A + stage, i] = linear_terms[at.INVERSE_MASS, i] * (
-                work[_AT.LOAD, i] - work[_AT.A + stage, i]
-            )
-        row += stage + 1
+            unbalanced = work[_EXPLICIT.LOAD, i] - work[acceleration, i]
+            work[acceleration, i] = linear_terms[at.INVERSE_MASS, i] * unbalanced
+        node_index += stage + 1
     for i in range(n):
-        state[at.DISPLACEMENT, i] = work[_AT.U, i]
-        state[at.VELOCITY, i] = work[_AT.V + stages, i]
-        state[at.ACCELERATION, i] = work[_AT.A + stages, i]
-        commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
+        state[at.DISPLACEMENT, i] = work[_EXPLICIT.U, i]
+        state[at.VELOCITY, i] = work[_EXPLICIT.V + stages, i]
+        state[at.ACCELERATION, i] = work[_EXPLICIT.A + stages, i]
+        commit(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)
     return 1 if finite(state, n) else at.NOT_FINITE
 
 
-def explicit_row(a: Table) -> tuple[float, ...]:
-    """Coefficients of `explicit_step`; the rows of A below the first one, b last."""
-    return (float(len(a)), *(number for row in a for number in (math.fsum(row), *row)))
+def explicit_coefficients(table: Table) -> tuple[float, ...]:
+    """Return the coefficients of `explicit_step`.
 
+    Parameters
+    ----------
+    table : tuple of tuple of float
+        Rows of the Butcher matrix A from the second stage on, without zeros on and above the
+        diagonal; the last row contains the weights b.
 
-def imaginary_limit(a: Table) -> float:
-    """Largest stable omega h without damping: the first root of |R(i omega h)|^2 = 1, R the stability polynomial; 0 if
-    the method grows from the start.
-
-    R(z) = 1 + sum of b A^k 1 z^(k+1).
+    Returns
+    -------
+    tuple of float
+        Number of stages, then for each row of `table` its node (the sum of the row; 1 for b) and
+        the row itself.
     """
-    from numpy.polynomial import Polynomial  # for this alone
+    rows = (number for row in table for number in (math.fsum(row), *row))
+    return (float(len(table)), *rows)
 
-    s = len(a)
-    matrix = np.zeros((s, s))
-    for i, row in enumerate(a[:-1], start=1):
+
+def imaginary_stability_limit(table: Table) -> float:
+    """Return the largest stable omega h of an explicit method without damping.
+
+    Applied to v' = i omega v, the method multiplies the solution in each step by R(i omega h) with
+    the stability polynomial R(z) = 1 + sum over k = 0 .. s - 1 of (b A^k 1) z^(k + 1). The limit is
+    the smallest positive root of |R(i omega h)|^2 = 1.
+
+    Parameters
+    ----------
+    table : tuple of tuple of float
+        Butcher table as for `explicit_coefficients`.
+
+    Returns
+    -------
+    float
+        Limit of omega h. 0 if |R| exceeds 1 for arbitrarily small steps, inf if there is no root.
+    """
+    from numpy.polynomial import Polynomial  # imported here because no other function needs it
+
+    stages = len(table)
+    matrix = np.zeros((stages, stages))
+    for i, row in enumerate(table[:-1], start=1):
         matrix[i, :i] = row
-    power = np.ones(s)
-    moments = [1.0]
-    for _ in range(s):
-        moments.append(float(np.dot(a[-1], power)))
+    power = np.ones(stages)  # A^k 1
+    polynomial = [1.0]  # coefficients of R, lowest power first
+    for _ in range(stages):
+        polynomial.append(float(np.dot(table[-1], power)))
         power = matrix @ power
-    # With y = (omega h)^2 the real part of R is a polynomial in y, and so is the imaginary part over omega h.
-    real = Polynomial([(-1.0) ** k * moment for k, moment in enumerate(moments[0::2])])
-    imaginary = Polynomial([(-1.0) ** k * moment for k, moment in enumerate(moments[1::2])])
-    growth = real**2 + Polynomial([0.0, 1.0]) * imaginary**2 - 1.0
-    # The terms below the order of the method vanish, but for rounding.
-    leading = int(np.argmax(np.abs(growth.coef) > 1e-12))
-    if growth.coef[leading] > 0.0:
+    # With y = (omega h)^2, the real part of R(i omega h) is a polynomial in y. The imaginary part
+    # is omega h times a polynomial in y.
+    real = Polynomial([(-1.0) ** k * value for k, value in enumerate(polynomial[0::2])])
+    imaginary = Polynomial([(-1.0) ** k * value for k, value in enumerate(polynomial[1::2])])
+    growth = real**2 + Polynomial([0.0, 1.0]) * imaginary**2 - 1.0  # |R|^2 - 1
+    # The low powers of y vanish up to the order of the method, except for rounding errors. The sign
+    # of the first coefficient that does not vanish decides whether small steps are stable.
+    first_power = int(np.argmax(np.abs(growth.coef) > 1e-12))
+    if growth.coef[first_power] > 0.0:
         return 0.0
-    roots = np.asarray(Polynomial(growth.coef[leading:]).roots(), dtype=np.complex128)
-    crossings = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0.0)]
-    return math.sqrt(np.min(crossings, initial=math.inf))
+    roots = np.asarray(Polynomial(growth.coef[first_power:]).roots(), dtype=np.complex128)
+    limits = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0.0)]
+    return math.sqrt(np.min(limits, initial=math.inf))
 
 
+# Dormand and Prince (1980), table 2: rows of A for the stages 2 to 6, then the fifth-order weights
 DORMAND_PRINCE: Table = (
     (1 / 5,),
     (3 / 40, 9 / 40),
@@ -181,40 +245,48 @@ DORMAND_PRINCE: Table = (
     (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
 )
 
-# ---- Implicit, two stages one after the other. The unknowns are the accelerations a1, a2 of the stages,
+# ---- Implicit methods with two stages
 #
-#     M ai + C (v0 + h sum Aij aj) + f(u0 + ci h v0 + h^2 sum (A^2)ij aj) = pi,
+# The unknowns are the accelerations a_1 and a_2 of the stages. The stage velocities are eliminated
+# from the stage displacements: A 1 = c, so h sum_j A_ij v_j = c_i h v0 + h^2 sum_j (A^2)_ij a_j.
+# The equations of motion at the stages i = 1, 2 are
 #
-# so that nothing cancels at small h. Newton's matrix has a block of 2 x 2 per floor.
+#     M a_i + C (v0 + h sum_j A_ij a_j) + f(u0 + c_i h v0 + h^2 sum_j (A^2)_ij a_j) = p(t0 + c_i h)
+#
+# Accelerations are used as unknowns because no differences of nearly equal displacements occur if h
+# is small. The matrix of Newton's method has a 2 x 2 block per floor.
 
-# Coefficients
-C = 0
-A = 2  # row by row
-A2 = 6  # A^2
-B = 10
-BA = 12  # b A
-
-
-class _StageRows(NamedTuple):
-    """Rows of work, one for each stage and more."""
-
-    STAGE_LOAD: int = 2
-    STAGE_A: int = 2
-    STAGE_U: int = 2
-    STAGE_V: int = 2
-    STAGE_SUM: int = 2  # story forces, dampers included
-    SIZE: int = 2  # of the terms in them
-    R: int = 2  # residuals, then corrections
-    TANGENT: int = 2
-    SLOPE: int = 2  # of the power-law dashpots
-    FACTORED: int = 2
-    FACTORED_SLOPE: int = 2
-    CORRECTION: int = 2  # the last one
-    BLOCKS: int = 4
-    COUPLING: int = COUPLING_ROWS
+# Offsets in the coefficients of `implicit_step`
+_C = 0  # nodes c_1, c_2
+_A = 2  # matrix A, row by row
+_A_SQUARED = 6  # A^2, row by row
+_B = 10  # weights b of the velocity
+_B_A = 12  # row vector b A, the weights of the displacement
 
 
-_ROW, _STORE = at.chained(_StageRows)
+class _ImplicitRows(NamedTuple):
+    """Number of rows of the work array for each quantity; the columns are floors or stories.
+
+    Quantities with two rows have one row per stage.
+    """
+
+    STAGE_LOAD: int = 2  # load p, N
+    STAGE_A: int = 2  # accelerations a_1 and a_2: the unknowns, m/s^2
+    STAGE_U: int = 2  # displacements, m
+    STAGE_V: int = 2  # velocities, m/s
+    STORY_FORCE: int = 2  # story forces including P-delta and dashpots, N
+    FORCE_SCALE: int = 2  # absolute story force plus a bound of rounding errors, N
+    RESIDUAL: int = 2  # residuals (N), overwritten by the corrections of the unknowns (m/s^2)
+    TANGENT: int = 2  # tangent stiffness of the hysteretic laws, N/m
+    DAMPER_TANGENT: int = 2  # tangent damping coefficient of the power-law dashpots, N s/m
+    FACTORED_TANGENT: int = 2  # TANGENT in the current factorization
+    FACTORED_DAMPER_TANGENT: int = 2  # DAMPER_TANGENT in the current factorization
+    CORRECTION: int = 2  # copy of the last correction, which the line search may halve, m/s^2
+    BLOCKS: int = 4  # 2 x 2 diagonal blocks of the factorization, row by row
+    COUPLING: int = COUPLING_ROWS  # off-diagonal blocks of the factorization
+
+
+_IMPLICIT, _MODAL_STORE = at.chained(_ImplicitRows)
 
 
 @kernel(STEP)
@@ -232,239 +304,369 @@ def implicit_step(
     work,
     report,
 ):
-    """One step of a two-stage method; Newton on all stories and both stages at once.
+    """Advance the state by one step of an implicit Runge-Kutta method with two stages.
 
-    Where it goes round in a cycle, corrections are halved until they bring the equations closer to balance.
+    Newton's method solves the equations of all floors and both stages together. The factorization
+    is reused while the time step is the same and no tangent changes by more than
+    TANGENT_TOLERANCE. From correction number
+    UNDAMPED_ITERATIONS + 1 on, a line search halves corrections that do not reduce the residual
+    (`tdint.kernels.equations.iteration`).
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Result of `implicit_coefficients`.
+    linear_terms, modal, law_parameters, forces, flags : ndarray
+        Fields of `tdint.kernels.stepping.Scene`; not changed.
+    h : float
+        Time step, s.
+    load : ndarray
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
+    state : ndarray
+        Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
+        the ground; updated in place. ACCELERATION is only the first estimate of the next step.
+    springs : ndarray
+        State of the hysteretic laws; updated in place.
+    work : ndarray
+        Scratch rows and factorization, `_ImplicitRows` and the rows of `factor_blocks` for modal
+        damping.
+    report : ndarray
+        Receives FACTORED_STEP and, if the iteration does not converge, RESIDUAL and WORST_STORY.
+
+    Returns
+    -------
+    int
+        Number of linear solves, at least 1. NOT_CONVERGED if the iteration does not converge; the
+        state is then unchanged. NOT_FINITE if the new state is not finite.
     """
     n = linear_terms.shape[1] - 1
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
-    factors = Factors(work, _ROW.BLOCKS, _ROW.COUPLING, _STORE)
-    first, second = h * coefficients[A], h * coefficients[A + 1]
-    damping = ModalBlocks(modal, first, second, h * coefficients[A + 2], h * coefficients[A + 3])
-    _predict(coefficients, scene, h, load, memory)
+    factors = Factors(work, _IMPLICIT.BLOCKS, _IMPLICIT.COUPLING, _MODAL_STORE)
+    a_11, a_12 = h * coefficients[_A], h * coefficients[_A + 1]
+    damping = ModalBlocks(modal, a_11, a_12, h * coefficients[_A + 2], h * coefficients[_A + 3])
+    _predict_stages(coefficients, scene, h, load, memory)
     iterations = 0
-    part = 1.0
-    before = math.inf
+    fraction = 1.0  # of the last correction that is applied
+    previous_norm = math.inf
     while True:
-        stale = _stages(coefficients, linear_terms, law_parameters, h, memory)
-        if _in_balance(iterations == ITERATIONS, linear_terms, modal, work, report):
+        is_stale = _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory)
+        is_last = iterations == MAX_ITERATIONS
+        if _compute_residuals(is_last, linear_terms, modal, work, report):
             break
-        if iterations >= PATIENCE:
-            # A correction that led farther from balance is taken back by half, and by half again.
-            size = squares(linear_terms, work, _ROW.R, n) + squares(
-                linear_terms, work, _ROW.R + 1, n
+        if iterations >= UNDAMPED_ITERATIONS:
+            norm = squared_norm(linear_terms, work, _IMPLICIT.RESIDUAL, n) + squared_norm(
+                linear_terms, work, _IMPLICIT.RESIDUAL + 1, n
             )
-            if too_far(size, before, part):
-                part *= 0.5
-                add_rows(-part, work, _ROW.CORRECTION, _ROW.STAGE_A, 2, n)
+            if must_halve(norm, previous_norm, fraction):
+                # Subtract half of the part of the correction that is currently applied.
+                fraction *= 0.5
+                add_rows(-fraction, work, _IMPLICIT.CORRECTION, _IMPLICIT.STAGE_A, 2, n)
                 continue
-            before = size
-            part = 1.0
-        if iterations == ITERATIONS:
+            previous_norm = norm
+            fraction = 1.0
+        if iterations == MAX_ITERATIONS:
             return at.NOT_CONVERGED
-        if stale:
-            _factor(coefficients, linear_terms, h, factors, damping)
+        if is_stale:
+            _factor_jacobian(coefficients, linear_terms, h, factors, damping)
             report[at.FACTORED_STEP] = h
-        solve_blocks_damped(factors, damping, _ROW.R, _ROW.R + 1, n)
+        solve_blocks_damped(factors, damping, _IMPLICIT.RESIDUAL, _IMPLICIT.RESIDUAL + 1, n)
         iterations += 1
         for stage in range(2):
             for i in range(n):
-                work[_ROW.STAGE_A + stage, i] += work[_ROW.R + stage, i]
-        if iterations > PATIENCE:
-            copy_rows(work, _ROW.R, _ROW.CORRECTION, 2, n)
+                work[_IMPLICIT.STAGE_A + stage, i] += work[_IMPLICIT.RESIDUAL + stage, i]
+        if iterations > UNDAMPED_ITERATIONS:
+            copy_rows(work, _IMPLICIT.RESIDUAL, _IMPLICIT.CORRECTION, 2, n)
         if flags[at.LINEAR] != 0.0:
-            break
-    _finish(coefficients, linear_terms, law_parameters, h, memory)
+            break  # one solve is exact in a linear building
+    _commit_step(coefficients, linear_terms, law_parameters, h, memory)
     return max(iterations, 1) if finite(state, n) else at.NOT_FINITE
 
 
 @inlined
-def _predict(coefficients, scene, h, load, memory):
-    """Load at the stages; constant acceleration as the first guess, none in a linear building: that rounds least."""
+def _predict_stages(coefficients, scene, h, load, memory):
+    """Compute the loads at both stages and the first estimate of the stage accelerations.
+
+    The estimate is the acceleration in the state. In a linear building it is zero: one solve is
+    exact for any estimate, and zero leads to the smallest rounding errors.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of `implicit_step`.
+    scene : Scene
+        Building and forces on floors.
+    h : float
+        Time step, s.
+    load : ndarray
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
+    memory : Memory
+        Rows STAGE_LOAD and STAGE_A of the work array are set.
+    """
     linear_terms, _, _, forces, flags = scene
     state, _, work, _ = memory
-    guess = 0.0 if flags[at.LINEAR] != 0.0 else 1.0
+    use_acceleration = 0.0 if flags[at.LINEAR] != 0.0 else 1.0
     for stage in range(2):
-        c = coefficients[C + stage]
+        c = coefficients[_C + stage]
+        load_row = _IMPLICIT.STAGE_LOAD + stage
         ground = load[at.GROUND_0] + c * (load[at.GROUND_1] - load[at.GROUND_0])
-        floor_load(
-            linear_terms, forces, load[at.TIME] + c * h, ground, work, _ROW.STAGE_LOAD + stage
-        )
+        floor_load(linear_terms, forces, load[at.TIME] + c * h, ground, work, load_row)
         for i in range(linear_terms.shape[1] - 1):
-            work[_ROW.STAGE_A + stage, i] = guess * state[at.ACCELERATION, i]
+            work[_IMPLICIT.STAGE_A + stage, i] = use_acceleration * state[at.ACCELERATION, i]
 
 
 @inlined
-def _stages(coefficients, linear_terms, law_parameters, h, memory):
-    """Motion and story forces at both stages, one reached from the other. True if the factorization does not fit."""
+def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
+    """Compute motion, story forces and tangents at both stages from the stage accelerations.
+
+    The hysteretic laws follow the path from the committed state to the first stage (block
+    FIRST_TRIAL of the law states) and from there to the second stage (block SECOND_TRIAL).
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of `implicit_step`.
+    linear_terms, law_parameters : ndarray
+        Linear terms of the building and parameters of the hysteretic laws.
+    h : float
+        Time step, s.
+    memory : Memory
+        State, law states, work array and report. Rows STAGE_U, STAGE_V, STORY_FORCE, FORCE_SCALE,
+        TANGENT and DAMPER_TANGENT of the work array are set.
+
+    Returns
+    -------
+    bool
+        True if the factorization must be computed again: the time step differs, or a tangent
+        differs by more than TANGENT_TOLERANCE from its value in the factorization.
+    """
     state, springs, work, report = memory
     n = linear_terms.shape[1] - 1
-    stale = report[at.FACTORED_STEP] != h
+    is_stale = report[at.FACTORED_STEP] != h
     for stage in range(2):
-        past = stage * at.FIRST_TRIAL
-        trial = past + at.FIRST_TRIAL
-        shift = h * coefficients[C + stage]
-        v_by_1 = h * coefficients[A + 2 * stage]
-        v_by_2 = h * coefficients[A + 2 * stage + 1]
-        u_by_1 = h * h * coefficients[A2 + 2 * stage]
-        u_by_2 = h * h * coefficients[A2 + 2 * stage + 1]
+        previous = at.COMMITTED + stage * at.FIRST_TRIAL
+        trial = previous + at.FIRST_TRIAL
+        elapsed = h * coefficients[_C + stage]
+        v_by_a1 = h * coefficients[_A + 2 * stage]
+        v_by_a2 = h * coefficients[_A + 2 * stage + 1]
+        u_by_a1 = h * h * coefficients[_A_SQUARED + 2 * stage]
+        u_by_a2 = h * h * coefficients[_A_SQUARED + 2 * stage + 1]
         u_below = 0.0
         v_below = 0.0
         for i in range(n):
-            a_1 = work[_ROW.STAGE_A, i]
-            a_2 = work[_ROW.STAGE_A + 1, i]
-            u = (
-                state[at.DISPLACEMENT, i]
-                + shift * state[at.VELOCITY, i]
-                + (u_by_1 * a_1 + u_by_2 * a_2)
-            )
-            v = state[at.VELOCITY, i] + (v_by_1 * a_1 + v_by_2 * a_2)
+            a1 = work[_IMPLICIT.STAGE_A, i]
+            a2 = work[_IMPLICIT.STAGE_A + 1, i]
+            v0 = state[at.VELOCITY, i]
+            u = state[at.DISPLACEMENT, i] + elapsed * v0 + (u_by_a1 * a1 + u_by_a2 * a2)
+            v = v0 + (v_by_a1 * a1 + v_by_a2 * a2)
             drift = u - linear_terms[at.LINK, i] * u_below
-            rate = v - linear_terms[at.LINK, i] * v_below
+            drift_rate = v - linear_terms[at.LINK, i] * v_below
             u_below = u
             v_below = v
-            work[_ROW.STAGE_U + stage, i] = u
-            work[_ROW.STAGE_V + stage, i] = v
-            tangent = restoring(law_parameters, springs, i, past, trial, drift)
-            work[_ROW.TANGENT + stage, i] = tangent
-            stale = (
-                stale
-                or abs(tangent - work[_ROW.FACTORED + stage, i])
-                > SAME_TANGENT * law_parameters[at.STIFFNESS, i]
+            work[_IMPLICIT.STAGE_U + stage, i] = u
+            work[_IMPLICIT.STAGE_V + stage, i] = v
+            stiffness = law_parameters[at.STIFFNESS, i]
+            tangent = restoring(law_parameters, springs, i, previous, trial, drift)
+            work[_IMPLICIT.TANGENT + stage, i] = tangent
+            tangent_change = abs(tangent - work[_IMPLICIT.FACTORED_TANGENT + stage, i])
+            is_stale = is_stale or tangent_change > TANGENT_TOLERANCE * stiffness
+            damper_force, damper_tangent = power_damper(linear_terms, i, drift_rate)
+            work[_IMPLICIT.DAMPER_TANGENT + stage, i] = damper_tangent
+            # In the matrix, damping coefficients are multiplied by h A_ij and added to masses.
+            change = abs(damper_tangent - work[_IMPLICIT.FACTORED_DAMPER_TANGENT + stage, i])
+            is_stale = is_stale or (
+                change * h * abs(coefficients[_A]) > TANGENT_TOLERANCE * linear_terms[at.MASS, i]
             )
-            damper, slope = power_damper(linear_terms, i, rate)
-            work[_ROW.SLOPE + stage, i] = slope
-            change = abs(slope - work[_ROW.FACTORED_SLOPE + stage, i])
-            stale = (
-                stale or change * h * abs(coefficients[A]) > SAME_TANGENT * linear_terms[at.MASS, i]
-            )
-            total = (
+            story_force = (
                 springs[trial + at.FORCE, i]
                 + linear_terms[at.GEOMETRIC, i] * drift
-                + linear_terms[at.STORY_DAMPER, i] * rate
-                + damper
+                + linear_terms[at.STORY_DAMPER, i] * drift_rate
+                + damper_force
             )
-            work[_ROW.STAGE_SUM + stage, i] = total
-            # A drift is a difference: what the displacements round is not out of balance.
-            rounding = SMALL / CLOSE * law_parameters[at.STIFFNESS, i]
-            work[_ROW.SIZE + stage, i] = abs(total) + rounding * (abs(u) + abs(u - drift))
-    return stale
+            work[_IMPLICIT.STORY_FORCE + stage, i] = story_force
+            # The drift is a difference of displacements, so their rounding errors appear as story
+            # forces. They must not prevent convergence: after multiplication by
+            # RESIDUAL_TOLERANCE, this term is the stiffness times these rounding errors.
+            rounding = ROUNDING / RESIDUAL_TOLERANCE * stiffness
+            scale = abs(story_force) + rounding * (abs(u) + abs(u - drift))
+            work[_IMPLICIT.FORCE_SCALE + stage, i] = scale
+    return is_stale
 
 
 @inlined
-def _in_balance(last, linear_terms, modal, work, report):
-    """Unbalanced forces at both stages into their rows, N. Whether all are small. At the last of them the worst is
-    noted."""
+def _compute_residuals(is_last, linear_terms, modal, work, report):
+    """Compute the residuals p - M a - C v - f(u) at both stages and check convergence.
+
+    Parameters
+    ----------
+    is_last : bool
+        True if no further iteration is allowed: the largest relative residual and its floor are
+        then stored in `report`.
+    linear_terms, modal : ndarray
+        Linear terms and modal damping of the building.
+    work : ndarray
+        Work array; the rows RESIDUAL receive the residuals, N.
+    report : ndarray
+        RESIDUAL is reset to 0; RESIDUAL and WORST_STORY are set if `is_last`.
+
+    Returns
+    -------
+    bool
+        True if the residuals of all floors at both stages are within the tolerance.
+    """
     n = linear_terms.shape[1] - 1
     report[at.RESIDUAL] = 0.0
-    small = True
+    has_converged = True
     for stage in range(2):
-        total = _ROW.STAGE_SUM + stage
+        velocity = _IMPLICIT.STAGE_V + stage
+        residuals = _IMPLICIT.RESIDUAL + stage
+        story_force = _IMPLICIT.STORY_FORCE + stage
+        force_scale = _IMPLICIT.FORCE_SCALE + stage
+        # The row first receives the modal damping forces.
         for i in range(n):
-            work[_ROW.R + stage, i] = 0.0
-        add_modal_force(modal, work, _ROW.STAGE_V + stage, 1.0, work, _ROW.R + stage, n)
+            work[residuals, i] = 0.0
+        add_modal_force(modal, work, velocity, 1.0, work, residuals, n)
         for i in range(n):
             link = linear_terms[at.LINK, i + 1]
-            outer = work[_ROW.STAGE_LOAD + stage, i]
-            inertia = linear_terms[at.MASS, i] * work[_ROW.STAGE_A + stage, i]
-            damping = (
-                linear_terms[at.FLOOR_DAMPER, i] * work[_ROW.STAGE_V + stage, i]
-                + work[_ROW.R + stage, i]
+            load = work[_IMPLICIT.STAGE_LOAD + stage, i]
+            inertia = linear_terms[at.MASS, i] * work[_IMPLICIT.STAGE_A + stage, i]
+            damping = linear_terms[at.FLOOR_DAMPER, i] * work[velocity, i] + work[residuals, i]
+            residual = (
+                load - inertia - damping - work[story_force, i] + link * work[story_force, i + 1]
             )
-            residual = outer - inertia - damping - work[total, i] + link * work[total, i + 1]
-            work[_ROW.R + stage, i] = residual
-            scale = abs(outer) + abs(inertia) + abs(damping)
-            scale += work[_ROW.SIZE + stage, i] + link * work[_ROW.SIZE + stage, i + 1]
-            small &= balanced(last, CLOSE, report, i, residual, scale)
-    return small
+            work[residuals, i] = residual
+            scale = abs(load) + abs(inertia) + abs(damping)
+            scale += work[force_scale, i] + link * work[force_scale, i + 1]
+            has_converged &= is_balanced(is_last, RESIDUAL_TOLERANCE, report, i, residual, scale)
+    return has_converged
 
 
 @inlined
-def _factor(coefficients, linear_terms, h, factors, damping):
-    """Factor I2 (x) M + h A (x) C + h^2 A^2 (x) K, each stage with its own tangents."""
+def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
+    """Factor the matrix of Newton's method for the stage accelerations.
+
+    The matrix is I (x) M + h A (x) C + h^2 A^2 (x) K with the Kronecker product (x). The equations
+    of each stage use the tangents K and C of the same stage.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of `implicit_step`.
+    linear_terms : ndarray
+        Linear terms of the building.
+    h : float
+        Time step, s.
+    factors : Factors
+        Work array and the rows of the factorization.
+    damping : ModalBlocks
+        Modal part of h A (x) C.
+    """
     work = factors.table
     n = linear_terms.shape[1] - 1
-    for entry in range(4):
+    for entry in range(4):  # entries of a 2 x 2 block, row by row; the row is the stage
         stage = entry // 2
-        by_m = 1.0 if entry == 0 or entry == 3 else 0.0
-        by_c = h * coefficients[A + entry]
-        by_k = h * h * coefficients[A2 + entry]
+        m_factor = 1.0 if entry == 0 or entry == 3 else 0.0
+        c_factor = h * coefficients[_A + entry]
+        k_factor = h * h * coefficients[_A_SQUARED + entry]
         for i in range(n):
-            damper = linear_terms[at.STORY_DAMPER, i] + work[_ROW.SLOPE + stage, i]
-            story = (
-                by_k * (work[_ROW.TANGENT + stage, i] + linear_terms[at.GEOMETRIC, i])
-                + by_c * damper
-            )
-            work[_ROW.COUPLING + entry, i] = story
-            work[_ROW.BLOCKS + entry, i] = (
-                by_m * linear_terms[at.MASS, i] + by_c * linear_terms[at.FLOOR_DAMPER, i] + story
+            damper = linear_terms[at.STORY_DAMPER, i] + work[_IMPLICIT.DAMPER_TANGENT + stage, i]
+            stiffness = work[_IMPLICIT.TANGENT + stage, i] + linear_terms[at.GEOMETRIC, i]
+            story = k_factor * stiffness + c_factor * damper
+            work[_IMPLICIT.COUPLING + entry, i] = story
+            work[_IMPLICIT.BLOCKS + entry, i] = (
+                m_factor * linear_terms[at.MASS, i]
+                + c_factor * linear_terms[at.FLOOR_DAMPER, i]
+                + story
             )
     for stage in range(2):
         for i in range(n):
-            work[_ROW.FACTORED + stage, i] = work[_ROW.TANGENT + stage, i]
-            work[_ROW.FACTORED_SLOPE + stage, i] = work[_ROW.SLOPE + stage, i]
+            tangent = work[_IMPLICIT.TANGENT + stage, i]
+            damper_tangent = work[_IMPLICIT.DAMPER_TANGENT + stage, i]
+            work[_IMPLICIT.FACTORED_TANGENT + stage, i] = tangent
+            work[_IMPLICIT.FACTORED_DAMPER_TANGENT + stage, i] = damper_tangent
     link_blocks(linear_terms, factors, n)
     factor_blocks(factors, damping, n)
 
 
 @inlined
-def _finish(coefficients, linear_terms, law_parameters, h, memory):
-    """Update the state and commit the drift laws, reached from the second stage.
+def _commit_step(coefficients, linear_terms, law_parameters, h, memory):
+    """Update the state and commit the hysteretic laws at the end of the step.
 
-    State row ACCELERATION, the next step's first guess, is the line through both stages.
+    The displacement is u0 + h v0 + h^2 sum_j (b A)_j a_j, the velocity v0 + h sum_j b_j a_j. The
+    law of each story is evaluated at the end of the step from its state at the second stage. The
+    acceleration, the first estimate of the next step, is extrapolated linearly from both stages.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of `implicit_step`.
+    linear_terms, law_parameters : ndarray
+        Linear terms of the building and parameters of the hysteretic laws.
+    h : float
+        Time step, s.
+    memory : Memory
+        State and law states, which are updated, and the work array with the stage accelerations.
     """
     state, springs, work, _ = memory
     n = linear_terms.shape[1] - 1
-    beyond = (1.0 - coefficients[C + 1]) / (coefficients[C + 1] - coefficients[C])
-    below = 0.0
+    # Extrapolation from the second stage to the end, relative to the distance of the stages
+    extrapolation = (1.0 - coefficients[_C + 1]) / (coefficients[_C + 1] - coefficients[_C])
+    u_below = 0.0
     for i in range(n):
-        a_1 = work[_ROW.STAGE_A, i]
-        a_2 = work[_ROW.STAGE_A + 1, i]
-        v = state[at.VELOCITY, i]
-        u = (
-            state[at.DISPLACEMENT, i]
-            + h * v
-            + h * h * (coefficients[BA] * a_1 + coefficients[BA + 1] * a_2)
-        )
-        state[at.DISPLACEMENT, i] = u
-        state[at.VELOCITY, i] = v + h * (coefficients[B] * a_1 + coefficients[B + 1] * a_2)
-        state[at.ACCELERATION, i] = a_2 + beyond * (a_2 - a_1)
-        settle(law_parameters, springs, i, 0, at.FIRST_TRIAL)
+        a1 = work[_IMPLICIT.STAGE_A, i]
+        a2 = work[_IMPLICIT.STAGE_A + 1, i]
+        u0 = state[at.DISPLACEMENT, i]
+        v0 = state[at.VELOCITY, i]
+        u1 = u0 + h * v0 + h * h * (coefficients[_B_A] * a1 + coefficients[_B_A + 1] * a2)
+        state[at.DISPLACEMENT, i] = u1
+        state[at.VELOCITY, i] = v0 + h * (coefficients[_B] * a1 + coefficients[_B + 1] * a2)
+        state[at.ACCELERATION, i] = a2 + extrapolation * (a2 - a1)
+        # Dissipated energy of each part of the path
+        settle(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)
         settle(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
-        restoring(
-            law_parameters,
-            springs,
-            i,
-            at.SECOND_TRIAL,
-            at.THIRD_TRIAL,
-            u - linear_terms[at.LINK, i] * below,
-        )
+        drift = u1 - linear_terms[at.LINK, i] * u_below
+        restoring(law_parameters, springs, i, at.SECOND_TRIAL, at.THIRD_TRIAL, drift)
         commit(law_parameters, springs, i, at.SECOND_TRIAL, at.THIRD_TRIAL)
-        below = u
+        u_below = u1
 
 
-def implicit_row(a: Table, b: tuple[float, ...]) -> tuple[float, ...]:
-    """Coefficients of `implicit_step` from A and b; the nodes are the row sums of A."""
-    matrix = np.array(a)
-    parts = (matrix.sum(axis=1), matrix, matrix @ matrix, np.array(b), np.array(b) @ matrix)
+def implicit_coefficients(table: Table, weights: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the coefficients of `implicit_step`.
+
+    Parameters
+    ----------
+    table : tuple of tuple of float
+        Butcher matrix A, 2 x 2. The nodes are the sums of its rows.
+    weights : tuple of float
+        Weights b.
+
+    Returns
+    -------
+    tuple of float
+        c, A, A^2, b and b A in this order; matrices row by row (14 values).
+    """
+    a, b = np.array(table), np.array(weights)
+    parts = (a.sum(axis=1), a, a @ a, b, b @ a)
     return tuple(float(number) for part in parts for number in part.ravel())
 
 
-_SHIFT = math.sqrt(3.0) / 6.0
-GAUSS: Table = ((0.25, 0.25 - _SHIFT), (0.25 + _SHIFT, 0.25))
+# Gauss method with two stages: nodes 1/2 -+ sqrt(3) / 6, weights 1/2
+_GAUSS_SHIFT = math.sqrt(3.0) / 6.0
+GAUSS: Table = ((0.25, 0.25 - _GAUSS_SHIFT), (0.25 + _GAUSS_SHIFT, 0.25))
 
+# `memory` lists the independent rows of the state: in both families the acceleration follows from
+# displacement and velocity or is only a first estimate.
 EXPLICIT = Family(
     "runge-kutta",
     explicit_step,
     lambda modes: _EXPLICIT_ROWS,
     memory=(at.DISPLACEMENT, at.VELOCITY),
-    halvable=False,
+    halvable=False,  # an explicit step never returns NOT_CONVERGED
 )
 IMPLICIT = Family(
     "runge-kutta",
     implicit_step,
-    lambda modes: _STORE + 6 * modes + 1,
+    lambda modes: _MODAL_STORE + 6 * modes + 1,  # rows for modal damping: see `factor_blocks`
     memory=(at.DISPLACEMENT, at.VELOCITY),
 )
 
@@ -472,17 +674,17 @@ METHODS = (
     Method(
         name="rk5",
         family=EXPLICIT,
-        coefficients=lambda: explicit_row(DORMAND_PRINCE),
+        coefficients=lambda: explicit_coefficients(DORMAND_PRINCE),
         order=lambda: 5,
         implicit=lambda: False,
-        stability_limit=lambda: imaginary_limit(DORMAND_PRINCE),
-        rho_inf=lambda: math.nan,
+        stability_limit=lambda: imaginary_stability_limit(DORMAND_PRINCE),
+        rho_inf=lambda: math.nan,  # unstable for large omega h
         source="Dormand and Prince (1980), the fifth-order weights at a fixed step",
     ),
     Method(
         name="gauss4",
         family=IMPLICIT,
-        coefficients=lambda: implicit_row(GAUSS, (0.5, 0.5)),
+        coefficients=lambda: implicit_coefficients(GAUSS, (0.5, 0.5)),
         order=lambda: 4,
         rho_inf=lambda: 1.0,
         source="two-stage Gauss method, Kuntzmann (1961) and Butcher (1964)",

@@ -1,9 +1,11 @@
-"""The generalized single-step family of Zhou and Tamma (2004): one kernel, a row of coefficients per method.
+"""The generalized single-step family of Zhou and Tamma (2004): one kernel, a row of coefficients
+per method.
 
 The increment da of the acceleration follows from equilibrium at a weighted point of the step:
 
-    M (a0 + L6W1 da) + C (v0 + W1 h a0 + L5W2 h da) + f(u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da) = (1 - W1) p0 + W1 p1
-    u1 = u0 + h v0 + h^2 a0 / 2 + l3 h^2 da,   v1 = v0 + h a0 + l5 h da,   a1 = a0 + da
+    M (a0 + L6W1 da) + C (v0 + W1 h a0 + L5W2 h da) + f(u0 + W1 h v0 + L2W2 h^2 a0 + L3W3 h^2 da) =
+    (1 - W1) p0 + W1 p1 u1 = u0 + h v0 + h^2 a0 / 2 + l3 h^2 da,   v1 = v0 + h a0 + l5 h da,   a1 =
+    a0 + da
 
 (X. Zhou and K. K. Tamma, 2004, with L1W1 = L4W1 = W1, l1 = l4 = 1, l2 = 1/2 in every member here.)
 """
@@ -113,13 +115,15 @@ def newmark(beta: float, gamma: float) -> tuple[float, ...]:
 def generalized_alpha(
     alpha_m: float, alpha_f: float, beta: float, gamma: float
 ) -> tuple[float, ...]:
-    """Chung and Hulbert (1993): equilibrium between the ends of the step, alpha_m and alpha_f from its end."""
+    """Chung and Hulbert (1993): equilibrium between the ends of the step, alpha_m and alpha_f from
+    its end."""
     w1 = 1.0 - alpha_f
     return (w1, w1 / 2.0, w1 * beta, w1 * gamma, 1.0 - alpha_m, beta, gamma)
 
 
 def dissipative(alpha_m: float, alpha_f: float) -> tuple[float, ...]:
-    """`generalized_alpha` with the gamma of order 2 and the beta of most dissipation at high frequency."""
+    """`generalized_alpha` with the gamma of order 2 and the beta of most dissipation at high
+    frequency."""
     excess = alpha_f - alpha_m
     return generalized_alpha(alpha_m, alpha_f, 0.25 * (1.0 + excess) ** 2, 0.5 + excess)
 
@@ -140,7 +144,8 @@ def u0(r1: float, r2: float, r3: float) -> tuple[float, ...]:
 
 
 def _amplification_at_infinity(row: tuple[float, ...]) -> NDArray[np.float64]:
-    """Amplification matrix of (u, h v, h^2 a) for omega h to infinity: there da annuls the weighted displacement."""
+    """Amplification matrix of (u, h v, h^2 a) for omega h to infinity: there da annuls the weighted
+    displacement."""
     da = -np.array([1.0, row[W1], row[L2W2]]) / row[L3W3]
     free = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
     return np.asarray(free + np.outer([row[L3], row[L5], 1.0], da))
@@ -148,7 +153,8 @@ def _amplification_at_infinity(row: tuple[float, ...]) -> NDArray[np.float64]:
 
 def _rho_inf(row: tuple[float, ...]) -> float:
     roots = np.linalg.eigvals(_amplification_at_infinity(row)).astype(np.complex128)
-    # Rounding parts two roots that meet by up to 1e-8, along the real axis or off it; their mean is right to rounding.
+    # Rounding parts two roots that meet by up to 1e-8, along the real axis or off it; their mean is
+    # right to rounding.
     for first, other in ((0, 1), (0, 2), (1, 2)):
         if abs(roots[first] - roots[other]) < 1e-7:
             roots[[first, other]] = 0.5 * (roots[first] + roots[other])
@@ -163,18 +169,21 @@ def _newmark_limit(beta: float, gamma: float) -> float:
 
 
 def collocation_theta(beta: float) -> float:
-    """The theta of optimal collocation: where the two principal roots at infinity meet and become complex.
+    """The theta of optimal collocation: where the two principal roots at infinity meet and become
+    complex.
 
-    Below it, down to the limit of unconditional stability, one of them runs to -1 within a few percent of theta (Hilber
-    and Hughes 1978 tabulate it: 1.021712 for beta 0.24, 1.159772 for 0.20). Bisected, ending above, in fractions: their
-    sign is exact, so no rounding and no library decides on which side the roots meet.
+    Below it, down to the limit of unconditional stability, one of them runs to -1 within a few
+    percent of theta (Hilber and Hughes 1978 tabulate it: 1.021712 for beta 0.24, 1.159772 for
+    0.20). Bisected, ending above, in fractions: their sign is exact, so no rounding and no library
+    decides on which side the roots meet.
     """
     from fractions import Fraction  # for this alone
 
     low, high = Fraction(1), Fraction(2)
     for _ in range(60):
         theta = (low + high) / 2
-        # At infinity u = 1 / (z - 1) solves u^3 + (1 + theta) u^2 + (beta + theta / 2 + theta^2 / 2) u + beta theta^3 =
+        # At infinity u = 1 / (z - 1) solves u^3 + (1 + theta) u^2 + (beta + theta / 2 + theta^2 /
+        # 2) u + beta theta^3 =
         # 0. Two of its roots are complex where the discriminant is negative.
         a, b, c = 1 + theta, Fraction(beta) + (theta + theta**2) / 2, Fraction(beta) * theta**3
         if a**2 * b**2 - 4 * b**3 - 4 * a**3 * c - 27 * c**2 + 18 * a * b * c < 0:
@@ -197,7 +206,8 @@ def _member(
     *parameters: Parameter,
     **declared: Any,
 ) -> Method:
-    """A method of the family: what follows from its row unless it is `declared`, by the fields of `Method`."""
+    """A method of the family: what follows from its row unless it is `declared`, by the fields of
+    `Method`."""
 
     def rho_inf(*values: float) -> float:
         return _rho_inf(row(*values)) if method.stability_limit(*values) == math.inf else math.nan

@@ -1,16 +1,16 @@
-"""A building as arrays: the tables that kernels read, its damping, and what follows from the linear part."""
+"""A building as arrays: the tables that kernels read, its damping, and what follows from the linear
+part."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array, cached_property
-from tdint.data import dataclass
 from tdint.errors import ModelError, UsageError
 from tdint.kernels import layout as at
 from tdint.kernels.building.compilable import Variant
@@ -74,7 +74,8 @@ class Building:
 
     @property
     def rises(self) -> Array:
-        """What each story adds to the height of the building, m, shape (n,): its height, of an isolator nothing."""
+        """What each story adds to the height of the building, m, shape (n,): its height, of an
+        isolator nothing."""
         rises = self.heights.copy()
         rises[list(self.isolators)] = 0.0
         return rises
@@ -136,10 +137,12 @@ class Building:
 
     @cached_property
     def fastest(self) -> float:
-        """A bound on the circular frequencies of the initial stiffness, rad/s, exact to a percent or two.
+        """A bound on the circular frequencies of the initial stiffness, rad/s, exact to a percent
+        or two.
 
-        With its signs turned the stiffness matrix has no negative elements and the same frequencies; for any positive
-        x the largest is at most the largest (M^-1 K x) / x (Collatz 1942), and the closer the nearer x is to the mode.
+        With its signs turned the stiffness matrix has no negative elements and the same
+        frequencies; for any positive x the largest is at most the largest (M^-1 K x) / x (Collatz
+        1942), and the closer the nearer x is to the mode.
         """
         return float(_fastest(self.initial_stiffness, self.linear_terms[at.LINK], self.mass))
 
@@ -159,7 +162,8 @@ class Building:
         )
 
     def first_mode(self) -> tuple[float, float]:
-        """Circular frequency (rad/s) and damping ratio of the first mode, without power-law dashpots.
+        """Circular frequency (rad/s) and damping ratio of the first mode, without power-law
+        dashpots.
 
         The damping ratio is that of the diagonal of the modal damping matrix.
         """
@@ -172,7 +176,8 @@ class Building:
         return omega, float(work / (2.0 * omega))
 
     def modes(self) -> Modes:
-        """Undamped modes of the initial stiffness; they are solved when they are first asked for."""
+        """Undamped modes of the initial stiffness; they are solved when they are first asked
+        for."""
         return self.vibration.modes
 
 
@@ -193,7 +198,8 @@ def _fastest(stiffness: Array, link: Array, mass: Array) -> Array:
 
 
 def _tridiagonal(springs: Array, link: Array) -> Array:
-    """Matrix of springs between neighbours, spring i between i and i - 1 (or the ground where link is 0)."""
+    """Matrix of springs between neighbours, spring i between i and i - 1 (or the ground where link
+    is 0)."""
     coupling = -(springs * link)[1:]
     diagonal = springs.copy()
     diagonal[:-1] -= coupling
@@ -255,7 +261,8 @@ def assemble(model: Model) -> Building:
 
 @dataclass(frozen=True)
 class DrawnBuildings:
-    """Many buildings that differ in numbers alone, as arrays with the draws first; a `Building` has one of each.
+    """Many buildings that differ in numbers alone, as arrays with the draws first; a `Building` has
+    one of each.
 
     Attributes
     ----------
@@ -290,7 +297,8 @@ class DrawnBuildings:
         return _fastest(stiffness, self.base.linear_terms[at.LINK], self.mass)
 
     def of_runs(self, draws: Sequence[int]) -> Building:
-        """What quantities of stories are taken from, of runs by their draws: arrays have the runs first."""
+        """What quantities of stories are taken from, of runs by their draws: arrays have the runs
+        first."""
         return replace(
             self.base,
             linear_terms=np.moveaxis(self.linear_terms[draws], 0, 1),
@@ -324,7 +332,8 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
         P-delta larger than a story's stiffness.
     """
     draws, n = len(next(iter(values.values()))), base.stories
-    # The numbers of the stories that change, by story and column; a column that is not here is the base's.
+    # The numbers of the stories that change, by story and column; a column that is not here is the
+    # base's.
     numbers = [list(story_numbers(story)) for story in model.stories]
     drawn: dict[tuple[int, int], Array] = {}
     set_laws = set()
@@ -387,7 +396,8 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
                 )
             yield_drift[d, i] = law.yield_drift(stiffness, of_law)
 
-    # Damping follows from masses and stiffnesses; where neither changes, the vibration is that of the base.
+    # Damping follows from masses and stiffnesses; where neither changes, the vibration is that of
+    # the base.
     moved = any(
         column in (MASS, STIFFNESS) or (column == HEIGHT and model.p_delta) for _, column in drawn
     )
@@ -415,7 +425,8 @@ _TERMS = {MASS: at.MASS, DASHPOT: at.DASHPOT, POWER.start: at.POWER_DAMPER}
 
 
 def weight_over_height(model: Model) -> Array:
-    """Of each story the weight above over its height, N/m, shape (n,): the stiffness that P-delta takes."""
+    """Of each story the weight above over its height, N/m, shape (n,): the stiffness that P-delta
+    takes."""
     mass = np.array([story.mass for story in model.stories])
     heights = np.array(
         [math.nan if story.height is None else story.height for story in model.stories]
@@ -424,8 +435,8 @@ def weight_over_height(model: Model) -> Array:
 
 
 def falling_stories(model: Model) -> tuple[str, ...]:
-    """What to say of stories that P-delta pushes over once they have yielded: their weight over height exceeds the
-    stiffness after yield of their law."""
+    """What to say of stories that P-delta pushes over once they have yielded: their weight over
+    height exceeds the stiffness after yield of their law."""
     if not model.p_delta:
         return ()
     # Stiffnesses of stories have few digits in MN/m.
@@ -441,13 +452,14 @@ def falling_stories(model: Model) -> tuple[str, ...]:
     if not places:
         return ()
     return (
-        "P-delta takes more than the stiffness after yield, so that a story falls once it has yielded; weight over "
-        f"height and that stiffness, {unit}: {first_few(places, _FEW)}",
+        "P-delta takes more than the stiffness after yield, so that a story falls once it has "
+        f"yielded; weight over height and that stiffness, {unit}: {first_few(places, _FEW)}",
     )
 
 
 def stiffness_after_yield(story: Story) -> float:
-    """The stiffness of a story's law after yield, before it softens, N/m; infinite for a law that does not yield."""
+    """The stiffness of a story's law after yield, before it softens, N/m; infinite for a law that
+    does not yield."""
     rule = _AFTER_YIELD.get(story.law.name)
     if rule is None:
         return math.inf
@@ -482,7 +494,8 @@ _AFTER_YIELD: dict[str, Callable[[float, Mapping[str, float]], float]] = {
 
 
 def oscillators(omega: Array, damping: Array) -> Building:
-    """Independent linear oscillators of unit mass, u'' + 2 xi omega u' + omega^2 u = p, side by side.
+    """Independent linear oscillators of unit mass, u'' + 2 xi omega u' + omega^2 u = p, side by
+    side.
 
     Parameters
     ----------
@@ -533,11 +546,12 @@ _TABLES = 4  # of the size of the stories squared that solving for all modes tak
 def add_damping(
     linear_terms: Array, stiffness: Array, model: Model, vibration: FreeVibration
 ) -> Array:
-    """Add the model's damping to the dampers of `chain`; return the rows of its modal damping, shape (modes, n + 1).
+    """Add the model's damping to the dampers of `chain`; return the rows of its modal damping,
+    shape (modes, n + 1).
 
-    Rayleigh damping is C = a0 M + a1 K with the initial stiffness K without P-delta: a damper from each floor to the
-    ground and one beside each story. Modal damping is C = sum 2 xi omega (M phi)(M phi)^T over mass-normalized modes
-    phi.
+    Rayleigh damping is C = a0 M + a1 K with the initial stiffness K without P-delta: a damper from
+    each floor to the ground and one beside each story. Modal damping is C = sum 2 xi omega (M
+    phi)(M phi)^T over mass-normalized modes phi.
 
     Raises
     ------
@@ -551,8 +565,8 @@ def add_damping(
         needed, available = _TABLES * 8 * n**2, memory()
         if available is not None and needed > available:
             raise ModelError(
-                f"modal damping of {n} stories takes {needed / 2**30:.0f} GiB of memory, and this machine has "
-                f"{available / 2**30:.0f}: give damping.rayleigh"
+                f"modal damping of {n} stories takes {needed / 2**30:.0f} GiB of memory, and this "
+                f"machine has {available / 2**30:.0f}: give damping.rayleigh"
             )
         modes, ratios = vibration.modes, np.array(damping.ratios)
         # Rows sqrt(2 xi omega) M phi; one ratio stands for all modes, several for the first ones.
@@ -577,10 +591,12 @@ def add_damping(
 def _without_isolators(
     linear_terms: Array, stiffness: Array, model: Model, damping: RayleighCoefficients
 ) -> Array:
-    """Rayleigh damping that does not reach isolators; return its rows w of C = sum w w^T, shape (rows, n + 1).
+    """Rayleigh damping that does not reach isolators; return its rows w of C = sum w w^T, shape
+    (rows, n + 1).
 
-    Stiffness-proportional dampers stand beside the other stories alone. Mass-proportional ones act on the motion
-    relative to the floor on top of the isolator below, not to the ground, from where they would brake the isolators.
+    Stiffness-proportional dampers stand beside the other stories alone. Mass-proportional ones act
+    on the motion relative to the floor on top of the isolator below, not to the ground, from where
+    they would brake the isolators.
     """
     n = linear_terms.shape[1] - 1
     reached = np.array([story.rayleigh for story in model.stories])
@@ -603,7 +619,8 @@ def _without_isolators(
 def rayleigh(ratio: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCoefficients:
     """Coefficients from two ratios: xi = a0 / (2 omega) + a1 omega / 2 (Chopra 2012, eq. 11.4.8).
 
-    Of one mode alone half from the mass, half from the stiffness: what equal ratios give as two modes come together.
+    Of one mode alone half from the mass, half from the stiffness: what equal ratios give as two
+    modes come together.
     """
     xi_1, xi_2 = ratio.ratios
     if ratio.modes[0] == ratio.modes[1]:
@@ -611,7 +628,8 @@ def rayleigh(ratio: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCo
     difference = omega_2**2 - omega_1**2
     if not 0.0 < abs(difference) < math.inf:
         raise ModelError(
-            "damping: no frequencies of two modes, masses and stiffnesses are too far from each other"
+            "damping: no frequencies of two modes, masses and stiffnesses are too far from each "
+            "other"
         )
     return RayleighCoefficients(
         mass=2.0 * omega_1 * omega_2 * (xi_1 * omega_2 - xi_2 * omega_1) / difference,

@@ -1,22 +1,22 @@
-"""Shear buildings of capacity curves: spectral acceleration over spectral displacement, as classes of buildings have
-them in global models.
+"""Shear buildings of capacity curves: spectral acceleration over spectral displacement, as classes
+of buildings have them in global models.
 
-The rules are those of GEM's vulnerability modellers' toolkit (oq-vmtk 1.1): floors of equal mass but a lighter roof,
-stiffness that falls every two stories, and the curve brought to the stories by the first mode. There forces and
-stiffness are then multiplied by a factor that is to keep the period and does the contrary; it is left out here unless
-it is asked for.
+The rules are those of GEM's vulnerability modellers' toolkit (oq-vmtk 1.1): floors of equal mass
+but a lighter roof, stiffness that falls every two stories, and the curve brought to the stories by
+the first mode. There forces and stiffness are then multiplied by a factor that is to keep the
+period and does the contrary; it is left out here unless it is asked for.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from tdint.arrays import Array
 from tdint.csv_table import read_table
-from tdint.data import dataclass
 from tdint.errors import ModelError, UsageError
 from tdint.model.definition import Law, RayleighCoefficients, RayleighRatio, Story, four_points
 from tdint.model.modes import solve_modes
@@ -68,7 +68,8 @@ class CapacityCurve:
 
     @classmethod
     def of(cls, points: Sequence[tuple[float, float]]) -> CapacityCurve:
-        """The curve through points (Sd m, Sa g); one in the origin is left out. Errors are those of the class."""
+        """The curve through points (Sd m, Sa g); one in the origin is left out. Errors are those of
+        the class."""
         kept = [point for point in points if point != (0.0, 0.0)]
         return cls(tuple(sd for sd, _ in kept), tuple(sa for _, sa in kept))
 
@@ -79,7 +80,8 @@ class CapacityCurve:
 
     @property
     def damage_begins(self) -> float:
-        """Displacement from which damage is counted, m: of three or four points the second, of two the first.
+        """Displacement from which damage is counted, m: of three or four points the second, of two
+        the first.
 
         The stories of a model yield at the first point (`derive_capacity`).
         """
@@ -173,7 +175,8 @@ class CapacityBuilding:
             strict=True,
         )
         for mass, height, drifts, forces in rows:
-            # It yields at the first point. Both directions are alike; beyond the last point a story carries nothing.
+            # It yields at the first point. Both directions are alike; beyond the last point a story
+            # carries nothing.
             side = [number for point in zip(drifts, forces, strict=True) for number in point]
             parameters = (*side, *side, *_PINCHING, *_PINCHING, drifts[-1], *losses)
             stories.append(
@@ -203,7 +206,8 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
     shape = solve_modes(shares, relative, links).shapes[:, 0]
     mode = np.asarray(shape / shape[-1])
 
-    # That mode takes the curve from one oscillator to the stories: drifts by the shape, forces by the shears above.
+    # That mode takes the curve from one oscillator to the stories: drifts by the shape, forces by
+    # the shears above.
     weighted = shares * mode
     participation = float(weighted.sum() / (weighted * mode).sum())
     effective = float(weighted.sum() ** 2 / (weighted * mode).sum())
@@ -251,7 +255,8 @@ def derive_capacity(facts: CapacityFacts) -> CapacityBuilding:
 
 @dataclass(frozen=True)
 class CapacityClass:
-    """A class of buildings: its curve, whether the ground story is soft, whether stories degrade."""
+    """A class of buildings: its curve, whether the ground story is soft, whether stories
+    degrade."""
 
     curve: CapacityCurve
     soft_story: bool = False
@@ -273,15 +278,18 @@ def read_curve(source: str) -> CapacityCurve:
 
 
 def read_classes(source: str) -> dict[str, CapacityClass]:
-    """The classes of a CSV file with the columns class, sd_m and sa_g, a row for each point, those of a class below
-    each other; soft_story and degradation (true or false) may stand beside.
+    """The classes of a CSV file with the columns class, sd_m and sa_g, a row for each point, those
+    of a class below each other; soft_story and degradation (true or false) may stand beside.
 
     Raises
     ------
     ModelError
         It cannot be read, or the points of a class do not make a curve.
     """
-    needs = "classes are a CSV file with the columns class, sd_m and sa_g, a row for each point of a class's curve"
+    needs = (
+        "classes are a CSV file with the columns class, sd_m and sa_g, a row for each point of a "
+        "class's curve"
+    )
     table = read_table(source, needs, columns=("class", *_POINT, "soft_story", "degradation"))
     table.need("class", *_POINT)
     names = table.texts("class", empty=False)

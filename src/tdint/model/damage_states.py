@@ -1,11 +1,12 @@
-"""Damage states: what demand they are told by, and the medians, dispersion and losses of a type of buildings."""
+"""Damage states: what demand they are told by, and the medians, dispersion and losses of a type of
+buildings."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Self
 
-from tdint.data import dataclass
 from tdint.errors import UsageError
 
 STATES = ("slight", "moderate", "extensive", "complete")
@@ -19,7 +20,8 @@ FALLEN = ("collapsed", "failed-story")
 """How runs end under which a building falls: they are told beside the damage states."""
 
 COST, NUMBER = "cost", "number"
-"""Columns of an inventory: what a building costs, and how many of them a row stands for (1 where it is not told)."""
+"""Columns of an inventory: what a building costs, and how many of them a row stands for (1 where it
+is not told)."""
 
 HAZUS, CAPACITY = "hazus", "capacity"
 HAZUS_DISPERSION = 0.4
@@ -37,7 +39,8 @@ class DamageDemand:
     meaning : str
         What it is, for people.
     per : str
-        What the roof's displacement is divided by: `height`, `participation`, or nothing where it is not of the roof.
+        What the roof's displacement is divided by: `height`, `participation`, or nothing where it
+        is not of the roof.
     """
 
     unit: str
@@ -74,7 +77,8 @@ class DamageStates:
     states : tuple of str
         Their names, from the lightest.
     medians : tuple of float
-        The demand at which half of the buildings are in the state or a heavier one, SI units, rising.
+        The demand at which half of the buildings are in the state or a heavier one, SI units,
+        rising.
     dispersion : float
         Standard deviation of the logarithm of that demand; 0: the medians are thresholds.
     losses : tuple of float
@@ -102,7 +106,8 @@ class DamageStates:
         ):
             if not median > last:
                 raise UsageError(
-                    f"the thresholds of damage states rise from state to state, {state} is {median:g}"
+                    f"the thresholds of damage states rise from state to state, {state} is "
+                    f"{median:g}"
                 )
 
     @classmethod

@@ -1,7 +1,8 @@
-"""What a model file says, as typed values in SI units; `tdint.model.config.model_file` reads the file.
+"""What a model file says, as typed values in SI units; `tdint.model.config.model_file` reads the
+file.
 
-Also models made from numbers, without a file: for problems that are part of tdint; and models with some of their
-numbers changed: for sweeps, and what a response is sensitive to.
+Also models made from numbers, without a file: for problems that are part of tdint; and models with
+some of their numbers changed: for sweeps, and what a response is sensitive to.
 """
 
 from __future__ import annotations
@@ -10,11 +11,10 @@ import math
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from functools import cache
 from typing import Any, NamedTuple
 
-from tdint.data import dataclass
 from tdint.errors import UsageError, did_you_mean, nearest
 from tdint.ground_motion.choice import RecordChoice
 from tdint.kernels.laws import LAWS as _LAWS
@@ -45,9 +45,9 @@ CODES: dict[str, int] = {law.name: code for code, law in enumerate(_LAWS)}
 def register_law(law: DriftLaw, where: str | Origin = "") -> None:
     """Make a drift law known to models, and compiled where a model has it.
 
-    It is compiled into the loops of the models that have it, whatever it says of `apart`. Its functions stand in a
-    module with a file, in which it has a name of its own or stands in a tuple: there the process that compiles finds
-    it.
+    It is compiled into the loops of the models that have it, whatever it says of `apart`. Its
+    functions stand in a module with a file, in which it has a name of its own or stands in a tuple:
+    there the process that compiles finds it.
 
     Parameters
     ----------
@@ -75,7 +75,8 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
     home = law.functions.__module__
     if home == "__main__" or getattr(sys.modules.get(home), "__file__", None) is None:
         raise UsageError(
-            f"{where}: put the law into a module of its own, a file that another process can execute"
+            f"{where}: put the law into a module of its own, a file that another process can "
+            "execute"
         )
     with faults_of(where):
         law.functions()
@@ -91,7 +92,8 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
 
 @cache
 def laws() -> dict[str, DriftLaw]:
-    """All drift laws by name, those of installed packages (entry points `tdint.laws`) among them."""
+    """All drift laws by name, those of installed packages (entry points `tdint.laws`) among
+    them."""
 
     def take(plugin: Any, origin: Origin) -> None:
         for law in declared(plugin, "LAWS", DriftLaw, origin.where):
@@ -110,7 +112,8 @@ class Law:
     name : str
         A key of `LAWS`.
     parameters : tuple of float
-        Values in SI in the order of `LAWS[name].parameters`; a `many` parameter comes last and is flattened.
+        Values in SI in the order of `LAWS[name].parameters`; a `many` parameter comes last and is
+        flattened.
     """
 
     name: str
@@ -131,7 +134,8 @@ def _law_again(name: str, parameters: tuple[float, ...], code: int, file: str, d
     Raises
     ------
     UsageError
-        The plug-in is not there or another one; the law has another number here than in the arrays of buildings.
+        The plug-in is not there or another one; the law has another number here than in the arrays
+        of buildings.
     """
     if name not in LAWS:
         module = module_of(same_file(file, digest))
@@ -139,7 +143,8 @@ def _law_again(name: str, parameters: tuple[float, ...], code: int, file: str, d
             register_law(law, Origin(file, module.__name__))
     if CODES[name] != code:
         raise UsageError(
-            f"{file}: the law {name!r} is another one of the laws here: load the plug-ins in the same order"
+            f"{file}: the law {name!r} is another one of the laws here: load the plug-ins in the "
+            "same order"
         )
     return Law(name, parameters)
 
@@ -148,8 +153,9 @@ LINEAR = Law("linear", ())
 
 
 def four_points(points: Sequence[Sequence[float]]) -> tuple[float, ...]:
-    """Two to four points as four, flattened: of two the others lie at the thirds between them, of three the one that is
-    missing lies midway between the last ones (as the buildings of GEM's vulnerability toolkit have it)."""
+    """Two to four points as four, flattened: of two the others lie at the thirds between them, of
+    three the one that is missing lies midway between the last ones (as the buildings of GEM's
+    vulnerability toolkit have it)."""
     (*first, before, last) = points
     missing = 4 - len(points)
     parts = [j / (missing + 1) for j in range(1, missing + 1)]
@@ -165,7 +171,8 @@ MAX_STORIES = 100_000
 
 @dataclass(frozen=True)
 class PowerDashpot:
-    """A dashpot whose force grows with a power of the drift rate v: c v (v^2 + v0^2)^((exponent - 1) / 2).
+    """A dashpot whose force grows with a power of the drift rate v: c v (v^2 + v0^2)^((exponent -
+    1) / 2).
 
     That is c |v|^exponent far above v0, and a linear dashpot far below it.
 
@@ -203,7 +210,8 @@ class Story:
     power_dashpot : PowerDashpot or None
         Power-law damper between the floors.
     isolator : bool
-        Whether its drift is a displacement by design, and no drift ratio; its height serves P-delta alone.
+        Whether its drift is a displacement by design, and no drift ratio; its height serves P-delta
+        alone.
     rayleigh : bool
         Whether Rayleigh damping reaches it.
     """
@@ -232,8 +240,8 @@ class RayleighRatio:
     ratios : tuple of float
         Damping ratio in each of the two modes, in [0, 1).
     modes : tuple of int
-        The two modes, counted from 1: different, or 1 twice in a building of one story, whose only mode has the first
-        ratio then, half of it from the mass and half from the stiffness.
+        The two modes, counted from 1: different, or 1 twice in a building of one story, whose only
+        mode has the first ratio then, half of it from the mass and half from the stiffness.
     """
 
     ratios: tuple[float, float]
@@ -263,8 +271,8 @@ class ModalDamping:
     Attributes
     ----------
     ratios : tuple of float
-        Damping ratios in [0, 1). One ratio: all modes have it. Several: the first modes, one each; higher modes are
-        undamped.
+        Damping ratios in [0, 1). One ratio: all modes have it. Several: the first modes, one each;
+        higher modes are undamped.
     """
 
     ratios: tuple[float, ...]
@@ -283,8 +291,8 @@ class RecordSource:
     file : str
         Path, already resolved against the folder of the model file; `-` is standard input.
     choice : RecordChoice
-        What is taken of it, and what is done to that before it is scaled; the path of the station metadata is resolved
-        like `file`.
+        What is taken of it, and what is done to that before it is scaled; the path of the station
+        metadata is resolved like `file`.
     scale : float
         Factor on the acceleration, not zero.
     """
@@ -324,7 +332,8 @@ class Excitation:
 
 @dataclass(frozen=True)
 class Initial:
-    """Displacement (m) and velocity (m/s) at t = 0 relative to the ground, one entry per floor from the bottom."""
+    """Displacement (m) and velocity (m/s) at t = 0 relative to the ground, one entry per floor from
+    the bottom."""
 
     displacement: tuple[float, ...]
     velocity: tuple[float, ...]
@@ -337,7 +346,8 @@ class Analysis:
     Attributes
     ----------
     method : str or None
-        Method with its parameters, as on the command line; the catalogue of methods judges it later.
+        Method with its parameters, as on the command line; the catalogue of methods judges it
+        later.
     dt : float or None
         Time step, s, positive.
     duration : float or None
@@ -356,7 +366,8 @@ class Model:
     Attributes
     ----------
     name : str
-        The building's name: the file's name without suffix where the file gives none, `model` for a stream.
+        The building's name: the file's name without suffix where the file gives none, `model` for a
+        stream.
     source : str
         The file as the user named it; `-` for standard input.
     text : bytes
@@ -378,7 +389,8 @@ class Model:
     output_units : OutputUnits
         What tables and summaries are written in.
     page_units : OutputUnits
-        What pages for people are written in: the units of the file where it names none for the output.
+        What pages for people are written in: the units of the file where it names none for the
+        output.
     page_head : tuple of (str, str)
         Names and texts of the lines at the top of its page.
     varied : tuple of (str, float)
@@ -388,7 +400,8 @@ class Model:
     damage : DamageStates or None
         How its damage is told.
     as_meant : str
-        Why nothing that is unusual of the building is told (`plausibility: off, ...`); empty where it is.
+        Why nothing that is unusual of the building is told (`plausibility: off, ...`); empty where
+        it is.
     """
 
     name: str
@@ -410,11 +423,13 @@ class Model:
     as_meant: str = ""
 
     def replace(self, **changes: float | str) -> Model:
-        """The building with some of its numbers changed: `model.replace(damping=0.02, stiffness_factor=1.1)`.
+        """The building with some of its numbers changed: `model.replace(damping=0.02,
+        stiffness_factor=1.1)`.
 
-        Names are those of `PARAMETERS`, which tells what they mean, or keys of the model file in SI units, a story by
-        its number from the ground: `model.replace(**{"stories[2].law.hardening": 0.05, "stories.mass": 2e5})`. Without
-        a number all stories are meant that have it. What changes with them (modes, drifts at yield, P-delta) follows.
+        Names are those of `PARAMETERS`, which tells what they mean, or keys of the model file in SI
+        units, a story by its number from the ground: `model.replace(**{"stories[2].law.hardening":
+        0.05, "stories.mass": 2e5})`. Without a number all stories are meant that have it. What
+        changes with them (modes, drifts at yield, P-delta) follows.
 
         Parameters
         ----------
@@ -442,7 +457,8 @@ class Model:
 
     def changed(self, numbers: Mapping[str, float]) -> Model:
         """The same of numbers by name."""
-        # Changes act one after the other on the numbers of the stories, factors on what was set before.
+        # Changes act one after the other on the numbers of the stories, factors on what was set
+        # before.
         table = [list(story_numbers(story)) for story in self.stories]
         damping, touched = self.damping, dict[int, bool]()
         for name, value in numbers.items():
@@ -505,7 +521,8 @@ def simple_model(
     displacement: Sequence[float] = (),
     velocity: Sequence[float] = (),
 ) -> Model:
-    """A model without ground motion, damping and P-delta; it starts at rest where nothing else is said (m, m/s)."""
+    """A model without ground motion, damping and P-delta; it starts at rest where nothing else is
+    said (m, m/s)."""
     rest = (0.0,) * len(stories)
     return Model(
         name=name,
@@ -521,7 +538,8 @@ def simple_model(
     )
 
 
-# ---- What can be changed in a building: its numbers by name, the same of a model and of arrays of many
+# ---- What can be changed in a building: its numbers by name, the same of a model and of arrays of
+# many
 
 _PLAIN = (
     "mass",
@@ -543,7 +561,8 @@ _OF_POINT = {"drift": (0, 1), "force": (1, 0)}
 
 
 class Change(NamedTuple):
-    """What a parameter does to one number of a story, both counted from 0: it sets it within bounds, or is a factor."""
+    """What a parameter does to one number of a story, both counted from 0: it sets it within
+    bounds, or is a factor."""
 
     story: int
     column: int
@@ -582,7 +601,8 @@ def _columns(story: Story) -> dict[str, list[tuple[int, bool, LawParameter | Non
     With a law that has its own stiffness all of its forces grow with the stiffness.
     """
     has_stiffness = LAWS[story.law.name].initial_stiffness is not None
-    # Of each number of the law its key, the exponents of force and length in its dimension, and its bounds.
+    # Of each number of the law its key, the exponents of force and length in its dimension, and its
+    # bounds.
     numbers: list[tuple[str, int, int, LawParameter]] = []
     for parameter in LAWS[story.law.name].parameters:
         path = f"law.{parameter.path}"
@@ -652,14 +672,15 @@ def changes_of(model: Model, name: str) -> list[Change]:
         )
         where = f"story {number}" if number else "no story"
         raise UsageError(
-            f"{name}: {where} of {model.name} has {'no' if number else 'a'} {key!r} that can be set"
-            f"{did_you_mean(key, names)} (there are {', '.join(names)})"
+            f"{name}: {where} of {model.name} has {'no' if number else 'a'} {key!r} that can be "
+            f"set{did_you_mean(key, names)} (there are {', '.join(names)})"
         )
     return changes
 
 
 PARAMETERS = {
-    "damping": "damping ratio, in place of the model's: of both modes of Rayleigh damping, or of all of modal damping",
+    "damping": "damping ratio, in place of the model's: of both modes of Rayleigh damping, or of "
+    "all of modal damping",
     "mass_factor": "factor on the masses",
     "stiffness_factor": "factor on the initial stiffnesses; strengths stay, drifts at yield change",
     "strength_factor": "factor on the strengths of the drift laws; stiffnesses stay",
@@ -675,7 +696,8 @@ def parameter_meaning(name: str) -> str:
 
 
 def check_parameter(name: str) -> None:
-    """Raise UsageError for a name that cannot be a parameter of `Model.replace`, whatever the model."""
+    """Raise UsageError for a name that cannot be a parameter of `Model.replace`, whatever the
+    model."""
     said = _NAME.fullmatch(name)
     key = said[3] if said else ""
     if name in PARAMETERS or key in _PLAIN or key in _FACTORS or key.startswith("law."):

@@ -1,4 +1,5 @@
-"""The buildings of an inventory by a set of rules, with scatter if that is wanted, and their model files."""
+"""The buildings of an inventory by a set of rules, with scatter if that is wanted, and their model
+files."""
 
 from __future__ import annotations
 
@@ -47,8 +48,8 @@ from tdint.tabular import Several
 from tdint.units import LENGTH
 from tdint.written_numbers import how_many
 
-# ---- Reading an inventory: a CSV file with a building per row, under the column names of SimCenter's regional
-# workflow
+# ---- Reading an inventory: a CSV file with a building per row, under the column names of
+# SimCenter's regional workflow
 
 NEEDED = ("id", "NumberOfStories", "YearBuilt", "StructureType", "PlanArea")
 OPTIONAL = ("height", "seismicZone", "DampingRatio", "DesignLevel", "Latitude", "Longitude")
@@ -63,7 +64,8 @@ _NUMBERS = {
     "Latitude": Bounds(-90.0, 90.0),
     "Longitude": Bounds(-360.0, 360.0),
 }
-"""Columns in which each building may have a number of its own; in the others a few words come again and again."""
+"""Columns in which each building may have a number of its own; in the others a few words come again
+and again."""
 
 _NEEDS = f"an inventory is a CSV file with a building per row and the columns {', '.join(NEEDED)}"
 _DESIGN_LEVELS = (
@@ -90,7 +92,8 @@ class InventoryRow:
     cells : str
         What stands there, as a JSON list of texts: of millions of buildings one object each.
     changes : tuple of (str, float)
-        What a sweep changes in the building that the rules make (`tdint.model.definition.PARAMETERS`).
+        What a sweep changes in the building that the rules make
+        (`tdint.model.definition.PARAMETERS`).
     label : str
         What tells it from the building's other variations.
     """
@@ -124,7 +127,8 @@ def read_inventory(
     mass_only : bool
         Leave out the stiffness-proportional damping of all buildings.
     classes : mapping, optional
-        Classes by their names: the column `class` says which one a building is of, and no year, type and area is asked.
+        Classes by their names: the column `class` says which one a building is of, and no year,
+        type and area is asked.
     as_published : bool
         As of `CapacityFacts`, of all buildings.
 
@@ -140,7 +144,8 @@ def read_inventory(
     of.read(rows)
     table.need(*needed)
     faults: list[ModelFault] = []
-    # Of a million rows almost all are sound; the others are read cell by cell, and tell what is wrong.
+    # Of a million rows almost all are sound; the others are read cell by cell, and tell what is
+    # wrong.
     sound, seen = of.sound(), dict[str, int]()
     for at in np.flatnonzero(~sound).tolist():
         row, width = _Row(of, at, faults), len(table.header)
@@ -188,7 +193,8 @@ class Made(Sequence[Item]):
 
 @dataclass(frozen=True)
 class _Table:
-    """An inventory as it is written, by columns, and how it is read: the arguments of `read_inventory`."""
+    """An inventory as it is written, by columns, and how it is read: the arguments of
+    `read_inventory`."""
 
     table: CsvTable
     length: float
@@ -200,7 +206,8 @@ class _Table:
     overfull: dict[int, int] = field(default_factory=dict)
 
     def read(self, rows: Iterator[tuple[int, list[str]]]) -> None:
-        """Read its rows: the cells of each column, the lines, and how many cells rows have that have too many."""
+        """Read its rows: the cells of each column, the lines, and how many cells rows have that
+        have too many."""
         width = len(self.table.header)
         blocks: list[list[tuple[str, ...]]] = [[()] * width]
         while block := list(islice(rows, BLOCK)):
@@ -276,7 +283,8 @@ Changes = tuple[tuple[tuple[str, float], ...], str]
 
 @dataclass(frozen=True, eq=False)
 class InventoryRows(Made[InventoryRow]):
-    """The buildings of a table, each made when it is asked for, and what is asked of all of them, as arrays.
+    """The buildings of a table, each made when it is asked for, and what is asked of all of them,
+    as arrays.
 
     Attributes
     ----------
@@ -285,7 +293,8 @@ class InventoryRows(Made[InventoryRow]):
     at : ndarray of int
         Which of its rows.
     near : tuple of (sequence of str, ndarray of int, ndarray), or None
-        All sites, the number of that of each row, and how far away it is, m: carried along before the other columns.
+        All sites, the number of that of each row, and how far away it is, m: carried along before
+        the other columns.
     changes : sequence of Changes
         What a sweep makes of each building; as they are by default.
     """
@@ -321,15 +330,16 @@ class InventoryRows(Made[InventoryRow]):
         return InventoryRows(self.of, self.at[kept])
 
     def texts(self, place: int | str) -> Sequence[str]:
-        """What stands in a column, by its place or its name without regard to case, for a row once."""
+        """What stands in a column, by its place or its name without regard to case, for a row
+        once."""
         column = self.of.columns[
             self.of.table.header.index(place.lower()) if isinstance(place, str) else place
         ]
         return column if len(self.at) == len(column) else [column[at] for at in self.at.tolist()]
 
     def faults(self, name: str, message: Callable[[int, str], str]) -> list[ModelFault]:
-        """What is wrong with the cells of a column, by the number of a row and what stands there; nothing to say of a
-        cell is no fault."""
+        """What is wrong with the cells of a column, by the number of a row and what stands there;
+        nothing to say of a cell is no fault."""
         table, lines = self.of.table, self.of.lines
         table.need(name)
         told = enumerate(zip(self.at.tolist(), self.texts(name), strict=True))
@@ -358,7 +368,8 @@ class InventoryRows(Made[InventoryRow]):
 
     @cached_property
     def alike(self) -> Sequence[int]:
-        """Of each the first one that differs from it by id, place and size alone; itself in a sweep."""
+        """Of each the first one that differs from it by id, place and size alone; itself in a
+        sweep."""
         if self.is_varied:
             return range(len(self))
         first: dict[tuple[str, ...], int] = {}
@@ -535,10 +546,11 @@ def derive_all(
     Parameters
     ----------
     stiffness, damping : float
-        Standard deviations of factors with the mean 1 on the stiffness of a building, whose strength stays, and on its
-        damping ratio: normal, drawn again where they are not positive.
+        Standard deviations of factors with the mean 1 on the stiffness of a building, whose
+        strength stays, and on its damping ratio: normal, drawn again where they are not positive.
     seed : int
-        What the factors are drawn from, with the id of the building: they do not depend on the other rows.
+        What the factors are drawn from, with the id of the building: they do not depend on the
+        other rows.
 
     Raises
     ------
@@ -577,7 +589,8 @@ def _factor(random: np.random.Generator, deviation: float) -> float:
 
 
 def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: str) -> str:
-    """A model file in SI units with everything written out: name, stories from the ground up, damping, method."""
+    """A model file in SI units with everything written out: name, stories from the ground up,
+    damping, method."""
     description = (
         f"{building.design_level}-code {building.type}"
         if isinstance(building, DerivedBuilding)
@@ -616,8 +629,8 @@ def _multilinear(story: Story, degradation: bool) -> str:
     )
     drift, force, unloading = numbers[16:19]
     text = (
-        f"type: multilinear-pinching, backbone: [{points}], "
-        f"pinching: {{drift: {drift!r}, force: {force!r}, unloading: {unloading!r}}}, ultimate_drift: {numbers[22]!r}"
+        f"type: multilinear-pinching, backbone: [{points}], pinching: {{drift: {drift!r}, force: "
+        f"{force!r}, unloading: {unloading!r}}}, ultimate_drift: {numbers[22]!r}"
     )
     # Parameters that lose nothing are left out, as in files that people write.
     if not degradation:

@@ -1,9 +1,9 @@
-"""Shear buildings of Hazus types from a few facts, after Lu et al. (2014, 2020): the rules MDOF-LU of SimCenter's
-regional workflow.
+"""Shear buildings of Hazus types from a few facts, after Lu et al. (2014, 2020): the rules MDOF-LU
+of SimCenter's regional workflow.
 
-The table `hazus_types.csv` holds the numbers of Hazus-MH 2.1 (FEMA, Technical Manual, chapter 5) in the form that Lu,
-Lu, Guan and Ye (Earthquake Spectra 30, 2014) and SimCenter's regional workflow use for shear buildings: capacity,
-hysteresis, period and damping by design level and type.
+The table `hazus_types.csv` holds the numbers of Hazus-MH 2.1 (FEMA, Technical Manual, chapter 5) in
+the form that Lu, Lu, Guan and Ye (Earthquake Spectra 30, 2014) and SimCenter's regional workflow
+use for shear buildings: capacity, hysteresis, period and damping by design level and type.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ class BuildingFacts:
     damping_ratio : float or None
         Damping ratio; None where it follows from the type.
     mass_only : bool
-        Whether the stiffness-proportional part of the damping is left out, as in programs that lose it.
+        Whether the stiffness-proportional part of the damping is left out, as in programs that lose
+        it.
     """
 
     structure: str
@@ -60,7 +61,8 @@ class BuildingFacts:
 
 @dataclass(frozen=True)
 class Scatter:
-    """Factors that a building differs by from what the rules say: on stiffness, strength unchanged, and on damping."""
+    """Factors that a building differs by from what the rules say: on stiffness, strength unchanged,
+    and on damping."""
 
     stiffness: float = 1.0
     damping: float = 1.0
@@ -137,7 +139,8 @@ class HazusType:
     min_stories, max_stories : float
         Stories that the row is made for.
     yield_acceleration_g : float
-        Yield force of the building over its weight, but for the share of mass that the first mode moves.
+        Yield force of the building over its weight, but for the share of mass that the first mode
+        moves.
     overstrength : float
         Ultimate over yield force.
     post_yield_ratio : float
@@ -212,7 +215,8 @@ _HEIGHT_CLASSES = {  # the largest number of stories of each class; the last cla
 }
 _USUAL_CLASSES = ((3, "L"), (7, "M"), (math.inf, "H"))
 
-# Of each zone the levels and the years from which on they hold, the youngest first; what is older is pre
+# Of each zone the levels and the years from which on they hold, the youngest first; what is older
+# is pre
 _CODES: Mapping[str, tuple[tuple[int, str], ...]] = {
     "Z4": ((1976, "high"), (1941, "moderate")),
     "Z3": ((1941, "moderate"),),
@@ -244,7 +248,8 @@ def hazus_type(structure: str, stories: int) -> str:
 
 
 def design_level(structure: str, year: int, zone: str) -> str:
-    """The design level of the code in a zone at a time; light wood frames (W1) are never below a minimum."""
+    """The design level of the code in a zone at a time; light wood frames (W1) are never below a
+    minimum."""
     level = next((name for since, name in _CODES[zone] if year >= since), "pre")
     return max(level, _LEAST[zone], key=LEVELS.index) if structure == "W1" else level
 
@@ -258,8 +263,9 @@ def code_of(facts: BuildingFacts) -> tuple[str, str]:
 def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuilding:
     """The shear building of these facts.
 
-    All floors have the same mass and all stories the same stiffness, so that the fundamental period is that of the
-    type; the strength falls with the height like the story shears of a triangular load.
+    All floors have the same mass and all stories the same stiffness, so that the fundamental period
+    is that of the type; the strength falls with the height like the story shears of a triangular
+    load.
     """
     scatter = scatter or Scatter()
     n = facts.stories
@@ -269,7 +275,8 @@ def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuild
     period = n * row.period_per_story_s
     factor = 0.4053 * n**2 + 0.405 * n + 0.1869
     stiffness = np.full(n, scatter.stiffness * 4.0 * math.pi**2 * factor * mass / period**2)
-    # Strength by the type's yield acceleration, less from story to story as the shear of a triangular load.
+    # Strength by the type's yield acceleration, less from story to story as the shear of a
+    # triangular load.
     below = np.arange(n)
     first_mode = 1.0 if n == 1 else 0.09117 / n**3 - 0.3037 / n**2 + 0.402 / n + 0.8106
     strength = (
@@ -307,8 +314,8 @@ def derive(facts: BuildingFacts, scatter: Scatter | None = None) -> DerivedBuild
 def _damping(
     omega: np.ndarray, ratio: float, mass_only: bool
 ) -> RayleighRatio | RayleighCoefficients:
-    """Rayleigh damping over modes 1 and 3 (or the last one); of one story half from the mass, half from the
-    stiffness."""
+    """Rayleigh damping over modes 1 and 3 (or the last one); of one story half from the mass, half
+    from the stiffness."""
     last = min(omega.size, 3)
     if last == 1:
         coefficients = RayleighCoefficients(

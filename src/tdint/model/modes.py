@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from tdint.arrays import Array, cached_property
-from tdint.data import dataclass
 from tdint.errors import ModelError
 from tdint.tabular import Tabular
 from tdint.written_numbers import how_many
@@ -47,7 +47,8 @@ class Modes(Tabular):
 
     @property
     def participation(self) -> Array:
-        """Participation factors phi^T M 1 / phi^T M phi for shapes with unit roof displacement, shape (n,)."""
+        """Participation factors phi^T M 1 / phi^T M phi for shapes with unit roof displacement,
+        shape (n,)."""
         roof = self.shapes[-1]
         return np.asarray(self.mass @ self.shapes * roof)
 
@@ -61,13 +62,15 @@ class Modes(Tabular):
         return np.asarray(self.shapes.T @ damping @ self.shapes)
 
     def own_damping(self, damping: Array) -> Array:
-        """Damping ratio of each mode as if it moved alone under a damping matrix (N s/m, shape (n, n)), shape (n,)."""
+        """Damping ratio of each mode as if it moved alone under a damping matrix (N s/m, shape (n,
+        n)), shape (n,)."""
         return np.asarray(
             np.maximum(np.diagonal(self.modal_damping(damping)), 0.0) / (2.0 * self.omega)
         )
 
     def normalized(self, norm: str) -> Array:
-        """The shapes as columns, shape (n, n): 1 at the `roof`, or `participation`: with a participation factor of 1.
+        """The shapes as columns, shape (n, n): 1 at the `roof`, or `participation`: with a
+        participation factor of 1.
 
         A mode whose roof stands still has no shape by its roof: nan.
         """
@@ -77,7 +80,8 @@ class Modes(Tabular):
         return np.asarray(self.shapes / np.where(roof == 0.0, np.nan, roof))
 
     def damping_ratios(self, damping: Array) -> Array | None:
-        """Damping ratio of each mode under a damping matrix (N s/m, shape (n, n)); None if it couples the modes."""
+        """Damping ratio of each mode under a damping matrix (N s/m, shape (n, n)); None if it
+        couples the modes."""
         modal = self.modal_damping(damping)
         diagonal = np.maximum(np.diagonal(modal), 0.0)
         coupling = np.abs(modal - np.diag(diagonal))
@@ -92,8 +96,8 @@ class Modes(Tabular):
 def solve_modes(mass: Array, stiffness: Array, link: Array) -> Modes:
     """Modes of a chain with springs `stiffness` between neighbours.
 
-    The tridiagonal matrix is L L^T of a bidiagonal L, whose singular values are the frequencies: the lowest one keeps
-    its relative accuracy in tall buildings.
+    The tridiagonal matrix is L L^T of a bidiagonal L, whose singular values are the frequencies:
+    the lowest one keeps its relative accuracy in tall buildings.
 
     Raises
     ------
@@ -121,7 +125,8 @@ class FreeVibration:
     Attributes
     ----------
     mass, stiffness, link : ndarray, shape (n,)
-        Masses (kg), springs to the floor below (N/m), and 1 for those that stand on it, 0 for those on the ground.
+        Masses (kg), springs to the floor below (N/m), and 1 for those that stand on it, 0 for those
+        on the ground.
     geometric : ndarray, shape (n,), optional
         The part of the springs that P-delta has, N/m, for what an error says.
     """
@@ -152,10 +157,11 @@ class FreeVibration:
 
     @cached_property
     def first(self) -> tuple[float, Array]:
-        """Circular frequency (rad/s) and shape (phi^T M phi = 1) of the first mode; all stories stand on each other.
+        """Circular frequency (rad/s) and shape (phi^T M phi = 1) of the first mode; all stories
+        stand on each other.
 
-        By inverse iteration with the flexibility of the chain, two sums over the stories each time: all digits, and no
-        matrix, however tall the building is.
+        By inverse iteration with the flexibility of the chain, two sums over the stories each time:
+        all digits, and no matrix, however tall the building is.
 
         Raises
         ------
@@ -183,10 +189,11 @@ class FreeVibration:
 def singular_value(root_spring: Array, root_mass: Array, link: Array, number: int) -> float:
     """The circular frequency `number` of a chain, counted from the lowest, rad/s.
 
-    The frequencies are the singular values of the bidiagonal matrix of `solve_modes`, and with their negatives the
-    eigenvalues of the symmetric tridiagonal matrix with a zero diagonal and the entries of that matrix, in turn, beside
-    it (Golub and Kahan 1965). Bisection with Sturm's sequence of this matrix, which is not squared, keeps the relative
-    accuracy of the lowest ones (Demmel and Kahan 1990).
+    The frequencies are the singular values of the bidiagonal matrix of `solve_modes`, and with
+    their negatives the eigenvalues of the symmetric tridiagonal matrix with a zero diagonal and the
+    entries of that matrix, in turn, beside it (Golub and Kahan 1965). Bisection with Sturm's
+    sequence of this matrix, which is not squared, keeps the relative accuracy of the lowest ones
+    (Demmel and Kahan 1990).
     """
     from scipy.linalg.lapack import dstebz
 
@@ -195,7 +202,8 @@ def singular_value(root_spring: Array, root_mass: Array, link: Array, number: in
     beside[::2] = root_spring / root_mass
     beside[1::2] = (root_spring * link)[1:] / root_mass[:-1]
     place = n + number - 1
-    # What scipy.linalg.eigh_tridiagonal calls, in a sixth of its time. 2 and "E": one by its place, among all.
+    # What scipy.linalg.eigh_tridiagonal calls, in a sixth of its time. 2 and "E": one by its place,
+    # among all.
     _, values, *_, failed = dstebz(
         np.zeros(2 * n), beside, 2, 0.0, 1.0, place + 1, place + 1, _SMALLEST, "E"
     )
@@ -215,6 +223,7 @@ def _check_springs(stiffness: Array, geometric: Array | None = None) -> None:
     if geometric is not None:
         both = f", {-geometric[i]:.4g} beside {stiffness[i] - geometric[i]:.4g} N/m"
     raise ModelError(
-        f"story {i + 1}: P-delta exceeds the initial stiffness{both}; the building cannot stand: are the units of "
-        "mass, height and stiffness right? Else give the story more stiffness, or p_delta: false"
+        f"story {i + 1}: P-delta exceeds the initial stiffness{both}; the building cannot stand: "
+        "are the units of mass, height and stiffness right? Else give the story more stiffness, or "
+        "p_delta: false"
     )

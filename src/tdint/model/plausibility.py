@@ -1,14 +1,15 @@
-"""What is unusual for a building, told before it misleads: mostly a unit that was mistaken. It is never refused."""
+"""What is unusual for a building, told before it misleads: mostly a unit that was mistaken. It is
+never refused."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.ground_motion.record import doubt_of_peak
 from tdint.model.building import Building, falling_stories, stiffness_after_yield
 from tdint.model.definition import Model
@@ -50,7 +51,8 @@ PERIOD = Usual(
     0.03,
     12.0,
     _SECONDS,
-    "a one-story masonry house has 0.05 s, the tallest towers 10 s: are the units of mass and stiffness right?",
+    "a one-story masonry house has 0.05 s, the tallest towers 10 s: are the units of mass and "
+    "stiffness right?",
 )
 DAMPING = Usual(
     "damping ratio of the first mode",
@@ -75,7 +77,8 @@ STRENGTH = Usual(
     0.005,
     3.0,
     "{:.3g}",
-    "less would yield in wind, codes ask for 0.03 to 0.3, low walls have 2: are the units of force and mass right?",
+    "less would yield in wind, codes ask for 0.03 to 0.3, low walls have 2: are the units of force "
+    "and mass right?",
 )
 BASE_STRENGTH = Usual(
     "base shear at yield over the weight",
@@ -102,19 +105,22 @@ DUCTILITY = Usual(
     "ductility", 0.0, 50.0, "{:.3g}",
     "tests end below 20: is the yield force, or the unit of the record, right?",
 )  # fmt: skip
-"""All bounds: wide enough that a usual building or record is never told of, narrow enough for a unit of 1000."""
+"""All bounds: wide enough that a usual building or record is never told of, narrow enough for a
+unit of 1000."""
 
 
 def doubts(model: Model, building: Building, pga: float = math.nan) -> tuple[str, ...]:
-    """What is unusual of a building, and of the ground motion's peak (m/s^2), a line each; and what can be said of its
-    stories before it is run: P-delta beyond the stiffness after yield, isolators that nothing brings back."""
+    """What is unusual of a building, and of the ground motion's peak (m/s^2), a line each; and what
+    can be said of its stories before it is run: P-delta beyond the stiffness after yield, isolators
+    that nothing brings back."""
     told = mistakable(model, building, pga)
     # Such a building may end anywhere: no error of the method.
     loose = [i + 1 for i in building.isolators if stiffness_after_yield(model.stories[i]) <= 0.0]
     if loose:
         told.append(
-            f"isolator of story {', '.join(map(str, loose))} has no stiffness after yield: nothing brings it back to "
-            "its place, residual drifts are the motion's chance; give it hardening"
+            f"isolator of story {', '.join(map(str, loose))} has no stiffness after yield: nothing "
+            "brings it back to its place, residual drifts are the motion's chance; give it "
+            "hardening"
         )
     return (*told, *falling_stories(model))
 
@@ -138,23 +144,24 @@ def mistakable(model: Model, building: Building, pga: float = math.nan) -> list[
 
 
 def unusual_floors(building: Building) -> list[str]:
-    """A line on floors too light or too heavy, for `tdint check`: with 200 kg for 200 t a period may be usual. Models
-    without heights of stories may be of a laboratory or a textbook."""
+    """A line on floors too light or too heavy, for `tdint check`: with 200 kg for 200 t a period
+    may be usual. Models without heights of stories may be of a laboratory or a textbook."""
     usual = (building.heights >= HEIGHT.low) & PERIOD.holds(
         2.0 * math.pi / building.first_mode()[0]
     )
     return unusual_stories(FLOOR, np.where(usual, building.mass, math.nan))
 
 
-# Of a record's own interval, on which the motion is straight: the default errs by .05 to .3 % with 8 of them in the
-# period of low buildings, by up to 3 % with 6; several samples to a step leave 10 % and more with 10.
+# Of a record's own interval, on which the motion is straight: the default errs by .05 to .3 % with
+# 8 of them in the period of low buildings, by up to 3 % with 6; several samples to a step leave 10
+# % and more with 10.
 _SAMPLES = 7.0
 
 
 def unusual_runs(model: Model, building: Building, interval: float | None) -> list[str]:
-    """A line each, for `tdint check`, on a time step that is long beside the fundamental period, where the model names
-    none that of the record (s), and on a base shear at yield that no code asks for; isolators yield early, and what has
-    no height is no building."""
+    """A line each, for `tdint check`, on a time step that is long beside the fundamental period,
+    where the model names none that of the record (s), and on a base shear at yield that no code
+    asks for; isolators yield early, and what has no height is no building."""
     period = 2.0 * math.pi / building.first_mode()[0]
     told = []
     dt = model.analysis.dt or interval
@@ -165,8 +172,8 @@ def unusual_runs(model: Model, building: Building, interval: float | None) -> li
         and not (of_record and period / dt >= _SAMPLES)
     ):
         told.append(
-            f"time step {dt:.4g} s: {STEP.text(period / dt)} steps in the fundamental period, usual: at least "
-            f"{STEP.text(STEP.low)} ({STEP.reason})"
+            f"time step {dt:.4g} s: {STEP.text(period / dt)} steps in the fundamental period, "
+            f"usual: at least {STEP.text(STEP.low)} ({STEP.reason})"
         )
     first = model.stories[0]
     strength = building.yield_drift[0] * first.stiffness / (STANDARD_GRAVITY * building.mass.sum())

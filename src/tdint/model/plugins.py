@@ -1,4 +1,5 @@
-"""Modules from outside the package that add to it: a file that the user names, or an installed package.
+"""Modules from outside the package that add to it: a file that the user names, or an installed
+package.
 
 Nothing is looked for in the working folder, and nothing is named by a model file.
 """
@@ -13,13 +14,12 @@ import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from tdint.data import dataclass
 from tdint.errors import TdintError, UsageError
 from tdint.files import digest_of
 
@@ -51,7 +51,8 @@ class Origin:
     package: str = ""
 
     def keep_code(self, kind: str, of: Any) -> None:
-        """Keep what the files of a law or a method are while they are as they were executed (`sources.CODE`)."""
+        """Keep what the files of a law or a method are while they are as they were executed
+        (`sources.CODE`)."""
         from tdint.kernels.building.sources import (
             CODE,
             files_of,
@@ -81,7 +82,8 @@ def module_of(file: str) -> ModuleType:
     Raises
     ------
     UsageError
-        No such file, or it cannot be executed: what is wrong and in which line. Two files of one name.
+        No such file, or it cannot be executed: what is wrong and in which line. Two files of one
+        name.
     """
     path = Path(file)
     if path.suffix != ".py" or not path.is_file():
@@ -121,7 +123,8 @@ def module_of(file: str) -> ModuleType:
 
 
 def private_imports(file: str) -> list[str]:
-    """What a plug-in imports of modules that promise nothing, a line for each: where, and what to write instead."""
+    """What a plug-in imports of modules that promise nothing, a line for each: where, and what to
+    write instead."""
     from tdint.plugin import HOMES
 
     told = []
@@ -144,7 +147,8 @@ def private_imports(file: str) -> list[str]:
 
 
 def home_of(name: str, attribute: str) -> tuple[str, str] | None:
-    """File and SHA-256 of the plug-in whose tuple `attribute` has a method or a law of this name; None without one."""
+    """File and SHA-256 of the plug-in whose tuple `attribute` has a method or a law of this name;
+    None without one."""
     for module_name, module in list(sys.modules.items()):
         if module_name.startswith(_PREFIX) and module.__file__:
             listed = getattr(module, attribute, ())
@@ -171,18 +175,21 @@ def same_file(file: str, digest: str) -> str:
     except TdintError:
         why = "which is not there"
     raise UsageError(
-        f"this is of the plug-in {file}, {why}: load the one it was made with by tdint.load_plugin first"
+        f"this is of the plug-in {file}, {why}: load the one it was made with by tdint.load_plugin "
+        "first"
     )
 
 
 def files_to_send() -> tuple[tuple[str, bytes], ...]:
-    """Names and contents of the files that were executed, in that order, for processes that cannot read them."""
+    """Names and contents of the files that were executed, in that order, for processes that cannot
+    read them."""
     files = [module.__file__ for name, module in sys.modules.items() if name.startswith(_PREFIX)]
     return tuple((Path(file).name, Path(file).read_bytes()) for file in files if file)
 
 
 def files_received(sent: Iterable[tuple[str, bytes]]) -> list[str]:
-    """The paths of files that another process sent: where this one has them already, or in a folder of its own.
+    """The paths of files that another process sent: where this one has them already, or in a folder
+    of its own.
 
     Raises
     ------
@@ -197,14 +204,16 @@ def files_received(sent: Iterable[tuple[str, bytes]]) -> list[str]:
             file.write_bytes(content)
         elif file.read_bytes() != content:
             raise UsageError(
-                f"{name}: a worker has executed another version of this plug-in; start the workers anew"
+                f"{name}: a worker has executed another version of this plug-in; start the workers "
+                "anew"
             )
         files.append(str(file))
     return files
 
 
 def peers() -> list[tuple[str, str, Callable[[Any], Any]]]:
-    """What plug-ins bring to charts, their tuples PEERS: the plug-in's name, a name, and a function of the problem.
+    """What plug-ins bring to charts, their tuples PEERS: the plug-in's name, a name, and a function
+    of the problem.
 
     Raises
     ------
@@ -281,7 +290,8 @@ def installed(group: str, take: Callable[[Any, Origin], object]) -> None:
 
 
 def declared(plugin: Any, attribute: str, kind: type, where: str) -> Iterator[Any]:
-    """The objects of a kind in what an entry point or a file names: itself, or what its tuple `attribute` has."""
+    """The objects of a kind in what an entry point or a file names: itself, or what its tuple
+    `attribute` has."""
     listed = getattr(plugin, attribute, ()) if isinstance(plugin, ModuleType) else plugin
     for item in (listed,) if isinstance(listed, kind) else listed:
         if not isinstance(item, kind):

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from tdint.data import dataclass
 from tdint.model.config.sections import read_sample_units
 from tdint.model.keys.document import read_document
 from tdint.model.keys.fields import (
@@ -71,8 +70,8 @@ class Recording:
     base : tuple of Sensor
         Those whose mean is the ground motion: accelerations, or what is differentiated to be one.
     floors : tuple of (int, tuple of Sensor)
-        Floors, counted from 1 at the bottom, and their sensors: absolute acceleration, or displacement relative to the
-        base.
+        Floors, counted from 1 at the bottom, and their sensors: absolute acceleration, or
+        displacement relative to the base.
     band : tuple of two floats or None
         Frequencies between which recording and result are compared, Hz; None for all.
     window : tuple of two floats or None
@@ -170,7 +169,8 @@ def load_recording(source: str | Path, stories: int) -> Recording:
     Raises
     ------
     ModelError
-        The file cannot be read, is not YAML or has faults; all faults are reported in one error, in file order.
+        The file cannot be read, is not YAML or has faults; all faults are reported in one error, in
+        file order.
     """
     origin, root = read_document(source, "file of recordings", "`base` and `floors`")
     given = replace(root, kind=RECORDING).read()

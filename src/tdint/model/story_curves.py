@@ -1,4 +1,5 @@
-"""A first model file as text, and drift laws of stories from curves of shear over drift, which it may have."""
+"""A first model file as text, and drift laws of stories from curves of shear over drift, which it
+may have."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
@@ -14,12 +15,12 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.csv_table import CsvTable, read_table
-from tdint.data import dataclass
 from tdint.errors import ModelError, UsageError
 from tdint.units import FORCE, LENGTH, MASS, STANDARD_GRAVITY
 from tdint.written_numbers import how_many
 
-# ---- The text of a first model file: a building that runs as it is, with comments on what to replace
+# ---- The text of a first model file: a building that runs as it is, with comments on what to
+# replace
 
 _HARDENING = "3%"
 _BASE_SHEAR = 0.2
@@ -28,7 +29,8 @@ _BASE_SHEAR = 0.2
 
 @dataclass(frozen=True)
 class _System:
-    """A building's usual units, and round numbers in them: height of a story, mass or weight of a floor."""
+    """A building's usual units, and round numbers in them: height of a story, mass or weight of a
+    floor."""
 
     units: str
     output: str
@@ -52,8 +54,8 @@ SYSTEMS = {
 
 @dataclass(frozen=True)
 class FittedLaw:
-    """A law that was fitted to a story's curve, SI units: its initial stiffness, and its parameters by their names, or
-    the points of a backbone (drift, shear)."""
+    """A law that was fitted to a story's curve, SI units: its initial stiffness, and its parameters
+    by their names, or the points of a backbone (drift, shear)."""
 
     type: str
     stiffness: float
@@ -71,11 +73,12 @@ def story_model(
     weights: Sequence[float] | None = None,
     laws: Sequence[FittedLaw] | None = None,
 ) -> str:
-    """A building whose first mode is a straight line and has the period (s), or with the laws given.
+    """A building whose first mode is a straight line and has the period (s), or with the laws
+    given.
 
-    With the mode shape 1, 2, ..., n the story stiffnesses are the inertia forces above over a drift of 1: k_i = omega^2
-    (m_i i + ... + m_n n). Strengths are in proportion, so that all stories yield together in that mode. The shape has
-    no change of sign, so it is the first one.
+    With the mode shape 1, 2, ..., n the story stiffnesses are the inertia forces above over a drift
+    of 1: k_i = omega^2 (m_i i + ... + m_n n). Strengths are in proportion, so that all stories
+    yield together in that mode. The shape has no change of sign, so it is the first one.
 
     Parameters
     ----------
@@ -106,8 +109,10 @@ def story_model(
             f"  - {{{units.load_key}: {load:g}, height: {units.height:g}, {initial}law: {{{law}}}}}"
         )
     told = [
-        "# yields (leave `law` out for a story that stays linear). The stiffness falls with the height so that the",
-        f"# first mode is a straight line; the first story yields at {100.0 * _BASE_SHEAR:g} % of the weight.",
+        "# yields (leave `law` out for a story that stays linear). The stiffness falls with the "
+        "height so that the",
+        f"# first mode is a straight line; the first story yields at {100.0 * _BASE_SHEAR:g} % of "
+        "the weight.",
     ]
     made = f" with a fundamental period of {period:g} s"
     if laws is not None:
@@ -121,7 +126,8 @@ def story_model(
             f"name: {json.dumps(name, ensure_ascii=False)}",
             f"units: {units.units}"
             + ("  # weights in kip; for masses add mass: kip*s^2/in" if system == "us" else ""),
-            f"# From the ground up: the floor's {units.load_key}, story height, initial stiffness, and how the story",
+            f"# From the ground up: the floor's {units.load_key}, story height, initial stiffness, "
+            "and how the story",
             *told,
             "stories:",
             *lines,
@@ -133,7 +139,8 @@ def story_model(
 def _in_a_line(
     units: _System, loads: Sequence[float], omega: float
 ) -> tuple[list[float], list[float]]:
-    """Stiffnesses and strengths with which the first mode is a straight line, in the system's units."""
+    """Stiffnesses and strengths with which the first mode is a straight line, in the system's
+    units."""
     in_kg = MASS["t"] if units.load_key == "mass" else FORCE[units.force] / STANDARD_GRAVITY
     masses = [in_kg * load for load in loads]
     moments = [mass * floor for floor, mass in enumerate(masses, start=1)]
@@ -168,18 +175,21 @@ def type_model(
     system: str,
     motion: str | None,
 ) -> str:
-    """A building of a Hazus type by rules: see `tdint.model.config.building_facts`; the area in m^2 or ft^2."""
+    """A building of a Hazus type by rules: see `tdint.model.config.building_facts`; the area in m^2
+    or ft^2."""
     units = SYSTEMS[system]
     lengths = units.units if system == "si" else "{length: ft, force: kip}"
     return "\n".join(
         [
-            f"# A {structure} building of {how_many(stories, 'story')}, made by `tdint init`: an example to replace.",
+            f"# A {structure} building of {how_many(stories, 'story')}, made by `tdint init`: an "
+            "example to replace.",
             f"name: {json.dumps(name, ensure_ascii=False)}",
             f"units: {lengths}",
-            "# Rules make the stories and their damping of these few facts; area is that of one floor, in "
-            f"{units.area}^2. More",
+            "# Rules make the stories and their damping of these few facts; area is that of one "
+            f"floor, in {units.area}^2. More",
             "# keys: height (of the whole building), zone, design_level, damping_ratio.",
-            f"building: {{rules: mdof-lu, type: {structure}, stories: {stories}, year: {year}, area: {area:g}}}",
+            f"building: {{rules: mdof-lu, type: {structure}, stories: {stories}, year: {year}, "
+            f"area: {area:g}}}",
             *_rest(
                 units,
                 motion,
@@ -206,7 +216,8 @@ def _rest(
         ]
     else:
         lines += [
-            "# Free vibration: the building was pulled and is let go. For a ground motion write instead",
+            "# Free vibration: the building was pulled and is let go. For a ground motion write "
+            "instead",
             "# excitation: {record: {file: station.mseed, component: HNE, units: m/s^2}}",
             f"initial: {{displacement: [{', '.join(pulled)}]}}",
             "analysis: {method: impulse4, dt: 0.01, duration: 20}",
@@ -217,8 +228,8 @@ def _rest(
 def first_model(
     stories: int = 5, *, period: float | None = None, name: str = "building", units: str = "si"
 ) -> str:
-    """The text of a first model that `load_model(io.StringIO(text))` takes: equal floors on bilinear stories, vibrating
-    freely.
+    """The text of a first model that `load_model(io.StringIO(text))` takes: equal floors on
+    bilinear stories, vibrating freely.
 
     Parameters
     ----------
@@ -251,7 +262,10 @@ def first_model(
 
 # ---- Story curves
 
-_NEEDS = "story curves are a CSV file with the columns story, drift_m and shear_N (or drift_mm, shear_kN, ...)"
+_NEEDS = (
+    "story curves are a CSV file with the columns story, drift_m and shear_N (or drift_mm, "
+    "shear_kN, ...)"
+)
 _FEWEST = 4
 _STARTS = (0.15, 0.3, 0.5, 0.7, 0.85)
 """Where the corners of a law are looked for, over the largest drift."""
@@ -270,7 +284,8 @@ class CurveFit:
     law : FittedLaw
         The law.
     misfit : float
-        Root mean square of the differences between the law and the curve, over the curve's largest shear.
+        Root mean square of the differences between the law and the curve, over the curve's largest
+        shear.
     """
 
     story: int
@@ -303,8 +318,8 @@ def read_story_curves(source: str) -> dict[int, tuple[Array, Array]]:
         grows = drifts.size >= _FEWEST and drifts[0] >= 0.0 and np.all(np.diff(drifts) >= 0.0)
         if not grows or np.max(shears) <= 0.0:
             raise ModelError(
-                f"{source}: story {story}: a curve has {_FEWEST} points at least, positive shears, and drifts that "
-                "grow from zero"
+                f"{source}: story {story}: a curve has {_FEWEST} points at least, positive shears, "
+                "and drifts that grow from zero"
             )
     return {story: (part[0], part[1]) for story, part in curves.items()}
 
@@ -327,12 +342,14 @@ def fit_story(story: int, drift: Array, shear: Array, kind: str) -> CurveFit:
     Parameters
     ----------
     kind : str
-        `bilinear`; `trilinear`: a law `trilinear-pinching` without pinching, flat beyond its largest force; or
-        `multilinear`: a law `multilinear-pinching` without pinching, with four points, which may fall.
+        `bilinear`; `trilinear`: a law `trilinear-pinching` without pinching, flat beyond its
+        largest force; or `multilinear`: a law `multilinear-pinching` without pinching, with four
+        points, which may fall.
     """
     fit, model = _KINDS[kind]
     scale, top = float(drift[-1]), float(np.max(shear))
-    # Over the largest drift and shear one search fits all units; several starts, for there are several minima.
+    # Over the largest drift and shear one search fits all units; several starts, for there are
+    # several minima.
     d, f = drift / scale, shear / top
     best = min((fit(d, f, start) for start in _STARTS), key=lambda fitted: fitted[1])
     law = model(best[0], scale, top)
@@ -343,7 +360,8 @@ Corners = tuple[Array, float]
 
 
 def _least_squares(d: Array, f: Array, corners: Array, *, flat: bool) -> tuple[Array, Array]:
-    """Slopes between corners, none negative, and the shears they leave; `flat`: no slope after the last corner."""
+    """Slopes between corners, none negative, and the shears they leave; `flat`: no slope after the
+    last corner."""
     from scipy.optimize import nnls
 
     edges = np.concatenate([[0.0], np.sort(corners), [max(1.0, float(np.max(corners)) + 1e-9)]])
@@ -371,7 +389,8 @@ def _broken_line(parts: tuple[float, ...], flat: bool, d: Array, f: Array, start
 
 
 def _multilinear(d: Array, f: Array, start: float) -> Corners:
-    """Drifts of four points, the last one that of the curve, and the shears there by least squares, none negative."""
+    """Drifts of four points, the last one that of the curve, and the shears there by least squares,
+    none negative."""
     from scipy.optimize import minimize, nnls
 
     low = 0.5 * float(d[d > 0.0][0])

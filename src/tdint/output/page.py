@@ -1,4 +1,5 @@
-"""A page for people: one HTML file with tables and pictures in it, which needs no network and prints on A4."""
+"""A page for people: one HTML file with tables and pictures in it, which needs no network and
+prints on A4."""
 
 from __future__ import annotations
 
@@ -7,11 +8,10 @@ import io
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from tdint.data import dataclass
 from tdint.output import figures
 from tdint.output.summary import versions
 from tdint.output.tables.table import TEXT, Cell, Table, converted
@@ -47,7 +47,7 @@ p.kept { border-color: #1e7d3c; color: #14602c } p.broken { border-color: #b03a2
 code { font-size: 8pt; overflow-wrap: anywhere } ul { margin: 1mm 0 2.5mm; padding-left: 5mm }
 .n { break-before: page }
 @media print { body { margin: 0; padding: 0; max-width: none } }
-"""
+"""  # noqa: E501
 
 # Of a printed page, mm: what lies between its margins, and what Helvetica of the sizes above takes.
 _PAGE, _WIDTH = 262.0, 180.0
@@ -112,16 +112,17 @@ class Told:
 
 
 def page_units(units: OutputUnits) -> OutputUnits:
-    """The units of a page: as given, but kN in place of N, t beside kN, accelerations in g where none is named; so
-    tables have the units of pictures and no number needs a power of ten."""
+    """The units of a page: as given, but kN in place of N, t beside kN, accelerations in g where
+    none is named; so tables have the units of pictures and no number needs a power of ten."""
     force = "kN" if units.force == "N" else units.force
     mass = "t" if (force, units.mass) == ("kN", "kg") else units.mass
     return replace(units, force=force, mass=mass).in_pictures
 
 
 class _Flow:
-    """The parts of a page one after the other, and how far down the printed page they have come, mm, by estimate: what
-    would part from its heading or leave much of a page white is moved, and pictures shrink to the space there is."""
+    """The parts of a page one after the other, and how far down the printed page they have come,
+    mm, by estimate: what would part from its heading or leave much of a page white is moved, and
+    pictures shrink to the space there is."""
 
     def __init__(self) -> None:
         self.body: list[str] = []
@@ -143,8 +144,8 @@ class _Flow:
         self.down = (self.down + height) % _PAGE
 
     def kept(self, height: float) -> str:
-        """The class of what needs so much room below it: on the next page where that is not there, which is left to
-        the browser far from the last sure break."""
+        """The class of what needs so much room below it: on the next page where that is not there,
+        which is left to the browser far from the last sure break."""
         if _PAGE - self.down >= height:
             return ""
         sure, self.down = self.since < _SURE, 0.0
@@ -157,7 +158,8 @@ class _Flow:
         self.go(_HEADING)
 
     def picture(self, image: str, caption: str, ratio: float, *, last: bool = False) -> None:
-        """A picture as large as there is room for; one that would be small waits for what comes behind it."""
+        """A picture as large as there is room for; one that would be small waits for what comes
+        behind it."""
         first = not any(text.startswith("<figure") for text in self.body)
         whole, room = (
             min(_WIDTH * ratio, _TALLEST if first else _USUAL),
@@ -185,8 +187,8 @@ class _Flow:
 
 
 def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> bytes:
-    """The page, UTF-8: title, head, a sentence about it, warnings, chapters, the files; and the versions that made
-    it."""
+    """The page, UTF-8: title, head, a sentence about it, warnings, chapters, the files; and the
+    versions that made it."""
     # Sixteen digits of a plug-in's digest tell its versions apart.
     of_all = versions()
     code = {f"plug-in {name}": digest[:16] for name, digest in of_all.pop("plugins", {}).items()}
@@ -253,7 +255,8 @@ _POWER = re.compile(r"(?<![\w.])(-?)(\d(?:\.\d+)?)e([+-]\d+)\b")
 
 
 def _plain(text: str) -> str:
-    """A text whose numbers have no powers of ten: four digits, and what is next to nothing by what it is below."""
+    """A text whose numbers have no powers of ten: four digits, and what is next to nothing by what
+    it is below."""
 
     def written(found: re.Match[str]) -> str:
         value = float(found[0])
@@ -278,8 +281,8 @@ def once(texts: Iterable[str]) -> list[str]:
 
 
 def _drawn(picture: Picture) -> tuple[str, bytes, tuple[float, float]]:
-    """The format, the content and the size of a picture: lines of thousands of points make a drawing that is larger
-    than its pixels."""
+    """The format, the content and the size of a picture: lines of thousands of points make a
+    drawing that is larger than its pixels."""
     for kind in ("svg+xml", "png"):
         drawing, stream = figures.style.picture(f".{kind[:3]}", picture.draw), io.BytesIO()
         figure = drawing.figure()
@@ -290,9 +293,11 @@ def _drawn(picture: Picture) -> tuple[str, bytes, tuple[float, float]]:
 
 
 def _add_table(flow: _Flow, table: Table) -> None:
-    """A table with its units in the heading and drift ratios in percent, columns without any value and zeros of dampers
-    that are not there left out; one that is wider than a page goes on below with its first column again."""
-    # A heading is the name of its column in words, the unit in brackets; words and digests stand on the left.
+    """A table with its units in the heading and drift ratios in percent, columns without any value
+    and zeros of dampers that are not there left out; one that is wider than a page goes on below
+    with its first column again."""
+    # A heading is the name of its column in words, the unit in brackets; words and digests stand on
+    # the left.
     heads, sides, cells = [], [], []
     for i, name in enumerate(table.columns):
         column = [row[i] for row in table.rows]
@@ -326,7 +331,8 @@ def _add_table(flow: _Flow, table: Table) -> None:
     for first in range(MOST_COLUMNS, len(kept), MOST_COLUMNS - 1):
         widths.append([kept[0], *kept[first : first + MOST_COLUMNS - 1]])
     for columns in widths:
-        # As wide as their longest cells and words of headings; columns of words share what those of numbers leave.
+        # As wide as their longest cells and words of headings; columns of words share what those of
+        # numbers leave.
         most = {i: max(map(len, cells[i])) for i in columns}
         wide = [i for i in columns if sides[i] and "d" not in sides[i]]
         numbers = sum(max(most[i], *map(len, heads[i].split())) for i in columns if i not in wide)
@@ -357,11 +363,13 @@ def _add_table(flow: _Flow, table: Table) -> None:
 
 
 _MILLIMETERS = 0.01
-"""Lengths in m below this are told in mm: a column of them has four digits without a power of ten."""
+"""Lengths in m below this are told in mm: a column of them has four digits without a power of
+ten."""
 
 
 def _shown(cell: Cell, largest: float = 1.0) -> str:
-    """A cell in four digits, without a power of ten: what is next to nothing beside the largest of its column is 0."""
+    """A cell in four digits, without a power of ten: what is next to nothing beside the largest of
+    its column is 0."""
     if cell is None or (isinstance(cell, float) and math.isnan(cell)):
         return ""
     if not isinstance(cell, float):

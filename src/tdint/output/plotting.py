@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
 from tdint.analysis.spectra.elastic import SA_DAMPING
-from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.output.figures import assessment, collapse, comparison, runs, spectrum_curves
@@ -30,8 +30,9 @@ _PERIODS = (0.04, 4.0, 100)
 
 @dataclass(frozen=True)
 class _Look:
-    """How results of a kind are drawn: as a picture, and on axes where one panel says what they are; `alone`: a picture
-    shows one of them, which is then what these functions take in place of all."""
+    """How results of a kind are drawn: as a picture, and on axes where one panel says what they
+    are; `alone`: a picture shows one of them, which is then what these functions take in place of
+    all."""
 
     picture: Callable[[Any, OutputUnits], Figure]
     on_axes: Callable[[Any, Any, OutputUnits], None] | None = None
@@ -74,17 +75,18 @@ def plot(
     Parameters
     ----------
     result : object
-        What `run`, `spectrum`, `stability`, `ida`, `fragility`, ... give; a record; or a sequence of those that share a
-        picture: spectra, curves of methods.
+        What `run`, `spectrum`, `stability`, `ida`, `fragility`, ... give; a record; or a sequence
+        of those that share a picture: spectra, curves of methods.
     ax : matplotlib.axes.Axes, optional
-        Draw the main panel alone on these axes: pseudo-accelerations of spectra, peak drifts of a run, the spectral
-        radius of methods, ...
+        Draw the main panel alone on these axes: pseudo-accelerations of spectra, peak drifts of a
+        run, the spectral radius of methods, ...
     units : str
         Units in place of SI, such as `kip,in,g`.
     file : str or Path, optional
         Also write the figure: .png, .pdf (with TrueType letters) or .svg.
     width : float or str, optional
-        Of print, m, or with its unit, `90mm`: letters have 6 to 8 points then, symbols are those of the field.
+        Of print, m, or with its unit, `90mm`: letters have 6 to 8 points then, symbols are those of
+        the field.
     font : str, optional
         Name of a font of this machine.
     title : bool
@@ -97,12 +99,14 @@ def plot(
     Returns
     -------
     matplotlib.figure.Figure or matplotlib.axes.Axes
-        The figure, of this call alone: a notebook shows it, pyplot does not know it; or the axes given.
+        The figure, of this call alone: a notebook shows it, pyplot does not know it; or the axes
+        given.
 
     Raises
     ------
     UsageError
-        The result has no picture, or no main panel; a unit, font or style sheet is unknown; panels find no room.
+        The result has no picture, or no main panel; a unit, font or style sheet is unknown; panels
+        find no room.
     OutputError
         The file is of another kind, or cannot be written.
     """

@@ -1,17 +1,18 @@
-"""How pictures are drawn for print: a column's width, a journal's font, the words of the paper. No matplotlib here."""
+"""How pictures are drawn for print: a column's width, a journal's font, the words of the paper. No
+matplotlib here."""
 
 from __future__ import annotations
 
 import re
 from contextvars import ContextVar
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from tdint.data import dataclass
 from tdint.errors import UsageError, did_you_mean
 from tdint.units import LENGTH
 
 NARROWEST, WIDEST = 0.03, 0.6
-"""Widths of a figure, m: no panel has room on less than a narrow column, no journal's page is wider."""
+"""Widths of a figure, m: no panel has room on less than a narrow column, no journal's page is
+wider."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,8 @@ PRINTED: ContextVar[PrintedAs] = ContextVar("printed", default=ON_SCREEN)
 """What is asked for in the command that runs."""
 
 TRUSTED: ContextVar[bool] = ContextVar("trusted", default=True)
-"""Whether a style sheet may have programs started: not one that came with a file of somebody else."""
+"""Whether a style sheet may have programs started: not one that came with a file of somebody
+else."""
 
 _PART = re.compile(r"""(?:'[^']*'|"[^"]*"|[^,'"])+""")
 _QUOTED = re.compile(r"""'([^']*)'|"([^"]*)\"""")
@@ -64,12 +66,14 @@ _WORDS = ("width", "font", "title", "label:NAME", "file")
 
 
 def parse_style(text: str, of: str = "--style", before: PrintedAs = ON_SCREEN) -> PrintedAs:
-    """Looks as they are written: a width, a style sheet or KEY=VALUE, with commas between them, quotes around commas.
+    """Looks as they are written: a width, a style sheet or KEY=VALUE, with commas between them,
+    quotes around commas.
 
     Parameters
     ----------
     text : str
-        Such as `90mm`, `paper.mplstyle`, `width=90mm,font='Times New Roman',title=no,label:moment4=present method`.
+        Such as `90mm`, `paper.mplstyle`, `width=90mm,font='Times New
+        Roman',title=no,label:moment4=present method`.
     of : str
         Where it stands, for errors.
     before : PrintedAs
@@ -126,7 +130,8 @@ def _told(key: str, has_value: bool) -> str:
 
 
 def figure_width(text: str, of: str = "--style") -> float:
-    """A width in m of what is written with its unit, 90mm or 3.5in; UsageError outside of what a page has."""
+    """A width in m of what is written with its unit, 90mm or 3.5in; UsageError outside of what a
+    page has."""
     length = _LENGTH.fullmatch(text.strip())
     try:
         width = float(length[1]) * LENGTH[length[2]] if length else 0.0
@@ -157,7 +162,8 @@ SYMBOLS = {
 
 
 def in_print(text: str, printed: PrintedAs) -> str:
-    """A text of a picture as it is printed: another label in its place, symbols as the field writes them."""
+    """A text of a picture as it is printed: another label in its place, symbols as the field writes
+    them."""
     # Words of the paper stay as they were given; symbols are put into all others.
     for before, after in printed.labels:
         if text.strip() == before or text.strip().startswith(before + ":"):

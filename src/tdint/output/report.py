@@ -44,10 +44,10 @@ if TYPE_CHECKING:
     from tdint.campaign.store import Store
 
 LEFT_OUT = (
-    "Each floor is one mass that moves sideways in one direction; there is no torsion, no floor flexibility, no "
-    "overturning and no axial force in columns, no soil.",
-    "Each story is one spring from floor to floor: what columns, beams and joints do apart is in its law or not at "
-    "all, and two directions of a motion act one at a time.",
+    "Each floor is one mass that moves sideways in one direction; there is no torsion, no floor "
+    "flexibility, no overturning and no axial force in columns, no soil.",
+    "Each story is one spring from floor to floor: what columns, beams and joints do apart is in "
+    "its law or not at all, and two directions of a motion act one at a time.",
     "Story laws do not know of one another; strength does not depend on axial force.",
 )
 """What a shear building leaves out."""
@@ -56,8 +56,8 @@ LEFT_OUT = (
 def model_chapter(
     model: Model, units: OutputUnits = SI, peaks: StoryPeaks | None = None
 ) -> Chapter:
-    """The building: its stories from the ground up, period and damping ratio of its first mode, P-delta; with the peaks
-    of a run the period of the isolators' secant stiffness there, too."""
+    """The building: its stories from the ground up, period and damping ratio of its first mode,
+    P-delta; with the peaks of a run the period of the isolators' secant stiffness there, too."""
     omega, damping = assemble(model).first_mode()
     p_delta = "with P-delta" if model.p_delta else "without P-delta"
     of_isolators = ""
@@ -69,9 +69,9 @@ def model_chapter(
         )
         of_isolators = f" (before the isolators yield{told})"
     facts = (
-        f"{how_many(len(model.stories), 'story')}, first period {2.0 * math.pi / omega:.4g} s{of_isolators} with "
-        f"{100.0 * damping:.3g} % damping, "
-        f"{p_delta}, {damping_words(model)}. A drift ratio over {100.0 * model.collapse_drift:g} % counts as collapse."
+        f"{how_many(len(model.stories), 'story')}, first period {2.0 * math.pi / omega:.4g} "
+        f"s{of_isolators} with {100.0 * damping:.3g} % damping, {p_delta}, {damping_words(model)}. "
+        f"A drift ratio over {100.0 * model.collapse_drift:g} % counts as collapse."
     )
     return Chapter(f"Building: {model.name}", (facts, buildings.model_table(model, units)))
 
@@ -100,7 +100,10 @@ def damping_words(model: Model) -> str:
             told = " and ".join(f"{100.0 * ratio:g} % in mode {mode}" for ratio, mode in pairs)
             return f"Rayleigh damping of {told}{left_out}"
         case RayleighCoefficients(mass, stiffness):
-            return f"Rayleigh damping of {mass:.4g} 1/s times mass and {stiffness:.4g} s times stiffness{left_out}"
+            return (
+                f"Rayleigh damping of {mass:.4g} 1/s times mass and {stiffness:.4g} s times "
+                f"stiffness{left_out}"
+            )
         case ModalDamping(ratios):
             return f"modal damping of {', '.join(f'{100.0 * ratio:g}' for ratio in ratios)} %"
     return "no damping besides dashpots"
@@ -141,7 +144,10 @@ _OF_SUITE = (
     "peak_absolute_acceleration",
     "peak_damper_force",
 )
-_ERRORS = "Estimated errors of the time integration, in percent; of residual drifts in percent of the peak drifts:"
+_ERRORS = (
+    "Estimated errors of the time integration, in percent; of residual drifts in percent of the "
+    "peak drifts:"
+)
 
 
 def run_page(
@@ -158,7 +164,8 @@ def run_page(
     """
     model, check, units = response.model, response.check, page_units(units)
     whole = story_table(response.stories, check.errors if check else None).in_units(units)
-    # A building with dampers has their forces in place of the restoring ones, a page has no room for both.
+    # A building with dampers has their forces in place of the restoring ones, a page has no room
+    # for both.
     damped = any(response.stories.peak_damper_force)
     places = {_quantity(whole, name): name for name in whole.columns}
     names = [
@@ -185,7 +192,8 @@ def run_page(
         model_chapter(model, units, response.stories),
         _motions([[(response.record, 1.0)]] if response.record else [], units),
         _assumptions(
-            f"{method_words(response.method)}, {how_many(response.steps, 'step')} of {response.dt:.6g} s",
+            f"{method_words(response.method)}, {how_many(response.steps, 'step')} of "
+            f"{response.dt:.6g} s",
             (),
         ),
         Chapter("Notes", (once(response.notes),)),
@@ -335,12 +343,14 @@ def _over_motions(profile: Profile, units: OutputUnits) -> Chapter:
 
 
 def _one_by_one(store: Store) -> Chapter:
-    """A row for each run, the largest drift first: which motions carry the mean, and which brought a building down."""
+    """A row for each run, the largest drift first: which motions carry the mean, and which brought
+    a building down."""
     query = (
-        "SELECT b.name, r.name, r.component, u.scale, u.peak_drift_ratio, u.peak_drift_m, u.peak_drift_story, "
-        "(SELECT max(s.ductility) FROM story_rows s WHERE (s.building, s.record, s.scale, s.sample) = "
-        "(u.building, u.record, u.scale, u.sample)), u.status FROM run_rows u JOIN buildings b ON b.id = u.building "
-        "JOIN records r ON r.id = u.record ORDER BY u.status = 'done', u.peak_drift_ratio DESC, u.peak_drift_m DESC"
+        "SELECT b.name, r.name, r.component, u.scale, u.peak_drift_ratio, u.peak_drift_m, "
+        "u.peak_drift_story, (SELECT max(s.ductility) FROM story_rows s WHERE (s.building, "
+        "s.record, s.scale, s.sample) = (u.building, u.record, u.scale, u.sample)), u.status FROM "
+        "run_rows u JOIN buildings b ON b.id = u.building JOIN records r ON r.id = u.record ORDER "
+        "BY u.status = 'done', u.peak_drift_ratio DESC, u.peak_drift_m DESC"
     )
     rows = store.connection.execute(query).fetchall()
     several = len({row[0] for row in rows}) > 1
@@ -389,7 +399,8 @@ def _damage(store: Store) -> tuple[Part, ...]:
 
 
 def _as_run(plan: Plan, store: Store) -> list[list[tuple[Record, float]]]:
-    """The motions with the factors on them, level by level from the smallest; what several buildings share once."""
+    """The motions with the factors on them, level by level from the smallest; what several
+    buildings share once."""
     factors: dict[tuple[int, int, int], list[float]] = {}
     for building, motion, scale, sample, *_ in store.runs():
         factors.setdefault((building, motion, sample), []).append(scale)
@@ -414,13 +425,14 @@ _RULES = {
 
 
 def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str]]:
-    """What the factors of a campaign were found for, with a picture where that is a spectrum, and what a reviewer would
-    ask about them; as `tdint scale` told it beside them."""
+    """What the factors of a campaign were found for, with a picture where that is a spectrum, and
+    what a reviewer would ask about them; as `tdint scale` told it beside them."""
     if not plan.factors:
         return (), []
     if not plan.scaled:
         return (
-            f"Factors: {plan.factors}; no file of `tdint scale` beside it says how they came about.",
+            f"Factors: {plan.factors}; no file of `tdint scale` beside it says how they came "
+            "about.",
         ), []
     # In the words of the command: target or measure, rule, range, damping, pairs.
     settings = plan.scaled["settings"]
@@ -440,7 +452,8 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
     words += [f"pairs by their {settings['pairs']}"] if settings["pairs"] else []
     if settings["least_average_over_target"] is not None:
         words.append(
-            f"the average is {100.0 * settings['least_average_over_target']:.3g} % of the target at the least"
+            f"the average is {100.0 * settings['least_average_over_target']:.3g} % of the target "
+            "at the least"
         )
     parts: list[Part] = ["; ".join(words) + "."]
     if settings["target"] and isinstance(plan.levels, GivenFactors):
@@ -458,7 +471,8 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
                 settings["damping"],
                 target=read_target(settings["target"]),
                 periods=np.geomspace(*settings["periods_s"]),
-                # Of the rules that check the average: the picture shows it, and 90 % of the target, by this.
+                # Of the rules that check the average: the picture shows it, and 90 % of the target,
+                # by this.
                 least=None
                 if (least := settings["least_average_over_target"]) is None
                 else (least, math.nan),
@@ -477,8 +491,8 @@ def _motions(
     units: OutputUnits,
     scaled: Sequence[Part] = (),
 ) -> Chapter:
-    """The ground motions as they were run, and their spectra, level by level, unless a picture of their scaling has
-    these."""
+    """The ground motions as they were run, and their spectra, level by level, unless a picture of
+    their scaling has these."""
     parts: list[Part] = list(scaled)
     drawn = any(isinstance(part, Picture) for part in scaled)
     for number, level in enumerate(levels[:_MOST_LEVELS], start=1):
@@ -501,8 +515,8 @@ def _motions(
 
 
 _SUITE = (
-    "of pairs of horizontal components the larger value counts; means are over the motions under which the building "
-    "stood"
+    "of pairs of horizontal components the larger value counts; means are over the motions under "
+    "which the building stood"
 )
 
 
@@ -512,7 +526,8 @@ def _assumptions(step: str, more: Sequence[str]) -> Chapter:
         *(f"{text[0].upper()}{text[1:]}." for text in more),
         "A shear building: " + LEFT_OUT[0][0].lower() + LEFT_OUT[0][1:],
         *LEFT_OUT[1:],
-        "Drifts and displacements are relative to the floor below and to the ground; accelerations are absolute.",
+        "Drifts and displacements are relative to the floor below and to the ground; accelerations "
+        "are absolute.",
     )
     return Chapter("Assumptions", (points,))
 
@@ -557,8 +572,10 @@ def _words_of_methods(table: Table) -> Table:
 
 _METHODS = {"n2": "N2, EN 1998-1 annex B", "coefficients": "ASCE 41-17, 7.4.3.3"}
 _PUSHED = (
-    "The building is pushed slowly by forces of one pattern; without dashpots and damping, with its P-delta if it has.",
-    "A target displacement is an estimate from one curve and an elastic spectrum; time histories may differ.",
+    "The building is pushed slowly by forces of one pattern; without dashpots and damping, with "
+    "its P-delta if it has.",
+    "A target displacement is an estimate from one curve and an elastic spectrum; time histories "
+    "may differ.",
 )
 
 
@@ -566,7 +583,8 @@ def modal_page(result: ModalResponse, told: Told, units: OutputUnits = SI) -> by
     """The page of the peaks of a linear building under a design spectrum."""
     model, units = result.model, page_units(units)
     drawn = partial(figures.comparison.modal_response_picture, result, units)
-    # The page has one of both sums, CQC, which holds for close modes, too; the base shear by SRSS stands in its words.
+    # The page has one of both sums, CQC, which holds for close modes, too; the base shear by SRSS
+    # stands in its words.
     table = buildings.modal_response_table(result)
     table = table.chosen([name for name in table.columns if name == "story" or "_cqc" in name])
     chapters = [
@@ -588,8 +606,9 @@ def modal_page(result: ModalResponse, told: Told, units: OutputUnits = SI) -> by
 
 
 _MODAL = (
-    "The building is linear with its initial stiffness; peaks of modes are combined by the square root of the sum of "
-    "squares (SRSS) and by the complete quadratic combination (CQC), each response from its own modal peaks.",
+    "The building is linear with its initial stiffness; peaks of modes are combined by the square "
+    "root of the sum of squares (SRSS) and by the complete quadratic combination (CQC), each "
+    "response from its own modal peaks.",
     "The target spectrum is that of all modes, whatever damping the model has.",
 )
 
@@ -601,7 +620,8 @@ def comparison_page(
     fitted: Table | None,
     units: OutputUnits,
 ) -> bytes:
-    """The page of a building's result beside recordings; `fitted` are the values that were fitted to one of them."""
+    """The page of a building's result beside recordings; `fitted` are the values that were fitted
+    to one of them."""
     response, units = comparisons[0].response, page_units(units)
     words = f"{method_words(response.method)}, steps of {response.dt:.6g} s"
     chapters = [

@@ -43,7 +43,8 @@ MEANINGS = {
     "wall_time_s": ("s", "wall time of the command"),
     "time_loop_s": (
         "s",
-        "processor time of the compiled time loop alone; wall time where the former ticks coarsely (time_loop_clock)",
+        "processor time of the compiled time loop alone; wall time where the former ticks coarsely "
+        "(time_loop_clock)",
     ),
     "stories": ("1", "number of stories"),
     "t1_s": ("s", "fundamental period of the initial stiffness, P-delta included"),
@@ -172,7 +173,8 @@ def failure_summary(
     first: FirstMode | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Content of summary.json for a run without a result; `time_s` is the last time reached. See `run_summary`."""
+    """Content of summary.json for a run without a result; `time_s` is the last time reached. See
+    `run_summary`."""
     content = {
         "schema": schema("run"),
         "status": failure.status,
@@ -216,7 +218,8 @@ def _ended(
 
 def meanings(content: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     """Unit and meaning of every key of a summary under which there is a number."""
-    # Settings are as they were given, and mean what the help says; parameters what the method's paper says.
+    # Settings are as they were given, and mean what the help says; parameters what the method's
+    # paper says.
     apart = ("settings", "method_parameters")
     names = dict.fromkeys(
         _numbers({key: part for key, part in content.items() if key not in apart})
@@ -241,7 +244,8 @@ def _is_number(value: object) -> bool:
 
 
 def peaks(stories: StoryPeaks) -> dict[str, float | int | None]:
-    """The largest demands, SI units, and the story or floor (from 1) that has them; None where unknown."""
+    """The largest demands, SI units, and the story or floor (from 1) that has them; None where
+    unknown."""
     result: dict[str, float | int | None] = {}
     for demand in DEMANDS:
         largest = only(demand.of(stories))

@@ -1,5 +1,5 @@
-"""What a result was, how it came about, and from which inputs and versions: what all JSON files have in common, and
-those beside tables of records, of a campaign, of charts and of comparisons."""
+"""What a result was, how it came about, and from which inputs and versions: what all JSON files
+have in common, and those beside tables of records, of a campaign, of charts and of comparisons."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import math
 import platform
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdint.analysis.defaults import PEAKS, QUANTITIES
-from tdint.data import dataclass
 from tdint.files import READ
 from tdint.ground_motion.record import Input, Record
 from tdint.kernels.building.sources import CODE, code_of
@@ -96,7 +95,8 @@ def campaign_summary(store: Store) -> dict[str, Any]:
     statuses, unused = store.statuses(), store.unused()
     # From the store, not the files: these may be gone, or others by now.
     records = store.connection.execute(
-        "SELECT name, component, direction, dt_s, samples, pga_m_s2, pgv_m_s, sha256 FROM records ORDER BY id"
+        "SELECT name, component, direction, dt_s, samples, pga_m_s2, pgv_m_s, sha256 FROM records "
+        "ORDER BY id"
     )
     keys = ("file", "component", "direction", "dt_s", "samples", "pga_m_s2", "pgv_m_s", "sha256")
     buildings = store.connection.execute("SELECT count(*) FROM buildings").fetchone()[0]
@@ -147,7 +147,8 @@ def in_units(
 ) -> dict[str, Any]:
     """A summary with its numbers in other units, under keys that say so.
 
-    What `columns` and `meanings` tell of names changes with them; `settings` stay as they were given.
+    What `columns` and `meanings` tell of names changes with them; `settings` stay as they were
+    given.
 
     Parameters
     ----------
@@ -179,10 +180,12 @@ def _in_units(value: Any, units: OutputUnits, keys: Mapping[str, str], factor: f
 
 
 def json_bytes(content: dict[str, Any]) -> bytes:
-    """JSON with 12 significant digits, null for what is no finite number, keys in the order given, LF ends."""
+    """JSON with 12 significant digits, null for what is no finite number, keys in the order given,
+    LF ends."""
     # A file name that is not UTF-8 has surrogates; escaped (ASCII) they are still valid JSON.
     text = json.dumps(_plain(content), indent=2, allow_nan=False)
-    # What holds no other part, and fits, stands on a line of its own: in strings there are no ends of lines.
+    # What holds no other part, and fits, stands on a line of its own: in strings there are no ends
+    # of lines.
     text = re.sub(r"[\[{]\n[^\[\]{}]*[\]}]", _on_a_line, text)
     return (text + "\n").encode()
 
@@ -195,7 +198,8 @@ def _on_a_line(part: re.Match[str]) -> str:
 
 
 def listed_files(summary: Path) -> dict[str, str]:
-    """SHA-256 of the files that a run's summary lists beside it, by name; none where it is no such summary."""
+    """SHA-256 of the files that a run's summary lists beside it, by name; none where it is no such
+    summary."""
     try:
         return {file["file"]: file["sha256"] for file in told_of(summary)["files"]}
     except (LookupError, TypeError):
@@ -257,8 +261,8 @@ def inputs_summary(inputs: Sequence[Input]) -> list[dict[str, str]]:
 
 
 def versions() -> dict[str, Any]:
-    """Versions of tdint, of the packages it computes with, and of Python; the hash of tdint's sources; and the SHA-256
-    of the files of plug-ins, by name, where there are any."""
+    """Versions of tdint, of the packages it computes with, and of Python; the hash of tdint's
+    sources; and the SHA-256 of the files of plug-ins, by name, where there are any."""
     packages = {package: _version(package) for package in _PACKAGES}
     own_version, sources = version_of_sources()
     told = {
@@ -285,8 +289,9 @@ def _version(package: str) -> str | None:
 
 @dataclass(frozen=True)
 class Advice:
-    """What is recommended for an error within a limit, None where no point of the chart is; the best of another method;
-    and the largest error of a peak drift, over it, that `tdint run` tells."""
+    """What is recommended for an error within a limit, None where no point of the chart is; the
+    best of another method; and the largest error of a peak drift, over it, that `tdint run`
+    tells."""
 
     limit: float
     point: Point | None
@@ -304,7 +309,8 @@ def chart_summary(
     notes: Sequence[str],
     meanings: Mapping[str, Mapping[str, str]],
 ) -> dict[str, Any]:
-    """Content of the JSON file beside the table: the references and how well they are known, what is recommended."""
+    """Content of the JSON file beside the table: the references and how well they are known, what
+    is recommended."""
     return {
         "schema": schema("chart"),
         "command": "chart",
@@ -350,8 +356,8 @@ def chart_summary(
 def field_summary(
     chart: FieldChart, *, notes: Sequence[str], meanings: Mapping[str, Mapping[str, str]]
 ) -> dict[str, Any]:
-    """Content of the JSON file beside the table of performance profiles: the problems, how well their references are
-    known, all that was measured, what is recommended."""
+    """Content of the JSON file beside the table of performance profiles: the problems, how well
+    their references are known, all that was measured, what is recommended."""
     peaks = [name.replace("-", "_") for name in PEAKS]
     names = (
         "name",
@@ -381,7 +387,8 @@ def field_summary(
             }
             for case in chart.measured
         ],
-        # What stands in the lists of points: a field has thousands, and each would name its numbers.
+        # What stands in the lists of points: a field has thousands, and each would name its
+        # numbers.
         "points": [
             "method",
             "dt_s",
@@ -400,7 +407,8 @@ def field_summary(
 
 
 def _parameters_of(lines: Iterable[str]) -> dict[str, dict[str, float]]:
-    """The parameters of each of our methods: a line of another program has a slash, one by tolerance a space."""
+    """The parameters of each of our methods: a line of another program has a slash, one by
+    tolerance a space."""
     from tdint.methods.catalogue import resolved  # which most tables do without
 
     return {line: resolved(line) for line in lines if not set("/ ") & set(line)}

@@ -1,4 +1,5 @@
-"""The problems on which methods fail: their answers by other routes, and what the methods make of them."""
+"""The problems on which methods fail: their answers by other routes, and what the methods make of
+them."""
 
 import math
 from dataclasses import replace
@@ -142,7 +143,8 @@ def test_chaotic_growth():
     # Another last digit of the start makes 40 to 90 of it.
     assert 20.0 < gained.energy_ratio_max < 200.0
     assert (gained.outcome, gained.verdict) == ("done", "gains energy")
-    # A run of `tdint run` that ends on a hundred times its energy is none; the verdict tells what it looks like.
+    # A run of `tdint run` that ends on a hundred times its energy is none; the verdict tells what
+    # it looks like.
     ran_away = trial("impulse", "hardening", 0.02)
     assert ran_away.energy_ratio_max > 100.0
     assert (ran_away.outcome, ran_away.verdict) == ("diverged", "gains energy")
@@ -191,8 +193,8 @@ def digest():
 
 @pytest.mark.parametrize(("name", "dt", "method", "cell"), digest())
 def test_the_digest_in_the_readme(name, dt, method, cell):
-    """The numbers to the digits given, bold where the problem is failed; behind ~ those that rounding alone changes,
-    within half and twice."""
+    """The numbers to the digits given, bold where the problem is failed; behind ~ those that
+    rounding alone changes, within half and twice."""
     one = trial(method, name, dt)
     assert cell.startswith("**") == (one.verdict != "pass")
     value = cell.strip("*")
@@ -234,9 +236,14 @@ def test_below_and_above_the_limit(method, name):
 
 
 def test_overshoot():
-    """Wilson's method overshoots from both starts, U0-V0 and impulse4 from none, cr from a velocity only."""
-    for method, expected in {"wilson": (True, True), "u0v0": (False, False), "impulse4": (False, False),
-                             "cr": (False, True)}.items():  # fmt: skip
+    """Wilson's method overshoots from both starts, U0-V0 and impulse4 from none, cr from a velocity
+    only."""
+    for method, expected in {
+        "wilson": (True, True),
+        "u0v0": (False, False),
+        "impulse4": (False, False),
+        "cr": (False, True),
+    }.items():
         found = tuple(
             trial(method, f"overshoot-{start}").verdict for start in ("displacement", "velocity")
         )

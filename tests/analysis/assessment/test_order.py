@@ -23,10 +23,19 @@ from tdint.model.definition import Excitation
 
 NONLINEAR = [name for name in catalogue() if not parse(name).family.linear_only]
 MEMBERS = (
-    "newmark:beta=0.3025:gamma=0.6", "generalized-alpha:rho_inf=0", "hht:alpha=-1/3", "u0v0:r=0",
-    "collocation:beta=0.18", "bathe:rho_inf=0.5", "bathe:gamma=0.5", "kr-alpha:rho_inf=0.5", "impulse4:rho_inf=0.5",
-    "impulse4:rho_inf=0", "moment4:rho_inf=0.5", "moment4:rho_inf=0",
-)  # fmt: skip
+    "newmark:beta=0.3025:gamma=0.6",
+    "generalized-alpha:rho_inf=0",
+    "hht:alpha=-1/3",
+    "u0v0:r=0",
+    "collocation:beta=0.18",
+    "bathe:rho_inf=0.5",
+    "bathe:gamma=0.5",
+    "kr-alpha:rho_inf=0.5",
+    "impulse4:rho_inf=0.5",
+    "impulse4:rho_inf=0",
+    "moment4:rho_inf=0.5",
+    "moment4:rho_inf=0",
+)
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +73,8 @@ def test_declared_order(problem, law, method):
     ],
 )  # fmt: skip
 def test_where_the_published_order_4_holds(problem, load, law, published):
-    """The trapezoidal impulse is exact for sampled records; the tangent form of the drift laws is of order 2."""
+    """The trapezoidal impulse is exact for sampled records; the tangent form of the drift laws is
+    of order 2."""
     for method, order in (("impulse", published), ("impulse4", 4)):
         observed = observed_order(parse(method), problem(load, law))
         for quantity in ("displacement", "velocity", "acceleration"):
@@ -122,7 +132,8 @@ def test_steps_and_names(problem):
 @pytest.mark.parametrize("law", STORY_LAWS)
 @pytest.mark.parametrize("load", LOADS)
 def test_the_exact_motion_satisfies_its_equation(problem, load, law):
-    """Of each sample interval of the motion: an independent integration from its start ends at its end."""
+    """Of each sample interval of the motion: an independent integration from its start ends at its
+    end."""
     solved = problem(load, law)
     h, omega = 0.02, 2.0 * np.pi
     for sample in (0, 57, 199):
@@ -219,7 +230,8 @@ def duffing():
 
 
 def radau_iia(rate, y, h, steps):
-    """The two-stage method of order 3 (Ehle 1969), stages by fixed-point iteration; shape (steps + 1, y.size)."""
+    """The two-stage method of order 3 (Ehle 1969), stages by fixed-point iteration; shape (steps +
+    1, y.size)."""
     c, a = (1.0 / 3.0, 1.0), np.array([[5.0, -1.0], [9.0, 3.0]]) / 12.0
     result = [np.asarray(y)]
     for step in range(steps):
@@ -255,7 +267,8 @@ def test_impulse4_with_rho_inf_0_is_radau_iia(law):
 
 
 def test_order_over_several_samples_in_a_step():
-    """Thirty-two samples in the coarsest step, two in the finest; of all methods: tests/methods/test_long_steps.py."""
+    """Thirty-two samples in the coarsest step, two in the finest; of all methods:
+    tests/methods/test_long_steps.py."""
     observed = observed_order(parse("hht"), order_problem("record", "linear", stride=32))
     assert observed.order("displacement") == pytest.approx(2.0, abs=0.25)
     assert np.isnan(observed.order("own_acceleration"))

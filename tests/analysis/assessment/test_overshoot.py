@@ -11,8 +11,8 @@ from tdint.analysis.assessment.stability import EXACT_POWERS, STARTS, overshoot,
 from tdint.errors import UsageError
 from tdint.methods.catalogue import catalogue, parse
 
-# Powers of omega h in the first step as omega h goes to infinity, without damping: u and h v from u0, u and h v from
-# h v0. Measured with independent implementations at 30-40 digits.
+# Powers of omega h in the first step as omega h goes to infinity, without damping: u and h v from
+# u0, u and h v from h v0. Measured with independent implementations at 30-40 digits.
 NONE = (0, 0, -2, 0)
 ALL_LEFT = (-2, 0, -2, -2)  # nothing is left of the start
 VELOCITY = (0, 2, -2, 0)
@@ -71,9 +71,14 @@ DAMPED = {  # damping ratio 0.05
     "kr-alpha": DISPLACEMENT,
 }
 WORDS = {
-    NONE: "none", ALL_LEFT: "none", POWERS["exact"]: "none", VELOCITY: "velocity", BOTH: "displacement and velocity",
-    DISPLACEMENT: "displacement", POWERS["cr"]: "displacement",
-}  # fmt: skip
+    NONE: "none",
+    ALL_LEFT: "none",
+    POWERS["exact"]: "none",
+    VELOCITY: "velocity",
+    BOTH: "displacement and velocity",
+    DISPLACEMENT: "displacement",
+    POWERS["cr"]: "displacement",
+}
 UNSTABLE = (
     *(method for method in POWERS if math.isfinite(parse(method).stability_limit)),
     "wilson:theta=1.36",
@@ -139,7 +144,8 @@ def test_motion_is_over_the_exact_amplitude(damping):
 
 
 def test_the_first_step_of_wilson():
-    """u1 tends to -(omega h)^2 (1 - 1 / theta) u0 / 2: the formulas of the step with da = -a0 / theta."""
+    """u1 tends to -(omega h)^2 (1 - 1 / theta) u0 / 2: the formulas of the step with da = -a0 /
+    theta."""
     motion = both("wilson", dt_over_t=100.0)[0]
     expected = -0.5 * (200.0 * math.pi) ** 2 * (1.0 - 1.0 / 1.4)
     assert motion.displacement[:2] == pytest.approx([1.0, expected], rel=1e-3)
@@ -161,7 +167,8 @@ def test_powers_of_the_exact_motion_are_the_bound():
     assert [power for pair in EXACT_POWERS.values() for power in pair] == list(POWERS["exact"])
 
 
-# ---- Nonlinear motion: hardening u'' + 100 u (1 + 10 u^2) = 0 up to 1.5 m, softening u'' + 100 tanh u = 0 up to 4 m
+# ---- Nonlinear motion: hardening u'' + 100 u (1 + 10 u^2) = 0 up to 1.5 m, softening u'' + 100
+# tanh u = 0 up to 4 m
 
 SPRINGS = {
     "hardening": lambda u: 100.0 * u * (1.0 + 10.0 * u**2),
@@ -178,7 +185,8 @@ FASTEST = {
 @pytest.mark.parametrize("law", SPRINGS)
 @pytest.mark.parametrize("start", STARTS)
 def test_fine_steps_follow_the_exact_nonlinear_motion(law, start):
-    """Against SciPy's DOP853, over a swing and more; the exact motion reaches both its largest values."""
+    """Against SciPy's DOP853, over a swing and more; the exact motion reaches both its largest
+    values."""
     dt_over_t, steps = 0.002, 1000
     motion = overshoot("gauss4", start, dt_over_t, steps, law=law)
     h = 2.0 * math.pi / 10.0 * dt_over_t

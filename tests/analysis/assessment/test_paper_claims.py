@@ -1,4 +1,5 @@
-"""What the paper of 2022 says of limits, cusps and frequencies beside what is measured: rows of methods/README."""
+"""What the paper of 2022 says of limits, cusps and frequencies beside what is measured: rows of
+methods/README."""
 
 import math
 
@@ -15,7 +16,8 @@ DAMPINGS = (0.0, 0.02, 0.05, 0.2)
 
 @pytest.mark.parametrize("damping", DAMPINGS)
 def test_a_damping_that_lags_tightens_the_limit_of_the_central_difference(damping):
-    """With (u(t) - u(t - h)) / h as velocity: 2 (sqrt(1 + xi^2) - xi), from the recurrence alone."""
+    """With (u(t) - u(t - h)) / h as velocity: 2 (sqrt(1 + xi^2) - xi), from the recurrence
+    alone."""
     limit = 2.0 * (math.sqrt(1.0 + damping**2) - damping)
 
     def radius(w):
@@ -31,7 +33,8 @@ def test_a_damping_that_lags_tightens_the_limit_of_the_central_difference(dampin
 
 @pytest.mark.parametrize("damping", DAMPINGS)
 def test_damping_relaxes_the_limit_of_newmark_with_gamma_above_a_half(damping):
-    """Where the conclusion would hold: the closed form of Hughes (1987, sect. 9.1), beta 0 and gamma 0.6."""
+    """Where the conclusion would hold: the closed form of Hughes (1987, sect. 9.1), beta 0 and
+    gamma 0.6."""
     gamma = 0.6
     lead = damping * (gamma - 0.5)
     limit = (lead + math.sqrt(0.5 * gamma + lead**2)) / (0.5 * gamma)
@@ -42,7 +45,8 @@ def test_damping_relaxes_the_limit_of_newmark_with_gamma_above_a_half(damping):
 
 @pytest.mark.parametrize(("damping", "cusp"), [(0.0, 2.29), (0.05, 2.69)])
 def test_the_cusp_of_wilson(damping, cusp):
-    """The paper: dt/T 2.3 to 2.7. The least spectral radius lies where the conjugate roots meet and part."""
+    """The paper: dt/T 2.3 to 2.7. The least spectral radius lies where the conjugate roots meet and
+    part."""
     dt_over_t = np.linspace(0.5, 5.0, 4501)
     radius = stability("wilson:theta=1.4", dt_over_t, damping).spectral_radius
     lowest = int(np.argmin(radius))
@@ -55,7 +59,8 @@ def test_the_cusp_of_wilson(damping, cusp):
 
 
 def test_the_first_frequency_of_example_3():
-    """The paper: 0.031 rad/s. A chain of n masses, one end fixed: 2 sqrt(k / m) sin(pi / (2 (2 n + 1)))."""
+    """The paper: 0.031 rad/s. A chain of n masses, one end fixed: 2 sqrt(k / m) sin(pi / (2 (2 n +
+    1)))."""
     exact = 2.0 * math.sqrt(500.0 / 50.0) * math.sin(math.pi / 602.0)
     building = assemble(examples()[3].model)
     measured = math.sqrt(np.linalg.eigvalsh(building.stiffness_matrix() / building.mass[0])[0])

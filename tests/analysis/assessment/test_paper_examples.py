@@ -1,6 +1,8 @@
-"""Examples 1 to 3 of the paper of 2022: published and recomputed errors, and the same runs by other routes.
+"""Examples 1 to 3 of the paper of 2022: published and recomputed errors, and the same runs by other
+routes.
 
-The numbers of example 1 were measured with another implementation of the same formulas against DOP853 at 1e-13.
+The numbers of example 1 were measured with another implementation of the same formulas against
+DOP853 at 1e-13.
 """
 
 import math
@@ -36,7 +38,8 @@ OURS = ("impulse4", "moment4")
 
 @cache
 def runs(number, dt):
-    """The usual runs, and those of our own methods, by method and variant; variants with the paper's step alone."""
+    """The usual runs, and those of our own methods, by method and variant; variants with the
+    paper's step alone."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(paper_examples, "VARIANTS", paper_examples.VARIANTS if dt == DT else {})
         done = run_example(examples()[number], dt, [*default_integrators(), *map(parse, OURS)])
@@ -65,7 +68,8 @@ def test_the_model_files_are_the_examples(number, file):
     ("number", "dt"), [(1, 0.001), (2, 0.001), pytest.param(3, 0.002, marks=pytest.mark.slow)]
 )
 def test_what_the_paper_calls_exact(number, dt):
-    """Linear acceleration with 0.001 s or 0.002 s: the same as a run of it, and off by 5e-5 m at most."""
+    """Linear acceleration with 0.001 s or 0.002 s: the same as a run of it, and off by 5e-5 m at
+    most."""
     example = examples()[number]
     history = run(
         example.model, method="newmark-linear", dt=dt, duration=example.duration, history=True
@@ -77,7 +81,8 @@ def test_what_the_paper_calls_exact(number, dt):
 
 @pytest.mark.parametrize("number", FILES)
 def test_errors_against_both_references(number):
-    """They differ by what the references differ by; RK5 is closer to the truth than the paper's exact motion is."""
+    """They differ by what the references differ by; RK5 is closer to the truth than the paper's
+    exact motion is."""
     rk5 = runs(number, 0.02)["rk5", ""]
     apart = np.max(np.abs(rk5.paper.displacement - rk5.finer.displacement))
     for method, variant in runs(number, 0.02):
@@ -133,7 +138,8 @@ def test_errors_of_example_1(method, errors):
 
 
 def test_rk5_and_its_load():
-    """4.0e-8 with the load itself, 4.76e-3 with the load linear between the steps, 0.13 with the load held."""
+    """4.0e-8 with the load itself, 4.76e-3 with the load linear between the steps, 0.13 with the
+    load held."""
     assert error(1, 0.02, "rk5") == pytest.approx(4.0e-8, rel=0.01)
     assert error(1, 0.02, "rk5", "load linear between the steps") == pytest.approx(
         4.76e-3, rel=1e-3
@@ -145,7 +151,8 @@ def test_rk5_and_its_load():
 
 
 def digest():
-    """Rows of the digest in the methods' README: method, variant, both errors of the three examples as they stand."""
+    """Rows of the digest in the methods' README: method, variant, both errors of the three examples
+    as they stand."""
     lines = [
         line.strip("| ").split("|")
         for line in readmes.digest("examples").splitlines()
@@ -176,7 +183,8 @@ def test_the_digest_is_whole():
 
 
 def test_a_load_linear_between_the_steps_is_a_record():
-    """p(t) on one mass m is the ground motion -p / m, which every run takes as linear between its samples."""
+    """p(t) on one mass m is the ground motion -p / m, which every run takes as linear between its
+    samples."""
     one = runs(1, 0.02)["rk5", "load linear between the steps"]
     t = one.motion.time
     record = Record(-(500 * np.cos(25 * t) - 200 * np.sin(10 * t)) / 10.0, 0.02, "", "", "", "load")

@@ -1,4 +1,5 @@
-"""Other programs in the chart: OpenSeesPy does what tdint does, SciPy's errors fall, and what is missing is told."""
+"""Other programs in the chart: OpenSeesPy does what tdint does, SciPy's errors fall, and what is
+missing is told."""
 
 import io
 import math
@@ -30,7 +31,8 @@ NOTHING = Errors(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def dashpots():
-    """Dashpots that are in no proportion to the stiffness, a story that stays linear among bilinear ones."""
+    """Dashpots that are in no proportion to the stiffness, a story that stays linear among bilinear
+    ones."""
     weak = Law("bilinear", (4e4, 0.05))
     stories = [
         story(1e3, 1e6, weak, dashpot=5e3),
@@ -65,7 +67,8 @@ PROBLEMS = {
 
 
 def ours(problem, name, dt):
-    """A reference that is one of our methods with one step, so that errors against it are differences from us."""
+    """A reference that is one of our methods with one step, so that errors against it are
+    differences from us."""
     steps = problem.steps(dt)
     return Reference(name, dt, "", NOTHING, problem.motion(parse(name), steps))
 
@@ -243,8 +246,9 @@ def test_the_worker_says_that_openseespy_is_missing():
     ("name", "part"), [("forced", 0.05), pytest.param("dashpots", 0.5, marks=pytest.mark.slow)]
 )
 def test_the_errors_of_solve_ivp_fall_with_its_tolerance(name, part, monkeypatch):
-    """By less where stories yield: the error estimates do not see how far a step went past a kink, and which steps meet
-    one hangs on the last bits of a product of matrices (RK45: below .25 on one processor, .27 on another)."""
+    """By less where stories yield: the error estimates do not see how far a step went past a kink,
+    and which steps meet one hangs on the last bits of a product of matrices (RK45: below .25 on one
+    processor, .27 on another)."""
     monkeypatch.setattr(peers, "TOLERANCES", (1e-4, 1e-6))
     problem = PROBLEMS[name]()
     points, notes = solve_ivp_points(
@@ -304,7 +308,8 @@ def leapfrog(tmp_path):
 
 
 def test_a_program_of_a_plugin_is_charted(leapfrog):
-    """A line of two points, whose error falls with the step: twice as large a step, twice the error, for order 1."""
+    """A line of two points, whose error falls with the step: twice as large a step, twice the
+    error, for order 1."""
     problem = pose(ten_linear(), noise(samples=301))
     chart = measure(problem, [parse("newmark-average")], [0.01], repeats=1, cached=False)
     both, notes = with_plugins(problem, chart, repeats=2)

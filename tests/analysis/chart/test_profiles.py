@@ -1,4 +1,5 @@
-"""Many problems: performance profiles in closed form, sets of problems, and a ranking that was computed by hand."""
+"""Many problems: performance profiles in closed form, sets of problems, and a ranking that was
+computed by hand."""
 
 from __future__ import annotations
 
@@ -95,7 +96,8 @@ def test_a_small_error_at_a_large_step_is_no_merit():
 
 
 def test_methods_of_two_orders_fare_as_their_formulas_say():
-    """Order 2 at cost 1 a step, order 4 at cost 3: within e the steps are the largest part <= sqrt(e), e^(1/4)."""
+    """Order 2 at cost 1 a step, order 4 at cost 3: within e the steps are the largest part <=
+    sqrt(e), e^(1/4)."""
     chart = field_chart(
         [measured(points("two", 2, 1.0), points("four", 4, 3.0), points("none", 0, 1.0))]
     )
@@ -232,7 +234,8 @@ def test_a_call_takes_models_or_problems():
 
 
 def test_errors_are_those_of_runs_beside_fine_steps():
-    """The fine ones of average acceleration, which has no part in the reference but to confirm it."""
+    """The fine ones of average acceleration, which has no part in the reference but to confirm
+    it."""
     building, record = ten_bilinear(), noise(samples=161, peak=6.0)
     methods = [parse(name) for name in ("newmark-average", "impulse4", "moment4")]
     found = measure_problem(

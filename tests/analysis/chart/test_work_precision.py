@@ -94,7 +94,8 @@ def test_peaks_a_thousand_times_smaller_than_the_largest_do_not_count():
 
 
 def harmonic_motion(problem, force):
-    """Displacements at the samples of a linear building at rest under one force cos(omega t): closed form."""
+    """Displacements at the samples of a linear building at rest under one force cos(omega t):
+    closed form."""
     building = problem.building
     n = building.stories
     inverse = np.diag(1.0 / building.mass)
@@ -117,7 +118,8 @@ def harmonic_motion(problem, force):
 
 @pytest.mark.parametrize("stiffness", [600.0, 1e7])
 def test_the_gap_tells_how_far_the_reference_is_from_the_truth(stiffness):
-    """Also where a stiff part is not resolved, in which methods of one kind would agree on the same wrong motion."""
+    """Also where a stiff part is not resolved, in which methods of one kind would agree on the same
+    wrong motion."""
     force = Force(2, 5.0, 0.0, 1.2)
     building = model(
         [story(1.0, stiffness, dashpot=1.0), story(1.0, 1.0, dashpot=0.1)],
@@ -414,7 +416,8 @@ def test_forces_and_the_start_move_with_their_floors():
 
 
 def test_the_clock_of_marches_does_not_run_while_the_thread_waits(monkeypatch):
-    """Where it is fine; where it goes by ticks as Windows' does, or stands still, the wall's is taken."""
+    """Where it is fine; where it goes by ticks as Windows' does, or stands still, the wall's is
+    taken."""
     system.clock.cache_clear()
     if system.clock() == "thread_time":
         begin, wall = system.seconds(), time.perf_counter()
@@ -450,7 +453,8 @@ def test_wall_time_beside_processor_time(walls, stretch, disturbed, monkeypatch)
 
 
 def test_lines_by_tolerance_are_runs_with_that_tolerance():
-    """Against the runs themselves and a reference of their own: error of the peak drifts, times, nothing else known."""
+    """Against the runs themselves and a reference of their own: error of the peak drifts, times,
+    nothing else known."""
     building, record = ten_bilinear(), noise(samples=101)
     charted = chart(
         building,

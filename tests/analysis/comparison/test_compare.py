@@ -1,4 +1,5 @@
-"""Results beside recordings: a recording made of a result agrees with it, and what is done to one side is found."""
+"""Results beside recordings: a recording made of a result agrees with it, and what is done to one
+side is found."""
 
 import math
 from dataclasses import replace
@@ -46,7 +47,8 @@ def sensor(column, more="", file="event.csv"):
 
 
 def recording(base=None, first=None, roof=None, more=""):
-    """What a file of recordings says: accelerations of the base, floor 1 and the roof where no others are given."""
+    """What a file of recordings says: accelerations of the base, floor 1 and the roof where no
+    others are given."""
     base, first = base or sensor("base_m_s2"), first or sensor("floor_1_m_s2")
     return f"base: {base}\nfloors:\n  1: {first}\n  roof: {roof or sensor('floor_3_m_s2')}\n{more}"
 
@@ -64,7 +66,8 @@ def noise(seed, size=SIZE):
 
 @pytest.fixture
 def made(tmp_path):
-    """A model, its exact response to a noise whose median is 0, what writes it as a table, what reads recordings."""
+    """A model, its exact response to a noise whose median is 0, what writes it as a table, what
+    reads recordings."""
     (tmp_path / "model.yaml").write_text(MODEL)
     model = load_model(tmp_path / "model.yaml")
     base = noise(1) - np.median(noise(1))
@@ -112,7 +115,8 @@ def test_a_result_agrees_with_itself(made, band):
 @pytest.mark.parametrize("law", [LINEAR, Law("bilinear", (5.0, 0.1))])
 @pytest.mark.parametrize("forces", [[], [Force(1, 1.0, 0.0, 5.0)]])
 def test_exact_is_taken_for_what_it_has_no_error_in(made, law, forces):
-    """A linear building that only its base moves; harmonic forces it would see at the steps alone."""
+    """A linear building that only its base moves; harmonic forces it would see at the steps
+    alone."""
     made.usual()
     case = model([story(1.0, 900.0, law), story(1.0, 700.0), story(0.8, 500.0)], forces=forces)
     taken = case_under(case, made.event()).method.family.linear_only
@@ -120,7 +124,8 @@ def test_exact_is_taken_for_what_it_has_no_error_in(made, law, forces):
 
 
 def test_noise_lowers_the_correlation_by_what_it_adds(made):
-    """Independent noise, a part e of the motion's rms: correlation 1 / sqrt(1 + e^2), difference e / sqrt(1 + e^2)."""
+    """Independent noise, a part e of the motion's rms: correlation 1 / sqrt(1 + e^2), difference e
+    / sqrt(1 + e^2)."""
     part = 0.5
     clean = made.motions["floor_3"]
     added = np.random.default_rng(5).normal(size=SIZE)
@@ -135,7 +140,8 @@ def test_noise_lowers_the_correlation_by_what_it_adds(made):
 
 
 def test_sensors_of_a_place_are_averaged_and_a_sensor_may_be_turned(made):
-    """The difference of the two is a torsion that the mean does not see; of different quantities they are refused."""
+    """The difference of the two is a torsion that the mean does not see; of different quantities
+    they are refused."""
     made.usual()
     plain = compare(made.model, made.event())
     turns = {"base": noise(9), "roof": 0.5 * noise(7)}
@@ -212,7 +218,8 @@ def test_weak_motions_are_shifted_as_strong_ones(made):
 
 
 def test_recordings_of_clocks_that_cannot_be_compared_begin_together(made, tmp_path):
-    """A record says its date, a table only the seconds since something: that is noted, and no time lies between."""
+    """A record says its date, a table only the seconds since something: that is noted, and no time
+    lies between."""
     with quiet_import():
         from obspy import Trace, UTCDateTime
 
@@ -230,7 +237,8 @@ def test_recordings_of_clocks_that_cannot_be_compared_begin_together(made, tmp_p
 
 
 def test_the_smoothed_spectrum_of_an_impulse_is_its_size():
-    """At all frequencies: whatever is averaged over, the Fourier amplitude of a single sample is that sample."""
+    """At all frequencies: whatever is averaged over, the Fourier amplitude of a single sample is
+    that sample."""
     impulse = np.zeros(SIZE)
     impulse[SIZE // 3] = -4.0
     for band in (None, (0.5, 8.0)):
@@ -256,7 +264,8 @@ def test_the_window_is_what_is_compared(made):
 
 
 def test_spectra_of_both(made):
-    """Those of the floor's acceleration alone, and of a displacement the same once differentiated."""
+    """Those of the floor's acceleration alone, and of a displacement the same once
+    differentiated."""
     made.usual(floor_1_m=made.displacements["floor_1"])
     band = "band: [0.3, 5]\n"
     periods = np.array([0.25, 0.5, 1.0])
@@ -377,7 +386,8 @@ def test_a_building_that_collapses_has_nothing_to_compare(made):
 
 
 def test_a_displacement_that_remains_leaves_no_jump(made):
-    """A slow ramp to a residual: its median would make a jump at t = 0, and an acceleration of 1 / dt^2."""
+    """A slow ramp to a residual: its median would make a jump at t = 0, and an acceleration of 1 /
+    dt^2."""
     time = DT * np.arange(SIZE)
     ramp = 0.05 * 0.5 * (1.0 + np.tanh((time - 6.0) / 0.8))
     motion = made.displacements["floor_3"] + ramp
@@ -410,8 +420,8 @@ def test_an_absolute_displacement_is_told(made):
 
 
 def test_a_common_factor_is_what_a_roof_sensor_tells(made):
-    """All stiffnesses 30 % off, one sensor: the factor is found to the rounding of the table, 12 digits; a base whose
-    median is not 0 by chance is not moved."""
+    """All stiffnesses 30 % off, one sensor: the factor is found to the rounding of the table, 12
+    digits; a base whose median is not 0 by chance is not moved."""
     for median in (0.004, -0.006):
         base = made.base + median
         record = Record(base, DT, "", "", "", "noise")
@@ -452,7 +462,8 @@ def test_a_fit_that_ends_on_a_bound_says_so(made):
 
 
 def test_a_fit_begins_at_the_best_factors_of_its_scan():
-    """Where the costs are lower than those of both neighbors, or of the one there is; the lowest first."""
+    """Where the costs are lower than those of both neighbors, or of the one there is; the lowest
+    first."""
 
     def starts(costs, on_stiffness=True):
         following = iter(costs)
@@ -478,7 +489,8 @@ def test_a_fit_begins_at_the_best_factors_of_its_scan():
 
 
 def test_the_window_by_counting():
-    """What was asked for, and of that what was recorded, to the sample; ten samples are the fewest."""
+    """What was asked for, and of that what was recorded, to the sample; ten samples are the
+    fewest."""
     random = np.random.default_rng(3)
     base = Record(random.normal(size=100), 0.01, "", "", "", "base")
     refused = 0
@@ -507,7 +519,8 @@ def test_the_window_by_counting():
 
 @pytest.mark.parametrize("shortest", [10, 9])
 def test_sensors_have_in_common_what_all_of_them_recorded(shortest):
-    """One motion, each sensor with a factor and a start of its own: the mean is the mean factor's."""
+    """One motion, each sensor with a factor and a start of its own: the mean is the mean
+    factor's."""
     motion = np.random.default_rng(4).normal(size=200)
     begins = (30, 35, 20)
     signals = [
@@ -536,7 +549,8 @@ def test_sensors_have_in_common_what_all_of_them_recorded(shortest):
 
 
 def test_a_run_without_a_result_is_as_far_off_as_any():
-    """Its differences have the same size in both measures, whatever floors and samples there are."""
+    """Its differences have the same size in both measures, whatever floors and samples there
+    are."""
     event = SimpleNamespace(count=77, floors=(1, 2))
     problem = SimpleNamespace(_event=event, computed=lambda logarithms: None)
     temporal, spectral = _Problem.temporal(problem, None), _Problem.spectral(problem, None)
@@ -580,7 +594,8 @@ def test_requirements_at_their_limits(name, limit, met, missed):
 
 
 def test_of_many_floors_those_that_agree_least_are_drawn_and_all_below(made):
-    """Over time where they are shaken, close up eight cycles to both sides of the roof's peak, and as spectra."""
+    """Over time where they are shaken, close up eight cycles to both sides of the roof's peak, and
+    as spectra."""
     compared = []
     for part in (0.4, 0.3, 0.1, 0.2):
         made.usual(floor_3_m_s2=made.motions["floor_3"] + part * noise(6))

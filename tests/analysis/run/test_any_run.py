@@ -1,7 +1,8 @@
-"""Random models, methods and steps, absurd ones among them: every run ends as one of the named outcomes.
+"""Random models, methods and steps, absurd ones among them: every run ends as one of the named
+outcomes.
 
-No exception, no number from a run that failed, no nan in a table or in a summary, and where the energy balance of a
-run is off by more than 1 %, it says so.
+No exception, no number from a run that failed, no nan in a table or in a summary, and where the
+energy balance of a run is off by more than 1 %, it says so.
 """
 
 import json
@@ -64,7 +65,8 @@ def law(generator, strength):
 
 
 def random_run(seed):
-    """Arguments of `run`: a building of one to six stories, at rest or moving, under a record, a force or nothing."""
+    """Arguments of `run`: a building of one to six stories, at rest or moving, under a record, a
+    force or nothing."""
     generator = np.random.default_rng(seed)
     n = int(generator.integers(1, 7))
     mass = 10.0 ** generator.uniform(1.0, 4.0)
@@ -128,8 +130,14 @@ def numbers(content):
 def check_response(response):
     assert response.status in ("done", "collapsed")
     stories = response.stories
-    for values in (stories.peak_drift, stories.residual_drift, stories.peak_shear, stories.peak_displacement,
-                   stories.peak_velocity, stories.peak_acceleration):  # fmt: skip
+    for values in (
+        stories.peak_drift,
+        stories.residual_drift,
+        stories.peak_shear,
+        stories.peak_displacement,
+        stories.peak_velocity,
+        stories.peak_acceleration,
+    ):
         assert np.all(np.isfinite(values))
     assert b"nan" not in story_table(stories).csv() and b"inf" not in story_table(stories).csv()
     history = response.history
@@ -137,8 +145,14 @@ def check_response(response):
         len(history_columns(len(stories.height)))
         == 2 + 7 * len(stories.height) + len(ENERGY_TERMS) + 1
     )
-    for values in (history.displacement, history.velocity, history.acceleration, history.drift, history.shear,
-                   *vars(history.energy).values()):  # fmt: skip
+    for values in (
+        history.displacement,
+        history.velocity,
+        history.acceleration,
+        history.drift,
+        history.shear,
+        *vars(history.energy).values(),
+    ):
         assert np.all(np.isfinite(values))
     summary = json.loads(json_bytes(run_summary(response, [], 0.0)))
     assert None not in numbers(summary["energy"])

@@ -1,4 +1,5 @@
-"""The largest demands of runs by hand: made-up peaks of stories, two runs, a story without height."""
+"""The largest demands of runs by hand: made-up peaks of stories, two runs, a story without
+height."""
 
 import math
 
@@ -18,7 +19,8 @@ PEAKS = StoryPeaks(**VALUES, height=HEIGHT)
 
 
 def largest(numbers):
-    """Value and place from 1, without those that are no numbers; nan and none where there is none."""
+    """Value and place from 1, without those that are no numbers; nan and none where there is
+    none."""
     known = [
         (value, place) for place, value in enumerate(numbers, start=1) if not math.isnan(value)
     ]

@@ -1,4 +1,5 @@
-"""Error estimates bracket the true error, on known answers and on random buildings; tolerances are kept."""
+"""Error estimates bracket the true error, on known answers and on random buildings; tolerances are
+kept."""
 
 from dataclasses import fields, replace
 
@@ -45,7 +46,8 @@ def pairs(response, reference):
 )
 @pytest.mark.parametrize("dt", [0.02, 0.05, 0.08])
 def test_free_vibration(method, dt):
-    """u = cos(omega t) + sin(omega t), period 1 s: amplitude root of 2; after five periods u = 1 again."""
+    """u = cos(omega t) + sin(omega t), period 1 s: amplitude root of 2; after five periods u = 1
+    again."""
     omega = 2.0 * np.pi
     case = oscillator(omega, displacement=(1.0,), velocity=(omega,))
     response = run(case, method=method, dt=dt, duration=6.0, check=True)
@@ -68,8 +70,9 @@ def test_free_vibration(method, dt):
 
 @pytest.mark.parametrize("method", ["newmark-average", "impulse4", "moment4"])
 def test_the_told_error_is_the_largest_of_three(method):
-    """Of a third more than the difference from impulse4 with half of the step, a fifth of the stories' root mean
-    square of that over the peaks, and 1e-5 of the peak; and what is unresolved is no less."""
+    """Of a third more than the difference from impulse4 with half of the step, a fifth of the
+    stories' root mean square of that over the peaks, and 1e-5 of the peak; and what is unresolved
+    is no less."""
     response = run(ten_bilinear(), noise(), method=method)
     other = run(ten_bilinear(), noise(), method="impulse4", dt=0.005, check=False)
     for name in ("peak_drift", "peak_acceleration", "peak_total_shear"):
@@ -93,7 +96,8 @@ def test_an_agreement_by_accident_is_not_believed():
 
 
 def test_exact_tells_its_own_errors():
-    """It has none but between its steps; under forces on floors, which it takes as linear, impulse4 tells."""
+    """It has none but between its steps; under forces on floors, which it takes as linear, impulse4
+    tells."""
     response = run(ten_linear(), noise(), method="exact")
     assert response.check.method == "exact" and response.check.drift_error < 1e-3
     forced = oscillator(2.0 * np.pi, displacement=(1.0,), forces=[Force(1, 1e3, 0.0, 3.0)])
@@ -107,9 +111,11 @@ STEP, SAMPLES, FINE = 0.01, 501, 16
 
 
 def test_random_buildings():
-    """The true error lies below twice the estimate in 99 % of the peaks at least; the estimates are not far too large.
+    """The true error lies below twice the estimate in 99 % of the peaks at least; the estimates are
+    not far too large.
 
-    The truth is impulse4 with 1/16 of the step, confirmed by moment4, whose difference is allowed for.
+    The truth is impulse4 with 1/16 of the step, confirmed by moment4, whose difference is allowed
+    for.
     """
     good, ratios = [], []
     for seed in range(SEEDS):
@@ -132,7 +138,8 @@ def test_random_buildings():
             ratios.append(found[told] / true[told])
     good, ratios = np.concatenate(good), np.concatenate(ratios)
     print(
-        f"{good.size} peaks, {100 * good.mean():.2f} %, ratio {np.median(ratios):.2f}, {np.mean(ratios >= 1):.3f}"
+        f"{good.size} peaks, {100 * good.mean():.2f} %, ratio {np.median(ratios):.2f}, "
+        f"{np.mean(ratios >= 1):.3f}"
     )
     assert good.size > 400
     assert good.mean() >= 0.99
@@ -201,7 +208,8 @@ def test_a_collapse_is_compared_up_to_its_time():
 
 
 def test_a_history_has_the_error_of_each_moment():
-    """True less computed by the run that tells the peaks' errors, at the same times; asked for by check=True alone."""
+    """True less computed by the run that tells the peaks' errors, at the same times; asked for by
+    check=True alone."""
     record = noise(samples=201)
     response = run(ten_bilinear(), record, method="newmark-average", history=True, check=True)
     other = run(

@@ -1,4 +1,5 @@
-"""Histories in pieces: together they are the whole one, bit for bit, and no memory holds more than a piece."""
+"""Histories in pieces: together they are the whole one, bit for bit, and no memory holds more than
+a piece."""
 
 import io
 import tracemalloc
@@ -46,10 +47,13 @@ def same(one: Any, other: Any) -> bool:
 @pytest.mark.parametrize(
     "wanted",
     [
-        {"method": "impulse4"}, {"method": "newmark-average", "dt": 0.005}, {"method": "moment4", "check": True},
-        {"method": "moment4", "dt": 0.06, "duration": 6.0}, {"method": "park"},
+        {"method": "impulse4"},
+        {"method": "newmark-average", "dt": 0.005},
+        {"method": "moment4", "check": True},
+        {"method": "moment4", "dt": 0.06, "duration": 6.0},
+        {"method": "park"},
     ],
-)  # fmt: skip
+)
 def test_pieces_are_the_whole_bit_for_bit(
     monkeypatch: pytest.MonkeyPatch, wanted: dict[str, Any]
 ) -> None:

@@ -1,4 +1,5 @@
-"""How runs end: each outcome with its time, story, residual or energy; energies over time; rescue by halving."""
+"""How runs end: each outcome with its time, story, residual or energy; energies over time; rescue
+by halving."""
 
 from types import SimpleNamespace
 
@@ -58,7 +59,8 @@ def falling(height):
 
 @pytest.mark.parametrize("method", ["impulse4", "newmark-average", "bathe", "chang"])
 def test_a_building_that_falls_has_collapsed_whatever_the_method(method):
-    """The motion runs away, in balance of its energy: the building's own doing. The numbers are those until then."""
+    """The motion runs away, in balance of its energy: the building's own doing. The numbers are
+    those until then."""
     response = run(falling(3.0), method=method, dt=0.01, duration=100.0, history=True)
     assert response.status == "collapsed"
     assert response.collapse.ended and response.collapse.story == 1
@@ -72,7 +74,8 @@ def test_a_building_that_falls_has_collapsed_whatever_the_method(method):
 
 
 def test_a_method_that_runs_away_has_diverged():
-    """Central difference past its limit: the drift passes the collapse drift too, but the energy is the method's."""
+    """Central difference past its limit: the drift passes the collapse drift too, but the energy is
+    the method's."""
     with pytest.raises(FailedRun) as failure:
         run(
             model([story(1.0, 2500.0), story(1.0, 2500.0)], displacement=(0.01, 0.02)),
@@ -108,7 +111,8 @@ def test_methods_that_fear_stiffening_say_so(method):
 
 
 def test_a_method_that_makes_energy_has_diverged():
-    """Two ways short of running away: a collapse on the method's own energy, and an end with too much of it."""
+    """Two ways short of running away: a collapse on the method's own energy, and an end with too
+    much of it."""
 
     def overshooting(height, allow_unstable=False):
         case = model([story(1.0, 1.0, height=height)], velocity=(1.0,))
@@ -153,7 +157,8 @@ def test_a_multi_step_method_takes_the_pieces_of_a_halved_step_as_it_starts(meth
 @pytest.mark.parametrize("method", ["impulse4", "impulse4:rho_inf=0"])
 @pytest.mark.parametrize("dt", [2.0, 5.0, 50.0])
 def test_a_change_of_branch_that_a_large_step_misses_is_not_followed(method, dt):
-    """Steps of many periods: the interpolant says nothing of where a story unloads. The laws stay what they are."""
+    """Steps of many periods: the interpolant says nothing of where a story unloads. The laws stay
+    what they are."""
     law = Law("peak-oriented", (5.0, 0.01, 0.4))
     case = model([story(1.0, 100.0, law, height=None)] * 3, velocity=(5.0, 30.0, -20.0))
     history = run(case, method=method, dt=dt, duration=40 * dt, history=True).history
@@ -166,7 +171,8 @@ def test_a_change_of_branch_that_a_large_step_misses_is_not_followed(method, dt)
     "method", ["newmark-average", "impulse4", "houbolt", "park", "gauss4", "wilson", "hht"]
 )
 def test_halving_rescues_and_is_counted(method, monkeypatch):
-    """Stories of little strength hit hard, a step of thirty periods: without halving it does not converge."""
+    """Stories of little strength hit hard, a step of thirty periods: without halving it does not
+    converge."""
     case = model(
         [story(1.0, 100.0, Law("tanh", (5.0,)), height=None)] * 3, velocity=(100.0, -50.0, 10.0)
     )
@@ -185,7 +191,8 @@ def test_halving_rescues_and_is_counted(method, monkeypatch):
 
 
 def test_a_history_has_the_ground_motion_and_an_error_that_is_a_ratio():
-    """Under a ten-thousandth of a motion a linear building has 1e-8 of the energy, and the same error."""
+    """Under a ten-thousandth of a motion a linear building has 1e-8 of the energy, and the same
+    error."""
     record = noise(samples=201)
     whole, small = (
         run(ten_linear(), one, method="bathe", history=True)
@@ -199,18 +206,24 @@ def test_a_history_has_the_ground_motion_and_an_error_that_is_a_ratio():
 
 
 def test_the_story_that_runs_away_is_that_with_the_largest_drift():
-    """The first one that is no number before all others; the last value of a state is the ground's."""
+    """The first one that is no number before all others; the last value of a state is the
+    ground's."""
     for displacements, number in (
-        ([1.0, -2.0, -2.5], 2), ([4.0, 5.0, 6.0], 1), ([0.1, 0.2, 3.0], 3), ([1.0, np.inf, np.nan], 2),
-        ([np.nan, 1e9, 0.0], 1), ([0.0, 0.0, -np.inf], 3),
-    ):  # fmt: skip
+        ([1.0, -2.0, -2.5], 2),
+        ([4.0, 5.0, 6.0], 1),
+        ([0.1, 0.2, 3.0], 3),
+        ([1.0, np.inf, np.nan], 2),
+        ([np.nan, 1e9, 0.0], 1),
+        ([0.0, 0.0, -np.inf], 3),
+    ):
         state = np.zeros((5, 4))
         state[at.DISPLACEMENT] = [*displacements, 1e99]
         assert _runaway_story(SimpleNamespace(state=state)) == number
 
 
 def test_the_largest_stable_step_ends_the_first_range_of_them():
-    """Rounded down: of several ranges the first one, the whole where all are stable, 0 where none is."""
+    """Rounded down: of several ranges the first one, the whole where all are stable, 0 where none
+    is."""
     asked = []
 
     def within(*ranges):

@@ -1,4 +1,5 @@
-"""A building is put together once for any number of runs, and all that an analysis takes or returns travels."""
+"""A building is put together once for any number of runs, and all that an analysis takes or returns
+travels."""
 
 import pickle
 from dataclasses import fields, is_dataclass, replace
@@ -166,7 +167,8 @@ def test_instabilities_are_found_by_the_modes_of_the_whole_building():
 
 @pytest.mark.parametrize("scene", [ten_linear, ten_bilinear])
 def test_a_march_in_pieces_is_the_march(scene, monkeypatch):
-    """Whoever runs it can be interrupted between the pieces, and nothing else is to be seen of them."""
+    """Whoever runs it can be interrupted between the pieces, and nothing else is to be seen of
+    them."""
     case, steps = (
         prepare(scene(), noise(samples=201, peak=30.0), method="impulse4"),
         Steps(0.01, 200),

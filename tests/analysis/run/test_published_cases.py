@@ -24,7 +24,8 @@ AVERAGE_A = [
 
 
 def test_acceleration_table():
-    """Half-cycle sine p = 10 sin(pi t / 0.6) to 0.6 s, then nothing, as a ground motion -p / m sampled at the steps."""
+    """Half-cycle sine p = 10 sin(pi t / 0.6) to 0.6 s, then nothing, as a ground motion -p / m
+    sampled at the steps."""
     t, mass = 0.1 * np.arange(11), 0.2533
     load = np.where(t < 0.6, 10.0 * np.sin(np.pi * t / 0.6), 0.0)
     record = Record(-load / mass, 0.1, "", "", "", "half-sine")
@@ -36,7 +37,8 @@ def test_acceleration_table():
 
 
 def test_five_linear_stories_by_their_first_two_modes():
-    """Roof displacement at 2 s of ag = 1.93 sin 2 pi t for t <= 1 s: two modes as oscillators, added up."""
+    """Roof displacement at 2 s of ag = 1.93 sin 2 pi t for t <= 1 s: two modes as oscillators,
+    added up."""
     modes = assemble(model([story(25910.0, 1e7)] * 5)).modes()
     t, roof = 0.1 * np.arange(21), 0.0
     record = Record(

@@ -1,4 +1,5 @@
-"""Runs that go on until the building is at rest, what is said of others, and residual drifts of long steps."""
+"""Runs that go on until the building is at rest, what is said of others, and residual drifts of
+long steps."""
 
 from dataclasses import replace
 from functools import cache
@@ -53,7 +54,8 @@ def test_it_is_the_run_of_a_campaign(damping, rests):
     "more", [{}, {"tolerance": 0.01}, {"check": True, "dt": 0.04}, {"history": True}]
 )
 def test_residual_drifts_are_at_rest(more):
-    """Those of a run ten times as long, which without the option moves at the record's end and says so."""
+    """Those of a run ten times as long, which without the option moves at the record's end and says
+    so."""
     record = noise(seed=3)
     plain = run(ten_bilinear(), record, method="impulse4")
     rest = run(ten_bilinear(), record, method="impulse4", until_rest=True, **more)
@@ -77,14 +79,20 @@ def test_residual_drifts_are_at_rest(more):
     assert np.max(far) < 2.0 * np.max(plain.moving_drift)
     peaks = plain.stories.peak_drift
     assert f"largest drift {np.max(peaks):.4g} m in story {np.argmax(peaks) + 1}" in repr(plain)
-    told = f"{MOVES} {np.argmax(plain.moving_drift) + 1} by about {1e3 * np.max(plain.moving_drift):.2g} mm"
+    told = (
+        f"{MOVES} {np.argmax(plain.moving_drift) + 1} by about "
+        f"{1e3 * np.max(plain.moving_drift):.2g} mm"
+    )
     assert any(note.startswith(told) for note in plain.notes)
     in_inches = run(
         replace(ten_bilinear(), output_units=parse_output_units("in,kip")),
         record,
         method="impulse4",
     )
-    told = f"{MOVES} {np.argmax(plain.moving_drift) + 1} by about {np.max(plain.moving_drift) / 0.0254:.2g} in"
+    told = (
+        f"{MOVES} {np.argmax(plain.moving_drift) + 1} by about "
+        f"{np.max(plain.moving_drift) / 0.0254:.2g} in"
+    )
     assert any(note.startswith(told) for note in in_inches.notes)
     if rest.history is not None:
         assert rest.history.time[-1] == pytest.approx(rest.rest_time)
@@ -111,7 +119,8 @@ def test_an_undamped_building_never_rests():
 
 @pytest.mark.parametrize("duration", [1.0, 1.37, 2.5])
 def test_the_amplitude_of_what_still_moves(duration):
-    """One story in free vibration: that of its start, at any time; no note without ground motion."""
+    """One story in free vibration: that of its start, at any time; no note without ground
+    motion."""
     response = run(oscillator(10.0, velocity=(0.3,)), method="exact", dt=0.01, duration=duration)
     assert response.moving_drift[0] == pytest.approx(0.03, rel=1e-6)
     assert not moves(response)
@@ -156,7 +165,8 @@ def test_residual_drifts_of_steps_that_end_after_the_record(samples):
 
 
 def test_the_amplitudes_of_a_first_mode():
-    """Two equal stories: omega^2 = (3 - sqrt 5) / 2 k/m, floors as 1 to the golden ratio, drifts as that to 1."""
+    """Two equal stories: omega^2 = (3 - sqrt 5) / 2 k/m, floors as 1 to the golden ratio, drifts as
+    that to 1."""
     golden, omega = (1.0 + np.sqrt(5.0)) / 2.0, 10.0 * np.sqrt((3.0 - np.sqrt(5.0)) / 2.0)
     two = model([story(1.0, 100.0), story(1.0, 100.0)], velocity=(0.3, 0.3 * golden))
     for duration in (1.0, 1.37):
@@ -167,7 +177,8 @@ def test_the_amplitudes_of_a_first_mode():
 
 
 def test_what_is_left_of_the_motion_is_part_of_the_error():
-    """A linear building rests where it began: what a run until rest ends with is error, all of it."""
+    """A linear building rests where it began: what a run until rest ends with is error, all of
+    it."""
     response = run(ten_linear(), noise(seed=3), method="moment4", until_rest=True, check=True)
     assert response.rest_time is not None
     left = np.abs(response.stories.residual_drift)

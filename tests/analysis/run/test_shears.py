@@ -1,4 +1,5 @@
-"""Forces of a story: of its springs, of its dashpots, and all that moves the floors above; and the dashpots' work."""
+"""Forces of a story: of its springs, of its dashpots, and all that moves the floors above; and the
+dashpots' work."""
 
 from dataclasses import replace
 
@@ -17,7 +18,8 @@ DAMPED = "configs/fluid-dampers.yaml"
 
 
 def by_parts(model, history):
-    """The total shear from its parts: springs, P-delta, dashpots, Rayleigh or modal damping; shape (steps + 1, n)."""
+    """The total shear from its parts: springs, P-delta, dashpots, Rayleigh or modal damping; shape
+    (steps + 1, n)."""
     building = assemble(model)
     chain = building.linear_terms[:, :-1]
     rate = np.diff(history.velocity, axis=1, prepend=0.0)
@@ -48,7 +50,8 @@ def test_the_total_shear_is_the_sum_of_its_parts_and_of_masses_times_acceleratio
 
 
 def test_the_total_shear_is_largest_where_a_story_yields_with_forces_on_floors_too():
-    """Yield force and what the dashpot takes at that moment, which lies within a step: at every step the same."""
+    """Yield force and what the dashpot takes at that moment, which lies within a step: at every
+    step the same."""
     yields = replace(story(1e5, 4e7, Law("bilinear", (2e5, 0.0))), dashpot=3e5)
     pushed = building_cases.model([yields], velocity=(0.2,), forces=[Force(1, 1e4, 20.0, 0.0)])
     peaks = [
@@ -63,8 +66,9 @@ def test_the_total_shear_is_largest_where_a_story_yields_with_forces_on_floors_t
 
 
 def test_the_total_shear_has_its_peak_between_steps_under_a_sine_force():
-    """m u'' + k u = P sin(w t) from rest: u = P / (k - m w^2) (sin(w t) - w / omega sin(omega t)); nothing but the
-    spring moves the mass, so the largest total shear is k |u|. The ends of steps alone would miss 4e-3 of it."""
+    """m u'' + k u = P sin(w t) from rest: u = P / (k - m w^2) (sin(w t) - w / omega sin(omega t));
+    nothing but the spring moves the mass, so the largest total shear is k |u|. The ends of steps
+    alone would miss 4e-3 of it."""
     mass, stiffness, force, w = 1e5, 4e7, 1e6, 9.0
     pushed = building_cases.model([story(mass, stiffness)], forces=[Force(1, 0.0, force, w)])
     omega, times = np.sqrt(stiffness / mass), np.linspace(0.0, 0.96, 200_001)

@@ -1,4 +1,5 @@
-"""The band-limited interpolation against a windowed sum of sines, whose response is known in closed form."""
+"""The band-limited interpolation against a windowed sum of sines, whose response is known in closed
+form."""
 
 import math
 
@@ -47,7 +48,8 @@ def dense():
 
 
 def response(period, t, turning):
-    """Relative displacement and velocity, absolute acceleration from rest: forced waves and a free vibration."""
+    """Relative displacement and velocity, absolute acceleration from rest: forced waves and a free
+    vibration."""
     omega = 2.0 * math.pi / period
     forced = -WAVES / (omega**2 - OMEGA**2 + 2j * DAMPING * omega * OMEGA)
     free = omega * (-DAMPING + 1j * math.sqrt(1.0 - DAMPING**2))

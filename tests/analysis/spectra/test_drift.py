@@ -1,5 +1,5 @@
-"""Drift spectra against the matrix exponential, the wave sum of the shear beam, and the limits of one and many
-stories."""
+"""Drift spectra against the matrix exponential, the wave sum of the shear beam, and the limits of
+one and many stories."""
 
 import math
 from dataclasses import replace
@@ -35,7 +35,8 @@ def test_drifts_are_those_of_the_matrix_exponential(stories, period, damping):
     motion = exact_linear(uniform(period, stories, damping), finer(record, 16))
     ratios = np.max(np.abs(drifts(motion)), axis=0) * stories / spectrum.heights[0]
     roof = np.max(np.abs(motion[:, -1])) / spectrum.heights[0]
-    # The reference knows its values at samples, where a maximum is missed by (omega h)^2 / 8 at most.
+    # The reference knows its values at samples, where a maximum is missed by (omega h)^2 / 8 at
+    # most.
     missed = (2.0 * math.pi / period * 2 * stories * record.dt / 16) ** 2 / 8.0
     assert spectrum.story[0] == np.argmax(ratios) + 1
     assert 0.0 <= spectrum.peak_drift_ratio[0] / np.max(ratios) - 1.0 + 1e-10 < missed
@@ -66,7 +67,8 @@ def velocity(record, times):
 
 @pytest.mark.parametrize("period", [0.21, 0.5, 1.3, 3.0])
 def test_the_undamped_beam_is_the_sum_of_waves(period):
-    """Iwan (1997): waves of the velocity 4 H / T, reflected at the roof and, with their sign changed, at the base."""
+    """Iwan (1997): waves of the velocity 4 H / T, reflected at the roof and, with their sign
+    changed, at the base."""
     record = noise(samples=801)
     spectrum = drift_spectrum(record, np.array([period]), 0.0, beam=True)
     times = np.arange((record.acceleration.size - 1) * 20 + 1) * record.dt / 20
@@ -80,8 +82,8 @@ def test_the_undamped_beam_is_the_sum_of_waves(period):
 
 @pytest.mark.parametrize(("period", "damping"), [(0.4, 0.05), (1.3, 0.02), (3.0, 0.2)])
 def test_the_damped_beam_is_the_convolution_with_its_impulse_response(period, damping):
-    """The sum over all modes of exp(-xi omega_j t) sin(omega_dj t) / omega_dj, times 2 / H, has the closed form
-    arctan(sin(omega_d t) / sinh(xi omega t)) / (H omega_d)."""
+    """The sum over all modes of exp(-xi omega_j t) sin(omega_dj t) / omega_dj, times 2 / H, has the
+    closed form arctan(sin(omega_d t) / sinh(xi omega t)) / (H omega_d)."""
     record = noise(samples=401)
     spectrum = drift_spectrum(record, np.array([period]), damping, beam=True)
     motion = finer(record, 40)
@@ -125,7 +127,8 @@ def test_a_motion_of_zeros_has_no_drift():
 
 
 def test_five_stories_under_el_centro():
-    """Chopra's uniform building (Dynamics of Structures, 12.8 and 13.2.6): k = 31.54 kip/in, T1 = 1.99963 s, 5 %.
+    """Chopra's uniform building (Dynamics of Structures, 12.8 and 13.2.6): k = 31.54 kip/in, T1 =
+    1.99963 s, 5 %.
 
     Computed once more for the record at hand: roof 6.857 in, base shear 73.09 kip.
     """

@@ -1,4 +1,5 @@
-"""Elastic spectra: limits, invariances, methods; tests/analysis/spectra/test_exact_maxima.py has the numbers."""
+"""Elastic spectra: limits, invariances, methods; tests/analysis/spectra/test_exact_maxima.py has
+the numbers."""
 
 import math
 

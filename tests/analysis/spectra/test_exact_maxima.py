@@ -1,4 +1,5 @@
-"""Maxima between the samples against matrix exponentials, refined by Brent's method; PEER's and USGS's definitions."""
+"""Maxima between the samples against matrix exponentials, refined by Brent's method; PEER's and
+USGS's definitions."""
 
 import math
 from dataclasses import replace
@@ -58,7 +59,8 @@ def test_real_records(name):
     period=st.floats(0.06, 300.0),  # in sampling intervals
     damping=st.sampled_from([0.0, 0.001, 0.05, 0.3, 0.99]),
 )
-# Turning within the first step, from rest, the displacement is far smaller than what the series is made of.
+# Turning within the first step, from rest, the displacement is far smaller than what the series is
+# made of.
 @example(seed=0, samples=2, period=19.0, damping=0.0)
 @example(seed=0, samples=2, period=115.0, damping=0.0)
 def test_white_noise(seed, samples, period, damping):
@@ -71,7 +73,8 @@ def test_white_noise(seed, samples, period, damping):
 
 
 def test_two_extremes_within_one_interval():
-    """The velocity has the same sign at both samples and the other one between them; it ends with the largest."""
+    """The velocity has the same sign at both samples and the other one between them; it ends with
+    the largest."""
     record = Record(np.array([8.0, -6.0, 3.0, -5.0]), 1.0, "", "", "", "")
     periods = np.linspace(4.4, 4.6, 9)
     np.testing.assert_allclose(
@@ -102,7 +105,8 @@ def test_maxima_at_samples(maxima, steps_per_period):
 
 
 def test_peak_displacements_of_el_centro_1940():
-    """Chopra, Dynamics of Structures, section 6.4, inches, to 0.03; the same maxima at the samples to three digits."""
+    """Chopra, Dynamics of Structures, section 6.4, inches, to 0.03; the same maxima at the samples
+    to three digits."""
     record = read_record(real_file("elCentro1940_180.at2"))
     g = 386.4 * INCH
     ground = np.append(0.0, record.acceleration) * (g / 9.80665)

@@ -1,4 +1,5 @@
-"""Fourier amplitude spectra: closed forms, the sum of Parseval, and what a smoothing does to them."""
+"""Fourier amplitude spectra: closed forms, the sum of Parseval, and what a smoothing does to
+them."""
 
 from __future__ import annotations
 
@@ -38,7 +39,8 @@ def test_a_sinusoid_of_whole_cycles_has_one_frequency(cycles) -> None:
 
 @pytest.mark.parametrize("size", [SIZE, SIZE - 1])
 def test_the_sum_of_parseval(noise, size) -> None:
-    """dt sum a^2 = df sum |A|^2 over both signs of the frequency; the one of even sizes at the end has one sign."""
+    """dt sum a^2 = df sum |A|^2 over both signs of the frequency; the one of even sizes at the end
+    has one sign."""
     samples = noise.acceleration[:size]
     found = tdint.fourier_spectrum(record(samples), None)
     assert found.frequencies.size == size // 2

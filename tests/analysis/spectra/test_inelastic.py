@@ -1,4 +1,5 @@
-"""Bilinear oscillators against closed forms, the matrix exponential and `tdint run`; the search for a strength."""
+"""Bilinear oscillators against closed forms, the matrix exponential and `tdint run`; the search for
+a strength."""
 
 import math
 from dataclasses import replace
@@ -63,8 +64,8 @@ def test_ductility_1_is_the_exact_elastic_spectrum(damping):
     [(0.55, 0.0), (0.7, 0.0), (0.97, 0.0), (0.6, 0.01), (1.0, 0.1), (1.5, 0.5), (3.0, 0.999)],
 )
 def test_a_suddenly_applied_force(load, hardening):
-    """F mu = 1/2 + (mu - 1) + hardening (mu - 1)^2 / 2: the work of the force is the energy taken up. Of an
-    elastoplastic oscillator 1 / (2 (1 - F)) (Biggs 1964, Chopra 7.1)."""
+    """F mu = 1/2 + (mu - 1) + hardening (mu - 1)^2 / 2: the work of the force is the energy taken
+    up. Of an elastoplastic oscillator 1 / (2 (1 - F)) (Biggs 1964, Chopra 7.1)."""
     strength = 2.0
     (spectrum,) = constant_strength(
         steady(load * strength, 20.0),
@@ -84,7 +85,8 @@ def test_a_suddenly_applied_force(load, hardening):
 @pytest.mark.parametrize("hardening", [0.0, 0.1])
 @pytest.mark.parametrize("period", [0.05, 0.4, 2.0])
 def test_the_found_strength_reaches_the_ductility_in_a_run(period, hardening):
-    """`tdint run` of a one-story building with impulse4 at a fine step, which shares no code with the kernel."""
+    """`tdint run` of a one-story building with impulse4 at a fine step, which shares no code with
+    the kernel."""
     record = noise(samples=401)
     for spectrum in constant_ductility(
         record, np.array([period]), [1.5, 4.0], 0.05, hardening=hardening
@@ -114,8 +116,9 @@ def test_the_residual_is_where_a_long_run_ends(hardening):
 
 
 def test_random_oscillators_under_random_motions():
-    """Noise, plateaus, spikes and steps; weak and strong, stiff and soft oscillators: more samples of the same motion
-    change nothing, for events and maxima are found within the steps, however long these are."""
+    """Noise, plateaus, spikes and steps; weak and strong, stiff and soft oscillators: more samples
+    of the same motion change nothing, for events and maxima are found within the steps, however
+    long these are."""
     generator = np.random.default_rng(5)
     for trial in range(200):
         noise = generator.normal(size=int(generator.integers(2, 200)))
@@ -161,8 +164,9 @@ def test_a_motion_of_zeros_needs_no_strength():
 
 
 def test_elastoplastic_oscillators_under_el_centro():
-    """Chopra, Dynamics of Structures, 7.4: T = 0.5 s, 5 %, strengths of 1, 1/2, 1/4, 1/8 of the elastic one. Largest
-    displacements 2.25, 1.62, 1.75, 2.07 in, ductilities 1, 1.44, 3.11, 7.36."""
+    """Chopra, Dynamics of Structures, 7.4: T = 0.5 s, 5 %, strengths of 1, 1/2, 1/4, 1/8 of the
+    elastic one. Largest displacements 2.25, 1.62, 1.75, 2.07 in, ductilities 1, 1.44, 3.11,
+    7.36."""
     record = read_record(real_file("elCentro1940_180.at2")).scaled(
         386.4 * 0.0254 / STANDARD_GRAVITY
     )

@@ -1,4 +1,5 @@
-"""Response spectrum analysis: a two-story frame by hand, published correlations, modes outside of a target."""
+"""Response spectrum analysis: a two-story frame by hand, published correlations, modes outside of a
+target."""
 
 import math
 
@@ -23,7 +24,8 @@ def table(folder, periods, psa):
 
 
 def test_a_two_story_frame_by_hand(tmp_path):
-    """Masses 2m, m and springs 2k, k: omega^2 = k/2m, 2k/m, shapes (1/2, 1), (-1, 1), factors 4/3, -1/3 (Chopra)."""
+    """Masses 2m, m and springs 2k, k: omega^2 = k/2m, 2k/m, shapes (1/2, 1), (-1, 1), factors 4/3,
+    -1/3 (Chopra)."""
     m, k, a = 100.0, 4e4, 0.3 * G
     result = tdint.modal_response(
         model([story(2 * m, 2 * k), story(m, k)]), table(tmp_path, [0.01, 9.0], [a, a])
@@ -39,7 +41,8 @@ def test_a_two_story_frame_by_hand(tmp_path):
         "drift": np.diff(displacement, axis=1, prepend=0.0),
         "shear": np.array([forces.sum(axis=1), forces[:, 1]]).T,
     }
-    # Frequencies 1 to 2 at 5 %: 8 z^2 (1 + r) r^1.5 / ((1 - r^2)^2 + 4 z^2 r (1 + r)^2) with r = 1/2
+    # Frequencies 1 to 2 at 5 %: 8 z^2 (1 + r) r^1.5 / ((1 - r^2)^2 + 4 z^2 r (1 + r)^2) with r =
+    # 1/2
     rho = 8.0 * 0.05**2 * 1.5 * 0.5**1.5 / (0.75**2 + 4.0 * 0.05**2 * 0.5 * 1.5**2)
     for name, (first, second) in peaks.items():
         assert getattr(result, f"{name}_srss") == pytest.approx(np.hypot(first, second), rel=1e-12)
@@ -56,7 +59,8 @@ def test_correlations_have_the_published_values():
 
 
 def test_modes_outside_the_target(tmp_path):
-    """Short ones move with the ground, or are left out where the target does not say how; long ones are refused."""
+    """Short ones move with the ground, or are left out where the target does not say how; long ones
+    are refused."""
     frame = model([story(100.0, 4e4), story(100.0, 4e7)])
     left_out = tdint.modal_response(frame, table(tmp_path, [0.1, 9.0], [1.0, 1.0]))
     assert (left_out.rigid, left_out.left_out, left_out.spectral_acceleration[1]) == (0, 1, 0.0)

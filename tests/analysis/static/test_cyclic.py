@@ -34,8 +34,8 @@ def imposed(law, *drifts, **more):
 @pytest.mark.parametrize("hardening", [0.0, 0.05, 0.3])
 @pytest.mark.parametrize("ductility", [1.0, 1.5, 2.0, 8.0])
 def test_the_bilinear_loop(hardening, ductility):
-    """A closed loop dissipates 4 (1 - a) Fy (d - dy); its damping ratio is 2 (m - 1) (1 - a) / (pi m (1 + a m - a))
-    (FEMA 440, eq. 6-1 with the secant period)."""
+    """A closed loop dissipates 4 (1 - a) Fy (d - dy); its damping ratio is 2 (m - 1) (1 - a) / (pi
+    m (1 + a m - a)) (FEMA 440, eq. 6-1 with the secant period)."""
     second = imposed(Law("bilinear", (FY, hardening)), f"{ductility}dy", cycles=2, points=7).cycles[
         1
     ]
@@ -55,8 +55,8 @@ def test_the_bilinear_loop(hardening, ductility):
 
 @pytest.mark.parametrize("name", LAWS)
 def test_work_is_stored_or_dissipated(name):
-    """At every point of the path, not at its end alone; and what is dissipated stays so. The integral by trapezoids
-    has an error of order 2 in the distance of the points."""
+    """At every point of the path, not at its end alone; and what is dissipated stays so. The
+    integral by trapezoids has an error of order 2 in the distance of the points."""
     errors = []
     for points in (500, 1000):
         test = imposed(example(name, K, FY), "7mm", "4cm", points=points)
@@ -80,7 +80,8 @@ def test_work_is_stored_or_dissipated(name):
 
 @pytest.mark.parametrize("name", LAWS)
 def test_a_run_lies_on_the_same_law(name):
-    """The drifts of a run imposed on the law give its shears: a method that commits at its steps takes the same way."""
+    """The drifts of a run imposed on the law give its shears: a method that commits at its steps
+    takes the same way."""
     stories = [story(2e5, K, example(name, K, force), dashpot=1e5) for force in (6e5, 3e5)]
     building = model(stories, method="newmark-average")
     history = run(building, noise(peak=4.0), history=True).history
@@ -141,7 +142,8 @@ def test_the_path():
     ids=["asymmetric", "falling"],
 )
 def test_the_secant_stiffness_lies_between_the_ends(coefficients, shears, secant, ratio):
-    """f = 2 d + d^2 between -1 and 1: forces 3 and -1, the slope between them 2; none positive, no damping ratio."""
+    """f = 2 d + d^2 between -1 and 1: forces 3 and -1, the slope between them 2; none positive, no
+    damping ratio."""
     law = Law("polynomial", coefficients)
     (cycle,) = cyclic_test(
         model([story(1.0, coefficients[0], law)]), 1, [parse_drift("1m")], points=4
@@ -166,10 +168,18 @@ def test_p_delta_is_told_apart():
 @pytest.mark.parametrize(
     ("text", "meters"),
     [
-        ("0.02", 0.02 * HEIGHT), ("2%", 0.02 * HEIGHT), (" 2 % ", 0.02 * HEIGHT), ("1", HEIGHT), ("20mm", 0.02),
-        ("20 mm", 0.02), ("1e1cm", 0.1), (".5in", 0.0127), ("2m", 2.0), ("3dy", 3.0 * DY),
+        ("0.02", 0.02 * HEIGHT),
+        ("2%", 0.02 * HEIGHT),
+        (" 2 % ", 0.02 * HEIGHT),
+        ("1", HEIGHT),
+        ("20mm", 0.02),
+        ("20 mm", 0.02),
+        ("1e1cm", 0.1),
+        (".5in", 0.0127),
+        ("2m", 2.0),
+        ("3dy", 3.0 * DY),
     ],
-)  # fmt: skip
+)
 def test_amplitudes(text, meters):
     test = imposed(Law("bilinear", (FY, 0.1)), text, points=1)
     assert test.cycles[0].amplitude == pytest.approx(meters, rel=1e-14)

@@ -24,7 +24,8 @@ def softening(strength, dy, ultimate=60.0, residual=0.1):
 
 @pytest.mark.parametrize("pattern", PATTERNS)
 def test_a_linear_building(pattern):
-    """Story shears are the sums of the forces above: roof displacement over base shear is the sum of share over k."""
+    """Story shears are the sums of the forces above: roof displacement over base shear is the sum
+    of share over k."""
     masses, k = np.array([3.0, 2.0, 1.0]), np.array([900.0, 700.0, 400.0])
     case = model([story(m, s, height=3.0) for m, s in zip(masses, k, strict=True)])
     result = pushover(case, parse_drift("1%"), pattern=pattern, points=5)
@@ -41,7 +42,8 @@ def test_a_linear_building(pattern):
 
 
 def test_one_story_is_its_backbone():
-    """k = Fy = 1, down from 5 on, the residual 0.1 from 5 + 8 / 1.1 on; with P-delta less 0.01 per unit of drift."""
+    """k = Fy = 1, down from 5 on, the residual 0.1 from 5 + 8 / 1.1 on; with P-delta less 0.01 per
+    unit of drift."""
     heavy = 0.01 * 3.0 / STANDARD_GRAVITY
     case = model([story(heavy, 1.0, softening(1.0, 1.0), height=3.0)], p_delta=True)
     result = pushover(case, parse_drift("20m"), points=60)
@@ -68,8 +70,8 @@ def test_the_largest_base_shear_is_that_of_the_path(points):
 
 
 def test_a_roof_that_comes_back_is_followed():
-    """From the cap of 1.1 at 5 the lower one falls by 1.1 / 8 a unit; the upper one of 0.05, which carries half,
-    springs back by 10 a unit of force, and the lower one goes on by 8 / 1.1 only."""
+    """From the cap of 1.1 at 5 the lower one falls by 1.1 / 8 a unit; the upper one of 0.05, which
+    carries half, springs back by 10 a unit of force, and the lower one goes on by 8 / 1.1 only."""
     case = model([story(1.0, 1.0, softening(1.0, 1.0)), story(1.0, 0.05)])
     result = pushover(case, parse_drift("40m"), pattern="uniform", points=100)
     back = np.flatnonzero(np.diff(result.roof_displacement) < 0.0)
@@ -86,8 +88,9 @@ def test_a_roof_that_comes_back_is_followed():
 
 
 def test_a_tall_frame_with_p_delta_is_followed_down_to_nothing():
-    """Every story loses stiffness by yielding: the first that yields falls alone, all others spring back. Closed form
-    of its drift where k, hardening a k beyond yield and P-delta -g leave nothing."""
+    """Every story loses stiffness by yielding: the first that yields falls alone, all others spring
+    back. Closed form of its drift where k, hardening a k beyond yield and P-delta -g leave
+    nothing."""
     k, a, strength, weight = 1e8, 0.03, 5e6, 2e6
     stories = [
         story(weight / STANDARD_GRAVITY, k, Law("bilinear", (strength, a)), height=3.0)
@@ -145,7 +148,8 @@ def test_every_story_carries_its_share_at_every_row(name):
 
 
 class Staircase(_Story):
-    """A story whose force goes up in steps, x + 0.99 sin x: tangents from 0.01 to 1.99 lead astray on either side."""
+    """A story whose force goes up in steps, x + 0.99 sin x: tangents from 0.01 to 1.99 lead astray
+    on either side."""
 
     def __init__(self):
         self.drift, self.force, self.initial, self.tangent, self._largest = (

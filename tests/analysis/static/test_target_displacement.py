@@ -1,4 +1,5 @@
-"""Target displacements: the formulas of the two standards by hand, for oscillators that yield without hardening."""
+"""Target displacements: the formulas of the two standards by hand, for oscillators that yield
+without hardening."""
 
 import math
 from functools import partial
@@ -21,7 +22,8 @@ def oscillator(mass, strength, yield_drift, hardening=0.0, **more):
 
 
 def closed_form(strengths, stiffness, hardening, share, shear):
-    """Displacement of the roof over bilinear stories that carry their shares of some base shears."""
+    """Displacement of the roof over bilinear stories that carry their shares of some base
+    shears."""
     force = np.multiply.outer(shear, share)
     beyond = np.maximum(force - strengths, 0.0)
     return np.sum((force - beyond) / stiffness + beyond / (hardening * stiffness), axis=-1)
@@ -99,7 +101,8 @@ def test_coefficients_of_an_oscillator(
 
 
 def test_a_building_that_stays_elastic_has_its_elastic_displacement():
-    """Both methods then give Gamma S_d(T1): one straight line, whatever the pattern's shape is the first mode's."""
+    """Both methods then give Gamma S_d(T1): one straight line, whatever the pattern's shape is the
+    first mode's."""
     case = model([story(2e5, 1.5e8, Law("bilinear", (4e6, 0.03)), height=3.0)] * 3)
     n2, coefficients = target_displacements(
         pushover(case, "4%", points=POINTS), "asce7:sds=0.2,sd1=0.1,tl=8"
@@ -122,8 +125,9 @@ def test_a_building_that_stays_elastic_has_its_elastic_displacement():
 
 
 def test_two_lines_have_the_area_of_the_curve_and_meet_it():
-    """Hardening stories in series, whose curve has a corner where each yields: the idealized lines of both methods
-    enclose the same work up to the target displacement, and the first one of coefficients meets the curve."""
+    """Hardening stories in series, whose curve has a corner where each yields: the idealized lines
+    of both methods enclose the same work up to the target displacement, and the first one of
+    coefficients meets the curve."""
     strengths, stiffness, hardening = (
         np.array([8e5, 5e5]),
         np.array([1.5e8, 1.2e8]),
@@ -155,8 +159,8 @@ def test_two_lines_have_the_area_of_the_curve_and_meet_it():
 @pytest.mark.parametrize("hardening", [0.02, 0.1, 0.3])
 @pytest.mark.parametrize("ductility", [2.0, 5.0, 12.0, 40.0])
 def test_coefficients_of_a_bilinear_oscillator(tmp_path, hardening, ductility):
-    """Its own two lines balance the areas, however far it goes: beyond 1.67 times its yield another strength, which the
-    curve reaches by hardening, balances them again, and is not the answer."""
+    """Its own two lines balance the areas, however far it goes: beyond 1.67 times its yield another
+    strength, which the curve reaches by hardening, balances them again, and is not the answer."""
     mass, yields, strength = 2e4, 0.004, 8e4
     period = 2.0 * math.pi * math.sqrt(mass * yields / strength)
     # C1 C2 R = ductility: a polynomial of R - 1, by (7-28) to (7-30) with the site class D.
@@ -178,8 +182,8 @@ def test_coefficients_of_a_bilinear_oscillator(tmp_path, hardening, ductility):
 
 @pytest.mark.parametrize("seed", range(40))
 def test_coefficients_of_hardening_buildings(seed):
-    """The strength is the smallest that balances the areas up to the target displacement: a scan of all strengths over
-    the curve in closed form, story by story."""
+    """The strength is the smallest that balances the areas up to the target displacement: a scan of
+    all strengths over the curve in closed form, story by story."""
     draw = np.random.default_rng(seed)
     stories = int(draw.integers(1, 6))
     stiffness = np.sort(draw.uniform(0.8e8, 2e8, stories))[::-1]
@@ -217,8 +221,8 @@ def test_what_stays_elastic_is_not_beyond_its_strength():
 
 
 def test_a_curve_that_ends_short_does_not_meet_ec8(tmp_path):
-    """The building carries nothing beyond: 1.5 times the target is refused, not to be pushed for; a curve that was not
-    pushed that far is."""
+    """The building carries nothing beyond: 1.5 times the target is refused, not to be pushed for; a
+    curve that was not pushed that far is."""
     mass = 2e5
     case = oscillator(
         mass, 0.1 * mass * G, 0.02, p_delta=True
@@ -248,7 +252,8 @@ def test_a_table_has_its_corner_where_acceleration_and_velocity_meet(tmp_path):
 
 
 def test_strength_that_is_lost_is_told(tmp_path):
-    """P-delta alone makes the curve fall: 1 + |alpha|^-h / 4 by (7-32), which lies between the two demands."""
+    """P-delta alone makes the curve fall: 1 + |alpha|^-h / 4 by (7-32), which lies between the two
+    demands."""
     mass, height = 2e5, 3.0
     pushed, bare = (
         pushover(oscillator(mass, 0.1 * mass * G, 0.02, p_delta=p_delta), "0.31m", points=POINTS)

@@ -1,5 +1,6 @@
-"""The truly explicit generalized-alpha method (Hulbert and Chung 1996, Computer Methods in Applied Mechanics and
-Engineering 137): equilibrium with the damping and the restoring force at the start of the step, no system to solve.
+"""The truly explicit generalized-alpha method (Hulbert and Chung 1996, Computer Methods in Applied
+Mechanics and Engineering 137): equilibrium with the damping and the restoring force at the start of
+the step, no system to solve.
 
     (1 - alpha_m) M a1 + alpha_m M a0 = p0 - C v0 - f(u0)
     u1 = u0 + h v0 + h^2 ((1/2 - beta) a0 + beta a1),   v1 = v0 + h ((1 - gamma) a0 + gamma a1)
@@ -40,7 +41,8 @@ def step(
     work,
     report,
 ):
-    """One step; row ACCELERATION of the state is the method's own, which lags behind that of equilibrium."""
+    """One step; row ACCELERATION of the state is the method's own, which lags behind that of
+    equilibrium."""
     n = linear_terms.shape[1] - 1
     alpha, beta, gamma = coefficients[ALPHA], coefficients[BETA], coefficients[GAMMA]
     for i in range(n):

@@ -1,8 +1,8 @@
-"""A self-centering damper: the flag-shaped law of Christopoulos, Filiatrault and Folz (2002, Earthquake Engineering and
-Structural Dynamics 31).
+"""A self-centering damper: the flag-shaped law of Christopoulos, Filiatrault and Folz (2002,
+Earthquake Engineering and Structural Dynamics 31).
 
-It slides along f = Fy + a k (d - dy), goes back by k until beta Fy below that, along that line, and from the elastic
-line f = k d to zero: no drift stays.
+It slides along f = Fy + a k (d - dy), goes back by k until beta Fy below that, along that line, and
+from the elastic line f = k d to zero: no drift stays.
 """
 
 from tdint.plugin import DriftLaw, LawParameter, at, yields_at_its_strength

@@ -1,10 +1,12 @@
-"""The law of Menegotto and Pinto (1973) with the isotropic curvature of Filippou, Popov and Bertero (1983).
+"""The law of Menegotto and Pinto (1973) with the isotropic curvature of Filippou, Popov and Bertero
+(1983).
 
-From each turn (d0, f0) to the asymptote of the side moved towards, which the line of slope k meets at dm:
+From each turn (d0, f0) to the asymptote of the side moved towards, which the line of slope k meets
+at dm:
 
     f* = b x + (1 - b) x / (1 + |x|^R)^(1/R),   x = (d - d0) / (dm - d0),   f* = (f - f0) / (k (dm - d0))
     R = R0 - a1 e / (a2 + e),   e = |farthest drift of that side - dm| / (Fy / k)
-"""
+"""  # noqa: E501
 
 from tdint.plugin import DriftLaw, LawFunctions, LawParameter, at, yields_at_its_strength
 

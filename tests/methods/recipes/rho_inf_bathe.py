@@ -1,4 +1,5 @@
-"""The rho_inf-Bathe method with both parameters (Noh and Bathe 2019, Computers and Structures 212, eqs. 1 to 8).
+"""The rho_inf-Bathe method with both parameters (Noh and Bathe 2019, Computers and Structures 212,
+eqs. 1 to 8).
 
 To t + gamma h by average acceleration, then over three points, each in equilibrium at its end:
 
@@ -27,7 +28,8 @@ from tdint.plugin import (
 )
 
 GAMMA, Q0, Q1, Q2 = range(4)  # coefficients
-FACTORS = BALANCE_ROWS  # rows of work: of the first part; those of the second begin in the middle of what is left
+# rows of work: of the first part; those of the second begin in the middle of what is left
+FACTORS = BALANCE_ROWS
 
 
 @kernel(STEP)

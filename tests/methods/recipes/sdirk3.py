@@ -1,5 +1,5 @@
-"""The third-order diagonally implicit Runge-Kutta method with three stages (Alexander 1977, SIAM J. Numer. Anal. 14),
-L-stable, on u' = v, M v' = p - C v - f(u). Its last stage is the end of the step.
+"""The third-order diagonally implicit Runge-Kutta method with three stages (Alexander 1977, SIAM J.
+Numer. Anal. 14), L-stable, on u' = v, M v' = p - C v - f(u). Its last stage is the end of the step.
 
     vi = v0 + h sum Aij aj,   ui = u0 + h sum Aij vj,   M ai + C vi + f(ui) = pi
 
@@ -53,7 +53,8 @@ def step(
     work,
     report,
 ):
-    """One step: three balances with one matrix; the unknown of each is the acceleration of its stage."""
+    """One step: three balances with one matrix; the unknown of each is the acceleration of its
+    stage."""
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
     n = linear_terms.shape[1] - 1

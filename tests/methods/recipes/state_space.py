@@ -1,5 +1,5 @@
-"""A linear building by SciPy's matrix exponential: exact for a ground acceleration that is linear between its samples
-(Van Loan 1978, IEEE Transactions on Automatic Control 23)."""
+"""A linear building by SciPy's matrix exponential: exact for a ground acceleration that is linear
+between its samples (Van Loan 1978, IEEE Transactions on Automatic Control 23)."""
 
 import numpy as np
 from scipy.linalg import expm

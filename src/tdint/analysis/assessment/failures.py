@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -16,7 +16,6 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run
 from tdint.analysis.run.workspace import LINEAR_OSCILLATORS, kernels
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.errors import UsageError, did_you_mean
 from tdint.kernels.building.compilable import Variant
 from tdint.kernels.building.obtaining import obtain
@@ -27,10 +26,11 @@ from tdint.model.damage_states import DONE
 from tdint.model.definition import Force, Law, Model, simple_model, simple_story
 from tdint.tabular import Progress, Several, told_progress
 
-# ---- The problems on which methods fail, as data: building, load, steps, what is judged, by how much, against what
+# ---- The problems on which methods fail, as data: building, load, steps, what is judged, by how
+# much, against what
 #
-# All start from numbers in SI units. Energies count kinetic energy and what the stories store, both in closed
-# form.
+# All start from numbers in SI units. Energies count kinetic energy and what the stories store, both
+# in closed form.
 
 FINER = 64
 """Steps of the reference of the softening oscillator within one step."""
@@ -116,7 +116,8 @@ _SPRING, _CUBIC, _STRETCH = 100.0, 1000.0, 1.5
 
 
 def hardening_motion(time: Array) -> Array:
-    """Duffing's oscillator in closed form: u = U cn(w t | m), w^2 = a + b U^2, m = b U^2 / (2 w^2)."""
+    """Duffing's oscillator in closed form: u = U cn(w t | m), w^2 = a + b U^2, m = b U^2 / (2
+    w^2)."""
     from scipy.special import ellipj
 
     square = _SPRING + _CUBIC * _STRETCH**2
@@ -138,8 +139,10 @@ def _hardening() -> HardProblem:
 
     return HardProblem(
         name="hardening",
-        about="u'' + 100 u (1 + 10 u^2) = 0 from u = 1.5, 10 s: the tangent stiffness changes 68-fold in each swing",
-        source="Duffing's oscillator; exact motion by Jacobi's cn (Abramowitz and Stegun 1964, ch. 16)",
+        about="u'' + 100 u (1 + 10 u^2) = 0 from u = 1.5, 10 s: the tangent stiffness changes "
+        "68-fold in each swing",
+        source="Duffing's oscillator; exact motion by Jacobi's cn (Abramowitz and Stegun 1964, "
+        "ch. 16)",
         model=simple_model(
             "hardening oscillator",
             [simple_story(1.0, Law("polynomial", (_SPRING, 0.0, _CUBIC)))],
@@ -194,8 +197,10 @@ def _softening() -> HardProblem:
 
     return HardProblem(
         name="softening",
-        about="u'' + 100 tanh u = 0 from u = 4, 60 s: the tangent stiffness all but vanishes twice in each swing",
-        source="elastic, bounded force; exact energy in closed form, motion by gauss4 with steps 64 times finer",
+        about="u'' + 100 tanh u = 0 from u = 4, 60 s: the tangent stiffness all but vanishes "
+        "twice in each swing",
+        source="elastic, bounded force; exact energy in closed form, motion by gauss4 with steps "
+        "64 times finer",
         model=_softening_model(),
         steps=((0.05, 1200), (0.1, 600)),
         energy=energy,
@@ -207,7 +212,8 @@ def _softening() -> HardProblem:
     )
 
 
-# ---- Stiff and soft node of Bathe and Noh: the base node's motion sin 1.2 t comes through a spring of 1e7 N/m
+# ---- Stiff and soft node of Bathe and Noh: the base node's motion sin 1.2 t comes through a spring
+# of 1e7 N/m
 
 _STIFF, _DRIVE = 1e7, 1.2
 _OWN, _DRIVEN = 1.0 / (1.0 - _DRIVE**2) * -_DRIVE, 1.0 / (1.0 - _DRIVE**2)
@@ -236,11 +242,15 @@ def _bathe_noh() -> tuple[HardProblem, HardProblem]:
     def displacement_error(history: History) -> float:
         return float(np.max(np.abs(history.displacement[:, 1] - soft_node_motion(history.time))))
 
-    # The exact energy is that for an infinite stiffness: its largest value is looked for at many times.
+    # The exact energy is that for an infinite stiffness: its largest value is looked for at many
+    # times.
     time = np.linspace(0.0, 10.0, 10001)
     driven, drift = _DRIVE * np.cos(_DRIVE * time), soft_node_motion(time) - np.sin(_DRIVE * time)
     natural = _OWN * np.cos(time) + _DRIVEN * driven
-    about = "masses 1 and 1, springs 1e7 and 1, from rest, the base moves by sin 1.2 t, 10 s: the {} node"
+    about = (
+        "masses 1 and 1, springs 1e7 and 1, from rest, the base moves by sin 1.2 t, 10 s: the {} "
+        "node"
+    )
     stiff = HardProblem(
         name="stiff-node",
         about=about.format("stiff"),
@@ -268,7 +278,8 @@ def _bathe_noh() -> tuple[HardProblem, HardProblem]:
     return stiff, soft
 
 
-# ---- Stiff pair: two halves of a mass on a pendulum's frequency, sqrt(9.81) rad/s, joined at 1e4 rad/s
+# ---- Stiff pair: two halves of a mass on a pendulum's frequency, sqrt(9.81) rad/s, joined at 1e4
+# rad/s
 
 _SWING, _HALF, _JOINT = 9.81, 0.5, 2.5e7
 
@@ -285,9 +296,11 @@ def _stiff_pair() -> HardProblem:
 
     return HardProblem(
         name="stiff-pair",
-        about="masses 0.5 and 0.5, springs 9.81 and 2.5e7, let go from a pull at the roof to u = 1, 10 s: it has the "
-        "frequencies of a pendulum of 1 kg and 1 m on a rod of EA 1e8 N, 3.13 and 1e4 rad/s",
-        source="after the stiff pendulum of code_aster V5.02.100; exact motion that of a rigid joint",
+        about="masses 0.5 and 0.5, springs 9.81 and 2.5e7, let go from a pull at the roof to u = "
+        "1, 10 s: it has the frequencies of a pendulum of 1 kg and 1 m on a rod of EA 1e8 N, 3.13 "
+        "and 1e4 rad/s",
+        source="after the stiff pendulum of code_aster V5.02.100; exact motion that of a rigid "
+        "joint",
         model=simple_model(
             "stiff pair",
             [simple_story(_HALF, stiffness=_SWING), simple_story(_HALF, stiffness=_JOINT)],
@@ -296,7 +309,8 @@ def _stiff_pair() -> HardProblem:
         steps=((0.05, 200),),
         energy=energy,
         energy_scale=0.5 * _SWING + 0.5 * _SWING**2 / _JOINT,
-        error_of="largest error in the second half of the upper story's force for the displacement, over its amplitude",
+        error_of="largest error in the second half of the upper story's force for the "
+        "displacement, over its amplitude",
         error=error,
         faults=(Fault("rings", high=0.1),),
     )
@@ -306,7 +320,8 @@ def _stiff_pair() -> HardProblem:
 
 
 def _sizes(history: History) -> Array:
-    """Displacement or velocity / omega, whichever is larger, over the exact amplitude, at each step."""
+    """Displacement or velocity / omega, whichever is larger, over the exact amplitude, at each
+    step."""
     sizes = np.maximum(np.abs(history.displacement[:, 0]), np.abs(history.velocity[:, 0]))
     return np.asarray(sizes / math.hypot(history.displacement[0, 0], history.velocity[0, 0]))
 
@@ -334,7 +349,8 @@ def _limit(name: str, description: str, source: str, *dts: float) -> HardProblem
         steps=tuple((dt, 200) for dt in dts),
         energy=_oscillator_energy,
         energy_scale=0.5,
-        error_of="growth of the amplitude from the first half of the steps to the second, over the former",
+        error_of="growth of the amplitude from the first half of the steps to the second, over "
+        "the former",
         error=growth,
         faults=(Fault("grows", high=0.01),),
     )
@@ -398,7 +414,8 @@ REFUSED = "refused"
 
 _DISSIPATIVE = ("rho_inf=0.5", "rho_inf=0")
 _MORE = {"impulse4": _DISSIPATIVE, "moment4": _DISSIPATIVE, "wilson": ("theta=1.3",)}
-"""Members that show what their method's default does not: dissipation, and theta below its limit."""
+"""Members that show what their method's default does not: dissipation, and theta below its
+limit."""
 
 _ENDS = {DIVERGED: BLOWS_UP, NOT_CONVERGED: NO_CONVERGENCE}
 
@@ -410,20 +427,20 @@ class Trial:
     Attributes
     ----------
     energy_ratio_min, energy_ratio_max : float
-        Least and largest energy over the largest of the exact motion; nan for a run without an end, and the least where
-        the motion starts from rest.
+        Least and largest energy over the largest of the exact motion; nan for a run without an end,
+        and the least where the motion starts from rest.
     error, error_of : float, str
         The problem's error and what it is; nan for a run without an end.
     outcome : str
-        The status of `tdint run`; the rest is what it gives with --allow-unstable. `refused` for a method that is not
-        for this building.
+        The status of `tdint run`; the rest is what it gives with --allow-unstable. `refused` for a
+        method that is not for this building.
     verdict : str
         `pass`, the fault found, or how the run failed.
     time, steps : float, int
         Last time reached (s), and whole steps done.
     measure : float
-        What the verdict rests on: the energy ratio that is farthest from 1 where the problem judges energy, else the
-        error; nan for a run without an end.
+        What the verdict rests on: the energy ratio that is farthest from 1 where the problem judges
+        energy, else the error; nan for a run without an end.
     """
 
     problem: str
@@ -462,7 +479,8 @@ def find_problems(names: Sequence[str]) -> list[HardProblem]:
     for name in names:
         if name not in by_name:
             raise UsageError(
-                f"unknown problem {name!r}{did_you_mean(name, by_name)} (known: {', '.join(by_name)})"
+                f"unknown problem {name!r}{did_you_mean(name, by_name)} (known: "
+                f"{', '.join(by_name)})"
             )
     return [by_name[name] for name in dict.fromkeys(names or by_name)]
 
@@ -482,7 +500,8 @@ def failures(
     problems : sequence of str
         Names of problems; all if none is given.
     progress : bool or callable
-        A bar on a terminal or in a notebook, by tqdm, or what is told how much is done, of how much.
+        A bar on a terminal or in a notebook, by tqdm, or what is told how much is done, of how
+        much.
 
     Returns
     -------
@@ -533,7 +552,8 @@ def _attempt(integrator: Integrator, problem: HardProblem, dt: float, count: int
     if integrator.family.linear_only and not case.building.linear:
         return trial
     steps = case.steps(dt, dt * count)
-    # A run that is refused names the largest stable step, which takes longer than most runs: it is asked for before.
+    # A run that is refused names the largest stable step, which takes longer than most runs: it is
+    # asked for before.
     outcome = UNSTABLE
     if case.prepared.instability(integrator, dt) is None:
         ended = error_estimate.attempt(case, steps, history=True)

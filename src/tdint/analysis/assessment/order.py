@@ -1,4 +1,5 @@
-"""Observed order of a method: errors of its compiled march on an oscillator of period 1 s over halved steps."""
+"""Observed order of a method: errors of its compiled march on an oscillator of period 1 s over
+halved steps."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ import sys
 import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from typing import Any
@@ -27,7 +29,6 @@ from tdint.analysis.run.workspace import (
 )
 from tdint.analysis.static import cyclic_test
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.kernels import layout as at
 from tdint.kernels.laws.walking import walker
@@ -81,10 +82,11 @@ class ObservedOrder(Tabular):
     steps : ndarray, shape (k,)
         Time steps, s, falling.
     displacement, velocity, acceleration : ndarray, shape (k,)
-        Largest errors over the coarsest steps, over the largest value; acceleration from equilibrium, as it is
-        reported.
+        Largest errors over the coarsest steps, over the largest value; acceleration from
+        equilibrium, as it is reported.
     own_acceleration : ndarray, shape (k,)
-        The same of the acceleration that the method carries from step to step; nan for one that carries none.
+        The same of the acceleration that the method carries from step to step; nan for one that
+        carries none.
     """
 
     method: str
@@ -104,7 +106,8 @@ class ObservedOrder(Tabular):
         )
 
     def order(self, quantity: str) -> float:
-        """Slope of the error over the step, by regression over the finest three errors that are not rounding.
+        """Slope of the error over the step, by regression over the finest three errors that are not
+        rounding.
 
         `quantity` names one of the errors. nan where fewer than two are clear of rounding.
         """
@@ -124,7 +127,8 @@ class OrderProblem:
     load, law : str
         One of `LOADS` and of `STORY_LAWS`.
     frequency_ratio : float
-        Circular frequency of the load over that of the oscillator; nan for a load without a frequency.
+        Circular frequency of the load over that of the oscillator; nan for a load without a
+        frequency.
     exact : ndarray, shape (3, samples)
         Displacement (m), velocity (m/s) and acceleration (m/s^2) at the ends of the coarsest steps.
     stride : int
@@ -166,7 +170,8 @@ def order(
     Returns
     -------
     ObservedOrder
-        Errors of displacement, velocity and acceleration at each step, and the orders that they tell.
+        Errors of displacement, velocity and acceleration at each step, and the orders that they
+        tell.
 
     Raises
     ------
@@ -184,13 +189,14 @@ def order(
 def order_problem(
     load: str = "harmonic", law: str = "linear", frequency_ratio: float = 0.5, stride: int = 1
 ) -> OrderProblem:
-    """Set an oscillator of period 1 s, damping ratio 0.02, from a displacement and a velocity, and solve it over 4 s.
+    """Set an oscillator of period 1 s, damping ratio 0.02, from a displacement and a velocity, and
+    solve it over 4 s.
 
     Parameters
     ----------
     load : str
-        `free` vibration, a `harmonic` force 20 cos(r omega t) N on 1 kg, or a `record`: a ground motion that is linear
-        between samples 0.02 s apart.
+        `free` vibration, a `harmonic` force 20 cos(r omega t) N on 1 kg, or a `record`: a ground
+        motion that is linear between samples 0.02 s apart.
     law : str
         A key of `STORY_LAWS`.
     frequency_ratio : float
@@ -201,7 +207,8 @@ def order_problem(
     Raises
     ------
     UsageError
-        An unknown load or law, a frequency ratio out of range, a stride that is none or without a record.
+        An unknown load or law, a frequency ratio out of range, a stride that is none or without a
+        record.
     """
     if not isinstance(stride, int | np.integer) or stride < 1 or stride & (stride - 1):
         raise UsageError(
@@ -240,7 +247,8 @@ def order_problem(
 def observed_order(
     integrator: Integrator, problem: OrderProblem, halvings: int = OBSERVED_HALVINGS
 ) -> ObservedOrder:
-    """Measure the order of a method on one problem, with the steps 0.02 s / 2^j for j = 0 .. halvings.
+    """Measure the order of a method on one problem, with the steps 0.02 s / 2^j for j = 0 ..
+    halvings.
 
     Raises
     ------
@@ -255,7 +263,8 @@ def observed_order(
         raise AnalysisError(f"{integrator.label} is unstable at dt {COARSEST} s")
     exact, label = problem.exact, integrator.label
     largest = np.max(np.abs(exact), axis=1)
-    # The method's own acceleration is compared where it has one; over several samples it is that under another motion.
+    # The method's own acceleration is compared where it has one; over several samples it is that
+    # under another motion.
     carries = at.ACCELERATION in integrator.family.memory and problem.stride == 1
     all_parts = 2 ** np.arange(halvings + 1)
     errors = []
@@ -295,9 +304,10 @@ def _march(
 
 
 def _sampled_motion(stride: int) -> Array:
-    """Ground acceleration at samples 0.02 s / stride apart, m/s^2: seeded noise; where steps go over several samples,
-    noise up to `_HIGHEST` as ground motions have it. (Of white noise each step leaves out a second moment as large as
-    the two that it takes, which leaves orders of 2.6 and less.)"""
+    """Ground acceleration at samples 0.02 s / stride apart, m/s^2: seeded noise; where steps go
+    over several samples, noise up to `_HIGHEST` as ground motions have it. (Of white noise each
+    step leaves out a second moment as large as the two that it takes, which leaves orders of 2.6
+    and less.)"""
     generator = np.random.default_rng(20221120)
     if stride == 1:
         return 5.0 * generator.standard_normal(_SAMPLES + 1)
@@ -308,7 +318,8 @@ def _sampled_motion(stride: int) -> Array:
 
 
 def _by_dop853(load: str, law: str, ratio: float, ground: Array, stride: int) -> Array:
-    """Motion at the samples by SciPy's DOP853 at a tolerance of 1e-13, restarted at the samples of a record."""
+    """Motion at the samples by SciPy's DOP853 at a tolerance of 1e-13, restarted at the samples of
+    a record."""
     from scipy.integrate import solve_ivp
 
     coefficients = STORY_LAWS[law].parameters or (_OMEGA**2,)
@@ -338,7 +349,8 @@ def _by_dop853(load: str, law: str, ratio: float, ground: Array, stride: int) ->
     return np.array([u, v, [acceleration(*row) for row in zip(times, u, v, strict=True)]])
 
 
-# ---- What methods and laws declare of themselves beside what is measured of them: for authors of new ones
+# ---- What methods and laws declare of themselves beside what is measured of them: for authors of
+# new ones
 
 _ORDER = 0.1
 _RADIUS = 1e-3
@@ -357,8 +369,8 @@ class MethodCheck:
     integrator : Integrator
         The method with its parameters.
     order : float
-        The smaller of the observed orders of displacement and velocity, of a linear oscillator in free vibration and
-        under a harmonic force; nan where errors are nothing but rounding.
+        The smaller of the observed orders of displacement and velocity, of a linear oscillator in
+        free vibration and under a harmonic force; nan where errors are nothing but rounding.
     limit : float
         Measured largest stable omega dt without damping, inf if there is none up to 100.
     rho_inf : float
@@ -380,8 +392,8 @@ def check_method(integrator: Integrator) -> MethodCheck:
     Parameters
     ----------
     integrator : Integrator
-        The method; its step is executed in plain Python first, where no row beyond the declared ones is written, and
-        then compiled.
+        The method; its step is executed in plain Python first, where no row beyond the declared
+        ones is written, and then compiled.
     """
     yielding: dict[str, str] = {}
     LOOKED_AT.add(integrator.family.step)  # here, with more than a fault to tell
@@ -416,15 +428,16 @@ def check_method(integrator: Integrator) -> MethodCheck:
     if not (math.isnan(declared) and math.isnan(radius)) and not abs(declared - radius) <= _RADIUS:
         measured_words = "none, for steps have a limit" if math.isnan(radius) else f"{radius:.4g}"
         faults.append(
-            f"{label}: declares the spectral radius {declared:.4g} at infinity, measured is {measured_words}"
+            f"{label}: declares the spectral radius {declared:.4g} at infinity, measured is "
+            f"{measured_words}"
         )
     faults += yielding.values()
     return MethodCheck(integrator, order, limit, radius, tuple(faults))
 
 
 def faults_of_step(integrator: Integrator) -> list[str]:
-    """What is wrong with a method's step as plain Python shows it: rows beyond those declared, stories that yield, of
-    one law alone, for it is waited for (3 s)."""
+    """What is wrong with a method's step as plain Python shows it: rows beyond those declared,
+    stories that yield, of one law alone, for it is waited for (3 s)."""
     try:
         _plain_march("linear", integrator, 1)
         return (
@@ -437,15 +450,16 @@ def faults_of_step(integrator: Integrator) -> list[str]:
 
 
 def check_law(model: Model, story: int) -> list[str]:
-    """What is wrong with the law of a story as a cyclic test shows it: tangents that are no slopes of the force, energy
-    that is not accounted for.
+    """What is wrong with the law of a story as a cyclic test shows it: tangents that are no slopes
+    of the force, energy that is not accounted for.
 
     Parameters
     ----------
     model : Model
         A building.
     story : int
-        Counted from 1. It goes through cycles to 0.5, 1 and 2 % of its height; without one, 5, 10 and 20 mm.
+        Counted from 1. It goes through cycles to 0.5, 1 and 2 % of its height; without one, 5, 10
+        and 20 mm.
     """
     name = model.stories[story - 1].law.name
     try:
@@ -463,16 +477,19 @@ def check_law(model: Model, story: int) -> list[str]:
     off = np.max(np.abs(done - (kept - kept[0]))) / np.max(np.abs(done))
     if not off <= _ENERGY:
         faults.append(
-            f"law {name}: stored and dissipated energy differ from the work done by {off:.2g} of the most"
+            f"law {name}: stored and dissipated energy differ from the work done by {off:.2g} of "
+            "the most"
         )
-    # Where a path turns or a branch ends the slopes on both sides differ: any tangent between them will do.
+    # Where a path turns or a branch ends the slopes on both sides differ: any tangent between them
+    # will do.
     slopes = np.diff(path.shear) / step
     least, most = np.minimum(slopes[1:], slopes[:-1]), np.maximum(slopes[1:], slopes[:-1])
     room = _TANGENT * np.max(np.abs(slopes))
     tangent = path.tangent[1:-1]
     if wrong := np.count_nonzero((tangent < least - room) | (tangent > most + room)):
         faults.append(
-            f"law {name}: the tangent is not the slope of the force at {wrong} of {step.size} points"
+            f"law {name}: the tangent is not the slope of the force at {wrong} of {step.size} "
+            "points"
         )
     if np.any(np.diff(path.dissipated) < -_ENERGY * np.max(np.abs(done))):
         faults.append(f"law {name}: dissipated energy comes back")
@@ -487,7 +504,8 @@ class _Beyond(IndexError):
 
 
 class _Guarded(np.ndarray):
-    """An array that names itself where more of it is used than there is: compiled code would write beyond its end."""
+    """An array that names itself where more of it is used than there is: compiled code would write
+    beyond its end."""
 
     name = ""
 
@@ -519,11 +537,13 @@ class _Guarded(np.ndarray):
 
 
 _YIELDING = {"bilinear": (30.0, 0.05), "tanh": (30.0,), "peak-oriented": (30.0, 0.05, 0.3)}
-"""One law that is linear branch by branch, a curved one, one that deteriorates, and their parameters."""
+"""One law that is linear branch by branch, a curved one, one that deteriorates, and their
+parameters."""
 
 _H, _SECONDS = 0.01, 1.2  # s; the building has periods of 0.35 and 0.13 s, and yields from 0.1 s on
 _KINK_ORDER = 2  # of any method that does not look for the kinks within its steps
-_ROOM = 0.6  # of an order over one halving or two: where kinks lie in their steps changes errors by half
+# of an order over one halving or two: where kinks lie in their steps changes errors by half
+_ROOM = 0.6
 _NOTHING = 1e-6  # over the largest drift: an error as small as the reference's own
 _BALANCE = (
     1e-2  # of the largest input energy at the finest step, where methods of order 2 are within 1e-3
@@ -538,7 +558,8 @@ def _plain_march(
     Parameters
     ----------
     fresh_at : int
-        The step before which scratch is wiped: the march was interrupted and goes on in other arrays.
+        The step before which scratch is wiped: the march was interrupted and goes on in other
+        arrays.
     halve_at : int
         The step that is told not to have converged, so that it is halved.
 
@@ -547,7 +568,8 @@ def _plain_march(
     AnalysisError
         What the method does wrong: where in its file, and what.
     """
-    # Two stories of a law, under no force, let go with a velocity: the ground is given to the march.
+    # Two stories of a law, under no force, let go with a velocity: the ground is given to the
+    # march.
     story = simple_story(1.0, Law(law, _YIELDING.get(law, ())), stiffness=1000.0, dashpot=1.0)
     prepared = PreparedBuilding(
         assemble(simple_model(law, [story, story])), velocity=np.array([0.2, 0.3])
@@ -573,7 +595,8 @@ def _plain_march(
             return at.NOT_CONVERGED
         return int(integrator.family.step.function(*arguments))
 
-    # A march that goes on elsewhere takes along the state, and of the report what counts steps and ground.
+    # A march that goes on elsewhere takes along the state, and of the report what counts steps and
+    # ground.
     pieces = [(0, fresh_at), (fresh_at, count)] if fresh_at > 0 else [(0, count)]
     for first, last in pieces:
         if first:
@@ -613,7 +636,8 @@ def _plain_march(
 
 @contextmanager
 def _faults_in(module: Any, name: str) -> Iterator[None]:
-    """What plain Python says of a plug-in's code becomes a line with the file and the line in its module."""
+    """What plain Python says of a plug-in's code becomes a line with the file and the line in its
+    module."""
     try:
         yield
     except TdintError:
@@ -632,12 +656,14 @@ def _faults_in(module: Any, name: str) -> Iterator[None]:
 
 @cache
 def _true_motion(law: str) -> Array:
-    """The displacements of `impulse4` with a step 16 times finer than `_H`: within 1e-7 of the largest."""
+    """The displacements of `impulse4` with a step 16 times finer than `_H`: within 1e-7 of the
+    largest."""
     return _displacements(_plain_march(law, parse("impulse4"), 16), 16)
 
 
 def _yielding_faults(integrator: Integrator, laws: Iterable[str] = _YIELDING) -> dict[str, str]:
-    """What a method does wrong where stories yield, a line by what it is: each for the law that shows it first."""
+    """What a method does wrong where stories yield, a line by what it is: each for the law that
+    shows it first."""
     label, faults = integrator.label, dict[str, str]()
     for law in laws:
         true = _true_motion(law)
@@ -659,27 +685,30 @@ def _yielding_faults(integrator: Integrator, laws: Iterable[str] = _YIELDING) ->
             else (math.inf,)
         )
         if not (max(rates) >= due - _ROOM or errors[4] <= _NOTHING):
+            measured = [f"{error:.2g} off at dt {_H / n:g} s" for n, error in errors.items()]
             faults.setdefault(
                 "order",
-                f"{label}: with stories of law {law} displacements are "
-                f"{', '.join(f'{error:.2g} off at dt {_H / parts:g} s' for parts, error in errors.items())}, of order "
-                f"{max(rates):.1f} where {due:.2g} is due: is each story's state committed once a step, with the drift "
-                "at its end?",
+                f"{label}: with stories of law {law} displacements are {', '.join(measured)}, "
+                f"of order {max(rates):.1f} where {due:.2g} is due: is each story's state "
+                "committed once a step, with the drift at its end?",
             )
         # What is put in is stored, damped or dissipated.
         balance = abs(energy_of(spaces[4].totals).error)
         if not balance <= _BALANCE:
             faults.setdefault(
                 "energy",
-                f"{label}: with stories of law {law} the energies are {100.0 * balance:.2g} % of the largest input out "
-                f"of balance at dt {_H / 4:g} s: is dissipation added up (`commit`, or `settle` before `adopt`)?",
+                f"{label}: with stories of law {law} the energies are {100.0 * balance:.2g} % of "
+                f"the largest input out of balance at dt {_H / 4:g} s: is dissipation added up "
+                "(`commit`, or `settle` before `adopt`)?",
             )
-        # The state is all that a method remembers: other scratch, and halved steps, change nothing but rounding.
+        # The state is all that a method remembers: other scratch, and halved steps, change nothing
+        # but rounding.
         fresh = _displacements(_plain_march(law, integrator, 1, fresh_at=60), 1)
         if not _distance(fresh, _displacements(spaces[1], 1)) <= _NOTHING * size:
             faults.setdefault(
                 "work",
-                f"{label}: goes on otherwise in fresh rows of work: what a step needs of the one before is state",
+                f"{label}: goes on otherwise in fresh rows of work: what a step needs of the one "
+                "before is state",
             )
         if integrator.family.halvable:
             halved = (
@@ -689,8 +718,9 @@ def _yielding_faults(integrator: Integrator, laws: Iterable[str] = _YIELDING) ->
             if not halved <= 2.0 * errors[1] + _NOTHING:
                 faults.setdefault(
                     "halved",
-                    f"{label}: with a halved step displacements are {halved:.2g} off, {errors[1]:.2g} without: its "
-                    "coefficients do not hold for any step (`Family.halvable`), or the state is not left right",
+                    f"{label}: with a halved step displacements are {halved:.2g} off, "
+                    f"{errors[1]:.2g} without: its coefficients do not hold for any step "
+                    "(`Family.halvable`), or the state is not left right",
                 )
     return faults
 
@@ -706,8 +736,8 @@ def _distance(array: Array, other: Array) -> float:
 
 
 def _branch_faults(model: Model, story: int) -> list[str]:
-    """What is wrong with the branches of a story's law in plain Python, with bounds checked: they lead elsewhere than
-    its force.
+    """What is wrong with the branches of a story's law in plain Python, with bounds checked: they
+    lead elsewhere than its force.
 
     Raises
     ------
@@ -727,7 +757,8 @@ def _branch_faults(model: Model, story: int) -> list[str]:
     module = sys.modules[law.functions.__module__]
     with np.errstate(all="ignore"), _faults_in(module, f"law {law.name}"):
         start(parameters, springs, i, 0.0)
-        # Some steps to each turn of the path: loading, unloading short and far, and back through zero.
+        # Some steps to each turn of the path: loading, unloading short and far, and back through
+        # zero.
         drifts = np.concatenate([np.linspace(a, b, 8)[1:] for a, b in pairwise(turns)])
         largest = 0.0
         for drift in drifts:
@@ -740,8 +771,9 @@ def _branch_faults(model: Model, story: int) -> list[str]:
                 branch = float(springs[at.SECOND_TRIAL + at.FORCE, i])
                 if not abs(branch - force) <= _TANGENT * largest:
                     return [
-                        f"law {law.name}: its branches (`enter`, `switch`, `advance`) lead to {branch:.6g} N at drift "
-                        f"{drift:.6g} m, `force` to {force:.6g} N: `put_on_branch` sets all that a `switch` must"
+                        f"law {law.name}: its branches (`enter`, `switch`, `advance`) lead to "
+                        f"{branch:.6g} N at drift {drift:.6g} m, `force` to {force:.6g} N: "
+                        "`put_on_branch` sets all that a `switch` must"
                     ]
             commit(parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)
             resume(parameters, springs, i)

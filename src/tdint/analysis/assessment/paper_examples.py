@@ -1,10 +1,11 @@
-"""Examples 1 to 3 of the paper of 2022: its methods, their errors, and the same methods fed or started otherwise."""
+"""Examples 1 to 3 of the paper of 2022: its methods, their errors, and the same methods fed or
+started otherwise."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -15,7 +16,6 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run
 from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
@@ -41,7 +41,8 @@ DT = 0.02
 """The paper's time step, s."""
 
 REFERENCES = ("paper", "finer")
-"""What errors are told against: what the paper calls exact, or steps so fine that their error is not seen."""
+"""What errors are told against: what the paper calls exact, or steps so fine that their error is
+not seen."""
 
 EXACT = "newmark-linear"
 """The method that the paper calls exact, with the steps of `Example.exact_dt`."""
@@ -56,7 +57,8 @@ _SLOW = 1e-6  # rad within a step: a sine so slow is a straight line, to 1e-13
 
 @dataclass(frozen=True)
 class ExampleFigure:
-    """A figure of the paper: displacement of one floor (from 1) over time, or its error `|u - u_exact|`."""
+    """A figure of the paper: displacement of one floor (from 1) over time, or its error `|u -
+    u_exact|`."""
 
     number: int
     floor: int
@@ -97,7 +99,8 @@ class Example:
 
 @dataclass(frozen=True)
 class ExampleMotion:
-    """What is compared: times (s), shape (steps + 1,), and motion of the floors, shape (steps + 1, n), SI."""
+    """What is compared: times (s), shape (steps + 1,), and motion of the floors, shape (steps + 1,
+    n), SI."""
 
     time: Array
     displacement: Array
@@ -114,10 +117,11 @@ class ExampleRun:
     variant : str
         Empty for the method as `tdint run` takes it; else what was done otherwise.
     outcome : str
-        The status of `tdint run`; without an end `diverged`, `not-converged` or `unstable-step`, and `refused` for a
-        method for linear buildings.
+        The status of `tdint run`; without an end `diverged`, `not-converged` or `unstable-step`,
+        and `refused` for a method for linear buildings.
     motion, paper, finer : ExampleMotion
-        At the step ends; without an end `motion` holds nan. The latter two are what `REFERENCES` names.
+        At the step ends; without an end `motion` holds nan. The latter two are what `REFERENCES`
+        names.
     """
 
     example: int
@@ -134,7 +138,8 @@ class ExampleRun:
         return {"paper": self.paper, "finer": self.finer}[reference]
 
     def error(self, quantity: str, reference: str = "paper") -> float:
-        """Largest error over all floors and steps, SI, against one of `REFERENCES`; nan without an end."""
+        """Largest error over all floors and steps, SI, against one of `REFERENCES`; nan without an
+        end."""
         return float(
             np.max(
                 np.abs(getattr(self.motion, quantity) - getattr(self.exact(reference), quantity))
@@ -143,20 +148,24 @@ class ExampleRun:
 
 
 _REMARKS = {
-    1: "The paper: the proposed method errs least, the central difference most. Here the proposed method errs least of "
-    "all methods of order 2 as well, but the central difference comes next to it: its period error is half that of "
-    "average acceleration. Started as if no force acted at t = 0 (u(-dt) = 0) it errs most, as in the paper, but for "
-    "an RK5 whose load is held over each step. RK5 with the load at its stages is closer to the exact motion than "
-    "newmark-linear with 0.001 s: its error here is that of the reference. With the load linear between the steps it "
-    "errs as methods of order 2 do: they differ by little more than what the sampled load does to all of them.",
-    2: "The paper: RK5 errs most, then the central difference. Its data stand in a drawing that we do not have, so "
-    "that ranks under our values need not be its own. RK5 with the load at its stages errs least; with the load held "
-    "over each step it errs most, as in the paper. The central difference errs less than average acceleration, U0-V0 "
-    "and Wilson, started with u(-dt) = 0 as well.",
-    3: "The paper: average acceleration, U0-V0 and RK5 do well, central difference and Wilson err. Here RK5 does best, "
-    "for it sees the load itself; all others come within 35 % of each other and of RK5 with the load linear between "
-    "the steps, average acceleration and U0-V0 last: their error is that of the sampled load. The central difference "
-    "errs 15 times as much once it starts with u(-dt) = 0. For Wilson we know no reason.",
+    1: "The paper: the proposed method errs least, the central difference most. Here the proposed "
+    "method errs least of all methods of order 2 as well, but the central difference comes next to "
+    "it: its period error is half that of average acceleration. Started as if no force acted at t "
+    "= 0 (u(-dt) = 0) it errs most, as in the paper, but for an RK5 whose load is held over each "
+    "step. RK5 with the load at its stages is closer to the exact motion than newmark-linear with "
+    "0.001 s: its error here is that of the reference. With the load linear between the steps it "
+    "errs as methods of order 2 do: they differ by little more than what the sampled load does to "
+    "all of them.",
+    2: "The paper: RK5 errs most, then the central difference. Its data stand in a drawing that "
+    "we do not have, so that ranks under our values need not be its own. RK5 with the load at its "
+    "stages errs least; with the load held over each step it errs most, as in the paper. The "
+    "central difference errs less than average acceleration, U0-V0 and Wilson, started with u(-dt) "
+    "= 0 as well.",
+    3: "The paper: average acceleration, U0-V0 and RK5 do well, central difference and Wilson "
+    "err. Here RK5 does best, for it sees the load itself; all others come within 35 % of each "
+    "other and of RK5 with the load linear between the steps, average acceleration and U0-V0 last: "
+    "their error is that of the sampled load. The central difference errs 15 times as much once it "
+    "starts with u(-dt) = 0. For Wilson we know no reason.",
 }
 
 
@@ -218,14 +227,16 @@ def examples() -> Mapping[int, Example]:
 
 
 def exact_steps(example: Example, dt: float) -> int:
-    """Steps of what the paper calls exact within one step dt: its own where they divide it, else shorter ones."""
+    """Steps of what the paper calls exact within one step dt: its own where they divide it, else
+    shorter ones."""
     return math.ceil(dt / example.exact_dt - 1e-9)
 
 
 def reference(
     example: Example, dt: float, method: str = "rk5", finer: int = FINER
 ) -> ExampleMotion:
-    """The motion at the ends of steps dt, by a method that takes several steps in one; rk5 with the load at its stages.
+    """The motion at the ends of steps dt, by a method that takes several steps in one; rk5 with the
+    load at its stages.
 
     Raises
     ------
@@ -246,7 +257,8 @@ def reference(
 
 
 def gap(example: Example, dt: float, method: str, finer: int = FINER) -> float:
-    """Largest difference of the displacements, m, between the finer reference and that of another method."""
+    """Largest difference of the displacements, m, between the finer reference and that of another
+    method."""
     other = reference(example, dt, method, finer)
     return float(np.max(np.abs(reference(example, dt).displacement - other.displacement)))
 
@@ -254,7 +266,8 @@ def gap(example: Example, dt: float, method: str, finer: int = FINER) -> float:
 def run_example(
     example: Example, dt: float, integrators: Sequence[Integrator]
 ) -> Iterator[ExampleRun]:
-    """Methods on an example, and the variants of those that have some, each beside both references."""
+    """Methods on an example, and the variants of those that have some, each beside both
+    references."""
     paper, finer = reference(example, dt, EXACT, exact_steps(example, dt)), reference(example, dt)
     unknown = np.full_like(finer.displacement, math.nan)
     for integrator in integrators:
@@ -280,7 +293,8 @@ def _as_run(example: Example, dt: float, integrator: Integrator) -> ExampleMotio
 
 
 def _from_rest_before(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:
-    """Central difference with u(-dt) = 0 in place of u(-dt) = dt^2 a0 / 2: it sees the velocity v0 = dt a0 / 2."""
+    """Central difference with u(-dt) = 0 in place of u(-dt) = dt^2 a0 / 2: it sees the velocity v0
+    = dt a0 / 2."""
     building = assemble(example.model)
     damped = np.diag(building.mass) + 0.5 * dt * building.damping_matrix()
     velocity = np.linalg.solve(damped, 0.5 * dt * _load(example.model, np.zeros(1))[0])
@@ -298,10 +312,11 @@ def _load(model: Model, times: Array) -> Array:
 
 
 def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotion]:
-    """A method that remembers displacement and velocity alone, fed with the load's samples at the step ends.
+    """A method that remembers displacement and velocity alone, fed with the load's samples at the
+    step ends.
 
-    The load is held over each step at its value before, or linear in it: every step is a march of its own, under
-    constant forces and slow sines.
+    The load is held over each step at its value before, or linear in it: every step is a march of
+    its own, under constant forces and slow sines.
     """
 
     def solve(example: Example, dt: float, integrator: Integrator) -> ExampleMotion:

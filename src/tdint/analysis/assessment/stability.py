@@ -1,10 +1,11 @@
-"""Spectral radius, period error and numerical damping of a method, measured on its compiled step."""
+"""Spectral radius, period error and numerical damping of a method, measured on its compiled
+step."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 
@@ -15,7 +16,6 @@ from tdint.analysis.given import between, numbers_of
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.workspace import STABLE, Steps, amplification, spectral_radius
 from tdint.arrays import Array, halved
-from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
@@ -38,8 +38,9 @@ _ROUNDING = 1e-15  # over (omega dt)^2: how far rounding alone lifts a spectral 
 class StabilityCurve(Tabular):
     """What one step does to an undriven oscillator; arrays of shape (k,).
 
-    Period error, numerical damping and amplitude decay are nan where the principal roots are real, for steps longer
-    than half the damped period, which tell no period, and for a damping ratio of 1 and more, which has none.
+    Period error, numerical damping and amplitude decay are nan where the principal roots are real,
+    for steps longer than half the damped period, which tell no period, and for a damping ratio of 1
+    and more, which has none.
 
     Attributes
     ----------
@@ -52,14 +53,15 @@ class StabilityCurve(Tabular):
     period_error : ndarray
         Numerical over exact damped period, minus 1.
     numerical_damping : ndarray
-        Damping ratio of the numerical oscillation minus xi: from the principal root exp(-d + i f), d / sqrt(d^2 + f^2)
-        (Hughes 1987, sect. 9.1). Twice what eq. 40 of the paper of 2022 prints, for small d.
+        Damping ratio of the numerical oscillation minus xi: from the principal root exp(-d + i f),
+        d / sqrt(d^2 + f^2) (Hughes 1987, sect. 9.1). Twice what eq. 40 of the paper of 2022 prints,
+        for small d.
     amplitude_decay : ndarray
-        Part of the amplitude lost in one cycle by the method, 1 - exp(-2 pi (d / f - xi / sqrt(1 - xi^2))): without
-        damping eq. 41 of the paper.
+        Part of the amplitude lost in one cycle by the method, 1 - exp(-2 pi (d / f - xi / sqrt(1 -
+        xi^2))): without damping eq. 41 of the paper.
     spurious_radius : ndarray
-        Modulus of the largest eigenvalue beside the principal pair (eq. 35 of the paper: 0), nan where that is real; 0
-        for a method that remembers displacement and velocity alone.
+        Modulus of the largest eigenvalue beside the principal pair (eq. 35 of the paper: 0), nan
+        where that is real; 0 for a method that remembers displacement and velocity alone.
     """
 
     method: str
@@ -79,7 +81,8 @@ class StabilityCurve(Tabular):
 
 @each_of
 def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) -> StabilityCurve:
-    """Measure how a method follows an oscillator that vibrates freely, from its amplification matrix.
+    """Measure how a method follows an oscillator that vibrates freely, from its amplification
+    matrix.
 
     Parameters
     ----------
@@ -93,7 +96,8 @@ def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) 
     Returns
     -------
     StabilityCurve
-        Spectral radius, period error, numerical damping, amplitude decay and spurious root, shape (k,).
+        Spectral radius, period error, numerical damping, amplitude decay and spurious root, shape
+        (k,).
 
     Raises
     ------
@@ -107,7 +111,8 @@ def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) 
     rises = dt_over_t.size and dt_over_t[0] > 0.0 and np.all(np.diff(dt_over_t) >= 0.0)
     if not (rises and np.isfinite(dt_over_t).all()):
         raise UsageError("dt_over_t must be positive numbers that rise")
-    # Roots are followed from a small step on, with steps in between where those that are asked for lie far apart.
+    # Roots are followed from a small step on, with steps in between where those that are asked for
+    # lie far apart.
     ends = [min(_SMALLEST, dt_over_t[0]), *dt_over_t]
     counts = [2 + int(math.log(high / low) / math.log(_APART)) for low, high in pairwise(ends)]
     ways = [
@@ -150,8 +155,9 @@ def _checked(method: Integrator | str, damping: float) -> Integrator:
 def _followed(
     roots: NDArray[np.complex128], first: float, damping: float
 ) -> tuple[NDArray[np.complex128], Array]:
-    """Of the roots at rising steps, the first one omega h, the one that stands for the oscillation, followed from there
-    on (positive imaginary part while complex), and the largest modulus beside it and its conjugate."""
+    """Of the roots at rising steps, the first one omega h, the one that stands for the oscillation,
+    followed from there on (positive imaginary part while complex), and the largest modulus beside
+    it and its conjugate."""
     guess = np.exp((-damping + np.emath.sqrt(damping**2 - 1.0)) * first)
     principal, spurious = np.empty(len(roots), dtype=np.complex128), np.zeros(len(roots))
     for index, candidates in enumerate(roots):
@@ -174,10 +180,11 @@ def _roots(method: Integrator, omega_h: Array, damping: float) -> NDArray[np.com
 
 @cache
 def critical_step(method: Integrator, damping: float = 0.0) -> float:
-    """Smallest omega dt from which on the spectral radius exceeds 1, bisected to rounding; inf if there is none.
+    """Smallest omega dt from which on the spectral radius exceeds 1, bisected to rounding; inf if
+    there is none.
 
-    Searched at 4000 points up to `LARGEST`, and just above the limit that the method declares: an unstable band
-    elsewhere that is narrower than half a percent of omega dt can be missed.
+    Searched at 4000 points up to `LARGEST`, and just above the limit that the method declares: an
+    unstable band elsewhere that is narrower than half a percent of omega dt can be missed.
     """
     grid = np.geomspace(1e-3, LARGEST, 4000)
     declared = method.stability_limit
@@ -196,16 +203,16 @@ def critical_step(method: Integrator, damping: float = 0.0) -> float:
 
 
 def false_limit(method: Integrator, measured: float) -> str:
-    """What there is to say of a declared stability limit that is not the measured one (`critical_step` without
-    damping); nothing where they agree or none is declared (nan)."""
+    """What there is to say of a declared stability limit that is not the measured one
+    (`critical_step` without damping); nothing where they agree or none is declared (nan)."""
     declared = method.stability_limit
     unlimited = declared > LARGEST and measured == math.inf
     if math.isnan(declared) or unlimited or math.isclose(declared, measured, rel_tol=_AGREEMENT):
         return ""
     limit = f"{measured:.6g}" if math.isfinite(measured) else f"none up to {LARGEST:g}"
     return (
-        f"{method.label}: declares that it is stable up to omega dt {declared:.6g}, measured is {limit}; `tdint "
-        "run` refuses steps by what it measures at the building's own modes"
+        f"{method.label}: declares that it is stable up to omega dt {declared:.6g}, measured is "
+        f"{limit}; `tdint run` refuses steps by what it measures at the building's own modes"
     )
 
 
@@ -215,7 +222,8 @@ def _grows(method: Integrator, omega_h: Array, damping: float) -> NDArray[np.boo
     return np.asarray(radius > 1.0 + np.maximum(STABLE, _ROUNDING * omega_h**2))
 
 
-# ---- First steps of an undriven oscillator under a large step: does the method overshoot (Hilber and Hughes 1978)?
+# ---- First steps of an undriven oscillator under a large step: does the method overshoot (Hilber
+# and Hughes 1978)?
 
 STARTS = {"displacement": (1.0, 0.0), "velocity": (0.0, 1.0)}
 """Starts by name: u(0) and h v(0), m."""
@@ -227,15 +235,18 @@ _LEVELS = 10.0 ** np.arange(2.0, 8.0)
 _SPREAD = 1.0 + np.arange(16) * 0.61803398875 % 1.0  # so that no sine is caught at its zeros alone
 _LARGER = 0.25  # powers further apart than this differ
 _NOISE = {"displacement": 1e-13 * _LEVELS**2, "velocity": 1e-13 * _LEVELS}
-"""What a step rounds, over its start: the acceleration of the start is omega^2 u(0) or 2 xi omega v(0)."""
+"""What a step rounds, over its start: the acceleration of the start is omega^2 u(0) or 2 xi omega
+v(0)."""
 _FAR = 1e3  # omega h by which an unstable method has left the unit circle
 _TINY = 1e-200  # the motion is linear in its start: a tiny one leaves room for what grows
 
 LAWS = ("linear", "hardening", "softening")
-"""Restoring forces of the oscillator: linear, or of the problem of that name (`tdint.analysis.assessment.failures`)."""
+"""Restoring forces of the oscillator: linear, or of the problem of that name
+(`tdint.analysis.assessment.failures`)."""
 
 BEYOND = 0.01
-"""A method overshoots in nonlinear motion where its steps pass the largest exact value by more than this part."""
+"""A method overshoots in nonlinear motion where its steps pass the largest exact value by more than
+this part."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -247,11 +258,11 @@ class Overshoot(Tabular):
     law : str
         One of `LAWS`.
     displacement, velocity : ndarray
-        u over U and v over V, the largest values of the exact undamped motion: it stays within -1 and 1. nan after a
-        response that ran away.
+        u over U and v over V, the largest values of the exact undamped motion: it stays within -1
+        and 1. nan after a response that ran away.
     displacement_power, velocity_power : float
-        p in u(h) ~ (omega h)^p and h v(h) ~ (omega h)^p for omega h to infinity; -inf where the step leaves nothing.
-        The exact motion has `EXACT_POWERS`. nan for a nonlinear law.
+        p in u(h) ~ (omega h)^p and h v(h) ~ (omega h)^p for omega h to infinity; -inf where the
+        step leaves nothing. The exact motion has `EXACT_POWERS`. nan for a nonlinear law.
     """
 
     method: str
@@ -270,8 +281,8 @@ class Overshoot(Tabular):
 
     @property
     def largest(self) -> tuple[float, float]:
-        """Largest displacement and velocity of the steps, over those of the exact motion; infinite after a response
-        that ran away."""
+        """Largest displacement and velocity of the steps, over those of the exact motion; infinite
+        after a response that ran away."""
         u, v = (float(np.max(np.abs(values))) for values in (self.displacement, self.velocity))
         return (math.inf, math.inf) if math.isnan(u + v) else (u, v)
 
@@ -296,10 +307,11 @@ def overshoot(
     damping: float = 0.0,
     law: str = "linear",
 ) -> Overshoot:
-    """Integrate an undriven oscillator over a few large steps, and measure the power of the first step's growth.
+    """Integrate an undriven oscillator over a few large steps, and measure the power of the first
+    step's growth.
 
-    A nonlinear oscillator starts with the energy of its problem in `tdint.analysis.assessment.failures`; it has no
-    powers, for its motion depends on its size.
+    A nonlinear oscillator starts with the energy of its problem in
+    `tdint.analysis.assessment.failures`; it has no powers, for its motion depends on its size.
 
     Parameters
     ----------
@@ -324,8 +336,8 @@ def overshoot(
     Raises
     ------
     UsageError
-        An unknown method, start or law, a damping ratio that is none; a method for linear buildings with a nonlinear
-        law.
+        An unknown method, start or law, a damping ratio that is none; a method for linear buildings
+        with a nonlinear law.
     """
     method = _checked(method, damping)
     if start not in STARTS:
@@ -341,7 +353,8 @@ def overshoot(
     omega_h = 2.0 * math.pi * dt_over_t
     u, hv = _first_steps(method, start, np.array([omega_h]), steps, damping)[:, :, 0]
     amplitude = math.hypot(STARTS[start][0], STARTS[start][1] / omega_h)
-    # Powers of u and h v after one step: the slopes over the last decade of omega h that rounding leaves.
+    # Powers of u and h v after one step: the slopes over the last decade of omega h that rounding
+    # leaves.
     largest = np.array(
         [
             np.max(np.abs(_first_steps(method, start, level * _SPREAD, 1, damping)[:, 1]), axis=1)
@@ -361,8 +374,8 @@ def overshoot(
 
 
 def verdict(method: Integrator, both: Sequence[Overshoot]) -> str:
-    """What the first step overshoots, judged by its powers from both starts: `none`, `displacement`, ..., or `unstable`
-    where the method grows without bound anyway."""
+    """What the first step overshoots, judged by its powers from both starts: `none`,
+    `displacement`, ..., or `unstable` where the method grows without bound anyway."""
     damping = np.array([both[0].damping])
     if spectral_radius(method, np.array([_FAR]), damping, 1.0)[0] > 1.0 + STABLE:
         return "unstable"
@@ -373,8 +386,8 @@ def verdict(method: Integrator, both: Sequence[Overshoot]) -> str:
 def _first_steps(
     method: Integrator, start: str, omega_h: Array, steps: int, damping: float
 ) -> Array:
-    """u and h v of the first steps of oscillators, shape (2, steps + 1, oscillators), h = 1 s; nan after a response
-    that ran away."""
+    """u and h v of the first steps of oscillators, shape (2, steps + 1, oscillators), h = 1 s; nan
+    after a response that ran away."""
     displacement, velocity = np.multiply(_TINY, STARTS[start])
     building = oscillators(omega_h, np.array([damping]))
     prepared = PreparedBuilding(building, displacement=displacement, velocity=velocity)
@@ -384,7 +397,8 @@ def _first_steps(
 def _nonlinear_overshoot(
     method: Integrator, start: str, dt_over_t: float, steps: int, damping: float, law: str
 ) -> Overshoot:
-    """The steps of the oscillator of a problem, from its displacement or from the velocity of the same energy."""
+    """The steps of the oscillator of a problem, from its displacement or from the velocity of the
+    same energy."""
     if method.family.linear_only:
         raise UsageError(f"{method.label} integrates linear buildings only; not with the law {law}")
 
@@ -406,8 +420,8 @@ def _nonlinear_overshoot(
 
 
 def _marched(prepared: PreparedBuilding, method: Integrator, steps: Steps) -> Array:
-    """Displacements and velocities of the floors at the steps, shape (2, steps + 1, n); nan after a response that ran
-    away."""
+    """Displacements and velocities of the floors at the steps, shape (2, steps + 1, n); nan after a
+    response that ran away."""
     marched = prepared.march(method, steps, rows=steps.count)
     n = prepared.building.stories
     history = marched.space.history

@@ -1,8 +1,8 @@
-"""OpenSeesPy in a process of its own: `python -m` with the name of this module reads a building and a list of runs
-from standard input and writes their motions and times to standard output.
+"""OpenSeesPy in a process of its own: `python -m` with the name of this module reads a building and
+a list of runs from standard input and writes their motions and times to standard output.
 
-It knows nothing of tdint but the names of the arrays, so that what is timed is OpenSeesPy's own analysis loop. Exit
-code 3: OpenSeesPy is not installed; 4: it is, and cannot be loaded.
+It knows nothing of tdint but the names of the arrays, so that what is timed is OpenSeesPy's own
+analysis loop. Exit code 3: OpenSeesPy is not installed; 4: it is, and cannot be loaded.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ import numpy as np
 
 NOT_INSTALLED, NOT_LOADED = 3, 4
 SECONDS = 60.0
-"""After so many seconds of processor time no further run is begun; of one of many problems a part of them."""
+"""After so many seconds of processor time no further run is begun; of one of many problems a part
+of them."""
 
 _BUNDLED = ("libquadmath.so.0", "libgfortran.so.4", "libblas.so.3", "liblapack.so.3")
 TOLERANCE = 1e-9  # of what is out of balance, over the largest force of inertia of the reference
@@ -81,7 +82,8 @@ def load() -> Any:
 
 
 def _run(ops: Any, problem: Content, run: Content) -> Content:
-    """One integrator with one step: its motion from a march step by step, its times from marches in one call."""
+    """One integrator with one step: its motion from a march step by step, its times from marches in
+    one call."""
     seconds = getattr(time, run["clock"])
     _build(ops, problem, run)
     motion = _march(ops, problem, run)
@@ -107,7 +109,8 @@ def _build(ops: Any, problem: Content, run: Content) -> None:
     ops.fix(_GROUND, 1)
     for i in range(n):
         ops.mass(i + 1, float(problem["mass"][i]))
-        # A story is a spring, and beside it what Rayleigh damping does not have: a dashpot, P-delta.
+        # A story is a spring, and beside it what Rayleigh damping does not have: a dashpot,
+        # P-delta.
         beside = (("Viscous", problem["dashpot"][i], 1.0), ("Elastic", problem["geometric"][i]))
         for j, (kind, *numbers) in enumerate((materials[i], *beside)):
             if j == 0 or numbers[0] != 0.0:
@@ -158,12 +161,14 @@ def _load_floors(ops: Any, problem: Content) -> None:
 
 
 def _march(ops: Any, problem: Content, run: Content) -> Content:
-    """Step by step: the motion every so many steps, the peaks at all steps, the iterations. Absolute accelerations are
-    those of the nodes and of the ground; total shears what they do to the masses above, without forces on floors."""
+    """Step by step: the motion every so many steps, the peaks at all steps, the iterations.
+    Absolute accelerations are those of the nodes and of the ground; total shears what they do to
+    the masses above, without forces on floors."""
     n = problem["mass"].size
     iterations = 0
     with TemporaryDirectory() as folder:
-        # OpenSees itself writes what nodes do: asked for in Python this takes longer than the steps.
+        # OpenSees itself writes what nodes do: asked for in Python this takes longer than the
+        # steps.
         for name in _KINDS:
             ops.recorder(
                 "Node", "-binary", f"{folder}/{name}", "-node", *range(1, n + 1), "-dof", 1, name

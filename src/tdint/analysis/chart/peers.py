@@ -1,5 +1,5 @@
-"""Other programs in the same chart: OpenSeesPy, where it is installed, and SciPy's RK45, Radau and LSODA (solve_ivp),
-which choose their own steps.
+"""Other programs in the same chart: OpenSeesPy, where it is installed, and SciPy's RK45, Radau and
+LSODA (solve_ivp), which choose their own steps.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ _OPENSEES: dict[str, Callable[[float], tuple[Any, ...]]] = {
         1.0 / (1.0 + rho),
     ),
 }
-"""Our method and, of its first parameter, OpenSees' name for it with its parameters, as weights of the end of the step
-instead of the start."""
+"""Our method and, of its first parameter, OpenSees' name for it with its parameters, as weights of
+the end of the step instead of the start."""
 
 
 def _bouc_wen(k: float, _: float, *parameters: float) -> tuple[Any, ...]:
@@ -93,16 +93,18 @@ _MATERIALS: dict[str, Callable[..., tuple[Any, ...]]] = {
     "tanh": _tanh,
     "polynomial": _polynomial,
 }
-"""Our law and, of its stiffness, the drift that it must reach and its parameters, OpenSees' material with its own:
-those whose law is the same. Curves are tables."""
+"""Our law and, of its stiffness, the drift that it must reach and its parameters, OpenSees'
+material with its own: those whose law is the same. Curves are tables."""
 
 _OF_ORDER_1 = ("bouc-wen",)
-"""Laws whose material takes the rate at the end of the step alone: the error of a run falls with order 1."""
+"""Laws whose material takes the rate at the end of the step alone: the error of a run falls with
+order 1."""
 
 ITERATED = (
-    "openseespy/generalized-alpha: from the second iteration of a step on OpenSees balances the forces of the weighted "
-    "time with the acceleration at the end of the step; its error falls with order 1, and its iterations converge by "
-    "(1 - alpha_m) / alpha_m (shown by tests/benchmarks/opensees_generalized_alpha.py)"
+    "openseespy/generalized-alpha: from the second iteration of a step on OpenSees balances the "
+    "forces of the weighted time with the acceleration at the end of the step; its error falls "
+    "with order 1, and its iterations converge by (1 - alpha_m) / alpha_m (shown by "
+    "tests/benchmarks/opensees_generalized_alpha.py)"
 )
 """What is said of a chart where steps take more than one solve."""
 
@@ -116,13 +118,15 @@ def openseespy_points(
     share: float = 1.0,
     judge: Callable[[Any], RelativeErrors] | None = None,
 ) -> tuple[list[Point], list[str]]:
-    """OpenSeesPy's points, and what of them is left out: average acceleration, HHT and generalized-alpha.
+    """OpenSeesPy's points, and what of them is left out: average acceleration, HHT and
+    generalized-alpha.
 
-    The parameters are those that ours have by default. The building is the same: of each story a zeroLength element (a
-    material of `_MATERIALS`), beside it Viscous for a dashpot and Elastic for P-delta; Rayleigh damping from the
-    initial stiffness, the record as a Path, the acceleration of equilibrium at the start; Newton's method (Linear in
-    linear buildings, factorized once) until the unbalanced forces are 1e-9 of the largest force of inertia, BandSPD.
-    The time is that of `analyze` alone. Peaks are those at the steps; `judge` has the errors from them in place of
+    The parameters are those that ours have by default. The building is the same: of each story a
+    zeroLength element (a material of `_MATERIALS`), beside it Viscous for a dashpot and Elastic for
+    P-delta; Rayleigh damping from the initial stiffness, the record as a Path, the acceleration of
+    equilibrium at the start; Newton's method (Linear in linear buildings, factorized once) until
+    the unbalanced forces are 1e-9 of the largest force of inertia, BandSPD. The time is that of
+    `analyze` alone. Peaks are those at the steps; `judge` has the errors from them in place of
     those of the motion. A `share` of the time that one problem has is what all runs may take.
     """
     if reason := _unsupported(problem):
@@ -166,10 +170,12 @@ def openseespy_points(
 
 
 def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[float, str]:
-    """How far OpenSees' average acceleration is from a reference of ours, and how that was found, or why it is not.
+    """How far OpenSees' average acceleration is from a reference of ours, and how that was found,
+    or why it is not.
 
-    The larger of the differences of the histories of drift and acceleration (L2). Steps are halved until those that
-    two of them tend to (Richardson) are within the goal, as a reference is confirmed by average acceleration of ours.
+    The larger of the differences of the histories of drift and acceleration (L2). Steps are halved
+    until those that two of them tend to (Richardson) are within the goal, as a reference is
+    confirmed by average acceleration of ours.
     """
     if reason := _unsupported(problem):
         return math.nan, reason
@@ -223,8 +229,8 @@ def _proportion(values: Array, other: Array) -> float | None:
 
 
 def _one_solve(problem: Problem) -> bool:
-    """Whether a step takes one solve. The tangent of Viscous is not that of a dashpot: with it a single one does not
-    do."""
+    """Whether a step takes one solve. The tangent of Viscous is not that of a dashpot: with it a
+    single one does not do."""
     building = problem.building
     dampers, stiffness = (
         building.linear_terms[at.STORY_DAMPER, :-1],
@@ -331,10 +337,11 @@ def _motion(problem: Problem, steps: Steps, rows: Array, peak_drift: Array) -> F
 
 
 _OPENSEES_SETTINGS = (
-    f"zeroLength elements (Elastic, Steel01, BoucWen, ElasticMultiLinear; Viscous), curves as tables of {_TABLE.size} "
-    f"points, BandSPD, Newton until NormUnbalance is {opensees_worker.TOLERANCE:g} of the largest force of inertia, "
-    f"{opensees_worker.ITERATIONS} iterations at most (Linear -factorOnce in linear buildings); least of {_REPEATS} "
-    "times at most"
+    "zeroLength elements (Elastic, Steel01, BoucWen, ElasticMultiLinear; Viscous), curves as "
+    f"tables of {_TABLE.size} points, BandSPD, Newton until NormUnbalance is "
+    f"{opensees_worker.TOLERANCE:g} of the largest force of inertia, {opensees_worker.ITERATIONS} "
+    f"iterations at most (Linear -factorOnce in linear buildings); least of {_REPEATS} times at "
+    "most"
 )
 _SCIPY_SETTINGS = (
     "solve_ivp, atol = rtol times the largest displacement, velocity and yield force; one time each"
@@ -355,11 +362,13 @@ class _TooLong(Exception):
 def solve_ivp_points(
     problem: Problem, reference: Reference, *, seconds: float = SECONDS
 ) -> tuple[list[Point], list[str]]:
-    """Points of solve_ivp, and what is left out: a line per method, a point per relative tolerance, one run each.
+    """Points of solve_ivp, and what is left out: a line per method, a point per relative tolerance,
+    one run each.
 
-    Linear and bilinear stories. The hysteretic part z of a bilinear story is a state whose rate is (1 - a) k times the
-    drift's, and zero while it yields: no events. The absolute tolerance is the relative one times the largest value of
-    the reference. The motion is asked for at the samples; its peaks are those at the samples.
+    Linear and bilinear stories. The hysteretic part z of a bilinear story is a state whose rate is
+    (1 - a) k times the drift's, and zero while it yields: no events. The absolute tolerance is the
+    relative one times the largest value of the reference. The motion is asked for at the samples;
+    its peaks are those at the samples.
     """
     law = _stories(problem)
     if law is None:
@@ -371,7 +380,8 @@ def solve_ivp_points(
             point = _solve(problem, reference, law, method, tolerance, seconds)
             if point is None:
                 notes.append(
-                    f"scipy's {method} is left out from rtol {tolerance:g} on: it takes over {seconds:g} s"
+                    f"scipy's {method} is left out from rtol {tolerance:g} on: it takes over "
+                    f"{seconds:g} s"
                 )
                 break
             points.append(point)
@@ -379,7 +389,8 @@ def solve_ivp_points(
 
 
 def _stories(problem: Problem) -> tuple[Array, Array, Array] | None:
-    """Elastic stiffness, stiffness of the hysteretic part and its strength of each story; None for other laws.
+    """Elastic stiffness, stiffness of the hysteretic part and its strength of each story; None for
+    other laws.
 
     The first is that of the whole story where it is linear, after yield where it is bilinear.
     """
@@ -423,7 +434,8 @@ def _rate(problem: Problem, law: tuple[Array, Array, Array], deadline: float) ->
         shear = elastic * np.diff(u, prepend=0.0)
         change = state[2 * n :]
         if hysteresis:
-            # The hysteretic part of a bilinear story: elastic until it reaches its strength, and constant there.
+            # The hysteretic part of a bilinear story: elastic until it reaches its strength, and
+            # constant there.
             z = state[2 * n :]
             shear += np.clip(z, -strength, strength)
             change = hysteretic * np.diff(v, prepend=0.0)
@@ -488,11 +500,13 @@ def _solve(
 def with_plugins(
     problem: Problem, chart: Chart, *, repeats: int, progress: Progress = silent
 ) -> tuple[Chart, list[str]]:
-    """The chart with a point for each of the PEERS of plug-ins behind its own, and what of them is left out.
+    """The chart with a point for each of the PEERS of plug-ins behind its own, and what of them is
+    left out.
 
-    A peer is a function of the problem that gives times (s, equally spaced, from 0 to the last sample or beyond, whole
-    parts or multiples of the interval apart) and displacements of the floors at these (m, relative to the ground, shape
-    (times, stories)). All of the call is timed. Errors of velocities and accelerations are not known.
+    A peer is a function of the problem that gives times (s, equally spaced, from 0 to the last
+    sample or beyond, whole parts or multiples of the interval apart) and displacements of the
+    floors at these (m, relative to the ground, shape (times, stories)). All of the call is timed.
+    Errors of velocities and accelerations are not known.
     """
     points: list[Point] = []
     notes: list[str] = []
@@ -519,7 +533,8 @@ def with_plugins(
 def _called(
     problem: Problem, reference: Reference, function: Callable[[Any], Any], repeats: int
 ) -> Point:
-    """The point that a function of the problem makes, yet without a name; ValueError where it gives something else."""
+    """The point that a function of the problem makes, yet without a name; ValueError where it gives
+    something else."""
     taken = []
     for _ in range(repeats):
         begin = system.seconds()
@@ -559,9 +574,11 @@ def with_peers(
     repeats: int,
     progress: Progress = silent,
 ) -> tuple[Chart, list[str]]:
-    """The chart with the points of other programs behind its own, and what of them is left out, a sentence each.
+    """The chart with the points of other programs behind its own, and what of them is left out, a
+    sentence each.
 
-    Their errors are against the same reference; their times are those of their analysis loops alone.
+    Their errors are against the same reference; their times are those of their analysis loops
+    alone.
     """
     progress("openseespy", 0.0)
     openseespy, notes = openseespy_points(

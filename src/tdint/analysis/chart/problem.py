@@ -1,4 +1,5 @@
-"""What a chart is made of: a building under its load over some time, for any method at any step that fits."""
+"""What a chart is made of: a building under its load over some time, for any method at any step
+that fits."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ import math
 import time
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import astuple, fields, replace
+from dataclasses import astuple, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,6 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run_case
 from tdint.analysis.run.workspace import Steps, choose_steps
 from tdint.arrays import Array, cached_property
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, OutputError, UsageError
 from tdint.files import is_file, write_file
 from tdint.ground_motion.record import Record
@@ -85,7 +85,8 @@ class Problem:
     Attributes
     ----------
     interval : float
-        Time between two samples, s: those of the record, or without one those of the step that others divide.
+        Time between two samples, s: those of the record, or without one those of the step that
+        others divide.
     samples : int
         Intervals to be integrated.
     """
@@ -149,7 +150,8 @@ class Problem:
         return Case(self.model, self.prepared, self.record, integrator)
 
     def told(self, integrator: Integrator, steps: Steps) -> float:
-        """The largest error of a story's peak drift, over it, that `tdint run` tells beside these; nan for none."""
+        """The largest error of a story's peak drift, over it, that `tdint run` tells beside these;
+        nan for none."""
         response = told_run(self.case(integrator), steps)
         peaks = response.stories.peak_drift
         return (
@@ -159,15 +161,16 @@ class Problem:
         )
 
     def within(self, integrator: Integrator, tolerance: float) -> Response:
-        """What `tdint run --tolerance` gives over all samples; FailedRun where it ends otherwise."""
+        """What `tdint run --tolerance` gives over all samples; FailedRun where it ends
+        otherwise."""
         dt = None if self.record else self.interval
         return run_case(
             self.case(integrator), dt=dt, duration=self.samples * self.interval, tolerance=tolerance
         )
 
     def motion(self, integrator: Integrator, steps: Steps) -> FloorMotion | None:
-        """The motion at the samples (or at the steps, if these are longer); None where the march does not reach its
-        end."""
+        """The motion at the samples (or at the steps, if these are longer); None where the march
+        does not reach its end."""
         marched = self.prepared.march(
             integrator, steps, self.ground, rows=steps.count // steps.per_sample
         )
@@ -187,8 +190,8 @@ def pose(
 ) -> Problem:
     """The problem that a model is under a record, by default its own.
 
-    The interval is the record's; without a record the model's step, else the largest of `dts` (s). The duration (s) is
-    by default the model's, else the record's.
+    The interval is the record's; without a record the model's step, else the largest of `dts` (s).
+    The duration (s) is by default the model's, else the record's.
 
     Raises
     ------
@@ -214,7 +217,8 @@ def pose(
     )
     if not any(np.any(cause) for cause in causes):
         raise AnalysisError(
-            f"{model.name}: nothing moves this building: no ground motion, no force, no initial state"
+            f"{model.name}: nothing moves this building: no ground motion, no force, no initial "
+            "state"
         )
     return problem
 
@@ -222,8 +226,8 @@ def pose(
 def ending_together(problem: Problem, dts: Iterable[float]) -> Problem:
     """The problem, longer by as many samples as it takes for all steps (s) to end at one time.
 
-    A motion that goes on has larger peaks: those of two durations are no measure of an error. Steps whose common
-    multiple is longer than the motion stay as they are.
+    A motion that goes on has larger peaks: those of two durations are no measure of an error. Steps
+    whose common multiple is longer than the motion stay as they are.
     """
     common = math.lcm(*(problem.steps(dt).stride for dt in dts))
     if common > problem.samples:
@@ -232,10 +236,11 @@ def ending_together(problem: Problem, dts: Iterable[float]) -> Problem:
 
 
 def stretched(model: Model, count: int) -> Model:
-    """The model with `count` stories: its own ones, each repeated (or left out) so that their pattern stays.
+    """The model with `count` stories: its own ones, each repeated (or left out) so that their
+    pattern stays.
 
-    Rayleigh damping keeps its coefficients. Of modal damping of the first modes those remain that there are. Forces
-    and the initial state move with their floors.
+    Rayleigh damping keeps its coefficients. Of modal damping of the first modes those remain that
+    there are. Forces and the initial state move with their floors.
     """
     stories = len(model.stories)
     if count == stories:
@@ -272,7 +277,8 @@ def stretched(model: Model, count: int) -> Model:
     )
 
 
-# ---- The motion that others are measured against: computed by one method, confirmed by another one, kept for later
+# ---- The motion that others are measured against: computed by one method, confirmed by another
+# one, kept for later
 
 EXACT_UP_TO = 100
 """Stories up to which the exact method serves; the cost of its step grows with their square."""
@@ -281,13 +287,15 @@ _EXACT_GOAL, _SMOOTH_GOAL, _KINKED_GOAL = 1e-10, 1e-9, 1e-8  # gaps that are sma
 _SECONDS = 20.0  # after which no finer solution is begun
 _FIRST_COST = 0.5  # s, of the first solution, roughly
 _STORY_STEP = 6e-8  # s, of one step of one story, roughly
-_SMALL = 1e-3  # stories whose peak drift is below this part of the largest are left out of the error of the peaks
+# stories whose peak drift is below this part of the largest are left out of the error of the peaks
+_SMALL = 1e-3
 _KEPT = 200_000_000  # bytes of references in the cache
 
 
 @dataclass(frozen=True)
 class RelativeErrors:
-    """Relative errors by their names: `Errors` of a motion, or of peaks alone `profiles.PeakErrors`."""
+    """Relative errors by their names: `Errors` of a motion, or of peaks alone
+    `profiles.PeakErrors`."""
 
     def of(self, quantity: str) -> float:
         """One of the errors by its name, with a hyphen or an underscore in it."""
@@ -306,11 +314,12 @@ class Errors(RelativeErrors):
     Attributes
     ----------
     displacement, drift, velocity, acceleration : float
-        Of the whole history, L2: root of the sum of squares of the differences over all floors (stories) and common
-        times, over that of the reference. Displacement and velocity relative to the ground, acceleration absolute.
+        Of the whole history, L2: root of the sum of squares of the differences over all floors
+        (stories) and common times, over that of the reference. Displacement and velocity relative
+        to the ground, acceleration absolute.
     peak_drift : float
-        Largest relative error of a story's peak drift. Stories whose peak is below a thousandth of the largest one
-        are left out.
+        Largest relative error of a story's peak drift. Stories whose peak is below a thousandth of
+        the largest one are left out.
     """
 
     displacement: float
@@ -324,7 +333,8 @@ QUANTITIES = tuple(field.name for field in fields(Errors))
 
 
 def errors(motion: FloorMotion, reference: FloorMotion) -> Errors:
-    """Errors of a motion against the reference, which has all samples, at the times of the motion."""
+    """Errors of a motion against the reference, which has all samples, at the times of the
+    motion."""
     true = reference.every(motion.stride, len(motion.displacement))
     of_history = {}
     for name in QUANTITIES[:-1]:
@@ -342,7 +352,8 @@ def errors_of_peaks(response: Response, reference: FloorMotion) -> Errors:
 
 
 def largest_relative(peaks: Array, true: Array) -> float:
-    """Largest relative error of the stories' peaks, but for those below a thousandth of the largest one."""
+    """Largest relative error of the stories' peaks, but for those below a thousandth of the largest
+    one."""
     counted = true > _SMALL * np.max(true)
     return float(np.max(np.abs(peaks[counted] / true[counted] - 1.0), initial=0.0))
 
@@ -371,9 +382,10 @@ class Reference:
 def find_reference(problem: Problem, samples: int, *, cached: bool = True) -> Reference:
     """The reference for a problem over some samples, from the cache if it is there.
 
-    Linear buildings under ground motion alone: the exact method, confirmed by impulse4. All others: impulse4, confirmed
-    by average acceleration extrapolated from two steps; not by gauss4, which is the same method in linear buildings.
-    Steps are halved until the gap is small, does not fall any more, or takes too long to close further.
+    Linear buildings under ground motion alone: the exact method, confirmed by impulse4. All others:
+    impulse4, confirmed by average acceleration extrapolated from two steps; not by gauss4, which is
+    the same method in linear buildings. Steps are halved until the gap is small, does not fall any
+    more, or takes too long to close further.
 
     Raises
     ------
@@ -442,7 +454,8 @@ def _motion(problem: Problem, samples: int, method: str, parts: int) -> FloorMot
 
 
 def cache_folder() -> Path | None:
-    """The folder for references made by these versions of the compiler; None if none can be written."""
+    """The folder for references made by these versions of the compiler; None if none can be
+    written."""
     return cache_subfolder(folder_name())
 
 
@@ -478,7 +491,8 @@ def _load(file: Path, problem: Problem, samples: int) -> Reference | None:
     if not is_file(file):
         return None
     shape = (samples + 1, problem.building.stories)
-    # A zip file, a text or an array that is broken: whatever is raised, the reference is computed anew.
+    # A zip file, a text or an array that is broken: whatever is raised, the reference is computed
+    # anew.
     with (
         suppress(Exception),
         file.open("rb") as stream,
@@ -503,7 +517,8 @@ def _load(file: Path, problem: Problem, samples: int) -> Reference | None:
 
 
 def _save(file: Path, reference: Reference) -> None:
-    """Keep a reference, and of older ones those that have room; a cache that cannot be written is none."""
+    """Keep a reference, and of older ones those that have room; a cache that cannot be written is
+    none."""
     motion = reference.motion
     content: dict[str, Any] = {
         "table": np.array([motion.displacement, motion.velocity, motion.acceleration]),

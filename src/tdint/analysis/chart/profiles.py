@@ -1,12 +1,13 @@
-"""Many problems: what each method costs on each of them for an error, and its performance profile over all (Dolan and
-More 2002, Benchmarking optimization software with performance profiles, Mathematical Programming 91:201-213).
+"""Many problems: what each method costs on each of them for an error, and its performance profile
+over all (Dolan and More 2002, Benchmarking optimization software with performance profiles,
+Mathematical Programming 91:201-213).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import astuple, replace
+from dataclasses import astuple, dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -41,7 +42,6 @@ from tdint.analysis.given import AnyModel, AnyRecord, model_of, model_record, re
 from tdint.analysis.run.error_estimate import attempt
 from tdint.analysis.run.outcome import FailedRun, Response, StoryPeaks
 from tdint.arrays import cached_property
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, RecordError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.methods.catalogue import chosen, parse
@@ -89,7 +89,8 @@ PARTS = (
     1 / 12,
     1 / 16,
 )
-"""Steps over the record's interval: halvings, and some between, for with these alone costs would come by twos."""
+"""Steps over the record's interval: halvings, and some between, for with these alone costs would
+come by twos."""
 
 PEAKS = ("peak_drift", "peak_acceleration", "peak_total_shear")
 
@@ -99,22 +100,26 @@ _SURE = (
     0.2  # of a tolerance: what the reference must be known to, so that an error within it is one
 )
 _NEAR = 1.5  # times the least: costs that may yet turn out to be it when they are measured again
-_FAR_BELOW = 0.25  # of the smallest tolerance: two steps with such errors are followed by none that is smaller
-_SHARE = 0.3  # of the time that OpenSees has for one problem: with all of it many take longer than our own methods
+# of the smallest tolerance: two steps with such errors are followed by none that is smaller
+_FAR_BELOW = 0.25
+# of the time that OpenSees has for one problem: with all of it many take longer than our own
+# methods
+_SHARE = 0.3
 _REPEATS = 3  # the least of them counts: other work can only add to a time
 
 
 @dataclass(frozen=True)
 class PeakErrors(RelativeErrors):
-    """Largest relative errors of the peaks of all stories: drift, absolute acceleration, total shear. Stories whose
-    peak is below a thousandth of the largest one are left out."""
+    """Largest relative errors of the peaks of all stories: drift, absolute acceleration, total
+    shear. Stories whose peak is below a thousandth of the largest one are left out."""
 
     peak_drift: float
     peak_acceleration: float
     peak_total_shear: float
 
     def of(self, quantity: str) -> float:
-        """One of the errors by its name, with a hyphen or an underscore in it; nan for one that this has not."""
+        """One of the errors by its name, with a hyphen or an underscore in it; nan for one that
+        this has not."""
         return float(getattr(self, quantity.replace("-", "_"), math.nan))
 
     @classmethod
@@ -142,17 +147,18 @@ class Measured:
     name, motion, reason : str
         As of `FieldProblem`.
     stories, interval, duration, ductility, changes : int or float
-        Stories; the record's interval and the time integrated, s; largest ductility (nan for laws without yield) and
-        changes of branch of the reference.
+        Stories; the record's interval and the time integrated, s; largest ductility (nan for laws
+        without yield) and changes of branch of the reference.
     confirmed_by : str
         The second solution, in words.
     gap : PeakErrors
         Of that against the reference: errors are known where they are well above it.
     points : tuple of Point
-        Method by method, each from its largest step to its smallest; `Point.errors` are `PeakErrors`.
+        Method by method, each from its largest step to its smallest; `Point.errors` are
+        `PeakErrors`.
     peer_gap, peer_note : float, str
-        How far OpenSees' average acceleration with fine steps is from the reference (`peers.opensees_gap`); with which
-        steps, why it has no points, or not all.
+        How far OpenSees' average acceleration with fine steps is from the reference
+        (`peers.opensees_gap`); with which steps, why it has no points, or not all.
     """
 
     name: str
@@ -174,7 +180,8 @@ class Measured:
         return self.gap.of(quantity) <= _SURE * tolerance
 
     def costs(self, quantity: str, tolerance: float) -> dict[str, float]:
-        """Least time of each method within a tolerance, there and with all smaller steps, s; nan for none."""
+        """Least time of each method within a tolerance, there and with all smaller steps, s; nan
+        for none."""
         lines = dict.fromkeys(point.line for point in self.points)
         return {
             line: min(
@@ -186,7 +193,8 @@ class Measured:
 
 
 class Leaders(NamedTuple):
-    """Methods that are recommended: for all tolerances, for 3 % and more, and where nothing must fail."""
+    """Methods that are recommended: for all tolerances, for 3 % and more, and where nothing must
+    fail."""
 
     overall: str
     coarse: str
@@ -228,9 +236,10 @@ class FieldChart(Tabular):
 
     @cached_property
     def profiles(self) -> tuple[PerformanceProfile, ...]:
-        """By quantity, by tolerance, by method: over all problems whose references are known well enough; one that a
-        method does not take is one that it does not solve. The costs of what chooses its steps, and of another program,
-        are over the least of ours, which they do not change."""
+        """By quantity, by tolerance, by method: over all problems whose references are known well
+        enough; one that a method does not take is one that it does not solve. The costs of what
+        chooses its steps, and of another program, are over the least of ours, which they do not
+        change."""
         profiles = []
         ours = [of_steps(line) for line in self.lines]
         for quantity, tolerance in product(PEAKS, TOLERANCES):
@@ -258,8 +267,9 @@ class FieldChart(Tabular):
         return line if taken == len(self.measured) else f"{line} ({taken} of {len(self.measured)})"
 
     def leaders(self) -> Leaders:
-        """What is best: solves most within twice the least cost, over all quantities and tolerances, and over those of
-        3 % and more; and what fails least, with the least worst ratio. What a method does not take it fails."""
+        """What is best: solves most within twice the least cost, over all quantities and
+        tolerances, and over those of 3 % and more; and what fails least, with the least worst
+        ratio. What a method does not take it fails."""
         profiles = [profile for profile in self.profiles if of_steps(profile.method)]
         lines = [line for line in self.lines if any(p.method == line and p.taken for p in profiles)]
         if not lines:
@@ -283,7 +293,10 @@ class FieldChart(Tabular):
         )
 
     def _headline(self) -> str:
-        return f"of {how_many(sum(map(of_steps, self.lines)), 'method')}, {how_many(len(self.measured), 'problem')}"
+        return (
+            f"of {how_many(sum(map(of_steps, self.lines)), 'method')}, "
+            f"{how_many(len(self.measured), 'problem')}"
+        )
 
 
 # ---- One problem
@@ -298,15 +311,16 @@ def measure_problem(
     peers: bool = False,
     progress: Progress = silent,
 ) -> Measured:
-    """Integrate one problem with all methods and steps: errors first, then the times of all that may be the cheapest
-    for a tolerance, all in turns.
+    """Integrate one problem with all methods and steps: errors first, then the times of all that
+    may be the cheapest for a tolerance, all in turns.
 
     Parameters
     ----------
     repeats : int
         How often these are timed.
     tolerances : sequence of float
-        Of peak drifts: lines of moment4 and impulse4, of those asked for, that choose their steps for them.
+        Of peak drifts: lines of moment4 and impulse4, of those asked for, that choose their steps
+        for them.
     peers : bool
         OpenSeesPy, too, where it is installed and can do the building.
 
@@ -383,7 +397,8 @@ def _off(true: StoryPeaks, response: Response) -> PeakErrors:
 def _line(
     posed: Problem, integrator: Integrator, dts: Sequence[float], true: StoryPeaks
 ) -> list[Point]:
-    """One method with all steps, until two in a row are far below all tolerances. Each has one time yet."""
+    """One method with all steps, until two in a row are far below all tolerances. Each has one time
+    yet."""
     points: list[Point] = []
     for dt in dts:
         steps = posed.steps(dt)
@@ -409,7 +424,8 @@ def _line(
 
 
 def _contenders(points: Iterable[Point]) -> list[Point]:
-    """Points whose cost is the least of their line for some quantity and tolerance, or may be when timed again."""
+    """Points whose cost is the least of their line for some quantity and tolerance, or may be when
+    timed again."""
     points = list(points)
     contenders: dict[int, Point] = {}
     for line, quantity, tolerance in product(
@@ -424,8 +440,9 @@ def _contenders(points: Iterable[Point]) -> list[Point]:
 def _others(
     posed: Problem, dts: Sequence[float], true: StoryPeaks
 ) -> tuple[list[Point], float, str]:
-    """OpenSeesPy's points, `peer_gap` and `peer_note` of `Measured`. It has points where with fine steps it has the
-    reference's histories but for a fifth of the smallest tolerance: the law is one.
+    """OpenSeesPy's points, `peer_gap` and `peer_note` of `Measured`. It has points where with fine
+    steps it has the reference's histories but for a fifth of the smallest tolerance: the law is
+    one.
     """
     from tdint.analysis.chart.peers import ITERATED, opensees_gap, openseespy_points
 
@@ -465,10 +482,11 @@ def chart_many(
     Parameters
     ----------
     models, records : optional
-        A building or several, each under each of the ground motions: what `run` takes. Without records each has that of
-        its model.
+        A building or several, each under each of the ground motions: what `run` takes. Without
+        records each has that of its model.
     problems : str or Path, optional
-        In their place `standard` (twelve buildings, three records each), or a YAML file of problems.
+        In their place `standard` (twelve buildings, three records each), or a YAML file of
+        problems.
     method : str or iterable of str
         Specifications; those for linear buildings are given these only.
     repeats : int
@@ -627,8 +645,8 @@ def read_problems(source: str | Path) -> list[FieldProblem]:
 def _entry(
     entry: Section, origin: SourceText, motions: Sequence[str]
 ) -> tuple[str, str, Model | str, dict[str, float]] | None:
-    """One problem: its name, its reason, its model or the file of it, and the factor of each motion; None after a
-    fault."""
+    """One problem: its name, its reason, its model or the file of it, and the factor of each
+    motion; None after a fault."""
     name, value = (
         entry.need("name", "give the problem a name"),
         entry.need("model", "give a model or its file"),

@@ -6,7 +6,7 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import takewhile
 
@@ -28,7 +28,6 @@ from tdint.analysis.run.error_estimate import attempt
 from tdint.analysis.run.outcome import FailedRun, Response
 from tdint.analysis.run.workspace import Steps, unsuited
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
@@ -103,10 +102,11 @@ class Point:
     times, walls : tuple of float
         Times of the march alone, s, one per repeat: by `tdint.system.clock`, and on the wall.
     errors : RelativeErrors or None
-        `Errors` of one problem, `PeakErrors` of one of many; None where the march has no result, or did not reach its
-        end.
+        `Errors` of one problem, `PeakErrors` of one of many; None where the march has no result, or
+        did not reach its end.
     outcome : str
-        How `tdint run` ends: `done`, `collapsed`, `unstable-step` (refused), `diverged` or `not-converged`.
+        How `tdint run` ends: `done`, `collapsed`, `unstable-step` (refused), `diverged` or
+        `not-converged`.
     """
 
     method: str
@@ -145,7 +145,8 @@ class Timing:
     repeats : tuple of int
         How often each march was timed, the least and the most.
     load : float or None
-        Of the machine when they ended: processes that ran or waited in the minute before, this one among them.
+        Of the machine when they ended: processes that ran or waited in the minute before, this one
+        among them.
     processor, processors : str, int
         Its name, and how many of them this process may use.
     stretch : float or None
@@ -195,8 +196,8 @@ class Timing:
 
 @dataclass(frozen=True)
 class Peer:
-    """Another program in a chart: its name, which lines begin with, its version, and in words its settings and what of
-    it is timed."""
+    """Another program in a chart: its name, which lines begin with, its version, and in words its
+    settings and what of it is timed."""
 
     name: str
     version: str
@@ -244,8 +245,8 @@ class Chart(Tabular):
 
 
 def default_steps(problem: Problem, methods: int, repeats: int) -> tuple[float, ...]:
-    """Steps for some methods, s: from eight intervals down, by halves, to a sixteenth or what a large building allows;
-    and between these 6, 3, 1/3, 1/6 and 1/12 intervals.
+    """Steps for some methods, s: from eight intervals down, by halves, to a sixteenth or what a
+    large building allows; and between these 6, 3, 1/3, 1/6 and 1/12 intervals.
 
     Down to the interval itself in any case.
     """
@@ -289,7 +290,8 @@ def measure(
     judge: Callable[[Sequence[Point]], object] | None = None,
     progress: Progress = silent,
 ) -> Chart:
-    """Integrate a problem with all methods and steps: errors first, then times, all points taking turns.
+    """Integrate a problem with all methods and steps: errors first, then times, all points taking
+    turns.
 
     Parameters
     ----------
@@ -302,8 +304,8 @@ def measure(
     cached : bool
         Take the reference from the cache if it is there, and keep it.
     judge : callable, optional
-        What the points are measured for, such as the cheapest of them: the marches are timed again, up to four times
-        as often, until one more time does not change its answer.
+        What the points are measured for, such as the cheapest of them: the marches are timed again,
+        up to four times as often, until one more time does not change its answer.
     progress : callable
         Told what is being done.
 
@@ -327,7 +329,8 @@ def measure(
         steps.count * steps.stride // steps.per_sample for steps in (*choices, record_steps)
     )
     reference = find_reference(problem, samples, cached=cached)
-    # The usual method at the record's step is measured in any case: other costs are told over its cost.
+    # The usual method at the record's step is measured in any case: other costs are told over its
+    # cost.
     pairs = [(integrator, steps) for integrator in integrators for steps in choices]
     points = _timed(
         problem, reference, pairs if usual in pairs else [*pairs, usual], repeats, judge, progress
@@ -346,10 +349,11 @@ def measure(
 def with_tolerances(
     problem: Problem, chart: Chart, tolerances: Sequence[float], *, repeats: int
 ) -> Chart:
-    """The chart with lines of `CHOOSING` behind its own: what `tdint run --tolerance` takes, and how far off it is.
+    """The chart with lines of `CHOOSING` behind its own: what `tdint run --tolerance` takes, and
+    how far off it is.
 
-    Timed is the whole of it: runs made again, the errors that it tells, and what Python does between them. A march
-    keeps no history, so the error of the peak drifts alone is known.
+    Timed is the whole of it: runs made again, the errors that it tells, and what Python does
+    between them. A march keeps no history, so the error of the peak drifts alone is known.
 
     Parameters
     ----------
@@ -374,8 +378,8 @@ def by_tolerance(
     judge: Callable[[Response], RelativeErrors],
     repeats: int,
 ) -> list[Point]:
-    """The line of a method that chooses its steps, a point for each tolerance, the largest first. What compiles is not
-    timed."""
+    """The line of a method that chooses its steps, a point for each tolerance, the largest first.
+    What compiles is not timed."""
     points = []
     for tolerance in sorted(set(tolerances), reverse=True):
         line = f"{integrator.label}{BY_TOLERANCE}"
@@ -385,7 +389,8 @@ def by_tolerance(
         except FailedRun as failure:
             points.append(replace(point, outcome=failure.status))
             continue
-        # Processor time and wall time of each repetition: their ratio tells whether other work disturbed it.
+        # Processor time and wall time of each repetition: their ratio tells whether other work
+        # disturbed it.
         times, walls = [], []
         for _ in range(repeats):
             begin, wall = system.seconds(), time.perf_counter()
@@ -426,11 +431,13 @@ def chart(
     duration : float, optional
         In place of the model's, else the record's, s.
     tolerances : sequence of float or str
-        Of the peak drifts: lines of moment4 and impulse4 that choose their steps for them, as `run` does.
+        Of the peak drifts: lines of moment4 and impulse4 that choose their steps for them, as `run`
+        does.
     repeats, cached
         As of `measure`.
     progress : bool or callable
-        A bar on a terminal or in a notebook, by tqdm, or what is told how much is done, of how much.
+        A bar on a terminal or in a notebook, by tqdm, or what is told how much is done, of how
+        much.
 
     Returns
     -------
@@ -498,8 +505,8 @@ def _timed(
                 point, iterations=ended.iterations, errors=errors(motion, reference.motion)
             )
         points[integrator, steps] = point
-    # One time of each by turns, so that other work on the machine falls on all alike: that of the loop as `tdint run`
-    # without --history has it, with peaks and energies.
+    # One time of each by turns, so that other work on the machine falls on all alike: that of the
+    # loop as `tdint run` without --history has it, with peaks and energies.
     verdict: object = None
     for turn in range(1, (_MORE_REPEATS if judge else 1) * repeats + 1):
         for pair, point in points.items():
@@ -517,10 +524,12 @@ def _timed(
 
 
 def cheapest(points: Sequence[Point], quantity: str, limit: float) -> Point | None:
-    """The point with the least cost whose error is within a limit, as are those of the same line with smaller steps.
+    """The point with the least cost whose error is within a limit, as are those of the same line
+    with smaller steps.
 
-    So a step whose error is small by chance is not recommended. Of points whose costs differ by less than a tenth,
-    which is what clocks tell apart, the most accurate one is taken. None where no point is within the limit.
+    So a step whose error is small by chance is not recommended. Of points whose costs differ by
+    less than a tenth, which is what clocks tell apart, the most accurate one is taken. None where
+    no point is within the limit.
     """
     lines = dict.fromkeys(point.line for point in points)
     good = [point for line in lines for point in within(points, line, quantity, limit)]
@@ -530,7 +539,8 @@ def cheapest(points: Sequence[Point], quantity: str, limit: float) -> Point | No
 
 
 def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> list[Point]:
-    """The points of a line whose error is within a limit, as are all those of it with smaller steps; these first."""
+    """The points of a line whose error is within a limit, as are all those of it with smaller
+    steps; these first."""
     of_line = [point for point in points if point.line == line]
     return list(takewhile(lambda point: point.error(quantity) <= limit, reversed(of_line)))
 
@@ -539,11 +549,11 @@ def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> l
 
 
 def performance_ratios(costs: Array, ours: Sequence[bool]) -> Array:
-    """Costs over the least of ours in each row: a problem each row, a solver each column, nan where it does not solve
-    it.
+    """Costs over the least of ours in each row: a problem each row, a solver each column, nan where
+    it does not solve it.
 
-    Infinite where a solver does not solve the problem (Dolan and More 2002, section 2: their r_M); 0 where it does, and
-    none of ours.
+    Infinite where a solver does not solve the problem (Dolan and More 2002, section 2: their r_M);
+    0 where it does, and none of ours.
     """
     unsolved = np.isnan(costs)
     least = np.min(
@@ -557,7 +567,8 @@ def performance_ratios(costs: Array, ours: Sequence[bool]) -> Array:
 
 @dataclass(frozen=True)
 class PerformanceProfile:
-    """How a method fares over many problems at one tolerance: its performance ratios, the least first.
+    """How a method fares over many problems at one tolerance: its performance ratios, the least
+    first.
 
     Attributes
     ----------
@@ -566,8 +577,8 @@ class PerformanceProfile:
     method : str
         The line of the chart.
     ratios : tuple of float
-        Its cost over that of the cheapest of our methods, a number for each problem; infinite where it is never
-        within the tolerance.
+        Its cost over that of the cheapest of our methods, a number for each problem; infinite where
+        it is never within the tolerance.
     taken : int
         Problems that it takes; the others it does not solve.
     """
@@ -579,7 +590,8 @@ class PerformanceProfile:
     taken: int
 
     def within(self, factor: float) -> int:
-        """Problems that it solves at no more than this factor of the least cost: rho(factor) times the problems."""
+        """Problems that it solves at no more than this factor of the least cost: rho(factor) times
+        the problems."""
         return sum(ratio <= factor for ratio in self.ratios)
 
     @property
@@ -594,7 +606,8 @@ class PerformanceProfile:
 
     @property
     def median(self) -> float:
-        """Median ratio of the problems that it takes; infinite where half of these are not solved."""
+        """Median ratio of the problems that it takes; infinite where half of these are not
+        solved."""
         return statistics.median(self.ratios[: self.taken]) if self.taken else math.inf
 
     @property

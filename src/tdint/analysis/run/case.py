@@ -1,12 +1,13 @@
-"""A building under a ground motion, integrated with one step, and how that ended: done, collapsed, diverged, not
-converged, or refused; and runs that go on with the ground at rest until the building is.
+"""A building under a ground motion, integrated with one step, and how that ended: done, collapsed,
+diverged, not converged, or refused; and runs that go on with the ground at rest until the building
+is.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial, reduce
 from operator import add, sub
 from typing import Any
@@ -32,7 +33,6 @@ from tdint.analysis.run.outcome import (
 from tdint.analysis.run.prepared import Lane, Marched, MarchedRuns, PreparedBuilding, Rest
 from tdint.analysis.run.workspace import HALVINGS, Steps, Workspace, choose_steps
 from tdint.arrays import Array, cached_property
-from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.ground_motion.measures import cut_off
 from tdint.ground_motion.record import Record
@@ -47,7 +47,8 @@ from tdint.written_numbers import how_many
 # ---- What a march left in its arrays, as results
 
 Telling = Callable[[Building, Array, Array, Array], Array]
-"""Of the rows of a history, from the building, the forces on its floors (`force_table`) and the times of the rows."""
+"""Of the rows of a history, from the building, the forces on its floors (`force_table`) and the
+times of the rows."""
 
 
 def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
@@ -63,10 +64,12 @@ def peaks_of(building: Building, peaks: Array, residual_drift: Array) -> StoryPe
 
 
 def moving_drift(building: Building, space: Workspace) -> Array:
-    """Amplitudes with which the drifts move about their rest at the end of a march, about, m; shape (n,).
+    """Amplitudes with which the drifts move about their rest at the end of a march, about, m; shape
+    (n,).
 
-    At rest no story has a force. One is as far from that as the force it has takes by its present stiffness, and moves
-    with the largest displacement of the run over the largest velocity (s), longer as it is softer than at first.
+    At rest no story has a force. One is as far from that as the force it has takes by its present
+    stiffness, and moves with the largest displacement of the run over the largest velocity (s),
+    longer as it is softer than at first.
     """
     drift, force, slope = (
         space.springs[row, : building.stories] for row in (at.DRIFT, at.FORCE, at.SLOPE)
@@ -88,8 +91,9 @@ def _of_drifts(building: Building, floors: Array) -> Array:
 
 
 def unresolved_errors(building: Building, space: Workspace, late: float) -> StoryErrors:
-    """How much larger the peaks may be between steps that do not resolve the motion; and by how much, about, the drifts
-    have changed since the time that was asked for, which was `late` (s) before the end."""
+    """How much larger the peaks may be between steps that do not resolve the motion; and by how
+    much, about, the drifts have changed since the time that was asked for, which was `late` (s)
+    before the end."""
     peaks, rest = space.peaks[: at.PEAK_ROWS], np.zeros(building.stories)
     rate, bend = (
         _of_drifts(building, row)
@@ -122,8 +126,8 @@ def energy_of(numbers: Array) -> Energy:
 def history_of(
     building: Building, forces: Array, space: Workspace, h: float, largest: float | None = None
 ) -> History:
-    """The history of a march with steps h (s) under forces on floors (`force_table`); of a piece of it the largest
-    energy of the whole must be told."""
+    """The history of a march with steps h (s) under forces on floors (`force_table`); of a piece of
+    it the largest energy of the whole must be told."""
     n = building.stories
     table = space.history
     time = h * (space.every * np.arange(space.before, space.before + len(table), dtype=np.float64))
@@ -164,7 +168,8 @@ def _over_story(place: int) -> Telling:
 
 
 def _total_shear(building: Building, forces: Array, time: Array, table: Array) -> Array:
-    """What moves the floors above each story: forces on them less masses times absolute accelerations."""
+    """What moves the floors above each story: forces on them less masses times absolute
+    accelerations."""
     moved = -building.linear_terms[at.MASS, :-1] * _ACCELERATION(building, forces, time, table)
     for force in forces:
         angle = force[at.OMEGA] * time
@@ -195,10 +200,12 @@ _LARGE_IMBALANCE = 0.01
 """Energy error above which a run says so."""
 
 _MADE = 1.0
-"""Energy made by the method, over the input energy, from which a drift beyond the collapse drift is its doing."""
+"""Energy made by the method, over the input energy, from which a drift beyond the collapse drift is
+its doing."""
 
 RUNAWAY = 100.0
-"""Energy made by the method, over the input energy, from which a run has diverged: ten times the amplitude."""
+"""Energy made by the method, over the input energy, from which a run has diverged: ten times the
+amplitude."""
 
 _UNRESOLVED = 0.05
 """Part of a peak that may be hidden between the steps without a note."""
@@ -216,9 +223,11 @@ _CURE = "use a smaller step or another method"
 
 @dataclass(frozen=True)
 class Case:
-    """A building, the ground motion that it is under, and the method that integrates it: a run but for its steps.
+    """A building, the ground motion that it is under, and the method that integrates it: a run but
+    for its steps.
 
-    The building is prepared once: cases that differ in the motion, its scale or the method share it.
+    The building is prepared once: cases that differ in the motion, its scale or the method share
+    it.
 
     Attributes
     ----------
@@ -231,9 +240,11 @@ class Case:
     method : Integrator
         The method with its parameters.
     allow_unstable : bool
-        Run a method beyond its limit, and take a motion on energy that the method made for a result.
+        Run a method beyond its limit, and take a motion on energy that the method made for a
+        result.
     remarks : tuple of str
-        What is to be said of how the case came about, one sentence each; they stand among the notes of its runs.
+        What is to be said of how the case came about, one sentence each; they stand among the notes
+        of its runs.
     """
 
     model: Model
@@ -265,7 +276,8 @@ class Case:
         return replace(self, record=record)
 
     def scaled(self, factor: float) -> Case:
-        """The same case with its ground motion times a factor, not zero; forces on floors stay as they are.
+        """The same case with its ground motion times a factor, not zero; forces on floors stay as
+        they are.
 
         Raises
         ------
@@ -277,7 +289,8 @@ class Case:
         return self.under(self.record.scaled(factor))
 
     def steps(self, dt: float | None = None, duration: float | None = None) -> Steps:
-        """Time steps for a wished dt and duration (s); by default those of the model's analysis, else the record's.
+        """Time steps for a wished dt and duration (s); by default those of the model's analysis,
+        else the record's.
 
         Raises
         ------
@@ -318,8 +331,9 @@ class Case:
                 else "no smaller step is stable"
             )
             message = (
-                f"{self.method.label} is unstable at dt {h:.6g} s: mode {instability.index + 1} (omega {omega:.6g} "
-                f"rad/s, omega dt {omega * h:.6g}) grows; {cure}, or use --allow-unstable"
+                f"{self.method.label} is unstable at dt {h:.6g} s: mode {instability.index + 1} "
+                f"(omega {omega:.6g} rad/s, omega dt {omega * h:.6g}) grows; {cure}, or use "
+                "--allow-unstable"
             )
             raise FailedRun(message, UNSTABLE, self.method.label, h, largest_stable_dt=stable)
         # A run that fails after a collapse is made again up to that.
@@ -337,9 +351,11 @@ class Case:
         return self._response(steps, marched, collapse)
 
     def pieces(self, steps: Steps, largest: float, every: int = 1) -> Iterator[History]:
-        """The history of a run that came to its end, made again in pieces: of every so many steps, from the first one.
+        """The history of a run that came to its end, made again in pieces: of every so many steps,
+        from the first one.
 
-        `largest` is the run's largest energy. Together the pieces are what `march` keeps, bit for bit.
+        `largest` is the run's largest energy. Together the pieces are what `march` keeps, bit for
+        bit.
         """
         for space in self.prepared.march_pieces(self.method, steps, self.ground, every=every):
             yield history_of(self.building, self.prepared.forces, space, steps.h, largest)
@@ -356,15 +372,16 @@ class Case:
         reached = float(space.totals[at.STEPS_REACHED]) * steps.h
         story = int(space.report[at.WORST_STORY]) + 1
         event = (
-            f"did not converge after {reached:.6g} s, with the step halved {HALVINGS} times: story {story} is out of "
-            f"balance by {residual:.1e} of its forces"
+            f"did not converge after {reached:.6g} s, with the step halved {HALVINGS} times: story "
+            f"{story} is out of balance by {residual:.1e} of its forces"
         )
         return self._failed(
             steps, NOT_CONVERGED, event, time=reached, story=story, residual=residual
         )
 
     def _ran_away(self, steps: Steps, space: Workspace, reason: str = "") -> FailedRun:
-        """That a run diverged up to where it came; by default for the story whose drift is the largest."""
+        """That a run diverged up to where it came; by default for the story whose drift is the
+        largest."""
         # The kinetic energy of the motion relative to the ground, if it is a finite number
         with np.errstate(over="ignore", invalid="ignore"):
             energy = float(0.5 * np.sum(self.building.mass * space.state[at.VELOCITY, :-1] ** 2))
@@ -393,11 +410,11 @@ class Case:
         return FailedRun(message, status, label, steps.h, notes=notes, **told)
 
     def judge(self, steps: Steps, code: int, numbers: Array) -> Collapse | None:
-        """When the drift first exceeded the collapse drift or a story failed, as a march noted it that ended with a
-        code and left these `numbers` (`Workspace.totals`).
+        """When the drift first exceeded the collapse drift or a story failed, as a march noted it
+        that ended with a code and left these `numbers` (`Workspace.totals`).
 
-        It is the building's own if the method has made less energy by then than the input energy. Else a run that came
-        to its end has diverged, and of one that failed it is not said.
+        It is the building's own if the method has made less energy by then than the input energy.
+        Else a run that came to its end has diverged, and of one that failed it is not said.
 
         Raises
         ------
@@ -428,10 +445,11 @@ class Case:
     def settle(
         self, steps: Steps, marched: MarchedRuns, i: int, history: bool = False
     ) -> Collapse | Response:
-        """This run, which is the i-th of many that were marched together, where its end is in doubt (`doubtful`).
+        """This run, which is the i-th of many that were marched together, where its end is in doubt
+        (`doubtful`).
 
-        A collapse is judged from what the many left. Else the run is made again by itself: as far as the many came,
-        and through the step in which it failed.
+        A collapse is judged from what the many left. Else the run is made again by itself: as far
+        as the many came, and through the step in which it failed.
 
         Raises
         ------
@@ -457,8 +475,8 @@ class Case:
             change = "lost to" if energy.error > 0.0 else "made by"
             warnings.insert(
                 0,
-                f"the energy balance is off by {100.0 * abs(energy.error):.2g} % of the input energy, {change} the "
-                "method: use a smaller step or another method",
+                f"the energy balance is off by {100.0 * abs(energy.error):.2g} % of the input "
+                f"energy, {change} the method: use a smaller step or another method",
             )
         kept = space.history.size
         history = history_of(self.building, self.prepared.forces, space, steps.h) if kept else None
@@ -501,7 +519,8 @@ class Case:
         notes += self._stiffening_note()
         if response.halvings:
             notes.append(
-                f"steps that did not converge were halved, {how_many(response.halvings, 'time')} in all"
+                f"steps that did not converge were halved, {how_many(response.halvings, 'time')} "
+                "in all"
             )
         # Peaks that the step is too long to tell.
         kinds = {
@@ -519,8 +538,8 @@ class Case:
         ]
         if hidden:
             notes.append(
-                f"the step is too long for the fastest modes: between the steps, peak {', '.join(hidden)} may be "
-                "larger than those given; use a smaller step"
+                "the step is too long for the fastest modes: between the steps, peak "
+                f"{', '.join(hidden)} may be larger than those given; use a smaller step"
             )
         # Drifts at the end that are not residual ones; under forces on floors there is no rest.
         i = int(np.argmax(moving))
@@ -551,8 +570,8 @@ class Case:
         if not stories:
             return ()
         return (
-            f"{self.method.method.name} is stable only for small steps where a story becomes stiffer than at rest, "
-            f"as story {stories[0]} can: check with a smaller step",
+            f"{self.method.method.name} is stable only for small steps where a story becomes "
+            f"stiffer than at rest, as story {stories[0]} can: check with a smaller step",
         )
 
 
@@ -566,7 +585,8 @@ def case_of(given: Case) -> Case:
 
 
 def doubtful(marched: MarchedRuns) -> NDArray[np.bool_]:
-    """Runs that did not come to their end, collapsed, or went on with energy that the method made; shape (runs,)."""
+    """Runs that did not come to their end, collapsed, or went on with energy that the method made;
+    shape (runs,)."""
     numbers = marched.totals
     made = ~(-energy_errors(numbers) < RUNAWAY)
     collapsed = numbers[:, at.COLLAPSE_STEP] != at.NO_COLLAPSE
@@ -574,7 +594,8 @@ def doubtful(marched: MarchedRuns) -> NDArray[np.bool_]:
 
 
 def _runaway_story(space: Workspace) -> int:
-    """The story with the largest drift, from 1; the first one that is no number before all others."""
+    """The story with the largest drift, from 1; the first one that is no number before all
+    others."""
     u = space.state[at.DISPLACEMENT, :-1]
     finite = np.isfinite(u)
     if not finite.all():
@@ -586,12 +607,14 @@ REST_PERIODS = 100.0
 """How long a run goes on with the ground at rest, in first periods of the building."""
 
 AT_REST = 1e-3
-"""Amplitude of what is left of the motion, over the largest displacement, from which a building is at rest."""
+"""Amplitude of what is left of the motion, over the largest displacement, from which a building is
+at rest."""
 
 
 def windows(prepared: PreparedBuilding, h: float) -> Rest:
-    """The first periods by which a run of steps h (s) goes on until the velocities in one of them are those of an
-    amplitude below `AT_REST` times the largest displacement; `REST_PERIODS` of them at most."""
+    """The first periods by which a run of steps h (s) goes on until the velocities in one of them
+    are those of an amplitude below `AT_REST` times the largest displacement; `REST_PERIODS` of them
+    at most."""
     period = prepared.period
     return Rest(math.ceil(period / h), round(REST_PERIODS), AT_REST * 2.0 * math.pi / period)
 

@@ -1,9 +1,10 @@
-"""Engineering demand parameters of runs, demands for short: the largest of each kind, and the story or floor of it; and
-the values of many runs, of which columns are made."""
+"""Engineering demand parameters of runs, demands for short: the largest of each kind, and the story
+or floor of it; and the values of many runs, of which columns are made."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from operator import attrgetter
 from typing import Annotated, Any, Generic, NamedTuple, TypeVar
 
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 
 from tdint.analysis.run.outcome import STORY, StoryErrors, StoryPeaks, StoryValues
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.units import Quantity, quantities
 
 
@@ -24,7 +24,8 @@ class Largest(NamedTuple):
 
 
 class LargestOfRuns(NamedTuple):
-    """Largest values of many runs and their stories or floors from 1, shape (runs,); nan and 0 where there is none."""
+    """Largest values of many runs and their stories or floors from 1, shape (runs,); nan and 0
+    where there is none."""
 
     value: Array
     place: NDArray[np.int64]
@@ -32,7 +33,8 @@ class LargestOfRuns(NamedTuple):
 
 @dataclass(frozen=True)
 class Demand(Quantity):
-    """A demand, as the annotation of its field; `value` gives the numbers of the stories from their values and heights.
+    """A demand, as the annotation of its field; `value` gives the numbers of the stories from their
+    values and heights.
 
     Attributes
     ----------
@@ -41,7 +43,8 @@ class Demand(Quantity):
     place : str
         What a place is: story or floor.
     of_stories : str
-        In place of a `value`: the quantity of the stories that it is the largest of; its own name by default.
+        In place of a `value`: the quantity of the stories that it is the largest of; its own name
+        by default.
     """
 
     story: int | None = None
@@ -68,7 +71,8 @@ class Demand(Quantity):
     def error(self, stories: StoryPeaks, errors: StoryErrors) -> float:
         """Its estimated error in a run; nan where there is none.
 
-        Any story may have the largest value that could with its error: the largest error among those.
+        Any story may have the largest value that could with its error: the largest error among
+        those.
         """
         values, off = (self._of(given, stories.height) for given in (stories, errors))
         if self.story is not None:
@@ -167,10 +171,19 @@ DECLARED: tuple[Demand, ...] = tuple(
 )
 """The demands of `Demands`."""
 
-_SAID = frozenset((
-    "peak_drift", "peak_drift_ratio", "residual_drift", "peak_shear", "peak_total_shear", "ductility",
-    "peak_displacement", "peak_velocity", "peak_acceleration",
-))  # fmt: skip
+_SAID = frozenset(
+    (
+        "peak_drift",
+        "peak_drift_ratio",
+        "residual_drift",
+        "peak_shear",
+        "peak_total_shear",
+        "ductility",
+        "peak_displacement",
+        "peak_velocity",
+        "peak_acceleration",
+    )
+)
 """Quantities of a story that the demands above are made of, or say better."""
 
 DEMANDS: tuple[Demand, ...] = (
@@ -181,7 +194,8 @@ DEMANDS: tuple[Demand, ...] = (
         if quantity.name not in _SAID
     ),
 )
-"""What a summary tells of a run, in its order: the demands above, and the largest of what they are not made of."""
+"""What a summary tells of a run, in its order: the demands above, and the largest of what they are
+not made of."""
 
 
 def demands(stories: StoryPeaks) -> Demands[Largest]:
@@ -209,8 +223,8 @@ Counts = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class RunValues:
-    """What runs come to, arrays of shape (runs,), SI units: the columns of which a result of many runs, a row of a
-    store and its tables have theirs.
+    """What runs come to, arrays of shape (runs,), SI units: the columns of which a result of many
+    runs, a row of a store and its tables have theirs.
 
     A field is all there is to a column. Its `value` follows from the `Demands` of the runs.
     """
@@ -295,7 +309,8 @@ RUN_WITH_ERROR = tuple(quantity for quantity in DEMANDED if quantity.kind is flo
 
 
 def demand_columns(stories: StoryPeaks) -> dict[str, Array]:
-    """The fields of `RunValues` that follow from the demands of runs with these peaks, shape (runs, n)."""
+    """The fields of `RunValues` that follow from the demands of runs with these peaks, shape (runs,
+    n)."""
     largest = demands_of_runs(stories)
     return {quantity.name: quantity.value(largest) for quantity in DEMANDED if quantity.value}
 

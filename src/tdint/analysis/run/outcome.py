@@ -1,9 +1,10 @@
-"""What comes out of a run: peaks, energies, a history, error estimates; or the failure that ended it."""
+"""What comes out of a run: peaks, energies, a history, error estimates; or the failure that ended
+it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import reduce
 from operator import add
 from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar, get_type_hints
@@ -12,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.errors import AnalysisError
 from tdint.kernels import layout as at
 from tdint.tabular import Tabular
@@ -32,10 +32,12 @@ def _peak(row: int) -> Callable[[Building, Array, Array], Array]:
 
 @dataclass(frozen=True)
 class StoryValues:
-    """A number of each kind for each story, or for the floor above it; arrays of shape (n,), of several runs (runs, n).
+    """A number of each kind for each story, or for the floor above it; arrays of shape (n,), of
+    several runs (runs, n).
 
-    A field is all there is to a quantity: it has its column in tables, stores and units, its error, its meaning. Its
-    value follows from the building, the rows of peaks, shape (..., PEAK_ROWS, n), and the drifts at the end, (..., n).
+    A field is all there is to a quantity: it has its column in tables, stores and units, its error,
+    its meaning. Its value follows from the building, the rows of peaks, shape (..., PEAK_ROWS, n),
+    and the drifts at the end, (..., n).
     """
 
     peak_drift: Annotated[
@@ -77,7 +79,8 @@ class StoryValues:
         Array,
         Quantity(
             "N",
-            "largest force that moves all floors above, to either side: restoring, P-delta and all viscous forces",
+            "largest force that moves all floors above, to either side: restoring, P-delta and all "
+            "viscous forces",
             _peak(at.PEAK_TOTAL_SHEAR),
         ),
     ]
@@ -129,9 +132,10 @@ def story_values(building: Building, peaks: Array, end: Array) -> dict[str, Arra
 class StoryPeaks(Tabular, StoryValues):
     """Peaks of a run.
 
-    All are looked for between the steps too, on the quintic through displacement, velocity and acceleration at both
-    ends of a step, or of each piece of it between two changes of branch that the method locates
-    (`tdint.kernels.peaks_between_steps`), or at those that its paths tell (`tdint.kernels.equations.corners`).
+    All are looked for between the steps too, on the quintic through displacement, velocity and
+    acceleration at both ends of a step, or of each piece of it between two changes of branch that
+    the method locates (`tdint.kernels.peaks_between_steps`), or at those that its paths tell
+    (`tdint.kernels.equations.corners`).
 
     Attributes
     ----------
@@ -148,13 +152,15 @@ class StoryPeaks(Tabular, StoryValues):
 
 @dataclass(frozen=True)
 class StoryErrors(StoryValues):
-    """Estimated absolute errors of the peaks of the same names, in their units; nan where unknown."""
+    """Estimated absolute errors of the peaks of the same names, in their units; nan where
+    unknown."""
 
 
 @dataclass(frozen=True, repr=False)
 class Gradient(StoryValues):
-    """Derivatives of the peaks of the same names, in their units over those of the parameters; arrays have the
-    parameters first, shape (parameters, n), of many runs (runs, parameters, n); nan where a neighbor has no result.
+    """Derivatives of the peaks of the same names, in their units over those of the parameters;
+    arrays have the parameters first, shape (parameters, n), of many runs (runs, parameters, n); nan
+    where a neighbor has no result.
 
     Attributes
     ----------
@@ -163,8 +169,8 @@ class Gradient(StoryValues):
     values : ndarray, shape (parameters,) or (runs, parameters)
         The numbers at which they are taken, SI units; of factors 1.
     doubt : StoryErrors
-        Half of what the differences to either side part by: rounding and curvature where the peak is smooth, the jump
-        at a kink. An indication, no bound.
+        Half of what the differences to either side part by: rounding and curvature where the peak
+        is smooth, the jump at a kink. An indication, no bound.
     history : mapping of str to ndarray, shape (parameters, rows, n) or (runs, parameters, rows, n)
         Derivatives of the histories that were kept.
     by : str
@@ -222,8 +228,8 @@ class ErrorEstimate:
     errors : StoryErrors
         Estimated errors of the run's peaks.
     dts : tuple of float
-        The step of the run that tells them, s; none where that failed. Of a run that was chosen for a tolerance, the
-        steps of the pair.
+        The step of the run that tells them, s; none where that failed. Of a run that was chosen for
+        a tolerance, the steps of the pair.
     drift_error : float or None
         Largest estimated error of a peak drift over that drift; None where there is no estimate.
     drift_story : int or None
@@ -246,7 +252,8 @@ class ErrorEstimate:
 
     @classmethod
     def of(cls, stories: StoryPeaks, errors: StoryErrors, **more: Any) -> ErrorEstimate:
-        """The estimate of a run with these peaks, the story with the largest error of a drift found."""
+        """The estimate of a run with these peaks, the story with the largest error of a drift
+        found."""
         drift = stories.peak_drift
         relative = np.divide(errors.peak_drift, drift, out=np.zeros_like(drift), where=drift > 0.0)
         worst = int(np.argmax(relative))
@@ -258,7 +265,8 @@ Amount = TypeVar("Amount")
 
 @dataclass(frozen=True)
 class EnergyTerms(Generic[Amount]):
-    """Where energy comes from and goes to, J: a field for each row of `tdint.kernels.march.observing`, in its order."""
+    """Where energy comes from and goes to, J: a field for each row of
+    `tdint.kernels.march.observing`, in its order."""
 
     input: Annotated[Amount, "work of the load on the motion relative to the ground"]
     kinetic: Annotated[Amount, "kinetic energy of the motion relative to the ground"]
@@ -277,7 +285,8 @@ ENERGY_TERMS: dict[str, str] = {
 
 @dataclass(frozen=True)
 class Energy(EnergyTerms[float]):
-    """Energy balance of a run in terms of motion relative to the ground, J (Uang and Bertero 1990, relative energy).
+    """Energy balance of a run in terms of motion relative to the ground, J (Uang and Bertero 1990,
+    relative energy).
 
     start + input = the other terms + imbalance.
 
@@ -303,14 +312,16 @@ class Energy(EnergyTerms[float]):
 
 @dataclass(frozen=True)
 class EnergyHistory(EnergyTerms[Array]):
-    """The terms at all steps, J, and the imbalance over the run's largest input energy; shape (steps + 1,)."""
+    """The terms at all steps, J, and the imbalance over the run's largest input energy; shape
+    (steps + 1,)."""
 
     error: Array
 
 
 @dataclass(frozen=True)
 class ErrorHistory:
-    """The error at all steps, true less computed, by the run that tells a run's errors; shape (steps + 1, n)."""
+    """The error at all steps, true less computed, by the run that tells a run's errors; shape
+    (steps + 1, n)."""
 
     displacement: Annotated[
         Array, Quantity("m", "estimated error, true less computed", shown=("floor",))
@@ -324,7 +335,8 @@ class ErrorHistory:
 
 @dataclass(frozen=True, repr=False)
 class History(Tabular):
-    """Response at all steps: `time` and `ground_acceleration` of shape (steps + 1,), the rest (steps + 1, n).
+    """Response at all steps: `time` and `ground_acceleration` of shape (steps + 1,), the rest
+    (steps + 1, n).
 
     `error` is what all but the accelerations are off by, where that was asked for; else None.
     """
@@ -377,7 +389,8 @@ class History(Tabular):
 
 
 def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.concatenate) -> Any:
-    """Records of arrays, which may hold records of arrays: one after the other, or joined in another way."""
+    """Records of arrays, which may hold records of arrays: one after the other, or joined in
+    another way."""
     if parts[0] is None:
         return None
     if isinstance(parts[0], np.ndarray):
@@ -390,7 +403,8 @@ def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.
 
 @dataclass(frozen=True)
 class Collapse:
-    """When a drift ratio first exceeded the model's collapse drift, or a story failed for good: what came first.
+    """When a drift ratio first exceeded the model's collapse drift, or a story failed for good:
+    what came first.
 
     Attributes
     ----------
@@ -401,7 +415,8 @@ class Collapse:
     ended : bool
         Whether the run ends there, because the motion ran away after it.
     failed : bool
-        Whether the story carries nothing from then on, by its law; else its drift ratio exceeded the limit.
+        Whether the story carries nothing from then on, by its law; else its drift ratio exceeded
+        the limit.
     """
 
     time: float
@@ -417,7 +432,8 @@ class Collapse:
 
 @dataclass(frozen=True)
 class Shock:
-    """What a building did in one shock of a sequence: until the ground moves in the next one, or to the end.
+    """What a building did in one shock of a sequence: until the ground moves in the next one, or to
+    the end.
 
     Attributes
     ----------
@@ -426,8 +442,8 @@ class Shock:
     start : float
         Time of its first sample in the sequence, s.
     stories : StoryPeaks
-        Peaks in this time, of displacements from where the building stood at first: what the shocks before have left is
-        in them.
+        Peaks in this time, of displacements from where the building stood at first: what the shocks
+        before have left is in them.
     unresolved : StoryErrors
         As of `Response`.
     errors : StoryErrors or None
@@ -448,8 +464,8 @@ class Response(Tabular):
     Attributes
     ----------
     status : str
-        `done`; `collapsed` where a drift ratio exceeded the model's collapse drift, `failed-story` where a story had
-        lost all its force before.
+        `done`; `collapsed` where a drift ratio exceeded the model's collapse drift, `failed-story`
+        where a story had lost all its force before.
     method : str
         The method with all its parameters.
     dt, steps : float, int
@@ -457,30 +473,34 @@ class Response(Tabular):
     iterations, halvings, events : int
         Solves; steps that were halved to converge; changes of branch that were located.
     march_time : float
-        Time that the compiled time loop alone took, s, by `tdint.system.clock`: of the processor, where that is told.
+        Time that the compiled time loop alone took, s, by `tdint.system.clock`: of the processor,
+        where that is told.
     history : History or None
         Only if it was asked for.
     collapse : Collapse or None
         When and where, if the status is `collapsed` or `failed-story`.
     unresolved : StoryErrors
-        How much larger peaks may be between steps that do not resolve the motion, in their units; 0 where the step
-        does. Of residual drifts: by how much they have changed since the time that was asked for, after which a long
-        step ends.
+        How much larger peaks may be between steps that do not resolve the motion, in their units; 0
+        where the step does. Of residual drifts: by how much they have changed since the time that
+        was asked for, after which a long step ends.
     moving_drift : ndarray, shape (n,)
-        Amplitudes with which the drifts still move about their rest at the end, about, m; without forces on floors.
+        Amplitudes with which the drifts still move about their rest at the end, about, m; without
+        forces on floors.
     check : ErrorEstimate or None
         Estimated errors, unless they were left out.
     pieces : callable or None
-        Called with a number of steps, the history of every so many in pieces, made again: all memory need not hold.
+        Called with a number of steps, the history of every so many in pieces, made again: all
+        memory need not hold.
     rest_time : float or None
-        Time by which the building was at rest, s, if the run was to go on until then and came to that.
+        Time by which the building was at rest, s, if the run was to go on until then and came to
+        that.
     notes : tuple of str
         What a person should know of the run.
     warnings : tuple of str
         What changes what its numbers mean: a person must see it.
     shocks : tuple of Shock
-        Of a sequence what each shock did, up to the one in which the run ended; `record` and `stories` are those of the
-        whole sequence.
+        Of a sequence what each shock did, up to the one in which the run ended; `record` and
+        `stories` are those of the whole sequence.
     gradient : Gradient or None
         Derivatives of the peaks, if they were asked for (`tdint.analysis.run.gradient`).
     """
@@ -512,8 +532,9 @@ class Response(Tabular):
     def _headline(self) -> str:
         story = int(np.argmax(self.stories.peak_drift))
         return (
-            f"of {self.model.name!r}: {self.status}, {self.method}, {how_many(self.steps, 'step')} of {self.dt:.6g} s, "
-            f"largest drift {self.stories.peak_drift[story]:.4g} m in story {story + 1}"
+            f"of {self.model.name!r}: {self.status}, {self.method}, {how_many(self.steps, 'step')} "
+            f"of {self.dt:.6g} s, largest drift {self.stories.peak_drift[story]:.4g} m in story "
+            f"{story + 1}"
         )
 
 
@@ -538,7 +559,8 @@ class FailedRun(AnalysisError):
     time : float
         Last time reached, s.
     story : int or None
-        The story, counted from 1, that did not converge, whose drift ran away, or is least within a tolerance.
+        The story, counted from 1, that did not converge, whose drift ran away, or is least within a
+        tolerance.
     residual : float or None
         Where a step did not converge: what is out of balance over the story's forces.
     energy : float or None

@@ -1,14 +1,14 @@
-"""What a model is, without running it: for a look before the first run, and to find what is wrong with it."""
+"""What a model is, without running it: for a look before the first run, and to find what is wrong
+with it."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tdint.analysis.given import AnyModel, model_of, model_record
-from tdint.data import dataclass
 from tdint.errors import ModelError, UsageError
 from tdint.files import is_file
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
@@ -46,7 +46,10 @@ class Overview(Tabular):
 
     def _headline(self) -> str:
         stories = how_many(self.stories, "story")
-        return f"of {self.model.name!r}: {stories}, T1 {self.period:.4g} s, laws {self.laws}, {self.method}"
+        return (
+            f"of {self.model.name!r}: {stories}, T1 {self.period:.4g} s, laws {self.laws}, "
+            f"{self.method}"
+        )
 
     @property
     def stories(self) -> int:
@@ -55,7 +58,8 @@ class Overview(Tabular):
 
     @property
     def laws(self) -> str:
-        """The drift laws from the ground up, with the number of stories that have each where there are several."""
+        """The drift laws from the ground up, with the number of stories that have each where there
+        are several."""
         counted = Counter(story.law.name for story in self.model.stories)
         return ", ".join(
             counted if len(counted) == 1 else (f"{count} {name}" for name, count in counted.items())
@@ -84,13 +88,14 @@ def overview(source: str | Path) -> Overview:
     Returns
     -------
     Overview
-        Mass (kg), height (m), first period (s) and its damping ratio; `to_dict` has the row of `tdint check`.
+        Mass (kg), height (m), first period (s) and its damping ratio; `to_dict` has the row of
+        `tdint check`.
 
     Raises
     ------
     ModelError
-        All that is wrong with the file: what `load_model` refuses, an unknown method, a record that is not there, a
-        building that cannot stand.
+        All that is wrong with the file: what `load_model` refuses, an unknown method, a record that
+        is not there, a building that cannot stand.
     RecordError
         The record that it names cannot be read.
     """

@@ -1,12 +1,12 @@
-"""A building put together once, under its forces and from its initial state, to be integrated any number of times: the
-one place that calls the compiled time loop."""
+"""A building put together once, under its forces and from its initial state, to be integrated any
+number of times: the one place that calls the compiled time loop."""
 
 from __future__ import annotations
 
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from itertools import accumulate, chain, pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -29,7 +29,6 @@ from tdint.analysis.run.workspace import (
     workspace,
 )
 from tdint.arrays import Array, cached_property
-from tdint.data import dataclass
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as at
@@ -48,7 +47,8 @@ from tdint.methods.method import Integrator
 from tdint.model.building import Building, DrawnBuildings, assemble, force_table, variant
 from tdint.model.definition import Model
 
-_RESOLVED = 2.5  # omega dt of the fastest mode, bounded from above, up to which a step is taken to follow all modes
+# omega dt of the fastest mode, bounded from above, up to which a step is taken to follow all modes
+_RESOLVED = 2.5
 _PIECE = 0.1  # s
 _FIRST_PIECE = 100_000  # steps times stories, and as much for each modally damped mode
 _PIECE_BYTES = 2**23  # of a piece of a history
@@ -56,13 +56,14 @@ _KEPT = 4  # sets of coefficients that are kept: a run, the one that tells its e
 
 
 Loop = Callable[[Steps, int, int], int]
-"""Takes all steps, and from which of them on to go on until which; gives 0 or the code of the step that failed."""
+"""Takes all steps, and from which of them on to go on until which; gives 0 or the code of the step
+that failed."""
 
 
 @dataclass(frozen=True)
 class Marched:
-    """What a march left: its arrays, 0 or the code of the step that failed, and the time that the time loop took, s, by
-    `tdint.system.clock` and on the wall."""
+    """What a march left: its arrays, 0 or the code of the step that failed, and the time that the
+    time loop took, s, by `tdint.system.clock` and on the wall."""
 
     space: Workspace
     code: int
@@ -71,8 +72,8 @@ class Marched:
 
 
 class Lane(NamedTuple):
-    """One of many runs: where in all samples its ground motion begins, how many those are, the factor on them, and its
-    steps."""
+    """One of many runs: where in all samples its ground motion begins, how many those are, the
+    factor on them, and its steps."""
 
     start: int
     size: int
@@ -147,7 +148,8 @@ class Rest:
     window, windows : int
         Steps of a window, and the most windows.
     quiet : float
-        Largest velocity of a floor in a window, over the largest displacement of the run, at which it ends, 1/s.
+        Largest velocity of a floor in a window, over the largest displacement of the run, at which
+        it ends, 1/s.
     """
 
     window: int = 1
@@ -160,10 +162,12 @@ NO_REST = Rest()
 
 @dataclass(frozen=True)
 class PreparedBuilding:
-    """A building as arrays, the forces on its floors and its state at t = 0; each march is given the ground's motion.
+    """A building as arrays, the forces on its floors and its state at t = 0; each march is given
+    the ground's motion.
 
-    What follows from these alone is found once and kept: the modes, the method's coefficients for a step, whether a
-    step is stable. One of these serves any number of ground motions, of scales of them, and of threads.
+    What follows from these alone is found once and kept: the modes, the method's coefficients for a
+    step, whether a step is stable. One of these serves any number of ground motions, of scales of
+    them, and of threads.
 
     Attributes
     ----------
@@ -221,7 +225,8 @@ class PreparedBuilding:
         integrators: Iterable[Integrator],
         progress: Callable[[float], None] = lambda part: None,
     ) -> None:
-        """Load what marches with these methods call, compiled if it is not yet: before a clock starts.
+        """Load what marches with these methods call, compiled if it is not yet: before a clock
+        starts.
 
         Parameters
         ----------
@@ -246,10 +251,11 @@ class PreparedBuilding:
         return kept
 
     def instability(self, integrator: Integrator, h: float) -> Instability | None:
-        """The stiffest of the modes in the initial state that a step h (s) is too long for, None if it is stable.
+        """The stiffest of the modes in the initial state that a step h (s) is too long for, None if
+        it is stable.
 
-        Modes are solved for a method that has a limit, and once. That a method of ours has none is tested; of a
-        plug-in's it is measured.
+        Modes are solved for a method that has a limit, and once. That a method of ours has none is
+        tested; of a plug-in's it is measured.
         """
         if (
             integrator.stability_limit == math.inf
@@ -273,8 +279,8 @@ class PreparedBuilding:
         Parameters
         ----------
         ground : ndarray, shape (samples,), optional
-            Ground acceleration at the samples, m/s^2; linear between them and zero after the last one. None is ground
-            at rest.
+            Ground acceleration at the samples, m/s^2; linear between them and zero after the last
+            one. None is ground at rest.
         rows : int
             Steps of the history that is kept, of which `steps` are a whole multiple; 0 for none.
 
@@ -302,7 +308,8 @@ class PreparedBuilding:
         Yields
         ------
         Workspace
-            With a history of its own, of which `before` rows stand before; no piece of a run that failed in it.
+            With a history of its own, of which `before` rows stand before; no piece of a run that
+            failed in it.
 
         Raises
         ------
@@ -339,7 +346,8 @@ class PreparedBuilding:
         Yields
         ------
         Workspace
-            At the end of each part, to be looked at before the next one is asked for; none of a part that failed.
+            At the end of each part, to be looked at before the next one is asked for; none of a
+            part that failed.
 
         Raises
         ------
@@ -367,7 +375,8 @@ class PreparedBuilding:
         runs: Sequence[Lane],
         rest: Rest = NO_REST,
     ) -> MarchedRuns:
-        """Integrate many runs of one step h (s) in one compiled call; each is the one that `march` makes.
+        """Integrate many runs of one step h (s) in one compiled call; each is the one that `march`
+        makes.
 
         Parameters
         ----------
@@ -394,7 +403,8 @@ class PreparedBuilding:
         runs: Sequence[tuple[int, Lane]],
         drawn: DrawnBuildings,
     ) -> MarchedRuns:
-        """Integrate runs of buildings that differ from this one in numbers: each is the one that `march` makes of it.
+        """Integrate runs of buildings that differ from this one in numbers: each is the one that
+        `march` makes of it.
 
         All of them share one set of arrays, in which the numbers are changed from run to run.
 
@@ -420,7 +430,8 @@ class PreparedBuilding:
         fast, devices = drawn.fastest * h > _RESOLVED, drawn.with_devices.tolist()
         shared: dict[tuple[bool, int], tuple[PreparedBuilding, Workspace, Callable[..., None]]] = {}
         for r, (d, lane) in enumerate(runs):
-            # What is compiled hangs on whether there are dashpots, and arrays on the rows of modal damping.
+            # What is compiled hangs on whether there are dashpots, and arrays on the rows of modal
+            # damping.
             kind = devices[d], len(drawn.modal[d])
             if kind not in shared:
                 building = replace(
@@ -445,7 +456,8 @@ class PreparedBuilding:
         runs: Sequence[Lane],
         space: Workspace,
     ) -> Callable[..., None]:
-        """The compiled loop over some of the runs with all its arrays: takes those, where to leave what, and a rest."""
+        """The compiled loop over some of the runs with all its arrays: takes those, where to leave
+        what, and a rest."""
         called = (march, integrator.family.step, begin, take_stock, raise_shears)
         # A run begins in the arrays as they are now: copies of state and springs are its start.
         before = (
@@ -498,10 +510,11 @@ class PreparedBuilding:
         every: int,
         see: Callable[[int, Array], None],
     ) -> MarchedRuns:
-        """Integrate many runs of one step h (s), each of which is the one that `march` makes, and see their histories.
+        """Integrate many runs of one step h (s), each of which is the one that `march` makes, and
+        see their histories.
 
-        All of them share one set of arrays and one row of arguments: what is done beside a run's compiled call is a
-        sixth of a run of a thousand steps of one story.
+        All of them share one set of arrays and one row of arguments: what is done beside a run's
+        compiled call is a sixth of a run of a thousand steps of one story.
 
         Parameters
         ----------
@@ -510,8 +523,8 @@ class PreparedBuilding:
         every : int
             Steps from one row of a history to the next.
         see : callable
-            Called with the number of a run and the rows of its history as far as it came; they are written over by the
-            next run.
+            Called with the number of a run and the rows of its history as far as it came; they are
+            written over by the next run.
 
         Raises
         ------
@@ -551,7 +564,8 @@ class PreparedBuilding:
         return self.arrays(integrator, h, rows)
 
     def arrays(self, integrator: Integrator, h: float, rows: int) -> Workspace:
-        """The arrays of a march with steps h (s) in the initial state, with so many rows of its history."""
+        """The arrays of a march with steps h (s) in the initial state, with so many rows of its
+        history."""
         space = workspace(self.building, integrator, rows, self.collapse_drift)
         space.state[at.DISPLACEMENT, :-1] = self.displacement
         space.state[at.VELOCITY, :-1] = self.velocity
@@ -559,7 +573,8 @@ class PreparedBuilding:
         return space
 
     def loop(self, integrator: Integrator, h: float, ground: Array, space: Workspace) -> Loop:
-        """The compiled time loop with all its arrays, which it finds as they are when it is called."""
+        """The compiled time loop with all its arrays, which it finds as they are when it is
+        called."""
         building = self.building
         arrays = (
             *(ground, self.coefficients(integrator, h), shifts(integrator, h)),
@@ -602,13 +617,14 @@ class PreparedBuilding:
         return go
 
     def _in_pieces(self, go: Loop, steps: Steps) -> int:
-        """March over the steps that are left in pieces that take about `_PIECE`, between which Python can be
-        interrupted. 0, or the code of the step that failed."""
+        """March over the steps that are left in pieces that take about `_PIECE`, between which
+        Python can be interrupted. 0, or the code of the step that failed."""
         done, size = (
             steps.done,
             max(_FIRST_PIECE // (self.building.stories * (1 + len(self.building.modal))), 1),
         )
-        # The first piece is a guess; each next one is as long as the last one's pace allows, at most doubled.
+        # The first piece is a guess; each next one is as long as the last one's pace allows, at
+        # most doubled.
         while True:
             last = min(done + size, steps.count)
             began = time.perf_counter()
@@ -642,13 +658,14 @@ def _of_building(
 
 
 _SHORT = 180_000
-"""Steps times floors, the ground among them, of a run that is sooner done as its loops are written than these are
-compiled, which takes 7 to 24 s: 5 s with impulse4 (26 to 28 us each), 10 with the slowest method (rk5, 55 us)."""
+"""Steps times floors, the ground among them, of a run that is sooner done as its loops are written
+than these are compiled, which takes 7 to 24 s: 5 s with impulse4 (26 to 28 us each), 10 with the
+slowest method (rk5, 55 us)."""
 
 
 def begin_at_once(prepared: PreparedBuilding, methods: Sequence[Integrator], steps: int) -> bool:
-    """Whether a run of so many steps in all, with a method and the one that tells its errors, goes as its loops are
-    written, since nobody has compiled them yet; they are compiled beside it
+    """Whether a run of so many steps in all, with a method and the one that tells its errors, goes
+    as its loops are written, since nobody has compiled them yet; they are compiled beside it
     (`tdint.kernels.building.obtaining.begin_as_written`).
 
     Never with power-law dashpots, whose iterations take fifteen times as long.

@@ -46,30 +46,33 @@ def run(
     model : Model, str, Path or mapping
         From `load_model`, or what that takes.
     record : Record, str, Path or ObsPy trace, optional
-        Ground motion in place of the one that the model names; a file's needs to tell its units and one component.
+        Ground motion in place of the one that the model names; a file's needs to tell its units and
+        one component.
     method, dt, duration : optional
-        In place of what the model's analysis says: a specification such as `hht:alpha=-0.1`, s, s. Without either the
-        method is `tdint.methods.catalogue.DEFAULT_METHOD` (a note says so), step and duration those of the record.
-        Of lists of methods or steps there are `Several` responses, each method with each step.
+        In place of what the model's analysis says: a specification such as `hht:alpha=-0.1`, s, s.
+        Without either the method is `tdint.methods.catalogue.DEFAULT_METHOD` (a note says so), step
+        and duration those of the record. Of lists of methods or steps there are `Several`
+        responses, each method with each step.
     history : bool
         Keep the whole response, not the peaks alone.
     allow_unstable : bool
-        Run a conditionally stable method beyond its limit, and take a motion on energy that the method made for a
-        result.
+        Run a conditionally stable method beyond its limit, and take a motion on energy that the
+        method made for a result.
     check : bool or None
-        Tell the errors of the peaks (`Response.check`), by one more run of impulse4 with half of the step; a failure of
-        that leaves them unknown. True: those of the history, too. False: none, in a third of the time.
+        Tell the errors of the peaks (`Response.check`), by one more run of impulse4 with half of
+        the step; a failure of that leaves them unknown. True: those of the history, too. False:
+        none, in a third of the time.
     tolerance : float or str, optional
-        Take the largest step with which the told error of every peak drift is within this part of it: from four
-        sampling intervals of the record, or from dt where one is given, down to a 256th of the record's step or of dt
-        (`tdint.analysis.run.step_choice`).
+        Take the largest step with which the told error of every peak drift is within this part of
+        it: from four sampling intervals of the record, or from dt where one is given, down to a
+        256th of the record's step or of dt (`tdint.analysis.run.step_choice`).
     until_rest : bool
-        Go on after that with the ground at rest until the building is (`tdint.analysis.run.case`): residual drifts are
-        at rest then.
+        Go on after that with the ground at rest until the building is (`tdint.analysis.run.case`):
+        residual drifts are at rest then.
     gradient : str or sequence of str
-        Names as those of `vary` of `run_many`: `stories[1].stiffness`, `damping`, `record.scale`. The derivatives of
-        the peaks, and of a history that is kept, by these numbers, of factors at 1, in `Response.gradient`: by
-        differences of two neighbors each, in one call of all.
+        Names as those of `vary` of `run_many`: `stories[1].stiffness`, `damping`, `record.scale`.
+        The derivatives of the peaks, and of a history that is kept, by these numbers, of factors at
+        1, in `Response.gradient`: by differences of two neighbors each, in one call of all.
 
     Returns
     -------
@@ -78,14 +81,15 @@ def run(
     Raises
     ------
     UsageError
-        An unknown method, a step that does not fit, or a tolerance that is none; no number of that name.
+        An unknown method, a step that does not fit, or a tolerance that is none; no number of that
+        name.
     ModelError
         The model is none.
     RecordError
         The record is none, or cannot be read.
     AnalysisError
-        The step is beyond the method's limit; the run diverged or did not converge; no step is within the tolerance
-        (`FailedRun`).
+        The step is beyond the method's limit; the run diverged or did not converge; no step is
+        within the tolerance (`FailedRun`).
     """
     if isinstance(method, list | tuple) or isinstance(dt, list | tuple):
         # As other functions of methods and steps one or several: each method with each step.
@@ -118,10 +122,11 @@ def prepare(
     method: str | None = None,
     allow_unstable: bool = False,
 ) -> Case:
-    """Put a model together for any number of runs: `run_case(case)`, `run_case(case.scaled(2.0))`, ...
+    """Put a model together for any number of runs: `run_case(case)`, `run_case(case.scaled(2.0))`,
+    ...
 
-    The building is assembled, and what a method needs of it found, once for all cases that are made of this one by
-    `Case.scaled` and `Case.under`.
+    The building is assembled, and what a method needs of it found, once for all cases that are made
+    of this one by `Case.scaled` and `Case.under`.
 
     Parameters
     ----------
@@ -185,7 +190,8 @@ def run_case(
         number_of(duration, "duration"),
         ratio_of(tolerance, "tolerance"),
     )
-    # How long that takes a run without history tells; the steps of a tolerance are chosen over the whole of it.
+    # How long that takes a run without history tells; the steps of a tolerance are chosen over the
+    # whole of it.
     if until_rest:
         steps, at_rest = go_on(case, case.steps(dt, duration))
         end = steps.count * steps.h

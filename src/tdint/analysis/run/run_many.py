@@ -1,10 +1,11 @@
-"""Many runs at once, their peaks and histories as arrays over the runs: the work behind `tdint.run_many`."""
+"""Many runs at once, their peaks and histories as arrays over the runs: the work behind
+`tdint.run_many`."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence, Set
-from dataclasses import field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from importlib import import_module
 from itertools import groupby
@@ -33,7 +34,6 @@ from tdint.analysis.run.prepared import MarchedRuns, Motions
 from tdint.analysis.run.together import Subject, run_drawn, run_together
 from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array, cached_property
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
 from tdint.ground_motion.record import JoinedRecord, Record
 from tdint.kernels.building.sources import CODE
@@ -61,8 +61,8 @@ _AT_ONCE = 64
 
 @dataclass(frozen=True, repr=False)
 class Runs(Tabular):
-    """Many runs; arrays have the runs first. Where a building has fewer stories than another one, what lies above it is
-    nan.
+    """Many runs; arrays have the runs first. Where a building has fewer stories than another one,
+    what lies above it is nan.
 
     Attributes
     ----------
@@ -77,7 +77,8 @@ class Runs(Tabular):
     steps : ndarray of int, shape (runs,)
         Steps that were taken.
     status : ndarray of str, shape (runs,)
-        As of `Response`, or of `FailedRun` where there is no result; the run's numbers are nan then.
+        As of `Response`, or of `FailedRun` where there is no result; the run's numbers are nan
+        then.
     energy_error : ndarray, shape (runs,)
         Imbalance of the energies over the largest input energy.
     stories : StoryPeaks
@@ -89,8 +90,9 @@ class Runs(Tabular):
     failures : mapping of int to str
         What there is to say of the runs without a result, by their numbers.
     errors, corrected : StoryErrors and StoryPeaks, or None
-        Estimated errors of the peaks, and the peaks by the error that the run carried along, if they were asked for:
-        those of `ErrorEstimate`, of shape (runs, stories), nan where there is none.
+        Estimated errors of the peaks, and the peaks by the error that the run carried along, if
+        they were asked for: those of `ErrorEstimate`, of shape (runs, stories), nan where there is
+        none.
     varied : mapping of str to ndarray, shape (runs,)
         What was varied, by name; `models` has the buildings as they were given.
     gradient : Gradient or None
@@ -124,7 +126,8 @@ class Runs(Tabular):
         return np.asarray(np.multiply.outer(self.every * steps, np.arange(rows)))
 
     def to_xarray(self) -> Dataset:
-        """Peaks over runs and stories, errors and histories, with units and what each run is as coordinates.
+        """Peaks over runs and stories, errors and histories, with units and what each run is as
+        coordinates.
 
         Returns
         -------
@@ -140,7 +143,8 @@ class Runs(Tabular):
         return dataset
 
     def of_building(self, number: int) -> tuple[NDArray[np.int64], StoryPeaks]:
-        """The runs of a building by its number, and their peaks, shape (runs of it, its stories)."""
+        """The runs of a building by its number, and their peaks, shape (runs of it, its
+        stories)."""
         runs = np.flatnonzero(self.model == number)
         n = len(self.models[number].stories)
         values = {
@@ -179,12 +183,12 @@ def run_many(
     gradient: str | Sequence[str] = (),
     errors: str = "raise",
 ) -> Runs:
-    """Integrate every building, in every draw of its numbers, under every ground motion at every scale; in that order,
-    the scales fastest.
+    """Integrate every building, in every draw of its numbers, under every ground motion at every
+    scale; in that order, the scales fastest.
 
-    Each run is the one that `run` makes, to the last bit. The time loops run on threads without Python's lock; runs
-    without a history go some dozens to a compiled call. A run that fails keeps no other from being done and is not
-    repeated with a smaller step.
+    Each run is the one that `run` makes, to the last bit. The time loops run on threads without
+    Python's lock; runs without a history go some dozens to a compiled call. A run that fails keeps
+    no other from being done and is not repeated with a smaller step.
 
     Parameters
     ----------
@@ -193,42 +197,50 @@ def run_many(
     scales : float or sequence of float
         Factors on the ground accelerations, not zero.
     paired : bool
-        The first building under the first record at the first scale, the second under the second, ...: sequences of one
-        length, or of one member that stands for all.
+        The first building under the first record at the first scale, the second under the second,
+        ...: sequences of one length, or of one member that stands for all.
     method, dt, duration : optional
         In place of what each model says, as of `run`; dt and duration in s.
     history : str or sequence of str
-        What to keep of each step: of `displacement`, `velocity` (relative to the ground), `absolute_acceleration` of
-        the floors, `drift`, `shear`, `damper_force`, `total_shear` of the stories.
+        What to keep of each step: of `displacement`, `velocity` (relative to the ground),
+        `absolute_acceleration` of the floors, `drift`, `shear`, `damper_force`, `total_shear` of
+        the stories.
     every : int
         Keep every so many steps, from the start on.
     out : ndarray or mapping of str to ndarray, or str or Path, optional
-        Where to put the histories, shape (runs, rows, stories) each: arrays of any floating-point type, or maps of
-        files (`numpy.lib.format.open_memmap`); the rows are those of the longest run, the stories those of the tallest
-        building. An array alone is for a single quantity. Without, arrays of float64 are made. Of a path NAME.parquet,
-        where to write the table of the runs (`Runs.to_parquet`).
+        Where to put the histories, shape (runs, rows, stories) each: arrays of any floating-point
+        type, or maps of files (`numpy.lib.format.open_memmap`); the rows are those of the longest
+        run, the stories those of the tallest building. An array alone is for a single quantity.
+        Without, arrays of float64 are made. Of a path NAME.parquet, where to write the table of the
+        runs (`Runs.to_parquet`).
     jobs : int, optional
         Threads; one for each processor by default. The result does not depend on it.
     check : bool
-        Estimate the errors of the peaks, as by `run`: moment4 carries them along, other methods run again twice.
+        Estimate the errors of the peaks, as by `run`: moment4 carries them along, other methods run
+        again twice.
     vary : mapping of str to array, optional
-        Numbers of the buildings that are changed, in SI units, a value for each draw, arrays of one length: `damping`,
-        `mass_factor`, `stiffness_factor`, `strength_factor`; of story 3 (counting starts at 1, and without a number all
-        stories are meant) `stories[3].mass`, `.height`, `.stiffness`, `.dashpot` (or `.dashpot.coefficient`,
-        `.dashpot.exponent`, `.dashpot.linear_below`), `.law.KEY` with a key of its law, and the three factors; and
-        `record.scale`, a factor on the scales. Each building is put together once and its arrays are changed from run
-        to run. `Runs.varied` has the values of each run.
+        Numbers of the buildings that are changed, in SI units, a value for each draw, arrays of one
+        length: `damping`, `mass_factor`, `stiffness_factor`, `strength_factor`; of story 3
+        (counting starts at 1, and without a number all stories are meant) `stories[3].mass`,
+        `.height`, `.stiffness`, `.dashpot` (or `.dashpot.coefficient`, `.dashpot.exponent`,
+        `.dashpot.linear_below`), `.law.KEY` with a key of its law, and the three factors; and
+        `record.scale`, a factor on the scales. Each building is put together once and its arrays
+        are changed from run to run. `Runs.varied` has the values of each run.
     product : bool
         All combinations of the values of `vary`, the last name fastest, in place of draws.
     progress : bool or callable
-        A bar on a terminal or in a notebook, by tqdm, or what is told how many runs are done, of how many.
+        A bar on a terminal or in a notebook, by tqdm, or what is told how many runs are done, of
+        how many.
     partial : bool
-        Of an interrupt (Ctrl-C) give the runs that are done; the status of the others is `interrupted`.
+        Of an interrupt (Ctrl-C) give the runs that are done; the status of the others is
+        `interrupted`.
     gradient : str or sequence of str
-        Names as those of `vary`: the derivatives by these numbers of the peaks, and of the histories that are kept, of
-        each run at its own draw (`Runs.gradient`); of factors at 1. Two more runs for each name and run.
+        Names as those of `vary`: the derivatives by these numbers of the peaks, and of the
+        histories that are kept, of each run at its own draw (`Runs.gradient`); of factors at 1. Two
+        more runs for each name and run.
     errors : str
-        `raise`, or `keep`: a draw out of range keeps its row, without numbers, with the status `out-of-range`.
+        `raise`, or `keep`: a draw out of range keeps its row, without numbers, with the status
+        `out-of-range`.
 
     Returns
     -------
@@ -237,8 +249,8 @@ def run_many(
     Raises
     ------
     UsageError
-        An unknown method or quantity, a step that does not fit a record, an array of another shape; a name that cannot
-        be varied, or a value out of range.
+        An unknown method or quantity, a step that does not fit a record, an array of another shape;
+        a name that cannot be varied, or a value out of range.
     ModelError, RecordError
         A model or a record is none.
     AnalysisError
@@ -382,7 +394,8 @@ class _RunsRequest:
         """A building in one of the draws, by itself."""
         subject = self.subjects[model]
         numbers = {name: float(values[draw]) for name, values in self.of_buildings.items()}
-        # What is nan stays as it is: neighbors of a run (`_differentiated`) differ in one number each.
+        # What is nan stays as it is: neighbors of a run (`_differentiated`) differ in one number
+        # each.
         return Subject(
             subject.model.changed(
                 {name: number for name, number in numbers.items() if not math.isnan(number)}
@@ -391,8 +404,8 @@ class _RunsRequest:
         )
 
     def alone(self, run: _Run, history: bool) -> int:
-        """The draw of a run whose building is put together by itself, -1 where arrays are changed: errors, histories,
-        a method whose coefficients or limit hang on the building."""
+        """The draw of a run whose building is put together by itself, -1 where arrays are changed:
+        errors, histories, a method whose coefficients or limit hang on the building."""
         method = self.subjects[run.model].integrator
         if not self.of_buildings:
             return -1
@@ -404,7 +417,8 @@ class _RunsRequest:
         )
 
     def check_draws(self, but: Set[int]) -> None:
-        """Raise UsageError for a name or a value that some building does not have, but for the values of some draws."""
+        """Raise UsageError for a name or a value that some building does not have, but for the
+        values of some draws."""
         taken = [draw for draw in range(self.draws) if draw not in but]
         for name, of_draws in self.of_buildings.items():
             check_parameter(name)
@@ -493,7 +507,8 @@ def _kept(history: str | Sequence[str]) -> tuple[str, ...]:
     for name in names:
         if name not in KEPT:
             raise UsageError(
-                f"unknown quantity {name!r}{did_you_mean(str(name), KEPT)} (known: {', '.join(KEPT)})"
+                f"unknown quantity {name!r}{did_you_mean(str(name), KEPT)} (known: "
+                f"{', '.join(KEPT)})"
             )
     return tuple(dict.fromkeys(names))
 
@@ -509,8 +524,9 @@ def _room(
         needed, free = 8.0 * len(kept) * math.prod(shape), available_memory()
         if needed > free:
             raise AnalysisError(
-                f"the histories of {len(plan)} runs take {needed / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB "
-                "are free; keep fewer steps by every=, or give arrays by out= (float32, or maps of files)"
+                f"the histories of {len(plan)} runs take {needed / 1e9:.3g} GB of memory, "
+                f"{free / 1e9:.3g} GB are free; keep fewer steps by every=, or give arrays by out= "
+                "(float32, or maps of files)"
             )
         return {name: np.full(shape, math.nan) for name in kept}
     given = dict(out) if isinstance(out, Mapping) else dict.fromkeys(kept[:1], out)
@@ -526,7 +542,8 @@ def _room(
                 else type(array).__name__
             )
             raise UsageError(
-                f"out of {name} must be an array of floating-point numbers, shape {shape}, got {kind}"
+                f"out of {name} must be an array of floating-point numbers, shape {shape}, got "
+                f"{kind}"
             )
     return given
 
@@ -568,7 +585,8 @@ def _march(work: _RunsRequest, result: Runs, part: Sequence[_Run]) -> None:
     for (model, _, alone), group in groupby(
         part, key=lambda run: (run.model, run.steps.h, work.alone(run, bool(result.history)))
     ):
-        # Where numbers vary, arrays of one building are changed from run to run; `alone` says where that cannot be.
+        # Where numbers vary, arrays of one building are changed from run to run; `alone` says where
+        # that cannot be.
         runs, subject = list(group), work.subjects[model]
         places = [run.number for run in runs]
         motions = Motions({run.record: work.records[run.record] for run in runs})
@@ -622,7 +640,8 @@ def _put(
 
 
 def _put_history(result: Runs, place: int, history: History | None) -> None:
-    """Write what is kept of a run that was made by itself; nan behind its end, and where it has no result."""
+    """Write what is kept of a run that was made by itself; nan behind its end, and where it has no
+    result."""
     for name, kept in result.history.items():
         kept[place] = math.nan
         if history:
@@ -664,7 +683,8 @@ def gradient_of(case: Case, response: Response, names: Sequence[str]) -> Gradien
     """Derivatives of a run that was made by itself, and of its history, if that was kept."""
     if case.allow_unstable:
         raise UsageError(
-            "gradient: not with allow_unstable: what a step beyond its limit gives has no derivative"
+            "gradient: not with allow_unstable: what a step beyond its limit gives has no "
+            "derivative"
         )
     label, dt = case.method.label, response.dt
     record = case.record or Record(np.zeros(response.steps + 1), dt, "", "", "", "")
@@ -691,7 +711,8 @@ def _differentiated(
     names: Sequence[str],
     threads: int,
 ) -> Gradient:
-    """Derivatives of the runs of a plan, whose peaks and histories are known, by numbers of buildings and scales."""
+    """Derivatives of the runs of a plan, whose peaks and histories are known, by numbers of
+    buildings and scales."""
     # Each building in each of its draws has numbers of its own, and two neighbors of each.
     numbers, near = (
         dict[tuple[int, int], list[float]](),
@@ -707,7 +728,8 @@ def _differentiated(
             neighbors(model, name, number)
             for name, number in zip(names, numbers[site], strict=True)
         ]
-    # A draw for each neighbor: what it leaves as it is has the value of its site's own draw, or nan.
+    # A draw for each neighbor: what it leaves as it is has the value of its site's own draw, or
+    # nan.
     draws = {key: draw for draw, key in enumerate(combined(near, range(len(names)), range(2)))}
     origin = [draw for (_, draw), _, _ in draws]
     columns = {name: column[origin] for name, column in work.of_buildings.items()}

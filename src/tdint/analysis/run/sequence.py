@@ -1,14 +1,15 @@
-"""Shocks one after the other on one building, which keeps what each has left: the work behind `tdint run --sequence`.
+"""Shocks one after the other on one building, which keeps what each has left: the work behind
+`tdint run --sequence`.
 
-The shocks are joined to one record, and its run is that of any record: peaks over all, energies, history, errors. Peaks
-of each shock come from the same steps once more, in parts.
+The shocks are joined to one record, and its run is that of any record: peaks over all, energies,
+history, errors. Peaks of each shock come from the same steps once more, in parts.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from tdint.analysis.given import number_of
 from tdint.analysis.run import case as run_totals
@@ -17,7 +18,6 @@ from tdint.analysis.run.error_estimate import reference, story_errors
 from tdint.analysis.run.outcome import Response, Shock
 from tdint.analysis.run.run import run_case
 from tdint.analysis.run.workspace import Steps, choose_steps, finer
-from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.ground_motion.record import Record, at_one_interval, one_after_another, samples_of
 
@@ -49,8 +49,8 @@ class ShockSequence:
     def notes(self) -> tuple[str, ...]:
         """What a person should know of the rests."""
         return tuple(
-            f"after shock {number} the building still moved after {REST_PERIODS:g} first periods with the ground at "
-            "rest: the next one begins there"
+            f"after shock {number} the building still moved after {REST_PERIODS:g} first periods "
+            "with the ground at rest: the next one begins there"
             for number in self.restless
         )
 
@@ -67,8 +67,8 @@ def sequence_of(
     records : sequence of Record
         The shocks, scaled.
     rest : float, optional
-        Time from the last sample of one to the first of the next, s, rounded up to whole samples and steps; by default
-        until the building is at rest (`tdint.analysis.run.case`).
+        Time from the last sample of one to the first of the next, s, rounded up to whole samples
+        and steps; by default until the building is at rest (`tdint.analysis.run.case`).
     dt : float, optional
         Step of the runs that find that, s; by default the model's, else that of the records.
 
@@ -116,7 +116,8 @@ def run_sequence(
     records : sequence of Record
         The shocks, scaled.
     rest : float, optional
-        Time from the last sample of one to the first of the next, s; by default until the building is at rest.
+        Time from the last sample of one to the first of the next, s; by default until the building
+        is at rest.
     dt, history, check, tolerance, until_rest : optional
         As for `tdint.run`, of the whole sequence.
 
@@ -159,7 +160,8 @@ def run_sequence(
 def shocks_of(
     joined: Case, sequence: ShockSequence, steps: Steps, *, check: bool = False
 ) -> tuple[Shock, ...]:
-    """What each shock of a sequence did, as far as the steps of the `joined` case go; with errors by one more run."""
+    """What each shock of a sequence did, as far as the steps of the `joined` case go; with errors
+    by one more run."""
     shocks = _parts(joined, sequence, steps)
     if not check:
         return shocks
@@ -187,7 +189,8 @@ def _parts(joined: Case, sequence: ShockSequence, steps: Steps) -> tuple[Shock, 
 
 
 def _steps(case: Case, record: Record, dt: float | None) -> Steps:
-    """Steps over a whole record: the duration of the model's own analysis is not that of a sequence."""
+    """Steps over a whole record: the duration of the model's own analysis is not that of a
+    sequence."""
     return choose_steps(
         case.model.analysis.dt if dt is None else dt, None, record.dt, record.duration
     )

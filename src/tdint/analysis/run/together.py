@@ -1,15 +1,16 @@
-"""Runs of one building and one step, taken together: the one place where many runs are integrated and settled.
+"""Runs of one building and one step, taken together: the one place where many runs are integrated
+and settled.
 
-What comes to its end without a collapse is taken as the compiled call left it. All else is judged by
-`tdint.analysis.run.case.Case`, as a single run is. Runs whose errors are asked for are made one by one. Who asks
-decides what is kept: `tdint.run_many` fills its arrays, a campaign makes rows and repeats what failed with half of the
-step.
+What comes to its end without a collapse is taken as the compiled call left it. All else is judged
+by `tdint.analysis.run.case.Case`, as a single run is. Runs whose errors are asked for are made one
+by one. Who asks decides what is kept: `tdint.run_many` fills its arrays, a campaign makes rows and
+repeats what failed with half of the step.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import lru_cache, partial
 
 import numpy as np
@@ -21,7 +22,6 @@ from tdint.analysis.run.outcome import STORY, Collapse, FailedRun, Response, Sto
 from tdint.analysis.run.prepared import NO_REST, MarchedRuns, Motions, PreparedBuilding
 from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array, cached_property
-from tdint.data import dataclass
 from tdint.ground_motion.record import Record
 from tdint.kernels.march.march import AT_REST, STEPS_TAKEN
 from tdint.methods.catalogue import parse
@@ -90,11 +90,14 @@ class Outcomes:
     energy_error, steps : ndarray, shape (runs,)
         Imbalance of the energies over the largest input energy; steps that were taken.
     at_rest : list of int or None
-        Whether each came to rest, 1 or 0; None where nobody waited for that and where a run did not come to its end.
+        Whether each came to rest, 1 or 0; None where nobody waited for that and where a run did not
+        come to its end.
     responses : mapping of int to Response
-        The runs that were made by themselves, by their places: with errors and history, if these were asked for.
+        The runs that were made by themselves, by their places: with errors and history, if these
+        were asked for.
     collapses, failures : mapping of int to Collapse and to FailedRun
-        How runs ended that are not `done`; one that went on after its collapse is among the responses, too.
+        How runs ended that are not `done`; one that went on after its collapse is among the
+        responses, too.
     """
 
     stories: StoryPeaks
@@ -107,7 +110,8 @@ class Outcomes:
 
     @classmethod
     def of(cls, building: Building, marched: MarchedRuns, to_rest: bool) -> Outcomes:
-        """As a compiled call left them; where each run has its own building, its arrays have the runs first."""
+        """As a compiled call left them; where each run has its own building, its arrays have the
+        runs first."""
         waited = (
             marched.ends[:, AT_REST].astype(int).tolist() if to_rest else [None] * len(marched.ends)
         )
@@ -166,7 +170,8 @@ def run_together(
     history: bool = False,
     march: Callable[[], MarchedRuns] | None = None,
 ) -> Outcomes:
-    """Integrate runs of one building and one step; each is the one that `run` makes, to the last bit.
+    """Integrate runs of one building and one step; each is the one that `run` makes, to the last
+    bit.
 
     Parameters
     ----------
@@ -221,7 +226,8 @@ def run_drawn(
     drawn: DrawnBuildings,
     subjects: Sequence[Callable[[], Subject]],
 ) -> Outcomes:
-    """Integrate runs of buildings that differ in numbers, and of one step; the draw of each comes before its motion.
+    """Integrate runs of buildings that differ in numbers, and of one step; the draw of each comes
+    before its motion.
 
     Parameters
     ----------

@@ -7,14 +7,13 @@ import os
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tdint.arrays import Array, cached_property, halved
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as at
 from tdint.kernels.building.compilable import Variant
@@ -97,8 +96,9 @@ def workspace(
         needed, free = _WITH_RESULTS * 8.0 * rows * width, available_memory()
         if needed > free:
             raise AnalysisError(
-                f"a history of {rows} rows takes {needed / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB are free; take "
-                "fewer steps, or write the history to a file, which takes it in pieces"
+                f"a history of {rows} rows takes {needed / 1e9:.3g} GB of memory, {free / 1e9:.3g} "
+                "GB are free; take fewer steps, or write the history to a file, which takes it in "
+                "pieces"
             )
     # What a story's row INTERNAL is once it has failed: nan of laws that do not fail.
     failed = np.full(max(CODES.values()) + 1, math.nan)
@@ -127,7 +127,8 @@ def history_width(building: Building) -> int:
 
 
 LOOKED_AT: set[Kernel] = set()
-"""Steps of plug-ins that this process has executed in plain Python, or need not, for somebody does it now."""
+"""Steps of plug-ins that this process has executed in plain Python, or need not, for somebody does
+it now."""
 
 _ONE_AT_A_TIME = threading.RLock()
 if hasattr(os, "register_at_fork"):  # a child would wait for a thread that it has not
@@ -135,8 +136,9 @@ if hasattr(os, "register_at_fork"):  # a child would wait for a thread that it h
 
 
 def look_at_once(integrator: Integrator) -> None:
-    """Execute the step of a plug-in in plain Python before its first compiled run, which would write beyond the ends of
-    arrays or forget a story's state in silence: once for each state of its sources, which the cache of kernels keeps.
+    """Execute the step of a plug-in in plain Python before its first compiled run, which would
+    write beyond the ends of arrays or forget a story's state in silence: once for each state of its
+    sources, which the cache of kernels keeps.
 
     Raises
     ------
@@ -167,7 +169,8 @@ def look_at_once(integrator: Integrator) -> None:
 
 
 def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Variant]]:
-    """The kernels that a march calls, those first that take the longest to compile. Errors are `look_at_once`'s."""
+    """The kernels that a march calls, those first that take the longest to compile. Errors are
+    `look_at_once`'s."""
     look_at_once(integrator)
     return [
         (kernel, variant)
@@ -176,13 +179,15 @@ def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Vari
 
 
 def shifts(integrator: Integrator, h: float) -> Array:
-    """What each row of the state takes of a jump of the ground acceleration between two steps h (s)."""
+    """What each row of the state takes of a jump of the ground acceleration between two steps h
+    (s)."""
     family = integrator.family
     return np.array(family.shifts) * h ** (2.0 - np.array(family.derivatives))
 
 
 def unsuited(integrator: Integrator, building: Building) -> str:
-    """Why a method does not integrate a building: nonlinear stories, power-law dashpots; empty if it does."""
+    """Why a method does not integrate a building: nonlinear stories, power-law dashpots; empty if
+    it does."""
     if integrator.family.linear_only and not building.linear:
         return (
             f"{integrator.label} integrates linear buildings only; this one has nonlinear stories"
@@ -192,7 +197,8 @@ def unsuited(integrator: Integrator, building: Building) -> str:
     return ""
 
 
-# ---- Amplification matrices measured on the compiled steps, and the stability that follows from them
+# ---- Amplification matrices measured on the compiled steps, and the stability that follows from
+# them
 
 LINEAR_OSCILLATORS = Variant(laws=("linear",), modal=False, forces=False, dashpots=False)
 """What the kernels need for them."""
@@ -202,13 +208,14 @@ STABLE = 1e-9
 
 _SETTLED = 100.0  # steps done as a multi-step method sees it: past its start
 
-# Oscillators in one building where the step's coefficients belong to the whole building: their matrix is dense, and
-# LAPACK mixes the modes of uncoupled oscillators from 26 on.
+# Oscillators in one building where the step's coefficients belong to the whole building: their
+# matrix is dense, and LAPACK mixes the modes of uncoupled oscillators from 26 on.
 _TOGETHER = 16
 
 
 def amplification(integrator: Integrator, omega: Array, damping: Array, h: float) -> Array:
-    """Amplification matrices of undriven oscillators over one step h (s), by stepping each row of the method's memory.
+    """Amplification matrices of undriven oscillators over one step h (s), by stepping each row of
+    the method's memory.
 
     Parameters
     ----------
@@ -243,7 +250,8 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
     for column, row in enumerate(memory):
         state[:], springs[:] = 0.0, 0.0
         state[row, :k] = 1.0
-        # Committed springs, and the acceleration of equilibrium where the method does not carry its own.
+        # Committed springs, and the acceleration of equilibrium where the method does not carry its
+        # own.
         u, v = state[at.DISPLACEMENT, :-1], state[at.VELOCITY, :-1]
         springs[at.DRIFT, :-1], springs[at.FORCE, :-1], springs[at.SLOPE, :-1] = (
             u,
@@ -275,7 +283,8 @@ def spectral_radius(integrator: Integrator, omega: Array, damping: Array, h: flo
 
 @dataclass(frozen=True)
 class Instability:
-    """An oscillator that grows with a step h (s): its index, and whether all are stable with another step."""
+    """An oscillator that grows with a step h (s): its index, and whether all are stable with
+    another step."""
 
     index: int
     h: float
@@ -283,14 +292,16 @@ class Instability:
 
     @cached_property
     def largest_stable(self) -> float:
-        """The largest stable step below h (0: none), s: some 150 measurements, made for who asks."""
+        """The largest stable step below h (0: none), s: some 150 measurements, made for who
+        asks."""
         return largest_stable(self.stable, self.h)
 
 
 def find_instability(
     integrator: Integrator, omega: Array, damping: Array, h: float
 ) -> Instability | None:
-    """Whether a step h (s) is beyond the method's limit for one of some oscillators; the stiffest such one.
+    """Whether a step h (s) is beyond the method's limit for one of some oscillators; the stiffest
+    such one.
 
     A method that is unconditionally stable is not measured.
     """
@@ -308,9 +319,11 @@ def find_instability(
 
 
 def largest_stable(stable: Callable[[float], bool], h: float) -> float:
-    """End of the first range of stable steps, searched upward in (0, h] and bisected, rounded down; 0 for none, s."""
+    """End of the first range of stable steps, searched upward in (0, h] and bisected, rounded down;
+    0 for none, s."""
     low, high = 0.0, h
-    # By 200ths: of a method that is unstable in between and stable beyond, the first range is found.
+    # By 200ths: of a method that is unstable in between and stable beyond, the first range is
+    # found.
     for part in range(1, 201):
         candidate = h * part / 200
         if not stable(candidate):
@@ -331,8 +344,8 @@ _SAME = 1e-9  # steps that differ by less than this part are the same
 class Steps:
     """Time steps on a ground motion: `per_sample` of them take `stride` sampling intervals.
 
-    They end at the time that was asked for, `end` (s), or less than a step after it. Of all `count` so many may be
-    `done`.
+    They end at the time that was asked for, `end` (s), or less than a step after it. Of all `count`
+    so many may be `done`.
     """
 
     h: float
@@ -349,21 +362,24 @@ class Steps:
 
 
 MOST_STEPS = 1_000_000_000
-"""Steps that a run may have, some quarter of an hour for a few stories: a slip in dt does not run for years."""
+"""Steps that a run may have, some quarter of an hour for a few stories: a slip in dt does not run
+for years."""
 
 
 def choose_steps(
     dt: float | None, duration: float | None, record_dt: float | None, record_duration: float
 ) -> Steps:
-    """Time steps for a wished dt (s) and duration (s) under a record, or without one (`record_dt` None).
+    """Time steps for a wished dt (s) and duration (s) under a record, or without one (`record_dt`
+    None).
 
-    A step divides the record's sampling interval or is a whole multiple of it. The last step ends at the duration or
-    after.
+    A step divides the record's sampling interval or is a whole multiple of it. The last step ends
+    at the duration or after.
 
     Raises
     ------
     UsageError
-        No dt or duration where there is no record to take it from; a dt that does not fit the record; too many steps.
+        No dt or duration where there is no record to take it from; a dt that does not fit the
+        record; too many steps.
     """
     if record_dt is None:
         if dt is None:
@@ -372,17 +388,20 @@ def choose_steps(
             )
         if duration is None:
             raise UsageError(
-                "no duration: without a record, give --duration or analysis.duration in the model file"
+                "no duration: without a record, give --duration or analysis.duration in the model "
+                "file"
             )
         return Steps(dt, _count(duration, dt), end=duration)
     if dt is not None and not record_dt / MOST_STEPS <= dt <= record_dt * MOST_STEPS:
         raise UsageError(
-            f"dt {dt:.6g} s is out of all proportion to the record's sampling interval {record_dt:.6g} s"
+            f"dt {dt:.6g} s is out of all proportion to the record's sampling interval "
+            f"{record_dt:.6g} s"
         )
     duration = record_duration if duration is None else duration
     if dt is None:
         return Steps(record_dt, _count(duration, record_dt), end=duration)
-    # A part of the sampling interval, or a multiple of it, but for rounding: the record's own number is taken.
+    # A part of the sampling interval, or a multiple of it, but for rounding: the record's own
+    # number is taken.
     for ratio, per_sample in ((record_dt / dt, True), (dt / record_dt, False)):
         whole = round(ratio)
         if whole >= 1 and abs(ratio - whole) <= _SAME * whole:
@@ -397,8 +416,8 @@ def choose_steps(
     else:
         below, above = record_dt / (whole + 1), record_dt / whole
     raise UsageError(
-        f"dt {dt:.12g} s does not fit the record's sampling interval {record_dt:.12g} s: "
-        f"the nearest steps are {below:.12g} and {above:.12g} s"
+        f"dt {dt:.12g} s does not fit the record's sampling interval {record_dt:.12g} s: the "
+        f"nearest steps are {below:.12g} and {above:.12g} s"
     )
 
 
@@ -406,8 +425,8 @@ def _count(duration: float, h: float) -> int:
     count = duration / h * (1.0 - _SAME)
     if not count <= MOST_STEPS:
         raise UsageError(
-            f"{count:.3g} steps of {h:.6g} s for a duration of {duration:.6g} s: at most {MOST_STEPS:.0e} are taken; "
-            "use a longer dt or a shorter duration"
+            f"{count:.3g} steps of {h:.6g} s for a duration of {duration:.6g} s: at most "
+            f"{MOST_STEPS:.0e} are taken; use a longer dt or a shorter duration"
         )
     return max(1, math.ceil(count))
 

@@ -1,13 +1,15 @@
 """Drift spectra: the largest story drift of uniform shear buildings over their fundamental period.
 
-Iwan (1997) proposed the drift spectrum, for a continuous shear beam; a uniform shear building tends to that beam as
-its stories grow in number, and with one story it is the oscillator of an ordinary spectrum.
+Iwan (1997) proposed the drift spectrum, for a continuous shear beam; a uniform shear building tends
+to that beam as its stories grow in number, and with one story it is the oscillator of an ordinary
+spectrum.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -18,7 +20,6 @@ from tdint.analysis.given import AnyRecord, damping_of, numbers_of, record_of
 from tdint.analysis.spectra.elastic import DampingRatio, check_shortest, recursion_table
 from tdint.analysis.spectra.inelastic import SHORTEST
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import modal_sums as drifts
@@ -39,10 +40,11 @@ _BEAM_MODES = 64  # at least; and all down to the period of half a sampling inte
 class HeightPeriod:
     """The fundamental period of a building of height H, T = a H^b, with T in s and H in m.
 
-    The default, 0.0731 H^0.75, is that of moment frames of reinforced concrete and of eccentrically braced steel frames
-    in the Uniform Building Code of 1997 (Ct 0.0731), and of eccentrically braced and buckling-restrained steel frames
-    in ASCE 7, table 12.8-2. Others of that table: 0.0724 H^0.8 (steel moment frames), 0.0466 H^0.9 (concrete moment
-    frames), 0.0488 H^0.75 (all others).
+    The default, 0.0731 H^0.75, is that of moment frames of reinforced concrete and of eccentrically
+    braced steel frames in the Uniform Building Code of 1997 (Ct 0.0731), and of eccentrically
+    braced and buckling-restrained steel frames in ASCE 7, table 12.8-2. Others of that table:
+    0.0724 H^0.8 (steel moment frames), 0.0466 H^0.9 (concrete moment frames), 0.0488 H^0.75 (all
+    others).
     """
 
     a: float = HEIGHT_PERIOD[0]
@@ -89,7 +91,10 @@ class DriftSpectrum(Tabular):
     ]
 
     def _headline(self) -> str:
-        return f"of {self.record.name or 'a record'}, damping {self.damping:g}, {how_many(self.periods.size, 'period')}"
+        return (
+            f"of {self.record.name or 'a record'}, damping {self.damping:g}, "
+            f"{how_many(self.periods.size, 'period')}"
+        )
 
 
 def drift_spectrum(
@@ -99,14 +104,15 @@ def drift_spectrum(
     *,
     stories: int | None = None,
     story_height: float = STORY_HEIGHT,
-    height_period: HeightPeriod = HeightPeriod(),  # noqa: B008  frozen
+    height_period: HeightPeriod = HeightPeriod(),
     beam: bool = False,
 ) -> DriftSpectrum:
     """Drift spectrum of a record.
 
-    The buildings have equal masses, equal story stiffnesses and equal story heights, are linear, and have the same
-    damping ratio in all modes. Their response is the sum of their modes, each exact for a ground motion that is linear
-    between its samples; the largest values are found between the samples, too.
+    The buildings have equal masses, equal story stiffnesses and equal story heights, are linear,
+    and have the same damping ratio in all modes. Their response is the sum of their modes, each
+    exact for a ground motion that is linear between its samples; the largest values are found
+    between the samples, too.
 
     Parameters
     ----------
@@ -119,13 +125,14 @@ def drift_spectrum(
     stories : int, optional
         Number of stories of every building, instead of one that follows from the height.
     story_height : float
-        Without `stories`: the number of stories is the height over this (m), rounded, at least 1. The stories share the
-        height equally.
+        Without `stories`: the number of stories is the height over this (m), rounded, at least 1.
+        The stories share the height equally.
     height_period : HeightPeriod
         The height that belongs to a period.
     beam : bool
-        The continuous shear beam instead of stories: its drift at the base (Iwan 1997), with the same damping ratio in
-        all modes. Without damping that is Iwan's sum of waves, |v(t) - 2 v(t - T/2) + 2 v(t - T) - ...| / (4 H / T).
+        The continuous shear beam instead of stories: its drift at the base (Iwan 1997), with the
+        same damping ratio in all modes. Without damping that is Iwan's sum of waves, |v(t) - 2 v(t
+        - T/2) + 2 v(t - T) - ...| / (4 H / T).
 
     Returns
     -------
@@ -163,7 +170,8 @@ def drift_spectrum(
 def number_of_stories(
     heights: Array, stories: int | None, story_height: float
 ) -> NDArray[np.int64]:
-    """Number of stories of buildings with these heights (m), `stories` if given; see `drift_spectrum`.
+    """Number of stories of buildings with these heights (m), `stories` if given; see
+    `drift_spectrum`.
 
     Raises
     ------
@@ -180,8 +188,9 @@ def number_of_stories(
         counts = np.full(heights.size, float(stories))
     if not (counts.min() >= 1.0 and counts.max() <= MOST_STORIES):
         raise UsageError(
-            f"a building of {counts.max():.6g} stories, {heights.max():.6g} m high, is asked for; 1 to {MOST_STORIES} "
-            "are taken: ask for shorter periods, higher stories or one number of stories"
+            f"a building of {counts.max():.6g} stories, {heights.max():.6g} m high, is asked for; "
+            f"1 to {MOST_STORIES} are taken: ask for shorter periods, higher stories or one number "
+            "of stories"
         )
     return counts.astype(np.int64)
 
@@ -209,7 +218,8 @@ class _Stories:
 
     @property
     def shapes(self) -> Array:
-        """What each mode adds to the drift ratios of the stories and, in the last column, of the roof."""
+        """What each mode adds to the drift ratios of the stories and, in the last column, of the
+        roof."""
         floors = np.sin(np.outer(self.theta, np.arange(self.n + 1)))
         participation = floors.sum(axis=1) / np.square(floors).sum(axis=1)
         drifts_of_stories = np.diff(floors, axis=1) * (self.n / self.height)
@@ -250,8 +260,8 @@ class _Beam:
 
     @property
     def static(self) -> Array:
-        """Under a steady acceleration the base drifts by H / c^2 and the roof moves by H^2 / 2 c^2, with the velocity c
-        of waves; the rest of that."""
+        """Under a steady acceleration the base drifts by H / c^2 and the roof moves by H^2 / 2 c^2,
+        with the velocity c of waves; the rest of that."""
         velocity = 4.0 * self.height / self.period
         whole = np.array([self.height, 0.5 * self.height]) / velocity**2
         return np.asarray(whole - (self.shapes / np.square(self.omega)[:, None]).sum(axis=0))
@@ -268,8 +278,8 @@ def _modes_of_beam(period: float, dt: float) -> int:
     count = max(_BEAM_MODES, math.ceil(period / dt + 0.5))
     if count > MOST_BEAM_MODES:
         raise AnalysisError(
-            f"a beam with the period {period:.6g} s has too many modes above the sampling interval of {dt:.6g} s: ask "
-            f"for periods up to {MOST_BEAM_MODES * dt:.6g} s"
+            f"a beam with the period {period:.6g} s has too many modes above the sampling interval "
+            f"of {dt:.6g} s: ask for periods up to {MOST_BEAM_MODES * dt:.6g} s"
         )
     return count
 
@@ -319,6 +329,7 @@ def parse_height_period(text: str) -> HeightPeriod:
         a = b = math.nan
     if not (0.0 < a < math.inf and 0.0 < b < math.inf):
         raise UsageError(
-            f"a height-period relation must be two positive numbers, such as 0.0731,0.75, got {text!r}"
+            "a height-period relation must be two positive numbers, such as 0.0731,0.75, got "
+            f"{text!r}"
         )
     return HeightPeriod(a, b)

@@ -1,10 +1,12 @@
-"""Elastic response spectra: the work behind `tdint spectrum`; and Sa(T1) of a building's first mode."""
+"""Elastic response spectra: the work behind `tdint spectrum`; and Sa(T1) of a building's first
+mode."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, TypeVar
 
 import numpy as np
@@ -13,7 +15,6 @@ from numpy.typing import NDArray
 from tdint.analysis.defaults import STEPS_PER_PERIOD
 from tdint.analysis.given import AnyRecord, damping_of, numbers_of, record_of
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.processing_steps import INTERPOLATIONS, LINEAR, Interpolation
 from tdint.ground_motion.record import Record
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
     from tdint.model.building import Building
 
 
-# ---- Largest response of many oscillators to one ground motion: the exact recursion in steps as short as each needs
+# ---- Largest response of many oscillators to one ground motion: the exact recursion in steps as
+# short as each needs
 
 Parts = NDArray[np.int64]
 
@@ -52,7 +54,8 @@ _ROUNDING = 1e-9  # keeps a quotient that is a whole number from the next one
 
 
 def recursion_table(omega: Array, h: Array, damping: float, more: int) -> Array:
-    """Exact steps h (s, shape (k,)) of oscillators with omega (rad/s, shape (k,)) and a damping ratio.
+    """Exact steps h (s, shape (k,)) of oscillators with omega (rad/s, shape (k,)) and a damping
+    ratio.
 
     Returns
     -------
@@ -81,8 +84,8 @@ def check_shortest(periods: Array, dt: float, least: float, otherwise: str = "")
     shortest = float(np.min(periods[periods > 0.0]))
     if shortest < least * dt:
         raise AnalysisError(
-            f"the period {shortest:.6g} s is less than {least:g} sampling intervals of {dt:.6g} s; ask for periods "
-            f"from {least * dt:.6g} s on{otherwise}"
+            f"the period {shortest:.6g} s is less than {least:g} sampling intervals of {dt:.6g} s; "
+            f"ask for periods from {least * dt:.6g} s on{otherwise}"
         )
 
 
@@ -95,8 +98,8 @@ class Maxima:
     name : str
         Its name on the command line and in tables.
     parts : callable
-        Parts into which the sampling interval is divided, shape (k,), from omega (rad/s, shape (k,)) and the interval
-        (s).
+        Parts into which the sampling interval is divided, shape (k,), from omega (rad/s, shape
+        (k,)) and the interval (s).
     between : bool
         Whether also between the ends of these parts.
     words : str
@@ -110,7 +113,8 @@ class Maxima:
 
 
 def _resolving(omega: Array, dt: float) -> Parts:
-    """omega h <= 1, which the search between the steps' ends relies on; powers of two, so that many march together."""
+    """omega h <= 1, which the search between the steps' ends relies on; powers of two, so that many
+    march together."""
     return 2 ** np.ceil(np.log2(np.maximum(1.0, omega * dt * (1.0 - _ROUNDING)))).astype(np.int64)
 
 
@@ -135,13 +139,14 @@ MAXIMA = {maxima.name: maxima for maxima in (EXACT, PEER, SAMPLES)}
 
 
 def largest(ground: Array, dt: float, omega: Array, damping: float, maxima: Maxima) -> Array:
-    """Largest relative displacement (m) and velocity (m/s) and absolute acceleration (m/s^2), shape (3, k).
+    """Largest relative displacement (m) and velocity (m/s) and absolute acceleration (m/s^2), shape
+    (3, k).
 
     Parameters
     ----------
     ground : ndarray, shape (samples,)
-        Ground acceleration, m/s^2, linear between samples dt (s) apart; the oscillators are at rest at the first one
-        and watched until the last.
+        Ground acceleration, m/s^2, linear between samples dt (s) apart; the oscillators are at rest
+        at the first one and watched until the last.
     omega : ndarray, shape (k,)
         Natural circular frequencies, rad/s.
     damping : float
@@ -162,10 +167,11 @@ def largest(ground: Array, dt: float, omega: Array, damping: float, maxima: Maxi
 def groups(
     omega: Array, damping: float, dt: float, maxima: Maxima, lanes: Callable[[int], int]
 ) -> Iterator[tuple[NDArray[np.intp], int, Array]]:
-    """Oscillators whose sampling interval is divided into the same number of parts: their places, that number, a table.
+    """Oscillators whose sampling interval is divided into the same number of parts: their places,
+    that number, a table.
 
-    The table is the kernel's, the last oscillator repeated to fill a multiple of `lanes` columns: that many of so many
-    oscillators march together.
+    The table is the kernel's, the last oscillator repeated to fill a multiple of `lanes` columns:
+    that many of so many oscillators march together.
     """
     parts = maxima.parts(omega, dt)
     table = recursion_table(omega, dt / parts, damping, more=2)
@@ -197,8 +203,8 @@ OR_ZERO = ", or for 0: the peak ground acceleration"
 class Spectrum(Tabular):
     """Elastic response spectrum of one record for one damping ratio; arrays of shape (k,).
 
-    `method` is `exact`, or the method that integrated the oscillators; `maxima` and `interpolation` are names of
-    `MAXIMA` and `INTERPOLATIONS`.
+    `method` is `exact`, or the method that integrated the oscillators; `maxima` and `interpolation`
+    are names of `MAXIMA` and `INTERPOLATIONS`.
     """
 
     record: Record
@@ -214,12 +220,16 @@ class Spectrum(Tabular):
     interpolation: InterpolationName = LINEAR.name
 
     def _headline(self) -> str:
-        return f"of {self.record.name or 'a record'}, damping {self.damping:g}, {how_many(self.periods.size, 'period')}"
+        return (
+            f"of {self.record.name or 'a record'}, damping {self.damping:g}, "
+            f"{how_many(self.periods.size, 'period')}"
+        )
 
 
 @dataclass(frozen=True)
 class SpectrumSettings:
-    """How a spectrum is computed: the method (None for the exact solution), its maxima, the motion between samples."""
+    """How a spectrum is computed: the method (None for the exact solution), its maxima, the motion
+    between samples."""
 
     method: str | None
     maxima: Maxima
@@ -241,27 +251,32 @@ def spectrum(
     Parameters
     ----------
     record : Record, str, Path or ObsPy trace
-        Ground motion, or a list of them, of which there are `Several` spectra; the oscillators are at rest at its first
-        sample and watched until its last one. For what they do after it, append zeros to it.
+        Ground motion, or a list of them, of which there are `Several` spectra; the oscillators are
+        at rest at its first sample and watched until its last one. For what they do after it,
+        append zeros to it.
     periods : ndarray, shape (k,)
-        Periods, s. At period 0, a rigid oscillator, accelerations are the peak ground acceleration and all else is 0.
+        Periods, s. At period 0, a rigid oscillator, accelerations are the peak ground acceleration
+        and all else is 0.
     damping : float
         Damping ratio, in [0, 1).
     method : str, optional
-        Integrate with this method at the record's step, instead of the exact solution (Nigam and Jennings 1969).
+        Integrate with this method at the record's step, instead of the exact solution (Nigam and
+        Jennings 1969).
     maxima : str, optional
-        `exact`, the default: between the samples, too. `peer`: at steps of dt / ceil(10 dt / T), as PEER publishes
-        them. `samples`: at the record's samples, as USGS does. A method has none of these but its own, `interpolated`:
-        between its steps on the quintic through displacements, velocities and accelerations at their ends.
+        `exact`, the default: between the samples, too. `peer`: at steps of dt / ceil(10 dt / T), as
+        PEER publishes them. `samples`: at the record's samples, as USGS does. A method has none of
+        these but its own, `interpolated`: between its steps on the quintic through displacements,
+        velocities and accelerations at their ends.
     interpolation : str, optional
-        The ground motion between its samples: `linear`, the default, or `band-limited`, the one motion through the
-        samples without frequencies above half the sampling rate.
+        The ground motion between its samples: `linear`, the default, or `band-limited`, the one
+        motion through the samples without frequencies above half the sampling rate.
 
     Returns
     -------
     Spectrum
-        Exact maxima are those of the motion between its samples, with a relative error below 1e-8 (measured) if it is
-        linear. The error of the band-limited motion is told in `tdint.ground_motion.processing_steps`.
+        Exact maxima are those of the motion between its samples, with a relative error below 1e-8
+        (measured) if it is linear. The error of the band-limited motion is told in
+        `tdint.ground_motion.processing_steps`.
 
     Raises
     ------
@@ -342,8 +357,8 @@ class OscillatorMotion:
 
 
 def oscillator_motion(record: Record, period: float, damping: float = 0.05) -> OscillatorMotion:
-    """The motion of an oscillator that is at rest at the first sample, exact for a ground acceleration that is linear
-    between its samples (Nigam and Jennings 1969).
+    """The motion of an oscillator that is at rest at the first sample, exact for a ground
+    acceleration that is linear between its samples (Nigam and Jennings 1969).
 
     Parameters
     ----------
@@ -387,7 +402,8 @@ def checked_periods(periods: Array) -> Array:
         raise UsageError("periods must be numbers of seconds, 0 or positive")
     if np.max(periods) > LONGEST_PERIOD:
         raise UsageError(
-            f"a period of {np.max(periods):.3g} s is beyond {LONGEST_PERIOD:.0e} s: no structure has it"
+            f"a period of {np.max(periods):.3g} s is beyond {LONGEST_PERIOD:.0e} s: no structure "
+            "has it"
         )
     return periods
 
@@ -411,8 +427,8 @@ def choose_settings(
     between = _named(INTERPOLATIONS, interpolation or LINEAR.name, "interpolation")
     if integrated and (where is not INTERPOLATED or between is not LINEAR):
         raise UsageError(
-            "a method has the record's sampling interval as its step: with it the maxima are those of its own motion, "
-            "also between the samples, and the interpolation is linear"
+            "a method has the record's sampling interval as its step: with it the maxima are those "
+            "of its own motion, also between the samples, and the interpolation is linear"
         )
     if between is not LINEAR and where is not EXACT:
         raise UsageError(
@@ -448,7 +464,8 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
     if instability is not None:
         raise AnalysisError(
             f"{integrator.label} is unstable at the record's step {record.dt:.6g} s for the period "
-            f"{2.0 * math.pi / omega[instability.index]:.6g} s; ask for longer periods or use another method"
+            f"{2.0 * math.pi / omega[instability.index]:.6g} s; ask for longer periods or use "
+            "another method"
         )
     steps = Steps(record.dt, record.acceleration.size - 1)
     marched = PreparedBuilding(oscillators(omega, ratios)).march(
@@ -456,7 +473,8 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
     )
     if marched.code < 0:
         raise AnalysisError(
-            f"{integrator.label} diverged at the record's step {record.dt:.6g} s; use another method"
+            f"{integrator.label} diverged at the record's step {record.dt:.6g} s; use another "
+            "method"
         )
     rows = [at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY, at.PEAK_ACCELERATION]
     return integrator.label, marched.space.peaks[rows]
@@ -473,10 +491,11 @@ class FirstMode:
     Attributes
     ----------
     period, damping : float
-        T1, s, and its viscous damping ratio (of the diagonal of the modal damping matrix, without power-law dashpots).
+        T1, s, and its viscous damping ratio (of the diagonal of the modal damping matrix, without
+        power-law dashpots).
     sa : float or None
-        Pseudo-acceleration of the ground motion at T1, m/s^2; None without a motion, or for a period that is too short
-        for it.
+        Pseudo-acceleration of the ground motion at T1, m/s^2; None without a motion, or for a
+        period that is too short for it.
     sa_damping : float
         The damping ratio of `sa`.
     """

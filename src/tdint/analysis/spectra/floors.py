@@ -1,13 +1,14 @@
-"""Motions of the floors of a run as records, and their spectra: what equipment on a floor goes through."""
+"""Motions of the floors of a run as records, and their spectra: what equipment on a floor goes
+through."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.spectra.elastic import Spectrum, spectrum
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.ground_motion.record import IN_SI, Record
 from tdint.tabular import Tabular
@@ -19,7 +20,8 @@ _CHANNEL = "HNX"
 
 @dataclass(frozen=True, repr=False)
 class FloorSpectrum(Tabular):
-    """The elastic response spectrum of the absolute acceleration of a floor, counted from 1 at the bottom."""
+    """The elastic response spectrum of the absolute acceleration of a floor, counted from 1 at the
+    bottom."""
 
     floor: int
     spectrum: Spectrum
@@ -48,7 +50,8 @@ def floor_numbers(names: Sequence[str], stories: int) -> tuple[int, ...]:
         )
         if not 1 <= floor <= stories:
             raise UsageError(
-                f"floor {name!r}: the building has the floors 1 to {stories}, the last of them is the {ROOF}"
+                f"floor {name!r}: the building has the floors 1 to {stories}, the last of them is "
+                f"the {ROOF}"
             )
         numbers.append(floor)
     return tuple(dict.fromkeys(numbers))
@@ -57,8 +60,8 @@ def floor_numbers(names: Sequence[str], stories: int) -> tuple[int, ...]:
 def floor_motion(response: Response, floor: int) -> Record:
     """The absolute acceleration of a floor at the steps of a run, as a record.
 
-    Its station says the floor (F01, ..., F10 of ten), its location that it is in SI units, its channel is that of the
-    ground motion if it is an accelerometer's.
+    Its station says the floor (F01, ..., F10 of ten), its location that it is in SI units, its
+    channel is that of the ground motion if it is an accelerometer's.
 
     Raises
     ------
@@ -92,7 +95,8 @@ def floor_spectra(
     periods: Array,
     damping: Sequence[float] = (0.05,),
 ) -> tuple[FloorSpectrum, ...]:
-    """Elastic response spectra of floors: exact for motions that are linear between the steps of the run.
+    """Elastic response spectra of floors: exact for motions that are linear between the steps of
+    the run.
 
     Parameters
     ----------

@@ -1,9 +1,11 @@
-"""Inelastic spectra: bilinear oscillators of given strength, or of the strength that leads to a given ductility."""
+"""Inelastic spectra: bilinear oscillators of given strength, or of the strength that leads to a
+given ductility."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -12,7 +14,6 @@ from tdint.analysis.defaults import MOST_DUCTILE
 from tdint.analysis.given import AnyRecord, damping_of, numbers_of, record_of
 from tdint.analysis.spectra.elastic import DampingRatio, check_shortest, checked_periods
 from tdint.arrays import Array, cached_property
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import bilinear as inelastic
@@ -35,11 +36,11 @@ _CLOSE = 1e-9  # of the target: where the search has found it
 
 @dataclass(frozen=True, repr=False)
 class InelasticSpectrum(Tabular):
-    """Response of bilinear oscillators to one record, for one damping ratio and one ductility or strength; arrays of
-    shape (k,).
+    """Response of bilinear oscillators to one record, for one damping ratio and one ductility or
+    strength; arrays of shape (k,).
 
-    `target` is None for given strengths; `elastic_sd` is the largest displacement of the oscillator that stays elastic,
-    m; without damping `residual` is the center of the vibration that remains.
+    `target` is None for given strengths; `elastic_sd` is the largest displacement of the oscillator
+    that stays elastic, m; without damping `residual` is the center of the vibration that remains.
     """
 
     record: Record
@@ -73,7 +74,10 @@ class InelasticSpectrum(Tabular):
     )
 
     def _headline(self) -> str:
-        return f"of {self.record.name or 'a record'}, damping {self.damping:g}, {how_many(self.periods.size, 'period')}"
+        return (
+            f"of {self.record.name or 'a record'}, damping {self.damping:g}, "
+            f"{how_many(self.periods.size, 'period')}"
+        )
 
     @property
     def ductility(self) -> Annotated[Array, Quantity("1", "largest over yield displacement")]:
@@ -117,8 +121,8 @@ def constant_ductility(
 ) -> list[InelasticSpectrum]:
     """Spectra of the strengths that lead to given ductilities.
 
-    Where several strengths lead to the same ductility the largest one is taken (Chopra, Dynamics of Structures, 7.5).
-    Ductility 1 is the elastic spectrum.
+    Where several strengths lead to the same ductility the largest one is taken (Chopra, Dynamics of
+    Structures, 7.5). Ductility 1 is the elastic spectrum.
 
     Parameters
     ----------
@@ -129,7 +133,8 @@ def constant_ductility(
     ductilities : sequence of float
         Largest over yield displacement, from 1 to MOST_DUCTILE.
     damping : float
-        Damping ratio of the initial stiffness, in [0, 1); the dashpot stays as it is when the oscillator yields.
+        Damping ratio of the initial stiffness, in [0, 1); the dashpot stays as it is when the
+        oscillator yields.
     hardening : float
         Stiffness after yielding over the initial one, in [0, 1): kinematic hardening.
 
@@ -143,7 +148,8 @@ def constant_ductility(
     UsageError
         A number that is out of range.
     AnalysisError
-        No strength leads to a ductility, or a period is too short for the record's sampling interval.
+        No strength leads to a ductility, or a period is too short for the record's sampling
+        interval.
     """
     given, oscillators = _oscillators(record, periods, damping, hardening)
     if not all(1.0 <= ductility <= MOST_DUCTILE for ductility in ductilities):
@@ -233,7 +239,8 @@ def _oscillators(
 def _spectrum(
     given: dict[str, Any], oscillators: Sequence[_Oscillator], target: float | None, result: Array
 ) -> InelasticSpectrum:
-    """Of the yield displacement, the largest one and the one at rest of each oscillator, a row each."""
+    """Of the yield displacement, the largest one and the one at rest of each oscillator, a row
+    each."""
     names, elastic = (
         ("yield_displacement", "sd", "residual"),
         np.array([one.elastic for one in oscillators]),
@@ -267,8 +274,8 @@ class _Oscillator:
         )
         if code < 0:
             raise AnalysisError(
-                f"the branches of the oscillator with the period {2.0 * math.pi / self.omega:.6g} s and the yield "
-                f"displacement {yield_displacement:.6g} m change without end"
+                f"the branches of the oscillator with the period {2.0 * math.pi / self.omega:.6g} "
+                f"s and the yield displacement {yield_displacement:.6g} m change without end"
             )
         return float(results[inelastic.LARGEST]), float(results[inelastic.RESIDUAL])
 
@@ -288,10 +295,10 @@ class _Oscillator:
 def largest_ratio(ductility: Callable[[float], float], target: float, start: float = 1.0) -> float:
     """The largest ratio not above `start` whose ductility is the target.
 
-    The ductility is a continuous function of the ratio, not above the target at `start`, and grows without bound
-    towards zero. It is not monotone: all of it is gone through from `start` down to the first ratio that reaches the
-    target. Where it rises steeply the steps are made smaller, and where it comes near the target and falls again its
-    maximum is looked for.
+    The ductility is a continuous function of the ratio, not above the target at `start`, and grows
+    without bound towards zero. It is not monotone: all of it is gone through from `start` down to
+    the first ratio that reaches the target. Where it rises steeply the steps are made smaller, and
+    where it comes near the target and falls again its maximum is looked for.
 
     Raises
     ------
@@ -358,7 +365,8 @@ class _Reached(Exception):
 
 
 def _summit(ductility: Callable[[float], float], target: float, low: float, high: float) -> Point:
-    """The maximum between two ratios, or a point that reaches the target: Brent's parabolas and golden section."""
+    """The maximum between two ratios, or a point that reaches the target: Brent's parabolas and
+    golden section."""
     from scipy.optimize import minimize_scalar
 
     def depth(ratio: float) -> float:

@@ -1,22 +1,23 @@
-"""Response spectrum analysis: the peaks of a linear building under a design spectrum, mode by mode, and combined.
+"""Response spectrum analysis: the peaks of a linear building under a design spectrum, mode by mode,
+and combined.
 
-Every response is combined from its own modal peaks, drifts and shears too, and none is a difference of combined ones:
-by the square root of the sum of squares (Rosenblueth 1951) and by the complete quadratic combination (Der Kiureghian
-1981), whose cross terms are those of stationary motion of modes with close frequencies. All modes of a chain are taken:
-no mass is missing.
+Every response is combined from its own modal peaks, drifts and shears too, and none is a difference
+of combined ones: by the square root of the sum of squares (Rosenblueth 1951) and by the complete
+quadratic combination (Der Kiureghian
+1981), whose cross terms are those of stationary motion of modes with close frequencies. All modes
+of a chain are taken: no mass is missing.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tdint.analysis.given import AnyModel, model_of
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.kernels import layout as at
 from tdint.model.building import assemble
@@ -30,7 +31,8 @@ _USUAL_DAMPING = (
 
 @dataclass(frozen=True, repr=False)
 class ModalResponse(Tabular):
-    """Peaks of a linear building under a design spectrum; arrays over the stories have the shape (n,).
+    """Peaks of a linear building under a design spectrum; arrays over the stories have the shape
+    (n,).
 
     Attributes
     ----------
@@ -39,16 +41,20 @@ class ModalResponse(Tabular):
     target : TargetSpectrum
         The design spectrum.
     period, spectral_acceleration, mass_ratio : ndarray, shape (n,)
-        Of the modes: s, m/s^2 (0 of a mode that is left out), effective modal mass over the total mass.
+        Of the modes: s, m/s^2 (0 of a mode that is left out), effective modal mass over the total
+        mass.
     rigid, left_out : int
-        Modes shorter than the target's shortest period: with the target's value at the period 0, or without one.
+        Modes shorter than the target's shortest period: with the target's value at the period 0, or
+        without one.
     base_shear : ndarray, shape (n,)
         Of each mode alone, N.
     drift_srss, drift_cqc, shear_srss, shear_cqc, displacement_srss, displacement_cqc : ndarray
-        Drifts, m; shears of the stories, which the masses above give, N; displacements of the floors, m.
+        Drifts, m; shears of the stories, which the masses above give, N; displacements of the
+        floors, m.
     force_cqc, acceleration_cqc, moment_cqc : ndarray
-        Forces on the floors, N, and these over the masses: absolute accelerations, m/s^2; overturning moments at the
-        foot of each story, N m; the latter nan where a story at or above has no height.
+        Forces on the floors, N, and these over the masses: absolute accelerations, m/s^2;
+        overturning moments at the foot of each story, N m; the latter nan where a story at or above
+        has no height.
     """
 
     model: Model
@@ -70,7 +76,10 @@ class ModalResponse(Tabular):
     moment_cqc: Array
 
     def _headline(self) -> str:
-        return f"of {self.model.name!r} under {self.target.source}: base shear {self.shear_cqc[0]:.4g} N (CQC)"
+        return (
+            f"of {self.model.name!r} under {self.target.source}: base shear "
+            f"{self.shear_cqc[0]:.4g} N (CQC)"
+        )
 
     @property
     def height(self) -> Array:
@@ -86,8 +95,8 @@ def modal_response(model: AnyModel, target: TargetSpectrum | str) -> ModalRespon
     model : Model, str, Path or mapping
         What `run` takes.
     target : TargetSpectrum or str
-        The design spectrum: a code's name with parameters, or a file. It is taken as it is for all modes, with the
-        damping that it is for.
+        The design spectrum: a code's name with parameters, or a file. It is taken as it is for all
+        modes, with the damping that it is for.
 
     Returns
     -------
@@ -105,11 +114,13 @@ def modal_response(model: AnyModel, target: TargetSpectrum | str) -> ModalRespon
     building = assemble(replace(model, damping=None))
     modes = building.modes()
     period = 2.0 * math.pi / modes.omega
-    # Modes that are shorter than the target goes move with the ground: with its peak acceleration, if that is known.
+    # Modes that are shorter than the target goes move with the ground: with its peak acceleration,
+    # if that is known.
     short = period < (0.0 if demand.curve else demand.periods[0])
     if period[0] > demand.periods[-1] * (1.0 + 1e-9):
         raise UsageError(
-            f"{demand.source}: ends at {demand.periods[-1]:g} s, and the first mode has {period[0]:.4g} s"
+            f"{demand.source}: ends at {demand.periods[-1]:g} s, and the first mode has "
+            f"{period[0]:.4g} s"
         )
     acceleration = np.full(period.size, demand.zero if demand.zero is not None else 0.0)
     acceleration[~short] = demand.at(period[~short])
@@ -143,8 +154,8 @@ def modal_response(model: AnyModel, target: TargetSpectrum | str) -> ModalRespon
 
 
 def correlations(omega: Array, damping: float) -> Array:
-    """Correlation of modes of one damping ratio, shape (n, n), for circular frequencies, shape (n,): the coefficients
-    of the complete quadratic combination (Der Kiureghian 1981)."""
+    """Correlation of modes of one damping ratio, shape (n, n), for circular frequencies, shape
+    (n,): the coefficients of the complete quadratic combination (Der Kiureghian 1981)."""
     r = omega[None, :] / omega[:, None]
     numerator = 8.0 * damping**2 * (1.0 + r) * r**1.5
     return np.asarray(numerator / ((1.0 - r**2) ** 2 + 4.0 * damping**2 * r * (1.0 + r) ** 2))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from tdint.analysis.spectra.elastic import (
     groups,
 )
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.kernels.oscillators import rotated as rotation
@@ -29,7 +28,8 @@ from tdint.written_numbers import how_many
 
 @dataclass(frozen=True, repr=False)
 class RotatedSpectrum(Tabular):
-    """Pseudo-acceleration spectra of two horizontal components over all directions, for one damping ratio.
+    """Pseudo-acceleration spectra of two horizontal components over all directions, for one damping
+    ratio.
 
     Attributes
     ----------
@@ -44,7 +44,8 @@ class RotatedSpectrum(Tabular):
     geometric_mean : ndarray, shape (k,)
         Geometric mean of the pseudo-accelerations of the two components as they are, m/s^2.
     angle : ndarray, shape (k,)
-        Direction of the largest pseudo-acceleration, degrees from the first component towards the second, below 180.
+        Direction of the largest pseudo-acceleration, degrees from the first component towards the
+        second, below 180.
     maxima, interpolation : str
         As for `tdint.analysis.spectra.elastic.Spectrum`.
     """
@@ -60,7 +61,10 @@ class RotatedSpectrum(Tabular):
     interpolation: str
 
     def _headline(self) -> str:
-        return f"of {self.motion.source}, damping {self.damping:g}, {how_many(self.periods.size, 'period')}"
+        return (
+            f"of {self.motion.source}, damping {self.damping:g}, "
+            f"{how_many(self.periods.size, 'period')}"
+        )
 
 
 def rotated_spectrum(
@@ -72,10 +76,11 @@ def rotated_spectrum(
     maxima: str | None = None,
     interpolation: str | None = None,
 ) -> RotatedSpectrum:
-    """Percentiles of the pseudo-acceleration over all directions: RotD (Boore 2010, doi 10.1785/0120090400).
+    """Percentiles of the pseudo-acceleration over all directions: RotD (Boore 2010, doi
+    10.1785/0120090400).
 
-    Between two directions there is half a degree at most: RotD100 is below the largest of all by 4e-5 at most. Between
-    two percentiles of the 180 values lies a straight line.
+    Between two directions there is half a degree at most: RotD100 is below the largest of all by
+    4e-5 at most. Between two percentiles of the 180 values lies a straight line.
 
     Parameters
     ----------

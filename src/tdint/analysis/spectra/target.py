@@ -1,6 +1,6 @@
-"""Spectra that others give: target spectra, what a suite of ground motions is scaled to, of a CSV file or a design
-spectrum of a code by name and parameters (`asce7:sds=1.0,sd1=0.6,tl=8`, `ec8:type=1,soil=B,ag=0.25g`); and published
-spectra, and how far computed ones are from them.
+"""Spectra that others give: target spectra, what a suite of ground motions is scaled to, of a CSV
+file or a design spectrum of a code by name and parameters (`asce7:sds=1.0,sd1=0.6,tl=8`,
+`ec8:type=1,soil=B,ag=0.25g`); and published spectra, and how far computed ones are from them.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -18,7 +19,6 @@ from numpy.typing import ArrayLike
 from tdint.analysis.spectra.elastic import Spectrum
 from tdint.arrays import Array
 from tdint.csv_table import read_table
-from tdint.data import dataclass
 from tdint.errors import ModelError, RecordError, UsageError
 from tdint.ground_motion.formats.table_columns import name_and_units
 from tdint.ground_motion.reading.named_table import SECONDS, NamedTable, read_named_table
@@ -34,7 +34,8 @@ _MCER = 1.5
 """The risk-targeted maximum considered earthquake over the design spectrum (ASCE 7-16, 11.4.7)."""
 
 _LARGEST_SDS = 5.0
-"""g; the maps of ASCE 7 have less than 3. What is larger was taken for m/s^2, in which 1 g is 9.8."""
+"""g; the maps of ASCE 7 have less than 3. What is larger was taken for m/s^2, in which 1 g is
+9.8."""
 
 _GROUND = {
     "1": {
@@ -52,7 +53,8 @@ _GROUND = {
         "E": (1.6, 0.05, 0.25, 1.2),
     },
 }
-"""S, TB, TC, TD of types and grounds: the values that EN 1998-1:2004 recommends (tables 3.2 and 3.3)."""
+"""S, TB, TC, TD of types and grounds: the values that EN 1998-1:2004 recommends (tables 3.2 and
+3.3)."""
 
 _LEAST_ETA = 0.55  # EN 1998-1 3.2.2.2 (3)
 _EC8_END = 4.0  # s; beyond it stands Annex A, for type 1 alone
@@ -64,8 +66,9 @@ _LONGEST_PERIOD = (
 
 
 DesignSpectrum: TypeAlias = tuple[Callable[[Array], Array], tuple[float, ...], float, float]
-"""A design spectrum as its code writes it: pseudo-accelerations, m/s^2, at periods (s, 0 or more), shape (k,); periods
-at which its branches meet, s; the damping ratio that it is for; the period up to which the code has it, s."""
+"""A design spectrum as its code writes it: pseudo-accelerations, m/s^2, at periods (s, 0 or more),
+shape (k,); periods at which its branches meet, s; the damping ratio that it is for; the period up
+to which the code has it, s."""
 
 
 def _two_period(given: Texts, factor: float = 1.0) -> DesignSpectrum:
@@ -91,8 +94,8 @@ def _two_period(given: Texts, factor: float = 1.0) -> DesignSpectrum:
 
 
 def _ec8(given: Texts) -> DesignSpectrum:
-    """The elastic spectrum Se (EN 1998-1:2004, 3.2.2.2), with the recommended values or those of a National Annex; of
-    type 1 up to 10 s, from TE on by the displacements of eq. A.2."""
+    """The elastic spectrum Se (EN 1998-1:2004, 3.2.2.2), with the recommended values or those of a
+    National Annex; of type 1 up to 10 s, from TE on by the displacements of eq. A.2."""
     soils = _GROUND.get(given["type"])
     if soils is None:
         raise UsageError(f"type must be 1 or 2, got {given['type']!r}")
@@ -157,8 +160,8 @@ EXAMPLES = {
 _PERIODS = ("t", "period", "periods")
 _VALUE = re.compile(r"(?:(?:rotd\d+|geometric mean) )?(?:psa|sa)")
 _NEEDS = (
-    "a target spectrum is a CSV file with the columns period_s and sa_g or sa_m_s2, or a design spectrum by name, such "
-    "as asce7:sds=1.0,sd1=0.6,tl=8"
+    "a target spectrum is a CSV file with the columns period_s and sa_g or sa_m_s2, or a design "
+    "spectrum by name, such as asce7:sds=1.0,sd1=0.6,tl=8"
 )
 _GRID = (
     0.01,
@@ -168,7 +171,8 @@ _GRID = (
 
 @dataclass(frozen=True)
 class TargetSpectrum:
-    """Pseudo-accelerations over the period: a code's formula, or straight lines between points on logarithmic axes.
+    """Pseudo-accelerations over the period: a code's formula, or straight lines between points on
+    logarithmic axes.
 
     Attributes
     ----------
@@ -213,8 +217,8 @@ class TargetSpectrum:
 
     @property
     def corner(self) -> float:
-        """Where the constant acceleration ends, TC or TS, s: of a code's formula, or where a table's largest
-        pseudo-acceleration and its largest pseudo-velocity meet."""
+        """Where the constant acceleration ends, TC or TS, s: of a code's formula, or where a
+        table's largest pseudo-acceleration and its largest pseudo-velocity meet."""
         if self.formula_corner is not None:
             return self.formula_corner
         return float(2.0 * np.pi * np.max(self.psv) / np.max(self.psa))
@@ -229,12 +233,13 @@ class TargetSpectrum:
         """
         if self.damping is not None and abs(self.damping - damping) > _SAME:
             raise UsageError(
-                f"{self.source}: is for {100.0 * self.damping:g} % damping, the spectra {spectra} for "
-                f"{100.0 * damping:g} %; give both the same (--damping)"
+                f"{self.source}: is for {100.0 * self.damping:g} % damping, the spectra {spectra} "
+                f"for {100.0 * damping:g} %; give both the same (--damping)"
             )
 
     def at(self, periods: ArrayLike) -> Array:
-        """Its values at periods (s), m/s^2, shape (k,); a formula has them from 0 on, the peak ground acceleration.
+        """Its values at periods (s), m/s^2, shape (k,); a formula has them from 0 on, the peak
+        ground acceleration.
 
         Raises
         ------
@@ -245,8 +250,8 @@ class TargetSpectrum:
         periods = np.atleast_1d(np.asarray(periods, float))
         if np.min(periods) < low * (1.0 - 1e-9) or np.max(periods) > high * (1.0 + 1e-9):
             raise UsageError(
-                f"{self.source}: has periods from {low:g} to {high:g} s; asked for are {np.min(periods):.6g} to "
-                f"{np.max(periods):.6g} s"
+                f"{self.source}: has periods from {low:g} to {high:g} s; asked for are "
+                f"{np.min(periods):.6g} to {np.max(periods):.6g} s"
             )
         if self.curve is not None:
             return self.curve(periods)
@@ -256,8 +261,8 @@ class TargetSpectrum:
 
 
 def read_target(source: str) -> TargetSpectrum:
-    """A target spectrum: a design spectrum by name with its parameters, or a CSV file with a column of periods
-    (`period_s`, `T (s)`) and one of accelerations (`sa_g`, `psa_m_s2`, `Sa (g)`).
+    """A target spectrum: a design spectrum by name with its parameters, or a CSV file with a column
+    of periods (`period_s`, `T (s)`) and one of accelerations (`sa_g`, `psa_m_s2`, `Sa (g)`).
 
     A period of 0 is left out of the points: it has no place on a logarithmic axis.
 
@@ -292,7 +297,8 @@ def read_target(source: str) -> TargetSpectrum:
 
 def _read_points(source: str) -> TargetSpectrum:
     table = read_table(source, _NEEDS)
-    # The columns of periods and of accelerations with their units; pseudo-accelerations before others.
+    # The columns of periods and of accelerations with their units; pseudo-accelerations before
+    # others.
     columns = [(name, *name_and_units(name)) for name in table.header]
     in_seconds = (
         name
@@ -308,8 +314,8 @@ def _read_points(source: str) -> TargetSpectrum:
     values = [name for name in values if "psa" in name] or values
     if not values:
         raise ModelError(
-            f"{table.source}:1: no column sa_g or sa_m_s2, an acceleration with its unit; there are "
-            f"{', '.join(table.header)[:200]}"
+            f"{table.source}:1: no column sa_g or sa_m_s2, an acceleration with its unit; there "
+            f"are {', '.join(table.header)[:200]}"
         )
     if len(values) > 1:
         raise ModelError(
@@ -324,8 +330,8 @@ def _read_points(source: str) -> TargetSpectrum:
     if falls.size or periods[0] < 0.0:
         place = int(falls[0]) if falls.size else 0
         raise ModelError(
-            f"{source}:{table.rows[place][0]}: period {periods[place]:g} s: the periods of one spectrum must rise, "
-            "from 0 or more"
+            f"{source}:{table.rows[place][0]}: period {periods[place]:g} s: the periods of one "
+            "spectrum must rise, from 0 or more"
         )
     positive = periods > 0.0
     if np.sum(positive) < 2:
@@ -343,10 +349,12 @@ QUANTITIES = {
     "sv": ("velocity", "sv_m_s"),
     "sa": ("acceleration", "sa_m_s2"),
 }
-"""By its name in a table and in `Spectrum`, the quantity that a value's units must be of, and our column of it."""
+"""By its name in a table and in `Spectrum`, the quantity that a value's units must be of, and our
+column of it."""
 
 _SAME = 1e-6
-"""Relative difference up to which two periods, or damping ratios, are one: what is printed is rounded."""
+"""Relative difference up to which two periods, or damping ratios, are one: what is printed is
+rounded."""
 
 
 @dataclass(frozen=True)
@@ -372,8 +380,8 @@ class PublishedSpectrum:
     input: Input
 
     def at(self, periods: Array, log_log: bool) -> Array:
-        """The values at periods (s): those that the file has or, if `log_log`, on straight lines between their
-        logarithms.
+        """The values at periods (s): those that the file has or, if `log_log`, on straight lines
+        between their logarithms.
 
         Raises
         ------
@@ -388,15 +396,16 @@ class PublishedSpectrum:
         other = float(periods[~near.any(axis=0)][0])
         if not log_log:
             raise UsageError(
-                f"{self.source} has no period {other:.6g} s; leave the periods out for those of the file, or "
-                "interpolate with --against-interpolation log-log"
+                f"{self.source} has no period {other:.6g} s; leave the periods out for those of "
+                "the file, or interpolate with --against-interpolation log-log"
             )
         positive = (self.periods > 0.0) & (self.values > 0.0)
         low, high = self.periods[positive][0], self.periods[positive][-1]
         outside = (periods < low * (1.0 - _SAME)) | (periods > high * (1.0 + _SAME))
         if np.any(outside):
             raise UsageError(
-                f"{self.source} goes from {low:.6g} to {high:.6g} s, without {periods[outside][0]:.6g} s"
+                f"{self.source} goes from {low:.6g} to {high:.6g} s, without "
+                f"{periods[outside][0]:.6g} s"
             )
         return np.exp(
             np.interp(
@@ -452,7 +461,8 @@ class SpectrumDifference:
 
     @property
     def largest(self) -> tuple[float, float] | None:
-        """The largest relative difference to either side, and its period, s; None if there is none."""
+        """The largest relative difference to either side, and its period, s; None if there is
+        none."""
         difference = self.relative_difference
         if not np.any(np.isfinite(difference)):
             return None
@@ -468,9 +478,9 @@ def read_published(
     Parameters
     ----------
     source : str or Path
-        The file. It needs a column of periods (`period_s`, `T (s)`) and one of values (`psa_g`, `PSA (cm/s^2)`,
-        `sd_cm`); names of quantities are those of `QUANTITIES`. Where it has a column `damping`, the rows of `damping`
-        are taken.
+        The file. It needs a column of periods (`period_s`, `T (s)`) and one of values (`psa_g`,
+        `PSA (cm/s^2)`, `sd_cm`); names of quantities are those of `QUANTITIES`. Where it has a
+        column `damping`, the rows of `damping` are taken.
     damping : float
         Damping ratio.
     column : str, optional
@@ -534,16 +544,18 @@ def _values(table: NamedTable, column: str | None) -> tuple[str, Array]:
         table.place(column)
         if column not in columns:
             raise RecordError(
-                f"{table.source}: the column {column!r} is none of {', '.join(QUANTITIES)} with its units"
+                f"{table.source}: the column {column!r} is none of {', '.join(QUANTITIES)} with "
+                "its units"
             )
     elif len(columns) != 1:
         if columns:
             raise UsageError(
-                f"{table.source}: name one of its columns with --against-column: {', '.join(columns)}"
+                f"{table.source}: name one of its columns with --against-column: "
+                f"{', '.join(columns)}"
             )
         raise RecordError(
-            f"{table.source}: has no column of a spectrum ({', '.join(QUANTITIES)}, with units: psa_g); there are "
-            f"{', '.join(table.names)[:200]}"
+            f"{table.source}: has no column of a spectrum ({', '.join(QUANTITIES)}, with units: "
+            f"psa_g); there are {', '.join(table.names)[:200]}"
         )
     # The units end the column's name, and must be those of its quantity.
     chosen = column if column is not None else next(iter(columns))

@@ -1,7 +1,8 @@
 """Fragility functions of a table: which fit its columns are for, and what is taken from them.
 
-A table of stripes has `im,collapses,records`, one of capacities `capacity[,censored]`, a cloud `im,edp[,censored]`; the
-tables of `tdint ida` and of campaigns are understood, too. `threshold`, `im_name` and `unit` may stand beside.
+A table of stripes has `im,collapses,records`, one of capacities `capacity[,censored]`, a cloud
+`im,edp[,censored]`; the tables of `tdint ida` and of campaigns are understood, too. `threshold`,
+`im_name` and `unit` may stand beside.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Self
@@ -48,7 +49,6 @@ from tdint.campaign.fragility.runs import BuildingDamage, building_damages, exce
 from tdint.campaign.profiles import motion_numbers
 from tdint.campaign.store import check_chunks, open_existing
 from tdint.csv_table import CsvTable, read_table
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, ModelError, UsageError
 from tdint.files import is_folder
 from tdint.model.damage_states import DONE, FALLEN, DamageStates
@@ -57,8 +57,8 @@ from tdint.units import ACCELERATION, suffix
 from tdint.written_numbers import how_many
 
 NEEDS = (
-    "a table has the columns im,collapses,records (stripes), capacity[,censored] (ida) or im,edp[,censored] (cloud), "
-    "or is one of tdint ida or tdint campaign"
+    "a table has the columns im,collapses,records (stripes), capacity[,censored] (ida) or "
+    "im,edp[,censored] (cloud), or is one of tdint ida or tdint campaign"
 )
 EVERY_DEMAND = (0.0, math.inf)
 _LEAST_STRIPE = 3  # runs that a level has at the least; of types motions
@@ -75,11 +75,13 @@ class FragilityRequest:
     thresholds : tuple of float
         Demands whose exceedance is asked for; by default those of the table.
     edp_range : tuple of two floats
-        Of a cloud: demands below the first are left out, those above the second known only to be above it.
+        Of a cloud: demands below the first are left out, those above the second known only to be
+        above it.
     beta_model : float
         Standard deviation of what is not known of the model.
     measure : str or None
-        Of runs: their intensity as `measures.run_measure` reads it, or its column without the unit; Sa(T1) by default.
+        Of runs: their intensity as `measures.run_measure` reads it, or its column without the unit;
+        Sa(T1) by default.
     states : tuple of str
         Names of the states of thresholds, in the order that these rise; ds1, ds2, ... by default.
     """
@@ -103,7 +105,8 @@ class FragilityResult(Tabular):
 
     @property
     def disagreements(self) -> list[str]:
-        """Where functions and counts part by more than their scatter allows, and what no count stands beside."""
+        """Where functions and counts part by more than their scatter allows, and what no count
+        stands beside."""
         return [
             *(text for fit in self.functions if (text := fit.disagreement)),
             *extrapolated(self.functions),
@@ -134,7 +137,8 @@ def fragility(
     beta_model: float = 0.0,
     measure: str | None = None,
 ) -> FragilityResult:
-    """Fit lognormal fragility functions to a CSV table, or to the one in a folder of `tdint ida` or `tdint campaign`.
+    """Fit lognormal fragility functions to a CSV table, or to the one in a folder of `tdint ida` or
+    `tdint campaign`.
 
     What is in memory goes to `fit_stripes`, `fit_capacities` or `fit_cloud`.
 
@@ -168,7 +172,8 @@ def fragility(
 
 
 def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
-    """Fit fragility functions to a table, or to the one in a folder of `tdint ida` or `tdint campaign`.
+    """Fit fragility functions to a table, or to the one in a folder of `tdint ida` or `tdint
+    campaign`.
 
     Raises
     ------
@@ -179,7 +184,8 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
     """
     if request.fit is not None and request.fit not in FITS:
         raise UsageError(f"the fit must be one of {', '.join(FITS)}, got {request.fit!r}")
-    # Of a folder the table that goes with the fit: what a study has found before its runs, but for stripes.
+    # Of a folder the table that goes with the fit: what a study has found before its runs, but for
+    # stripes.
     folder, file = Path(source), source
     if source != "-" and is_folder(folder):
         has_ida = request.fit == CLOUD and (folder / "ida.csv").is_file()
@@ -193,7 +199,8 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
         path = next((folder / name for name in names if (folder / name).is_file()), None)
         if path is None:
             raise ModelError(
-                f"{source}: this folder has no {' and no '.join(names)}, as tdint ida and tdint campaign write them"
+                f"{source}: this folder has no {' and no '.join(names)}, as tdint ida and tdint "
+                "campaign write them"
             )
         file = str(path)
     table = read_table(file, NEEDS)
@@ -238,7 +245,8 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
         )
         function = fit_stripes(levels, hits[chosen], all_runs)
         told = function.beside_counts(levels, hits[chosen] / all_runs, runs=all_runs)
-        # Counts that others publish with their interval keep it where the median alone lies beyond their levels.
+        # Counts that others publish with their interval keep it where the median alone lies beyond
+        # their levels.
         return (
             replace(told, covariance=function.covariance)
             if SELDOM <= share <= 1.0 - SELDOM
@@ -250,7 +258,8 @@ def _fit_stripes(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 
 
 def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResult:
-    # A row without a capacity tells nothing, not even that the building stood: it is left out and told.
+    # A row without a capacity tells nothing, not even that the building stood: it is left out and
+    # told.
     capacity = np.array(table.numbers("capacity", empty=True, positive=True))
     censored = np.array(table.truths("censored"))
     finite = np.isfinite(capacity)
@@ -265,7 +274,8 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
 
         def fit(chosen: NDArray[np.bool_], rows: NDArray[np.bool_] = rows) -> Fragility:
             of = chosen & rows
-            # Capacities of motions of their own are independent: their errors are known in closed form.
+            # Capacities of motions of their own are independent: their errors are known in closed
+            # form.
             alike = motion is not None and np.unique(motion[of]).size < np.sum(of)
             (function,) = over_motions(
                 lambda taken: [fit_capacities(capacity[taken], censored[taken].tolist())],
@@ -305,8 +315,10 @@ def _told_motions(table: CsvTable) -> NDArray[np.intp] | None:
 
 
 def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
-    """Stripes or a cloud of the runs of a study; a run without a result counts neither as standing nor as collapse."""
-    # Stripes where enough runs stand at each level, else a cloud; asked for, stripes need such levels.
+    """Stripes or a cloud of the runs of a study; a run without a result counts neither as standing
+    nor as collapse."""
+    # Stripes where enough runs stand at each level, else a cloud; asked for, stripes need such
+    # levels.
     runs = _runs_of(table, request)
     stripes = [runs.result & (runs.level == level) for level in np.unique(runs.level[runs.result])]
     in_stripes = all(np.sum(stripe) >= _LEAST_STRIPE for stripe in stripes)
@@ -318,9 +330,13 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
         )
     _check_thresholds(table, request)
     lost = int(np.sum(~runs.result))
-    left_out = f"{table.source}: {lost} of {lost + int(np.sum(runs.result))} runs have no result and are left out"
+    left_out = (
+        f"{table.source}: {lost} of {lost + int(np.sum(runs.result))} runs have no result and are "
+        "left out"
+    )
     if fit == CLOUD:
-        # A collapse is beyond every threshold, and no more is known: where a runaway stopped is the method's.
+        # A collapse is beyond every threshold, and no more is known: where a runaway stopped is the
+        # method's.
         of = runs.result
         drift = np.where(runs.collapsed, max(request.thresholds), runs.drift)[of]
         result = _cloud(
@@ -331,14 +347,18 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     functions = [
         _tried(drift, runs.names, partial(_of_stripes, runs, drift)) for drift in request.thresholds
     ]
-    leaning = "which leans the fits; how far at most tell those with all of them counted as exceeding, and as not"
+    leaning = (
+        "which leans the fits; how far at most tell those with all of them counted as exceeding, "
+        "and as not"
+    )
     return FragilityResult.of(functions, *(f"{left_out}, {leaning}",) * (lost > 0))
 
 
 @dataclass(frozen=True)
 class _Runs:
-    """Runs of a study, all arrays of shape (n,): intensity and the number of its level, largest drift, whether the
-    building collapsed, whether there is a result, the ground motion; the intensity's name and unit."""
+    """Runs of a study, all arrays of shape (n,): intensity and the number of its level, largest
+    drift, whether the building collapsed, whether there is a result, the ground motion; the
+    intensity's name and unit."""
 
     im: Array
     level: NDArray[np.intp]
@@ -390,7 +410,8 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
 
 
 def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
-    """The fit of the runs that have a result; of the others, if there are any, what they may change."""
+    """The fit of the runs that have a result; of the others, if there are any, what they may
+    change."""
     over = runs.collapsed | (runs.drift > threshold)
     of = runs.result
     (function,) = over_motions(lambda taken: [_stripes(runs, over, taken)], of, runs.motion)
@@ -432,10 +453,12 @@ def _cloud(
     motion: NDArray[np.intp] | None = None,
 ) -> FragilityResult:
     _check_thresholds(table, request)
-    # Below the range that is asked for demands say nothing of damage, above it only that they are above.
+    # Below the range that is asked for demands say nothing of damage, above it only that they are
+    # above.
     low, high = request.edp_range
     kept = edp >= low
-    # Of a demand that is known to lie above a limit below the threshold it is not known whether it is beyond.
+    # Of a demand that is known to lie above a limit below the threshold it is not known whether it
+    # is beyond.
     told = [kept & ~(censored & (edp < threshold)) for threshold in request.thresholds]
     beyond = [((edp > threshold) | censored).astype(float) for threshold in request.thresholds]
     censored = censored | (edp >= high)
@@ -461,13 +484,15 @@ def _cloud(
 def _by_threshold(
     table: CsvTable, request: FragilityRequest, fit: Callable[[NDArray[np.bool_]], Fragility]
 ) -> list[Fragility | AnalysisError]:
-    """A fit for each threshold of the table that is asked for; of all rows where it has no thresholds."""
+    """A fit for each threshold of the table that is asked for; of all rows where it has no
+    thresholds."""
     names = (table.only("im_name"), table.only("unit"))
     # Without the column all rows are of one threshold, whatever it is.
     if not table.has("threshold"):
         if len(request.thresholds) > 1:
             raise UsageError(
-                f"{table.source}: has no column threshold: one --threshold at most, the one it is for"
+                f"{table.source}: has no column threshold: one --threshold at most, the one it is "
+                "for"
             )
         every = np.ones(len(table.rows), bool)
         return [_tried(next(iter(request.thresholds), math.nan), names, lambda: fit(every))]
@@ -507,7 +532,8 @@ def _check_thresholds(table: CsvTable, request: FragilityRequest) -> None:
 
 @dataclass(frozen=True)
 class _Kind:
-    """A kind of table: columns by which it is known, the fits it is for, the default one first, and what does them."""
+    """A kind of table: columns by which it is known, the fits it is for, the default one first, and
+    what does them."""
 
     columns: tuple[str, ...]
     fits: tuple[str, ...]
@@ -520,12 +546,13 @@ _CLOUD = _Kind(("im", "edp"), (CLOUD,), _fit_cloud)
 _OF_RUNS = _Kind(("status", "peak_drift_ratio"), (STRIPES, CLOUD), _fit_runs)
 
 
-# ---- Fragility functions of the types of buildings of a campaign, or of each building, one for each damage state, of
-# its store
+# ---- Fragility functions of the types of buildings of a campaign, or of each building, one for
+# each damage state, of its store
 #
-# A run under which a building falls exceeds all states; no more is known of its demand than that it is above the
-# heaviest one, wherever its runaway stopped. The dispersion of the thresholds is part of beta: stripes count
-# probabilities of exceedance, a cloud sees each run with thresholds so dispersed.
+# A run under which a building falls exceeds all states; no more is known of its demand than that it
+# is above the heaviest one, wherever its runaway stopped. The dispersion of the thresholds is part
+# of beta: stripes count probabilities of exceedance, a cloud sees each run with thresholds so
+# dispersed.
 
 _SAME_PERIOD = 1e-6  # tables write six digits or more
 _THREE = math.sqrt(1.5) * np.array(
@@ -542,7 +569,8 @@ class TypeRuns:
     states : DamageStates
         Of the type.
     im, demand : ndarray
-        Intensity and what the states are told by, SI units; of a fall the median of the heaviest state.
+        Intensity and what the states are told by, SI units; of a fall the median of the heaviest
+        state.
     fallen : ndarray of bool
         Whether the building fell.
     motion : ndarray of int
@@ -569,14 +597,14 @@ BY = (TYPE, BUILDING)
 
 
 def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> FragilityResult:
-    """Fit a function for each type of buildings of a campaign, or for each building, and each of its damage states; of
-    buildings the states may be thresholds of the largest drift ratio.
+    """Fit a function for each type of buildings of a campaign, or for each building, and each of
+    its damage states; of buildings the states may be thresholds of the largest drift ratio.
 
     Raises
     ------
     UsageError
-        The folder holds no campaign, or one that says nothing of damage; a fit or a threshold that is not for it; a
-        measure that its runs do not have.
+        The folder holds no campaign, or one that says nothing of damage; a fit or a threshold that
+        is not for it; a measure that its runs do not have.
     OutputError
         The store cannot be read.
     """
@@ -708,7 +736,8 @@ def _fitted(runs: TypeRuns, request: FragilityRequest) -> list[Fragility | Analy
 
 
 def _beyond(runs: TypeRuns) -> Array:
-    """The probability that each run is in a state or a heavier one, shape (runs, states), 1 after a fall."""
+    """The probability that each run is in a state or a heavier one, shape (runs, states), 1 after a
+    fall."""
     return np.where(runs.fallen[:, np.newaxis], 1.0, exceedance(runs.states, runs.demand))
 
 
@@ -737,9 +766,10 @@ def _type_cloud(
 ) -> list[Fragility | AnalysisError]:
     """Of a line through the demands, those of falls known only to be above the heaviest state.
 
-    Of the states of a campaign each run is seen with three equally likely thresholds of their dispersion, which falls
-    exceed whatever it is: beyond the heaviest state and below the lightest one no more is known. Of thresholds that
-    are asked for all demands count as they are, so that no function hangs on which others are asked for."""
+    Of the states of a campaign each run is seen with three equally likely thresholds of their
+    dispersion, which falls exceed whatever it is: beyond the heaviest state and below the lightest
+    one no more is known. Of thresholds that are asked for all demands count as they are, so that no
+    function hangs on which others are asked for."""
     # A demand of zero has no logarithm, those below the range are elastic.
     low, high = request.edp_range
     kept = taken & (runs.demand >= low) & (runs.demand > 0.0)

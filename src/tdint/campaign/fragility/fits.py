@@ -1,21 +1,24 @@
-"""Fragility functions: lognormal distributions of the intensity at which a threshold is exceeded, fitted three ways.
+"""Fragility functions: lognormal distributions of the intensity at which a threshold is exceeded,
+fitted three ways.
 
 Stripes: numbers of exceedances at levels of intensity (Baker 2015, Earthquake Spectra 31(1), doi
-10.1193/021113EQS025M). Capacities of an incremental dynamic analysis: by their moments, or if some are censored by
-maximum likelihood (Baker 2015, eq. 9). Cloud: a line through the logarithms of demand over intensity (Jalayer 2003),
-with demands that are known only to lie above a limit, or below one.
+10.1193/021113EQS025M). Capacities of an incremental dynamic analysis: by their moments, or if some
+are censored by maximum likelihood (Baker 2015, eq. 9). Cloud: a line through the logarithms of
+demand over intensity (Jalayer 2003), with demands that are known only to lie above a limit, or
+below one.
 
-The likelihoods are those of normal observations, some of which are known only to lie below or above a value. Each
-observation i has z_i = x_i . p, linear in the parameters, which makes the logarithm of the likelihood concave
-(Pratt 1981; Olsen 1978): Newton's iteration finds its one maximum. A value that is known adds ln p_s - z^2 / 2, with
-p_s the parameter that is 1 / sigma; one known to be below adds ln Phi(z), one above ln Phi(-z).
+The likelihoods are those of normal observations, some of which are known only to lie below or above
+a value. Each observation i has z_i = x_i . p, linear in the parameters, which makes the logarithm
+of the likelihood concave (Pratt 1981; Olsen 1978): Newton's iteration finds its one maximum. A
+value that is known adds ln p_s - z^2 / 2, with p_s the parameter that is 1 / sigma; one known to be
+below adds ln Phi(z), one above ln Phi(-z).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,14 +27,14 @@ from scipy.special import log_ndtr, ndtr
 
 from tdint.analysis.given import between
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, UsageError
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, OutputUnits
 from tdint.written_numbers import LARGEST, first_few, how_many
 
 _ITERATIONS = 200
 _CONVERGED = 1e-13
-"""Of Newton's decrement, twice the distance of the likelihood's logarithm from its maximum; the next is its square."""
+"""Of Newton's decrement, twice the distance of the likelihood's logarithm from its maximum; the
+next is its square."""
 
 _SHORTEST = 1e-12
 """Part of a step below which there is no rise: the maximum is where 1 / sigma is not positive."""
@@ -49,7 +52,8 @@ class Observations:
     design : ndarray, shape (n, k)
         z = design @ parameters.
     below, above : ndarray of bool, shape (n,)
-        Those whose value is known only to be below, or above, what the design has; known exactly if neither.
+        Those whose value is known only to be below, or above, what the design has; known exactly if
+        neither.
     count : ndarray, shape (n,)
         How often each was made.
     inverse_sigma : int
@@ -99,7 +103,8 @@ class Observations:
 
 
 def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | None:
-    """The parameters of the largest likelihood, shape (k,), and the inverse of the observed information, shape (k, k).
+    """The parameters of the largest likelihood, shape (k,), and the inverse of the observed
+    information, shape (k, k).
 
     Parameters
     ----------
@@ -135,7 +140,8 @@ def maximize(observations: Observations, start: Array) -> tuple[Array, Array] | 
 
 
 def _is_flat(hessian: Array) -> bool:
-    """Whether some direction has no curvature: the likelihood rises for ever, or does not tell the parameters apart."""
+    """Whether some direction has no curvature: the likelihood rises for ever, or does not tell the
+    parameters apart."""
     diagonal = -np.diagonal(hessian)
     if not np.all(diagonal > 0.0):
         return True
@@ -156,31 +162,33 @@ SAME_LEVEL = 1e-6
 """Intensities that differ by less than this part are one level."""
 
 BINS = 6
-"""Of the intensity, in which runs beyond a state are counted: fewer hide a bend, more have few motions each."""
+"""Of the intensity, in which runs beyond a state are counted: fewer hide a bend, more have few
+motions each."""
 
 _APART = 3.0
-"""Standard errors between function and count that are told: of 80 bins (four types, four states) scatter alone has one
-so far off in every fifth study."""
+"""Standard errors between function and count that are told: of 80 bins (four types, four states)
+scatter alone has one so far off in every fifth study."""
 
 
 @dataclass(frozen=True)
 class Points:
-    """What a picture shows of the observations behind a fit: intensities and the part that exceeds, both shape (k,)."""
+    """What a picture shows of the observations behind a fit: intensities and the part that exceeds,
+    both shape (k,)."""
 
     im: Array
     part: Array
 
 
 SELDOM = 0.1
-"""Share of runs beyond a state, and short of it, that tells a median: with fewer it hangs on the shape of the function,
-which few runs do not show."""
+"""Share of runs beyond a state, and short of it, that tells a median: with fewer it hangs on the
+shape of the function, which few runs do not show."""
 
 
 @dataclass(frozen=True)
 class Counted:
-    """What was counted in bins of the intensity, shape (k,): the intensity in its middle (geometric mean of the
-    runs), runs, the share of them beyond the state, the share that the function has there, and by how much both may
-    part for want of runs: a standard error and half a motion."""
+    """What was counted in bins of the intensity, shape (k,): the intensity in its middle (geometric
+    mean of the runs), runs, the share of them beyond the state, the share that the function has
+    there, and by how much both may part for want of runs: a standard error and half a motion."""
 
     im: Array
     runs: Array
@@ -204,8 +212,9 @@ class Counted:
 
 @dataclass(frozen=True)
 class CloudPoints:
-    """The observations of a cloud: intensities, demands, which of these are censored and which count only as below the
-    lightest state, all shape (n,); the line ln EDP = intercept + slope ln IM with its standard deviation."""
+    """The observations of a cloud: intensities, demands, which of these are censored and which
+    count only as below the lightest state, all shape (n,); the line ln EDP = intercept + slope ln
+    IM with its standard deviation."""
 
     im: Array
     edp: Array
@@ -232,8 +241,9 @@ class Fragility:
     theta, beta : float
         Median intensity and standard deviation of its logarithm, from record to record.
     covariance : ndarray, shape (2, 2)
-        Of the estimates of ln theta and beta: the inverse of the information matrix, or where the motions of the runs
-        are known that of leaving these out one by one; nan where it is not known, or the median is extrapolated.
+        Of the estimates of ln theta and beta: the inverse of the information matrix, or where the
+        motions of the runs are known that of leaving these out one by one; nan where it is not
+        known, or the median is extrapolated.
     records : int
         Records; of stripes those of the largest one.
     censored : int
@@ -243,16 +253,18 @@ class Fragility:
     im, unit : str
         The intensity measure and its unit, as far as known.
     damage : float
-        The drift ratio to which a mainshock has damaged the building before; 0 of an intact one, nan where the
-        observations do not tell.
+        The drift ratio to which a mainshock has damaged the building before; 0 of an intact one,
+        nan where the observations do not tell.
     type, state : str
-        The type of buildings and the damage state that the function is of; empty where it is of neither.
+        The type of buildings and the damage state that the function is of; empty where it is of
+        neither.
     beta_model : float
         Standard deviation of what is not known of the model; not part of `beta`.
     failed : int
         Runs without a result, which the fit leaves out.
     bounds : tuple of Fragility or None
-        Of stripes with such runs the fits with all of them counted as exceeding, and as not; None without one.
+        Of stripes with such runs the fits with all of them counted as exceeding, and as not; None
+        without one.
     extrapolated : str
         Why the observations do not tell the median, in words; empty where they do.
     """
@@ -293,11 +305,13 @@ class Fragility:
         return math.hypot(self.beta, self.beta_model)
 
     def probability(self, im: Array | float, *, total: bool = False) -> Array:
-        """Probability of exceedance at intensities; with `total` that of the total standard deviation."""
+        """Probability of exceedance at intensities; with `total` that of the total standard
+        deviation."""
         return np.asarray(ndtr(np.log(im / self.theta) / (self.beta_total if total else self.beta)))
 
     def band(self, im: Array) -> tuple[Array, Array]:
-        """The 95 % confidence band of the probability at intensities, each of shape (k,), pointwise.
+        """The 95 % confidence band of the probability at intensities, each of shape (k,),
+        pointwise.
 
         By the delta method on z = ln(im / theta) / beta, so that both bounds are probabilities.
         """
@@ -305,7 +319,8 @@ class Fragility:
         return np.asarray(ndtr(z - _TWO_SIDED * error)), np.asarray(ndtr(z + _TWO_SIDED * error))
 
     def _z(self, im: Array) -> tuple[Array, Array]:
-        """ln(im / theta) / beta at intensities, and its standard error by the delta method, each of shape (k,)."""
+        """ln(im / theta) / beta at intensities, and its standard error by the delta method, each of
+        shape (k,)."""
         z = np.log(np.asarray(im) / self.theta) / self.beta
         (of_theta, mixed), (_, of_beta) = self.covariance
         return z, np.sqrt(np.maximum(of_theta + 2.0 * mixed * z + of_beta * z * z, 0.0)) / self.beta
@@ -323,11 +338,13 @@ class Fragility:
         Parameters
         ----------
         im, beyond : ndarray, shape (n,)
-            Intensities of runs, or of levels of them, and the share of each that is beyond the state.
+            Intensities of runs, or of levels of them, and the share of each that is beyond the
+            state.
         runs : ndarray, shape (n,), optional
             How many runs each stands for; 1 by default.
         motion : ndarray of int, shape (n,), optional
-            The ground motion of each: runs under one err alike and count as one; by default each is of its own.
+            The ground motion of each: runs under one err alike and count as one; by default each is
+            of its own.
         """
         weight = np.ones(im.size) if runs is None else runs
         # Bins of about as many runs each; where there are few levels each is one.
@@ -340,7 +357,8 @@ class Fragility:
         at = np.exp(np.bincount(place, weight * np.log(im)) / count)
         share = np.bincount(place, weight * beyond) / count
         fitted = np.bincount(place, weight * self.probability(im)) / count
-        # As many independent tosses with the function's probability as there are motions, and the fit's own error.
+        # As many independent tosses with the function's probability as there are motions, and the
+        # fit's own error.
         motions = (
             count
             if motion is None
@@ -355,8 +373,8 @@ class Fragility:
         )
 
     def within(self, im: Array, share: float) -> Fragility:
-        """The same function of intensities, shape (n,), and the share of their runs that is beyond; without an interval
-        where the median is extrapolated."""
+        """The same function of intensities, shape (n,), and the share of their runs that is beyond;
+        without an interval where the median is extrapolated."""
         why = ""
         if share in (0.0, 1.0):
             why = f"{'every' if share else 'no'} run is beyond"
@@ -364,20 +382,25 @@ class Fragility:
             limit = 100.0 * (SELDOM if share < SELDOM else 1.0 - SELDOM)
             why = f"{'less' if share < SELDOM else 'more'} than {limit:g} % of the runs are beyond"
         elif not np.min(im) <= self.theta <= np.max(im):
-            why = f"every intensity lies {'below' if self.theta > np.max(im) else 'above'} the median of"
+            why = (
+                f"every intensity lies {'below' if self.theta > np.max(im) else 'above'} the "
+                "median of"
+            )
         return (
             replace(self, extrapolated=why, covariance=np.full((2, 2), math.nan)) if why else self
         )
 
     @property
     def exceeded(self) -> str:
-        """What is exceeded, in words: a state of a type, a threshold, or nothing where the observations tell none."""
+        """What is exceeded, in words: a state of a type, a threshold, or nothing where the
+        observations tell none."""
         of_demand = f"threshold {self.threshold:g}" if self.threshold == self.threshold else ""
         return f"{self.type}, {self.state}" if self.type else of_demand
 
     @property
     def disagreement(self) -> str:
-        """Where function and count part the most, in words; nothing where their scatter allows it."""
+        """Where function and count part the most, in words; nothing where their scatter allows
+        it."""
         of = self.counted
         if of is None or not np.any(of.apart > _APART):
             return ""
@@ -385,8 +408,9 @@ class Fragility:
         about = f"{self.exceeded}: " if self.exceeded else ""
         at = f"{self.im or 'im'} {of.im[worst]:.3g} {self.unit}".rstrip()
         return (
-            f"{about}at {at} {100.0 * of.share[worst]:.3g} % of {how_many(round(of.runs[worst]), 'run')} are beyond, "
-            f"the {self.fit} function has {100.0 * of.fitted[worst]:.3g} %: more apart than their scatter allows"
+            f"{about}at {at} {100.0 * of.share[worst]:.3g} % of "
+            f"{how_many(round(of.runs[worst]), 'run')} are beyond, the {self.fit} function has "
+            f"{100.0 * of.fitted[worst]:.3g} %: more apart than their scatter allows"
         )
 
     def named(self, threshold: float, im: str = "", unit: str = "") -> Fragility:
@@ -405,7 +429,8 @@ class Fragility:
         si = next((si for si, units in kinds.items() if self.unit in units), "")
         if not si:
             raise UsageError(
-                f"output units are for intensities whose unit is known, not {self.unit!r}; give the table a column unit"
+                f"output units are for intensities whose unit is known, not {self.unit!r}; give "
+                "the table a column unit"
             )
         unit, value = units.unit(si)
         factor = kinds[si][self.unit] / value
@@ -424,7 +449,8 @@ class Fragility:
 
 
 def extrapolated(functions: Sequence[Fragility]) -> list[str]:
-    """A sentence for each reason why medians are extrapolated, with the functions that it is true of."""
+    """A sentence for each reason why medians are extrapolated, with the functions that it is true
+    of."""
     names: dict[str, list[str]] = {}
     for fit in functions:
         if fit.extrapolated:
@@ -447,7 +473,8 @@ def levels_of(im: Array) -> NDArray[np.intp]:
 def fit_stripes(
     im: Sequence[float] | Array, exceeding: Sequence[int] | Array, records: Sequence[int] | Array
 ) -> Fragility:
-    """The lognormal distribution of the largest likelihood, of numbers of exceedances at levels of intensity.
+    """The lognormal distribution of the largest likelihood, of numbers of exceedances at levels of
+    intensity.
 
     Parameters
     ----------
@@ -487,8 +514,8 @@ def fit_stripes(
         raise AnalysisError(f"{reason}: neither median nor dispersion can be told; add levels")
     if np.min(x[hits > 0]) >= np.max(x[misses > 0]):
         raise AnalysisError(
-            "all records below some level do not exceed and all above it do: the dispersion cannot be told; add levels "
-            "between them"
+            "all records below some level do not exceed and all above it do: the dispersion cannot "
+            "be told; add levels between them"
         )
     # An exceedance is a capacity below the level, any other record one above it.
     levels = np.concatenate([x, x])
@@ -506,8 +533,8 @@ def fit_capacities(
 ) -> Fragility:
     """The lognormal distribution of capacities: intensities at which each record first exceeds.
 
-    Without censored ones theta is the geometric mean and beta the standard deviation of the logarithms (n - 1); with
-    them those of the largest likelihood.
+    Without censored ones theta is the geometric mean and beta the standard deviation of the
+    logarithms (n - 1); with them those of the largest likelihood.
 
     Parameters
     ----------
@@ -537,11 +564,12 @@ def fit_capacities(
     count = x.size - int(np.sum(above))
     if count < 2:
         raise AnalysisError(
-            f"of {x.size} capacities {count or 'none'} is known, the others are censored: "
-            "median and dispersion need two"
+            f"of {x.size} capacities {count or 'none'} is known, the others are censored: median "
+            "and dispersion need two"
         )
     logarithms = np.log(x)
-    # Without censored ones the estimate is closed, with n - 1; its errors are those of a normal sample.
+    # Without censored ones the estimate is closed, with n - 1; its errors are those of a normal
+    # sample.
     if not above.any():
         beta = float(np.std(logarithms, ddof=1))
         if not beta > _EQUAL:
@@ -564,10 +592,11 @@ def fit_cloud(
     *,
     lightest: float = 0.0,
 ) -> list[Fragility]:
-    """A fragility function for each threshold, of ln EDP = b0 + b1 ln IM + sigma N by maximum likelihood.
+    """A fragility function for each threshold, of ln EDP = b0 + b1 ln IM + sigma N by maximum
+    likelihood.
 
-    theta = exp((ln threshold - b0) / b1), beta = sigma / b1. sigma is that of the largest likelihood: the root of the
-    mean square of the residuals where none is censored.
+    theta = exp((ln threshold - b0) / b1), beta = sigma / b1. sigma is that of the largest
+    likelihood: the root of the mean square of the residuals where none is censored.
 
     Parameters
     ----------
@@ -578,8 +607,9 @@ def fit_cloud(
     censored : sequence of bool, shape (n,), optional
         Which are.
     lightest : float
-        Demands below it, which are not censored, are known only to be below: far under the lightest state the demands
-        are elastic, on a line of their own. They are not left out, for a choice by demand bends the line.
+        Demands below it, which are not censored, are known only to be below: far under the lightest
+        state the demands are elastic, on a line of their own. They are not left out, for a choice
+        by demand bends the line.
 
     Returns
     -------
@@ -605,7 +635,8 @@ def fit_cloud(
         _check_positive(values, name)
     lightest = between(lightest, "lightest")
     below = ~above & (y < lightest)
-    # Those known to be below help a line that others tell: three known exactly, of more than one intensity.
+    # Those known to be below help a line that others tell: three known exactly, of more than one
+    # intensity.
     exact = ~(above | below)
     if not (int(np.sum(exact)) > 2 and np.unique(x[exact]).size > 1):
         below = np.zeros(x.size, bool)
@@ -629,7 +660,8 @@ def fit_cloud(
 def _line(
     x: Array, y: Array, above: NDArray[np.bool_], below: NDArray[np.bool_]
 ) -> tuple[float, float, float, Array]:
-    """Intercept, slope and standard deviation, and the covariance of (b0 / sigma, b1 / sigma, 1 / sigma)."""
+    """Intercept, slope and standard deviation, and the covariance of (b0 / sigma, b1 / sigma, 1 /
+    sigma)."""
     exact = ~(above | below)
     if not below.any() and np.unique(x[exact]).size < 3:
         raise AnalysisError(
@@ -660,12 +692,13 @@ def _line(
 def _function(
     fit: str, logarithm: float, beta: float, covariance: Array, **observed: Any
 ) -> Fragility:
-    """The function of a fit, of its ln theta; AnalysisError where the observations tell next to nothing of it."""
+    """The function of a fit, of its ln theta; AnalysisError where the observations tell next to
+    nothing of it."""
     half = _TWO_SIDED * math.sqrt(covariance[0, 0])  # of the 95 % interval
     if not abs(logarithm) + half + beta < math.log(LARGEST):
         raise AnalysisError(
-            f"the observations do not tell the median: it is exp({logarithm:.3g} +- {half:.3g}), with a dispersion of "
-            f"{beta:.3g}"
+            f"the observations do not tell the median: it is exp({logarithm:.3g} +- {half:.3g}), "
+            f"with a dispersion of {beta:.3g}"
         )
     return Fragility(fit, math.exp(logarithm), beta, covariance, **observed)
 
@@ -673,7 +706,8 @@ def _function(
 def _lognormal(
     x: Array, below: NDArray[np.bool_], above: NDArray[np.bool_], count: Array
 ) -> tuple[float, float, Array] | None:
-    """ln theta, beta and the covariance of both; None where there is no maximum of the likelihood."""
+    """ln theta, beta and the covariance of both; None where there is no maximum of the
+    likelihood."""
     logarithms = np.log(x)
     middle, spread = float(np.mean(logarithms)), float(np.std(logarithms)) or 1.0
     observed = Observations(
@@ -688,7 +722,8 @@ def _lognormal(
 
 
 def empirical(capacity: Array, censored: NDArray[np.bool_]) -> Points:
-    """The part of records that exceed at each known capacity (Kaplan and Meier 1958), in the middle of each step."""
+    """The part of records that exceed at each known capacity (Kaplan and Meier 1958), in the middle
+    of each step."""
     order = np.lexsort((censored, capacity))
     survivors, share, im, part = capacity.size, 1.0, [], []
     for place in order:

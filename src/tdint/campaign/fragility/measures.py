@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -25,7 +25,6 @@ from tdint.campaign.plan import Plan
 from tdint.campaign.profiles import motion_numbers
 from tdint.campaign.store import FILE, Store, open_existing
 from tdint.csv_table import CsvTable, read_table
-from tdint.data import dataclass
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
 from tdint.ground_motion.horizontals import motion_name
 from tdint.ground_motion.measures import MEASURES as MEASURES_OF_MOTION
@@ -34,18 +33,20 @@ from tdint.model.damage_states import DONE
 from tdint.units import ACCELERATION, LENGTH, VELOCITY, suffix
 from tdint.written_numbers import Grid, how_many, parse_grid, parse_ratio
 
-# ---- Intensity measures of the runs of a campaign, and how well they tell its demands: efficiency and sufficiency
+# ---- Intensity measures of the runs of a campaign, and how well they tell its demands: efficiency
+# and sufficiency
 #
-# Sa at a period or at that of each building, Sa_avg, the largest displacement of a yielding oscillator (SDi,
-# Tothong and Cornell 2006), peaks, Arias intensity, cumulative absolute velocities, durations; each of the
-# component that the run had, times its factor. Those that are not in proportion to it (SDi, CAV5) are found anew
-# for each factor.
+# Sa at a period or at that of each building, Sa_avg, the largest displacement of a yielding
+# oscillator (SDi, Tothong and Cornell 2006), peaks, Arias intensity, cumulative absolute
+# velocities, durations; each of the component that the run had, times its factor. Those that are
+# not in proportion to it (SDi, CAV5) are found anew for each factor.
 #
-# Efficiency is the standard deviation beta of ln EDP about its line over ln IM (Luco and Cornell 2007,
-# Earthquake Spectra 23(2)), proficiency beta over the slope of that line (Padgett, Nielson and DesRoches 2008,
-# Earthquake Engineering and Structural Dynamics 37). A measure is sufficient where what the line leaves does not
-# depend on what else is known of the motions: the slope of the residuals over it is told with its p-value, by
-# which runs under one motion, or of one event where events are known, count as alike.
+# Efficiency is the standard deviation beta of ln EDP about its line over ln IM (Luco and Cornell
+# 2007, Earthquake Spectra 23(2)), proficiency beta over the slope of that line (Padgett, Nielson
+# and DesRoches 2008, Earthquake Engineering and Structural Dynamics 37). A measure is sufficient
+# where what the line leaves does not depend on what else is known of the motions: the slope of the
+# residuals over it is told with its p-value, by which runs under one motion, or of one event where
+# events are known, count as alike.
 
 FIRST = "T1"
 """The first period of each building."""
@@ -77,11 +78,13 @@ class RunMeasure:
     called: str = ""
 
     def label(self, period: float | None) -> str:
-        """Its name of buildings whose first period is this, s; None: it is not one period, or not known."""
+        """Its name of buildings whose first period is this, s; None: it is not one period, or not
+        known."""
         return self.called.format(FIRST if period is None else f"{period:.6g}")
 
     def of(self, record: Record, factor: float, period: float) -> float:
-        """The measure of a record times a factor, for a building of a period (s); nan where there is none."""
+        """The measure of a record times a factor, for a building of a period (s); nan where there
+        is none."""
         try:
             if self.power is None:
                 return self.value(record.scaled(abs(factor)), period)
@@ -94,8 +97,9 @@ _FORMS = ("sa[:T1|SECONDS]", "sa-avg[:FIRST:LAST[:COUNT]]", "sdi:T1|SECONDS:STRE
 
 
 def run_measure(text: str) -> RunMeasure:
-    """The measure of a name: `pgv`, `sa:0.5` (s), `sa` at the first period of each building, `sa-avg:0.2:2` (s),
-    `sa-avg` from 0.2 to 3 times that period, `sdi:1:0.1` or `sdi:T1:10%` (yield force over weight).
+    """The measure of a name: `pgv`, `sa:0.5` (s), `sa` at the first period of each building,
+    `sa-avg:0.2:2` (s), `sa-avg` from 0.2 to 3 times that period, `sdi:1:0.1` or `sdi:T1:10%` (yield
+    force over weight).
 
     Raises
     ------
@@ -192,7 +196,10 @@ def _inelastic(rest: str) -> RunMeasure:
             ].sd[0]
         )
 
-    meaning = f"largest displacement of an elastoplastic oscillator of {where}, 5 % damping, yielding at {strength:g}"
+    meaning = (
+        f"largest displacement of an elastoplastic oscillator of {where}, 5 % damping, yielding at "
+        f"{strength:g}"
+    )
     called = f"sdi({at},{strength:g})"
     return RunMeasure(
         _named("sdi", period or "t1", strength),
@@ -206,7 +213,8 @@ def _inelastic(rest: str) -> RunMeasure:
 
 @dataclass(frozen=True)
 class MeasuredRun:
-    """A run as runs.csv names it, and the values of the measures asked for, nan where there is none."""
+    """A run as runs.csv names it, and the values of the measures asked for, nan where there is
+    none."""
 
     building: str
     record: str
@@ -221,7 +229,8 @@ def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterat
     names, records = store.buildings(), store.records()
     period = cache(lambda building: plan.buildings[building].subject().period)
 
-    # A record is measured once at the scale 1; what grows by no power of a factor is measured at each.
+    # A record is measured once at the scale 1; what grows by no power of a factor is measured at
+    # each.
     @cache
     def unscaled(measure: int, motion: int, first_period: float) -> float:
         return measures[measure].of(plan.motions[motion].record, 1.0, first_period)
@@ -233,7 +242,10 @@ def measured(plan: Plan, store: Store, measures: Sequence[RunMeasure]) -> Iterat
         return unscaled(measure, motion, first_period) * float(abs(factor) ** power)
 
     # Runs of a building stand together: its period is found once.
-    keys = "SELECT building, record, scale, sample FROM run_rows ORDER BY building, record, scale, sample"
+    keys = (
+        "SELECT building, record, scale, sample FROM run_rows ORDER BY building, record, scale, "
+        "sample"
+    )
     for building, motion, scale, sample in store.connection.execute(keys):
         values = tuple(value(i, motion, scale, period(building)) for i in range(len(measures)))
         yield MeasuredRun(names[building][0], *records[motion][:2], scale, sample, values)
@@ -250,8 +262,9 @@ def measure_named(text: str) -> RunMeasure:
 
 
 class RunIntensities:
-    """A measure of the runs of a store, building by building in their order. Both components of a pair have the
-    geometric mean of theirs, for hazard is a pair's; what the campaign has brought to levels has these.
+    """A measure of the runs of a store, building by building in their order. Both components of a
+    pair have the geometric mean of theirs, for hazard is a pair's; what the campaign has brought to
+    levels has these.
 
     Parameters
     ----------
@@ -287,7 +300,8 @@ class RunIntensities:
         self._own = None if self._levels else column
         self._rows: Iterator[tuple[int, list[str]]] = iter(())
         if not (self._levels or column):
-            # Only what `tdint campaign --im` has written is left; it is read along, a building at a time.
+            # Only what `tdint campaign --im` has written is left; it is read along, a building at a
+            # time.
             if not self._file.is_file():
                 raise UsageError(no_measure(str(self._file.parent), measure.column))
             table = read_table(str(self._file), "the measures of a campaign are a table")
@@ -301,10 +315,14 @@ class RunIntensities:
         """What to say of pairs; nothing without any."""
         if not self._pairs or self._levels:
             return ""
-        return f"{self._measure.called.format(FIRST)} of a pair is the geometric mean of both components"
+        return (
+            f"{self._measure.called.format(FIRST)} of a pair is the geometric mean of both "
+            "components"
+        )
 
     def of(self, of: BuildingDamage) -> Array:
-        """The intensity of each run of a building, SI units, shape (runs,); nan where there is none."""
+        """The intensity of each run of a building, SI units, shape (runs,); nan where there is
+        none."""
         if self._levels:
             return np.array(self._levels)[of.rank]
         values = np.array(
@@ -320,11 +338,13 @@ class RunIntensities:
     def _next(self, of: BuildingDamage, key: Run) -> float:
         """What the next row of measures.csv has, which is that of a run."""
         line, row = next(self._rows, (0, []))
-        # Rows are in the order of the runs: one that does not fit means another state of the folder.
+        # Rows are in the order of the runs: one that does not fit means another state of the
+        # folder.
         told = [of.building, *self._names[key.motion], f"{key.scale:.12g}", str(key.sample)]
         if row[: len(_KEYS)] != told:
             raise ModelError(
-                f"{self._file}:{line}: has no row of {' '.join(told)}; call `tdint campaign` with --im again"
+                f"{self._file}:{line}: has no row of {' '.join(told)}; call `tdint campaign` with "
+                "--im again"
             )
         text = row[self._place] if self._place < len(row) else ""
         return self._factor * float(text) if text else math.nan
@@ -338,14 +358,18 @@ _KINDS = {"m/s^2": ACCELERATION, "m/s": VELOCITY, "m": LENGTH, "s": {"s": 1.0}}
 _UNITS = {unit: (si, factor) for si, units in _KINDS.items() for unit, factor in units.items()}
 """Of measures: their SI unit, and the factor to it."""
 
-_NEEDS = "a table of characteristics has the column record and others of numbers, such as magnitude and distance_km"
+_NEEDS = (
+    "a table of characteristics has the column record and others of numbers, such as magnitude and "
+    "distance_km"
+)
 _LEAST = 3  # runs of a line with a dispersion
 _SCALE = "ln scale"
 
 
 @dataclass(frozen=True)
 class Dependence:
-    """Of the residuals on a characteristic of the motions: slope, and the chance of one as large if there were none."""
+    """Of the residuals on a characteristic of the motions: slope, and the chance of one as large if
+    there were none."""
 
     characteristic: str
     slope: float
@@ -363,7 +387,8 @@ class MeasureFit:
     runs, collapsed : int
         Runs on the line; runs left out, for they collapsed or have no result or no measure.
     slope, slope_error, beta, r_squared : float
-        Of the line, with the standard error of the slope and the standard deviation about it (n - 2).
+        Of the line, with the standard error of the slope and the standard deviation about it (n -
+        2).
     dependences : tuple of Dependence
         Of what it leaves.
     """
@@ -392,11 +417,13 @@ def compare_measures(
     Parameters
     ----------
     folder : str or Path
-        Of a campaign of one building, with runs.csv and, for other measures than `sa` and `pga`, measures.csv.
+        Of a campaign of one building, with runs.csv and, for other measures than `sa` and `pga`,
+        measures.csv.
     measures : sequence of str
         As `tdint.campaign.fragility.measures.run_measure` reads them.
     characteristics : str or Path, optional
-        CSV file of the motions, a row for each record; beside them stands the factor, where it differs.
+        CSV file of the motions, a row for each record; beside them stands the factor, where it
+        differs.
 
     Raises
     ------
@@ -441,15 +468,17 @@ def line(
     name: str = "the measure",
     motion: NDArray[np.intp] | None = None,
 ) -> MeasureFit:
-    """The line of y over x, both logarithms, shape (n,), and how what it leaves depends on characteristics. Runs under
-    one `motion`, a number for each, err alike; by default each run has its own."""
+    """The line of y over x, both logarithms, shape (n,), and how what it leaves depends on
+    characteristics. Runs under one `motion`, a number for each, err alike; by default each run has
+    its own."""
     from scipy.stats import (
         linregress,
     )  # takes half a second, which tables of other studies need not wait for
 
     if x.size < _LEAST:
         raise AnalysisError(
-            f"{name}: of {how_many(x.size, 'run')} that ended; a line with a dispersion needs {_LEAST}"
+            f"{name}: of {how_many(x.size, 'run')} that ended; a line with a dispersion needs "
+            f"{_LEAST}"
         )
     if np.ptp(x) == 0.0:
         raise AnalysisError(f"{name}: is the same in all runs")
@@ -470,7 +499,8 @@ def line(
 
 
 def _slope_error(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
-    """The standard error of the slope of y over x by leaving out clusters one by one; nan of less than three."""
+    """The standard error of the slope of y over x by leaving out clusters one by one; nan of less
+    than three."""
     place = np.unique(cluster, return_inverse=True)[1]
     x, y = x - np.mean(x), y - np.mean(y)
     # Each line without a cluster by its sums: of all runs less those of the cluster.
@@ -484,9 +514,10 @@ def _slope_error(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
 
 
 def _clustered(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
-    """The p-value of the slope of y over x where what is left is alike within clusters: the variance by sums over them
-    (Liang and Zeger 1986, Biometrika 73(1)), with the factor G / (G - 1) (n - 1) / (n - 2) and Student's t of
-    G - 1 (Cameron and Miller 2015, Journal of Human Resources 50(2)); nan of less than three clusters."""
+    """The p-value of the slope of y over x where what is left is alike within clusters: the
+    variance by sums over them (Liang and Zeger 1986, Biometrika 73(1)), with the factor G / (G - 1)
+    (n - 1) / (n - 2) and Student's t of G - 1 (Cameron and Miller 2015, Journal of Human Resources
+    50(2)); nan of less than three clusters."""
     names, place = np.unique(cluster, return_inverse=True)
     count, groups = x.size, names.size
     if groups < 3:
@@ -511,8 +542,9 @@ def _clustered(x: Array, y: Array, cluster: NDArray[np.intp]) -> float:
 
 
 def motions_of(table: CsvTable) -> NDArray[np.intp]:
-    """The ground motion of each run of a table, or its event where events are known: a number. Both components of a
-    pair, as the store beside the table tells, are of one; without a store all of a record or of files so named."""
+    """The ground motion of each run of a table, or its event where events are known: a number. Both
+    components of a pair, as the store beside the table tells, are of one; without a store all of a
+    record or of files so named."""
     keys = (
         list(zip(table.texts("record"), table.texts("component"), strict=True))
         if table.has("component")
@@ -535,21 +567,24 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
     return np.array([numbers[name] for name in names], np.intp)
 
 
-# Runs under one ground motion err alike, and so do those of an event where events are known: the errors of a fit are
-# those of leaving these out one by one (jackknife, Efron and Stein 1981, The Annals of Statistics 9(3)), in groups
-# where that is much work (delete-a-group, Kott 2001, Journal of Official Statistics 17(4)).
+# Runs under one ground motion err alike, and so do those of an event where events are known: the
+# errors of a fit are those of leaving these out one by one (jackknife, Efron and Stein 1981, The
+# Annals of Statistics 9(3)), in groups where that is much work (delete-a-group, Kott 2001, Journal
+# of Official Statistics 17(4)).
 
 Fit = Callable[[NDArray[np.bool_]], list[Fragility | AnalysisError]]
 
 _GROUPS = 30  # of motions at the least, if there are so many: errors are then known to 13 %
-_MOST_FITTED = 2_000_000  # runs that all fits see together until groups have several motions: seconds of a cloud
+# runs that all fits see together until groups have several motions: seconds of a cloud
+_MOST_FITTED = 2_000_000
 
 
 def over_motions(
     fit: Fit, of: NDArray[np.bool_], motion: NDArray[np.intp] | None
 ) -> list[Fragility | AnalysisError]:
-    """Functions of those runs `of` some, shape (n,), that a mask tells, with the covariance of ln theta and beta over
-    their motions, shape (n,): nan where less than three leave a fit. As they are fitted without motions."""
+    """Functions of those runs `of` some, shape (n,), that a mask tells, with the covariance of ln
+    theta and beta over their motions, shape (n,): nan where less than three leave a fit. As they
+    are fitted without motions."""
     functions = fit(of)
     if motion is None:
         return functions
@@ -579,7 +614,8 @@ def over_motions(
 
 
 def of_pairs(table: CsvTable, im: Array) -> Array:
-    """The intensities of the runs of a table, with that of both components of a pair, their geometric mean."""
+    """The intensities of the runs of a table, with that of both components of a pair, their
+    geometric mean."""
     with _store_beside(table) as store:
         records = store.records() if store is not None else {}
     seconds = {
@@ -599,7 +635,8 @@ def of_pairs(table: CsvTable, im: Array) -> Array:
 
 
 def period_beside(table: CsvTable) -> float | None:
-    """The first period of the building of a table of runs, s, as the store beside it tells; None where it does not."""
+    """The first period of the building of a table of runs, s, as the store beside it tells; None
+    where it does not."""
     with _store_beside(table) as store:
         numbers = (
             {name: number for number, (name, _) in store.buildings().items()}
@@ -674,16 +711,16 @@ def column_of(table: CsvTable, name: str) -> tuple[str, str]:
 def no_measure(source: str, name: str) -> str:
     """That runs have no such measure."""
     return (
-        f"{source}: the runs have no measure {name}; call `tdint campaign` on the same folder with --im, which writes "
-        f"{MEASURES}"
+        f"{source}: the runs have no measure {name}; call `tdint campaign` on the same folder with "
+        f"--im, which writes {MEASURES}"
     )
 
 
 def _characteristics(
     table: CsvTable, file: str | Path | None
 ) -> tuple[dict[str, Array], NDArray[np.intp] | None]:
-    """Of each run what is known of its record, by the names of the columns, and the number of its event, if there is a
-    column `event`."""
+    """Of each run what is known of its record, by the names of the columns, and the number of its
+    event, if there is a column `event`."""
     if file is None:
         return {}, None
     given = read_table(str(file), _NEEDS)

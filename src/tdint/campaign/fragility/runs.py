@@ -1,9 +1,11 @@
-"""Damage of the buildings of a campaign: the state after each run, probabilities by type and level, and losses.
+"""Damage of the buildings of a campaign: the state after each run, probabilities by type and level,
+and losses.
 
-A run that comes to its end has a demand; the probability of a state or a heavier one is Phi(ln(demand / median) /
-dispersion). A run under which the building falls is told as what it is, with the probability 1, and one without a
-result has no part in any probability. The standard error of a probability or a mean is that of a mean over the ground
-motions: runs under the same one are taken together, for they err alike.
+A run that comes to its end has a demand; the probability of a state or a heavier one is
+Phi(ln(demand / median) / dispersion). A run under which the building falls is told as what it is,
+with the probability 1, and one without a result has no part in any probability. The standard error
+of a probability or a mean is that of a mean over the ground motions: runs under the same one are
+taken together, for they err alike.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import groupby
 from operator import itemgetter
 from typing import NamedTuple
@@ -27,7 +30,6 @@ from tdint.campaign.fragility.type_states import own_type
 from tdint.campaign.profiles import level_ranks, motion_numbers
 from tdint.campaign.store import Store
 from tdint.csv_table import number as cell_number
-from tdint.data import dataclass
 from tdint.model.damage_states import COST, DONE, FALLEN, NUMBER, DamageStates
 from tdint.model.definition import Model
 
@@ -70,8 +72,8 @@ class BuildingDamage:
     status : list of str
         How it ended.
     demand : ndarray, shape (runs,)
-        What the states are told by, SI units; nan of a run without a result. Of a run under which the building falls
-        what it had reached.
+        What the states are told by, SI units; nan of a run without a result. Of a run under which
+        the building falls what it had reached.
     probability : ndarray, shape (runs, outcomes)
         Of each of `states.outcomes`; nan of a run without a result.
     sa, pga : ndarray, shape (runs,)
@@ -93,7 +95,8 @@ class BuildingDamage:
 
     @property
     def state(self) -> list[str]:
-        """What became of the building: the state that the medians tell, or how it fell; nothing without a result."""
+        """What became of the building: the state that the medians tell, or how it fell; nothing
+        without a result."""
         reached = np.sum(self.demand[:, np.newaxis] >= np.array(self.states.medians), axis=1)
         return [
             self.states.outcomes[place] if status == DONE else status if status in FALLEN else ""
@@ -117,7 +120,8 @@ class BuildingDamage:
 
 
 def probabilities(states: DamageStates, demand: Array, status: Sequence[str]) -> Array:
-    """The probability of each outcome after runs with these demands and ends, shape (runs, outcomes)."""
+    """The probability of each outcome after runs with these demands and ends, shape (runs,
+    outcomes)."""
     exceeded = exceedance(states, demand)
     edges = np.column_stack([np.ones(demand.size), exceeded, np.zeros(demand.size)])
     result = np.zeros((demand.size, len(states.outcomes)))
@@ -176,15 +180,18 @@ def damage_of_run(model: Model, stories: StoryPeaks, status: str) -> BuildingDam
 
 
 def building_damages(store: Store, of_all: DamageStates | None = None) -> Iterator[BuildingDamage]:
-    """Of each building of a store, in their order, with `of_all`, of drift ratios, in place of its own states; one
-    building is held at a time."""
+    """Of each building of a store, in their order, with `of_all`, of drift ratios, in place of its
+    own states; one building is held at a time."""
     types = stored_states(store)
     if not (types or of_all):
         return
     # All types have one demand: one column of the runs is read.
     column = _COLUMNS[_MADE_OF[(of_all or next(iter(types.values()))).demand]]
     names = store.buildings() if of_all else {}
-    query = f"SELECT building, record, scale, sample, status, {column}, sa_t1_m_s2, pga_m_s2 FROM run_rows"
+    query = (
+        f"SELECT building, record, scale, sample, status, {column}, sa_t1_m_s2, pga_m_s2 FROM "
+        "run_rows"
+    )
     rows = store.connection.execute(f"{query} ORDER BY 1, 2, 3, 4")
     # Rows come sorted by building, so that one is held at a time.
     for number, of_one in groupby(rows, key=itemgetter(0)):
@@ -211,8 +218,8 @@ def building_damages(store: Store, of_all: DamageStates | None = None) -> Iterat
 
 
 def level_values(store: Store) -> list[float]:
-    """The levels of a campaign from the smallest: values of a measure, SI units, or factors; none where motions have
-    factors of their own, whose levels are their numbers from 1."""
+    """The levels of a campaign from the smallest: values of a measure, SI units, or factors; none
+    where motions have factors of their own, whose levels are their numbers from 1."""
     settings = store.parameters()
     return sorted(settings.get("levels") or settings.get("scales") or (), key=abs)
 
@@ -239,7 +246,8 @@ class TypeDamage:
     states : DamageStates
         Of the type.
     buildings, runs, failed : int
-        Buildings, their runs, and those of them without a result, which have no part in what follows.
+        Buildings, their runs, and those of them without a result, which have no part in what
+        follows.
     probability : Mean
         Of each of `states.outcomes`.
     loss : Mean
@@ -247,14 +255,15 @@ class TypeDamage:
     loss_sd : float
         Standard deviation of the loss ratio of one building under one motion.
     value : float
-        What the buildings with a result cost, each as often as it is there; nan where the inventory does not say it.
+        What the buildings with a result cost, each as often as it is there; nan where the inventory
+        does not say it.
     money : Mean
         The mean loss of all of them together; arrays of one number, nan without costs.
     part : str
         What stands in the column of the inventory by which buildings are taken together.
     scatter : tuple of two floats
-        Standard deviation of the money, or without costs of the mean loss ratio: with losses of the buildings that are
-        independent of each other, and fully correlated.
+        Standard deviation of the money, or without costs of the mean loss ratio: with losses of the
+        buildings that are independent of each other, and fully correlated.
     """
 
     type: str
@@ -275,8 +284,8 @@ class TypeDamage:
 
 
 class _Group:
-    """Runs that are taken together: sums under each ground motion, a row of outcomes, loss and its square, and one of
-    what the buildings cost and lose."""
+    """Runs that are taken together: sums under each ground motion, a row of outcomes, loss and its
+    square, and one of what the buildings cost and lose."""
 
     def __init__(self, states: DamageStates) -> None:
         self.states, self.buildings, self.runs, self.failed = states, 0, 0, 0
@@ -294,8 +303,8 @@ class _Group:
         value: float = math.nan,
         number: float = 1.0,
     ) -> None:
-        """Take the runs of a building at one level; motions tells which one each run is under. It costs a value, that
-        of a `number` of buildings alike."""
+        """Take the runs of a building at one level; motions tells which one each run is under. It
+        costs a value, that of a `number` of buildings alike."""
         counted = chosen & of.known
         self.buildings += 1
         self.runs += int(np.sum(chosen))
@@ -364,8 +373,8 @@ class _Group:
 
 
 def _mean(sums: Array) -> Mean:
-    """The mean over all runs of rows of sums under each motion, the first of which counts the runs; its error that of
-    leaving out the motions one by one (jackknife)."""
+    """The mean over all runs of rows of sums under each motion, the first of which counts the runs;
+    its error that of leaving out the motions one by one (jackknife)."""
     counts, motions = sums[:, :1], len(sums)
     value = sums[:, 1:].sum(axis=0) / counts.sum()
     if motions < 2:
@@ -379,8 +388,9 @@ def _mean(sums: Array) -> Mean:
 def group_damages(
     store: Store, *, by_building: bool = False, by: str | None = None
 ) -> Iterator[TypeDamage]:
-    """The damage of each type in each event and at each level, or of each building, or `by` a column of the inventory,
-    of all types together; by nothing ("") of all buildings. One building is held at a time."""
+    """The damage of each type in each event and at each level, or of each building, or `by` a
+    column of the inventory, of all types together; by nothing ("") of all buildings. One building
+    is held at a time."""
     motion_of, levels, events = (
         motion_numbers(store.records()),
         level_values(store),
@@ -389,7 +399,8 @@ def group_damages(
     of_types: dict[tuple[str, int, int], _Group] = {}
     columns = [title.lower() for title in store.inventory_columns()]
 
-    # What a row is called by: the type, the event and the level, or a value of the column asked for.
+    # What a row is called by: the type, the event and the level, or a value of the column asked
+    # for.
     def told(group: _Group, building: str, key: tuple[str, int, int]) -> TypeDamage:
         name, event, rank = key
         level = levels[rank] if levels else rank + 1.0

@@ -1,5 +1,5 @@
-"""The damage states of the types of buildings of a campaign: what its key `damage` says, the tables of thresholds and
-losses that it names, and the type that each building belongs to."""
+"""The damage states of the types of buildings of a campaign: what its key `damage` says, the tables
+of thresholds and losses that it names, and the type that each building belongs to."""
 
 from __future__ import annotations
 
@@ -7,14 +7,13 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from tdint.campaign.buildings import Buildings, RowBuilding, RowBuildings, models_of
 from tdint.csv_table import CsvTable, no_number, number, read_table
-from tdint.data import dataclass
 from tdint.errors import ModelError, UsageError
 from tdint.model.capacity import UNIT_MASS, CapacityFacts
 from tdint.model.config import sections
@@ -61,7 +60,8 @@ _SUFFIXES = {
     "m": {f"_{unit}": factor for unit, factor in LENGTH.items()},
     "m/s^2": {"_g": STANDARD_GRAVITY, "_m_s2": ACCELERATION["m/s^2"]},
 }
-"""What follows the name of a state in the header of a table of thresholds, and the value in SI units."""
+"""What follows the name of a state in the header of a table of thresholds, and the value in SI
+units."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,8 @@ class DamageWishes:
 
 
 def read_wishes(value: Value | None, rules: str | None) -> DamageWishes | None:
-    """What is wanted of damage; None without any, or after a fault. `rules` are those of an inventory."""
+    """What is wanted of damage; None without any, or after a fault. `rules` are those of an
+    inventory."""
     section = value.section(DAMAGE) if value else None
     advice = f"give the demand of each state, {_WHERE}"
     thresholds = section.need("thresholds", advice) if section else None
@@ -169,7 +170,8 @@ def _names(section: Section) -> tuple[str, ...] | None:
 
 @dataclass(frozen=True)
 class ClassDamage:
-    """The damage states and the loss ratios of classes by their names, as far as tables have them."""
+    """The damage states and the loss ratios of classes by their names, as far as tables have
+    them."""
 
     states: Mapping[str, DamageStates] = field(default_factory=dict)
     losses: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
@@ -208,9 +210,10 @@ def read_class_damage(request: DamageWishes | None) -> ClassDamage:
 
 
 def _read_states(request: DamageWishes) -> dict[str, DamageStates]:
-    """The damage states by class of a CSV file, which may be the one of capacity curves: the column `class`, one for
-    each state with the unit of the demand (`slight` of a ratio, `slight_m`, `slight_g`), and if wanted `beta`. Of the
-    rows of a class one has them; the others may repeat them or be empty."""
+    """The damage states by class of a CSV file, which may be the one of capacity curves: the column
+    `class`, one for each state with the unit of the demand (`slight` of a ratio, `slight_m`,
+    `slight_g`), and if wanted `beta`. Of the rows of a class one has them; the others may repeat
+    them or be empty."""
     table = read_table(
         request.source,
         "thresholds are a CSV file with the column class and one for each damage state",
@@ -269,8 +272,8 @@ def _of_classes(table: CsvTable, columns: Mapping[str, str]) -> dict[str, dict[s
 
 
 class BuildingType(NamedTuple):
-    """What a building is for its damage: the type that it belongs to, what the displacement of its roof is divided by
-    for the demand, and its first period, s."""
+    """What a building is for its damage: the type that it belongs to, what the displacement of its
+    roof is divided by for the demand, and its first period, s."""
 
     type: str
     divisor: float
@@ -279,13 +282,15 @@ class BuildingType(NamedTuple):
 
 @dataclass(frozen=True)
 class Damage:
-    """How the damage of a campaign is told: the states of each type, and the type of each building by its number."""
+    """How the damage of a campaign is told: the states of each type, and the type of each building
+    by its number."""
 
     types: Mapping[str, DamageStates]
     buildings: Sequence[BuildingType]
 
     def description(self) -> str:
-        """The states of each type as a store keeps them, and the SHA-256 of what its buildings are; JSON."""
+        """The states of each type as a store keeps them, and the SHA-256 of what its buildings are;
+        JSON."""
         texts = {building: repr(tuple(building)) for building in set(self.buildings)}
         whole = hashlib.sha256("".join(map(texts.__getitem__, self.buildings)).encode())
         types = {name: asdict(states) for name, states in self.types.items()}
@@ -348,13 +353,14 @@ def damage_of(
 
 
 def type_of(facts: BuildingFacts | CapacityFacts) -> str:
-    """The name of the type of a building of an inventory: its class, or Hazus' type and design level (C1M-high)."""
+    """The name of the type of a building of an inventory: its class, or Hazus' type and design
+    level (C1M-high)."""
     return facts.name if isinstance(facts, CapacityFacts) else "{1}-{0}".format(*code_of(facts))
 
 
 def curve_medians(facts: CapacityFacts) -> tuple[float, ...]:
-    """Spectral displacements of four damage states from a capacity curve, m, as GEM's toolkit of single-degree
-    buildings has them: from yielding to the end of the curve."""
+    """Spectral displacements of four damage states from a capacity curve, m, as GEM's toolkit of
+    single-degree buildings has them: from yielding to the end of the curve."""
     first, last = facts.curve.damage_begins, facts.curve.displacement[-1]
     return 0.75 * first, 0.5 * first + 0.33 * last, 0.25 * first + 0.67 * last, last
 

@@ -1,7 +1,7 @@
 """Text files of the Turkish network (AFAD, formerly NSMN): three components in columns, gal.
 
-Lines `KEY : value`, among them the peaks of the components, the line with their names, then the samples (AFAD, strong
-ground motion records of Turkiye, text export).
+Lines `KEY : value`, among them the peaks of the components, the line with their names, then the
+samples (AFAD, strong ground motion records of Turkiye, text export).
 """
 
 from __future__ import annotations

@@ -1,7 +1,9 @@
-"""PEER strong-motion files (AT2) of both header generations, and files with free header lines in their manner.
+"""PEER strong-motion files (AT2) of both header generations, and files with free header lines in
+their manner.
 
-Values follow a line with NPTS and DT in any number of columns (PEER, NGA database documentation). The lines before it
-are free; PEER's own name earthquake, date, station and component, and the units: g.
+Values follow a line with NPTS and DT in any number of columns (PEER, NGA database documentation).
+The lines before it are free; PEER's own name earthquake, date, station and component, and the
+units: g.
 """
 
 from __future__ import annotations
@@ -66,7 +68,8 @@ def read_at2(lines: Lines) -> list[Series]:
             raise RecordError(f"line {lines.number + 1} holds more values than NPTS announces")
         lines.take()
 
-    # Units: the first word where they may stand that is a unit of motion, of the quantity that the header names.
+    # Units: the first word where they may stand that is a unit of motion, of the quantity that the
+    # header names.
     text = "\n".join(header)
     other = _OTHER.search(text)
     quantity = other[1].lower() if other else "acceleration"
@@ -78,7 +81,8 @@ def read_at2(lines: Lines) -> list[Series]:
 
 
 def at2_text(record: Record, title: str) -> str:
-    """A record in this format, g to nine digits; `title` is the second line, which PEER gives event and component."""
+    """A record in this format, g to nine digits; `title` is the second line, which PEER gives event
+    and component."""
     rows = record.acceleration / STANDARD_GRAVITY
     head = (
         "PEER STRONG MOTION DATABASE RECORD, WRITTEN BY TDINT",

@@ -1,8 +1,10 @@
-"""Volume 1 files of Iran's Building and Housing Research Center (BHRC, ISMN): three components, one after another.
+"""Volume 1 files of Iran's Building and Housing Research Center (BHRC, ISMN): three components, one
+after another.
 
-For each component lines of text, 100 integers, sixteen a line, 50 reals, eight a line, and the accelerations at one
-step that the header gives as number of points and duration, and as samples per second in the ninth real (BHRC, ISMN
-volume 1 format). The lines of the header are cut off at 70 characters, so that the last numbers in them are not whole.
+For each component lines of text, 100 integers, sixteen a line, 50 reals, eight a line, and the
+accelerations at one step that the header gives as number of points and duration, and as samples per
+second in the ninth real (BHRC, ISMN volume 1 format). The lines of the header are cut off at 70
+characters, so that the last numbers in them are not whole.
 """
 
 from __future__ import annotations
@@ -43,7 +45,8 @@ _HEADER_LINES = 7
 """Lines of integers, and of reals."""
 
 _COUNT, _RATE = (1, 11), (1, 0)
-"""Line and place of the number of points among the integers and of the samples per second among the reals."""
+"""Line and place of the number of points among the integers and of the samples per second among the
+reals."""
 
 _END = "/&"
 
@@ -79,7 +82,8 @@ def read_bhrc(lines: Lines) -> list[Series]:
     stated = _header_number(lines, *_COUNT)
     rate = _header_number(lines, *_RATE)
 
-    # Words and numbers must agree; the duration is rounded, so that the rate, where it stands, gives the step.
+    # Words and numbers must agree; the duration is rounded, so that the rate, where it stands,
+    # gives the step.
     count = int(points[1])
     dt = float(points[2]) / count
     statements = [Statement(SAMPLES, stated, count)]

@@ -1,8 +1,8 @@
 """COSMOS files, versions 1.xx: volumes 0, 1 and 2, one or several channels a file.
 
-For each channel lines of text, integers, reals and comments, the number of each announced, then blocks of values, each
-after a line that tells their number, kind, units and Fortran format (COSMOS, Strong motion data format, version 1.20,
-2001; units in its table 2).
+For each channel lines of text, integers, reals and comments, the number of each announced, then
+blocks of values, each after a line that tells their number, kind, units and Fortran format (COSMOS,
+Strong motion data format, version 1.20, 2001; units in its table 2).
 """
 
 from __future__ import annotations
@@ -131,7 +131,8 @@ def _header_values(pattern: re.Pattern[str], lines: Lines) -> list[float]:
     values: list[float] = lines.numbers(int(match[1]), _width(match.string)).tolist()
     if len(values) <= _STEP:
         raise RecordError(
-            f"the header that ends with line {lines.number} has only {how_many(len(values), 'value')}"
+            f"the header that ends with line {lines.number} has only "
+            f"{how_many(len(values), 'value')}"
         )
     return values
 
@@ -157,7 +158,8 @@ def _series(
     dt = reals[_STEP] / 1000.0
     if block[3] and abs(samples.size * dt - int(block[3])) > 1.0 + _APPROXIMATE * int(block[3]):
         raise RecordError(
-            f"{samples.size} samples at the header's {dt:g} s are not the {block[3]} s that it tells"
+            f"{samples.size} samples at the header's {dt:g} s are not the {block[3]} s that it "
+            "tells"
         )
 
     # The unit by its name or by its number in the format's table; a recorder's counts have none.
@@ -197,7 +199,8 @@ def _series(
 
 
 def _codes(texts: list[str]) -> dict[str, Any]:
-    """Codes of the channel: those of SEED where a comment gives them, else what the lines of text say."""
+    """Codes of the channel: those of SEED where a comment gives them, else what the lines of text
+    say."""
     if codes := first_match(_CODES, texts):
         location = codes[4].strip("-")
         return {"station": codes[1], "channel": codes[2], "network": codes[3], "location": location}

@@ -1,10 +1,12 @@
-"""Files of the California Strong Motion Instrumentation Program: volumes 1 and 2, one channel or several a file.
+"""Files of the California Strong Motion Instrumentation Program: volumes 1 and 2, one channel or
+several a file.
 
-For each channel lines of text, 100 integers (16I5) and reals (8F10.3): 50 in volume 1 and 100 in volume 2. Volume 2 has
-acceleration, velocity and displacement, each after a line that tells number, step and units. Volume 1 has accelerations
-after such a line, or pairs of time and acceleration, 10F7.3 (Shakal and Huang, CDMG report OSMS 85-03, 1985). Headers
-and pairs of volume 1 are also those of USC: both descend from the California Institute of Technology's "Blue Book"
-tapes (Hudson et al., EERL 69-20, 1969).
+For each channel lines of text, 100 integers (16I5) and reals (8F10.3): 50 in volume 1 and 100 in
+volume 2. Volume 2 has acceleration, velocity and displacement, each after a line that tells number,
+step and units. Volume 1 has accelerations after such a line, or pairs of time and acceleration,
+10F7.3 (Shakal and Huang, CDMG report OSMS 85-03, 1985). Headers and pairs of volume 1 are also
+those of USC: both descend from the California Institute of Technology's "Blue Book" tapes (Hudson
+et al., EERL 69-20, 1969).
 """
 
 from __future__ import annotations
@@ -49,11 +51,13 @@ _UNITS = re.compile(r"\bSEC AND\s+([A-Z/^0-9]+)", re.IGNORECASE)
 _PAIR_WIDTH = 7  # letters of a time or of its value
 
 _SLACK = 2e-3
-"""Part of the duration by which times on film may be off equal steps: the drive of the film was not even."""
+"""Part of the duration by which times on film may be off equal steps: the drive of the film was not
+even."""
 
 
 def text_header(lines: Lines) -> list[str]:
-    """A channel's lines of text; the integers after them, of which nothing is needed, are passed over."""
+    """A channel's lines of text; the integers after them, of which nothing is needed, are passed
+    over."""
     texts = lines.take_until(_INTEGERS.fullmatch, "header of integers")
     while (line := lines.peek()) is not None and _LAST_INTEGERS.fullmatch(line):
         lines.take()
@@ -63,9 +67,10 @@ def text_header(lines: Lines) -> list[str]:
 def read_pairs(lines: Lines, texts: list[str]) -> Series:
     """Read the pairs of time and acceleration of a channel.
 
-    At equal steps the samples are kept as they are. Where the times are off equal steps by more than their rounding, as
-    those of a film may be, the motion is linear between the file's own times, and sampled so finely that it stays the
-    same: at the last decimal of the times, on which all of them lie.
+    At equal steps the samples are kept as they are. Where the times are off equal steps by more
+    than their rounding, as those of a film may be, the motion is linear between the file's own
+    times, and sampled so finely that it stays the same: at the last decimal of the times, on which
+    all of them lie.
 
     Raises
     ------
@@ -83,8 +88,8 @@ def read_pairs(lines: Lines, texts: list[str]) -> Series:
         dt = finest_step(pairs[::2], mean)
         samples = np.interp(dt * np.arange(round(times[-1] / dt) + 1), times, samples)
         warnings.warn(
-            f"the times in the file are up to {departure:.2g} s off equal steps of {mean:.6g} s: the motion "
-            f"is linear between the file's own times, sampled at {dt:.6g} s",
+            f"the times in the file are up to {departure:.2g} s off equal steps of {mean:.6g} s: "
+            f"the motion is linear between the file's own times, sampled at {dt:.6g} s",
             stacklevel=2,
         )
     return Series(samples, dt, required_units(units[1]) if units else "")
@@ -97,7 +102,8 @@ _CHANNEL = re.compile(
 )
 _STATION = re.compile(r"^\s*STATION NO\.?\s*(\w+)", re.IGNORECASE)
 _START = re.compile(
-    r"\b(?:TRIGGER|START) TIME:\s*(\d+)/(\d+)/(\d+),?\s*(\d+):(\d+):(\d+\.?\d*)\s*(UTC|GMT|PST|PDT)\b",
+    r"\b(?:TRIGGER|START) "
+    r"TIME:\s*(\d+)/(\d+)/(\d+),?\s*(\d+):(\d+):(\d+\.?\d*)\s*(UTC|GMT|PST|PDT)\b",
     re.IGNORECASE,
 )
 _ZONES = {"UTC": 0.0, "GMT": 0.0, "PST": -8.0, "PDT": -7.0}
@@ -109,7 +115,8 @@ _EQUAL = re.compile(
     re.IGNORECASE,
 )
 _BLOCK = re.compile(
-    rf"^\s*({COUNT})\s+points of\s+(accel|veloc|displ)\w*\s+data equally spaced at\s+({NUMBER})\s+sec.*?"
+    rf"^\s*({COUNT})\s+points of\s+(accel|veloc|displ)\w*\s+data equally spaced "
+    rf"at\s+({NUMBER})\s+sec.*?"
     r"(?:UNITS?\s*:?|IN)\s*\(?\s*([A-Z/^0-9]+)",
     re.IGNORECASE,
 )
@@ -197,7 +204,8 @@ def _volume_2(lines: Lines, texts: list[str]) -> Series:
     for kind in expected:
         if kind not in blocks:
             raise RecordError(
-                f"the file is cut off or damaged: after line {lines.number} there is no block of {kind}"
+                f"the file is cut off or damaged: after line {lines.number} there is no block of "
+                f"{kind}"
             )
     block, samples = blocks["ACCEL"]
     others = [

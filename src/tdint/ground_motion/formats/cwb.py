@@ -1,7 +1,8 @@
 """Text files of the Central Weather Bureau of Taiwan: time and three components in columns.
 
-A header of lines `#Key: value`, among them the largest and smallest sample of each component and the order of the
-columns (`#DataSequence: Time U(+); N(+); E(+)`), then rows in 4F10.3 (CWB free-field strong-motion data, TSMIP).
+A header of lines `#Key: value`, among them the largest and smallest sample of each component and
+the order of the columns (`#DataSequence: Time U(+); N(+); E(+)`), then rows in 4F10.3 (CWB
+free-field strong-motion data, TSMIP).
 """
 
 from __future__ import annotations
@@ -68,7 +69,8 @@ def read_cwb(lines: Lines) -> list[Series]:
     Raises
     ------
     RecordError
-        It is cut off, its times are not in equal steps, or what it holds is not what its header announces.
+        It is cut off, its times are not in equal steps, or what it holds is not what its header
+        announces.
     """
     texts = lines.take_until(is_row_of_numbers, "row of numbers")
     sequence, units, rate = (first_match(pattern, texts) for pattern in (_SEQUENCE, _UNITS, _RATE))

@@ -1,6 +1,7 @@
 """ASCII files of the Engineering Strong Motion database and of ITACA (header format DYNA).
 
-A header of lines `KEY: value`, then one value a line (ESM, Luzi et al. 2016; the keys are those of DYNA 1.0 to 1.2).
+A header of lines `KEY: value`, then one value a line (ESM, Luzi et al. 2016; the keys are those of
+DYNA 1.0 to 1.2).
 """
 
 from __future__ import annotations
@@ -48,7 +49,8 @@ def read_esm(lines: Lines) -> list[Series]:
     Raises
     ------
     RecordError
-        It is cut off, holds more values than its header announces or something else than an acceleration.
+        It is cut off, holds more values than its header announces or something else than an
+        acceleration.
     """
     header = {}
     for line in lines.take_until(is_row_of_numbers, "value"):

@@ -1,7 +1,9 @@
-"""Files of GNS Science, New Zealand (GeoNet): V1A (uncorrected) and V2A (corrected), three components a file.
+"""Files of GNS Science, New Zealand (GeoNet): V1A (uncorrected) and V2A (corrected), three
+components a file.
 
-For each component 16 lines of text, 40 integers (10I8), 60 reals (10F8.0), then accelerations in mm/s^2, and in V2A
-velocities in mm/s and displacements in mm, ten a line (Cousins, GNS accelerogram data files, standard format, 2008).
+For each component 16 lines of text, 40 integers (10I8), 60 reals (10F8.0), then accelerations in
+mm/s^2, and in V2A velocities in mm/s and displacements in mm, ten a line (Cousins, GNS accelerogram
+data files, standard format, 2008).
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""The lines of a text file and the numbers in them, read one after another; the interval of the times among them."""
+"""The lines of a text file and the numbers in them, read one after another; the interval of the
+times among them."""
 
 from __future__ import annotations
 
@@ -88,7 +89,8 @@ class Lines:
         self._next += count
 
     def peek(self) -> str | None:
-        """The beginning of the next line that is not blank, None at the end; what is before it is passed over."""
+        """The beginning of the next line that is not blank, None at the end; what is before it is
+        passed over."""
         while self._next < len(self._lines):
             line = self._lines[self._next]
             if line and not line.isspace():
@@ -141,7 +143,8 @@ class Lines:
         count : int
             What the header announces.
         width : int, optional
-            Columns of a number where the format fixes them, for numbers without a blank or a sign between them.
+            Columns of a number where the format fixes them, for numbers without a blank or a sign
+            between them.
 
         Raises
         ------
@@ -153,7 +156,8 @@ class Lines:
         while len(values) < count:
             if self.peek() is None:
                 raise RecordError(
-                    f"the file is cut off: {count} values are announced after line {first}, there are {len(values)}"
+                    f"the file is cut off: {count} values are announced after line {first}, there "
+                    f"are {len(values)}"
                 )
             values.extend(self._row(width))
         if len(values) > count:
@@ -176,7 +180,8 @@ class Lines:
             if self.peek() is None:
                 count = len(values) // columns
                 raise RecordError(
-                    f"the file is cut off: {rows} rows are announced after line {first}, there are {count}"
+                    f"the file is cut off: {rows} rows are announced after line {first}, there are "
+                    f"{count}"
                 )
             values.extend(self._row_of(columns))
         return self.checked(values, first).reshape(-1, columns).T.copy()
@@ -216,8 +221,8 @@ class Lines:
     def checked(self, values: array[float], first: int) -> NDArray[np.float64]:
         """The values of the rows after line `first`, up to the last line taken; shape (values,).
 
-        Where the file ends without an end of line, its last number must have as many places after the point as the last
-        numbers of the rows before it, if these all have the same.
+        Where the file ends without an end of line, its last number must have as many places after
+        the point as the last numbers of the rows before it, if these all have the same.
 
         Raises
         ------
@@ -234,7 +239,8 @@ class Lines:
         if _ends_with_zero(self._lines[-1]) and any(map(_ends_with_zero, self._lines[first:-1])):
             return numbers
 
-        # Places of the last numbers of the rows before; in a file of few long rows, of the numbers of the last one.
+        # Places of the last numbers of the rows before; in a file of few long rows, of the numbers
+        # of the last one.
         last = _places(self._lines[-1])
         rows = self._lines[max(first, len(self._lines) - _ROWS) : -1]
         before = (
@@ -369,7 +375,8 @@ def _places(line: str) -> list[int]:
 
 
 def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, float]:
-    """Sampling interval of printed times, s, and how far they are from equal steps, s; 0 if rounding explains it.
+    """Sampling interval of printed times, s, and how far they are from equal steps, s; 0 if
+    rounding explains it.
 
     Parameters
     ----------
@@ -410,13 +417,15 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
         return dt, departure
     place = int(np.argmax(off_interval))
     raise RecordError(
-        f"the samples are not at equal steps of {dt:.6g} s: they are {intervals[place]:.6g} s apart "
-        f"after {times[place]:g} s, and up to {np.max(off_grid):.3g} s off; resample the record to equal steps first"
+        f"the samples are not at equal steps of {dt:.6g} s: they are {intervals[place]:.6g} s "
+        f"apart after {times[place]:g} s, and up to {np.max(off_grid):.3g} s off; resample the "
+        "record to equal steps first"
     )
 
 
 def finest_step(times: NDArray[np.float64], mean: float) -> float:
-    """A step on which all of printed times lie, s: their last decimal, or a small part of their mean interval."""
+    """A step on which all of printed times lie, s: their last decimal, or a small part of their
+    mean interval."""
     return max(_rounding(times), mean / _FINEST)
 
 

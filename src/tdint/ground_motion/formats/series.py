@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from functools import wraps
 from typing import Any
@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.formats.lines import NUMBER, Lines, read_lines
 from tdint.ground_motion.messages import quiet_import
@@ -76,7 +75,8 @@ class Series:
     units_from : str
         `format` where all files of the format have these units, else `file`.
     pgv, pgd : float or None
-        Peaks of the velocity (m/s) and the displacement (m) that the file has beside the acceleration.
+        Peaks of the velocity (m/s) and the displacement (m) that the file has beside the
+        acceleration.
     compared : tuple of str
         What the reader has compared with the header beside the peak.
     quantity : str
@@ -117,8 +117,8 @@ def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
     Raises
     ------
     RecordError
-        There is no component, or one with an impossible sampling interval, or the peak in the header is not that of the
-        samples.
+        There is no component, or one with an impossible sampling interval, or the peak in the
+        header is not that of the samples.
     """
     if not series:
         raise RecordError("the file holds no acceleration")
@@ -144,7 +144,8 @@ def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
 
 
 def reader(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]:
-    """The function `read_<format>(file, headonly=False)` of a format, of what reads the components from its lines."""
+    """The function `read_<format>(file, headonly=False)` of a format, of what reads the components
+    from its lines."""
 
     @wraps(read)
     def read_file(file: Any, headonly: bool = False, **_: Any) -> Stream:
@@ -154,7 +155,8 @@ def reader(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]:
 
 
 def by_parts(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]:
-    """The same of a format whose files are made of one part after another, each read to its end by `read`."""
+    """The same of a format whose files are made of one part after another, each read to its end by
+    `read`."""
 
     def read_all(lines: Lines) -> list[Series]:
         series: list[Series] = []
@@ -183,7 +185,8 @@ def _trace(part: Series, compared: tuple[str, ...], headonly: bool) -> Trace:
 
 
 def motion_units(text: str) -> str | None:
-    """Units of a ground motion in tdint's spelling from those of a file's header; None if they are none.
+    """Units of a ground motion in tdint's spelling from those of a file's header; None if they are
+    none.
 
     `CM/SEC/SEC` are cm/s^2, `G'S` g, `CM/SEC` cm/s, and `G/10` is a tenth of g: `0.1 g`.
     """
@@ -217,14 +220,16 @@ def required_units(text: str, quantity: str = "acceleration") -> str:
 
 
 def motion_scale(text: str, quantity: str) -> float | None:
-    """Value in SI units of the unit of a velocity or a displacement; None if it is something else's."""
+    """Value in SI units of the unit of a velocity or a displacement; None if it is something
+    else's."""
     motion = motion_units(text)
     units = parse_units(motion) if motion else None
     return units.scale if units and units.quantity == quantity else None
 
 
 def stated_peak(number: str, units: str, of_samples: str) -> StatedPeak | None:
-    """A peak as a header states it, in the units of the samples; None if units are missing or no acceleration's.
+    """A peak as a header states it, in the units of the samples; None if units are missing or no
+    acceleration's.
 
     Parameters
     ----------
@@ -272,7 +277,8 @@ def moment(
 
 
 def moment_in(pattern: re.Pattern[str], texts: Sequence[str]) -> datetime | None:
-    """The time where a pattern is found first, whose groups are named as the numbers of `moment`; None for none."""
+    """The time where a pattern is found first, whose groups are named as the numbers of `moment`;
+    None for none."""
     match = first_match(pattern, texts)
     return (
         moment(**{name: float(number) for name, number in match.groupdict().items()})
@@ -282,5 +288,6 @@ def moment_in(pattern: re.Pattern[str], texts: Sequence[str]) -> datetime | None
 
 
 def code(name: str) -> str:
-    """A name as a code: what is neither letter nor digit becomes a hyphen, so that dots can divide codes."""
+    """A name as a code: what is neither letter nor digit becomes a hyphen, so that dots can divide
+    codes."""
     return re.sub(r"[\W_]+", "-", name).strip("-")

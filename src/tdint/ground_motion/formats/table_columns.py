@@ -1,18 +1,18 @@
-"""What stands above the numbers of a text table: declarations `key = value`, and the names of columns.
+"""What stands above the numbers of a text table: declarations `key = value`, and the names of
+columns.
 
 A column is a time, an acceleration, a velocity, a displacement, or a component of the acceleration:
-`Time,Acc,Vel,Disp`, `t N V E`, `time_s,HNE_m_s2,HNN_m_s2`, `Time (s); Acceleration (g)`. Blanks, commas, semicolons or
-tabs divide the names, units stand in brackets or after an underscore. Beside a time, another name with a unit of
-acceleration (`base_m_s2`) is that of a component.
+`Time,Acc,Vel,Disp`, `t N V E`, `time_s,HNE_m_s2,HNN_m_s2`, `Time (s); Acceleration (g)`. Blanks,
+commas, semicolons or tabs divide the names, units stand in brackets or after an underscore. Beside
+a time, another name with a unit of acceleration (`base_m_s2`) is that of a component.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
-from tdint.data import dataclass
 from tdint.errors import RecordError
 from tdint.ground_motion.formats.lines import NUMBER
 from tdint.written_numbers import how_many
@@ -97,7 +97,8 @@ def column_names(text: str) -> list[ColumnName]:
 
 
 def any_names(text: str, width: int) -> tuple[ColumnName, ...]:
-    """The names of so many columns in any words, divided as above or by two blanks; empty if they are not so many.
+    """The names of so many columns in any words, divided as above or by two blanks; empty if they
+    are not so many.
 
     A first column in seconds is a time, whatever it is called.
 
@@ -120,7 +121,8 @@ def any_names(text: str, width: int) -> tuple[ColumnName, ...]:
 
 
 def place_of(text: str, names: tuple[ColumnName, ...], width: int) -> int:
-    """The place, counted from 0, of the column with a number, counted from 1, or a name; case does not matter.
+    """The place, counted from 0, of the column with a number, counted from 1, or a name; case does
+    not matter.
 
     Raises
     ------
@@ -157,12 +159,14 @@ def _named(words: str, names: tuple[ColumnName, ...]) -> int:
             numbers = " and ".join(str(place + 1) for place in places)
             raise RecordError(f"columns {numbers} are called {words[:40]!r}; give the number")
     raise RecordError(
-        f"there is no column {words[:40]!r}; there are {', '.join(column.text[:40] for column in names)}"
+        f"there is no column {words[:40]!r}; there are "
+        f"{', '.join(column.text[:40] for column in names)}"
     )
 
 
 def lacks_first_name(line: str) -> bool:
-    """Whether a line names columns but for the first one, as pandas does where it writes its index."""
+    """Whether a line names columns but for the first one, as pandas does where it writes its
+    index."""
     parts = re.split("[,;\t]", line)
     return len(parts) > 1 and not parts[0].strip().strip("\"'") and bool(_columns(parts[1:]))
 
@@ -247,7 +251,8 @@ class TableHeader:
 
     @property
     def start(self) -> datetime | None:
-        """The time declared as ISO 8601, UTC if it names no zone; None for none, or another text."""
+        """The time declared as ISO 8601, UTC if it names no zone; None for none, or another
+        text."""
         try:
             start = datetime.fromisoformat(self.get("start"))
             return start.astimezone(UTC).replace(tzinfo=None) if start.tzinfo else start
@@ -285,12 +290,14 @@ def read_header(lines: list[str], width: int) -> TableHeader:
 
 
 def read_foreign_header(lines: list[str], width: int, skipped: int) -> TableHeader:
-    """The header of a table whose user tells what else is needed: its last line may name the columns in any words.
+    """The header of a table whose user tells what else is needed: its last line may name the
+    columns in any words.
 
     Raises
     ------
     RecordError
-        As above, or a line is neither understood nor such names: `skipped` lines were passed over before.
+        As above, or a line is neither understood nor such names: `skipped` lines were passed over
+        before.
     """
     header = read_header(lines, width)
     filled = [place for place, line in enumerate(lines) if line.strip()]
@@ -305,8 +312,9 @@ def read_foreign_header(lines: list[str], width: int, skipped: int) -> TableHead
     if unknown:
         place = unknown[-1]
         raise RecordError(
-            f"line {skipped + place + 1}: {lines[place].strip()[:60]!r} is neither a declaration (dt = 0.01 s) nor the "
-            f"names of {width} columns; pass over it with `skip_lines={skipped + place + 1}`"
+            f"line {skipped + place + 1}: {lines[place].strip()[:60]!r} is neither a declaration "
+            f"(dt = 0.01 s) nor the names of {width} columns; pass over it with "
+            f"`skip_lines={skipped + place + 1}`"
         )
     return TableHeader(header.declared, header.names or names)
 

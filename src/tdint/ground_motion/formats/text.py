@@ -1,14 +1,17 @@
-"""Plain text: a column of accelerations, or a time and one or several columns, with what they are in a header.
+"""Plain text: a column of accelerations, or a time and one or several columns, with what they are
+in a header.
 
-The header is made of comments (after #, %, ;, ! or //), of declarations `key = value` or `key: value`, bare or in
-comments (`# dt = 0.01 s, units = g`), and of names of columns (`time_s,acceleration_m_s2`, `Time (s); Acceleration
-(g)`). Commas, semicolons, tabs or blanks divide columns; beside semicolons and tabs, a comma is a decimal point.
+The header is made of comments (after #, %, ;, ! or //), of declarations `key = value` or `key:
+value`, bare or in comments (`# dt = 0.01 s, units = g`), and of names of columns
+(`time_s,acceleration_m_s2`, `Time (s); Acceleration (g)`). Commas, semicolons, tabs or blanks
+divide columns; beside semicolons and tabs, a comma is a decimal point.
 
-One column needs its sampling interval declared; of several, the first must be a time in equal steps, unless the names
-of the columns have none. Columns without names are components called by their number (2 is the one after the time).
-Velocity and displacement beside an acceleration give its peaks; alone they are differentiated. Nothing is guessed:
-without declared units the user must give them. What a table does not tell of its step, its columns and the lines above
-it a user may say (`TextLayout`); the names of columns are any words then.
+One column needs its sampling interval declared; of several, the first must be a time in equal
+steps, unless the names of the columns have none. Columns without names are components called by
+their number (2 is the one after the time). Velocity and displacement beside an acceleration give
+its peaks; alone they are differentiated. Nothing is guessed: without declared units the user must
+give them. What a table does not tell of its step, its columns and the lines above it a user may say
+(`TextLayout`); the names of columns are any words then.
 """
 
 from __future__ import annotations
@@ -72,13 +75,15 @@ _MOST = 50
 
 
 def is_text(file: Any, layout: TextLayout = AS_STATED, **_: Any) -> bool:
-    """Whether a file has a header as above, if any, then rows of one number, or of several the first of which grows;
-    with a layout, whether a table of numbers begins below the lines to skip."""
+    """Whether a file has a header as above, if any, then rows of one number, or of several the
+    first of which grows; with a layout, whether a table of numbers begins below the lines to
+    skip."""
     return _begins(_first_rows(file, layout)[1]) if layout else recognizes(file, _matches)
 
 
 def _first_rows(file: Any, layout: TextLayout) -> tuple[list[str], list[int]]:
-    """What stands above the numbers, below the lines to skip; and how many of them each of their first two rows has."""
+    """What stands above the numbers, below the lines to skip; and how many of them each of their
+    first two rows has."""
     above: list[str] = []
     widths: list[int] = []
     with suppress(RecordError):  # the file ends
@@ -95,10 +100,14 @@ def _begins(widths: list[int]) -> bool:
 
 
 def table_in(data: bytes, layout: TextLayout) -> str:
-    """What a file of unknown format has of a table, and what is to be told of it, in words; empty if it has none."""
+    """What a file of unknown format has of a table, and what is to be told of it, in words; empty
+    if it has none."""
     above, widths = _first_rows(BytesIO(data), layout)
     if len(widths) == 1:
-        return "one row of numbers; a record has two samples at least: is the rest of the file missing?"
+        return (
+            "one row of numbers; a record has two samples at least: is the rest of the file "
+            "missing?"
+        )
     if not _begins(widths):
         is_quoted = b'"' in data and _begins(
             _first_rows(BytesIO(data.replace(b'"', b"")), layout)[1]
@@ -106,9 +115,15 @@ def table_in(data: bytes, layout: TextLayout) -> str:
         return "its numbers stand in quotation marks; write them without" if is_quoted else ""
     names = any_names(above[-1], widths[0]) if above else ()
     if len(names) > 2 and names[0].kind == TIME:
-        return f"tell by `column` which is the motion: {', '.join(name.text[:40] for name in names[1:])}"
+        return (
+            "tell by `column` which is the motion: "
+            f"{', '.join(name.text[:40] for name in names[1:])}"
+        )
     passed = f", past the lines above by `skip_lines={len(above)}`," if above else ""
-    return f"a table of numbers begins in line {len(above) + 1}: tell by `step` and `column`{passed} what it is"
+    return (
+        f"a table of numbers begins in line {len(above) + 1}: tell by `step` and `column`{passed} "
+        "what it is"
+    )
 
 
 def read_text(
@@ -119,8 +134,8 @@ def read_text(
     Raises
     ------
     RecordError
-        The sampling interval is not declared, times are not in equal steps, declarations contradict each other or the
-        values, or something else than numbers stands among them.
+        The sampling interval is not declared, times are not in equal steps, declarations contradict
+        each other or the values, or something else than numbers stands among them.
     """
     lines = read_lines(file)
     skipped = layout.skip_lines or 0
@@ -131,8 +146,9 @@ def read_text(
     place = next((place for place in reversed(range(len(above))) if above[place].strip()), -1)
     if place >= 0 and lacks_first_name(above[place]):
         raise RecordError(
-            f"line {skipped + place + 1}: {above[place].strip()[:60]!r} has no name for the first column, as where "
-            "pandas writes its index; leave that out (index=False), or name it time if it is"
+            f"line {skipped + place + 1}: {above[place].strip()[:60]!r} has no name for the first "
+            "column, as where pandas writes its index; leave that out (index=False), or name it "
+            "time if it is"
         )
     columns = _columns(lines, sum(map(_names_of, above)))
     width, size = len(columns), columns[0].size
@@ -151,8 +167,8 @@ def read_text(
     dt = next(iter(stated), None) or layout.step
     if dt is None:
         raise RecordError(
-            "a column of numbers without its sampling interval; declare it in a first line `# dt = 0.01 s, units = g`, "
-            "or give it by `step`"
+            "a column of numbers without its sampling interval; declare it in a first line `# dt = "
+            "0.01 s, units = g`, or give it by `step`"
         )
     if header.declared.get("samples", str(size)) != str(size):
         raise RecordError(f"its header announces {header.get('samples')} samples, there are {size}")
@@ -182,7 +198,8 @@ def read_text(
         warnings.warn(
             f"the sampling interval of {dt:g} s is given, the file tells none", stacklevel=2
         )
-    # Five samples to a line look alike: each column would be every fifth of them, at the wrong times.
+    # Five samples to a line look alike: each column would be every fifth of them, at the wrong
+    # times.
     if width > 2 and not header.names and not is_leading:
         told = f"each of {width} columns without names is taken for a motion"
         warnings.warn(
@@ -201,7 +218,8 @@ def _names_of(line: str) -> int:
 
 
 def _accelerations(names: Names, places: range) -> list[int]:
-    """Places of the accelerations among the columns; without any, of the velocities or else the displacements."""
+    """Places of the accelerations among the columns; without any, of the velocities or else the
+    displacements."""
     if not names:
         return list(places)
     for kind in MOTIONS:
@@ -210,7 +228,7 @@ def _accelerations(names: Names, places: range) -> list[int]:
     unknown = [place for place, name in enumerate(names) if name.kind != TIME]
     if len(unknown) > 1:
         raise RecordError(
-            f"the names of the columns do not tell the acceleration; choose one by `column`: "
+            "the names of the columns do not tell the acceleration; choose one by `column`: "
             f"{', '.join(names[place].text[:40] for place in unknown)}"
         )
     return unknown
@@ -290,7 +308,8 @@ def _matches(lines: list[str]) -> bool:
     if any(map(_OTHER_FORMAT.match, lines[:first])):
         return False
     others = sum(len(row) != width for row in rows)
-    # A table with the names of its columns is one with some cells empty, too, which reading it tells.
+    # A table with the names of its columns is one with some cells empty, too, which reading it
+    # tells.
     if (
         None in declared
         or len(rows) < 2
@@ -307,7 +326,8 @@ def _matches(lines: list[str]) -> bool:
 
 
 def _columns(lines: Lines, named: int) -> Columns:
-    """Columns of numbers, some of them with names, to the end of the file; comments may stand among them."""
+    """Columns of numbers, some of them with names, to the end of the file; comments may stand among
+    them."""
     first, width = lines.number, 0
     values = array("d")
     while (line := lines.peek()) is not None:
@@ -319,7 +339,8 @@ def _columns(lines: Lines, named: int) -> Columns:
         if len(numbers) != width or not 1 <= width <= _MOST:
             lack = "; a cell is empty" if _lacks(line) else ""
             raise RecordError(
-                f"line {lines.number}: {line.strip()[:60]!r} is not {width or 'a row of'} numbers{lack}"
+                f"line {lines.number}: {line.strip()[:60]!r} is not {width or 'a row of'} "
+                f"numbers{lack}"
             )
         values.extend(numbers)
     return list(lines.checked(values, first).reshape(-1, width).T.copy())
@@ -331,7 +352,8 @@ def _lacks(line: str) -> bool:
 
 
 def _numbers(line: str) -> list[float]:
-    """The numbers of a row; empty if there is something else, or nothing, between two separators."""
+    """The numbers of a row; empty if there is something else, or nothing, between two
+    separators."""
     separator = next((mark for mark in ";\t," if mark in line.strip()), None)
     cells = line.strip().removesuffix(separator or " ").split(separator)
     point = "," if separator in (";", "\t") else "."

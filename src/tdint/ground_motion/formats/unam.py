@@ -1,8 +1,9 @@
-"""Standard acceleration files of the Mexican networks (ASA, version 2): up to twelve channels in columns.
+"""Standard acceleration files of the Mexican networks (ASA, version 2): up to twelve channels in
+columns.
 
-A header of lines `KEY : value` in Spanish, in which the values of channels are divided by slashes, then a line with the
-channels' directions between two rulers and the samples (Base mexicana de sismos fuertes, archivo estandar de
-aceleracion, 2.0).
+A header of lines `KEY : value` in Spanish, in which the values of channels are divided by slashes,
+then a line with the channels' directions between two rulers and the samples (Base mexicana de
+sismos fuertes, archivo estandar de aceleracion, 2.0).
 """
 
 from __future__ import annotations
@@ -78,7 +79,8 @@ def read_unam(lines: Lines) -> list[Series]:
         or not counts[0].isdigit()
     ):
         raise RecordError(
-            "its header does not give direction, interval and one number of samples for each channel"
+            "its header does not give direction, interval and one number of samples for each "
+            "channel"
         )
     for _line in range(2):
         lines.take_until(_RULER.fullmatch, "ruler before the samples")
@@ -97,7 +99,8 @@ def read_unam(lines: Lines) -> list[Series]:
     lines.expect_end()
     if repeated:
         warnings.warn(
-            f"beyond the rows announced the last one is repeated: {how_many(repeated, 'row')} left out",
+            f"beyond the rows announced the last one is repeated: {how_many(repeated, 'row')} left "
+            "out",
             stacklevel=2,
         )
     units, station = first_match(_UNITS, texts), first_match(_STATION, texts)

@@ -1,11 +1,12 @@
-"""SMC files of the U.S. Geological Survey, and volume 1 of the University of Southern California: one component a file.
+"""SMC files of the U.S. Geological Survey, and volume 1 of the University of Southern California:
+one component a file.
 
-SMC, of the National Strong-Motion Program: eleven lines of text, 48 integers (8I10), 50 reals (5E15.7), comments,
-values (8(1PE10.4E1)), all in cm and s. The first integer and the first real mark what is not known (USGS, SMC-format
-data files, version 2).
+SMC, of the National Strong-Motion Program: eleven lines of text, 48 integers (8I10), 50 reals
+(5E15.7), comments, values (8(1PE10.4E1)), all in cm and s. The first integer and the first real
+mark what is not known (USGS, SMC-format data files, version 2).
 
-USC, of the Los Angeles Strong Motion Network: lines of text, 100 integers (16I5), 50 reals (8F10.3) and pairs of time
-and acceleration, 10F7.3, in seconds and g/10.
+USC, of the Los Angeles Strong Motion Network: lines of text, 100 integers (16I5), 50 reals (8F10.3)
+and pairs of time and acceleration, 10F7.3, in seconds and g/10.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ from tdint.ground_motion.formats.series import (
 _TEXTS, _INTEGERS, _REALS = 11, 48, 50
 _INTEGER_WIDTH, _REAL_WIDTH, _VALUE_WIDTH = 10, 15, 10
 _KINDS = re.compile(
-    r"\s*([0-6])\s+(?:UNKNOWN|(?:UN)?CORRECTED ACCELEROGRAM|VELOCITY|DISPLACEMENT|RESPONSE SPECTRA|FOURIER AMPLITUDE)"
+    r"\s*([0-6])\s+(?:UNKNOWN|(?:UN)?CORRECTED ACCELEROGRAM|VELOCITY|DISPLACEMENT|RESPONSE "
+    r"SPECTRA|FOURIER AMPLITUDE)"
 )
 _EIGHT = re.compile(r"\s*-*\d+(?:\s+-*\d+){7}\s*")
 _UNITS = {"0": "", "1": "cm/s^2", "2": "cm/s^2", "3": "cm/s", "4": "cm"}
@@ -62,7 +64,8 @@ def read_smc(lines: Lines) -> list[Series]:
     Raises
     ------
     RecordError
-        It is cut off, holds more or fewer values than its header announces, or something else than an acceleration.
+        It is cut off, holds more or fewer values than its header announces, or something else than
+        an acceleration.
     """
     texts = [lines.take() for _ in range(_TEXTS)]
     kind = _KINDS.match(texts[0])
@@ -109,9 +112,11 @@ def read_smc(lines: Lines) -> list[Series]:
 
 
 def _start(integers: list[float], texts: list[str]) -> datetime | None:
-    """Time of the first sample, if it is known to the second and no further than a day from that of the text.
+    """Time of the first sample, if it is known to the second and no further than a day from that of
+    the text.
 
-    The format has the day of the year; some writers have month and day instead, and all that follows one place on.
+    The format has the day of the year; some writers have month and day instead, and all that
+    follows one place on.
     """
     year, day = integers[_YEAR], integers[_DAY]
     by_day = _moment(integers[0], year, 1.0, day, *integers[_HOUR : _MILLISECOND + 1])

@@ -1,11 +1,13 @@
-"""What a file holds: its bytes or those of the records in a zip file, their format, and what the format's reader finds.
+"""What a file holds: its bytes or those of the records in a zip file, their format, and what the
+format's reader finds.
 
-Every way in which a file cannot be read is said in the user's words. Zip files, as data centers deliver them, are read
-in memory: no member is written anywhere.
+Every way in which a file cannot be read is said in the user's words. Zip files, as data centers
+deliver them, are read in memory: no member is written anywhere.
 
-ObsPy offers any file to every plugin it finds, one of which unpickles it: a crafted `.mseed` would run code. It also
-fetches URLs, expands wildcards and unpacks archives. None of this happens here: the plugins are taken by name from two
-distributions, ObsPy's by the list below and tdint's own, and they see bytes in memory, never a file name.
+ObsPy offers any file to every plugin it finds, one of which unpickles it: a crafted `.mseed` would
+run code. It also fetches URLs, expands wildcards and unpacks archives. None of this happens here:
+the plugins are taken by name from two distributions, ObsPy's by the list below and tdint's own, and
+they see bytes in memory, never a file name.
 """
 
 from __future__ import annotations
@@ -14,12 +16,12 @@ import hashlib
 import re
 import struct
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tdint.data import dataclass
 from tdint.errors import RecordError
 from tdint.files import MOST_BYTES, note_input, read_whole
 from tdint.ground_motion.choice import AS_STATED, TextLayout
@@ -46,16 +48,18 @@ _GROUP = "obspy.plugin.waveform"
 _FIRST = ("MSEED", "KNET")
 _REST = ("SAC", "GSE2", "GSE1", "SLIST", "TSPAIR", "SH_ASC", "KINEMETRICS_EVT", "GCF", "REFTEK130")
 OBSPY_FORMATS = _FIRST + _REST
-"""ObsPy's formats that are read: recorders' and exchange formats of ground motion whose plugin reads from memory, runs
-nothing and opens no other file, and in which a cut-off file can be told. PICKLE runs code; CSS, NNSA_KB_CORE and Q open
-the files that a header names; AH and SACXY cannot tell a damaged file; DMX, PDAS, SEISAN, WIN and Y read from a named
-file only; CYBERSHAKE holds velocities; the others are not ground motion."""
+"""ObsPy's formats that are read: recorders' and exchange formats of ground motion whose plugin
+reads from memory, runs nothing and opens no other file, and in which a cut-off file can be told.
+PICKLE runs code; CSS, NNSA_KB_CORE and Q open the files that a header names; AH and SACXY cannot
+tell a damaged file; DMX, PDAS, SEISAN, WIN and Y read from a named file only; CYBERSHAKE holds
+velocities; the others are not ground motion."""
 
 _DAMAGE = re.compile(
     r"^ERROR|not be read|skip|corrupt|truncat|integrity check|broken|contiguous|permuted|[Dd]ropp",
     re.IGNORECASE,
 )
-"""Warnings of ObsPy's readers after which samples are missing or wrong. Others (an unusual header) become notes."""
+"""Warnings of ObsPy's readers after which samples are missing or wrong. Others (an unusual header)
+become notes."""
 
 TABLES = "TEXT"
 """The format of which a user may say what the file does not."""
@@ -66,7 +70,8 @@ _ARCHIVES = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz"}
 def read_bytes(source: str | Path) -> bytes:
     """Read a whole file.
 
-    The name is a path and nothing else: no URL is fetched, no wildcard is expanded, nothing is uncompressed.
+    The name is a path and nothing else: no URL is fetched, no wildcard is expanded, nothing is
+    uncompressed.
 
     Parameters
     ----------
@@ -88,7 +93,10 @@ def read_bytes(source: str | Path) -> bytes:
     if "://" in str(source):
         hint = "; addresses are not fetched, download the record first"
     elif any(sign in str(source) for sign in "*?["):
-        hint = "; wildcards are not expanded here, name one file (a shell expands them when they are not quoted)"
+        hint = (
+            "; wildcards are not expanded here, name one file (a shell expands them when they are "
+            "not quoted)"
+        )
     told: dict[type[Exception], str] = {
         FileNotFoundError: f"there is no such file{hint}",
         IsADirectoryError: "is a directory; name the record's file in it",
@@ -113,9 +121,11 @@ def is_archive(data: bytes) -> bool:
 
 
 def members(data: bytes, source: str) -> Iterator[tuple[str, bytes]]:
-    """Names (`archive.zip/folder/file`) and contents of the files in a zip file, and in zip files within it.
+    """Names (`archive.zip/folder/file`) and contents of the files in a zip file, and in zip files
+    within it.
 
-    The archive's own checksums are compared. Sizes are counted while uncompressing, whatever the archive states.
+    The archive's own checksums are compared. Sizes are counted while uncompressing, whatever the
+    archive states.
 
     Raises
     ------
@@ -178,7 +188,8 @@ def _content(archive: ZipFile, info: ZipInfo, name: str, budget: list[int]) -> b
             budget[0] -= len(piece)
             if budget[0] < 0:
                 raise RecordError(
-                    f"{name}: the archive is larger than 256 MiB uncompressed; take out the motion first"
+                    f"{name}: the archive is larger than 256 MiB uncompressed; take out the motion "
+                    "first"
                 )
     return bytes(content)
 
@@ -201,7 +212,8 @@ class Plugin:
 class Contents:
     """What a file holds: `traces` are obspy Trace objects with numbers in them, in file order.
 
-    `compared` names what the file states of itself and was compared with them; empty if it states nothing.
+    `compared` names what the file states of itself and was compared with them; empty if it states
+    nothing.
     """
 
     format: str
@@ -211,7 +223,8 @@ class Contents:
 
 
 def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
-    """Whether a file has one of the known formats; True as well for one that cannot be read, which reading will tell.
+    """Whether a file has one of the known formats; True as well for one that cannot be read, which
+    reading will tell.
 
     A file that has a known format may still be damaged.
     """
@@ -225,7 +238,8 @@ def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
 
 
 def formats_of(source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, str]]:
-    """Names and formats of the records in a file: of itself, or of those in an archive. Errors are `read_bytes`'."""
+    """Names and formats of the records in a file: of itself, or of those in an archive. Errors are
+    `read_bytes`'."""
     data = read_bytes(source)
     parts = [*members(data, source)] if is_archive(data) else [(source, data)]
     known = [(part, _format_of(content, layout)) for part, content in parts]
@@ -235,7 +249,8 @@ def formats_of(source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, s
 def read_parts(
     data: bytes, source: str, layout: TextLayout = AS_STATED
 ) -> list[tuple[str, Contents]]:
-    """What a file holds; of a zip file what the records in it hold, each with its name. As `read_contents`."""
+    """What a file holds; of a zip file what the records in it hold, each with its name. As
+    `read_contents`."""
     parts = [(source, data)]
     if is_archive(data):
         files = [*members(data, source)]
@@ -277,7 +292,8 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
     try:
         if plugin.name != TABLES:
             layout.check_format(plugin.name)
-        # Before the reader of another program sees the bytes: some of them never end, or crash, on bad ones.
+        # Before the reader of another program sees the bytes: some of them never end, or crash, on
+        # bad ones.
         looked_at = look_at(plugin.name, data)
         traces, messages = _read(plugin, data, layout)
         if damage := next(filter(_DAMAGE.search, messages), None):
@@ -308,7 +324,8 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
 
 @cache
 def plugins() -> tuple[Plugin, ...]:
-    """The formats that may be read, in the order in which a file is offered to them; asked for once.
+    """The formats that may be read, in the order in which a file is offered to them; asked for
+    once.
 
     ObsPy's most frequent formats, whose checks are strict, come before those of tdint.
     """

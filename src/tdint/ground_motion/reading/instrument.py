@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from dataclasses import dataclass
 from importlib.metadata import distribution
 from io import BytesIO
 from pathlib import Path
@@ -13,7 +14,6 @@ from xml.parsers import expat
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.errors import RecordError
 from tdint.ground_motion.messages import caught_messages, one_line, quiet_import
 from tdint.ground_motion.reading.contents import digested, read_bytes
@@ -21,9 +21,10 @@ from tdint.ground_motion.reading.scale import without_mean
 from tdint.ground_motion.record import Input
 
 _PASSING, _LEFT = math.sqrt(0.5), 0.1
-"""Parts of the amplitude between which the recorder's digital filters decide where frequencies are faded out. What they
-have stopped cannot be had back: dividing by their response would turn rounded counts into meters per second squared
-(1 m/s^2 of it in a record of 3 m/s^2, Ridgecrest 2019, CI.CLC)."""
+"""Parts of the amplitude between which the recorder's digital filters decide where frequencies are
+faded out. What they have stopped cannot be had back: dividing by their response would turn rounded
+counts into meters per second squared (1 m/s^2 of it in a record of 3 m/s^2, Ridgecrest 2019,
+CI.CLC)."""
 
 _SPECTRUM = 8192  # frequencies of the fading, which is smooth
 _ACCELEROMETER_INPUT = ("M/S**2", "M/S^2", "M/S/S", "M/S2", "M/SEC**2", "M/SEC^2", "M/SEC2")
@@ -47,7 +48,8 @@ def read_instruments(source: str | Path) -> Instruments:
     """
     data = read_bytes(source)
 
-    # A document type definition could name other files by its entities: it is refused, in whatever encoding.
+    # A document type definition could name other files by its entities: it is refused, in whatever
+    # encoding.
     def refuse(*_: object) -> None:
         raise RecordError(f"{source}: an inventory with a document type definition is not read")
 
@@ -76,10 +78,11 @@ def remove_response(
 ) -> tuple[Array, tuple[str, ...]]:
     """Remove an instrument's response, all of it, so that the trace becomes ground acceleration.
 
-    The mean (the recorder's zero offset) is taken off first. The spectrum is then divided by the response without a
-    water level, which would spoil the long periods of an accelerometer. It is faded out by a cosine where the
-    recorder's digital filters stop it, from where they leave 1 / sqrt(2) of the amplitude to where they leave a tenth;
-    without such filters it is left as it is. The ends of the record are not tapered.
+    The mean (the recorder's zero offset) is taken off first. The spectrum is then divided by the
+    response without a water level, which would spoil the long periods of an accelerometer. It is
+    faded out by a cosine where the recorder's digital filters stop it, from where they leave 1 /
+    sqrt(2) of the amplitude to where they leave a tenth; without such filters it is left as it is.
+    The ends of the record are not tapered.
 
     Parameters
     ----------
@@ -126,7 +129,8 @@ def remove_response(
         notes.append(
             f"the instrument records {unit}, not acceleration: its long periods are amplified noise"
         )
-    # Samples after division of their spectrum by counts per m/s^2, where these are known and something is passed.
+    # Samples after division of their spectrum by counts per m/s^2, where these are known and
+    # something is passed.
     passed = np.ones_like(frequencies)
     if fade is not None:
         part = np.maximum((frequencies - fade[0]) / (fade[1] - fade[0]), 0.0)
@@ -151,7 +155,8 @@ def _find_response(trace: Any, instruments: Instruments, label: str) -> Any:
         channels = sorted(set(instruments.inventory.get_contents()["channels"]))
         listed = ", ".join(channels[:20]) + (", ..." if len(channels) > 20 else "")
         raise RecordError(
-            f"{label}: {file} has no response for {trace.id} at {start}; its channels are {listed or '-'}"
+            f"{label}: {file} has no response for {trace.id} at {start}; its channels are "
+            f"{listed or '-'}"
         ) from None
     if not response.response_stages:
         raise RecordError(f"{label}: {file} gives {trace.id} without the stages of its response")
@@ -159,7 +164,8 @@ def _find_response(trace: Any, instruments: Instruments, label: str) -> Any:
 
 
 def _stop_band(response: Any, dt: float) -> tuple[float, float] | None:
-    """Frequencies, Hz, from which on and up to which the digital filters pass less and less; None if they pass all."""
+    """Frequencies, Hz, from which on and up to which the digital filters pass less and less; None
+    if they pass all."""
     digital = []
     for stage in response.response_stages:
         # Filters of samples, not of voltages.

@@ -5,13 +5,13 @@ A motion is one column of them: times in the first column, names with units in t
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError, did_you_mean
 from tdint.ground_motion.formats.lines import equal_steps
 from tdint.ground_motion.formats.table_columns import name_and_units
@@ -60,7 +60,8 @@ class NamedTable:
         raise RecordError(f"{self.source}: {how} {name!r}{hint}")
 
     def numbers(self, place: int) -> NDArray[np.float64]:
-        """The numbers of a column, shape (rows,); RecordError for a cell that is none or not finite."""
+        """The numbers of a column, shape (rows,); RecordError for a cell that is none or not
+        finite."""
         values = np.empty(len(self.rows))
         for i, (line, cells) in enumerate(self.rows):
             values[i] = number_or_nan(
@@ -76,12 +77,14 @@ class NamedTable:
 
 
 def read_named_table(source: str | Path) -> NamedTable:
-    """Read a table. Commas, semicolons or tabs divide columns; beside the latter two a comma is a decimal point.
+    """Read a table. Commas, semicolons or tabs divide columns; beside the latter two a comma is a
+    decimal point.
 
     Raises
     ------
     RecordError
-        The file cannot be read, its rows have other numbers of cells than the first line, or there are next to none.
+        The file cannot be read, its rows have other numbers of cells than the first line, or there
+        are next to none.
     """
     data = read_bytes(source)
     lines = data.decode("utf-8-sig", "replace").splitlines()
@@ -95,7 +98,8 @@ def read_named_table(source: str | Path) -> NamedTable:
         cells = tuple(line.split(mark))
         if len(cells) != len(names):
             raise RecordError(
-                f"{source}: line {number}: {len(cells)} cells, its first line names {len(names)} columns"
+                f"{source}: line {number}: {len(cells)} cells, its first line names {len(names)} "
+                "columns"
             )
         rows.append((number, cells))
     if len(rows) < _FEWEST:
@@ -107,7 +111,8 @@ _TIMES = ("t", "time", "times")
 
 
 def read_column(source: str | Path, column: str, units: str | None = None) -> Signal:
-    """Read a column of a table: CSV with names in its first line, of which the first is that of the times.
+    """Read a column of a table: CSV with names in its first line, of which the first is that of the
+    times.
 
     Parameters
     ----------
@@ -116,19 +121,21 @@ def read_column(source: str | Path, column: str, units: str | None = None) -> Si
     column : str
         The column's name, as the header has it.
     units : str, optional
-        As `parse_units` understands them; by default those at the end of the column's name (`base_m_s2`, `roof (cm)`).
+        As `parse_units` understands them; by default those at the end of the column's name
+        (`base_m_s2`, `roof (cm)`).
 
     Raises
     ------
     RecordError
-        The file cannot be read, has no times in equal steps, no such column, a cell that is no finite number, or a
-        column of unknown units.
+        The file cannot be read, has no times in equal steps, no such column, a cell that is no
+        finite number, or a column of unknown units.
     """
     table = read_named_table(source)
     time, time_units = name_and_units(table.names[0])
     if time not in _TIMES or time_units not in ("", *SECONDS):
         raise RecordError(
-            f"{source}: the first column must be the time (time_s), its name is {table.names[0][:40]!r}"
+            f"{source}: the first column must be the time (time_s), its name is "
+            f"{table.names[0][:40]!r}"
         )
     times = SECONDS[time_units or "s"] * table.numbers(0)
     place = table.place(column)
@@ -138,7 +145,8 @@ def read_column(source: str | Path, column: str, units: str | None = None) -> Si
         if units:
             raise
         raise RecordError(
-            f"{source}: the name of the column {column!r} does not end with its units (_m_s2, _m); give `units`"
+            f"{source}: the name of the column {column!r} does not end with its units (_m_s2, _m); "
+            "give `units`"
         ) from None
     try:
         dt, _ = equal_steps(times)

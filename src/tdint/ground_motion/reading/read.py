@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from logging import getLogger
@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.choice import AS_STATED, RecordChoice, TextLayout
 from tdint.ground_motion.messages import quiet_import
@@ -49,7 +48,8 @@ if TYPE_CHECKING:
 # ---- Join the traces of one channel and check its samples
 
 _IMPOSSIBLE = 1e6
-"""m/s^2; from here on the units are wrong, whatever they are: squares and integrals would leave what floats hold."""
+"""m/s^2; from here on the units are wrong, whatever they are: squares and integrals would leave
+what floats hold."""
 
 _OFFSET = 0.02  # of the peak: a mean beyond it is an offset, not the noise of a short record
 
@@ -88,12 +88,14 @@ def _joined(channel: _Channel) -> Any:
     Returns
     -------
     obspy.Trace
-        At least two finite samples at a positive sampling interval; the type of the numbers is the file's.
+        At least two finite samples at a positive sampling interval; the type of the numbers is the
+        file's.
 
     Raises
     ------
     RecordError
-        A gap, an overlap, a change of the sampling interval, or samples that are missing or not finite.
+        A gap, an overlap, a change of the sampling interval, or samples that are missing or not
+        finite.
     """
     label = channel.label
     pieces = sorted(
@@ -102,7 +104,8 @@ def _joined(channel: _Channel) -> Any:
     if not pieces:
         raise RecordError(f"{label}: the channel has no samples")
     for piece in pieces:
-        # Each by itself: a clock that runs, on days that there are, and no sample that the reader has masked.
+        # Each by itself: a clock that runs, on days that there are, and no sample that the reader
+        # has masked.
         dt = float(piece.stats.delta)
         if not (isfinite(dt) and dt > 0.0):
             raise RecordError(f"{label}: the sampling interval is {dt:g} s; it must be positive")
@@ -120,7 +123,8 @@ def _joined(channel: _Channel) -> Any:
                 f"{label}: {said} marked as missing; cut the record to its unbroken part"
             )
     for before, after in pairwise(pieces):
-        # One record: one sampling interval, one type, and the next sample one interval behind the last, to half of it.
+        # One record: one sampling interval, one type, and the next sample one interval behind the
+        # last, to half of it.
         dt, there = float(before.stats.delta), after.stats.starttime
         if not isclose(dt, after.stats.delta, rel_tol=1e-6):
             changed = f"changes from {dt:g} s to {after.stats.delta:g} s at {there}"
@@ -133,7 +137,8 @@ def _joined(channel: _Channel) -> Any:
         if abs(slip) > 0.5 * dt:
             break_ = f"a gap of {slip:.6g} s" if slip > 0.0 else f"an overlap of {-slip:.6g} s"
             raise RecordError(
-                f"{label}: {break_} after {before.stats.endtime}; cut the record to its unbroken part"
+                f"{label}: {break_} after {before.stats.endtime}; cut the record to its unbroken "
+                "part"
             )
     whole = pieces[0]
     if len(pieces) > 1:
@@ -146,26 +151,29 @@ def _joined(channel: _Channel) -> Any:
 
 
 def doubts(acceleration: NDArray[np.float64]) -> tuple[str, ...]:
-    """Notes about an acceleration (m/s^2, shape (samples,)) that can hardly be a ground motion as it stands."""
+    """Notes about an acceleration (m/s^2, shape (samples,)) that can hardly be a ground motion as
+    it stands."""
     peak, mean = float(np.max(np.abs(acceleration))), float(np.mean(acceleration))
     notes = []
     if peak == 0.0:
         notes.append("all samples are zero")
     elif abs(mean) > _OFFSET * peak:
         notes.append(
-            f"the mean is {mean:.3g} m/s^2, {abs(mean) / peak:.0%} of the peak: a zero offset is left in?"
+            f"the mean is {mean:.3g} m/s^2, {abs(mean) / peak:.0%} of the peak: a zero offset is "
+            "left in?"
         )
     return tuple(notes)
 
 
 def check_finite(samples: NDArray[Any], dt: float, label: str) -> None:
-    """Raise RecordError with the number and the first place of samples that are no finite numbers."""
+    """Raise RecordError with the number and the first place of samples that are no finite
+    numbers."""
     bad = np.flatnonzero(~np.isfinite(samples))
     if bad.size:
         first = int(bad[0])
         raise RecordError(
-            f"{label}: {bad.size} of {samples.size} samples are not finite numbers, the first is sample {first} "
-            f"(counted from 0) at {first * dt:g} s; repair or cut the record"
+            f"{label}: {bad.size} of {samples.size} samples are not finite numbers, the first is "
+            f"sample {first} (counted from 0) at {first * dt:g} s; repair or cut the record"
         )
 
 
@@ -174,7 +182,8 @@ def check_possible(acceleration: NDArray[np.float64], label: str) -> None:
     peak = float(np.max(np.abs(acceleration)))
     if peak > _IMPOSSIBLE:
         raise RecordError(
-            f"{label}: the largest acceleration would be {peak:.4g} m/s^2; the units cannot be right"
+            f"{label}: the largest acceleration would be {peak:.4g} m/s^2; the units cannot be "
+            "right"
         )
 
 
@@ -199,18 +208,21 @@ def read_record(
     source : str or Path
         A file, or `-` for standard input. The format is found from the contents.
     units : str or dict, optional
-        Units of the samples: m/s^2, cm/s^2, gal, mm/s^2, g, in/s^2 or ft/s^2; with a factor before them the value of
-        one count (`2.38e-6 m/s^2`). Needed where neither the format nor the file gives them. Only floating-point
-        MiniSEED of an accelerometer's channel is else taken as m/s^2, with a warning, unless its numbers speak against
-        it. Units of a velocity or displacement (`cm/s`, `cm`) say that the samples are one; they are differentiated.
-        By file: `{"AT2": "g", "*.mseed": "m/s^2"}`, a format or the end of a path each (or the text
-        `AT2=g,*.mseed=m/s^2`), or a table (`.csv`) with the columns record and units; what fits no entry has none.
+        Units of the samples: m/s^2, cm/s^2, gal, mm/s^2, g, in/s^2 or ft/s^2; with a factor before
+        them the value of one count (`2.38e-6 m/s^2`). Needed where neither the format nor the file
+        gives them. Only floating-point MiniSEED of an accelerometer's channel is else taken as
+        m/s^2, with a warning, unless its numbers speak against it. Units of a velocity or
+        displacement (`cm/s`, `cm`) say that the samples are one; they are differentiated. By file:
+        `{"AT2": "g", "*.mseed": "m/s^2"}`, a format or the end of a path each (or the text
+        `AT2=g,*.mseed=m/s^2`), or a table (`.csv`) with the columns record and units; what fits no
+        entry has none.
     component : str, optional
-        Needed if the file has several: the channel code (`HNE`), the full id (`CI.CLC..HNE`), or the code's last letter
-        (`E`) if only one channel ends in it; upper and lower case are the same.
+        Needed if the file has several: the channel code (`HNE`), the full id (`CI.CLC..HNE`), or
+        the code's last letter (`E`) if only one channel ends in it; upper and lower case are the
+        same.
     inventory : str or Path, optional
-        StationXML file by which the instrument's response is removed from samples whose units are neither stated by
-        the file nor given; not together with units of all files.
+        StationXML file by which the instrument's response is removed from samples whose units are
+        neither stated by the file nor given; not together with units of all files.
     layout : TextLayout, optional
         Step, columns and lines to skip of text tables that do not tell them.
 
@@ -224,8 +236,8 @@ def read_record(
     UsageError
         The units are unknown, or units and an inventory are given.
     RecordError
-        The file cannot be read, is damaged, has gaps, overlaps or samples that are not finite, counts of unknown
-        value, no such component, or several and none is named.
+        The file cannot be read, is damaged, has gaps, overlaps or samples that are not finite,
+        counts of unknown value, no such component, or several and none is named.
     """
     (record,) = _read(source, RecordChoice(units, component, inventory, layout=layout), single=True)
     return record
@@ -241,8 +253,8 @@ def read_records(
 ) -> tuple[Record, ...]:
     """Read all components of a ground motion, or the named one, in the order of the file.
 
-    Parameters and errors are those of `read_record`; that the components differ in their sampling interval is
-    a RecordError, too. Channels without numbers (a recorder's log) are left out.
+    Parameters and errors are those of `read_record`; that the components differ in their sampling
+    interval is a RecordError, too. Channels without numbers (a recorder's log) are left out.
     """
     return _read(source, RecordChoice(units, component, inventory, layout=layout), single=False)
 
@@ -264,7 +276,8 @@ def make_record(
     dt : float, optional
         Sampling interval, s: needed for an array; a trace has its own.
     units : str, optional
-        As for `read_record`; needed for an array, and for a trace whose format and header do not tell them.
+        As for `read_record`; needed for an array, and for a trace whose format and header do not
+        tell them.
     component : str, optional
         As for `read_record`; of an array its name.
     name : str, optional
@@ -316,7 +329,8 @@ def make_record(
         components = [_choose(components, component, label)]
     elif len(components) > 1:
         raise RecordError(
-            f"{label}: there are several components, choose one by `component`: {_listed(components)}"
+            f"{label}: there are several components, choose one by `component`: "
+            f"{_listed(components)}"
         )
     return _to_record(components[0], _joined(components[0]), said, None)
 
@@ -420,7 +434,8 @@ def _components(
     if component is not None and not isinstance(component, str):
         raise UsageError(f"a component is a text such as 'HNE', got {component!r}")
 
-    # Velocities and displacements that tdint exported beside accelerations are taken by their full id only.
+    # Velocities and displacements that tdint exported beside accelerations are taken by their full
+    # id only.
     ids = {member.id.upper() for member in components}
     asked, accelerations = (component or "").strip().upper(), []
     for member in components:
@@ -435,7 +450,8 @@ def _components(
         components = [_choose(components, component, name)]
     elif single and len(components) > 1:
         raise RecordError(
-            f"{name}: the file has several components, choose one by `component`: {_listed(components)}"
+            f"{name}: the file has several components, choose one by `component`: "
+            f"{_listed(components)}"
         )
     traces = [_joined(member) for member in components]
     # Components of one file go together; those of an archive's other files need not.
@@ -452,8 +468,8 @@ def _components(
 
 
 def _choose(channels: Sequence[_Channel], component: str, source: str) -> _Channel:
-    """The channel with this code, else with this id, else of this station (a floor is one: F04), else the only one
-    whose code ends in this letter."""
+    """The channel with this code, else with this id, else of this station (a floor is one: F04),
+    else the only one whose code ends in this letter."""
     name = component.strip().upper()
     ways = (
         [channel for channel in channels if channel.code.upper() == name],
@@ -466,7 +482,8 @@ def _choose(channels: Sequence[_Channel], component: str, source: str) -> _Chann
         return channels_of_name[0]
     if channels_of_name:
         raise RecordError(
-            f"{source}: several components match {component!r}, choose one: {_listed(channels_of_name)}"
+            f"{source}: several components match {component!r}, choose one: "
+            f"{_listed(channels_of_name)}"
         )
     raise RecordError(
         f"{source}: there is no component {component!r}; there are {_listed(channels)}"
@@ -505,7 +522,8 @@ def _to_record(
     if motion.units_from == "assumed" and said.entries and not said.for_all:
         entries = ", ".join(pattern.removeprefix("./") for pattern, _ in said.entries)
         raise UsageError(
-            f"{label}: does not tell its units, and none of the units given by file fits it: {entries}"
+            f"{label}: does not tell its units, and none of the units given by file fits it: "
+            f"{entries}"
         )
     dt = float(trace.stats.delta)
     check_finite(motion.samples, dt, label)
@@ -534,6 +552,7 @@ def _to_record(
 
 
 def _start(trace: Any) -> str:
-    """Time of the first sample; formats without one get the epoch from ObsPy, which no record begins at."""
+    """Time of the first sample; formats without one get the epoch from ObsPy, which no record
+    begins at."""
     start = trace.stats.starttime
     return "" if start.timestamp == 0 else str(start)

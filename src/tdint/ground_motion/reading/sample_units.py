@@ -1,19 +1,20 @@
-"""Units of the samples of several files in one call: by the format or the name of each, or by a table of files.
+"""Units of the samples of several files in one call: by the format or the name of each, or by a
+table of files.
 
-`AT2=g,*.mseed=m/s^2` says the units of files by their format (its name, as messages have it) or by the end of their
-path; the first entry that fits a file counts, one that fits none of a call is refused.
-`suite.csv` is a table with the columns `record` and `units`. A file
-that no entry fits says its units itself. Upper and lower case are the same.
+`AT2=g,*.mseed=m/s^2` says the units of files by their format (its name, as messages have it) or by
+the end of their path; the first entry that fits a file counts, one that fits none of a call is
+refused. `suite.csv` is a table with the columns `record` and `units`. A file that no entry fits
+says its units itself. Upper and lower case are the same.
 """
 
 from __future__ import annotations
 
 import glob
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from tdint.csv_table import read_table
-from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError, did_you_mean
 from tdint.files import STDIN
 from tdint.units import Units, parse_units
@@ -38,7 +39,8 @@ class FileUnits:
     Attributes
     ----------
     entries : tuple of (str, Units or None)
-        A format's name or the end of a path, in lower case, and the units of the files that it fits; None for counts.
+        A format's name or the end of a path, in lower case, and the units of the files that it
+        fits; None for counts.
     for_all : bool
         Whether they are said of all files, whatever these are.
     """
@@ -56,14 +58,16 @@ class FileUnits:
     def refuse_unfit(
         self, files: Iterable[str], formats_of: Callable[[str], Iterable[tuple[str, str]]]
     ) -> None:
-        """Refuse an entry that fits none of the files of a call: a mistaken name, for which units would be assumed.
+        """Refuse an entry that fits none of the files of a call: a mistaken name, for which units
+        would be assumed.
 
         Parameters
         ----------
         files : iterable of str
             The files; no more of them are looked at than it takes.
         formats_of : callable
-            Names and formats of what is in a file; RecordError for one that cannot be read, which reading tells.
+            Names and formats of what is in a file; RecordError for one that cannot be read, which
+            reading tells.
 
         Raises
         ------
@@ -121,7 +125,8 @@ def file_units(given: SampleUnits | None) -> FileUnits:
 
 
 def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
-    """What a text says: units of all files as they are, entries `PATTERN=UNITS,...` or a table as a dict.
+    """What a text says: units of all files as they are, entries `PATTERN=UNITS,...` or a table as a
+    dict.
 
     Parameters
     ----------
@@ -144,7 +149,8 @@ def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
                 raise UsageError(f"units {entry[:40]!r}: write {example}")
             if pattern in by_file:
                 raise UsageError(
-                    f"units: {pattern[:40]!r} is given twice, {by_file[pattern]} and {units}; keep one"
+                    f"units: {pattern[:40]!r} is given twice, {by_file[pattern]} and {units}; keep "
+                    "one"
                 )
             by_file[pattern] = units
         return by_file
@@ -162,7 +168,8 @@ def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
     # A component's units, say, would be passed over in silence.
     if foreign := [title for title in table.titles if title.lower() not in ("record", "units", "")]:
         raise UsageError(
-            f"{file}: columns that nothing is done with: {', '.join(foreign)[:80]}; it has record, units"
+            f"{file}: columns that nothing is done with: {', '.join(foreign)[:80]}; it has record, "
+            "units"
         )
     for record, (line, cell) in zip(
         table.texts("record", empty=False), table.lines("units"), strict=True

@@ -1,33 +1,33 @@
-"""From a file's samples to m/s^2: what the user says about their units, what the file says, and what is done.
+"""From a file's samples to m/s^2: what the user says about their units, what the file says, and
+what is done.
 
-A floating-point MiniSEED file whose location code is SI was exported by tdint, and is in m/s^2; SV and SD stand for
-its velocity (m/s) and displacement (m).
+A floating-point MiniSEED file whose location code is SI was exported by tdint, and is in m/s^2; SV
+and SD stand for its velocity (m/s) and displacement (m).
 
-One convention about units is leaned on: floating-point MiniSEED of an accelerometer is in m/s^2. ObsPy and other
-programs that remove an instrument's response write what is left as floating-point numbers, in SI units, under the
-channel's own code; MiniSEED has no place for the unit. The code of an accelerometer's channel has the letter N in its
-second place (SEED manual 2.4, appendix A). Whoever leans on it hears so, and is refused where the numbers speak against
-it.
+One convention about units is leaned on: floating-point MiniSEED of an accelerometer is in m/s^2.
+ObsPy and other programs that remove an instrument's response write what is left as floating-point
+numbers, in SI units, under the channel's own code; MiniSEED has no place for the unit. The code of
+an accelerometer's channel has the letter N in its second place (SEED manual 2.4, appendix A).
+Whoever leans on it hears so, and is refused where the numbers speak against it.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import isclose
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.record import UNITS_BY_LOCATION
 from tdint.units import STANDARD_GRAVITY, Units, parse_units
 
 _CURES = (
-    "give the value of one count (`units=2.38e-6 m/s^2`) or the instrument's StationXML file as `inventory`, "
-    "which removes its response"
+    "give the value of one count (`units=2.38e-6 m/s^2`) or the instrument's StationXML file as "
+    "`inventory`, which removes its response"
 )
 _DIFFERENCES = "frequencies above a tenth of the sampling rate come out too small"
 """By 6 % at a tenth for a velocity (sin x / x, x = 2 pi / 10), by 3 % for a displacement."""
@@ -35,14 +35,16 @@ _DIFFERENCES = "frequencies above a tenth of the sampling rate come out too smal
 _FEWEST = {"velocity": 3, "displacement": 3}
 
 _SELF_SCALED = ("KNET", "KINEMETRICS_EVT")
-"""Formats whose `stats.calib` turns counts into m/s^2, once the recorder's zero offset is taken off."""
+"""Formats whose `stats.calib` turns counts into m/s^2, once the recorder's zero offset is taken
+off."""
 
 _SAC_DISPLACEMENT, _SAC_VELOCITY, _SAC_TIME_SERIES = 6, 7, 1
 
 
 @dataclass(frozen=True)
 class Declared:
-    """What a file says about its own samples: a motion is (sample - mean, if `remove_mean`) x factor x units.
+    """What a file says about its own samples: a motion is (sample - mean, if `remove_mean`) x
+    factor x units.
 
     `origin` is `format` where all files of the format have these units, else `file`.
     """
@@ -55,12 +57,14 @@ class Declared:
 
 @dataclass(frozen=True)
 class Motion:
-    """A trace's samples in SI units, and how these are known; attributes as in `tdint.ground_motion.record`.
+    """A trace's samples in SI units, and how these are known; attributes as in
+    `tdint.ground_motion.record`.
 
     Attributes
     ----------
     samples : ndarray, shape (samples,)
-        What `quantity` says in m, m/s or m/s^2; the acceleration of that where `to_acceleration` made it.
+        What `quantity` says in m, m/s or m/s^2; the acceleration of that where `to_acceleration`
+        made it.
     """
 
     samples: NDArray[np.float64]
@@ -72,7 +76,8 @@ class Motion:
 
 
 def to_acceleration(trace: Any, format_name: str, asked: Units | None, label: str) -> Motion:
-    """Convert a trace's samples to m/s^2: as `to_motion`, and differentiated where they are no acceleration."""
+    """Convert a trace's samples to m/s^2: as `to_motion`, and differentiated where they are no
+    acceleration."""
     motion = to_motion(trace, format_name, asked, label)
     if motion.quantity == "acceleration":
         return motion
@@ -84,8 +89,8 @@ def to_acceleration(trace: Any, format_name: str, asked: Units | None, label: st
 def to_motion(trace: Any, format_name: str, asked: Units | None, label: str) -> Motion:
     """Convert a trace's samples to SI units, applying every factor exactly once.
 
-    A unit is stated by the format, by the file or by the user. Nothing else is leaned on but one convention, see
-    `assumed_units`.
+    A unit is stated by the format, by the file or by the user. Nothing else is leaned on but one
+    convention, see `assumed_units`.
 
     Parameters
     ----------
@@ -107,8 +112,8 @@ def to_motion(trace: Any, format_name: str, asked: Units | None, label: str) -> 
     named = trace.stats.get("tdint_quantity")
     if asked and named and named != asked.quantity:
         raise RecordError(
-            f"{label}: the file calls the samples a {named}, {asked.text} is a unit of {asked.quantity}; "
-            f"give one of {named}"
+            f"{label}: the file calls the samples a {named}, {asked.text} is a unit of "
+            f"{asked.quantity}; give one of {named}"
         )
     if declared:
         return _by_the_file(trace, declared, asked, label)
@@ -141,7 +146,8 @@ def to_motion(trace: Any, format_name: str, asked: Units | None, label: str) -> 
 
 
 def are_counts(trace: Any) -> bool:
-    """Whether samples are counts of a recorder, as whole numbers are, and what a header calls so."""
+    """Whether samples are counts of a recorder, as whole numbers are, and what a header calls
+    so."""
     return trace.data.dtype.kind in "iu" or _ascii_unit(trace) in ("COUNTS", "COUNT")
 
 
@@ -150,8 +156,9 @@ def declared_units(
 ) -> Declared | None:
     """What the file says about its samples' units, None if nothing.
 
-    A reader of tdint's own tells them in `trace.stats.tdint_units`, as text for `parse_units` (empty where the user
-    must give them); formats of the recorders have them in their calibration factor, text formats in their header.
+    A reader of tdint's own tells them in `trace.stats.tdint_units`, as text for `parse_units`
+    (empty where the user must give them); formats of the recorders have them in their calibration
+    factor, text formats in their header.
 
     Raises
     ------
@@ -171,13 +178,14 @@ def declared_units(
     if format_name in _SELF_SCALED:
         return Declared(Units("m/s^2", 1.0, False), "format", float(stats.calib), remove_mean=True)
     if "sac" in stats:
-        # Refuse what a SAC header declares to be something else than an evenly sampled acceleration (SAC manual, IDEP).
+        # Refuse what a SAC header declares to be something else than an evenly sampled acceleration
+        # (SAC manual, IDEP).
         sac = stats.sac
         other = {_SAC_DISPLACEMENT: "displacement", _SAC_VELOCITY: "velocity"}.get(sac.get("idep"))
         if other and not (asked and asked.quantity == other):
             raise RecordError(
-                f"{label}: the SAC header says that the samples are a {other}, not an acceleration; with units "
-                f"of a {other} they are differentiated"
+                f"{label}: the SAC header says that the samples are a {other}, not an "
+                f"acceleration; with units of a {other} they are differentiated"
             )
         if sac.get("iftype", _SAC_TIME_SERIES) != _SAC_TIME_SERIES or not sac.get("leven", True):
             raise RecordError(f"{label}: the SAC file is not an evenly sampled time series")
@@ -198,8 +206,8 @@ def _by_the_file(trace: Any, declared: Declared, asked: Units | None, label: str
         isclose(asked.scale, units.scale, rel_tol=1e-9) and asked.quantity == units.quantity
     ):
         raise RecordError(
-            f"{label}: the file itself gives its units ({units.text}), {asked.text} contradicts them; "
-            "leave the units out"
+            f"{label}: the file itself gives its units ({units.text}), {asked.text} contradicts "
+            "them; leave the units out"
         )
     samples, notes = trace.data, []
     if declared.remove_mean:
@@ -263,7 +271,8 @@ _CURE = "say what the samples are with `units=g`, cm/s^2 or m/s^2"
 
 
 def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]:
-    """Take floating-point samples of an accelerometer's channel in a MiniSEED file as m/s^2; also a warning about it.
+    """Take floating-point samples of an accelerometer's channel in a MiniSEED file as m/s^2; also a
+    warning about it.
 
     Raises
     ------
@@ -275,8 +284,9 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
     code = str(trace.stats.channel).upper()
     if len(code) != 3 or code[1] != _ACCELEROMETER:
         raise RecordError(
-            f"{label}: MiniSEED does not tell the units of its samples, and {code or 'a channel without a code'} "
-            f"is no accelerometer's channel (HN?, BN?), whose samples would be taken as m/s^2; {_CURE}"
+            f"{label}: MiniSEED does not tell the units of its samples, and "
+            f"{code or 'a channel without a code'} is no accelerometer's channel (HN?, BN?), whose "
+            f"samples would be taken as m/s^2; {_CURE}"
         )
 
     # Numbers that can hardly be a ground acceleration in m/s^2.
@@ -292,9 +302,10 @@ def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]
         doubt = "all are whole numbers, counts by their look"
     if doubt:
         raise RecordError(
-            f"{label}: MiniSEED does not tell the units of its samples, and m/s^2 is unlikely: {doubt}; {_CURE}"
+            f"{label}: MiniSEED does not tell the units of its samples, and m/s^2 is unlikely: "
+            f"{doubt}; {_CURE}"
         )
     return Units("m/s^2", 1.0, False), (
-        "m/s^2 is assumed for floating-point samples of an accelerometer's channel in MiniSEED, which has no units; "
-        "give them to be sure"
+        "m/s^2 is assumed for floating-point samples of an accelerometer's channel in MiniSEED, "
+        "which has no units; give them to be sure"
     )

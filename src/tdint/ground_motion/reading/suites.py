@@ -1,15 +1,15 @@
-"""Suites of ground motions: the files that someone named, folders taken apart, and the horizontal components in them,
-one by one or in pairs."""
+"""Suites of ground motions: the files that someone named, folders taken apart, and the horizontal
+components in them, one by one or in pairs."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
 
-from tdint.data import dataclass
 from tdint.errors import RecordError, UsageError
 from tdint.files import STDIN, is_folder, keep_input
 from tdint.ground_motion.choice import RecordChoice, TextLayout
@@ -55,8 +55,9 @@ class Sources:
 def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
     """Files as they are given; of a folder the records in it, by name.
 
-    What a folder holds besides (hidden files, folders, files of unknown format) is left out. A file that cannot be read
-    stays, so that its failure is told. With a layout, text tables are records that would not be recognized without.
+    What a folder holds besides (hidden files, folders, files of unknown format) is left out. A file
+    that cannot be read stays, so that its failure is told. With a layout, text tables are records
+    that would not be recognized without.
 
     Raises
     ------
@@ -91,7 +92,8 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
 
 
 def _contents(folder: str, layout: TextLayout) -> tuple[list[str], list[str]]:
-    """The records in a folder with its name before theirs, and the names of all else that is not hidden.
+    """The records in a folder with its name before theirs, and the names of all else that is not
+    hidden.
 
     Raises
     ------
@@ -166,7 +168,8 @@ def read_chosen(file: str, choice: RecordChoice) -> list[Record]:
 
 
 def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | None = None) -> Suite:
-    """The records that someone named, files and folders: their horizontal components, or pairs of them by their names.
+    """The records that someone named, files and folders: their horizontal components, or pairs of
+    them by their names.
 
     Raises
     ------
@@ -186,7 +189,8 @@ def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | No
 
 
 def _counted_twice(records: Sequence[Record]) -> list[str]:
-    """A sentence if records have the same samples: a file beside its folder, a copy under another name."""
+    """A sentence if records have the same samples: a file beside its folder, a copy under another
+    name."""
     first: dict[tuple[float, bytes], Record] = {}
     again = []
     for record in records:
@@ -228,7 +232,8 @@ def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:
             continue
         if left:
             notes.append(
-                f"{file}: vertical, left out: {', '.join(component.component for component in left)}"
+                f"{file}: vertical, left out: "
+                f"{', '.join(component.component for component in left)}"
             )
         records += [
             component for component in components if not any(component is other for other in left)
@@ -237,7 +242,8 @@ def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:
 
 
 def read_pairs(files: Sequence[str], choice: RecordChoice, names: PairNames = USUAL) -> Suite:
-    """Pairs of horizontal components: of one file, or of files that are named alike but for the component.
+    """Pairs of horizontal components: of one file, or of files that are named alike but for the
+    component.
 
     Raises
     ------
@@ -291,7 +297,8 @@ class SuiteMotion:
 
 
 def suite_motions(whole: Sequence[GroundMotion]) -> tuple[SuiteMotion, ...]:
-    """The components of motions, in order; those of the same name in one file are told apart by their full ids."""
+    """The components of motions, in order; those of the same name in one file are told apart by
+    their full ids."""
     motions = [(part, records) for part in whole for records in [components(part)]]
     names = iter(component_names([record for _, records in motions for record in records]))
     return tuple(

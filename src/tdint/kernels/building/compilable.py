@@ -1,18 +1,18 @@
-"""What is compiled: a function with its signature, and which parts of a scene: what it does without is left out."""
+"""What is compiled: a function with its signature, and which parts of a scene: what it does without
+is left out."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
-
-from tdint.data import dataclass
 
 
 @dataclass(frozen=True)
 class Signature:
-    """What a kernel returns and takes. A signature among the arguments stands for a function of that kind."""
+    """What a kernel returns and takes. A signature among the arguments stands for a function of
+    that kind."""
 
     returns: Scalar
     arguments: tuple[Argument, ...]
@@ -20,7 +20,8 @@ class Signature:
 
 @dataclass(frozen=True)
 class Scalar:
-    """A number; called with the types of arguments it is the signature of a function that returns such a number."""
+    """A number; called with the types of arguments it is the signature of a function that returns
+    such a number."""
 
     name: str
 
@@ -41,7 +42,8 @@ F8 = Scalar("float64")
 I8 = Scalar("int64")
 
 WHOLE = os.environ.get("TDINT_KERNELS") == "whole"
-"""Whether one variant serves all scenes: where many different buildings are integrated, less is compiled."""
+"""Whether one variant serves all scenes: where many different buildings are integrated, less is
+compiled."""
 
 
 @dataclass(frozen=True)
@@ -51,8 +53,8 @@ class Variant:
     Attributes
     ----------
     laws : tuple of str
-        Drift laws of the stories by name, in the order of `tdint.kernels.laws.LAWS`; empty for all of ours. One of a
-        plug-in is named with its number, `name@9`.
+        Drift laws of the stories by name, in the order of `tdint.kernels.laws.LAWS`; empty for all
+        of ours. One of a plug-in is named with its number, `name@9`.
     modal : bool
         Modal damping.
     forces : bool

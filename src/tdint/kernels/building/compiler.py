@@ -19,8 +19,8 @@ from numba.extending import intrinsic
 from tdint.kernels.building.compilable import Argument, ArrayOf, Scalar, Signature
 from tdint.kernels.building.target import Target, native
 
-# Without reference counts (the arrays outlive the call; kernels allocate none) a step costs a third: counting is
-# atomic.
+# Without reference counts (the arrays outlive the call; kernels allocate none) a step costs a
+# third: counting is atomic.
 _OPTIONS = {
     "error_model": "numpy",
     "fastmath": {"contract"},
@@ -69,7 +69,8 @@ _MATH = {
 _OF_NUMBAS_MACHINE = re.compile(r"^target (datalayout|triple) = .*\n", re.MULTILINE)
 
 _OF_PYTHON = re.compile(r"^@(_ZN08NumbaEnv|\.const\.pickle).*\n", re.MULTILINE)
-"""Python's objects: pointers that nothing refers to, and exceptions, pickled with the file that raises them."""
+"""Python's objects: pointers that nothing refers to, and exceptions, pickled with the file that
+raises them."""
 
 _EXCEPTION = re.compile(r"@\.const\.picklebuf\.\w+")
 """What is handed to the caller beside the code that tells of an exception."""
@@ -79,7 +80,8 @@ _SYMBOL = re.compile(r'([@$])"?((?<=")[^"]+|[\w.$-]+)"?')
 
 
 def _constant_of_module(context: Any, module: Any, name: str) -> Any:
-    """The type of `module.name`: one of its own for each number, as of one imported by name (`specialized`)."""
+    """The type of `module.name`: one of its own for each number, as of one imported by name
+    (`specialized`)."""
     value = getattr(module.pymod, name)
     return maybe_literal(value) or context.resolve_value_type(value)
 
@@ -104,8 +106,9 @@ _PROBE = "\n".join(
         *("2:", "subq %rax, %rcx", "testq %rcx, (%rcx)", "popq %rax", "popq %rcx", "retq"),
     )
 )
-"""What Windows' compilers call before an array goes onto the stack: each page is touched, in order, for the system adds
-them one by one. `rax` has the size, and no register changes. It is in no library that a process is sure to have."""
+"""What Windows' compilers call before an array goes onto the stack: each page is touched, in order,
+for the system adds them one by one. `rax` has the size, and no register changes. It is in no
+library that a process is sure to have."""
 
 
 def inlined(function: Callable[..., Any]) -> Any:
@@ -114,7 +117,8 @@ def inlined(function: Callable[..., Any]) -> Any:
 
 
 def specialized(function: Callable[..., Any]) -> Any:
-    """`tdint.kernels.compiling.specialized`, compiled: numba takes a constant argument for a type of its own."""
+    """`tdint.kernels.compiling.specialized`, compiled: numba takes a constant argument for a type
+    of its own."""
     return numba.njit(**_OPTIONS)(function)
 
 
@@ -202,7 +206,8 @@ def objects_of(
     Raises
     ------
     ValueError
-        The kernel calls something that is neither in the object nor of the C library: it allocates, or raises.
+        The kernel calls something that is neither in the object nor of the C library: it allocates,
+        or raises.
     """
     if not numba.core.config.OPT:
         raise ValueError(
@@ -225,7 +230,8 @@ def objects_of(
         )
     symbol = compiled.overloads[arguments].fndesc.llvm_func_name
     text = _EXCEPTION.sub("null", _OF_PYTHON.sub("", text))
-    # numba numbers functions in the order in which they are compiled. Here each is named by its place.
+    # numba numbers functions in the order in which they are compiled. Here each is named by its
+    # place.
     names = {
         name: f"{function.__name__}.{place}" for place, name in enumerate(_DEFINED.findall(text))
     }
@@ -238,7 +244,8 @@ def objects_of(
 def _emitted(text: str, target: Target) -> bytes:
     """The object file of a module whose text numba made for this machine.
 
-    Nothing is unwound through a kernel: tables for that would have to lie near the code, which on Windows they do not.
+    Nothing is unwound through a kernel: tables for that would have to lie near the code, which on
+    Windows they do not.
     """
     if target == native():
         codegen = numba.core.registry.cpu_target.target_context.codegen()

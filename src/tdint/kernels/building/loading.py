@@ -58,8 +58,8 @@ def _hash(about: dict[str, Any], code: bytes) -> str:
 class Loaded:
     """A kernel in memory, called with numbers, arrays and other loaded kernels.
 
-    numba's calling convention: where to put the result, where to put an exception (kernels raise none), then the
-    arguments, arrays in parts. Python's lock is released during the call.
+    numba's calling convention: where to put the result, where to put an exception (kernels raise
+    none), then the arguments, arrays in parts. Python's lock is released during the call.
 
     Raises
     ------
@@ -122,8 +122,8 @@ def _table(dimensions: int) -> Callable[[Any, list[Any]], None]:
     def put(array: Any, flat: list[Any]) -> None:
         if array.dtype != number or array.ndim != dimensions or not array.flags.carray:
             raise TypeError(
-                f"a kernel takes an array of {dimensions} dimensions of float64 in C order that can be written; got "
-                f"{array.ndim} of {array.dtype}"
+                f"a kernel takes an array of {dimensions} dimensions of float64 in C order that "
+                f"can be written; got {array.ndim} of {array.dtype}"
             )
         # An array of nothing has no buffer.
         data = ctypes.addressof(ctypes.c_char.from_buffer(array)) if array.size else None

@@ -1,5 +1,5 @@
-"""Kernels when they are needed, from an object file or compiled into one; and compiled ahead: for an image, a cluster,
-other processors, a folder that many read."""
+"""Kernels when they are needed, from an object file or compiled into one; and compiled ahead: for
+an image, a cluster, other processors, a folder that many read."""
 
 from __future__ import annotations
 
@@ -40,7 +40,8 @@ def obtain(
     pairs: Sequence[tuple[Compilable, Variant]],
     progress: Callable[[float], None] = lambda done: None,
 ) -> None:
-    """Load kernels into this process; what no store has is compiled, in processes side by side, and kept.
+    """Load kernels into this process; what no store has is compiled, in processes side by side, and
+    kept.
 
     TDINT_KERNELS=python takes the kernels as they are written, not compiled.
 
@@ -88,7 +89,8 @@ def _obtain(pairs: Sequence[tuple[Compilable, Variant]], progress: Callable[[flo
 
 
 def _serving(variant: Variant) -> tuple[Variant, ...]:
-    """The variants of a kernel that do: one for everything as well, as `tdint compile --all` makes it."""
+    """The variants of a kernel that do: one for everything as well, as `tdint compile --all` makes
+    it."""
     return (variant,) if variant.outside else (variant, EVERYTHING)
 
 
@@ -121,7 +123,8 @@ def _compile(
     if os.environ.get("TDINT_COMPILE") == "never":
         names = ", ".join(dict.fromkeys(map(_shown, absent)))
         raise AnalysisError(
-            f"TDINT_COMPILE=never, and not compiled yet: {names}; `tdint compile MODEL.yaml` does it"
+            f"TDINT_COMPILE=never, and not compiled yet: {names}; `tdint compile MODEL.yaml` does "
+            "it"
         )
     kept = f"kept in {folder}" if folder else "not kept: no folder to write to"
     count = len(absent)
@@ -197,11 +200,12 @@ _COMPILE = "from tdint.kernels.building.obtaining import compile_named; compile_
 def begin_as_written(
     called: Sequence[tuple[Compilable, Variant]], others: Sequence[tuple[Compilable, Variant]]
 ) -> bool:
-    """Take kernels as they are written for a short run where no store has all that its march calls; a process of low
-    priority, which outlives this one, compiles them for the next run.
+    """Take kernels as they are written for a short run where no store has all that its march calls;
+    a process of low priority, which outlives this one, compiles them for the next run.
 
-    Not where TDINT_KERNELS or TDINT_COMPILE=wait say otherwise, in jobs of clusters and of continuous integration,
-    whose results are compared, nor for kernels of plug-ins. TDINT_COMPILE=never starts no process.
+    Not where TDINT_KERNELS or TDINT_COMPILE=wait say otherwise, in jobs of clusters and of
+    continuous integration, whose results are compared, nor for kernels of plug-ins.
+    TDINT_COMPILE=never starts no process.
 
     Parameters
     ----------
@@ -248,15 +252,16 @@ def begin_as_written(
             [(kernel.name, variant.text) for kernel, variant in group] for group in reversed(pairs)
         ]
         with suppress(OSError), (folder / _BESIDE).open("a") as stream:
-            # One at a time: several models one after the other would fill the memory with compilers.
+            # One at a time: several models one after the other would fill the memory with
+            # compilers.
             if lock(stream.fileno()):
                 start_apart([sys.executable, "-P", "-c", _COMPILE, json.dumps(names)], folder)
     return True
 
 
 def compile_named() -> None:
-    """Compile groups of kernels, which JSON in the first argument names, unless another process is at that: the program
-    that `begin_as_written` starts."""
+    """Compile groups of kernels, which JSON in the first argument names, unless another process is
+    at that: the program that `begin_as_written` starts."""
     from tdint.kernels.building import store
 
     folder = store.writable()
@@ -275,9 +280,11 @@ def compile_named() -> None:
 
 
 def as_views(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A kernel as it is written, in two thirds of the time: on views, whose numbers are Python's own.
+    """A kernel as it is written, in two thirds of the time: on views, whose numbers are Python's
+    own.
 
-    What those refuse and arrays do not, to divide by zero, is done again on arrays as they were before.
+    What those refuse and arrays do not, to divide by zero, is done again on arrays as they were
+    before.
     """
     plain = _plain(function)
 
@@ -375,8 +382,8 @@ def _made(
 
 
 def shown(pairs: Iterable[tuple[Compilable, Variant]]) -> list[tuple[str, str, str, str]]:
-    """Each kernel, its variant, the file that is loaded for it, and where that comes from; empty for one to be
-    compiled."""
+    """Each kernel, its variant, the file that is loaded for it, and where that comes from; empty
+    for one to be compiled."""
     from tdint.kernels.building import store
     from tdint.kernels.building.target import runnable
 

@@ -12,12 +12,12 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Lock
 from typing import IO, Any
 
-from tdint.data import dataclass
 from tdint.errors import AnalysisError
 from tdint.kernels.building.compilable import Compilable, Variant
 from tdint.kernels.building.sources import OUTSIDE, closure, size
@@ -45,7 +45,8 @@ class Compilation:
 
     @property
     def settings(self) -> dict[str, str]:
-        """The environment of a process that compiles it, and whatever else has the same settings."""
+        """The environment of a process that compiles it, and whatever else has the same
+        settings."""
         cpu, features = next(iter(self.targets.values())).optimized_for
         return {
             "TDINT_KERNELS_VARIANT": self.variant.text,
@@ -64,7 +65,8 @@ class Compilation:
 
     @property
     def request(self) -> tuple[str, str | None]:
-        """The kernel as a process knows it: its name, and the file of a module that is not the package's.
+        """The kernel as a process knows it: its name, and the file of a module that is not the
+        package's.
 
         Raises
         ------
@@ -81,8 +83,8 @@ class Compilation:
         )
 
     def reason(self, text: list[str]) -> str:
-        """What numba says behind its last "Failed in nopython", and where: the file and the line; else the last line
-        that the process wrote."""
+        """What numba says behind its last "Failed in nopython", and where: the file and the line;
+        else the last line that the process wrote."""
         marks = [i for i, line in enumerate(text) if "Failed in nopython" in line]
         behind = (
             [line.strip() for line in text[marks[-1] + 1 :] if line.strip()] if marks else text[-1:]
@@ -125,7 +127,8 @@ def _line_of(name: str, file: Path) -> int:
 
 
 class _Process:
-    """A process that compiles kernels of the same settings, one after the other: what they share is compiled once."""
+    """A process that compiles kernels of the same settings, one after the other: what they share is
+    compiled once."""
 
     def __init__(self, settings: Mapping[str, str]) -> None:
         """Raises OSError where no process can be started."""
@@ -190,11 +193,13 @@ class _Process:
 
 
 def compilations(missing: Iterable[tuple[Compilable, Variant, str]]) -> list[Compilation]:
-    """What is to be run for kernels and names of targets (`target.named`): those that are optimized alike together."""
+    """What is to be run for kernels and names of targets (`target.named`): those that are optimized
+    alike together."""
     together: dict[Any, dict[str, Target]] = {}
     for kernel, variant, name in missing:
         target = named(name)
-        # Without vectors all processors are one to the optimizer, but for this one, which numba compiles for itself.
+        # Without vectors all processors are one to the optimizer, but for this one, which numba
+        # compiles for itself.
         alike = target.optimized_for if kernel.vectorized or target == native() else None
         together.setdefault((kernel, variant, alike), {})[name] = target
     return [
@@ -203,7 +208,8 @@ def compilations(missing: Iterable[tuple[Compilable, Variant, str]]) -> list[Com
 
 
 def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, list[bytes]]]:
-    """Run as many processes side by side as there are processors; the objects of each kernel as it is done.
+    """Run as many processes side by side as there are processors; the objects of each kernel as it
+    is done.
 
     Raises
     ------
@@ -265,7 +271,8 @@ class _Crew:
             self._end(process)
 
     def _next(self, last: Compilation | None) -> Compilation | None:
-        """The longest one; rather one of the last one's module, or of its settings, and of no module in work."""
+        """The longest one; rather one of the last one's module, or of its settings, and of no
+        module in work."""
         with self._lock:
             if last:
                 self._in_work.remove(last.module)

@@ -1,7 +1,9 @@
-"""The sources that a kernel is compiled from: its module, and what that imports of kernels and methods.
+"""The sources that a kernel is compiled from: its module, and what that imports of kernels and
+methods.
 
-An edit of one method's file leaves the objects of all other kernels as they are. Imports are found by a pattern over
-the text, at any depth of indentation (laws import in their functions): to parse the files takes longer than to start.
+An edit of one method's file leaves the objects of all other kernels as they are. Imports are found
+by a pattern over the text, at any depth of indentation (laws import in their functions): to parse
+the files takes longer than to start.
 """
 
 from __future__ import annotations
@@ -25,8 +27,8 @@ OUTSIDE: dict[str, str] = {}
 """The modules of the laws of plug-ins, by the law's name: told by who makes a law known."""
 
 CODE: dict[str, dict[str, str]] = {}
-"""SHA-256 of the files that a plug-in's law or method was executed from, by the file's name, of each `law NAME` and
-`method NAME`: told by who makes it known."""
+"""SHA-256 of the files that a plug-in's law or method was executed from, by the file's name, of
+each `law NAME` and `method NAME`: told by who makes it known."""
 
 _PUBLIC = "tdint.plugin"
 """What plug-ins import: names of other modules."""
@@ -46,7 +48,8 @@ def digest(kernel: str, laws: tuple[str, ...] = ()) -> str:
     Parameters
     ----------
     laws : tuple of str
-        The drift laws that the kernel is compiled for, by name; those left out do not count. Empty for all.
+        The drift laws that the kernel is compiled for, by name; those left out do not count. Empty
+        for all.
     """
     whole = hashlib.sha256()
     for name, file in sorted(closure(kernel.partition(":")[0], laws).items()):
@@ -72,10 +75,11 @@ def digest_of_all() -> str:
 
 
 def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
-    """The modules that a kernel's module is compiled with, by name, itself among them; `laws` as in `digest`.
+    """The modules that a kernel's module is compiled with, by name, itself among them; `laws` as in
+    `digest`.
 
-    A module that is not the package's counts by the file it was loaded from, and so does what it imports.
-    A law's module has the law's name.
+    A module that is not the package's counts by the file it was loaded from, and so does what it
+    imports. A law's module has the law's name.
     """
     law_modules = {"law", *(name.replace("-", "_") for name in laws)}
     files: dict[str, Path] = {}
@@ -96,7 +100,8 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
 
 
 def files_of(modules: Iterable[str], package: str = "") -> dict[str, str]:
-    """SHA-256 of the files of modules from outside and of what they import, by their names; `package` stands before."""
+    """SHA-256 of the files of modules from outside and of what they import, by their names;
+    `package` stands before."""
     digests: dict[str, str] = {}
     seen, new = set[str](), list(modules)
     while new:
@@ -114,14 +119,15 @@ def files_of(modules: Iterable[str], package: str = "") -> dict[str, str]:
 
 
 def code_of(named: Iterable[str]) -> dict[str, str]:
-    """SHA-256 of the files that these laws and methods were executed from, `law NAME` and `method NAME`; ours have
-    none."""
+    """SHA-256 of the files that these laws and methods were executed from, `law NAME` and `method
+    NAME`; ours have none."""
     return dict(sorted(item for name in set(named) for item in CODE.get(name, {}).items()))
 
 
 @cache
 def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
-    """Hash of a file, and what it imports of kernels and methods; each may be a module, or a name in one."""
+    """Hash of a file, and what it imports of kernels and methods; each may be a module, or a name
+    in one."""
     text = file.read_bytes().replace(b"\r\n", b"\n")  # as a checkout on Windows may have it
     names: list[str] = []
     for package, words in _IMPORT.findall(text):
@@ -136,7 +142,8 @@ def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
 
 @cache
 def _imported(file: Path, module: str) -> tuple[str, ...]:
-    """What a module from outside imports of anything but the standard library and the compiler, at any depth."""
+    """What a module from outside imports of anything but the standard library and the compiler, at
+    any depth."""
     if file.suffix != ".py":  # compiled: it counts as it is
         return ()
     package = getattr(sys.modules.get(module), "__package__", None) or ""
@@ -148,7 +155,8 @@ def _imported(file: Path, module: str) -> tuple[str, ...]:
             above = package.rsplit(".", node.level - 1)[0] if node.level else ""
             base = ".".join(filter(None, (above, node.module)))
             names += [base] * (base != _PUBLIC) + [f"{base}.{alias.name}" for alias in node.names]
-    # A public name counts by the module in which it stands, all of them where the whole of them is imported.
+    # A public name counts by the module in which it stands, all of them where the whole of them is
+    # imported.
     homes, found = getattr(sys.modules.get(_PUBLIC), "HOMES", {}), list[str]()
     for name in names:
         base, _, alias = name.rpartition(".")

@@ -1,11 +1,13 @@
 """Where compiled kernels are kept.
 
-Objects lie in a folder that is named by a hash of the compiler's and Python's versions; in it, each is named by kernel,
-variant, processor and a hash of the sources that it is compiled from (`sources`), so a stale one cannot be found. The
-same stands inside and is hashed with the code. Folders are looked through in this order:
+Objects lie in a folder that is named by a hash of the compiler's and Python's versions; in it, each
+is named by kernel, variant, processor and a hash of the sources that it is compiled from
+(`sources`), so a stale one cannot be found. The same stands inside and is hashed with the code.
+Folders are looked through in this order:
 
 1. TDINT_KERNELS_DIR, which is never written: a shared one, made by `tdint compile -o`;
-2. TDINT_CACHE_DIR if that is set, else the user's cache, which takes new objects; what is not loaded for a month is
+2. TDINT_CACHE_DIR if that is set, else the user's cache, which takes new objects; what is not
+  loaded for a month is
    removed from it;
 3. those that came with the package, for any version of Python and the compiler.
 """
@@ -38,7 +40,8 @@ _CONVENTION = "numba 1"
 
 
 def identity(name: str, variant: str, target: Target) -> dict[str, str]:
-    """What an object is: of which kernel, variant and processor, from which sources, and how it is called."""
+    """What an object is: of which kernel, variant and processor, from which sources, and how it is
+    called."""
     return {
         "kernel": name,
         "variant": variant,
@@ -50,7 +53,8 @@ def identity(name: str, variant: str, target: Target) -> dict[str, str]:
 
 
 def look_up(name: str, variant: str, targets: tuple[Target, ...]) -> tuple[Path, bytes, str] | None:
-    """File, object and symbol of a kernel for the first of the targets, all of one platform, that has one; or None.
+    """File, object and symbol of a kernel for the first of the targets, all of one platform, that
+    has one; or None.
 
     What is damaged, or belongs to someone else who is not the package's owner, does not count.
     """
@@ -61,7 +65,8 @@ def look_up(name: str, variant: str, targets: tuple[Target, ...]) -> tuple[Path,
 
 
 def origin(file: Path) -> str:
-    """Where an object that was found comes from: `wheel` (it came with the package), `TDINT_KERNELS_DIR` or `cache`."""
+    """Where an object that was found comes from: `wheel` (it came with the package),
+    `TDINT_KERNELS_DIR` or `cache`."""
     if file.is_relative_to(_PREBUILT):
         return "wheel"
     shared = os.environ.get("TDINT_KERNELS_DIR")
@@ -69,8 +74,8 @@ def origin(file: Path) -> str:
 
 
 def has(name: str, variant: str, target: Target, folder: Path | None = None) -> bool:
-    """Whether a folder (as TDINT_KERNELS_DIR names it), by default this user's store, has a kernel, whatever else could
-    serve."""
+    """Whether a folder (as TDINT_KERNELS_DIR names it), by default this user's store, has a kernel,
+    whatever else could serve."""
     home = folder or cache_home()
     if home is None:
         return False
@@ -120,7 +125,8 @@ def keep(
 ) -> Path | None:
     """Write a packed object, whole or not at all; where it is, None if nowhere can be written.
 
-    Goes into `folder` (as TDINT_KERNELS_DIR will name it) if one is given, and an OSError is raised then.
+    Goes into `folder` (as TDINT_KERNELS_DIR will name it) if one is given, and an OSError is raised
+    then.
     """
     if folder is not None:
         place = folder / folder_name(target.platform)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 import sys
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import llvmlite.binding as llvm
 
-from tdint.data import dataclass
 from tdint.errors import UsageError
 
 _V2 = frozenset({"cx16", "sahf", "popcnt", "sse3", "sse4.1", "sse4.2", "ssse3"})
@@ -53,7 +53,8 @@ class Target:
 
     @property
     def optimized_for(self) -> tuple[str, str]:
-        """Processor and features that numba, which knows those of this machine only, optimizes for."""
+        """Processor and features that numba, which knows those of this machine only, optimizes
+        for."""
         if self == native():
             return self.cpu, self.features
         if _family() != "x86_64":
@@ -82,7 +83,8 @@ class Target:
 
 
 def _family() -> str:
-    """What processors this process runs on: `x86_64`, `aarch64`, or whatever else LLVM calls them."""
+    """What processors this process runs on: `x86_64`, `aarch64`, or whatever else LLVM calls
+    them."""
     family = str(llvm.get_process_triple().partition("-")[0])
     return {"amd64": "x86_64", "arm64": AARCH64}.get(family, family)
 
@@ -107,7 +109,8 @@ def machine() -> Any:
 
 
 def named(name: str) -> Target:
-    """The target called `name`: `native`, one of LEVELS or AARCH64; of another platform behind its name (`macos-`).
+    """The target called `name`: `native`, one of LEVELS or AARCH64; of another platform behind its
+    name (`macos-`).
 
     Raises
     ------
@@ -125,7 +128,8 @@ def named(name: str) -> Target:
 
 @cache
 def runnable() -> tuple[Target, ...]:
-    """The targets whose objects this machine runs, the most fitting first: of a family that has no other, its own."""
+    """The targets whose objects this machine runs, the most fitting first: of a family that has no
+    other, its own."""
     if _family() == AARCH64:
         return native(), Target(AARCH64, "")
     if _family() != "x86_64":

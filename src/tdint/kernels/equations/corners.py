@@ -1,7 +1,8 @@
 """Peaks that a step of moment4 has where stories change their branches or turn.
 
-There forces have corners, and so have accelerations: a quintic through the ends of the step does not know of them. The
-paths of the stories tell when (`tdint.kernels.stories.path`), their forces there, and equilibrium the accelerations.
+There forces have corners, and so have accelerations: a quintic through the ends of the step does
+not know of them. The paths of the stories tell when (`tdint.kernels.stories.path`), their forces
+there, and equilibrium the accelerations.
 """
 
 from __future__ import annotations
@@ -13,12 +14,13 @@ from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.moment4 import MOST_CORNERS, ROW
 from tdint.kernels.laws.choosing import CURVES
 from tdint.kernels.linear_terms import FORCES, add_modal_force, force_value, power_damper
-from tdint.kernels.peaks_between_steps import raise_at_nodes, raise_peak
+from tdint.kernels.peaks_between_steps import raise_peak, raise_peak_at_nodes
 from tdint.kernels.stepping import Integrals, Stretch
 from tdint.kernels.stories import path
 
-# Of a story's stiffness times the way of its drift: what its force goes beyond the straight line that is closest to it
-# in the step (least squares, as the acceleration A0 + A1 s) where it bends by all of the stiffness at mid-step.
+# Of a story's stiffness times the way of its drift: what its force goes beyond the straight line
+# that is closest to it in the step (least squares, as the acceleration A0 + A1 s) where it bends by
+# all of the stiffness at mid-step.
 _CORNER = 0.125
 _PASSES = 2  # the second one leaves less than the step errs by
 _APART = 1e-6  # of the step: corners that are no farther from each other, or from its ends, are one
@@ -55,7 +57,8 @@ def _ignore(results, i, t, force):
 
 @inlined
 def _note(results, i, t, force):
-    """Keep the time of a corner in column 0, behind the number of them; its force may be the story's largest."""
+    """Keep the time of a corner in column 0, behind the number of them; its force may be the
+    story's largest."""
     work, first = results
     raise_peak(work, ROW.PEAKS + at.PEAK_SHEAR, i, force)
     count = int(work[first, 0])
@@ -74,7 +77,8 @@ _go = path.along_branches(_pass_on, _ignore)
 
 @inlined
 def _sense(stretch, steady):
-    """The direction in which a story goes along a stretch; of one that does not turn in the step that of its way."""
+    """The direction in which a story goes along a stretch; of one that does not turn in the step
+    that of its way."""
     way = (
         stretch.rise
         if steady
@@ -102,8 +106,8 @@ def _find_corners(law_parameters, springs, i, whole, steady, corners):
 
 @called
 def _place(work, n):
-    """Times of the nodes into column n of the rows of forces: both ends of the step, the corners, and the middles
-    between these. Returns how many there are."""
+    """Times of the nodes into column n of the rows of forces: both ends of the step, the corners,
+    and the middles between these. Returns how many there are."""
     work[ROW.FORCES, n] = 0.0
     count = 1
     corners = int(work[ROW.CORNERS, 0])
@@ -172,7 +176,8 @@ def _force(scene, h, memory, i, count):
 
 @called
 def _accelerate(scene, h, load, work, k):
-    """Absolute accelerations of the floors at node `k` from equilibrium; total shears in place of forces."""
+    """Absolute accelerations of the floors at node `k` from equilibrium; total shears in place of
+    forces."""
     linear_terms, modal, _, forces, _ = scene
     n = linear_terms.shape[1] - 1
     t = work[ROW.FORCES + k, n]
@@ -204,8 +209,8 @@ def _accelerate(scene, h, load, work, k):
 
 @called
 def _move(h, load, memory, i, count):
-    """Ways and rates of floor `i` at the nodes from its accelerations there: parabolas over each two parts, and a line
-    that brings the floor to where the step does."""
+    """Ways and rates of floor `i` at the nodes from its accelerations there: parabolas over each
+    two parts, and a line that brings the floor to where the step does."""
     state, _, work, _ = memory
     n = state.shape[1] - 1
     v = h * state[at.VELOCITY, i]
@@ -247,7 +252,8 @@ def _relative(h, load, work, k, i, n):
 
 @inlined
 def _may_pass_shear(springs, work, i, rise, bend):
-    """Whether the force of a story that left a linear branch may pass its peak where it turns or the branch ends."""
+    """Whether the force of a story that left a linear branch may pass its peak where it turns or
+    the branch ends."""
     way = abs(rise) + 0.5 * abs(bend)
     most = abs(springs[at.FORCE, i]) + abs(springs[at.SLOPE, i]) * way
     peak = work[ROW.PEAKS + at.PEAK_SHEAR, i]
@@ -262,8 +268,8 @@ def _may_pass_shear(springs, work, i, rise, bend):
 
 @inlined
 def _comes_near(scene, h, load, memory):
-    """Whether the force of a story that has left a linear branch, an acceleration or a total shear may pass its peak;
-    with forces on floors the last is not asked."""
+    """Whether the force of a story that has left a linear branch, an acceleration or a total shear
+    may pass its peak; with forces on floors the last is not asked."""
     linear_terms, _, law_parameters, forces, _ = scene
     _, springs, work, _ = memory
     n = linear_terms.shape[1] - 1
@@ -295,16 +301,16 @@ def _comes_near(scene, h, load, memory):
 
 @inlined
 def look_at_corners(scene, h, load, memory):
-    """Raise the peaks that the step has at corners and between them, before its end is committed. In most steps no
-    story leaves its branch."""
+    """Raise the peaks that the step has at corners and between them, before its end is committed.
+    In most steps no story leaves its branch."""
     if memory.work[ROW.LEFT, scene.linear_terms.shape[1] - 1] != 0.0:
         _look(scene, h, load, memory)
 
 
 @called
 def _look(scene, h, load, memory):
-    """The forces of stories at their corners, accelerations and total shears there and between: who looks behind this
-    (`march.observing`) takes all of them for looked at."""
+    """The forces of stories at their corners, accelerations and total shears there and between: who
+    looks behind this (`march.observing`) takes all of them for looked at."""
     _, springs, work, report = memory
     n = scene.linear_terms.shape[1] - 1
     if not _comes_near(scene, h, load, memory):
@@ -348,5 +354,5 @@ def _look_between(scene, h, load, memory):
         for k in range(count):
             _accelerate(scene, h, load, work, k)
     for i in range(n):
-        raise_at_nodes(work, ROW.MOTION, i, count, ROW.PEAKS + at.PEAK_ACCELERATION, i)
-        raise_at_nodes(work, ROW.FORCES, i, count, ROW.PEAKS + at.PEAK_TOTAL_SHEAR, i)
+        raise_peak_at_nodes(work, ROW.MOTION, i, count, ROW.PEAKS + at.PEAK_ACCELERATION, i)
+        raise_peak_at_nodes(work, ROW.FORCES, i, count, ROW.PEAKS + at.PEAK_TOTAL_SHEAR, i)

@@ -1,7 +1,9 @@
-"""Motion of all floors over a step of impulse4: the impulse-momentum step with the restoring force integrated.
+"""Motion of all floors over a step of impulse4: the impulse-momentum step with the restoring force
+integrated.
 
-Unknowns are u1 - u0 and v1 - v0 per floor, with a1 eliminated by equilibrium. The restoring force is integrated over
-the step by a quadrature with one point inside it; `tdint.methods.impulse4` gives the formulas and the coefficients.
+Unknowns are u1 - u0 and v1 - v0 per floor, with a1 eliminated by equilibrium. The restoring force
+is integrated over the step by a quadrature with one point inside it; `tdint.methods.impulse4` gives
+the formulas and the coefficients.
 """
 
 from __future__ import annotations
@@ -14,15 +16,15 @@ from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse_momentum import correct, guess, in_balance, residuals
 from tdint.kernels.equations.iteration import (
-    CLOSE,
-    ITERATIONS,
-    PATIENCE,
-    SAME_TANGENT,
-    SMALL,
+    MAX_ITERATIONS,
+    RESIDUAL_TOLERANCE,
+    ROUNDING,
+    TANGENT_TOLERANCE,
+    UNDAMPED_ITERATIONS,
     add_rows,
     copy_rows,
-    squares,
-    too_far,
+    must_halve,
+    squared_norm,
 )
 from tdint.kernels.equations.tridiagonal import (
     COUPLING_ROWS,
@@ -87,7 +89,8 @@ class _Rows(NamedTuple):
 
 
 class _Block(NamedTuple):
-    """Rows of a block of factors: of the complex matrix for straight branches, and of Newton's iteration."""
+    """Rows of a block of factors: of the complex matrix for straight branches, and of Newton's
+    iteration."""
 
     STRAIGHT: int = 1  # the slopes of the complex one; the step stands in the last column
     PIVOT: int = 2
@@ -101,12 +104,16 @@ class _Block(NamedTuple):
     COUPLING: int = COUPLING_ROWS
 
 
-# Turns that a step goes over, measured on the problems with Bouc-Wen stories and power-law dashpots of `tdint chart`
-_WEAK = 15.0  # a kink over the square of what the step misses: with 5 to 50 errors and costs hardly change
+# Turns that a step goes over, measured on the problems with Bouc-Wen stories and power-law dashpots
+# of `tdint chart`
+# a kink over the square of what the step misses: with 5 to 50 errors and costs hardly change
+_WEAK = 15.0
 _BY_DASHPOT = (
     0.003  # part of a dashpot's force that counts as a kink: without it small steps err tenfold
 )
-_FAR = 0.8  # over the peak drift so far: where a dashpot's force jumps, steps tell less well how far the story went
+# over the peak drift so far: where a dashpot's force jumps, steps tell less well how far the story
+# went
+_FAR = 0.8
 
 ROW, FACTORS = at.chained(_Rows, momentum.MOMENTUM_ROWS)
 _BLOCK, _STORE = at.chained(_Block)
@@ -114,8 +121,8 @@ _BLOCK, _STORE = at.chained(_Block)
 
 @inlined
 def factor_rows(modes):
-    """Rows of a block of factors for a building with `modes` modally damped modes: behind those of `_Block` come what
-    each of both matrices keeps of the modes."""
+    """Rows of a block of factors for a building with `modes` modally damped modes: behind those of
+    `_Block` come what each of both matrices keeps of the modes."""
     return _STORE + 2 * (6 * modes + 1)
 
 
@@ -128,13 +135,15 @@ def loads(linear_terms, forces, t, h, ground_0, ground_1, work):
 
 @inlined
 def solve_linear(coefficients, scene, h, memory, factors):
-    """Motion over a step in which no story leaves its branch: linear, so one solve, from no motion at all.
+    """Motion over a step in which no story leaves its branch: linear, so one solve, from no motion
+    at all.
 
     Kinematics (times M) and momentum are then
 
         (M - be h^2 K) du - (th h M + be h^2 C) dv = r1,   (C + th h K) du + (M - be h^2 K) dv = r2
 
-    With l^2 - th h l + be h^2 = 0 the first one plus l times the second one is a single complex equation,
+    With l^2 - th h l + be h^2 = 0 the first one plus l times the second one is a single complex
+    equation,
 
         (M + l C + l^2 K) w = r1 + l r2,   w = du - conj(l) dv
 
@@ -164,8 +173,9 @@ def solve_linear(coefficients, scene, h, memory, factors):
 
 @inlined
 def _right_side(coefficients, scene, h, memory, straight):
-    """What is out of balance without any motion, r1 + l r2, into the rows PAIR. True if the slopes in row `straight` of
-    work, for which the matrix was factored, are not those of the present branches, or the step is another one."""
+    """What is out of balance without any motion, r1 + l r2, into the rows PAIR. True if the slopes
+    in row `straight` of work, for which the matrix was factored, are not those of the present
+    branches, or the step is another one."""
     linear_terms, modal, _, _, _ = scene
     state, springs, work, _ = memory
     n = linear_terms.shape[1] - 1
@@ -205,7 +215,8 @@ def _right_side(coefficients, scene, h, memory, straight):
 
 @inlined
 def _motion(linear_terms, modal, root, state, springs, work):
-    """Motion at the end of the step from w in the rows PAIR: dv = im(w) / im(l), du = re(w) + re(l) dv."""
+    """Motion at the end of the step from w in the rows PAIR: dv = im(w) / im(l), du = re(w) + re(l)
+    dv."""
     n = linear_terms.shape[1] - 1
     re, im = root
     by_im = 1.0 / im
@@ -248,11 +259,11 @@ def _add_modal_acceleration(linear_terms, modal, work, n):
 
 @called
 def newton(frozen, coefficients, scene, h, memory, factors):
-    """Motion over a step by Newton on all stories at once, unknowns (u1 - u0, v1 - v0) per floor, a1 eliminated by
-    equilibrium.
+    """Motion over a step by Newton on all stories at once, unknowns (u1 - u0, v1 - v0) per floor,
+    a1 eliminated by equilibrium.
 
-    With `frozen`, stories that are linear on their branches stay on them. Where it goes round in a cycle, corrections
-    are halved until they bring the equations closer to balance.
+    With `frozen`, stories that are linear on their branches stay on them. Where it goes round in a
+    cycle, corrections are halved until they bring the equations closer to balance.
     """
     linear_terms, modal, _, _, _ = scene
     state, _, work, report = memory
@@ -276,28 +287,34 @@ def newton(frozen, coefficients, scene, h, memory, factors):
         )
         if (
             in_balance(
-                iterations == ITERATIONS, coefficients[BETA], linear_terms, h, state, work, report
+                iterations == MAX_ITERATIONS,
+                coefficients[BETA],
+                linear_terms,
+                h,
+                state,
+                work,
+                report,
             )
             or last
         ):
             break
-        if iterations >= PATIENCE:
-            size = squares(linear_terms, work, momentum.R1, n) / (h * h) + squares(
+        if iterations >= UNDAMPED_ITERATIONS:
+            size = squared_norm(linear_terms, work, momentum.R1, n) / (h * h) + squared_norm(
                 linear_terms, work, momentum.R2, n
             )
-            if too_far(size, before, part):
+            if must_halve(size, before, part):
                 part *= 0.5
                 add_rows(-part, work, ROW.LAST_CORRECTION, momentum.DU, 2, n)
                 continue
             before = size
             part = 1.0
-        if iterations == ITERATIONS:
+        if iterations == MAX_ITERATIONS:
             return at.NOT_CONVERGED
         if stale:
             _factor(coefficients, linear_terms, modal, h, work, factors)
         last = correct(coefficients[BETA], modal, h, _kept(work, factors), n)
         iterations += 1
-        if iterations > PATIENCE:
+        if iterations > UNDAMPED_ITERATIONS:
             copy_rows(work, momentum.R1, ROW.LAST_CORRECTION, 2, n)
     return max(iterations, 1)
 
@@ -306,8 +323,8 @@ def newton(frozen, coefficients, scene, h, memory, factors):
 def _path(frozen, coefficients, scene, h, memory, factors):
     """Drift laws along the step: at the inner point and from there to the end.
 
-    With `frozen`, stories that are linear on their branches stay on them. Leaves the story forces at the end and the
-    story impulses. True if the factorization does not fit the tangents.
+    With `frozen`, stories that are linear on their branches stay on them. Leaves the story forces
+    at the end and the story impulses. True if the factorization does not fit the tangents.
     """
     linear_terms, _, law_parameters, _, _ = scene
     state, springs, work, _ = memory
@@ -353,13 +370,12 @@ def _path(frozen, coefficients, scene, h, memory, factors):
                 tangent = reach(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL, drift)
             force_c = springs[at.FIRST_TRIAL + at.FORCE, i]
             force = springs[at.SECOND_TRIAL + at.FORCE, i]
-        same = SAME_TANGENT * law_parameters[at.STIFFNESS, i]
+        same = TANGENT_TOLERANCE * law_parameters[at.STIFFNESS, i]
         stale = stale or abs(tangent_c - work[factors + _BLOCK.FACTORED_C, i]) > same
         stale = stale or abs(tangent - work[factors + _BLOCK.FACTORED_1, i]) > same
         # A drift is a difference: what the displacements round is not out of balance.
-        work[momentum.SIZE, i] = (
-            SMALL / CLOSE * law_parameters[at.STIFFNESS, i] * (abs(u) + abs(link * u_below))
-        )
+        rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[at.STIFFNESS, i]
+        work[momentum.SIZE, i] = rounding * (abs(u) + abs(link * u_below))
         work[ROW.TANGENT_C, i] = tangent_c
         work[ROW.TANGENT_1, i] = tangent
         geometric = linear_terms[at.GEOMETRIC, i]
@@ -384,10 +400,12 @@ def _path(frozen, coefficients, scene, h, memory, factors):
 
 @called
 def _over_turn(coefficients, scene, h, i, drifts, memory):
-    """Go with story `i`, whose law is curved, over the drift at which it turns: to the inner point and to the end.
+    """Go with story `i`, whose law is curved, over the drift at which it turns: to the inner point
+    and to the end.
 
-    Between the ends of the step the drift is a cubic. Returns the tangents of the forces at both points, the way of the
-    turn with them included, and whether there is a turn; else nothing is done.
+    Between the ends of the step the drift is a cubic. Returns the tangents of the forces at both
+    points, the way of the turn with them included, and whether there is a turn; else nothing is
+    done.
     """
     linear_terms, _, law_parameters, _, _ = scene
     state, springs, work, _ = memory
@@ -430,13 +448,13 @@ def _over_turn(coefficients, scene, h, i, drifts, memory):
 
 @called
 def join(scene, h, memory):
-    """Keep in the row KINK the stories that go over their turn within the motion that has been found; of the others
-    the turn is to be located.
+    """Keep in the row KINK the stories that go over their turn within the motion that has been
+    found; of the others the turn is to be located.
 
-    A kink may be no stronger than what the worst step of the run so far errs by anyhow. With one frequency omega a
-    step's accelerations miss the mean by (omega h)^2 / 12 of them, and its mean force errs by about the square of that,
-    of order 4. What a kink bends is of order 2, so that small steps locate all of them. Dashpots are left out: their
-    forces jump where a story turns.
+    A kink may be no stronger than what the worst step of the run so far errs by anyhow. With one
+    frequency omega a step's accelerations miss the mean by (omega h)^2 / 12 of them, and its mean
+    force errs by about the square of that, of order 4. What a kink bends is of order 2, so that
+    small steps locate all of them. Dashpots are left out: their forces jump where a story turns.
     """
     linear_terms = scene.linear_terms
     state, springs, work, _ = memory
@@ -463,8 +481,8 @@ def join(scene, h, memory):
 
 @called
 def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
-    """Add the power-law dashpot of story `i` to its force and impulse. True if the factorization does not fit its
-    slope."""
+    """Add the power-law dashpot of story `i` to its force and impulse. True if the factorization
+    does not fit its slope."""
     state, _, work, _ = memory
     link = linear_terms[at.LINK, i]
     rate_0 = state[at.VELOCITY, i] - link * state[at.VELOCITY, i - 1]
@@ -489,7 +507,7 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     work[ROW.SLOPE_1, i] = slope_1
     return (
         h * abs(slope_1 - work[factors + _BLOCK.FACTORED_SLOPE, i])
-        > SAME_TANGENT * linear_terms[at.MASS, i]
+        > TANGENT_TOLERANCE * linear_terms[at.MASS, i]
     )
 
 

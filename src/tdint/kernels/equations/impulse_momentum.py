@@ -1,18 +1,19 @@
-"""What the two impulse-momentum families have in common: kinematics, momentum and equilibrium over a step.
+"""What the two impulse-momentum families have in common: kinematics, momentum and equilibrium over
+a step.
 
     kinematics  u1 - u0 = h ((1 - th) v0 + th v1) + h^2 (al a0 - be a1)
     momentum    M (v1 - v0) + C (u1 - u0) + S = I
     equilibrium M a1 + C v1 + f(u1) = p1
 
-Unknowns are u1 - u0 and v1 - v0 of each floor; a1 follows from equilibrium. A family brings the story forces at the end
-of the step, the story impulses S and the matrix of Newton's iteration.
+Unknowns are u1 - u0 and v1 - v0 of each floor; a1 follows from equilibrium. A family brings the
+story forces at the end of the step, the story impulses S and the matrix of Newton's iteration.
 """
 
 from __future__ import annotations
 
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import inlined
-from tdint.kernels.equations.iteration import CLOSE, SMALL, balanced
+from tdint.kernels.equations.iteration import RESIDUAL_TOLERANCE, ROUNDING, is_balanced
 from tdint.kernels.equations.tridiagonal import ModalBlocks, solve_blocks_damped
 from tdint.kernels.linear_terms import add_modal_force
 
@@ -36,7 +37,8 @@ MOMENTUM_ROWS = 12
 def guess(factor, h, state, work, n):
     """Constant acceleration as the first guess with factor 1; no increment with 0.
 
-    In a linear building any guess will do, and no increment is the one that rounds least where omega h is large.
+    In a linear building any guess will do, and no increment is the one that rounds least where
+    omega h is large.
     """
     for i in range(n):
         a = factor * state[at.ACCELERATION, i]
@@ -46,7 +48,8 @@ def guess(factor, h, state, work, n):
 
 @inlined
 def residuals(theta, alpha, beta, linear_terms, modal, h, state, work):
-    """Minus the residuals of kinematics (times M) and momentum into their rows, and the acceleration at the end."""
+    """Minus the residuals of kinematics (times M) and momentum into their rows, and the
+    acceleration at the end."""
     n = linear_terms.shape[1] - 1
     for i in range(n):
         link = linear_terms[at.LINK, i + 1]
@@ -70,7 +73,8 @@ def residuals(theta, alpha, beta, linear_terms, modal, h, state, work):
 
 @inlined
 def in_balance(last, beta, linear_terms, h, state, work, report):
-    """Whether the rows of `residuals` are small beside their terms. At the last of them the worst is noted."""
+    """Whether the rows of `residuals` are small beside their terms. At the last of them the worst
+    is noted."""
     n = linear_terms.shape[1] - 1
     by_a = beta * h * h
     report[at.RESIDUAL] = 0.0
@@ -81,21 +85,24 @@ def in_balance(last, beta, linear_terms, h, state, work, report):
         rounding = work[SIZE, i] + link * work[SIZE, i + 1]
         scale = abs(work[DU, i]) + h * (abs(state[at.VELOCITY, i]) + abs(work[V1, i]))
         scale += h * h * abs(state[at.ACCELERATION, i]) + by_a * abs(work[A1, i])
-        small &= balanced(last, CLOSE, report, i, work[R1, i], mass * scale + by_a * rounding)
+        small &= is_balanced(
+            last, RESIDUAL_TOLERANCE, report, i, work[R1, i], mass * scale + by_a * rounding
+        )
         scale = abs(work[IMPULSE, i]) + abs(mass * work[DV, i]) + h * rounding
         scale += abs(work[FORCE_S, i]) + link * abs(work[FORCE_S, i + 1])
-        small &= balanced(last, CLOSE, report, i, work[R2, i], scale)
+        small &= is_balanced(last, RESIDUAL_TOLERANCE, report, i, work[R2, i], scale)
     return small
 
 
 @inlined
 def correct(beta, modal, h, factors, n):
-    """Solve for the corrections with the factors in work and add them. True if they are rounding."""
+    """Solve for the corrections with the factors in work and add them. True if they are
+    rounding."""
     work = factors.table
     solve_blocks_damped(factors, ModalBlocks(modal, 0.0, -beta * h * h, 1.0, 0.0), R1, R2, n)
     small = True
     for i in range(n):
         work[DU, i] += work[R1, i]
         work[DV, i] += work[R2, i]
-        small = small and abs(work[R1, i]) <= SMALL * abs(work[U1, i])
+        small = small and abs(work[R1, i]) <= ROUNDING * abs(work[U1, i])
     return small

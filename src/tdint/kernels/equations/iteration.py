@@ -1,9 +1,15 @@
-"""Newton's iteration, the same for all implicit steps: what ends it, and corrections that are halved until they bring
-the equations closer to balance.
+"""Convergence tests and line search of Newton's method, shared by the implicit methods.
 
-Kinks of the drift laws can make the iteration go round in a cycle at large steps. So after the first
-`PATIENCE` of them each one must diminish what is out of balance; one that does not is halved, down to `LEAST` of it.
-moment4 asks that of all.
+The equations of a step are solved by Newton's method with factorizations that are reused. A kink of
+a hysteretic law can make the iteration cycle without convergence if the time step is large.
+Therefore, after UNDAMPED_ITERATIONS full corrections, a correction must reduce the squared norm S
+of the residual r, weighted with the inverse masses. With a fraction q of the correction applied,
+
+    S = sum_i r_i^2 / m_i,     S(q) <= (1 - _REQUIRED_DECREASE q) S(0)
+
+The fraction q starts at 1 and is halved until the condition is satisfied. If q is at most
+MIN_STEP_FRACTION, the correction is accepted even if the condition is not satisfied. The method
+moment4 applies the condition to every correction and has a separate norm and residual tolerance.
 """
 
 from __future__ import annotations
@@ -11,23 +17,55 @@ from __future__ import annotations
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
 
-ITERATIONS = (
-    30  # of Newton before a step counts as not converged; a correction that is halved counts as one
-)
-PATIENCE = 6  # corrections after which one that does not bring the step closer to balance is halved: kinks make cycles
-LEAST = 1e-3  # part of a correction that is tried
-CLOSE = 1e-11  # out of balance over the sum of the sizes of the terms
-SMALL = 1e-14  # correction over the displacement: rounding
-NOTHING = 1e-250  # N; far ahead of a wave forces are so small that their products underflow
-SAME_TANGENT = (
-    1e-3  # a tangent that changed by less, over the initial one, is kept in the factorization
-)
-_LESS = 1e-4  # of what is out of balance, by which a whole correction is to diminish it
+# Corrections of a step before it counts as not converged. Halving a correction is not counted.
+MAX_ITERATIONS = 30
+
+# Corrections that are applied fully, without a line search and without computing the norm.
+UNDAMPED_ITERATIONS = 6
+
+# Dimensionless. A correction is not halved again once its fraction is at most this value; the
+# smallest fraction that is tried is therefore 2^-10.
+MIN_STEP_FRACTION = 1e-3
+
+# Dimensionless. Maximum residual relative to the sum of the absolute values of its terms.
+RESIDUAL_TOLERANCE = 1e-11
+
+# Dimensionless. Maximum correction relative to the unknown (usually a displacement) that is
+# regarded as rounding error.
+ROUNDING = 1e-14
+
+# Unit of the residual. Absolute tolerance, added to the relative one. Ahead of a wave front the
+# forces are so small that their products underflow, and a relative tolerance cannot be satisfied.
+RESIDUAL_FLOOR = 1e-250
+
+# Dimensionless. Change of a tangent relative to the initial stiffness (for dashpots: of h times the
+# damping coefficient relative to the mass) that still permits the existing factorization.
+TANGENT_TOLERANCE = 1e-3
+
+# Dimensionless. Relative decrease of the squared norm that is required of a full correction.
+_REQUIRED_DECREASE = 1e-4
 
 
 @called
-def squares(linear_terms, work, row, n):
-    """Sum of the squares of a row of residuals over the masses."""
+def squared_norm(linear_terms, work, row, n):
+    """Return the sum of the squared residuals of `n` floors, divided by the floor masses.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building; row INVERSE_MASS is used, 1/kg.
+    work : ndarray
+        Work array.
+    row : int
+        Row of the residuals in `work`.
+    n : int
+        Number of floors.
+
+    Returns
+    -------
+    float
+        Squared norm in the squared unit of the residuals per kg: N^2/kg for forces.
+    """
     total = 0.0
     for i in range(n):
         total += linear_terms[at.INVERSE_MASS, i] * work[row, i] * work[row, i]
@@ -35,33 +73,89 @@ def squares(linear_terms, work, row, n):
 
 
 @inlined
-def too_far(size, before, part):
-    """Whether so large a part of a correction is to be halved: the sum of squares was `before` and is now `size`."""
-    return size > before * (1.0 - _LESS * part) and part > LEAST
+def must_halve(norm, previous_norm, fraction):
+    """Return True if the line search must halve the applied fraction of a correction.
+
+    Parameters
+    ----------
+    norm, previous_norm : float
+        Squared norm of the residual with and before the correction. An infinite `previous_norm`
+        accepts every correction.
+    fraction : float
+        Fraction of the correction that is currently applied.
+    """
+    limit = previous_norm * (1.0 - _REQUIRED_DECREASE * fraction)
+    return norm > limit and fraction > MIN_STEP_FRACTION
 
 
 @called
 def copy_rows(work, source, target, rows, n):
-    """Keep rows of corrections."""
+    """Copy the first `n` columns of consecutive rows within the work array.
+
+    Parameters
+    ----------
+    work : ndarray
+        Work array.
+    source, target : int
+        First row of the source and of the target.
+    rows : int
+        Number of rows.
+    n : int
+        Number of columns (floors).
+    """
     for row in range(rows):
         for i in range(n):
             work[target + row, i] = work[source + row, i]
 
 
 @called
-def add_rows(part, work, source, target, rows, n):
-    """Add a part of rows of corrections to the rows of what they correct."""
+def add_rows(factor, work, source, target, rows, n):
+    """Add `factor` times consecutive rows to other rows of the work array.
+
+    The line search uses this function to apply or remove a fraction of a correction.
+
+    Parameters
+    ----------
+    factor : float
+        Factor of the source rows, of either sign.
+    work : ndarray
+        Work array.
+    source, target : int
+        First row of the source and of the target.
+    rows : int
+        Number of rows.
+    n : int
+        Number of columns (floors).
+    """
     for row in range(rows):
         for i in range(n):
-            work[target + row, i] += part * work[source + row, i]
+            work[target + row, i] += factor * work[source + row, i]
 
 
 @inlined
-def balanced(noting, close, report, i, residual, scale):
-    """Whether the terms of an equation, whose sizes add up to `scale`, balance; with `noting` the report keeps the
-    worst of those that do not."""
-    small = abs(residual) <= close * scale + NOTHING
-    if noting and not small and not abs(residual) / scale <= report[at.RESIDUAL]:
+def is_balanced(is_last, tolerance, report, i, residual, scale):
+    """Return True if the residual of an equation is within the tolerance.
+
+    Parameters
+    ----------
+    is_last : bool
+        True if no further iteration is allowed. The largest relative residual and its floor are
+        then stored in `report` for the error message.
+    tolerance : float
+        Maximum residual relative to `scale`, usually RESIDUAL_TOLERANCE.
+    report : ndarray
+        Rows RESIDUAL and WORST_STORY are updated. The caller sets RESIDUAL to 0 before the first
+        equation.
+    i : int
+        Floor of the equation.
+    residual : float
+        Sum of the terms of the equation.
+    scale : float
+        Sum of the absolute values of the terms, in the unit of `residual`.
+    """
+    is_small = abs(residual) <= tolerance * scale + RESIDUAL_FLOOR
+    # "not ... <=" is also True for nan, so an equation with invalid values is reported.
+    if is_last and not is_small and not abs(residual) / scale <= report[at.RESIDUAL]:
         report[at.RESIDUAL] = abs(residual) / scale
         report[at.WORST_STORY] = i
-    return small
+    return is_small

@@ -1,7 +1,7 @@
 """Motion of all floors over a step of moment4: impulse and first moment of the equation of motion.
 
-Unknowns are the floors' rise D0 = h U0 = u1 - u0 and bend D1 = h U1 of their parabolas; `tdint.methods.moment4` gives
-the equations. Times h^2 they read
+Unknowns are the floors' rise D0 = h U0 = u1 - u0 and bend D1 = h U1 of their parabolas;
+`tdint.methods.moment4` gives the equations. Times h^2 they read
 
     M a0 + h C D0 + h^2 (F0 - P0) = 0                          impulse
     M a1 + h C D1 + h^2 (F1 - P1) + h^2 r K D1 = 0             first moment
@@ -18,12 +18,12 @@ from typing import NamedTuple
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import called, inlined
 from tdint.kernels.equations.iteration import (
-    ITERATIONS,
-    SAME_TANGENT,
-    SMALL,
+    MAX_ITERATIONS,
+    ROUNDING,
+    TANGENT_TOLERANCE,
     add_rows,
-    balanced,
-    too_far,
+    is_balanced,
+    must_halve,
 )
 from tdint.kernels.equations.tridiagonal import (
     COUPLING_ROWS,
@@ -68,7 +68,8 @@ class _Rows(NamedTuple):
     BLOCKS: int = 4
     COUPLING: int = COUPLING_ROWS
     CORNERS: int = 1 + MOST_CORNERS  # how many the stories' forces have in the step, and when
-    FORCES: int = _NODES  # of the stories at the nodes of `corners`, then total shears; their times in column n
+    # of the stories at the nodes of `corners`, then total shears; their times in column n
+    FORCES: int = _NODES
     MOTION: int = _NODES  # absolute accelerations of the floors there
     WAYS: int = _NODES  # of the floors from the start of the step
     RATES: int = _NODES  # h times their velocities
@@ -85,7 +86,8 @@ _BY_SLOPE = (
     0.0,
 )  # tangents of a linear branch over its slope: of mean and moment
 
-_DECIDING = 4  # solves until what stories have decided is kept: one that goes on changing it would never balance
+# solves until what stories have decided is kept: one that goes on changing it would never balance
+_DECIDING = 4
 
 CLOSE = 1e-13
 """Out of balance over the sum of the sizes of the terms: the energy balance is to close."""
@@ -100,9 +102,9 @@ def work_rows(modes: int) -> int:
 def move(coefficients, scene, h, memory):
     """Motion over the step; returns the number of solves, or NOT_CONVERGED.
 
-    Where all laws are linear on their branches, the first solve is that of the branches on which the stories are: in a
-    linear building the only one. Otherwise Newton's iteration with the complete tangents. A correction that does not
-    bring the equations closer to balance is halved.
+    Where all laws are linear on their branches, the first solve is that of the branches on which
+    the stories are: in a linear building the only one. Otherwise Newton's iteration with the
+    complete tangents. A correction that does not bring the equations closer to balance is halved.
     """
     linear_terms, modal, law_parameters, _, flags = scene
     state, _, work, report = memory
@@ -121,10 +123,10 @@ def move(coefficients, scene, h, memory):
     while BENDING:
         stale = _stories(coefficients, scene, h, memory, iterations <= _DECIDING)
         size = _residuals(coefficients, linear_terms, modal, h, state, work)
-        failing = iterations == ITERATIONS or not size < math.inf
+        failing = iterations == MAX_ITERATIONS or not size < math.inf
         if last or _in_balance(failing, coefficients, linear_terms, h, state, work, report):
             break
-        if too_far(size, before, part):
+        if must_halve(size, before, part):
             part *= 0.5
             add_rows(-part, work, ROW.CORRECTION, ROW.RISE, 2, n)
             continue
@@ -142,15 +144,15 @@ def move(coefficients, scene, h, memory):
 
 @inlined
 def _keep_to_branches(coefficients, scene, h, memory):
-    """Motion with all stories on their present linear branches: one solve, from no motion at all, which is also the
-    correction. Returns the size of what that left out of balance."""
+    """Motion with all stories on their present linear branches: one solve, from no motion at all,
+    which is also the correction. Returns the size of what that left out of balance."""
     linear_terms, modal, law_parameters, _, _ = scene
     state, springs, work, _ = memory
     n = linear_terms.shape[1] - 1
     stale = work[ROW.FACTORED, n] != h
     for i in range(n):
         slope = springs[at.SLOPE, i]
-        same = SAME_TANGENT * law_parameters[at.STIFFNESS, i]
+        same = TANGENT_TOLERANCE * law_parameters[at.STIFFNESS, i]
         for row in range(4):
             stale |= abs(work[ROW.FACTORED + row, i] - _BY_SLOPE[row] * slope) > same
         work[ROW.PATH + path.MEAN, i] = (
@@ -196,8 +198,9 @@ def _guess(h, state, work, n):
 
 @inlined
 def _stories(coefficients, scene, h, memory, deciding):
-    """Means, moments and tangents of the stories, dampers included, for the present motion. True if the factorization
-    does not fit the tangents. Whether a story turns is decided anew only if `deciding`."""
+    """Means, moments and tangents of the stories, dampers included, for the present motion. True if
+    the factorization does not fit the tangents. Whether a story turns is decided anew only if
+    `deciding`."""
     linear_terms, _, law_parameters, _, _ = scene
     state, springs, work, _ = memory
     n = linear_terms.shape[1] - 1
@@ -229,7 +232,7 @@ def _stories(coefficients, scene, h, memory, deciding):
             )
         if DASHPOTS and linear_terms[at.POWER_DAMPER, i] != 0.0:
             follow_dashpot(linear_terms, i, h, rise, bend, work, ROW.PATH, ROW.DASHPOT)
-        same = SAME_TANGENT * law_parameters[at.STIFFNESS, i]
+        same = TANGENT_TOLERANCE * law_parameters[at.STIFFNESS, i]
         for row in range(4):
             change = abs(work[ROW.PATH + path.MEAN_BY_RISE + row, i] - work[ROW.FACTORED + row, i])
             stale |= change > same
@@ -244,7 +247,7 @@ def _stories(coefficients, scene, h, memory, deciding):
         # A drift is a difference: what the displacements round is not out of balance.
         size = abs(state[at.DISPLACEMENT, i]) + abs(rise_below)
         work[ROW.SIZE, i] = (
-            SMALL / CLOSE * law_parameters[at.STIFFNESS, i] * (size + link * size_below)
+            ROUNDING / CLOSE * law_parameters[at.STIFFNESS, i] * (size + link * size_below)
         )
         size_below = size
     return stale
@@ -252,9 +255,10 @@ def _stories(coefficients, scene, h, memory, deciding):
 
 @called
 def _steady(coefficients, scene, h, memory, i):
-    """Whether story `i`, whose parabola turns, does not by its rate: that of the state at both ends, and what the
-    equations of motion tell it to gain at the start. Without that the upper stories of a building at rest, whose rates
-    grow with the third power of time, would seem to set out backwards."""
+    """Whether story `i`, whose parabola turns, does not by its rate: that of the state at both
+    ends, and what the equations of motion tell it to gain at the start. Without that the upper
+    stories of a building at rest, whose rates grow with the third power of time, would seem to set
+    out backwards."""
     linear_terms = scene.linear_terms
     state, _, work, _ = memory
     rise = first = last = 0.0
@@ -345,7 +349,8 @@ def _residuals(coefficients, linear_terms, modal, h, state, work):
 
 @inlined
 def _in_balance(last, coefficients, linear_terms, h, state, work, report):
-    """Whether the residuals are small beside the terms of their equations. At the last of them the worst is noted."""
+    """Whether the residuals are small beside the terms of their equations. At the last of them the
+    worst is noted."""
     report[at.RESIDUAL] = 0.0
     small = True
     for i in range(linear_terms.shape[1] - 1):
@@ -358,7 +363,7 @@ def _in_balance(last, coefficients, linear_terms, h, state, work, report):
             + abs(work[ROW.LOAD, i])
         )
         inner = abs(work[ROW.BEND, i]) + coefficients[R] * abs(work[ROW.A1, i])
-        small &= balanced(
+        small &= is_balanced(
             last, CLOSE, report, i, work[ROW.X, i], mass * inner + h * h * (forces + rounding)
         )
         forces = (
@@ -368,7 +373,7 @@ def _in_balance(last, coefficients, linear_terms, h, state, work, report):
         )
         inner = abs(work[ROW.BEND, i]) + abs(work[ROW.RISE, i]) + h * abs(state[at.VELOCITY, i])
         inner *= coefficients[BY_RISE]
-        small &= balanced(
+        small &= is_balanced(
             last, CLOSE, report, i, work[ROW.X + 1, i], mass * inner + h * h * (forces + rounding)
         )
     return small
@@ -383,7 +388,7 @@ def _correct(state, work, n):
             work[ROW.CORRECTION + row, i] = work[ROW.X + row, i]
             work[ROW.RISE + row, i] += work[ROW.X + row, i]
         size = abs(state[at.DISPLACEMENT, i]) + abs(work[ROW.RISE, i]) + abs(work[ROW.BEND, i])
-        small = small and abs(work[ROW.X, i]) + abs(work[ROW.X + 1, i]) <= SMALL * size
+        small = small and abs(work[ROW.X, i]) + abs(work[ROW.X + 1, i]) <= ROUNDING * size
     return small
 
 

@@ -4,9 +4,10 @@ For the families whose motion at that instant is linear in one unknown x per flo
 
     u = U + by_u x,   v = V + by_v x,   a = A + by_a x,   M a + C v + f(u) = p
 
-U, V, A are the first guess. The corrections are found by tridiagonal solves, and the factors are kept for the next
-step: they are made anew only when a tangent changed. Where large steps over kinks make the iteration go round in a
-cycle, corrections are halved until they bring the floors closer to equilibrium.
+U, V, A are the first guess. The corrections are found by tridiagonal solves, and the factors are
+kept for the next step: they are made anew only when a tangent changed. Where large steps over kinks
+make the iteration go round in a cycle, corrections are halved until they bring the floors closer to
+equilibrium.
 """
 
 from __future__ import annotations
@@ -17,15 +18,15 @@ from typing import NamedTuple
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import inlined
 from tdint.kernels.equations.iteration import (
-    CLOSE,
-    ITERATIONS,
-    PATIENCE,
-    SAME_TANGENT,
-    SMALL,
-    balanced,
+    MAX_ITERATIONS,
+    RESIDUAL_TOLERANCE,
+    ROUNDING,
+    TANGENT_TOLERANCE,
+    UNDAMPED_ITERATIONS,
     copy_rows,
-    squares,
-    too_far,
+    is_balanced,
+    must_halve,
+    squared_norm,
 )
 from tdint.kernels.equations.tridiagonal import Combination, factor_combination, solve_damped
 from tdint.kernels.linear_terms import add_modal_force, power_damper
@@ -76,8 +77,9 @@ def forget(work, factors, n):
 def balance(weights, factors, past, trial, scene, memory):
     """Bring the floors into equilibrium; returns the number of solves, or a negative code.
 
-    The drift laws go from the state in block `past` of springs to block `trial`. Rows `factors` and following of work
-    hold the factors of by_a M + by_v C + by_u K for the weights of this call, or are marked by `forget`.
+    The drift laws go from the state in block `past` of springs to block `trial`. Rows `factors` and
+    following of work hold the factors of by_a M + by_v C + by_u K for the weights of this call, or
+    are marked by `forget`.
     """
     by_u, by_v, by_a = weights
     linear_terms, modal, _, _, flags = scene
@@ -93,17 +95,17 @@ def balance(weights, factors, past, trial, scene, memory):
     before = math.inf
     while True:
         stale = _story_forces(weights, factors, past, trial, scene, memory)
-        if _in_balance(iterations == ITERATIONS, linear_terms, modal, work, report):
+        if _in_balance(iterations == MAX_ITERATIONS, linear_terms, modal, work, report):
             break
-        if iterations >= PATIENCE:
-            size = squares(linear_terms, work, ROW.RESIDUAL, n)
-            if too_far(size, before, part):
+        if iterations >= UNDAMPED_ITERATIONS:
+            size = squared_norm(linear_terms, work, ROW.RESIDUAL, n)
+            if must_halve(size, before, part):
                 part *= 0.5
                 _correct(-part, ROW.CORRECTION, weights, work, n)
                 continue
             before = size
             part = 1.0
-        if iterations == ITERATIONS:
+        if iterations == MAX_ITERATIONS:
             return at.NOT_CONVERGED
         if stale:
             for i in range(n):
@@ -111,7 +113,7 @@ def balance(weights, factors, past, trial, scene, memory):
             factor_combination(linear_terms, modal, work, tangents, combination, kept, n)
         solve_damped(kept, modal, ROW.RESIDUAL, n)
         iterations += 1
-        if iterations > PATIENCE:
+        if iterations > UNDAMPED_ITERATIONS:
             copy_rows(work, ROW.RESIDUAL, ROW.CORRECTION, 1, n)
         done = flags[at.LINEAR] != 0.0 or (by_u == 0.0 and flags[at.POWER_DAMPERS] == 0.0)
         if _correct(1.0, ROW.RESIDUAL, weights, work, n) or done:
@@ -124,8 +126,8 @@ def balance(weights, factors, past, trial, scene, memory):
 def _story_forces(weights, factors, past, trial, scene, memory):
     """Story forces of the present motion. True if the factors do not fit its tangents.
 
-    The tangent of a power-law dashpot is a stiffness by_v / by_u times as large. Where by_u is 0 no stiffness matters,
-    and the factors are made with 1 in its place.
+    The tangent of a power-law dashpot is a stiffness by_v / by_u times as large. Where by_u is 0 no
+    stiffness matters, and the factors are made with 1 in its place.
     """
     by_u, by_v, _ = weights
     linear_terms, _, law_parameters, _, _ = scene
@@ -147,7 +149,9 @@ def _story_forces(weights, factors, past, trial, scene, memory):
         elif slope != 0.0:
             tangent += by_v / by_u * slope
         work[ROW.TANGENT, i] = tangent
-        stale = stale or abs(tangent - work[factors + _FACTOR.FACTORED, i]) > SAME_TANGENT * scale
+        stale = (
+            stale or abs(tangent - work[factors + _FACTOR.FACTORED, i]) > TANGENT_TOLERANCE * scale
+        )
         total = (
             springs[trial + at.FORCE, i]
             + linear_terms[at.GEOMETRIC, i] * drift
@@ -156,7 +160,7 @@ def _story_forces(weights, factors, past, trial, scene, memory):
         )
         work[ROW.SUM, i] = total
         # A drift is a difference: what the displacements round is not out of balance.
-        rounding = SMALL / CLOSE * law_parameters[at.STIFFNESS, i]
+        rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[at.STIFFNESS, i]
         work[ROW.SIZE, i] = abs(total) + rounding * (
             abs(work[ROW.U, i]) + abs(work[ROW.U, i] - drift)
         )
@@ -165,7 +169,8 @@ def _story_forces(weights, factors, past, trial, scene, memory):
 
 @inlined
 def _in_balance(last, linear_terms, modal, work, report):
-    """Unbalanced forces into their row, N; whether all are small. At the last of them the worst is noted."""
+    """Unbalanced forces into their row, N; whether all are small. At the last of them the worst is
+    noted."""
     n = linear_terms.shape[1] - 1
     for i in range(n):
         work[ROW.RESIDUAL, i] = linear_terms[at.FLOOR_DAMPER, i] * work[ROW.V, i]
@@ -186,7 +191,7 @@ def _in_balance(last, linear_terms, modal, work, report):
             + work[ROW.SIZE, i]
             + link * work[ROW.SIZE, i + 1]
         )
-        small &= balanced(last, CLOSE, report, i, residual, scale)
+        small &= is_balanced(last, RESIDUAL_TOLERANCE, report, i, residual, scale)
     return small
 
 
@@ -210,7 +215,8 @@ def _drift_laws(past, trial, scene, memory):
 
 @inlined
 def _correct(part, row, weights, work, n):
-    """Add a part of the correction of x in `row` to x and to the motion. True if it was rounding."""
+    """Add a part of the correction of x in `row` to x and to the motion. True if it was
+    rounding."""
     by_u, by_v, by_a = weights
     small = True
     for i in range(n):
@@ -219,5 +225,5 @@ def _correct(part, row, weights, work, n):
         work[ROW.V, i] += by_v * dx
         work[ROW.A, i] += by_a * dx
         work[ROW.U, i] += by_u * dx
-        small = small and abs(by_u * dx) <= SMALL * abs(work[ROW.U, i])
+        small = small and abs(by_u * dx) <= ROUNDING * abs(work[ROW.U, i])
     return small

@@ -1,8 +1,10 @@
-"""Direct solves with the matrices of a chain: tridiagonal, real or complex, and block tridiagonal with 2 x 2 blocks.
+"""Direct solves with the matrices of a chain: tridiagonal, real or complex, and block tridiagonal
+with 2 x 2 blocks.
 
-Modal damping adds C = W^T W with one row of W per damped mode; it enters by the Sherman-Morrison-Woodbury formula, so
-no dense matrix of the size of the building is made. No pivoting: the leading blocks are those of the building cut off
-above a story, for which the same step is solvable.
+Modal damping adds C = W^T W with one row of W per damped mode; it enters by the
+Sherman-Morrison-Woodbury formula, so no dense matrix of the size of the building is made. No
+pivoting: the leading blocks are those of the building cut off above a story, for which the same
+step is solvable.
 """
 
 from __future__ import annotations
@@ -16,7 +18,8 @@ from tdint.kernels.stepping import Array
 _MODAL = VARIANT.modal
 
 COUPLING_ROWS = 8
-"""Rows that the factors of `factor_blocks` have for the couplings, of which the first half is given to it."""
+"""Rows that the factors of `factor_blocks` have for the couplings, of which the first half is given
+to it."""
 
 
 class Combination(NamedTuple):
@@ -41,8 +44,8 @@ class ModalBlocks(NamedTuple):
 def factor(factors, n):
     """L D L^T of a symmetric tridiagonal matrix in place.
 
-    The row of pivots, which holds the diagonal, becomes the inverse pivots; that of couplings, entry i the coupling of
-    i with i - 1, the multipliers.
+    The row of pivots, which holds the diagonal, becomes the inverse pivots; that of couplings,
+    entry i the coupling of i with i - 1, the multipliers.
     """
     work, diagonal, coupling, _ = factors
     work[diagonal, 0] = 1.0 / work[diagonal, 0]
@@ -54,7 +57,8 @@ def factor(factors, n):
 
 @inlined
 def solve(factors, x, n):
-    """Solve with the factors of `factor`; row `x` of their table holds the right side and becomes the solution."""
+    """Solve with the factors of `factor`; row `x` of their table holds the right side and becomes
+    the solution."""
     work, diagonal, coupling, _ = factors
     carried = work[x, 0]
     for i in range(1, n):
@@ -71,8 +75,9 @@ def solve(factors, x, n):
 def invert(work, first, size):
     """Invert a dense matrix in place by Gauss-Jordan elimination.
 
-    Rows `first` .. `first + size - 1` of `work` hold it in their first `size` columns. The matrices are those of
-    Woodbury's formula, identity plus a damping matrix: well conditioned, so no pivoting is needed.
+    Rows `first` .. `first + size - 1` of `work` hold it in their first `size` columns. The matrices
+    are those of Woodbury's formula, identity plus a damping matrix: well conditioned, so no
+    pivoting is needed.
     """
     for p in range(size):
         inverse = 1.0 / work[first + p, p]
@@ -123,7 +128,8 @@ def _store_damped(factors, modal, scale, n):
 
 @inlined
 def solve_damped(factors, modal, x, n):
-    """Solve with the factors of `factor_damped`; row `x` holds the right side and becomes the solution."""
+    """Solve with the factors of `factor_damped`; row `x` holds the right side and becomes the
+    solution."""
     solve(factors, x, n)
     if _MODAL and modal.shape[0] > 0:
         _correct_damped(factors.table, modal, factors.store, x, n)
@@ -150,8 +156,8 @@ def _correct_damped(work, modal, store, x, n):
 
 @inlined
 def assemble_combination(linear_terms, springs, row, combination, factors, n):
-    """by_m M + by_c C + by_k K for `factor`, without the modal part of C; row `row` of `springs` is the stiffness of
-    each story, to which the geometric one is added."""
+    """by_m M + by_c C + by_k K for `factor`, without the modal part of C; row `row` of `springs` is
+    the stiffness of each story, to which the geometric one is added."""
     by_m, by_c, by_k = combination
     work, diagonal, coupling, _ = factors
     for i in range(n):
@@ -169,17 +175,20 @@ def assemble_combination(linear_terms, springs, row, combination, factors, n):
 
 @called
 def factor_combination(linear_terms, modal, springs, row, combination, factors, n):
-    """Factor by_m M + by_c C + by_k K as `factor_damped` does; `springs` as for `assemble_combination`."""
+    """Factor by_m M + by_c C + by_k K as `factor_damped` does; `springs` as for
+    `assemble_combination`."""
     assemble_combination(linear_terms, springs, row, combination, factors, n)
     factor_damped(factors, modal, combination.by_c, n)
 
 
 @inlined
 def assemble_blocks(linear_terms, factors, by_v, by_a, n):
-    """Newton matrix of a step with the unknowns (u1 - u0, v1 - v0) per floor and a1 eliminated by equilibrium.
+    """Newton matrix of a step with the unknowns (u1 - u0, v1 - v0) per floor and a1 eliminated by
+    equilibrium.
 
-    The rows of couplings hold the four entries that each story brings, springs and dampers; by_v and by_a are the
-    weights of v1 and -a1 in the kinematic line u1 - u0 = ... The couplings are cut where a story stands on the ground.
+    The rows of couplings hold the four entries that each story brings, springs and dampers; by_v
+    and by_a are the weights of v1 and -a1 in the kinematic line u1 - u0 = ... The couplings are cut
+    where a story stands on the ground.
     """
     work, blocks, coupling, _ = factors
     for i in range(n):
@@ -194,7 +203,8 @@ def assemble_blocks(linear_terms, factors, by_v, by_a, n):
 
 @called
 def link_blocks(linear_terms, factors, n):
-    """Add what each story brings to the block of the floor below it, and cut the coupling where there is none."""
+    """Add what each story brings to the block of the floor below it, and cut the coupling where
+    there is none."""
     work, blocks, coupling, _ = factors
     for i in range(n):
         for entry in range(4):
@@ -208,12 +218,13 @@ def link_blocks(linear_terms, factors, n):
 def factor_blocks(factors, damping, n):
     """Factor a block tridiagonal matrix with 2 x 2 blocks, plus a `ModalBlocks`.
 
-    Four rows from `factors.pivot` on: the entries of each diagonal block, row by row; they become the inverses A of
-    the block pivots. Rows from `factors.coupling` on: the four entries of B, where -B is both the block left of the
-    diagonal in row i and, in row i - 1, the one right of it; they become those of B_i A_(i-1), and the next
-    COUPLING_ROWS / 2 rows those of A_i B_(i+1), so that a solve waits for one product a floor. Unknowns are pairs
-    (x, y) per floor. From `factors.store` on, four rows for each mode (both columns of T^-1 (I2 (x) W^T), x then y),
-    the small inverse in 2 modes rows, one row of scratch.
+    Four rows from `factors.pivot` on: the entries of each diagonal block, row by row; they become
+    the inverses A of the block pivots. Rows from `factors.coupling` on: the four entries of B,
+    where -B is both the block left of the diagonal in row i and, in row i - 1, the one right of it;
+    they become those of B_i A_(i-1), and the next COUPLING_ROWS / 2 rows those of A_i B_(i+1), so
+    that a solve waits for one product a floor. Unknowns are pairs (x, y) per floor. From
+    `factors.store` on, four rows for each mode (both columns of T^-1 (I2 (x) W^T), x then y), the
+    small inverse in 2 modes rows, one row of scratch.
     """
     work, blocks, coupling, _ = factors
     upper = coupling + COUPLING_ROWS // 2
@@ -260,7 +271,8 @@ def factor_blocks(factors, damping, n):
 
 @inlined
 def solve_blocks(factors, x, y, n):
-    """Solve with the blocks of `factor_blocks`, without the modal part; rows `x` and `y` become the solution."""
+    """Solve with the blocks of `factor_blocks`, without the modal part; rows `x` and `y` become the
+    solution."""
     work, blocks, coupling, _ = factors
     upper = coupling + COUPLING_ROWS // 2
     x0 = work[x, 0]
@@ -295,15 +307,17 @@ def solve_blocks(factors, x, y, n):
 
 @called
 def factor_pairs(linear_terms, springs, root, factors, damping, n):
-    """Factor M + l C + l^2 K with a complex number l, real and imaginary part `root`, for the branches that the stories
-    are on; `damping` is l C of the modes.
+    """Factor M + l C + l^2 K with a complex number l, real and imaginary part `root`, for the
+    branches that the stories are on; `damping` is l C of the modes.
 
-    Two rows from `factors.pivot` on become the inverse pivots, two from `factors.coupling` on the multipliers of the
-    elimination from the ground up, real and imaginary part each; from `factors.store` on rows as of `factor_blocks`.
+    Two rows from `factors.pivot` on become the inverse pivots, two from `factors.coupling` on the
+    multipliers of the elimination from the ground up, real and imaginary part each; from
+    `factors.store` on rows as of `factor_blocks`.
 
-    No pivot vanishes where 1 / l has a positive real part and is not real, whatever the signs of the slopes: of a
-    leading block that is singular, x* times it x = 0 would make 1 / l a root s of m s^2 + c s + k, with real k, m > 0
-    and c >= 0, and no such root has a positive real part unless it is real.
+    No pivot vanishes where 1 / l has a positive real part and is not real, whatever the signs of
+    the slopes: of a leading block that is singular, x* times it x = 0 would make 1 / l a root s of
+    m s^2 + c s + k, with real k, m > 0 and c >= 0, and no such root has a positive real part unless
+    it is real.
     """
     re, im = root
     work, pivot, coupling, _ = factors
@@ -317,7 +331,8 @@ def factor_pairs(linear_terms, springs, root, factors, damping, n):
     inverse_re = 0.0  # of the pivot below
     inverse_im = 0.0
     for i in range(n):
-        # The diagonal less what the elimination of the floor below takes: -b stands on both sides of it.
+        # The diagonal less what the elimination of the floor below takes: -b stands on both sides
+        # of it.
         b_re = link * story_re
         b_im = link * story_im
         by_re = b_re * inverse_re - b_im * inverse_im
@@ -349,8 +364,8 @@ def factor_pairs(linear_terms, springs, root, factors, damping, n):
 
 @inlined
 def solve_pairs(factors, x, y, n):
-    """Solve with the factors of `factor_pairs`, without the modal part; rows `x` and `y`, real and imaginary part of
-    the right side, become the solution."""
+    """Solve with the factors of `factor_pairs`, without the modal part; rows `x` and `y`, real and
+    imaginary part of the right side, become the solution."""
     work, pivot, coupling, _ = factors
     x0 = work[x, 0]
     y0 = work[y, 0]
@@ -379,7 +394,8 @@ def solve_pairs(factors, x, y, n):
 
 
 def _storing(solve_undamped):
-    """A function that keeps what Woodbury's formula needs of the modes, with `solve_blocks` or `solve_pairs`."""
+    """A function that keeps what Woodbury's formula needs of the modes, with `solve_blocks` or
+    `solve_pairs`."""
 
     @called
     def store_damped(factors, damping, n):
@@ -451,8 +467,8 @@ def _solving(solve_undamped):
 
 
 solve_blocks_damped = _solving(solve_blocks)
-"""(factors, damping, x, y, n): solve with the factors of `factor_blocks`; rows `x` and `y` hold the right side and
-become the solution."""
+"""(factors, damping, x, y, n): solve with the factors of `factor_blocks`; rows `x` and `y` hold the
+right side and become the solution."""
 
 solve_pairs_damped = _solving(solve_pairs)
 """The same with the factors of `factor_pairs`."""

@@ -1,7 +1,7 @@
 """The drift laws: one file each, and one line here.
 
-A law's place in the list is its number in the compiled tables. The last one is taken for any other number. Those of
-plug-ins are put behind ours (`tdint.model.definition.register_law`).
+A law's place in the list is its number in the compiled tables. The last one is taken for any other
+number. Those of plug-ins are put behind ours (`tdint.model.definition.register_law`).
 """
 
 from __future__ import annotations

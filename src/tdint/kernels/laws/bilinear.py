@@ -2,7 +2,8 @@
 
     f = a k d + z,   dz = (1 - a) k dd,   |z| <= (1 - a) Fy
 
-z is an elastic-perfectly plastic spring beside an elastic one (Prandtl's element with a spring in parallel).
+z is an elastic-perfectly plastic spring beside an elastic one (Prandtl's element with a spring in
+parallel).
 """
 
 from __future__ import annotations

@@ -1,14 +1,16 @@
-"""The Bouc-Wen law (Bouc 1967, Wen 1976): a smooth hysteresis that the drift drives, whatever its rate.
+"""The Bouc-Wen law (Bouc 1967, Wen 1976): a smooth hysteresis that the drift drives, whatever its
+rate.
 
     f = a k d + (1 - a) Fy w,   dw/dx = 1 - |w|^n (beta sgn(w dx) + 1 - beta),   x = k d / Fy
 
-with A = 1 and beta + gamma = 1, so that |w| tends to 1 (Ma, Zhang, Bockstette, Foliente and Paevere 2004 show that the
-other parameters are redundant). beta >= 1/2 keeps the dissipation from being negative.
+with A = 1 and beta + gamma = 1, so that |w| tends to 1 (Ma, Zhang, Bockstette, Foliente and Paevere
+2004 show that the other parameters are redundant). beta >= 1/2 keeps the dissipation from being
+negative.
 
-The equation is integrated along the drift in substeps of a fixed length from the committed state, the last one
-shortened: the force is a continuous function of the drift. Where w changes its sign a substep ends too. There |w|^n is
-not smooth: for n below 2 the time steps that locate kinks end there, and near it the equation is integrated as a series
-in |w|^n, exactly.
+The equation is integrated along the drift in substeps of a fixed length from the committed state,
+the last one shortened: the force is a continuous function of the drift. Where w changes its sign a
+substep ends too. There |w|^n is not smooth: for n below 2 the time steps that locate kinks end
+there, and near it the equation is integrated as a series in |w|^n, exactly.
 """
 
 from __future__ import annotations
@@ -25,8 +27,8 @@ _EXPONENT = at.FIRST_PARAMETER + 2
 _BETA = at.FIRST_PARAMETER + 3
 
 _SUBSTEP = 0.125
-"""Length of a substep times the exponent n, in yield drifts; classical Runge-Kutta then errs by about 1e-7 Fy
-a leg; over many legs this adds up, to 1.3e-6 Fy after 60 (exponent 1)."""
+"""Length of a substep times the exponent n, in yield drifts; classical Runge-Kutta then errs by
+about 1e-7 Fy a leg; over many legs this adds up, to 1.3e-6 Fy after 60 (exponent 1)."""
 _SATURATED = 1e-14
 _SMOOTH = 2.0
 """Exponent from which on the force is smooth enough where w changes its sign."""
@@ -53,7 +55,8 @@ def _functions() -> LawFunctions:
 
     @inlined
     def unloading(u, q, n, r):
-        """u' = -(1 + q u^n) over r, and the loss q u^(n + 1) summed up on the way, over Fy^2 / k."""
+        """u' = -(1 + q u^n) over r, and the loss q u^(n + 1) summed up on the way, over Fy^2 /
+        k."""
         p1 = q * power(u, n)
         u2 = u - 0.5 * r * (1.0 + p1)
         p2 = q * power(abs(u2), n)
@@ -79,7 +82,8 @@ def _functions() -> LawFunctions:
 
     @called
     def series(w, n, p):
-        """The way from 0 to w, over Fy / k, where w' = 1 - p w^n; and the loss p w^(n + 1) summed up on it."""
+        """The way from 0 to w, over Fy / k, where w' = 1 - p w^n; and the loss p w^(n + 1) summed
+        up on it."""
         ratio = p * w**n
         term = w
         way = w
@@ -194,7 +198,8 @@ def _functions() -> LawFunctions:
 
     @called
     def kink(law_parameters, springs, i, block, side):
-        """How far ahead on that side w changes its sign, by Gauss points in the root of w: dx = du / (1 + q u^n)."""
+        """How far ahead on that side w changes its sign, by Gauss points in the root of w: dx = du
+        / (1 + q u^n)."""
         u = -side * springs[block + at.INTERNAL, i]
         if not u > 0.0:
             return math.inf
@@ -208,7 +213,8 @@ def _functions() -> LawFunctions:
 
     @called
     def look_ahead(law_parameters, springs, i, past, block):
-        """Let the branch in `block` end where w will change its sign, seen from the state in `past`."""
+        """Let the branch in `block` end where w will change its sign, seen from the state in
+        `past`."""
         side = springs[block + at.TURN, i]
         springs[block + at.UPPER, i] = math.inf
         springs[block + at.LOWER, i] = -math.inf
@@ -264,7 +270,8 @@ def _functions() -> LawFunctions:
 
 LAW = DriftLaw(
     "bouc-wen",
-    "f = a k d + (1 - a) Fy w, dw = (1 - |w|^n (beta sgn(w dd) + 1 - beta)) k dd / Fy: smooth hysteresis",
+    "f = a k d + (1 - a) Fy w, dw = (1 - |w|^n (beta sgn(w dd) + 1 - beta)) k dd / Fy: smooth "
+    "hysteresis",
     _functions,
     parameters=(
         LawParameter("yield_force", force=1, low=0.0, low_allowed=False),

@@ -19,7 +19,8 @@ def _functions(law: DriftLaw) -> LawFunctions:
 
 
 class _Codes:
-    """The numbers of laws where nothing is compiled: laws of plug-ins come later than this is imported."""
+    """The numbers of laws where nothing is compiled: laws of plug-ins come later than this is
+    imported."""
 
     def __init__(self, has: Callable[[DriftLaw], bool]) -> None:
         self.has = has
@@ -51,11 +52,12 @@ BENDING = CURVING or any(LAWS[code].kinked for code in COMPILED)
 """Whether a story may have a force that is not linear in its motion."""
 
 ANY_APART = any(LAWS[code].apart for code in COMPILED)
-"""Whether a law may stand apart: the stiffness of such a one's branches may hang on what the story has done before."""
+"""Whether a law may stand apart: the stiffness of such a one's branches may hang on what the story
+has done before."""
 
-# The first laws are put into each place that goes by the law, and so is what laws that stand apart have in common: a
-# look at the branch, then a call at the law's address. The others are compiled once, together, and called: compiling
-# the loops takes long enough.
+# The first laws are put into each place that goes by the law, and so is what laws that stand apart
+# have in common: a look at the branch, then a call at the law's address. The others are compiled
+# once, together, and called: compiling the loops takes long enough.
 _FREQUENT = 2
 
 _APART = -1
@@ -71,8 +73,9 @@ DISSIPATING = _codes(lambda law: _functions(law).settle is not None)
 def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any = None) -> Any:
     """The compiled function that calls that of a story's own law; `otherwise` for laws without one.
 
-    `hook` is a name in `LawFunctions`. `case` links one law's function with the others': `case_of_3`, and so on by the
-    number of arguments. No call is made for a frequent law or one that stands apart, whether it has a function or not.
+    `hook` is a name in `LawFunctions`. `case` links one law's function with the others':
+    `case_of_3`, and so on by the number of arguments. No call is made for a frequent law or one
+    that stands apart, whether it has a function or not.
     """
     if not COMPILES:
         return lambda law_parameters, springs, i, *more: (
@@ -95,8 +98,8 @@ def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any 
 
 
 def _places() -> list[int]:
-    """The numbers of the compiled laws in the order in which a story's own is looked for, `_APART` behind the frequent
-    ones."""
+    """The numbers of the compiled laws in the order in which a story's own is looked for, `_APART`
+    behind the frequent ones."""
     apart = [_APART] if ANY_APART else []
     others = [code for code in COMPILED if not LAWS[code].apart]
     frequent = [code for code in others if code < _FREQUENT]
@@ -109,7 +112,8 @@ def _stands_apart(law_parameters, springs, i):
 
 
 def _test(code: int) -> Any:
-    """A function of (law_parameters, springs, i): whether the story has the law, or one that stands apart."""
+    """A function of (law_parameters, springs, i): whether the story has the law, or one that stands
+    apart."""
     if code == _APART:
         return _stands_apart
 

@@ -1,7 +1,8 @@
 """Laws that stand apart: compiled on their own, once a model has them, and called at their address.
 
-They may be long without making the loops, which all models share, compile longer. A call at an address costs some 10 ns
-more than one that the compiler sees; it is made where a way leaves its branch (`branch_first`).
+They may be long without making the loops, which all models share, compile longer. A call at an
+address costs some 10 ns more than one that the compiler sees; it is made where a way leaves its
+branch (`branch_first`).
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ if COMPILES:
 
     @inlined
     def _call(address, hook, law_parameters, springs, i, past, trial, x):
-        """Call a kernel of `_SIGNATURE` at an address that a float64 holds (exactly: addresses have 48 bits)."""
+        """Call a kernel of `_SIGNATURE` at an address that a float64 holds (exactly: addresses have
+        48 bits)."""
         return _call_at(int(address), hook, law_parameters, springs, i, past, trial, x)
 
 else:
@@ -80,7 +82,8 @@ def _switch(law_parameters, springs, i, block, event):
 
 
 _HOOKS = ("force", "recoverable", "dissipated", "keep", "enter", "switch")
-"""The functions of `LawFunctions` that a law that stands apart has, all of them, by their number."""
+"""The functions of `LawFunctions` that a law that stands apart has, all of them, by their
+number."""
 
 CALLING = branch_first(
     LawFunctions(
@@ -92,7 +95,8 @@ CALLING = branch_first(
         switch=_switch,
     )
 )
-"""Functions that call those of a law that stands apart; not where a way keeps to its branch, which needs no law."""
+"""Functions that call those of a law that stands apart; not where a way keeps to its branch, which
+needs no law."""
 
 
 # The functions of one law, put in by `_kernel`
@@ -156,7 +160,8 @@ def _address(code: int) -> float:
 
 
 def spring_table(law_parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A fresh table of the state of drift laws (`tdint.kernels.layout`); what they need is compiled."""
+    """A fresh table of the state of drift laws (`tdint.kernels.layout`); what they need is
+    compiled."""
     codes = law_parameters[at.CODE, :-1].astype(int)
     kinds = sorted(set(codes.tolist()))
     extra_rows = max((LAWS[code].extra_rows for code in kinds), default=0)

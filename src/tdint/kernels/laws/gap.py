@@ -65,7 +65,8 @@ def _functions() -> LawFunctions:
 
 LAW = DriftLaw(
     "gap",
-    "f = k d, beyond the gap stop_stiffness (|d| - gap) more: elastic pounding against a stop on either side",
+    "f = k d, beyond the gap stop_stiffness (|d| - gap) more: elastic pounding against a stop on "
+    "either side",
     _functions,
     parameters=(
         LawParameter("gap", length=1, low=0.0, low_allowed=False),

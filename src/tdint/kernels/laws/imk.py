@@ -1,9 +1,11 @@
-"""The law of Ibarra, Medina and Krawinkler (2005), modified by Lignos and Krawinkler (2012): capping and deterioration.
+"""The law of Ibarra, Medina and Krawinkler (2005), modified by Lignos and Krawinkler (2012):
+capping and deterioration.
 
-The backbone of each side rises to the yield point, on to the capping point, falls to a residual force, and ends at the
-ultimate drift. Reloading goes towards the last peak or the farthest point (peak-oriented), or first, with less force,
-to a point near zero drift (pinching). With the work done on the story the strength, the capping line, the reloading
-point and the unloading stiffness of a side deteriorate at each passage of zero force or at each turn, by
+The backbone of each side rises to the yield point, on to the capping point, falls to a residual
+force, and ends at the ultimate drift. Reloading goes towards the last peak or the farthest point
+(peak-oriented), or first, with less force, to a point near zero drift (pinching). With the work
+done on the story the strength, the capping line, the reloading point and the unloading stiffness of
+a side deteriorate at each passage of zero force or at each turn, by
 
     beta = ((work since the last passage of zero force) / (Lambda Fy - work before))^exponent
 
@@ -59,7 +61,9 @@ _RESIDUAL = 7.0
 _FAILED = 8.0  # not negative
 
 _HERE = 1e-12  # over a drift: what lies no farther ahead is reached
-_AGAIN = 1e-6  # over the farthest drift: a turn no farther from the last one is the same, which a step missed a little
+# over the farthest drift: a turn no farther from the last one is the same, which a step missed a
+# little
+_AGAIN = 1e-6
 
 
 def _functions() -> LawFunctions:
@@ -68,7 +72,8 @@ def _functions() -> LawFunctions:
 
     @inlined
     def of(side, row):
-        """The row of a pair that belongs to a side: the negative one's is two rows on, and positive, too."""
+        """The row of a pair that belongs to a side: the negative one's is two rows on, and
+        positive, too."""
         return row if side > 0.0 else row + 2
 
     @inlined
@@ -188,7 +193,8 @@ def _functions() -> LawFunctions:
 
     @called
     def aim(law_parameters, springs, i, block, side):
-        """Load towards the last peak if the way there is the steeper one, else towards the farthest point."""
+        """Load towards the last peak if the way there is the steeper one, else towards the farthest
+        point."""
         first = extra_rows(springs, block)
         drift = side * springs[block + at.DRIFT, i]
         force = side * springs[block + at.FORCE, i]
@@ -235,7 +241,8 @@ def _functions() -> LawFunctions:
 
     @called
     def deteriorate(law_parameters, springs, i, block, side):
-        """Deterioration of a side that is loaded after a passage of zero force; whether the story has failed."""
+        """Deterioration of a side that is loaded after a passage of zero force; whether the story
+        has failed."""
         first = extra_rows(springs, block)
         before = springs[block + at.WORK, i]
         work = before - springs[first + _WORK_AT_ZERO, i]
@@ -262,7 +269,8 @@ def _functions() -> LawFunctions:
         zero = side * springs[block + at.DRIFT, i]
         far = springs[block + of(side, at.HIGH_DRIFT), i]
         if far <= zero * (1.0 + _HERE) and zero > 0.0:
-            # The other side unloaded so softly that it passed this side's farthest point: that is moved ahead.
+            # The other side unloaded so softly that it passed this side's farthest point: that is
+            # moved ahead.
             far = (
                 zero
                 + max(
@@ -368,11 +376,14 @@ def _fault(stiffness: float, values: Sequence[float]) -> str | None:
         strength, ultimate = side[0], side[5]
         if ultimate <= strength / stiffness:
             return (
-                f"{group}ultimate_drift must be beyond the yield drift {strength / stiffness:.6g} m, got "
-                f"{ultimate:.10g} m"
+                f"{group}ultimate_drift must be beyond the yield drift {strength / stiffness:.6g} "
+                f"m, got {ultimate:.10g} m"
             )
         if side[4] > side[3]:
-            return f"{group}residual_ratio must not exceed capping_ratio {side[3]:.10g}, got {side[4]:.10g}"
+            return (
+                f"{group}residual_ratio must not exceed capping_ratio {side[3]:.10g}, got "
+                f"{side[4]:.10g}"
+            )
     return None
 
 
@@ -393,7 +404,8 @@ _CAPACITY = LawParameter(
 
 LAW = DriftLaw(
     "imk",
-    "Ibarra-Medina-Krawinkler: capping, residual force, cyclic deterioration; peak-oriented or pinching",
+    "Ibarra-Medina-Krawinkler: capping, residual force, cyclic deterioration; peak-oriented or "
+    "pinching",
     _functions,
     parameters=(
         *_SIDES,

@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
-
-from tdint.data import dataclass
 
 
 @dataclass(frozen=True)
 class LawParameter:
     """A parameter of a law.
 
-    `force` and `length` are the exponents of its dimension (a stiffness is force^1 length^-1); a parameter with
-    `many` is a list whose j-th entry (from 1) has the dimension force^1 length^-j. One of `points` is a list of two to
-    four points [drift, force], each within the bounds; it has eight rows: four points, those that are left out put
-    between the others.
+    `force` and `length` are the exponents of its dimension (a stiffness is force^1 length^-1); a
+    parameter with `many` is a list whose j-th entry (from 1) has the dimension force^1 length^-j.
+    One of `points` is a list of two to four points [drift, force], each within the bounds; it has
+    eight rows: four points, those that are left out put between the others.
 
-    `default` stands for a parameter that is left out: a number, or the name of the one whose value it takes over; None
-    if it must be given. Parameters of the same `group` stand in a mapping of that name, which may be left out as a
-    whole if `without` says what each is then; a `shared` group may also be one number for all. A group inside another
-    is written `outer.inner`.
+    `default` stands for a parameter that is left out: a number, or the name of the one whose value
+    it takes over; None if it must be given. Parameters of the same `group` stand in a mapping of
+    that name, which may be left out as a whole if `without` says what each is then; a `shared`
+    group may also be one number for all. A group inside another is written `outer.inner`.
     """
 
     name: str
@@ -46,40 +45,43 @@ class LawParameter:
 
 @dataclass(frozen=True)
 class LawFunctions:
-    """The compiled functions of a law. They work on column i of the tables `law_parameters` and `springs`
-    (`tdint.kernels.layout`).
+    """The compiled functions of a law. They work on column i of the tables `law_parameters` and
+    `springs` (`tdint.kernels.layout`).
 
     Attributes
     ----------
     force : function
-        (law_parameters, springs, i, past, trial, drift) -> tangent, N/m: force of the story at `drift`, reached
-        straight from the state in block `past`; writes FORCE and what else the state of the law is to block `trial`.
+        (law_parameters, springs, i, past, trial, drift) -> tangent, N/m: force of the story at
+        `drift`, reached straight from the state in block `past`; writes FORCE and what else the
+        state of the law is to block `trial`.
     recoverable : function
         (law_parameters, springs, i) -> energy stored in the committed state, J.
     dissipated : function, optional
-        (law_parameters, springs, i) -> energy dissipated until the committed state, J, where that is not the row
-        DISSIPATED.
+        (law_parameters, springs, i) -> energy dissipated until the committed state, J, where that
+        is not the row DISSIPATED.
     settle : function, optional
-        (law_parameters, springs, i, past, trial): adds up DISSIPATED in block `trial`. Without it that stays as it is.
+        (law_parameters, springs, i, past, trial): adds up DISSIPATED in block `trial`. Without it
+        that stays as it is.
     keep : function, optional
-        (law_parameters, springs, i, past, trial): commits rows beyond the plain ones. A law that has it always knows
-        its branch; one that has no `settle` may look at that first (`tdint.kernels.laws.walking.branch_first`).
+        (law_parameters, springs, i, past, trial): commits rows beyond the plain ones. A law that
+        has it always knows its branch; one that has no `settle` may look at that first
+        (`tdint.kernels.laws.walking.branch_first`).
     enter : function, optional
-        (law_parameters, springs, i): branch of the committed state: SLOPE, UPPER, LOWER, where they are not k and
-        without end.
+        (law_parameters, springs, i): branch of the committed state: SLOPE, UPPER, LOWER, where they
+        are not k and without end.
     advance : function, optional
-        (law_parameters, springs, i, block, step, mean_force): what else changes on the way along a branch; without it
-        the row WORK adds up.
+        (law_parameters, springs, i, block, step, mean_force): what else changes on the way along a
+        branch; without it the row WORK adds up.
     switch : function, optional
-        (law_parameters, springs, i, block, event): the branch that follows when the present one ends by `event` (ABOVE,
-        BELOW, TURNED): sets SLOPE, LOWER, UPPER and TURN of the block (`walking.put_on_branch`), and FORCE and INTERNAL
-        where they change.
+        (law_parameters, springs, i, block, event): the branch that follows when the present one
+        ends by `event` (ABOVE, BELOW, TURNED): sets SLOPE, LOWER, UPPER and TURN of the block
+        (`walking.put_on_branch`), and FORCE and INTERNAL where they change.
     points : function, optional
-        (law_parameters, springs, i, way) -> Gauss points on a path of drift that is `way` long (m), for a curved law.
-        Without it many are taken.
+        (law_parameters, springs, i, way) -> Gauss points on a path of drift that is `way` long (m),
+        for a curved law. Without it many are taken.
     kink : function, optional
-        (law_parameters, springs, i, block, side) -> how far ahead of the state in `block`, on the way to `side`, the
-        force of a curved law bends sharply, m; infinite if it does not.
+        (law_parameters, springs, i, block, side) -> how far ahead of the state in `block`, on the
+        way to `side`, the force of a curved law bends sharply, m; infinite if it does not.
     """
 
     force: Any
@@ -105,26 +107,32 @@ class DriftLaw:
     functions : callable
         () -> LawFunctions. Only this imports numba.
     apart : bool
-        Whether the law is compiled on its own, when a model has it, and called at its address; else it is part of
-        every loop.
+        Whether the law is compiled on its own, when a model has it, and called at its address; else
+        it is part of every loop.
     extra_rows : int
-        Rows of `springs` that the law needs beyond the common ones (`tdint.kernels.layout.EXTRA_ROWS`).
+        Rows of `springs` that the law needs beyond the common ones
+        (`tdint.kernels.layout.EXTRA_ROWS`).
     parameters : tuple of LawParameter
-        In the order of the rows of `law_parameters` from FIRST_PARAMETER on (a `many` parameter comes last).
+        In the order of the rows of `law_parameters` from FIRST_PARAMETER on (a `many` parameter
+        comes last).
     curved : bool
         Whether the force is curved; else it is linear branch by branch.
     kinked : bool
-        Whether the tangent jumps somewhere, so that the law has a `switch`; where it does is located in a step.
+        Whether the tangent jumps somewhere, so that the law has a `switch`; where it does is
+        located in a step.
     stiffens : callable
         Parameter values -> whether a story can become stiffer than at rest.
     initial_stiffness : callable, optional
         The law's own initial stiffness from the parameter values; None where the story gives it.
     yield_drift : callable
-        (initial stiffness, parameter values) -> drift at first yield, m; nan for a law that does not yield.
+        (initial stiffness, parameter values) -> drift at first yield, m; nan for a law that does
+        not yield.
     fault : callable
-        (initial stiffness, parameter values) -> what is wrong with them together; None if nothing is.
+        (initial stiffness, parameter values) -> what is wrong with them together; None if nothing
+        is.
     failed : float
-        What row INTERNAL is, from then on, of a story that carries nothing any more; nan if that does not happen.
+        What row INTERNAL is, from then on, of a story that carries nothing any more; nan if that
+        does not happen.
     """
 
     name: str

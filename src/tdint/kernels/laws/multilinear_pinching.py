@@ -1,14 +1,18 @@
-"""The multilinear law with pinched reloading: the backbone of a capacity curve, as regional models have it.
+"""The multilinear law with pinched reloading: the backbone of a capacity curve, as regional models
+have it.
 
-The backbone of each side rises or falls through four points and ends flat, or with its last slope if that rises. A turn
-starts a path of at most three straight parts to the farthest point of the side that is moved towards: unloading to the
-part `unloading` of the third point's force, on to the parts `drift` and `force` of the farthest point, up to that. It
-is the law that OpenSees has as Pinching4 (Lowes and Altoontash 2003), with every turn at its own drift instead of at a
-step's end, and without what follows there from rounding.
+The backbone of each side rises or falls through four points and ends flat, or with its last slope
+if that rises. A turn starts a path of at most three straight parts to the farthest point of the
+side that is moved towards: unloading to the part `unloading` of the third point's force, on to the
+parts `drift` and `force` of the farthest point, up to that. It is the law that OpenSees has as
+Pinching4 (Lowes and Altoontash 2003), with every turn at its own drift instead of at a step's end,
+and without what follows there from rounding.
 
-Degradation takes, at each turn, a part from stiffness and strength and moves the farthest points ahead, by
+Degradation takes, at each turn, a part from stiffness and strength and moves the farthest points
+ahead, by
 
-    peak (largest drift / ultimate drift)^peak_exponent + work ((work - elastic) / capacity)^work_exponent <= limit
+    peak (largest drift / ultimate drift)^peak_exponent + work ((work - elastic) /
+    capacity)^work_exponent <= limit
 
 and takes nothing before the first yielding.
 """
@@ -23,7 +27,8 @@ from itertools import pairwise
 from tdint.kernels import layout as at
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter
 
-# Parameters: drift and force of four points of the positive side, then of the negative one; the pinching of both sides
+# Parameters: drift and force of four points of the positive side, then of the negative one; the
+# pinching of both sides
 _POINTS = at.FIRST_PARAMETER
 _PINCHING = at.FIRST_PARAMETER + 16
 _SIDE = 8
@@ -49,9 +54,10 @@ _ON_BACKBONE = 2.0
 _FAILED = 3.0  # not negative
 
 _HERE = 1e-12  # over a drift: what lies no farther ahead is reached
-# Over the first drift: a story that turns within it has not moved yet. An upper story of a building at rest turns at
-# some 1e-10 m, by the step alone, and would lose up to a fifth of its stiffness there. A tenth of what OpenSees' law
-# leaves out: forces this small are lost in those of any motion.
+# Over the first drift: a story that turns within it has not moved yet. An upper story of a building
+# at rest turns at some 1e-10 m, by the step alone, and would lose up to a fifth of its stiffness
+# there. A tenth of what OpenSees' law leaves out: forces this small are lost in those of any
+# motion.
 _AT_REST = 1e-5
 _EQUAL = 1e-12  # stiffnesses that differ by rounding alone
 _NO_PINCHING = 1e-8  # a difference of the parts of force below which reloading does not pinch
@@ -64,7 +70,8 @@ def _functions() -> LawFunctions:
 
     @inlined
     def of(side, row):
-        """The row of a pair that belongs to a side: the negative one's is two rows on, and positive, too."""
+        """The row of a pair that belongs to a side: the negative one's is two rows on, and
+        positive, too."""
         return row if side > 0.0 else row + 2
 
     @inlined
@@ -130,7 +137,8 @@ def _functions() -> LawFunctions:
 
     @inlined
     def loss(law_parameters, i, kind, farthest, spent):
-        """One loss before what bounds it from elsewhere; `spent` is a part of the capacity, negative where elastic."""
+        """One loss before what bounds it from elsewhere; `spent` is a part of the capacity,
+        negative where elastic."""
         limit = law_parameters[kind + 4, i]
         if limit == 0.0 or spent >= 1.0:
             return limit
@@ -189,7 +197,8 @@ def _functions() -> LawFunctions:
 
     @inlined
     def checked(u, f, knots, lowest, secant):
-        """A path that goes back or falls is replaced by the straight line, or by the two lines through the origin."""
+        """A path that goes back or falls is replaced by the straight line, or by the two lines
+        through the origin."""
         b, fb, c, fc, d, fd = knots
         if b >= u and c >= b and d >= c and fb >= f and fc >= fb and fd >= fc:
             return b, fb, c, fc, d, fd
@@ -214,8 +223,9 @@ def _functions() -> LawFunctions:
 
     @called
     def path(law_parameters, i, side, u, f, demand, lost):
-        """The three points of the path from a turn at (u, f), drift and force counted in the sense of the side it leads
-        to, whose farthest drift is `demand`; `lost` are the losses that act from here on."""
+        """The three points of the path from a turn at (u, f), drift and force counted in the sense
+        of the side it leads to, whose farthest drift is `demand`; `lost` are the losses that act
+        from here on."""
         weak = 1.0 - lost[2]
         k = stiffness(law_parameters, i, side) * (1.0 - lost[0])
         d = demand * (1.0 + lost[1])
@@ -356,7 +366,8 @@ def _functions() -> LawFunctions:
 
     @inlined
     def until_zero(u, f, knots):
-        """Energy that comes back on the way along a path from a negative force at `u` to where there is none."""
+        """Energy that comes back on the way along a path from a negative force at `u` to where
+        there is none."""
         energy = 0.0
         for row in range(0, 6, 2):
             end, force = knots[row], knots[row + 1]
@@ -369,7 +380,8 @@ def _functions() -> LawFunctions:
 
     @called
     def recoverable(law_parameters, springs, i):
-        """What comes back on the path that a turn here would start, or on the rest of the present one."""
+        """What comes back on the path that a turn here would start, or on the rest of the present
+        one."""
         drift, force = springs[at.DRIFT, i], springs[at.FORCE, i]
         if force == 0.0:
             return 0.0
@@ -455,7 +467,10 @@ def _fault(stiffness: float, values: Sequence[float]) -> str | None:
         (values[_SIDE : 2 * _SIDE : 2], "negative.backbone"),
     ):
         if any(later <= drift for drift, later in pairwise(drifts)):
-            return f"the drifts of {name} must rise from point to point, got {', '.join(f'{d:.6g}' for d in drifts)} m"
+            return (
+                f"the drifts of {name} must rise from point to point, got "
+                f"{', '.join(f'{d:.6g}' for d in drifts)} m"
+            )
     return None
 
 
@@ -481,8 +496,8 @@ def _loss(name: str) -> tuple[LawParameter, ...]:
 
 LAW = DriftLaw(
     "multilinear-pinching",
-    "backbone through two to four points a side, rising or falling; unloads, pinches and reloads along straight lines "
-    "(Pinching4)",
+    "backbone through two to four points a side, rising or falling; unloads, pinches and reloads "
+    "along straight lines (Pinching4)",
     _functions,
     parameters=(
         LawParameter("backbone", points=True, low=0.0, low_allowed=False),

@@ -1,17 +1,19 @@
 """The peak-oriented law: a bilinear backbone, and stiffness that degrades with the largest drifts.
 
-Unloading goes down to zero force with k (dy / largest drift)^unloading (Takeda, Sozen and Nielsen 1970), reloading
-towards the farthest point of the other side (Clough 1966).
+Unloading goes down to zero force with k (dy / largest drift)^unloading (Takeda, Sozen and Nielsen
+1970), reloading towards the farthest point of the other side (Clough 1966).
 
-With hardening that line would at last pass zero drift, even the other side's yield point, and unloading give back more
-than was put in. The stiffness is therefore at least
+With hardening that line would at last pass zero drift, even the other side's yield point, and
+unloading give back more than was put in. The stiffness is therefore at least
 
-    that of the line from the farthest point to the origin, F / dmax, and   k min(1, hardening / (1 - unloading / 2)).
+    F / dmax, that of the line from the farthest point to the origin, and
+    k min(1, hardening / (1 - unloading / 2)).
 
-Then no branch makes energy. While a side yields, what unloading would give back, E = F^2 / (2 ku), grows by at most
-the work F dd: on the first bound E = F d / 2 and F' d <= F; on the second E' = F F' / ku with F' = hardening k;
-otherwise E' = F (F' / ku + unloading F / (2 ku d)) <= F ((1 - unloading / 2) + unloading / 2). And reloading from a
-zero that lies on the other side of the origin is never stiffer than unloading.
+Then no branch makes energy. While a side yields, what unloading would give back, E = F^2 / (2 ku),
+grows by at most the work F dd: on the first bound E = F d / 2 and F' d <= F; on the second E' = F
+F' / ku with F' = hardening k; otherwise E' = F (F' / ku + unloading F / (2 ku d)) <= F ((1 -
+unloading / 2) + unloading / 2). And reloading from a zero that lies on the other side of the origin
+is never stiffer than unloading.
 """
 
 from __future__ import annotations
@@ -115,7 +117,8 @@ def _functions() -> LawFunctions:
 
 LAW = DriftLaw(
     "peak-oriented",
-    "bilinear backbone; unloads with k (dy / dmax)^unloading, reloads towards the farthest point (Clough)",
+    "bilinear backbone; unloads with k (dy / dmax)^unloading, reloads towards the farthest point "
+    "(Clough)",
     _functions,
     parameters=(
         LawParameter("yield_force", force=1, low=0.0, low_allowed=False),

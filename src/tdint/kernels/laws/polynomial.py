@@ -11,7 +11,8 @@ def _functions() -> LawFunctions:
 
     @inlined
     def force(law_parameters, springs, i, past, trial, drift):
-        """By Horner's rule; a sum of two products could be contracted in two ways, by the scene it is compiled for."""
+        """By Horner's rule; a sum of two products could be contracted in two ways, by the scene it
+        is compiled for."""
         secant = 0.0
         slope = 0.0  # of the secant
         for row in range(law_parameters.shape[0] - 1, at.FIRST_PARAMETER - 1, -1):

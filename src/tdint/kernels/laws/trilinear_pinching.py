@@ -1,9 +1,10 @@
 """The trilinear law with pinched reloading, for building types of regional studies.
 
-The backbone of each side rises to the yield point, on to the ultimate point, and stays there. Unloading goes down to
-zero force with k (dy / largest drift)^unloading; reloading towards the farthest point of the other side in two parts,
-of which the first, flatter one ends at the part `pinching` of the force (Lu, McKenna, Cheng, Xu, Zeng and Mahin 2020;
-pinching 1 is Clough's rule of 1966). No reloading is stiffer than unloading.
+The backbone of each side rises to the yield point, on to the ultimate point, and stays there.
+Unloading goes down to zero force with k (dy / largest drift)^unloading; reloading towards the
+farthest point of the other side in two parts, of which the first, flatter one ends at the part
+`pinching` of the force (Lu, McKenna, Cheng, Xu, Zeng and Mahin 2020; pinching 1 is Clough's rule of
+1966). No reloading is stiffer than unloading.
 """
 
 from __future__ import annotations
@@ -76,8 +77,8 @@ def _functions() -> LawFunctions:
 
     @inlined
     def lead(springs, i, block, side, kind, slope, end, turn):
-        """Put the story on a branch that ends at `end` ahead on that side, and does not hold backwards where it
-        turns."""
+        """Put the story on a branch that ends at `end` ahead on that side, and does not hold
+        backwards where it turns."""
         springs[block + at.INTERNAL, i] = side * kind
         springs[block + at.SLOPE, i] = slope
         springs[block + at.TURN, i] = turn
@@ -86,7 +87,8 @@ def _functions() -> LawFunctions:
 
     @inlined
     def glide(law_parameters, springs, i, block, side, slope, end):
-        """The line of the unloading stiffness through the present point, from zero force up to `end`."""
+        """The line of the unloading stiffness through the present point, from zero force up to
+        `end`."""
         zero = springs[block + at.DRIFT, i] - springs[block + at.FORCE, i] / slope
         lead(springs, i, block, side, _GLIDING, slope, end, 0.0)
         if side > 0.0:
@@ -137,7 +139,8 @@ def _functions() -> LawFunctions:
 
     @called
     def cross(law_parameters, springs, i, block, side):
-        """Zero force is passed towards a side: load there, not stiffer than with its unloading stiffness."""
+        """Zero force is passed towards a side: load there, not stiffer than with its unloading
+        stiffness."""
         zero = side * springs[block + at.DRIFT, i]
         springs[block + at.FORCE, i] = 0.0
         springs[block + _ZERO, i] = springs[block + at.DRIFT, i]
@@ -149,7 +152,8 @@ def _functions() -> LawFunctions:
         if bend > zero + _HERE * target and part <= slope * (bend - zero) and zero < target:
             load(law_parameters, springs, i, block, side)
             return
-        # Up with the unloading stiffness to where that meets the second part, or behind that the backbone
+        # Up with the unloading stiffness to where that meets the second part, or behind that the
+        # backbone
         meeting = math.inf
         if target > bend:
             second = (force - part) / (target - bend)
@@ -206,20 +210,27 @@ def _functions() -> LawFunctions:
 def _fault(stiffness: float, values: Sequence[float]) -> str | None:
     strength, ultimate, drift = values[:3]
     if ultimate < strength:
-        return f"ultimate_force must be at least yield_force, got {ultimate:.10g} N under {strength:.10g} N"
+        return (
+            f"ultimate_force must be at least yield_force, got {ultimate:.10g} N under "
+            f"{strength:.10g} N"
+        )
     if drift <= strength / stiffness:
-        return f"ultimate_drift must be beyond the yield drift {strength / stiffness:.6g} m, got {drift:.10g} m"
+        return (
+            f"ultimate_drift must be beyond the yield drift {strength / stiffness:.6g} m, got "
+            f"{drift:.10g} m"
+        )
     if ultimate >= stiffness * drift:
         return (
-            f"the ultimate point must lie below the line of the initial stiffness: ultimate_drift beyond "
-            f"{ultimate / stiffness:.6g} m, got {drift:.10g} m"
+            "the ultimate point must lie below the line of the initial stiffness: ultimate_drift "
+            f"beyond {ultimate / stiffness:.6g} m, got {drift:.10g} m"
         )
     return None
 
 
 LAW = DriftLaw(
     "trilinear-pinching",
-    "backbone to (dy, Fy), (ultimate_drift, Fu), flat beyond; unloads with k (dy / dmax)^unloading, reloads pinched",
+    "backbone to (dy, Fy), (ultimate_drift, Fu), flat beyond; unloads with k (dy / "
+    "dmax)^unloading, reloads pinched",
     _functions,
     parameters=(
         LawParameter("yield_force", force=1, low=0.0, low_allowed=False),

@@ -41,10 +41,12 @@ def copy_extra_rows(springs, i, past, trial):
 
 @inlined
 def put_on_branch(springs, i, block, slope, lower, upper, turn):
-    """Put the state in `block` on a branch: all that a `switch` sets, but for FORCE and INTERNAL where these change.
+    """Put the state in `block` on a branch: all that a `switch` sets, but for FORCE and INTERNAL
+    where these change.
 
-    It has the stiffness `slope` (infinite: curved) between the drifts `lower` and `upper` (infinite: without end), and
-    ends where the drift turns against the sign of `turn` (0: it does not).
+    It has the stiffness `slope` (infinite: curved) between the drifts `lower` and `upper`
+    (infinite: without end), and ends where the drift turns against the sign of `turn` (0: it does
+    not).
     """
     springs[block + at.SLOPE, i] = slope
     springs[block + at.LOWER, i] = lower
@@ -62,7 +64,8 @@ def fail(springs, i, block, failed):
 
 @inlined
 def lender(springs, i, block):
-    """The block that holds the branch of the state in `block`: itself, or the one that it borrows from."""
+    """The block that holds the branch of the state in `block`: itself, or the one that it borrows
+    from."""
     return block if block == at.COMMITTED else block + int(springs[block + at.BORROWED, i])
 
 
@@ -79,19 +82,22 @@ def copy_borrowed(springs, i, block):
 
 
 def branch_first(functions: LawFunctions) -> LawFunctions:
-    """The functions of a law that knows its branch, with a look at that branch before a way is walked.
+    """The functions of a law that knows its branch, with a look at that branch before a way is
+    walked.
 
-    Most ways end on the linear branch on which they begin. There drift, force and work change, and nothing else does:
-    the trial state borrows the rest (`tdint.kernels.layout.BORROWED`), where a walk would copy every row of the story,
-    and the commit would copy them back. Forces, tangents and work are those of the walk, bit by bit.
+    Most ways end on the linear branch on which they begin. There drift, force and work change, and
+    nothing else does: the trial state borrows the rest (`tdint.kernels.layout.BORROWED`), where a
+    walk would copy every row of the story, and the commit would copy them back. Forces, tangents
+    and work are those of the walk, bit by bit.
 
-    A state that borrows is good as long as the block that it borrows from is not written: trial states that follow
-    each other in a chain are found in that order, each time.
+    A state that borrows is good as long as the block that it borrows from is not written: trial
+    states that follow each other in a chain are found in that order, each time.
 
     Parameters
     ----------
     functions : LawFunctions
-        With a `keep`, without a `settle`; all blocks that `force` writes hold SLOPE, UPPER, LOWER, TURN and WORK.
+        With a `keep`, without a `settle`; all blocks that `force` writes hold SLOPE, UPPER, LOWER,
+        TURN and WORK.
     """
     walk, keep = functions.force, functions.keep
 
@@ -116,7 +122,8 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
     @inlined
     def keep_what_changed(law_parameters, springs, i, past, trial):
         if springs[trial + at.BORROWED, i] == float(at.COMMITTED - trial):
-            # On the committed branch all the way: `commit` copies INTERNAL back with the plain rows.
+            # On the committed branch all the way: `commit` copies INTERNAL back with the plain
+            # rows.
             springs[trial + at.INTERNAL, i] = springs[at.INTERNAL, i]
             springs[at.WORK, i] = springs[trial + at.WORK, i]
         else:
@@ -127,7 +134,8 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
 
 
 def advancing(move: Any) -> Any:
-    """A function that goes to a drift on the present branch of the state in a block; `move` is `DriftLaw.advance`."""
+    """A function that goes to a drift on the present branch of the state in a block; `move` is
+    `DriftLaw.advance`."""
 
     @inlined
     def advance(law_parameters, springs, i, block, drift):
@@ -142,8 +150,8 @@ def advancing(move: Any) -> Any:
 
 
 def walker(switch: Any, move: Any = None) -> Any:
-    """A `DriftLaw.force` that goes straight from the state in `past` to `drift`, over as many branches as lie on the
-    way."""
+    """A `DriftLaw.force` that goes straight from the state in `past` to `drift`, over as many
+    branches as lie on the way."""
     advance = advancing(move or inlined(add_work))
 
     @specialized
@@ -169,8 +177,8 @@ def walker(switch: Any, move: Any = None) -> Any:
 
 
 def walking(switch: Any, recoverable: Any, enter: Any) -> LawFunctions:
-    """The functions of a law that is linear branch by branch and remembers its branch: it dissipates what was done on
-    it and cannot be recovered."""
+    """The functions of a law that is linear branch by branch and remembers its branch: it
+    dissipates what was done on it and cannot be recovered."""
 
     @inlined
     def dissipated(law_parameters, springs, i):

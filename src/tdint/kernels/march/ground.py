@@ -1,4 +1,5 @@
-"""The ground acceleration over a step, from the samples of a record: linear between them, zero after the last."""
+"""The ground acceleration over a step, from the samples of a record: linear between them, zero
+after the last."""
 
 from __future__ import annotations
 
@@ -33,8 +34,8 @@ def ground_at(ground, step, per_sample, stride):
 
 @called
 def straightened(ground, begin, end):
-    """Ends of the line that has the impulse and the first moment of the ground acceleration from position `begin` to
-    `end`, counted in samples.
+    """Ends of the line that has the impulse and the first moment of the ground acceleration from
+    position `begin` to `end`, counted in samples.
 
     It is the line of least squares. Within one sampling interval it is the record's own.
     """

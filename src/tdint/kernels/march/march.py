@@ -1,4 +1,5 @@
-"""The time loop: one compiled march for all methods, which takes the compiled step as an argument."""
+"""The time loop: one compiled march for all methods, which takes the compiled step as an
+argument."""
 
 from __future__ import annotations
 
@@ -60,7 +61,8 @@ MARCH = I8(
 )
 
 RUNAWAY = 1e6
-"""Displacement beyond which a march ends as one whose numbers are not finite, m: no building moves so far."""
+"""Displacement beyond which a march ends as one whose numbers are not finite, m: no building moves
+so far."""
 
 
 @inlined
@@ -89,7 +91,8 @@ def ran_away(state, n):
 
 @inlined
 def see(raise_shears, scene, span, slope, memory, seen):
-    """Observe the motion at the end of a step or of a piece of one, and what it passed on the way."""
+    """Observe the motion at the end of a step or of a piece of one, and what it passed on the
+    way."""
     near = observe(scene, span, slope, memory, seen)
     if look_between(near, scene, span, memory, seen) > 0:
         take_shears(raise_shears, scene, memory, seen)
@@ -110,23 +113,51 @@ def _collapse(take_stock, scene, memory, steps, seen):
 
 @kernel(MARCH, parts=())
 def march(
-    step, begin, take_stock, raise_shears, steps, first, last, every, before, per_sample, stride, halvings,
-    h, ground, coefficients, shifts, linear_terms, modal, law_parameters, forces, flags,
-    state, springs, work, report, load, watch, peaks, limits, totals, history,
-):  # fmt: skip
-    """Integrate over the steps `first` to `last` of a run of `steps` steps of h; returns 0, or the code of the step
-    that failed.
+    step,
+    begin,
+    take_stock,
+    raise_shears,
+    steps,
+    first,
+    last,
+    every,
+    before,
+    per_sample,
+    stride,
+    halvings,
+    h,
+    ground,
+    coefficients,
+    shifts,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    state,
+    springs,
+    work,
+    report,
+    load,
+    watch,
+    peaks,
+    limits,
+    totals,
+    history,
+):
+    """Integrate over the steps `first` to `last` of a run of `steps` steps of h; returns 0, or the
+    code of the step that failed.
 
-    The run begins with `first` 0 and goes on from what the march before has left: in so many pieces that whoever runs
-    it can be interrupted.
+    The run begins with `first` 0 and goes on from what the march before has left: in so many pieces
+    that whoever runs it can be interrupted.
 
-    A step longer than a sampling interval takes the ground acceleration as the straight line that has its impulse and
-    its first moment over the step. The lines of two steps do not meet: in between the accelerations jump as the ground
-    does.
+    A step longer than a sampling interval takes the ground acceleration as the straight line that
+    has its impulse and its first moment over the step. The lines of two steps do not meet: in
+    between the accelerations jump as the ground does.
 
-    A step that does not converge is halved up to `halvings` times over; the rest of it goes on in the smaller pieces.
-    A multi-step method, whose memory holds whole steps, starts anew in and after such a step.
-    `totals[STEPS_REACHED]` counts the whole steps done.
+    A step that does not converge is halved up to `halvings` times over; the rest of it goes on in
+    the smaller pieces. A multi-step method, whose memory holds whole steps, starts anew in and
+    after such a step. `totals[STEPS_REACHED]` counts the whole steps done.
     """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, springs, work, report)
@@ -193,7 +224,8 @@ def march(
     return 0
 
 
-# ---- Many marches of one building in one call: other ground motions, scales and steps, the same method
+# ---- Many marches of one building in one call: other ground motions, scales and steps, the same
+# method
 
 # runs: one row each
 GROUND_START = 0  # of the run's ground acceleration among all samples
@@ -269,7 +301,8 @@ class _Called(NamedTuple):
 
 
 class _Motion(NamedTuple):
-    """What all runs have in common: how a step is taken, and scratch for the run's own ground motion."""
+    """What all runs have in common: how a step is taken, and scratch for the run's own ground
+    motion."""
 
     halvings: int
     h: float
@@ -281,7 +314,8 @@ class _Motion(NamedTuple):
 
 @inlined
 def _go_on(kernels, motion, run, steps, done, scene, memory, seen):
-    """March on from `done` steps to `steps` of them; `run` is the number of steps per sample and samples per step."""
+    """March on from `done` steps to `steps` of them; `run` is the number of steps per sample and
+    samples per step."""
     return _call_march(
         kernels.march, kernels.step, kernels.begin, kernels.take_stock, kernels.raise_shears,
         steps, done, steps, 1, 0, run[0], run[1],
@@ -305,12 +339,47 @@ def _begin(initial, memory, watch):
 
 @kernel(MANY, parts=())
 def many(
-    march, step, begin, take_stock, raise_shears, halvings, h, samples, runs, coefficients, shifts,
-    linear_terms, modal, law_parameters, forces, flags, state_0, springs_0, work_0, report_0, totals_0,
-    state, springs, work, report, load, ground, watch, limits, kept, history,
-    window, windows, quiet, peaks, drifts, totals, ends,
-):  # fmt: skip
-    """March through all runs; each begins as if it were alone. Returns how many of them did not get to their end."""
+    march,
+    step,
+    begin,
+    take_stock,
+    raise_shears,
+    halvings,
+    h,
+    samples,
+    runs,
+    coefficients,
+    shifts,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    state_0,
+    springs_0,
+    work_0,
+    report_0,
+    totals_0,
+    state,
+    springs,
+    work,
+    report,
+    load,
+    ground,
+    watch,
+    limits,
+    kept,
+    history,
+    window,
+    windows,
+    quiet,
+    peaks,
+    drifts,
+    totals,
+    ends,
+):
+    """March through all runs; each begins as if it were alone. Returns how many of them did not get
+    to their end."""
     kernels = _Called(march, step, begin, take_stock, raise_shears)
     motion = _Motion(halvings, h, coefficients, shifts, load, ground)
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)

@@ -1,5 +1,5 @@
-"""What is seen of a motion while it is integrated: peaks, energies, a history if asked for. O(stories) memory
-otherwise."""
+"""What is seen of a motion while it is integrated: peaks, energies, a history if asked for.
+O(stories) memory otherwise."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from tdint.kernels.linear_terms import (
     power_damper,
 )
 from tdint.kernels.peaks_between_steps import (
-    bulge,
-    look_within,
-    may_be_fastest,
-    may_bulge,
-    may_pass,
+    acceleration_bulge,
+    find_interstep_peaks,
+    may_exceed_acceleration_peak,
+    may_exceed_peaks,
+    may_exceed_velocity_peak,
     raise_peak,
 )
 from tdint.kernels.stepping import Ends, Passage
@@ -30,7 +30,8 @@ from tdint.kernels.stories.law_state import dissipated, reach, recoverable, star
 
 
 class _Powers(NamedTuple):
-    """Of the load and of the dampers at one time, with their rates, and the momentum of all floors."""
+    """Of the load and of the dampers at one time, with their rates, and the momentum of all
+    floors."""
 
     power: float
     rate: float  # without the ground's own rate
@@ -41,11 +42,12 @@ class _Powers(NamedTuple):
 
 @inlined
 def observe(scene, span, slope, memory, seen):
-    """Take in the state at the end of a span, reached by a step in which the ground acceleration has the given slope.
+    """Take in the state at the end of a span, reached by a step in which the ground acceleration
+    has the given slope.
 
-    The acceleration is that of equilibrium there, whatever the method carries. Call with a span of no length at the
-    start. Returns whether a peak may be passed within the step or at its end, where it then is raised: in most steps
-    none comes near, which is found without a branch.
+    The acceleration is that of equilibrium there, whatever the method carries. Call with a span of
+    no length at the start. Returns whether a peak may be passed within the step or at its end,
+    where it then is raised: in most steps none comes near, which is found without a branch.
     """
     linear_terms, modal, law_parameters, forces, flags = scene
     state, springs = memory.state, memory.springs
@@ -96,14 +98,18 @@ def observe(scene, span, slope, memory, seen):
         a_0 = watch[at.A_BEFORE, i]
         floor = Ends(0.0, v_0, a_0, state[at.DISPLACEMENT, i], v, a, v_0, a_0)
         moving = Ends(0.0, v_0 - link * v_0_below, 0.0, drift, rate, 0.0, 0.0, 0.0)
-        passing |= may_pass(span, floor, moving, shear, law_parameters[at.STIFFNESS, i], peaks, i)
-        inside = bulge(by_h, floor)
-        passing |= may_bulge(
+        passing |= may_exceed_peaks(
+            span, floor, moving, shear, law_parameters[at.STIFFNESS, i], peaks, i
+        )
+        inside = acceleration_bulge(by_h, floor)
+        passing |= may_exceed_acceleration_peak(
             a_0 + span.ground_0, a + ground, inside, peaks[at.PEAK_ACCELERATION, i]
         )
         moved_above += mass * (a_0 + span.ground_0)
         bulge_above += mass * inside
-        passing |= may_bulge(moved_above, -total, bulge_above, peaks[at.PEAK_TOTAL_SHEAR, i])
+        passing |= may_exceed_acceleration_peak(
+            moved_above, -total, bulge_above, peaks[at.PEAK_TOTAL_SHEAR, i]
+        )
         momentum += mass * v
         force += mass * a
         damped += by_floor * v + (by_story + damper) * rate
@@ -158,7 +164,7 @@ def _observe_devices(span, linear_terms, state, seen):
         rate = v - link * v_below
         change = a - link * a_below
         ends = Ends(0.0, 0.0, a_0 - link * a_0_below, 0.0, rate, change, 0.0, 0.0)
-        passing |= may_be_fastest(span, ends, peaks[at.PEAK_DRIFT_RATE, i])
+        passing |= may_exceed_velocity_peak(span, ends, peaks[at.PEAK_DRIFT_RATE, i])
         raise_peak(peaks, at.PEAK_DRIFT_RATE, i, rate)
         damper, tangent = power_damper(linear_terms, i, rate)
         force = linear_terms[at.DASHPOT, i] * rate
@@ -220,7 +226,8 @@ def _other_powers(modal, forces, t, state, watch, n):
 
 @called
 def _by_all(modal, forces, t, state, n):
-    """What the second and the fourth of `_other_powers` gain where all floors accelerate by 1 m/s^2 more."""
+    """What the second and the fourth of `_other_powers` gain where all floors accelerate by 1 m/s^2
+    more."""
     rate = 0.0
     damped_rate = 0.0
     for j in range(forces.shape[0]):
@@ -237,9 +244,10 @@ def _by_all(modal, forces, t, state, n):
 
 @inlined
 def look_between(passing, scene, span, memory, seen):
-    """Peaks within the step that has been observed: those that the step itself has raised, all of them or, on a
-    parabola, what has corners; else as far as its ends tell them, if one may be passed. Returns how many stories turned
-    with what may be their largest shear, at the drifts in row TURNED_AT."""
+    """Peaks within the step that has been observed: those that the step itself has raised, all of
+    them or, on a parabola, what has corners; else as far as its ends tell them, if one may be
+    passed. Returns how many stories turned with what may be their largest shear, at the drifts in
+    row TURNED_AT."""
     state, springs, work, report = memory
     watch, peaks, _, _, _ = seen
     n = scene.linear_terms.shape[1] - 1
@@ -249,7 +257,7 @@ def look_between(passing, scene, span, memory, seen):
         report[at.WITHIN] = 0.0
     if passing and (span.on_path or not span.cornered):
         passage = Passage(watch, at.U_BEFORE, state, watch, at.ACCELERATION_NOW)
-        turned = look_within(span, scene, passage, springs, watch, at.TURNED_AT, peaks, 0)
+        turned = find_interstep_peaks(span, scene, passage, springs, watch, at.TURNED_AT, peaks, 0)
     if span.fast:
         for i in range(n):
             watch[at.V_EARLIER, i] = watch[at.V_BEFORE, i]
@@ -278,10 +286,11 @@ def remember(state, watch, n):
 
 @inlined
 def shift_ground(scene, load, shifts, memory, seen):
-    """The line that stands for the ground acceleration begins anew, beside where the one before ended.
+    """The line that stands for the ground acceleration begins anew, beside where the one before
+    ended.
 
-    A jump of the ground's acceleration moves all floors alike; velocities and displacements stay. `shifts` says what of
-    it each row of the state takes.
+    A jump of the ground's acceleration moves all floors alike; velocities and displacements stay.
+    `shifts` says what of it each row of the state takes.
     """
     linear_terms, modal, _, forces, _ = scene
     state, watch, totals = memory.state, seen.watch, seen.totals
@@ -309,7 +318,8 @@ def shift_ground(scene, load, shifts, memory, seen):
 
 @called
 def _other_forces(modal, forces, t, state, watch, n):
-    """Forces on floors less modal damping into their row; the row stays zero where a building has neither."""
+    """Forces on floors less modal damping into their row; the row stays zero where a building has
+    neither."""
     for i in range(n):
         watch[at.OTHER_FORCE, i] = 0.0
         watch[at.MODAL_FORCE, i] = 0.0
@@ -322,8 +332,8 @@ def _other_forces(modal, forces, t, state, watch, n):
 
 @inlined
 def _work(h, power_0, power_1, change):
-    """Work over a step by the corrected trapezoidal (Hermite) rule, of order 4; `change` is the rate of the power at
-    its start less that at its end."""
+    """Work over a step by the corrected trapezoidal (Hermite) rule, of order 4; `change` is the
+    rate of the power at its start less that at its end."""
     return 0.5 * h * (power_0 + power_1) + h * h / 12.0 * change
 
 
@@ -355,7 +365,8 @@ def begin_energies(linear_terms, totals):
 
 @called
 def store(ground, line, memory, seen, row):
-    """Write one row of the history; stock has been taken. `line` is the ground acceleration of the observed motion."""
+    """Write one row of the history; stock has been taken. `line` is the ground acceleration of the
+    observed motion."""
     state, springs = memory.state, memory.springs
     watch, _, _, totals, history = seen
     n = watch.shape[1] - 1
@@ -383,7 +394,8 @@ def beyond_limits(springs, seen):
 
 @called
 def note_collapse(springs, steps, seen):
-    """Note which story is beyond its limits after so many whole steps; the energies have been summed up."""
+    """Note which story is beyond its limits after so many whole steps; the energies have been
+    summed up."""
     _, peaks, limits, totals, _ = seen
     farthest = 0.0
     for i in range(limits.shape[1]):
@@ -399,11 +411,11 @@ def note_collapse(springs, steps, seen):
         totals[at.COLLAPSE_ENERGIES + j] = totals[j]
 
 
-# ---- What a march asks of the drift laws beside the steps: a beginning, energies, and the forces where stories
-# turned
+# ---- What a march asks of the drift laws beside the steps: a beginning, energies, and the forces
+# where stories turned
 #
-# The march is given these as kernels of their own, as it is given the step, so that it is compiled once for all
-# laws.
+# The march is given these as kernels of their own, as it is given the step, so that it is compiled
+# once for all laws.
 
 BEGIN = I8(TABLE, TABLE, TABLE, TABLE)
 TAKE_STOCK = I8(TABLE, TABLE, TABLE, TABLE, VECTOR)
@@ -477,7 +489,8 @@ def take_stock(linear_terms, law_parameters, state, springs, totals):
 def raise_shears(law_parameters, springs, turns, turn, peaks):
     """Peak shears of the stories that turned within a step, at the drifts in row `turn` of `turns`.
 
-    From the end of the step the way leads back to where the story turned: there it finds the force again that it had.
+    From the end of the step the way leads back to where the story turned: there it finds the force
+    again that it had.
     """
     for i in range(peaks.shape[1]):
         if turns[turn, i] != springs[at.DRIFT, i]:

@@ -1,11 +1,12 @@
 """The largest value of an oscillator's response between two steps' ends.
 
-Under a ground motion that is linear over the step every quantity q that is asked for has a q'' that vibrates freely.
-That bounds how far q can rise above its values at both ends, and with omega h <= 1 a short Taylor series is q itself.
+Under a ground motion that is linear over the step every quantity q that is asked for has a q'' that
+vibrates freely. That bounds how far q can rise above its values at both ends, and with omega h <= 1
+a short Taylor series is q itself.
 
-At the ends the recursion from one step to the next is exact (Nigam and Jennings 1969): u1 = A11 u0 + A12 v0 - B10 g0 -
-B11 g1 and v1 = A21 u0 + A22 v0 - B20 g0 - B21 g1 for a ground acceleration that goes in a straight line from g0 to g1;
-`tdint.analysis.spectra.elastic` fills the tables.
+At the ends the recursion from one step to the next is exact (Nigam and Jennings 1969): u1 = A11 u0
++ A12 v0 - B10 g0 - B11 g1 and v1 = A21 u0 + A22 v0 - B20 g0 - B21 g1 for a ground acceleration that
+goes in a straight line from g0 to g1; `tdint.analysis.spectra.elastic` fills the tables.
 """
 
 from __future__ import annotations
@@ -57,10 +58,11 @@ def divide(samples, parts, ground):
 
 @inlined
 def rise(vibration):
-    """By how much, at most, a quantity exceeds its values at both ends of a step, over the larger of its q'' there.
+    """By how much, at most, a quantity exceeds its values at both ends of a step, over the larger
+    of its q'' there.
 
-    q lies within h^2/8 max |q''| of the chord. q'' is a free vibration: over omega h <= 1 its largest value is at most
-    exp(xi omega h) / cos(omega h / 2) times the larger one at the ends.
+    q lies within h^2/8 max |q''| of the chord. q'' is a free vibration: over omega h <= 1 its
+    largest value is at most exp(xi omega h) / cos(omega h / 2) times the larger one at the ends.
     """
     by_u, by_v, h = vibration
     return 0.125 * h * h * math.exp(0.5 * by_v * h) / math.cos(0.5 * math.sqrt(by_u) * h)
@@ -68,10 +70,11 @@ def rise(vibration):
 
 @inlined
 def may_exceed(best, rise, q0, d0, e0, q1, d1, e1):
-    """Whether q, with q' = d and q'' = e at both ends, may have an extreme between them that is larger than `best`.
+    """Whether q, with q' = d and q'' = e at both ends, may have an extreme between them that is
+    larger than `best`.
 
-    e changes its sign once at most, so that d has one zero if its signs differ, else two or none. Where d starts from
-    zero (at rest), e is its sign.
+    e changes its sign once at most, so that d has one zero if its signs differ, else two or none.
+    Where d starts from zero (at rest), e is its sign.
     """
     turns = (d0 if d0 != 0.0 else e0) * d1 < 0.0 or (d0 * e0 < 0.0 and d1 * e1 > 0.0)
     return turns and max(abs(q0), abs(q1)) + rise * max(abs(e0), abs(e1)) > best
@@ -79,9 +82,9 @@ def may_exceed(best, rise, q0, d0, e0, q1, d1, e1):
 
 @called
 def largest_between(q, rates, d1, vibration, n, series):
-    """Largest absolute value at the extremes of q within a step; q and its `rates` q', q'', q''' are those at its
-    start, d1 is q' at its end. n is the number of `terms`; `series`, shape (3, TERMS), is room for the series of q, q'
-    and q''.
+    """Largest absolute value at the extremes of q within a step; q and its `rates` q', q'', q'''
+    are those at its start, d1 is q' at its end. n is the number of `terms`; `series`, shape (3,
+    TERMS), is room for the series of q, q' and q''.
     """
     d, e, f = rates
     by_u, by_v, h = vibration
@@ -114,7 +117,8 @@ def largest_between(q, rates, d1, vibration, n, series):
 def terms(vibration):
     """Terms of the series of q that matter beside the cubic one.
 
-    From the third on each derivative is about omega times the one before; the ground's slope is in the third.
+    From the third on each derivative is about omega times the one before; the ground's slope is in
+    the third.
     """
     by_u, by_v, h = vibration
     reach = h * max(math.sqrt(by_u), by_v)
@@ -127,7 +131,8 @@ def terms(vibration):
 
 @called
 def _root(coefficients, n, low, high, at_low, at_high):
-    """The zero of a series of n terms whose signs differ at `low` and `high`: Newton's method, kept between them."""
+    """The zero of a series of n terms whose signs differ at `low` and `high`: Newton's method, kept
+    between them."""
     x = low + (high - low) * at_low / (at_low - at_high)
     for _ in range(_NEWTON):
         value, slope = _value(coefficients, n, x)
@@ -159,11 +164,12 @@ def _value(coefficients, n, x):
 
 @inlined
 def narrowed(left, at_left, right, at_right, side, t, value):
-    """A root's bracket narrowed by false position with halved weights, the Illinois method (Dowell and Jarratt 1971):
-    the bracket after a look at t, with its values; the value of an end that stays twice in a row is halved.
+    """A root's bracket narrowed by false position with halved weights, the Illinois method (Dowell
+    and Jarratt 1971): the bracket after a look at t, with its values; the value of an end that
+    stays twice in a row is halved.
 
-    `side` is 1 if the right end was moved last, -1 for the left one, 0 at first; returned with the bracket, as is the
-    distance by which an end was moved. `value` is not zero.
+    `side` is 1 if the right end was moved last, -1 for the left one, 0 at first; returned with the
+    bracket, as is the distance by which an end was moved. `value` is not zero.
     """
     if (value > 0.0) == (at_right > 0.0):
         moved = right - t

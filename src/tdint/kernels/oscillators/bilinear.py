@@ -1,13 +1,15 @@
-"""Bilinear oscillators under a ground motion that is linear between its samples, without error of time integration.
+"""Bilinear oscillators under a ground motion that is linear between its samples, without error of
+time integration.
 
-u'' + c u' + f = -ag, where f is linear in u on each branch: k u + offset (elastic) or hardening k u + offset
-(yielding). On a branch the response is known in closed form; here it is a recursion over steps, and inside a step its
-Taylor series, which is summed until nothing is left to add (the steps are short: omega h <= 1). The branch changes
-where u reaches the yield surface, or where u' turns its sign while yielding; these instants are bracketed and found
-on the series itself.
+u'' + c u' + f = -ag, where f is linear in u on each branch: k u + offset (elastic) or hardening k u
++ offset (yielding). On a branch the response is known in closed form; here it is a recursion over
+steps, and inside a step its Taylor series, which is summed until nothing is left to add (the steps
+are short: omega h <= 1). The branch changes where u reaches the yield surface, or where u' turns
+its sign while yielding; these instants are bracketed and found on the series itself.
 
-No event can be missed: on a branch u'' is a decaying sine (or two exponentials, or one and a constant) and has at most
-one zero within a step, so between the zeros of u'' the velocity is monotone, and between those of u' the displacement.
+No event can be missed: on a branch u'' is a decaying sine (or two exponentials, or one and a
+constant) and has at most one zero within a step, so between the zeros of u'' the velocity is
+monotone, and between those of u' the displacement.
 """
 
 from __future__ import annotations
@@ -54,8 +56,8 @@ class _Hysteretic(NamedTuple):
 
 @called
 def _taylor(series, u, v, load, slope, k, c, t):
-    """Coefficients of the solution of u'' + c u' + k u = load + slope t, as many as count up to the time t; their
-    number."""
+    """Coefficients of the solution of u'' + c u' + k u = load + slope t, as many as count up to the
+    time t; their number."""
     series[0], series[1] = u, v
     series[2] = 0.5 * (load - c * v - k * u)
     series[3] = (slope - 2.0 * c * series[2] - k * v) / 6.0
@@ -155,7 +157,8 @@ def _yielding_until(series, terms, side, middle, rest):
 
 @called
 def _elastic_until(series, terms, state, middle, rest):
-    """When u passes an end of the elastic branch; NEVER if it does not before `rest`. Takes up the peaks before."""
+    """When u passes an end of the elastic branch; NEVER if it does not before `rest`. Takes up the
+    peaks before."""
     left = 0.0
     # Between these times u is monotone.
     for stop in (
@@ -198,8 +201,8 @@ def _yield(state, strength):
 
 @called
 def _within(state, series, oscillator, g, slope, h):
-    """A step of length h, through all branches, under the ground acceleration g + slope t; number of events, or a
-    negative code."""
+    """A step of length h, through all branches, under the ground acceleration g + slope t; number
+    of events, or a negative code."""
     k, c, hardening, strength = oscillator
     t = 0.0
     for events in range(_EVENTS):
@@ -246,14 +249,15 @@ def _coefficients(steps, first, series, k, c, h):
 
 @called
 def _respond(ground, parts, h, oscillator, steps, series, state):
-    """From rest over the whole motion; the number of events, or a negative code. The state's limits are set."""
+    """From rest over the whole motion; the number of events, or a negative code. The state's limits
+    are set."""
     k, c, hardening, _ = oscillator
     e00, e01, e02, e03 = steps[0], steps[1], steps[2], steps[3]
     e10, e11, e12, e13 = steps[4], steps[5], steps[6], steps[7]
     y00, y01, y02, y03 = steps[8], steps[9], steps[10], steps[11]
     y10, y11, y12, y13 = steps[12], steps[13], steps[14], steps[15]
-    # Within a step u leaves its chord by h^2/8 max |u''| at most, and |u''|, a decaying sine over at most a radian,
-    # exceeds the larger of its ends by 1.14 e^(c h / 2) at most.
+    # Within a step u leaves its chord by h^2/8 max |u''| at most, and |u''|, a decaying sine over
+    # at most a radian, exceeds the larger of its ends by 1.14 e^(c h / 2) at most.
     reach = 0.25 * h * h * math.exp(0.5 * c * h)
     soft = hardening * k
     part = 1.0 / parts
@@ -303,7 +307,8 @@ def _respond(ground, parts, h, oscillator, steps, series, state):
 
 @called
 def _come_to_rest(state, series, oscillator):
-    """Displacement after the free vibration that follows; where it vibrates for ever, its center."""
+    """Displacement after the free vibration that follows; where it vibrates for ever, its
+    center."""
     k = oscillator.k
     h = 1.0 / math.sqrt(k)
     for _ in range(_FREE_STEPS):
@@ -329,7 +334,8 @@ def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, resu
     dt : float
         Sampling interval, s.
     omega, xi, hardening : float
-        Circular frequency (rad/s) and damping ratio of the elastic branch; hardening ratio in [0, 1).
+        Circular frequency (rad/s) and damping ratio of the elastic branch; hardening ratio in [0,
+        1).
     yield_displacement : float
         Displacement at first yield, m, positive; infinite for an oscillator that stays elastic.
     results : shape (RESULTS,)

@@ -1,14 +1,18 @@
 """Peak response of many linear oscillators to one ground motion, many oscillators side by side.
 
-The motion is linear between its samples, so that the recursion from sample to sample is exact (Nigam and Jennings
-1969) and the motion of an oscillator between two samples is known, too. What is asked for is its largest value, at the
-samples and between them:
+The motion is linear between its samples, so that the recursion from sample to sample is exact
+(Nigam and Jennings
+1969) and the motion of an oscillator between two samples is known, too. What is asked for is its
+  largest value, at the samples and between them:
 
-1. All oscillators march together and leave the largest values at the samples of each stretch of `STRETCH` steps.
-2. Between two samples a quantity q cannot exceed the larger of its two values by more than h^2/8 times the largest
-   q'' there, and q'' is a free vibration, which the largest values bound. Few stretches can hold the largest value;
-   these are marched again, one oscillator at a time.
-3. Where q' changes its sign between two samples of such a stretch, Newton's method finds the place on the Taylor series
+1. All oscillators march together and leave the largest values at the samples of each stretch of
+  `STRETCH` steps.
+2. Between two samples a quantity q cannot exceed the larger of its two values by more than h^2/8
+  times the largest
+   q'' there, and q'' is a free vibration, which the largest values bound. Few stretches can hold
+   the largest value; these are marched again, one oscillator at a time.
+3. Where q' changes its sign between two samples of such a stretch, Newton's method finds the place
+  on the Taylor series
    of q. With omega h <= 1 a dozen terms leave less than 1e-9.
 
 Steps longer than that are divided by the caller, for each oscillator as it needs.
@@ -92,11 +96,13 @@ def peaks(samples, dt, parts, oscillators, lanes, between, result, ground, start
 
     Parameters
     ----------
-    samples : ground acceleration, m/s^2, dt seconds apart; each interval is marched in so many `parts` of length h
+    samples : ground acceleration, m/s^2, dt seconds apart; each interval is marched in so many
+    `parts` of length h
     oscillators : shape (COEFFICIENTS, multiple of `lanes`); a group of `lanes` is marched together
-    between : 1 for the largest values between the steps' ends, too (omega h must not exceed 1), 0 for those at the ends
-    result : shape (PEAKS, k), filled for the first k oscillators; the others only fill up the last group
-    ground, starts, tops, shaking : of `scratch`
+    between : 1 for the largest values between the steps' ends, too (omega h must not exceed 1), 0
+    for those at the ends
+    result : shape (PEAKS, k), filled for the first k oscillators; the others only fill up the last
+    group ground, starts, tops, shaking : of `scratch`
 
     Returns 0.
     """
@@ -231,7 +237,8 @@ def _search(oscillator, tops, shaking):
 
 @called
 def _march(oscillator, stretch):
-    """March one oscillator over a stretch (or the steps after the last whole one) and look between the samples."""
+    """March one oscillator over a stretch (or the steps after the last whole one) and look between
+    the samples."""
     ground, h, oscillators, column, starts, between, series, best = oscillator
     a11, a12 = oscillators[A11, column], oscillators[A12, column]
     b10, b11 = oscillators[B10, column], oscillators[B11, column]

@@ -1,4 +1,5 @@
-"""Extremes of linear oscillators with their times and signs: what a motion is matched to a spectrum by."""
+"""Extremes of linear oscillators with their times and signs: what a motion is matched to a spectrum
+by."""
 
 from __future__ import annotations
 
@@ -23,7 +24,8 @@ def extremes(samples, dt, parts, oscillators, level, found, largest):
     oscillators : shape (COEFFICIENTS, k), as of `elastic.peaks`
     level : shape (k,), pseudo-acceleration above which an extreme is kept, m/s^2
     found : shape (3, room), filled with the extremes kept, rows WHO, WHEN, VALUE
-    largest : shape (2, k): the largest of each oscillator, and its place in `found`, -1 if it is not there
+    largest : shape (2, k): the largest of each oscillator, and its place in `found`, -1 if it is
+    not there
 
     Returns how many there are.
     """
@@ -57,7 +59,8 @@ def extremes(samples, dt, parts, oscillators, level, found, largest):
                     v * v1 < 0.0
                     and stiffness * (max(abs(u), abs(u1)) + h * max(abs(v), abs(v1))) > least
                 ):
-                    # The rate is a cubic between both ends, by their accelerations; the displacement a quintic.
+                    # The rate is a cubic between both ends, by their accelerations; the
+                    # displacement a quintic.
                     a0, a1 = (
                         h * (-viscous * v - stiffness * u - g0),
                         h * (-viscous * v1 - stiffness * u1 - g1),
@@ -92,21 +95,22 @@ def extremes(samples, dt, parts, oscillators, level, found, largest):
 
 @kernel(I8(TABLE, F8, VECTOR, TABLE, VECTOR, TABLE, TABLE), parts=())
 def radii(samples, dt, parts, oscillators, level, found, largest):
-    """March oscillators of two components from rest: the largest distances of their paths from the origin.
+    """March oscillators of two components from rest: the largest distances of their paths from the
+    origin.
 
     Parameters
     ----------
     samples : shape (2, n), of both components
-    found : shape (4, room), rows WHO, WHEN, VALUE and VALUE + 1, pseudo-accelerations of both components
-    parts, oscillators, level, largest
+    found : shape (4, room), rows WHO, WHEN, VALUE and VALUE + 1, pseudo-accelerations of both
+    components parts, oscillators, level, largest
         As of `extremes`, for the square root of the sum of the components' squares.
 
     Returns how many there are.
     """
     count = 0
     for i in range(level.size):
-        # Distances have twice the frequency of the components; cubics between the ends of steps of half the size are
-        # off by 1e-5.
+        # Distances have twice the frequency of the components; cubics between the ends of steps of
+        # half the size are off by 1e-5.
         steps = int(parts[i])
         h = dt / steps
         stiffness = oscillators[BY_DISPLACEMENT, i]

@@ -1,8 +1,9 @@
 """Largest drifts of a building by superposition of its modes, each an exact recursion.
 
-The motion is linear between its samples. The time is gone through in chunks: modes side by side, then their sum for
-every story. A first pass finds the largest values at the steps; a second one goes again through the chunks that can
-hold the largest value between the steps, and finds it there from the closed form of the modes.
+The motion is linear between its samples. The time is gone through in chunks: modes side by side,
+then their sum for every story. A first pass finds the largest values at the steps; a second one
+goes again through the chunks that can hold the largest value between the steps, and finds it there
+from the closed form of the modes.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ from tdint.kernels.oscillators.between import (
 )
 from tdint.kernels.stepping import Array
 
-# Rows of the table of modes behind those of the recursion, whose u and v are a mode's coordinate q and its rate r
+# Rows of the table of modes behind those of the recursion, whose u and v are a mode's coordinate q
+# and its rate r
 OMEGA = RECURSION_ROWS
 DAMPING = RECURSION_ROWS + 1
 MODE_ROWS = RECURSION_ROWS + 2
@@ -43,7 +45,8 @@ ROOF = 2  # largest absolute value of the last column
 RESULTS = 3
 
 _CHUNK = 64  # steps
-_SLACK = 0.5  # over the second difference, which exceeds eight times what a maximum gains between two steps
+# over the second difference, which exceeds eight times what a maximum gains between two steps
+_SLACK = 0.5
 
 
 class _Sum(NamedTuple):
@@ -67,7 +70,8 @@ class _Steps(NamedTuple):
 
 @called
 def _march(ground, parts, first, rows, modes, q, rate, motion):
-    """Modes from row 0 of `q` and `rate` on to the rows after it; `motion` takes the ground acceleration."""
+    """Modes from row 0 of `q` and `rate` on to the rows after it; `motion` takes the ground
+    acceleration."""
     count = modes.shape[1]
     for row in range(rows):
         i, part = divmod(first + row, parts)
@@ -187,7 +191,8 @@ def _inside(sums, steps, row, slope, t, c):
 
 @called
 def _summit(sums, steps, row, c, size):
-    """Largest absolute value of a column between a step and the next, `size` that at the step if it is not between."""
+    """Largest absolute value of a column between a step and the next, `size` that at the step if it
+    is not between."""
     h = sums.h
     slope = (steps.motion[row + 1] - steps.motion[row]) / h
     left_speed = _rate(sums, steps, row, slope, c)
@@ -214,8 +219,8 @@ def _summit(sums, steps, row, c, size):
 
 @called
 def _refine(sums, steps, first, last, least, best):
-    """Largest absolute value of the columns `first` to `last` in a chunk, between the steps too, if above `best`; at
-    steps less than `least` there is none."""
+    """Largest absolute value of the columns `first` to `last` in a chunk, between the steps too, if
+    above `best`; at steps less than `least` there is none."""
     value, column = best
     _, _, _, drift, rows = steps
     for c in range(first, last):
@@ -231,7 +236,8 @@ def _refine(sums, steps, first, last, least, best):
 
 
 def scratch(samples: int, parts: int, modes: int, columns: int) -> tuple[NDArray[np.float64], ...]:
-    """What `largest_drifts` works on for so many samples, parts, modes, and stories with the roof."""
+    """What `largest_drifts` works on for so many samples, parts, modes, and stories with the
+    roof."""
     chunks = -(-(samples - 1) * parts // _CHUNK)
     rows = _CHUNK + 4
     shapes = (
@@ -266,7 +272,8 @@ def largest_drifts(
     modes : shape (MODE_ROWS, modes)
         Their exact steps, circular frequencies (rad/s) and damping ratios (below 1).
     shapes : shape (modes, stories + 1)
-        What each mode adds to the drift ratio of each story and, in the last column, of the roof, 1/m.
+        What each mode adds to the drift ratio of each story and, in the last column, of the roof,
+        1/m.
     static : shape (stories + 1,)
         Flexibility that the modes leave out, 1/m times s^2: it follows the ground without delay.
     results : shape (RESULTS,)

@@ -1,10 +1,12 @@
 """Peak displacement of many oscillators under two horizontal motions, in each of 180 directions.
 
-The two motions shake the oscillators along two axes; what is asked for is the largest displacement along every
-direction, at the samples and between them. As in `spectra` all oscillators march together first. They leave the largest
-displacement of each stretch of steps along `AXES` directions; no displacement along a direction between two of these is
-larger than the larger one over the cosine of half the angle between them. Few stretches can therefore hold a largest
-displacement; in these, by the same rule for narrower sectors, few steps and directions remain to be looked at.
+The two motions shake the oscillators along two axes; what is asked for is the largest displacement
+along every direction, at the samples and between them. As in `spectra` all oscillators march
+together first. They leave the largest displacement of each stretch of steps along `AXES`
+directions; no displacement along a direction between two of these is larger than the larger one
+over the cosine of half the angle between them. Few stretches can therefore hold a largest
+displacement; in these, by the same rule for narrower sectors, few steps and directions remain to be
+looked at.
 """
 
 from __future__ import annotations
@@ -72,7 +74,8 @@ _C, _S = math.cos(math.pi / 6), 0.5
 _BLOCK = 4
 
 LANES = 16
-"""Oscillators that march together; a constant, so that the compiler sees where the numbers of each begin."""
+"""Oscillators that march together; a constant, so that the compiler sees where the numbers of each
+begin."""
 
 # Rows of the numbers of the lanes, behind those of the table of oscillators
 _STATE = COEFFICIENTS
@@ -103,14 +106,17 @@ def scratch(samples: int, parts: int) -> tuple[NDArray[np.float64], ...]:
 def rotated_peaks(
     first, second, dt, parts, oscillators, directions, between, result, ground, starts, tops
 ):
-    """March oscillators from rest over two ground motions; largest absolute displacements in all directions.
+    """March oscillators from rest over two ground motions; largest absolute displacements in all
+    directions.
 
     Parameters
     ----------
-    first, second : ground accelerations, m/s^2, dt seconds apart; each interval is marched in so many `parts`
+    first, second : ground accelerations, m/s^2, dt seconds apart; each interval is marched in so
+    many `parts`
     oscillators : as for `spectra.peaks`, with a multiple of LANES columns
     directions : shape (2, ANGLES), cosine and sine of each
-    between : 1 for the largest values between the steps' ends, too (omega h must not exceed 1), 0 for those at the ends
+    between : 1 for the largest values between the steps' ends, too (omega h must not exceed 1), 0
+    for those at the ends
     result : shape (k, ANGLES), filled for the first k oscillators
     ground, starts, tops : of `scratch`
 
@@ -163,7 +169,8 @@ def rotated_peaks(
 
 @called
 def _advance(ground, s, lane):
-    """March LANES oscillators over a block of steps; keep the largest values at their starts and ends."""
+    """March LANES oscillators over a block of steps; keep the largest values at their starts and
+    ends."""
     for i in range(LANES):
         a11, a12, b10, b11 = (
             lane[A11 * LANES + i],
@@ -250,13 +257,15 @@ class _One(NamedTuple):
 
 @called
 def _search(oscillator, tops, margin):
-    """Largest displacements of one oscillator in all directions, from those along the axes in each stretch.
+    """Largest displacements of one oscillator in all directions, from those along the axes in each
+    stretch.
 
     `margin` is its `rise`, 0 if nobody asks for what lies between the steps."""
     work, best = oscillator.work, oscillator.best
     whole = tops.shape[0]
     lows = work[_LOWS]
-    # The stretches of the largest displacements along the axes come first: what they leave is hard to exceed.
+    # The stretches of the largest displacements along the axes come first: what they leave is hard
+    # to exceed.
     _march(oscillator, whole, margin, True)
     last = whole
     for k in range(AXES):
@@ -278,9 +287,11 @@ def _search(oscillator, tops, margin):
 
 @called
 def _interpolate(top, work):
-    """Bounds of the displacements of a stretch along the edges of the sectors, from those along the axes.
+    """Bounds of the displacements of a stretch along the edges of the sectors, from those along the
+    axes.
 
-    A direction between two axes is a sum of both with positive factors, and so is the displacement along it.
+    A direction between two axes is a sum of both with positive factors, and so is the displacement
+    along it.
     """
     for k in range(AXES):
         first, other = top[k], top[(k + 1) % AXES]
@@ -305,7 +316,8 @@ def _lowest(best, sector):
 def _march(oscillator, stretch, margin, coarse):
     """March one oscillator over a stretch (or the steps after the last whole one) and raise `best`.
 
-    `coarse`: by the values at the steps' ends in all directions; else also by those between, where they may be larger.
+    `coarse`: by the values at the steps' ends in all directions; else also by those between, where
+    they may be larger.
     """
     ground, oscillators, column, vibration, directions, starts, work, series, best = oscillator
     a11, a12 = oscillators[A11, column], oscillators[A12, column]
@@ -363,7 +375,8 @@ def _project(x, y, work, sizes):
 
 @called
 def _count_higher(work, over):
-    """Number of sectors in which the displacement of a step may be larger than the smallest of the largest."""
+    """Number of sectors in which the displacement of a step may be larger than the smallest of the
+    largest."""
     count = 0
     for k in range(_SECTORS):
         count += 1 if _top(work, k) * _SPREAD + over > work[_LOWS, k] else 0

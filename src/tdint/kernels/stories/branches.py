@@ -1,8 +1,8 @@
 """Drift laws branch by branch.
 
-On a branch the force is linear in the drift, or curved. It ends where the drift leaves (LOWER, UPPER), or where the
-drift rate turns against TURN; `switch` tells what follows. Within a step the first change of branch is looked for on
-the cubic Hermite interpolant of each drift.
+On a branch the force is linear in the drift, or curved. It ends where the drift leaves (LOWER,
+UPPER), or where the drift rate turns against TURN; `switch` tells what follows. Within a step the
+first change of branch is looked for on the cubic Hermite interpolant of each drift.
 """
 
 from __future__ import annotations
@@ -17,12 +17,16 @@ from tdint.kernels.laws.walking import add_work, advancing
 NONE = 2.0
 """The fraction of the step for no event."""
 
-_SLACK = 1e-9  # over the drifts: a branch that is left by less is not left (rounding, and the error of a located event)
-_CLOSE = 1e-10  # of the step, the last correction by Newton's iteration: what is left is about the square of that
+# over the drifts: a branch that is left by less is not left (rounding, and the error of a located
+# event)
+_SLACK = 1e-9
+# of the step, the last correction by Newton's iteration: what is left is about the square of that
+_CLOSE = 1e-10
 _TURNED = 1e-12  # likewise: a drift that goes back by less has not turned
 
 advance = advancing(chosen("advance", case_of_6, called(add_work)))
-"""(law_parameters, springs, i, block, drift): go to `drift` on the present linear branch of the state in `block`."""
+"""(law_parameters, springs, i, block, drift): go to `drift` on the present linear branch of the
+state in `block`."""
 
 
 @called
@@ -68,10 +72,11 @@ def switch(law_parameters, springs, i, block, event):
 
 @called
 def first_event(linear_terms, h, state, springs, work, u1, v1, joined):
-    """Fraction of the step h at which the first story leaves its branch, the story, and how; NONE if none does.
+    """Fraction of the step h at which the first story leaves its branch, the story, and how; NONE
+    if none does.
 
-    Rows `u1` and `v1` of work hold displacement and velocity at the end of the step; where row `joined` is not 0 the
-    story may turn.
+    Rows `u1` and `v1` of work hold displacement and velocity at the end of the step; where row
+    `joined` is not 0 the story may turn.
     """
     first = NONE
     story = -1
@@ -124,11 +129,11 @@ def _bezier(cubic, s):
 
 @called
 def _crossing(cubic, limit, slack, before):
-    """Smallest s in [0, 1] at which the cubic goes beyond `limit`; NONE if that is not before `before`, or if it
-    nowhere goes beyond it by `slack`.
+    """Smallest s in [0, 1] at which the cubic goes beyond `limit`; NONE if that is not before
+    `before`, or if it nowhere goes beyond it by `slack`.
 
-    A cubic that starts beyond it by what the last event was missed by comes inside first, or turns outside: it goes
-    beyond where it then rises.
+    A cubic that starts beyond it by what the last event was missed by comes inside first, or turns
+    outside: it goes beyond where it then rises.
     """
     d0, d1, d2, d3 = cubic
     # Between its extrema the cubic is monotone.
@@ -169,8 +174,9 @@ def _rises_beyond(d0, d1, low, high, d3, limit):
 
 @called
 def _root(cubic, limit, low, high, before):
-    """Where the cubic, rising from one place and its value there to another, crosses `limit`, by safeguarded Newton
-    from where a line would; the former place if it is beyond it there; NONE if that is not before `before`."""
+    """Where the cubic, rising from one place and its value there to another, crosses `limit`, by
+    safeguarded Newton from where a line would; the former place if it is beyond it there; NONE if
+    that is not before `before`."""
     d0, d1, d2, d3 = cubic
     left, from_value = low
     right, to_value = high
@@ -199,8 +205,8 @@ def _root(cubic, limit, low, high, before):
 
 @called
 def turning(r0, r1, r2):
-    """Smallest s in [0, 1] from which on the quadratic with the Bezier points r0, r1, r2 is negative; NONE if it is
-    not."""
+    """Smallest s in [0, 1] from which on the quadratic with the Bezier points r0, r1, r2 is
+    negative; NONE if it is not."""
     if r0 <= 0.0:
         return 0.0 if r1 < 0.0 else NONE
     a = r0 - 2.0 * r1 + r2

@@ -1,8 +1,10 @@
-"""A power-law dashpot along a parabola of drift, on which the drift rate is linear: mean and first moment of its force.
+"""A power-law dashpot along a parabola of drift, on which the drift rate is linear: mean and first
+moment of its force.
 
-Gauss points. Towards rest the force bends sharply, so the path is cut where the rate changes its sign, and a part on
-which the rate grows from little is measured by the cube root of the rate; the force is then good to about 1e-6.
-Whatever the error, the dashpot takes energy: weights are positive, and at each point force times rate is.
+Gauss points. Towards rest the force bends sharply, so the path is cut where the rate changes its
+sign, and a part on which the rate grows from little is measured by the cube root of the rate; the
+force is then good to about 1e-6. Whatever the error, the dashpot takes energy: weights are
+positive, and at each point force times rate is.
 """
 
 from __future__ import annotations
@@ -20,8 +22,8 @@ POINTS = 12  # towards rest, by the cube root of the rate: 1e-6 of the force
 
 
 class _Move(NamedTuple):
-    """A parabola of drift over a step of h, and where its integrals go: rows of a table, those of the whole story and
-    those of the dashpot alone."""
+    """A parabola of drift over a step of h, and where its integrals go: rows of a table, those of
+    the whole story and those of the dashpot alone."""
 
     rise: float
     bend: float
@@ -32,8 +34,8 @@ class _Move(NamedTuple):
 
 
 def cut_at_rest(part):
-    """A function (linear_terms, i, move) that goes over a parabola by `part` (linear_terms, i, move, slow, fast): from
-    s = slow to s = fast, where the rate is larger and of the same sign."""
+    """A function (linear_terms, i, move) that goes over a parabola by `part` (linear_terms, i,
+    move, slow, fast): from s = slow to s = fast, where the rate is larger and of the same sign."""
 
     @inlined
     def over_parts(linear_terms, i, move):
@@ -93,8 +95,8 @@ _over_parts = cut_at_rest(_part)
 
 @called
 def follow_dashpot(linear_terms, i, h, rise, bend, work, whole, rows):
-    """Mean and moment of the dashpot's force along the path (as in `path.follow`) into `rows` and the row behind; they
-    and the tangents are added to the rows from `whole` on."""
+    """Mean and moment of the dashpot's force along the path (as in `path.follow`) into `rows` and
+    the row behind; they and the tangents are added to the rows from `whole` on."""
     move = _Move(rise, bend, h, work, whole, rows)
     work[rows + path.MEAN, i] = 0.0
     work[rows + path.MOMENT, i] = 0.0

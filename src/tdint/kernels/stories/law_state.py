@@ -22,7 +22,8 @@ def _dissipated(law_parameters, springs, i):
 
 
 dissipated = chosen("dissipated", case_of_3, _dissipated)
-"""(law_parameters, springs, i) -> energy that the law has dissipated until its committed state, J."""
+"""(law_parameters, springs, i) -> energy that the law has dissipated until its committed state,
+J."""
 
 
 @inlined
@@ -36,14 +37,16 @@ def _nothing_more(law_parameters, springs, i, past, trial):
 
 
 settle = chosen("settle", case_of_5, _elastic)
-"""(law_parameters, springs, i, past, trial): adds up the energy dissipated on the way between the two blocks."""
+"""(law_parameters, springs, i, past, trial): adds up the energy dissipated on the way between the
+two blocks."""
 
 _keep = chosen("keep", case_of_5, _nothing_more)
 
 
 @inlined
 def restoring(law_parameters, springs, i, past, trial, drift):
-    """Force of story `i` at `drift`, reached from the state in block `past`; written to block `trial`.
+    """Force of story `i` at `drift`, reached from the state in block `past`; written to block
+    `trial`.
 
     Returns the tangent stiffness, N/m.
     """
@@ -59,7 +62,8 @@ def reach(law_parameters, springs, i, past, trial, drift):
 
 @inlined
 def commit(law_parameters, springs, i, past, trial):
-    """Make the trial state of story `i` the committed one; `past` is the block that it was reached from."""
+    """Make the trial state of story `i` the committed one; `past` is the block that it was reached
+    from."""
     settle(law_parameters, springs, i, past, trial)
     _keep(law_parameters, springs, i, past, trial)
     for row in range(at.PLAIN_ROWS):
@@ -76,7 +80,8 @@ def adopt(law_parameters, springs, i, trial):
 
 @inlined
 def resume(law_parameters, springs, i):
-    """Put story `i` on the branch that its committed state implies, after a step that does not follow branches."""
+    """Put story `i` on the branch that its committed state implies, after a step that does not
+    follow branches."""
     if law_parameters[at.CODE, i] not in KNOWING:
         enter(law_parameters, springs, i)
 
@@ -102,9 +107,11 @@ RESULT_COLUMNS = 4
 
 @kernel(I8(TABLE, I8, VECTOR, TABLE, TABLE), parts=("laws",))
 def follow(law_parameters, i, drifts, springs, result):
-    """Bring story `i` from rest to the first drift and then from one to the next; one row of result for each.
+    """Bring story `i` from rest to the first drift and then from one to the next; one row of result
+    for each.
 
-    Each drift is committed, as a time step commits the one at its end. Shear N, tangent N/m, energies J.
+    Each drift is committed, as a time step commits the one at its end. Shear N, tangent N/m,
+    energies J.
     """
     start(law_parameters, springs, i, drifts[0])
     for s in range(drifts.size):

@@ -3,12 +3,12 @@
     d(t) = d0 + rise t + bend (t^2 - t) / 2,   t in [0, 1], s = t - 1/2
     mean = int f dt,   moment = 12 int s f dt
 
-The work along the path is rise * mean + bend * moment / 12. The tangents are the derivatives by rise and bend,
-complete: where the path turns, what follows hangs on the drift at which it did.
+The work along the path is rise * mean + bend * moment / 12. The tangents are the derivatives by
+rise and bend, complete: where the path turns, what follows hangs on the drift at which it did.
 
-A law that is linear branch by branch is integrated exactly: pieces end where a branch does, or where the path turns. An
-elastic curved law is integrated by Gauss points, as many as it asks for; a curved law with a memory likewise, along the
-way to the turning point and back from there.
+A law that is linear branch by branch is integrated exactly: pieces end where a branch does, or
+where the path turns. An elastic curved law is integrated by Gauss points, as many as it asks for; a
+curved law with a memory likewise, along the way to the turning point and back from there.
 """
 
 from __future__ import annotations
@@ -41,8 +41,9 @@ PATH_ROWS = 18
 _MOST_BRANCHES = 16  # on the way to a turning point; a law has fewer
 _ROOT = 1e-12  # of a step, by which a turn may be missed: rounding is some 1e-15 of it
 _MOST_ROOT_STEPS = 60  # halving alone would need 40
-# Of the rate to which a story comes in a step: what goes back by less has not turned. At rest the start's acceleration
-# is what the floors' loads round, some 1e-16 of them, and drifts of upper stories are 1e-6 of what the floors move.
+# Of the rate to which a story comes in a step: what goes back by less has not turned. At rest the
+# start's acceleration is what the floors' loads round, some 1e-16 of them, and drifts of upper
+# stories are 1e-6 of what the floors move.
 _ROUNDED = 1e-9
 _GOES_BACK = (
     1e-12  # rate against the way over what it grows to: not rounding any more where a path turns
@@ -56,8 +57,8 @@ _ENOUGH = 32e3  # points on any path: where an iteration runs away, laws would a
 def _gauss() -> tuple[np.ndarray, np.ndarray]:
     """Nodes and weights of Gauss and Legendre on [0, 1]; row n holds the rule with n points.
 
-    Of a table, so that they are the same numbers on all machines, and at once: on [-1, 1] by NumPy's `leggauss`, which
-    asks LAPACK; a line holds the nodes of a rule and its weights.
+    Of a table, so that they are the same numbers on all machines, and at once: on [-1, 1] by
+    NumPy's `leggauss`, which asks LAPACK; a line holds the nodes of a rule and its weights.
     """
     nodes = np.zeros((MOST_POINTS + 1, MOST_POINTS))
     weights = np.zeros_like(nodes)
@@ -124,19 +125,21 @@ def stays(springs, i, rise, bend):
 
 @called
 def turns(rise, first, last, start):
-    """Where a story turns within a step, as its rate tells: the cubic between `first` and `last`, those of the state,
-    that has the rise for its mean and grows by `start` where it begins (all times the step). The one decision of a run
-    and of what carries its error: the parabola's own rate misses the state's at both ends.
+    """Where a story turns within a step, as its rate tells: the cubic between `first` and `last`,
+    those of the state, that has the rise for its mean and grows by `start` where it begins (all
+    times the step). The one decision of a run and of what carries its error: the parabola's own
+    rate misses the state's at both ends.
 
     Returns
     -------
     side, first turn, second turn, third turn, nearest : float
-        The direction in which the story sets out; where in (0, 1) the rate changes its sign, 1 for no more; how near
-        it comes to zero where it has an extreme.
+        The direction in which the story sets out; where in (0, 1) the rate changes its sign, 1 for
+        no more; how near it comes to zero where it has an extreme.
     """
     rounded = _ROUNDED * (abs(rise) + abs(last))
     if abs(first) <= rounded and abs(start) <= rounded and rise * last > 0.0:
-        # From rest, and not by its acceleration: of an upper story, whose rate grows faster than any cubic tells.
+        # From rest, and not by its acceleration: of an upper story, whose rate grows faster than
+        # any cubic tells.
         return math.copysign(1.0, rise), 1.0, 1.0, 1.0, math.inf
     change = last - first - start
     more = rise - first - 0.5 * start
@@ -175,8 +178,8 @@ def turns(rise, first, last, start):
 
 @inlined
 def turns_surely(rise, first, last):
-    """Whether a rate at an end of the step goes against the rise, by more than rounds: `turns` then tells a turn,
-    whatever the acceleration."""
+    """Whether a rate at an end of the step goes against the rise, by more than rounds: `turns` then
+    tells a turn, whatever the acceleration."""
     rounded = _ROUNDED * (abs(rise) + abs(last))
     return (rise * first < 0.0 and abs(first) > rounded) or (
         rise * last < 0.0 and abs(last) > rounded
@@ -217,9 +220,10 @@ def keep_to_branch(springs, i, rise, bend, work, out):
 
 @called
 def follow(law_parameters, springs, i, rise, bend, steady, work, out):
-    """The results of any story into the rows from `out` on; its state on the way is left to `arrive`. `steady`: the
-    story does not turn, even if the parabola does; the force on each branch is that at the parabola's drift even so,
-    and the work along the parabola what that from its start to its end is."""
+    """The results of any story into the rows from `out` on; its state on the way is left to
+    `arrive`. `steady`: the story does not turn, even if the parabola does; the force on each branch
+    is that at the parabola's drift even so, and the work along the parabola what that from its
+    start to its end is."""
     whole = Stretch(springs[at.DRIFT, i], rise, bend, 0.0, 1.0)
     results = Integrals(work, out)
     _clear(results, i)
@@ -296,8 +300,8 @@ def _add(results, i, weight, t, force, tangent):
 
 @inlined
 def _join(results, i, turn, shift):
-    """Add the way back from a turning point. What hangs on that point is seen from the same way after a shift of it
-    (no shift: nothing does)."""
+    """Add the way back from a turning point. What hangs on that point is seen from the same way
+    after a shift of it (no shift: nothing does)."""
     work, out = results
     for row in range(_RESULTS):
         work[out + row, i] += work[out + _BACK + row, i]
@@ -328,10 +332,10 @@ def time_to(limit, stretch, here, side):
 
 
 def along_branches(piece, note):
-    """A function (law_parameters, springs, i, block, stretch, side, target, results) that goes along a stretch in which
-    the story goes to `side` all the time (0: it does not move), up to the drift `target`, branch by branch, with the
-    state in `block`. `piece` adds to the results what lies on one branch, `note` is told where and with what force it
-    ended."""
+    """A function (law_parameters, springs, i, block, stretch, side, target, results) that goes
+    along a stretch in which the story goes to `side` all the time (0: it does not move), up to the
+    drift `target`, branch by branch, with the state in `block`. `piece` adds to the results what
+    lies on one branch, `note` is told where and with what force it ended."""
 
     @called
     def go(law_parameters, springs, i, block, stretch, side, target, results):
@@ -416,9 +420,9 @@ def _over_branches(law_parameters, springs, i, whole, turn, results):
 
 
 def in_two_parts(integrate):
-    """A function (law_parameters, springs, i, past, stretch, results) that goes along a stretch in which the path does
-    not turn by `integrate`, from the state in `past`; in two parts where the force bends sharply between. It returns
-    the block of the state at its last Gauss point."""
+    """A function (law_parameters, springs, i, past, stretch, results) that goes along a stretch in
+    which the path does not turn by `integrate`, from the state in `past`; in two parts where the
+    force bends sharply between. It returns the block of the state at its last Gauss point."""
 
     @called
     def go(law_parameters, springs, i, past, stretch, results):
@@ -460,7 +464,8 @@ def in_two_parts(integrate):
 
 @called
 def _integrate(law_parameters, springs, i, past, elastic, count, stretch, results):
-    """Add a stretch, by at least `count` Gauss points; returns the block of the state at the last of them.
+    """Add a stretch, by at least `count` Gauss points; returns the block of the state at the last
+    of them.
 
     An elastic law needs no state to start from; others go from point to point, from that in `past`.
     """
@@ -505,7 +510,8 @@ _pass = in_two_parts(_integrate)
 
 @called
 def _with_memory(law_parameters, springs, i, whole, results):
-    """To the turning point, and from there to the last Gauss point: the state there is left in FIRST_TRIAL."""
+    """To the turning point, and from there to the last Gauss point: the state there is left in
+    FIRST_TRIAL."""
     turn = turning_point(whole)
     past = _pass(law_parameters, springs, i, 0, part_of(whole, 0.0, turn), results)
     if turn < 1.0:

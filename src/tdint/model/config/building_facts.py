@@ -1,4 +1,5 @@
-"""The `building` of a model file: a few facts in place of `stories`, from which rules derive them."""
+"""The `building` of a model file: a few facts in place of `stories`, from which rules derive
+them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""Model files: YAML to a checked `Model` in SI units. This is the only place that knows the file's keys and units.
+"""Model files: YAML to a checked `Model` in SI units. This is the only place that knows the file's
+keys and units.
 
-`tdint.model.keys` reads text, numbers and words with line and column; the modules around this one read one part of the
-file each. The JSON schema for editors is made of the same declarations.
+`tdint.model.keys` reads text, numbers and words with line and column; the modules around this one
+read one part of the file each. The JSON schema for editors is made of the same declarations.
 """
 
 from __future__ import annotations
@@ -79,7 +80,8 @@ from tdint.model.keys.nodes import Faults
 from tdint.units import SI, parse_output_units
 from tdint.written_numbers import parse_head
 
-# ---- The `excitation` of a model file: forces, or a record, what of a text table it is, and what is done to it
+# ---- The `excitation` of a model file: forces, or a record, what of a text table it is, and what
+# is done to it
 #
 # Keys of `excitation.record` are named like the command's options.
 
@@ -101,8 +103,9 @@ LAYOUT = (
 
 
 def read_choice(section: Section, *, stdin: bool, many: bool = False) -> RecordChoice:
-    """What the entries of a section say of a file of records, or of `many`; station metadata may come from standard
-    input. Of the layout, and of the processing, there is nothing if one of its entries is faulty."""
+    """What the entries of a section say of a file of records, or of `many`; station metadata may
+    come from standard input. Of the layout, and of the processing, there is nothing if one of its
+    entries is faulty."""
     layout, steps = (section.given(*(key.name for key in keys)) for keys in (LAYOUT, PROCESSING))
     processing = Processing()
     if None not in steps.values():
@@ -165,7 +168,8 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
 
 
 def record_within(value: Value) -> RecordSource | None:
-    """A ground motion, as `excitation: record` of a model or another file says it; None after a fault."""
+    """A ground motion, as `excitation: record` of a model or another file says it; None after a
+    fault."""
     if not value.is_list and not value.is_mapping:
         file = value.file(stdin=True)
         return RecordSource(file) if file else None
@@ -189,7 +193,8 @@ def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
     floor = section.need("floor", "give the floor, counted from 1 at the bottom")
     amplitude = section.number("amplitude", scale=unit.force)
 
-    # Shares of cos(omega t) and sin(omega t): one of them alone, or both by phi in cos(omega t + phi).
+    # Shares of cos(omega t) and sin(omega t): one of them alone, or both by phi in cos(omega t +
+    # phi).
     cosine, sine = 1.0, 0.0
     phase = section.get("phase")
     if phase and phase.is_word("sin"):
@@ -306,9 +311,9 @@ def load_model(source: str | Path | TextIO | Mapping[str, Any]) -> Model:
     Parameters
     ----------
     source : str, Path, text stream or mapping
-        The YAML file; `-` is standard input. Or its content as Python has it: mappings, lists, arrays, numbers, text.
-        Relative paths in the file start from its folder, those of a stream without a file and of a mapping from the
-        working directory.
+        The YAML file; `-` is standard input. Or its content as Python has it: mappings, lists,
+        arrays, numbers, text. Relative paths in the file start from its folder, those of a stream
+        without a file and of a mapping from the working directory.
 
     Returns
     -------
@@ -318,9 +323,9 @@ def load_model(source: str | Path | TextIO | Mapping[str, Any]) -> Model:
     Raises
     ------
     ModelError
-        If the file cannot be read, is not YAML or has faults; all faults are reported in one error, in file order.
-        Its keys count list entries from 1 as they stand in the file: `stories[2]` is the second entry of `stories`,
-        whatever `repeat` the first one has.
+        If the file cannot be read, is not YAML or has faults; all faults are reported in one error,
+        in file order. Its keys count list entries from 1 as they stand in the file: `stories[2]` is
+        the second entry of `stories`, whatever `repeat` the first one has.
     """
     return load_judged(source, {})
 
@@ -334,8 +339,9 @@ def load_judged(
     Parameters
     ----------
     judges : mapping of str to callable
-        By the path of a key (`analysis.method`): takes the text under it and the folder that the file's paths start
-        from, and raises UsageError if it is wrong, which becomes a fault at its place.
+        By the path of a key (`analysis.method`): takes the text under it and the folder that the
+        file's paths start from, and raises UsageError if it is wrong, which becomes a fault at its
+        place.
     """
     origin, root = read_document(source)
     model = model_within(root, origin)
@@ -357,7 +363,8 @@ def load_judged(
 
 
 def model_within(value: Value, origin: SourceText) -> Model | None:
-    """The model that a mapping says, all of a file or a part of another one, with its `origin`; None after a fault."""
+    """The model that a mapping says, all of a file or a part of another one, with its `origin`;
+    None after a fault."""
     section = value.section(_MODEL)
     return _read_model(section, origin) if section else None
 
@@ -369,7 +376,8 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     stories, count, damping = _read_stories(section, unit, p_delta)
     excitation = section.get("excitation")
 
-    # Units of tables, and those of pages for people: of the file where it names none for the output.
+    # Units of tables, and those of pages for people: of the file where it names none for the
+    # output.
     output_units, page_units = SI, unit.named
     stated = section.get("output_units")
     items = () if stated is None else stated.items("units") if stated.is_list else (stated,)
@@ -419,7 +427,8 @@ def _read_model(section: Section, origin: SourceText) -> Model:
 def _read_stories(
     section: Section, unit: ModelUnits, p_delta: bool
 ) -> tuple[tuple[Story, ...], int | None, Damping]:
-    """Stories, their number and the damping: as they are written out, or as rules derive them of a `building`."""
+    """Stories, their number and the damping: as they are written out, or as rules derive them of a
+    `building`."""
     building, damping = section.get("building"), section.get("damping")
     if building is None:
         advice = "give a list with one entry per story, or a building in its place"
@@ -449,8 +458,8 @@ def _read_stories(
 def model_schema() -> Schema:
     """The JSON schema (draft 7) of model files.
 
-    What it refuses, the reader refuses, too. The reader refuses more: what several keys say together, such as a list
-    with an entry for each story.
+    What it refuses, the reader refuses, too. The reader refuses more: what several keys say
+    together, such as a list with an entry for each story.
     """
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
@@ -464,10 +473,12 @@ def model_schema() -> Schema:
 
 
 def rewritten(before: Model, after: Model, place: Path) -> str | None:
-    """The text of a model's file with the stiffnesses and the damping of another model, for a file at `place`.
+    """The text of a model's file with the stiffnesses and the damping of another model, for a file
+    at `place`.
 
-    All else stays as it is written, comments, too; entries with `repeat` are written out where their stories differ,
-    and paths lead where they led. None where that text would not say what it should, as of a file with aliases.
+    All else stays as it is written, comments, too; entries with `repeat` are written out where
+    their stories differ, and paths lead where they led. None where that text would not say what it
+    should, as of a file with aliases.
     """
     faults = Faults(before.source)
     text = decode(before.text, faults)
@@ -516,7 +527,8 @@ def rewritten(before: Model, after: Model, place: Path) -> str | None:
     except ModelError:
         return None
 
-    # The text must say what it should: stiffnesses, and the numbers of the damping one after the other.
+    # The text must say what it should: stiffnesses, and the numbers of the damping one after the
+    # other.
     numbers = []
     for model in (said, after):
         damping_numbers = astuple(model.damping) if model.damping is not None else ()
@@ -543,7 +555,8 @@ def _entry(node: Any, name: str) -> Any:
 
 
 def _end(node: Any) -> int:
-    """Where a node ends: that of a block collection with its last scalar, before what stands behind it."""
+    """Where a node ends: that of a block collection with its last scalar, before what stands behind
+    it."""
     if isinstance(node.value, str) or node.flow_style:
         return int(node.end_mark.index)
     last = node.value[-1]
@@ -560,7 +573,8 @@ def _edited(text: str, edits: Sequence[tuple[int, int, str]], first: int = 0) ->
 def _with_stiffnesses(
     text: str, entry: Any, factors: Sequence[float], stories: Any
 ) -> tuple[int, int, str]:
-    """An entry of `stories` with its stiffness times factors: once where all are the same, else once for each."""
+    """An entry of `stories` with its stiffness times factors: once where all are the same, else
+    once for each."""
     start, end = entry.start_mark.index, _end(entry)
     alike = all(factor == factors[0] for factor in factors)
     stiffness, repeat = _entry(entry, "stiffness"), _entry(entry, "repeat")

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from tdint import units
-from tdint.data import dataclass
 from tdint.errors import UsageError
 from tdint.ground_motion.reading.sample_units import SampleUnits, file_units, units_of_text
 from tdint.model.damage_states import DEMANDS, DamageStates
@@ -36,12 +35,13 @@ from tdint.units import parse_with_unit
 # ---- The `units` of a model file, and those of the samples of a record that a file names
 
 _WEIGHT = (
-    "give the stories `weight` in place of mass, or divide by the acceleration of gravity, mass = W/g, in kip*s^2/in "
-    "or kip*s^2/ft"
+    "give the stories `weight` in place of mass, or divide by the acceleration of gravity, mass = "
+    "W/g, in kip*s^2/in or kip*s^2/ft"
 )
 
 _OPEN = tuple(unit for unit in (*units.LENGTH, *units.FORCE) if unit not in ("m", "N"))
-"""Units of length and force that leave open what a mass is in: beside kN it is mostly t, beside mm anything."""
+"""Units of length and force that leave open what a mass is in: beside kN it is mostly t, beside mm
+anything."""
 
 _MASSES = {"kN": "t", "MN": "t", "lbf": "lb", "kip": "kip*s^2/ft"}
 """The unit in which a mass is told beside a force where the file says none; beside others kg."""
@@ -53,7 +53,8 @@ UNITS = Keys(
         Key(
             "mass",
             Choice(tuple(units.MASS)),
-            "unit of mass; kg where it is left out, but needed for masses where length is not m or force not N",
+            "unit of mass; kg where it is left out, but needed for masses where length is not m or "
+            "force not N",
         ),
     )
 )
@@ -68,10 +69,12 @@ class ModelUnits:
     mass: float
     named: units.OutputUnits
     mass_is_open: bool = False
-    """Lengths are not in m or forces not in N, and the unit of mass is not said: kg would be a guess."""
+    """Lengths are not in m or forces not in N, and the unit of mass is not said: kg would be a
+    guess."""
 
     def factor(self, force: int = 0, length: float = 0) -> float:
-        """The factor of the dimension force^`force` length^`length`, inf beyond double precision."""
+        """The factor of the dimension force^`force` length^`length`, inf beyond double
+        precision."""
         try:
             return float(self.force**force * self.length**length)
         except OverflowError:
@@ -119,7 +122,8 @@ def read_sample_units(value: Value | None, quantity: str | None = None) -> str |
 
 
 def read_file_units(value: Value | None) -> SampleUnits | None:
-    """Units of several records: of all, by file, or a table of them; the fault of any has its line here."""
+    """Units of several records: of all, by file, or a table of them; the fault of any has its line
+    here."""
     if value is None:
         return None
 
@@ -134,8 +138,8 @@ def read_file_units(value: Value | None) -> SampleUnits | None:
 # ---- The `damping` of a model file: its declaration is its reader
 
 _ONE_STORY = (
-    "a one-story model has one mode, and the ratio form needs two; "
-    "write the ratio alone (damping: 5%), {rayleigh: {mass: a0, stiffness: a1}} or {modal: ratio}"
+    "a one-story model has one mode, and the ratio form needs two; write the ratio alone (damping: "
+    "5%), {rayleigh: {mass: a0, stiffness: a1}} or {modal: ratio}"
 )
 _SHORT = "a list must hold at least two damping ratios; write a single one without brackets"
 _LAST_MODE = 3
@@ -328,7 +332,8 @@ def read_losses(value: Value | None, states: Sequence[str]) -> tuple[float, ...]
 
 
 def losses_of(losses: Mapping[str, float], states: Sequence[str]) -> tuple[float, ...]:
-    """In the order of the states, that of a collapse behind them: that of the last state where it is not told."""
+    """In the order of the states, that of a collapse behind them: that of the last state where it
+    is not told."""
     return (*(losses[state] for state in states), losses.get(COLLAPSE, losses[states[-1]]))
 
 

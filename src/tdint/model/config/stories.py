@@ -1,13 +1,13 @@
-"""The `stories` of a model file, and the `law` of each: a name, or a mapping with `type` and the parameters that `LAWS`
-lists for it.
+"""The `stories` of a model file, and the `law` of each: a name, or a mapping with `type` and the
+parameters that `LAWS` lists for it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
-from tdint.data import dataclass
 from tdint.kernels.laws.law import DriftLaw, LawParameter
 from tdint.model.config.sections import ModelUnits
 from tdint.model.definition import (
@@ -39,7 +39,8 @@ from tdint.model.keys.fields import (
 from tdint.units import MASS, STANDARD_GRAVITY
 
 Group = Section | float | None
-"""Where the parameters of a group stand: a section; a number in SI for all of them; None where it is left out."""
+"""Where the parameters of a group stand: a section; a number in SI for all of them; None where it
+is left out."""
 
 Earlier = Mapping[str, tuple[float, ...]]
 """The parameters read before, by their names."""
@@ -90,7 +91,8 @@ LAW = _LawKind()
 
 
 def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
-    """The law and its own initial stiffness, N/m: None where the story gives it, nan where a fault leaves it open."""
+    """The law and its own initial stiffness, N/m: None where the story gives it, nan where a fault
+    leaves it open."""
     if value is None:
         return LINEAR, None
     law, section = _read_type(value)
@@ -101,7 +103,8 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
     if law.initial_stiffness is None:
         return read, None
 
-    # The initial stiffness follows from the parameters; it may not be one even if each of them is right.
+    # The initial stiffness follows from the parameters; it may not be one even if each of them is
+    # right.
     stiffness = law.initial_stiffness(parameters) if parameters else math.nan
     if stiffness <= 0.0 or stiffness == math.inf:
         shown = f"{stiffness / unit.factor(force=1, length=-1):.10g}"
@@ -113,7 +116,8 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
 
 
 def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
-    """The law, None after a fault, and the section that holds its parameters, None if it was only named."""
+    """The law, None after a fault, and the section that holds its parameters, None if it was only
+    named."""
     # A bare name is enough for a law without parameters only.
     if not value.is_mapping:
         name = value.choice(_known(value), "law")
@@ -140,7 +144,8 @@ def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
 
 
 def _known(name: Value) -> Mapping[str, DriftLaw]:
-    """The laws by name; those of installed packages are looked for where it is none of the others."""
+    """The laws by name; those of installed packages are looked for where it is none of the
+    others."""
     return LAWS if any(map(name.is_word, LAWS)) else laws()
 
 
@@ -175,8 +180,8 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
 
 
 def _read_group(groups: Mapping[str, Group], law: DriftLaw, group: str, unit: ModelUnits) -> Group:
-    """Where the parameters of a group stand, for those without one the law's own section; None as well where the group
-    around it is left out."""
+    """Where the parameters of a group stand, for those without one the law's own section; None as
+    well where the group around it is left out."""
     outer, _, name = group.rpartition(".")
     around = groups.get(outer)
     if not group or not isinstance(around, Section):
@@ -208,7 +213,8 @@ def _read_group(groups: Mapping[str, Group], law: DriftLaw, group: str, unit: Mo
 def _read_points(
     group: Group, parameter: LawParameter, unit: ModelUnits, earlier: Earlier
 ) -> tuple[float, ...]:
-    """Four points in SI, flattened; between two or three of them the others lie on the last line but one."""
+    """Four points in SI, flattened; between two or three of them the others lie on the last line
+    but one."""
     nothing = (math.nan,) * 8
     if isinstance(group, float):
         return nothing
@@ -286,7 +292,8 @@ _STORY = Keys(
         Key(
             "isolator",
             Either((Flag(), Choice((_DAMPED,)))),
-            "whether the drift is a displacement by design, no drift ratio; with Rayleigh damping if `rayleigh`",
+            "whether the drift is a displacement by design, no drift ratio; with Rayleigh damping "
+            "if `rayleigh`",
         ),
         Key("repeat", Whole(1, MAX_STORIES), "number of equal stories"),
     ),
@@ -334,7 +341,8 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         height.number(scale=unit.length) if height else None,
     )
 
-    # The initial stiffness is that of the law, where this has one: another beside it must say the same.
+    # The initial stiffness is that of the law, where this has one: another beside it must say the
+    # same.
     factor, given = unit.factor(force=1, length=-1), section.get("stiffness")
     if stiffness_of_law is None:
         stiffness = section.number("stiffness", scale=factor)
@@ -395,7 +403,8 @@ def _read_mass(section: Section, unit: ModelUnits) -> float:
 
 
 def _read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDashpot | None]:
-    """The coefficient of a viscous dashpot, N s/m, and the power-law dashpot: a number, or a mapping."""
+    """The coefficient of a viscous dashpot, N s/m, and the power-law dashpot: a number, or a
+    mapping."""
     if value is None:
         return 0.0, None
     if not value.is_mapping:

@@ -1,1 +1,2 @@
-"""What every file of keys goes through: its text, nodes with line and column, values of declared kinds."""
+"""What every file of keys goes through: its text, nodes with line and column, values of declared
+kinds."""

@@ -1,19 +1,19 @@
 """A file of keys from its text to its root: what reading one begins with, whatever its keys are.
 
-The text comes from a file, standard input or a stream; paths in it start from its folder. Nodes are built from PyYAML's
-events; no Python object is ever constructed from a tag.
+The text comes from a file, standard input or a stream; paths in it start from its folder. Nodes are
+built from PyYAML's events; no Python object is ever constructed from a tag.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
 import yaml
 
-from tdint.data import dataclass
 from tdint.errors import ModelError
 from tdint.files import note_input, read_whole
 from tdint.model.keys.fields import Value
@@ -30,12 +30,14 @@ from tdint.model.keys.nodes import (
 )
 
 MAX_BYTES = 16 * 1024 * 1024
-"""Size of the largest model file that is read; it keeps a wrong path, such as a device, from filling the memory."""
+"""Size of the largest model file that is read; it keeps a wrong path, such as a device, from
+filling the memory."""
 
 
 @dataclass(frozen=True)
 class SourceText:
-    """A model file as read: how messages call it, its default name, the folder its paths start from, its content."""
+    """A model file as read: how messages call it, its default name, the folder its paths start
+    from, its content."""
 
     label: str
     name: str
@@ -127,18 +129,23 @@ def read_document(
 def parse(text: str, faults: Faults) -> Node:
     """Return the root node of the only document in `text`.
 
-    Tags are collected in `faults`. Everything else that is not the YAML of a model file stops the reading.
+    Tags are collected in `faults`. Everything else that is not the YAML of a model file stops the
+    reading.
 
     Raises
     ------
     ModelError
-        If `text` is not YAML, is empty, holds several documents, nests too deeply or has an alias without an anchor.
+        If `text` is not YAML, is empty, holds several documents, nests too deeply or has an alias
+        without an anchor.
     """
     try:
         return _Composer(text, faults).document()
     except yaml.reader.ReaderError as error:
         line, column = _line_and_column(text[: error.position])
-        message = f"the character U+{ord(text[error.position]):04X} cannot stand in a YAML file; remove it"
+        message = (
+            f"the character U+{ord(text[error.position]):04X} cannot stand in a YAML file; remove "
+            "it"
+        )
         faults.add(Place(line, column), "", message)
     except yaml.MarkedYAMLError as error:
         # PyYAML's several lines as one, and what to do about a tab.
@@ -173,7 +180,8 @@ def decode(data: bytes, faults: Faults) -> str:
 
 
 def composed(text: str) -> Any:
-    """The root of a document that `parse` has taken, as PyYAML has it: nodes know where they begin and end."""
+    """The root of a document that `parse` has taken, as PyYAML has it: nodes know where they begin
+    and end."""
     return yaml.compose(text, Loader=yaml.SafeLoader)
 
 
@@ -206,8 +214,8 @@ class _Composer:
         try:
             event: yaml.Event = self._loader.get_event()  # type: ignore[no-untyped-call]
         except (ValueError, OverflowError):
-            # PyYAML lets the errors of chr() and int() through: "\UFFFFFFFF", a %YAML version of a thousand digits.
-            # Which of them, and in which words, is a matter of Python's version.
+            # PyYAML lets the errors of chr() and int() through: "\UFFFFFFFF", a %YAML version of a
+            # thousand digits. Which of them, and in which words, is a matter of Python's version.
             problem = "the number here is too large for a character or a version"
             raise yaml.MarkedYAMLError(
                 problem=problem, problem_mark=self._loader.get_mark()

@@ -1,7 +1,8 @@
-"""Reading nodes as numbers, words and sections: what is wrong is noted with its place, and reading goes on.
+"""Reading nodes as numbers, words and sections: what is wrong is noted with its place, and reading
+goes on.
 
-A faulty number is noted and read as nan. Comparisons with nan are false, so later checks that ask "is it wrong?"
-stay silent about it: one fault gives one line.
+A faulty number is noted and read as nan. Comparisons with nan are false, so later checks that ask
+"is it wrong?" stay silent about it: one fault gives one line.
 """
 
 from __future__ import annotations
@@ -11,19 +12,18 @@ import os
 import re
 import unicodedata
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from operator import lt
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from tdint.data import dataclass
 from tdint.errors import ModelFault, UsageError, did_you_mean, nearest
 from tdint.model.definition import MAX_STORIES
 from tdint.model.keys.nodes import Faults, ListNode, MappingNode, Node, ScalarNode
 from tdint.written_numbers import LARGEST, SMALLEST
 
-# ---- What a file may say under a key, declared once: the reader takes names and bounds from here, and so does the
-# JSON schema that editors check a file against while it is written
+# ---- What a file may say under a key, declared once: the reader takes names and bounds from here,
+# and so does the JSON schema that editors check a file against while it is written
 
 Schema = dict[str, Any]
 
@@ -97,7 +97,8 @@ class Whole:
 
 
 def numbered(count: int | None) -> Whole:
-    """The number of a floor or mode of a model with `count` stories, None where a fault leaves that open."""
+    """The number of a floor or mode of a model with `count` stories, None where a fault leaves that
+    open."""
     return Whole(1, count or MAX_STORIES, " (the number of stories)" if count else "")
 
 
@@ -111,7 +112,8 @@ class Flag:
 
 @dataclass(frozen=True)
 class Words:
-    """A line of text; a number without quotes is one, too. `parse` makes of it what is meant, and raises UsageError."""
+    """A line of text; a number without quotes is one, too. `parse` makes of it what is meant, and
+    raises UsageError."""
 
     parse: Callable[[str], Any] | None = None
 
@@ -140,8 +142,8 @@ class Choice:
 
 @dataclass(frozen=True)
 class EntriesOf:
-    """A list whose entries are of one kind; `what` says it in words, `short` what to do where there are too few, and
-    `distinct` what entries are none of which stands twice."""
+    """A list whose entries are of one kind; `what` says it in words, `short` what to do where there
+    are too few, and `distinct` what entries are none of which stands twice."""
 
     kind: ValueKind
     least: int = 0
@@ -159,7 +161,8 @@ class EntriesOf:
 
 @dataclass(frozen=True)
 class ByName:
-    """A mapping with names of its own choice; `make` takes the value and what stands under each name."""
+    """A mapping with names of its own choice; `make` takes the value and what stands under each
+    name."""
 
     kind: ValueKind
     what: str
@@ -183,7 +186,8 @@ class Either:
 
 @dataclass(frozen=True)
 class Key:
-    """A key of a mapping: its name, what stands under it, what it means, and whether it must be there."""
+    """A key of a mapping: its name, what stands under it, what it means, and whether it must be
+    there."""
 
     name: str
     kind: ValueKind
@@ -256,7 +260,8 @@ _NOTHING = ("", "~", "null")
 _NOTHING_THERE = MappingNode(0, 0, ())
 
 _MEANT = 0.75
-"""How alike an unknown key must be to a known one that is not there for its value to be read as that of the other."""
+"""How alike an unknown key must be to a known one that is not there for its value to be read as
+that of the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -351,8 +356,8 @@ class Value:
         return self.node.text
 
     def file(self, *, stdin: bool = False) -> str | None:
-        """The path of a file, which starts from the folder of the one that it stands in, as seen from the working
-        directory; None if there is a fault. With `stdin`, `-` stays what it is.
+        """The path of a file, which starts from the folder of the one that it stands in, as seen
+        from the working directory; None if there is a fault. With `stdin`, `-` stays what it is.
         """
         text = self.text()
         return (
@@ -360,7 +365,8 @@ class Value:
         )
 
     def read(self) -> Any:
-        """The value as its key declares it, a number, a word, true or false; None if there is a fault."""
+        """The value as its key declares it, a number, a word, true or false; None if there is a
+        fault."""
         match self.kind:
             case Bounds():
                 number = self.number()
@@ -422,7 +428,8 @@ class Value:
             return None
         if kind.distinct and len({*values}) < len(values):
             self.fault(
-                f"must be {kind.distinct}, got {next(v for v in values if values.count(v) > 1)} twice"
+                f"must be {kind.distinct}, got {next(v for v in values if values.count(v) > 1)} "
+                "twice"
             )
             return None
         if kind.growing and not all(map(lt, values, values[1:])):
@@ -442,7 +449,8 @@ class Value:
         )
 
     def _made(self, kind: Keys) -> Any:
-        """What the mapping's own `make` gives of its entries; by one of its ways, where it has several."""
+        """What the mapping's own `make` gives of its entries; by one of its ways, where it has
+        several."""
         section = self.section(kind, kind.what)
         if section is None:
             return None
@@ -468,7 +476,8 @@ class Value:
         return kind.make(self, **values) if kind.make and complete else None
 
     def parsed(self, parse: Callable[[str], Parsed]) -> Parsed | None:
-        """What `parse` makes of the text; None if there is a fault, as where it raises UsageError."""
+        """What `parse` makes of the text; None if there is a fault, as where it raises
+        UsageError."""
         text = self.text()
         if text is None:
             return None
@@ -489,8 +498,8 @@ class Value:
         return None
 
     def items(self, expected: str, empty: str = "") -> tuple[Value, ...] | None:
-        """The entries of a list; None if there is a fault. `expected`: what the list must be, and `empty`, if it must
-        have entries, what is wrong without."""
+        """The entries of a list; None if there is a fault. `expected`: what the list must be, and
+        `empty`, if it must have entries, what is wrong without."""
         if not isinstance(self.node, ListNode):
             self.fault(f"must be {expected}, got {self._shown()}")
             return None
@@ -501,14 +510,15 @@ class Value:
         return tuple(Value(item, f"{self.key}[{i}]", self.faults, kind) for i, item in entries)
 
     def section(self, keys: Collection[str] | None = None, expected: str = "") -> Section | None:
-        """The entries of a mapping, by default those that its key declares; None if there is a fault. `expected` says
-        what the value must be if not just that."""
+        """The entries of a mapping, by default those that its key declares; None if there is a
+        fault. `expected` says what the value must be if not just that."""
         if keys is None:
             assert isinstance(self.kind, Keys)
             keys = self.kind
         if not isinstance(self.node, MappingNode):
             self.fault(
-                f"must be {expected or 'a mapping with the keys ' + ', '.join(keys)}, got {self._shown()}"
+                f"must be {expected or 'a mapping with the keys ' + ', '.join(keys)}, got "
+                f"{self._shown()}"
             )
             return None
         return Section(self, self.node, keys)
@@ -527,8 +537,9 @@ class Value:
         return [key.text for key, _ in entries if isinstance(key, ScalarNode)]
 
     def named(self, expected: str, empty: str = "") -> dict[str, Value] | None:
-        """The entries of a mapping with names of its own choice; None if there is a fault. `expected`: what the mapping
-        must be, and `empty`, if it must have entries, what is wrong without."""
+        """The entries of a mapping with names of its own choice; None if there is a fault.
+        `expected`: what the mapping must be, and `empty`, if it must have entries, what is wrong
+        without."""
         section = self.section(self.names, expected)
         if section is None:
             return None
@@ -538,7 +549,8 @@ class Value:
         return {name: entry for name in dict.fromkeys(self.names) if (entry := section.get(name))}
 
     def _bare_number(self, bounds: Bounds) -> float:
-        """The number as it stands in the file, of a ratio also as a percentage; nan if it is none."""
+        """The number as it stands in the file, of a ratio also as a percentage; nan if it is
+        none."""
         text, unit = self._plain_text(), 1.0
         if bounds.ratio and isinstance(self.node, ScalarNode) and self.node.text.endswith("%"):
             text, unit = self.node.text[:-1].rstrip(), 100.0
@@ -561,7 +573,8 @@ class Value:
         return quoted(self.node.text)
 
     def _shown_unquoted(self, pattern: str | re.Pattern[str], bounds: Bounds = ANY) -> str:
-        """The same where quotes are out of place, with what to do about the value as far as that can be told."""
+        """The same where quotes are out of place, with what to do about the value as far as that
+        can be told."""
         if not isinstance(self.node, ScalarNode) or not math.isnan(self._bare_number(bounds)):
             return self._shown()
         if re.fullmatch(pattern, self.node.text):
@@ -606,7 +619,8 @@ class Section:
                 value.faults.add(key, path, "unknown key" + _advice(key.text, keys))
                 self._excused.update(filter(None, [nearest(key.text, keys)]))
 
-        # What stands under a misspelled key is read as that of the key that was meant, for the faults in it.
+        # What stands under a misspelled key is read as that of the key that was meant, for the
+        # faults in it.
         for key, entry in node.entries:
             if not isinstance(key, ScalarNode) or key.text in keys:
                 continue
@@ -647,7 +661,8 @@ class Section:
         scale: float = 1.0,
         default: float | None = None,
     ) -> float:
-        """The number of the entry; without a `default` the entry must be there, and nan stands for a fault.
+        """The number of the entry; without a `default` the entry must be there, and nan stands for
+        a fault.
 
         The bounds are those that the key declares, unless others are given.
         """
@@ -668,7 +683,8 @@ class Section:
         return {name: value.read() for name in names if (value := self.get(name))}
 
     def inner(self, name: str) -> Section:
-        """The section under a key, as that declares it: an empty one if there is none, or after a fault."""
+        """The section under a key, as that declares it: an empty one if there is none, or after a
+        fault."""
         value = self.get(name)
         section = value.section() if value else None
         return section or Section(
@@ -682,13 +698,15 @@ class Section:
                 entry.fault(reason)
 
     def file(self, name: str, *, stdin: bool = False) -> str | None:
-        """The path of the entry, as `Value.file` has it; None if the section lacks it or it is faulty."""
+        """The path of the entry, as `Value.file` has it; None if the section lacks it or it is
+        faulty."""
         value = self.get(name)
         return value.file(stdin=stdin) if value else None
 
 
 def resolve(file: str, folder: Path) -> str:
-    """The path as seen from the working directory, without `folder/..` where that means the same."""
+    """The path as seen from the working directory, without `folder/..` where that means the
+    same."""
     path = os.fspath(folder / file)
     plain = os.path.normpath(path)
     return plain if os.path.realpath(plain) == os.path.realpath(path) else path

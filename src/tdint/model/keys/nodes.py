@@ -1,8 +1,8 @@
-"""What a file of keys says, as nodes with line and column, and what is wrong with it; of YAML (`document`) or of a
-mapping of Python.
+"""What a file of keys says, as nodes with line and column, and what is wrong with it; of YAML
+(`document`) or of a mapping of Python.
 
-Scalars stay text: YAML 1.1, which PyYAML follows, takes 2e8 for a string, `no` for false and 012 for 10, so what a
-scalar means is decided where it is used (`fields`).
+Scalars stay text: YAML 1.1, which PyYAML follows, takes 2e8 for a string, `no` for false and 012
+for 10, so what a scalar means is decided where it is used (`fields`).
 """
 
 from __future__ import annotations
@@ -10,15 +10,15 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tdint.data import dataclass
 from tdint.errors import ModelError, ModelFault
 
 MAX_DEPTH = 32
-"""Nesting that a file may have; a model needs six levels. It keeps the recursion below Python's limit."""
+"""Nesting that a file may have; a model needs six levels. It keeps the recursion below Python's
+limit."""
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,15 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class ScalarNode(Place):
-    """A single value: its text, and whether it was written plain, without quotes or a block sign."""
+    """A single value: its text, and whether it was written plain, without quotes or a block
+    sign."""
 
     text: str
     plain: bool
 
 
-# An alias shares its node, so a few lines can hold a tree of astronomical size: it is never compared or printed.
+# An alias shares its node, so a few lines can hold a tree of astronomical size: it is never
+# compared or printed.
 @dataclass(frozen=True, eq=False)
 class ListNode(Place):
     """A list."""
@@ -57,8 +59,8 @@ Node = ScalarNode | ListNode | MappingNode
 
 @dataclass
 class Faults:
-    """The problems of one file, collected so that they are reported together; `kind` is what the file is, `needs` what
-    it must hold, `folder` where paths in it start from."""
+    """The problems of one file, collected so that they are reported together; `kind` is what the
+    file is, `needs` what it must hold, `folder` where paths in it start from."""
 
     source: str
     kind: str = "model file"
@@ -84,7 +86,8 @@ _NOWHERE = Place(0, 0)
 
 
 def nodes_of(value: object, faults: Faults, depth: int = 0) -> Node:
-    """The nodes of mappings, lists, numbers and text; what has no place in a file has line and column 0.
+    """The nodes of mappings, lists, numbers and text; what has no place in a file has line and
+    column 0.
 
     Raises
     ------

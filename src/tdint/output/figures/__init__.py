@@ -1,7 +1,8 @@
 """Pictures; matplotlib is imported here alone, and each module when a picture of it is drawn.
 
-A picture is the same wherever it is drawn: matplotlib would take settings from a file `matplotlibrc` in the working
-directory or in the user's home, some of which call other programs (`text.usetex`). Its own defaults are used.
+A picture is the same wherever it is drawn: matplotlib would take settings from a file
+`matplotlibrc` in the working directory or in the user's home, some of which call other programs
+(`text.usetex`). Its own defaults are used.
 """
 
 import logging

@@ -1,5 +1,5 @@
-"""Figures of methods, readable in black and white: stability, overshoot, order, the problems on which they fail, and
-what they cost for their errors."""
+"""Figures of methods, readable in black and white: stability, overshoot, order, the problems on
+which they fail, and what they cost for their errors."""
 
 from __future__ import annotations
 
@@ -51,7 +51,8 @@ _TALLEST = 1e4  # what runs away is cut here
 
 
 def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -> Figure:
-    """Picture of stability: spectral radius, period error, numerical damping and amplitude decay over dt/T.
+    """Picture of stability: spectral radius, period error, numerical damping and amplitude decay
+    over dt/T.
 
     Parameters
     ----------
@@ -90,14 +91,18 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
     add_legend(figure, radius, lines, _curve_labels(curves), NARROW)
     # A single line has its name in the title, as no legend says it.
     ratios = [f"{ratio:g}" for ratio in dict.fromkeys(curve.damping for curve in curves)]
-    title = f"One step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} {', '.join(ratios)}"
+    title = (
+        f"One step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} "
+        f"{', '.join(ratios)}"
+    )
     if len(curves) == 1:
         title = f"{curves[0].method}\n{title}"
     return titled(figure, title)
 
 
 def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
-    """Picture of the first steps: displacement and velocity, from a displacement and from a velocity."""
+    """Picture of the first steps: displacement and velocity, from a displacement and from a
+    velocity."""
     figure = Figure(figsize=(7.5, 6.4), layout="constrained")
     panels = figure.subplots(2, 2, sharex=True)
     starts = tuple(dict.fromkeys(motion.start for motion in motions))
@@ -141,7 +146,8 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
 
 
 def order_picture(measured: Sequence[ObservedOrder], name: str = "", thin: int = 0) -> Figure:
-    """Picture of the observed order: over the frequency ratio, or for each method where the load has no frequency.
+    """Picture of the observed order: over the frequency ratio, or for each method where the load
+    has no frequency.
 
     The title begins with a `name`, if there is one; lines of the last `thin` methods are thin.
     """
@@ -164,8 +170,8 @@ def order_picture(measured: Sequence[ObservedOrder], name: str = "", thin: int =
 
 
 def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[str, Any]]:
-    """Lines to be told apart without color: dashes and markers per method; dashes per damping ratio if there are
-    several."""
+    """Lines to be told apart without color: dashes and markers per method; dashes per damping ratio
+    if there are several."""
     number = {method: i for i, method in enumerate(dict.fromkeys(methods))}
     ratios = {ratio: i for i, ratio in enumerate(dict.fromkeys(dampings))}
     looks, styles = method_looks(methods), []
@@ -178,7 +184,8 @@ def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[
     return styles
 
 
-# Of a spectral radius; its panel ends at 1.25. A line that goes up by 10^14 is spaced with markers without end.
+# Of a spectral radius; its panel ends at 1.25. A line that goes up by 10^14 is spaced with markers
+# without end.
 _FAR_ABOVE = 1e3
 
 
@@ -202,8 +209,8 @@ def draw_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
 def accuracy_picture(
     curves: Sequence[StabilityCurve], quantity: str, title: str, thin: int = 0
 ) -> Figure:
-    """One quantity of stability over dt/T: `spectral_radius`, `period_error`, `numerical_damping` or `amplitude_decay`;
-    the last `thin` lines are thin."""
+    """One quantity of stability over dt/T: `spectral_radius`, `period_error`, `numerical_damping`
+    or `amplitude_decay`; the last `thin` lines are thin."""
     figure = Figure(figsize=(7.5, 4.6), layout="constrained")
     axes = figure.subplots()
     lines = _draw_quantity(axes, curves, quantity, _thinned(_curve_styles(curves), thin))
@@ -331,7 +338,8 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     return figure
 
 
-# ---- Figure of the problems on which methods fail: a matrix of methods and problems, readable in black and white
+# ---- Figure of the problems on which methods fail: a matrix of methods and problems, readable in
+# black and white
 
 _CELL = (0.46, 0.25)  # inches
 _LEVEL, _UPRIGHT = (
@@ -347,7 +355,8 @@ _NARROW_FOOT = 62  # letters of 6 points on the width of a column
 
 
 class _Mark(NamedTuple):
-    """How a cell looks: filling, hatching, ink; verdicts that are not listed look like the last entry."""
+    """How a cell looks: filling, hatching, ink; verdicts that are not listed look like the last
+    entry."""
 
     face: str
     hatch: str = ""
@@ -372,7 +381,8 @@ _LEGEND = {
     "blows up": "blows up",
 }
 _EXPLANATION = (
-    "Numbers: hardening and softening, the energy ratio that is farthest from 1; otherwise the error that is judged.\n"
+    "Numbers: hardening and softening, the energy ratio that is farthest from 1; otherwise the "
+    "error that is judged.\n"
     "After a failure: the steps done until then. - : the method is not for this building."
 )
 
@@ -436,8 +446,9 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
 
 
 def _rooms(methods: Sequence[str], count: int) -> tuple[float, int, float, bool]:
-    """What some columns take: on a screen as much as they need, in print as few panels as have room for the numbers.
-    Width of the figure, columns of a panel, height of a row, inches; whether words stand up."""
+    """What some columns take: on a screen as much as they need, in print as few panels as have room
+    for the numbers. Width of the figure, columns of a panel, height of a row, inches; whether words
+    stand up."""
     side = _LINE + _LETTER_UP * max(map(len, methods))
     printed = PRINTED.get().width
     if not printed:
@@ -468,7 +479,8 @@ def _patch(x: float, y: float, mark: _Mark) -> Rectangle:
 
 
 def _words(trial: Trial) -> str:
-    """Three digits of what is judged, the steps done before a failure, or a dash; five characters in print."""
+    """Three digits of what is judged, the steps done before a failure, or a dash; five characters
+    in print."""
     if math.isnan(trial.measure):
         return "-" if trial.outcome == "refused" else str(trial.steps)
     texts = []
@@ -483,8 +495,8 @@ def _words(trial: Trial) -> str:
     return texts[PRINTED.get().width is not None and len(texts[0]) > _MOST_LETTERS]
 
 
-# ---- Figures of work against precision: time over error, error over step, cost over size; readable in black and
-# white
+# ---- Figures of work against precision: time over error, error over step, cost over size; readable
+# in black and white
 
 _FRONT = "0.85"
 _SMALLEST_GAP = 1e-14  # so that it has a place on a logarithmic axis
@@ -502,8 +514,9 @@ def chart_picture(
 ) -> Figure:
     """Picture of a chart: time over error, a line per method; or error over step.
 
-    A point whose error is below the gap of the reference is not drawn. Of those of a line that has some, a triangle at
-    the gap stands for the cheapest. The grey band joins the points that no other one beats in both time and error.
+    A point whose error is below the gap of the reference is not drawn. Of those of a line that has
+    some, a triangle at the gap stands for the cheapest. The grey band joins the points that no
+    other one beats in both time and error.
 
     Parameters
     ----------
@@ -514,8 +527,8 @@ def chart_picture(
     target : str
         The error to show, a key of `QUANTITIES`.
     versus : str
-        `time`, `steps`, `solves`: a cost over the error; `dt`: the error over the step. Programs that do not count
-        their steps have no points over these.
+        `time`, `steps`, `solves`: a cost over the error; `dt`: the error over the step. Programs
+        that do not count their steps have no points over these.
     highlight : str
         The line to draw in front, thick; as in `method_looks`.
     """
@@ -527,7 +540,8 @@ def chart_picture(
 def sizes_picture(
     charts: Sequence[Chart], *, name: str, target: str, highlight: str = ""
 ) -> Figure:
-    """Picture of time per step and of error over the number of stories, at the step closest to the record's."""
+    """Picture of time per step and of error over the number of stories, at the step closest to the
+    record's."""
     figure = Figure(figsize=(7.5, 4.6), layout="constrained")
     cost, accuracy = figure.subplots(1, 2)
     lines = list(dict.fromkeys(point.line for chart in charts for point in chart.points))
@@ -567,7 +581,8 @@ def sizes_picture(
     add_legend(figure, cost, handles, lines, NARROW)
     titled(
         figure,
-        f"{name}, with more stories\ncost and accuracy over the number of stories, dt {charts[0].interval:.4g} s",
+        f"{name}, with more stories\ncost and accuracy over the number of stories, dt "
+        f"{charts[0].interval:.4g} s",
     )
     return figure
 
@@ -632,7 +647,8 @@ def _styles(lines: Sequence[str], highlight: str) -> dict[str, dict[str, Any]]:
 def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
     figure = Figure(figsize=(7.5, 5.6), layout="constrained")
     axes = figure.subplots()
-    # The front lies under all lines, as a band; a line has marks at its points, and a triangle below the gap.
+    # The front lies under all lines, as a band; a line has marks at its points, and a triangle
+    # below the gap.
     front = drawing.front()
     (band,) = axes.plot(
         *_columns(drawing, front), color=_FRONT, linewidth=9.0, solid_capstyle="round", zorder=1
@@ -680,7 +696,8 @@ def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
         figure,
         _title(drawing, name, f"{drawing.versus} against accuracy, time steps (s) at the points"),
     )
-    # Steps at the points of the front and at the finest of each line, where there is room when all else is in place.
+    # Steps at the points of the front and at the finest of each line, where there is room when all
+    # else is in place.
     finest = [points[-1] for points in drawing.lines.values() if points[-1] in shown]
     labelled = list(dict.fromkeys(point for point in (*front, *finest) if not math.isnan(point.dt)))
     labels = [(*drawing.place(point), f"{point.dt:.4g}") for point in labelled]
@@ -714,10 +731,10 @@ def _footnote(drawing: _Drawing) -> str:
     ]
     return "\n".join(
         wrap(
-            f"circle: the {whose}'s own step, {chart.interval:.4g} s; reference: {reference.method}, dt "
-            f"{reference.dt:.3g} s, from which {reference.confirmed_by} differs by {gap:.1e}; times: "
-            f"{CLOCKS[chart.timing.clock]}, {chart.timing.told}, {chart.timing.processor}{chosen}; "
-            f"{', '.join(programs)}",
+            f"circle: the {whose}'s own step, {chart.interval:.4g} s; reference: "
+            f"{reference.method}, dt {reference.dt:.3g} s, from which {reference.confirmed_by} "
+            f"differs by {gap:.1e}; times: {CLOCKS[chart.timing.clock]}, {chart.timing.told}, "
+            f"{chart.timing.processor}{chosen}; {', '.join(programs)}",
             _FOOT,
         )
     )

@@ -1,5 +1,6 @@
-"""Figures of what leads to collapse: an incremental dynamic analysis, a gray curve for each record with fractiles and
-capacities; fragility functions over intensity with observations and 95 % confidence bands; a cloud with its line."""
+"""Figures of what leads to collapse: an incremental dynamic analysis, a gray curve for each record
+with fractiles and capacities; fragility functions over intensity with observations and 95 %
+confidence bands; a cloud with its line."""
 
 from __future__ import annotations
 
@@ -36,10 +37,11 @@ from tdint.output.figures.style import (
 from tdint.units import ACCELERATION, SI, STANDARD_GRAVITY, OutputUnits
 from tdint.written_numbers import how_many
 
-# ---- A suite of motions as several figures draw it: the median and the fractiles on both sides, and intensity
-# measures
+# ---- A suite of motions as several figures draw it: the median and the fractiles on both sides,
+# and intensity measures
 #
-# And the figure of a scaled suite: each spectrum in gray, median and fractiles, and what it was scaled to.
+# And the figure of a scaled suite: each spectrum in gray, median and fractiles, and what it was
+# scaled to.
 
 GRAY = "0.72"
 """Of what is one record among many."""
@@ -90,7 +92,8 @@ def measure_label(name: str, unit: str) -> str:
 
 
 def add_gravity_axis(axes: Any, unit: str, *, horizontal: bool = False) -> None:
-    """A second axis, in g, on the other side of one in another unit of acceleration; none beside other units."""
+    """A second axis, in g, on the other side of one in another unit of acceleration; none beside
+    other units."""
     if unit == "g" or unit not in ACCELERATION:
         return
     g = STANDARD_GRAVITY / ACCELERATION[unit]
@@ -129,10 +132,14 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI) -> Figure:
     value = ""
     if scaling.measure is not None and scaling.value is not None:
         unit = scaling.measure.unit
-        value = f"{measure_words(scaling.measure.name)} = {units.of(scaling.value, unit):.4g} {units.label(unit)}"
+        value = (
+            f"{measure_words(scaling.measure.name)} = {units.of(scaling.value, unit):.4g} "
+            f"{units.label(unit)}"
+        )
     ways = {
         "value": f"scaled to {value}",
-        "mean": f"{'selected and ' if scaling.chosen else ''}scaled to {target}, least squares of ln Sa",
+        "mean": f"{'selected and ' if scaling.chosen else ''}scaled to {target}, least squares of "
+        "ln Sa",
         "asce7": f"scaled to {target} by ASCE 7",
         "ec8": f"scaled to {target} by EN 1998-1",
         "p695": "normalized by FEMA P-695" + (f", scaled to median {value}" if value else ""),
@@ -147,7 +154,10 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI) -> Figure:
         else f"{record_name(records[0].source)} {scaling.motions[0].component}"
     )
     pair = f", {_PAIR[scaling.pair]}" if subject == "pair" and scaling.rule != "p695" else ""
-    title = f"{names}{changed(records)}, {ways[scaling.rule]}\n{100.0 * scaling.damping:g} % damping{pair}"
+    title = (
+        f"{names}{changed(records)}, {ways[scaling.rule]}\n{100.0 * scaling.damping:g} % "
+        f"damping{pair}"
+    )
     return titled(figure, title)
 
 
@@ -250,7 +260,10 @@ def ida_picture(study: IdaStudy) -> Figure:
         if len(records) > 1
         else f"{record_name(records[0].source)} {records[0].component}"
     )
-    title = f"{study.model.name}\nIncremental dynamic analysis, {subject}{changed(records)}, {study.method}"
+    title = (
+        f"{study.model.name}\nIncremental dynamic analysis, {subject}{changed(records)}, "
+        f"{study.method}"
+    )
     if not isinstance(study.measure, MotionIntensity) and study.measure.periods != (0.0,):
         title += f", {100.0 * study.measure.damping:g} % damping of Sa"
     return titled(figure, title)
@@ -286,7 +299,8 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
             label="run without a result",
             clip_on=False,
         )
-    # The axis of intensity ends above the capacities, and the largest levels that a building stands.
+    # The axis of intensity ends above the capacities, and the largest levels that a building
+    # stands.
     capacities = (curve.collapse.capacity for curve in study.curves)
     stood = (run.im for curve in study.curves for run in curve.stable)
     highest = max((*filter(math.isfinite, capacities), *stood), default=0.0)
@@ -299,7 +313,8 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
 
 
 def _draw_curve(axes: Any, curve: IdaCurve, limit: float, look: dict[str, Any]) -> None:
-    """From the origin, or the drift that was left, through the runs that stand; flat from the capacity on."""
+    """From the origin, or the drift that was left, through the runs that stand; flat from the
+    capacity on."""
     drift = [curve.left, *(run.drift_ratio for run in curve.stable)]
     im = [0.0, *(run.im for run in curve.stable)]
     if not curve.collapse.censored and curve.stable:
@@ -309,7 +324,8 @@ def _draw_curve(axes: Any, curve: IdaCurve, limit: float, look: dict[str, Any]) 
 
 
 def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, several: bool) -> None:
-    """Fractiles of a state; where there are `several`, the median alone, and of few records each curve."""
+    """Fractiles of a state; where there are `several`, the median alone, and of few records each
+    curve."""
     damage = study.curves[0].damage
     state = (f", damaged to {100.0 * damage:g} %" if damage else ", intact") * several
     if len(study.curves) < _FEW:
@@ -396,7 +412,8 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
         layout="constrained",
     )
     if crowded:
-        # The fitted functions with what tells how sure they are; beside them those with the model's dispersion.
+        # The fitted functions with what tells how sure they are; beside them those with the model's
+        # dispersion.
         first, second = figure.subplots(2, 1) if stacked else figure.subplots(1, 2, sharey=True)
         draw_functions(first, functions, total=False)
         end = _end(functions)
@@ -432,7 +449,8 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
 
 
 def types_picture(functions: Sequence[Fragility]) -> Figure:
-    """Picture of functions of types of buildings, a panel for each type with a curve for each damage state."""
+    """Picture of functions of types of buildings, a panel for each type with a curve for each
+    damage state."""
     types = {
         name: [function for function in functions if function.type == name]
         for name in dict.fromkeys(f.type for f in functions)
@@ -489,7 +507,8 @@ def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str])
 
 
 def draw_functions(axes: Any, functions: Sequence[Fragility], *, total: bool = True) -> None:
-    """The functions with their observations and confidence bands and, if `total`, those with the model's dispersion."""
+    """The functions with their observations and confidence bands and, if `total`, those with the
+    model's dispersion."""
     end = _end(functions)
     im = np.linspace(0.0, end, _POINTS)[1:]
     for i, function in enumerate(functions):
@@ -546,7 +565,8 @@ def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") 
 
 
 def _draw_counted(axes: Any, function: Fragility, end: float, **look: Any) -> None:
-    """What was observed: the levels or capacities that were fitted, or of a cloud the counted shares in bins."""
+    """What was observed: the levels or capacities that were fitted, or of a cloud the counted
+    shares in bins."""
     points, counted = function.points, function.counted
     if points is None and counted is not None:
         points = Points(counted.im, counted.share)
@@ -563,7 +583,8 @@ def _draw_counted(axes: Any, function: Fragility, end: float, **look: Any) -> No
 
 
 def _end(functions: Sequence[Fragility]) -> float:
-    """Where the axis of intensity ends: behind the functions, but not far behind all observations."""
+    """Where the axis of intensity ends: behind the functions, but not far behind all
+    observations."""
     ends = []
     for function in functions:
         observed = function.points or function.cloud
@@ -574,7 +595,8 @@ def _end(functions: Sequence[Fragility]) -> float:
 
 
 def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -> None:
-    """Demands over intensities, both logarithmic, with the line and a standard deviation to both sides."""
+    """Demands over intensities, both logarithmic, with the line and a standard deviation to both
+    sides."""
     measured = ~(cloud.censored | cloud.below)
     axes.scatter(
         cloud.im[measured],

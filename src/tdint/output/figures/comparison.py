@@ -1,5 +1,5 @@
-"""Figures of a building beside its recordings, of one at rest (modes, cyclic tests, pushovers), of records, and of
-methods over many problems."""
+"""Figures of a building beside its recordings, of one at rest (modes, cyclic tests, pushovers), of
+records, and of methods over many problems."""
 
 from __future__ import annotations
 
@@ -146,7 +146,8 @@ def comparison_picture(
 
 
 def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
-    """Correlation and ratio of the peaks of every floor: over the events, or over the floors of a single one."""
+    """Correlation and ratio of the peaks of every floor: over the events, or over the floors of a
+    single one."""
     above, below = panels
     for place, comparison in enumerate(comparisons, start=1):
         for floor in comparison.floors:
@@ -190,14 +191,16 @@ def _strongest(comparison: Comparison) -> tuple[float, float]:
     return (floor.time[near[0]], floor.time[near[-1]]) if near.size >= 2 else _shaken(comparison)
 
 
-# ---- Figures of a building at rest: its modes, the loops of a cyclic test and their energy, and a pushover
+# ---- Figures of a building at rest: its modes, the loops of a cyclic test and their energy, and a
+# pushover
 
 _MOST = 4  # modes that are marked: higher ones crowd
 _MARKED = 20  # floors that have markers
 
 
 def mode_picture(modes: Modes, *, name: str, norm: str = "roof") -> Figure:
-    """Picture of the first modes over the floors, normalized as `tdint.model.modes.Modes.normalized` says."""
+    """Picture of the first modes over the floors, normalized as
+    `tdint.model.modes.Modes.normalized` says."""
     figure = Figure(figsize=(5.4, 5.6), layout="constrained")
     draw_modes(figure.subplots(), modes, norm)
     return titled(figure, name)
@@ -319,7 +322,8 @@ def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
 
 
 def pushover_picture(result: Pushover, units: OutputUnits = SI) -> Figure:
-    """Picture of a pushover; return value and errors are those of `tdint.output.figures.style.picture`."""
+    """Picture of a pushover; return value and errors are those of
+    `tdint.output.figures.style.picture`."""
     narrow = is_narrow()
     figure = Figure(figsize=(8.4, 9.2 if narrow else 4.6), layout="constrained")
     curve, profile = (
@@ -348,8 +352,8 @@ def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
 
 
 def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = SI) -> Figure:
-    """Picture of target displacements: the curve with what the methods make of it; the equivalent oscillator beside the
-    elastic demand, acceleration over displacement; drifts of the stories."""
+    """Picture of target displacements: the curve with what the methods make of it; the equivalent
+    oscillator beside the elastic demand, acceleration over displacement; drifts of the stories."""
     pushed = results[0].pushed
     narrow = is_narrow()
     figure = Figure(figsize=(11.0, 14.0 if narrow else 4.6), layout="constrained")
@@ -384,7 +388,8 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
 
 
 def _draw_oscillator(axes: Any, made: TargetDisplacement, units: OutputUnits) -> None:
-    """The equivalent oscillator and the elastic demand: force over mass and displacement, both as of one oscillator."""
+    """The equivalent oscillator and the elastic demand: force over mass and displacement, both as
+    of one oscillator."""
     target, pushed = made.target, made.pushed
     roof, shear = (
         pushed.roof_displacement / made.participation,
@@ -437,7 +442,8 @@ def _draw_profile(
     units: OutputUnits,
     drifts: Sequence[tuple[Array, int, str]] | None = None,
 ) -> None:
-    """Drifts of the stories, each with the number of its look: by default at the largest base shear and at the end."""
+    """Drifts of the stories, each with the number of its look: by default at the largest base shear
+    and at the end."""
     heights = [story.drift_height for story in result.model.stories]
     ratio = all(height is not None for height in heights)
     scale = (
@@ -461,10 +467,12 @@ def _draw_profile(
     axes.set(ylim=(0.5, len(heights) + 0.5), ylabel="story", xlabel=label)
 
 
-# ---- Figure of records: acceleration, velocity and displacement over time, and how their Arias intensity builds up
+# ---- Figure of records: acceleration, velocity and displacement over time, and how their Arias
+# intensity builds up
 
 _LEAST_AMPLITUDE = 1e-4
-"""Part of the largest Fourier amplitude down to which a picture shows them: below lies what filters have left."""
+"""Part of the largest Fourier amplitude down to which a picture shows them: below lies what filters
+have left."""
 
 MOST_RECORDS = 3
 """As many are drawn, side by side; what comes after them is left out."""
@@ -497,8 +505,8 @@ def info_picture(infos: Sequence[RecordInfo], units: OutputUnits = SI) -> Figure
 
 
 def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
-    """Picture of a matched motion beside its scaled seed: spectra with the target, and of each component histories and
-    growth of energy."""
+    """Picture of a matched motion beside its scaled seed: spectra with the target, and of each
+    component histories and growth of energy."""
     units = units.in_pictures
     parts = matched.parts
     figure = Figure(figsize=(7.5 if len(parts) == 1 else 10.0, 9.5), layout="constrained")
@@ -569,7 +577,8 @@ def fourier_picture(spectra: Sequence[FourierSpectrum], units: OutputUnits = SI)
 
 
 def draw_fourier(axes: Any, spectra: Sequence[FourierSpectrum], units: OutputUnits) -> None:
-    """Amplitudes over the frequency, a line each; a picture has room for four decades below the largest."""
+    """Amplitudes over the frequency, a line each; a picture has room for four decades below the
+    largest."""
     files = record_names(spectrum.record.source for spectrum in spectra)
     names = component_names([spectrum.record for spectrum in spectra])
     for number, (spectrum, name) in enumerate(zip(spectra, names, strict=True)):
@@ -613,7 +622,8 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
         write_note(axes, f"peak {units.of(peak, si):.3g} {units.label(si)}")
     title = f"{record_name(record.source)} {record.component}".rstrip() + changed([record])
     column[0].set_title(title, parse_math=False)
-    # The integral of the squared acceleration over its final value (Husid 1969), with the significant durations.
+    # The integral of the squared acceleration over its final value (Husid 1969), with the
+    # significant durations.
     energy = cumulative_energy(record)
     total = float(energy[-1])
     husid = column[3]
@@ -638,8 +648,8 @@ _PROFILE_FOOT, _NARROW_FOOT = 110, 64  # characters in a line of the foot; in on
 
 
 def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> Figure:
-    """Performance profiles (Dolan and More 2002): the share of problems that a method solves at a factor of the least
-    cost, a panel for each tolerance.
+    """Performance profiles (Dolan and More 2002): the share of problems that a method solves at a
+    factor of the least cost, a panel for each tolerance.
 
     Parameters
     ----------
@@ -663,7 +673,8 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
     for axes, tolerance in zip(panels.flat, tolerances, strict=False):
         shown = [profile for profile in profiles if profile.tolerance == tolerance]
         for profile in sorted(shown, key=lambda profile: front.get(profile.method, 0.0)):
-            # A stair: up at each ratio; on to the panel's end, where it stands for what is solved at all.
+            # A stair: up at each ratio; on to the panel's end, where it stands for what is solved
+            # at all.
             steps = [ratio for ratio in profile.ratios if ratio <= _LARGEST_RATIO]
             share = np.arange(len(steps) + 1) / profile.problems
             x, y = [1.0, *steps, _LARGEST_RATIO], [*share, share[-1]]
@@ -699,9 +710,9 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
         *(f"{peer.name} {peer.version}" for peer in chart.peers),
     ]
     conditions = (
-        "Of each method the step that costs least and is within the tolerance, as are all smaller ones; lines end at "
-        f"what is solved at {_LARGEST_RATIO:g} times the least cost. Times: {CLOCKS[timing.clock]}, {timing.told}, "
-        f"{timing.processor}; {', '.join(programs)}"
+        "Of each method the step that costs least and is within the tolerance, as are all smaller "
+        f"ones; lines end at what is solved at {_LARGEST_RATIO:g} times the least cost. Times: "
+        f"{CLOCKS[timing.clock]}, {timing.told}, {timing.processor}; {', '.join(programs)}"
     )
     for legend in figure.legends:
         foot = wrap(conditions, _NARROW_FOOT if narrow else _PROFILE_FOOT)

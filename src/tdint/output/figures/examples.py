@@ -1,4 +1,5 @@
-"""Figures of the paper of 2022: its examples' motions and errors, and what the buildings of examples 2 and 3 are."""
+"""Figures of the paper of 2022: its examples' motions and errors, and what the buildings of
+examples 2 and 3 are."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ _SIDE = 0.5  # of a mass, of the distance between two
 def example_picture(
     about: str, runs: Sequence[ExampleRun], shown: ExampleFigure, exact: str, reference: str
 ) -> Figure:
-    """One figure of the paper: displacement or error of a floor by several methods, with a close-up at the peak.
+    """One figure of the paper: displacement or error of a floor by several methods, with a close-up
+    at the peak.
 
     Parameters
     ----------
@@ -79,11 +81,13 @@ def example_picture(
     )
 
 
-# ---- What a building of an example is: masses in a row between springs and dashpots, the first one at a wall
+# ---- What a building of an example is: masses in a row between springs and dashpots, the first one
+# at a wall
 
 
 def row_picture(title: str, model: Model) -> Figure:
-    """Drawing of a building as a row of masses, the left end fixed; of many the first and last two."""
+    """Drawing of a building as a row of masses, the left end fixed; of many the first and last
+    two."""
     count = len(model.stories)
     is_cut = count > 2 * _SHOWN
     shown = [*range(_SHOWN), *range(count - _SHOWN, count)] if is_cut else list(range(count))

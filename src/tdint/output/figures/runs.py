@@ -1,5 +1,5 @@
-"""Figures of runs: histories, energies, profiles over the height and one hysteresis; of suites the demands over the
-height and the spectra of floors; what moves peaks."""
+"""Figures of runs: histories, energies, profiles over the height and one hysteresis; of suites the
+demands over the height and the spectra of floors; what moves peaks."""
 
 from __future__ import annotations
 
@@ -61,8 +61,9 @@ _BEYOND = 1.25  # where the bar of an isolator ends, over the largest of all oth
 
 
 def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
-    """Picture of a run: ground, roof displacement and energies over time; drifts, floor accelerations and shears over
-    the height; the hysteresis of one story. Of a response without its history what is over the height.
+    """Picture of a run: ground, roof displacement and energies over time; drifts, floor
+    accelerations and shears over the height; the hysteresis of one story. Of a response without its
+    history what is over the height.
     """
     units = units.in_pictures
     title, history = (
@@ -124,10 +125,15 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     )
     if records:
         named = [f"{record_name(record.source)} {record.component}".rstrip() for record in records]
-        title += f", {', then '.join(named[:_NAMED])}{f' and {len(named) - _NAMED} more' * (len(named) > _NAMED)}"
+        title += f", {', then '.join(named[:_NAMED])}"
+        if len(named) > _NAMED:
+            title += f" and {len(named) - _NAMED} more"
         title += changed(records)
     if (collapse := response.collapse) is not None:
-        title += f"; story {collapse.story} {'failed' if collapse.failed else 'collapsed'} at {collapse.time:.4g} s"
+        title += (
+            f"; story {collapse.story} {'failed' if collapse.failed else 'collapsed'} at "
+            f"{collapse.time:.4g} s"
+        )
     return titled(figure, title)
 
 
@@ -146,7 +152,8 @@ def _draw_roof(axes: Any, history: History, peak: float, units: OutputUnits) -> 
 
 
 def _draw_energies(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
-    """Where the input energy went: layers of dissipated, damped, stored and kinetic energy below it."""
+    """Where the input energy went: layers of dissipated, damped, stored and kinetic energy below
+    it."""
     energy = history.energy
     given = response.energy.start + energy.input
     factor, unit = scaled_unit(float(np.max(np.abs(given))), "J", units)
@@ -198,8 +205,8 @@ def _short(value: float) -> str:
 
 
 def _mark_peak(axes: Any, time: Array, values: Array, peak: float, unit: str) -> None:
-    """A dot at the largest absolute value, the peak, which may lie between the points, in the upper right corner;
-    nothing of what is at rest."""
+    """A dot at the largest absolute value, the peak, which may lie between the points, in the upper
+    right corner; nothing of what is at rest."""
     if not np.any(values):
         return
     i = int(np.argmax(np.abs(values)))
@@ -209,7 +216,8 @@ def _mark_peak(axes: Any, time: Array, values: Array, peak: float, unit: str) ->
 
 
 def _draw_hysteresis(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
-    # The story whose hysteresis says most: that of the largest ductility, else drift ratio, else drift.
+    # The story whose hysteresis says most: that of the largest ductility, else drift ratio, else
+    # drift.
     stories = response.stories
     story, reason = 0, "no drift"
     for values, name, factor, unit in (
@@ -223,7 +231,8 @@ def _draw_hysteresis(axes: Any, response: Response, history: History, units: Out
             break
     drift, shear = units.of(history.drift[:, story], "m"), history.shear[:, story]
     if np.isnan(stories.ductility[story]):
-        # The force of a law that does not yield follows from the drift: its curve, not the chords between the steps.
+        # The force of a law that does not yield follows from the drift: its curve, not the chords
+        # between the steps.
         order = np.argsort(drift)
         drift, shear = drift[order], shear[order]
     factor, unit = scaled_unit(float(np.max(np.abs(shear))), "N", units)
@@ -250,7 +259,8 @@ def _frame_profile(axes: Any, response: Response) -> None:
 
 
 def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits) -> None:
-    """Three panels over the stories: drifts, absolute accelerations of the floors (the ground below them), shears."""
+    """Three panels over the stories: drifts, absolute accelerations of the floors (the ground below
+    them), shears."""
     drifts, accelerations, shears = panels
     stories = response.stories
     _draw_drifts(drifts, response, units)
@@ -290,8 +300,8 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
 
 
 def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
-    """In percent of the height, else as lengths: isolators and stories without a height are apart, whatever collapses
-    is not."""
+    """In percent of the height, else as lengths: isolators and stories without a height are apart,
+    whatever collapses is not."""
     stories = response.stories
     tall = np.isfinite(stories.height)
     by_height = bool(tall.any())
@@ -370,11 +380,11 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     axes.set_xlabel("drift (% of height)" if by_height else f"drift ({units.label('m')})")
 
 
-# ---- Figures of what buildings have to bear: demands of a suite over the height, spectra of floors, and what moves
-# peaks
+# ---- Figures of what buildings have to bear: demands of a suite over the height, spectra of
+# floors, and what moves peaks
 #
-# Of a suite each motion and all together are drawn; of several buildings side by side, each in the color of its
-# name.
+# Of a suite each motion and all together are drawn; of several buildings side by side, each in the
+# color of its name.
 
 _MOST_PANELS = 6  # of floors
 
@@ -443,8 +453,8 @@ def profile_picture(
 
 
 def building_looks(names: Iterable[str]) -> dict[str, tuple[str, str]]:
-    """Color and name of each building, by the order of the names: the same whatever the order of the files; one alone
-    is not named."""
+    """Color and name of each building, by the order of the names: the same whatever the order of
+    the files; one alone is not named."""
     buildings = sorted(dict.fromkeys(names))
     if len(buildings) == 1:
         return {buildings[0]: (INK, "")}
@@ -470,7 +480,8 @@ def _name_below(figure: Figure, panels: Iterable[Any]) -> None:
 def _draw_motions(
     axes: Any, rows: Array, line: Callable[..., Any], look: tuple[str, str], largest: str
 ) -> None:
-    """What `line` draws of each motion, thin and gray where no building is named, of their mean and their largest."""
+    """What `line` draws of each motion, thin and gray where no building is named, of their mean and
+    their largest."""
     color, name = look
     if not name:
         for row in rows:
@@ -539,7 +550,8 @@ def _finish_row(
 def floor_picture(
     spectra: Sequence[FloorSpectrum], units: OutputUnits = SI, *, title: str = ""
 ) -> Figure:
-    """Picture of the spectra of a run's floors, a curve for each floor and damping ratio, named by the floor."""
+    """Picture of the spectra of a run's floors, a curve for each floor and damping ratio, named by
+    the floor."""
     units = units.in_pictures
     figure = Figure(figsize=(7.2, 4.8), layout="constrained")
     axes = figure.subplots()
@@ -557,8 +569,9 @@ def floor_picture(
 
 
 def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -> Figure:
-    """Picture of the spectra of floors under a suite: the motions thin and gray, mean and envelope; a panel for each
-    floor, scale and damping ratio, and of several buildings means and envelopes in the colors of their names.
+    """Picture of the spectra of floors under a suite: the motions thin and gray, mean and envelope;
+    a panel for each floor, scale and damping ratio, and of several buildings means and envelopes in
+    the colors of their names.
     """
     units = units.in_pictures
     panels: dict[tuple[object, ...], list[FloorSuite]] = {}
@@ -591,7 +604,8 @@ def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -
     more = f"; the first {len(shown)} of {len(panels)} panels" if len(panels) > len(shown) else ""
     return titled(
         figure,
-        f"{subject}, {how_many(suites[0].runs, 'motion')}\nspectra of absolute floor accelerations{more}",
+        f"{subject}, {how_many(suites[0].runs, 'motion')}\nspectra of absolute floor "
+        f"accelerations{more}",
     )
 
 

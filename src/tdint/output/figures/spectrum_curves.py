@@ -1,4 +1,5 @@
-"""Spectra: elastic (over the period, tripartite, ADRS), inelastic, rotated, drift; beside a published one; targets."""
+"""Spectra: elastic (over the period, tripartite, ADRS), inelastic, rotated, drift; beside a
+published one; targets."""
 
 from __future__ import annotations
 
@@ -40,7 +41,8 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.target import SpectrumDifference, TargetSpectrum
 
 
-# ---- What the figures over the period share: lines of components or the fractiles of a suite, panel by panel
+# ---- What the figures over the period share: lines of components or the fractiles of a suite,
+# panel by panel
 #
 # Also elastic spectra on other axes: tripartite, and acceleration over displacement (ADRS).
 
@@ -108,7 +110,8 @@ def draw_over_periods(
     if suite:
         lines = _draw_suite(rows[:, 0], results, panels, variants)
     else:
-        # Lines are told apart without color: dashes by component, or by variant where there are several.
+        # Lines are told apart without color: dashes by component, or by variant where there are
+        # several.
         motions = _motions(results)
         number = {motion: i for i, motion in enumerate(dict.fromkeys(motions))}
         kinds = {variant: i for i, variant in enumerate(dict.fromkeys(variants))}
@@ -157,7 +160,8 @@ def is_suite(results: Sequence[OverPeriods]) -> bool:
 
 
 def in_median(results: Sequence[OverPeriods]) -> list[bool]:
-    """Whether the median of a suite counts each: verticals have no part in that of motions with horizontals."""
+    """Whether the median of a suite counts each: verticals have no part in that of motions with
+    horizontals."""
     level = [not is_vertical(result.record.component) for result in results]
     return level if any(level) else [True] * len(level)
 
@@ -168,7 +172,8 @@ def _draw_suite(
     panels: Sequence[Panel[Line]],
     variants: Sequence[Hashable],
 ) -> dict[str, Any]:
-    """All lines in gray, the median and fractiles of each variant; by their names, for the legend."""
+    """All lines in gray, the median and fractiles of each variant; by their names, for the
+    legend."""
     order = _shown(results[0].periods)
     period = results[0].periods[order]
     kinds = list(dict.fromkeys(variants))
@@ -203,7 +208,8 @@ def _draw_suite(
 
 
 def _shown(periods: Array) -> NDArray[np.intp]:
-    """Places of the periods that are drawn, in rising order: period 0 has none on a logarithmic axis."""
+    """Places of the periods that are drawn, in rising order: period 0 has none on a logarithmic
+    axis."""
     order = np.argsort(periods, kind="stable")
     positive = order[periods[order] > 0.0]
     return positive if positive.size else order
@@ -223,7 +229,8 @@ def log_periods(axes: Any, periods: Array) -> None:
 
 
 def line_labels(results: Sequence[OverPeriods]) -> list[str]:
-    """What tells the lines apart: the record if there are several, the component, the damping if there are several."""
+    """What tells the lines apart: the record if there are several, the component, the damping if
+    there are several."""
     names = component_names([result.record for result in results])
     files = record_names(result.record.source for result in results)
     several_files = len(files) > 1
@@ -237,7 +244,8 @@ def line_labels(results: Sequence[OverPeriods]) -> list[str]:
 
 
 def over_periods_title(of_one: str, several: str, results: Sequence[OverPeriods], more: str) -> str:
-    """`ONE of FILE COMPONENT`, or `SEVERAL of ...`; below it the damping and what more there is to say."""
+    """`ONE of FILE COMPONENT`, or `SEVERAL of ...`; below it the damping and what more there is to
+    say."""
     sources = list(dict.fromkeys(result.record.source for result in results))
     ratios = list(dict.fromkeys(result.damping for result in results))
     subject = record_name(sources[0]) if len(sources) == 1 else f"{len(sources)} records"
@@ -300,7 +308,8 @@ def _positive(spectrum: Spectrum) -> NDArray[np.intp]:
 def draw_tripartite(
     spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits
 ) -> Figure:
-    """Pseudo-velocity over the period, both logarithmic: displacement and pseudo-acceleration are straight scales."""
+    """Pseudo-velocity over the period, both logarithmic: displacement and pseudo-acceleration are
+    straight scales."""
     figure = Figure(figsize=(7.5, 6.2), layout="constrained")
     axes = figure.subplots()
     curves = _curves(spectra, labels, units)
@@ -316,7 +325,8 @@ def draw_tripartite(
         axes.set_ylim(max(low / 1.5, high / 3e3), 1.8 * high)
         plain_numbers(axes.yaxis)
         axes.yaxis.set_minor_formatter(NullFormatter())
-        # Lines of equal displacement, rising to the left, and of equal pseudo-acceleration, rising to the right.
+        # Lines of equal displacement, rising to the left, and of equal pseudo-acceleration, rising
+        # to the right.
         (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
         ends = np.array([left, right])
         omega = 2.0 * math.pi / ends
@@ -333,7 +343,8 @@ def draw_tripartite(
         axes.set(xlim=(left, right), ylim=(bottom, top))
     axes.grid(which="minor", color="0.95", linewidth=0.5)
     _name_curves(figure, axes, curves)
-    # The names of scales lie along their lines, which have one slope on the paper; the layout decides it.
+    # The names of scales lie along their lines, which have one slope on the paper; the layout
+    # decides it.
     if axes.get_yscale() == "log" and axes.get_xscale() == "log":
         figure.draw_without_rendering()
         extent = axes.get_window_extent()
@@ -348,9 +359,11 @@ def draw_tripartite(
 def _name_scale(
     axes: Any, ends: Array, speeds: Array, text: str, limits: tuple[float, float]
 ) -> None:
-    """The value of a scale's line, along it, near where it leaves the axes at the top or at the side.
+    """The value of a scale's line, along it, near where it leaves the axes at the top or at the
+    side.
 
-    It makes way for the names that are there: in units in which 1 and 10 of two scales meet near the top.
+    It makes way for the names that are there: in units in which 1 and 10 of two scales meet near
+    the top.
     """
     x, y = np.log(ends), np.log(speeds)
     bottom, top = np.log(limits)
@@ -441,8 +454,9 @@ def spectrum_picture(
     Parameters
     ----------
     axes : str
-        A key of `DRAWN`: pseudo-acceleration and displacement over the `periods`, `tripartite` (pseudo-velocity over
-        the period, with scales of the other two), or `adrs` (pseudo-acceleration over displacement).
+        A key of `DRAWN`: pseudo-acceleration and displacement over the `periods`, `tripartite`
+        (pseudo-velocity over the period, with scales of the other two), or `adrs`
+        (pseudo-acceleration over displacement).
     target : TargetSpectrum, optional
         Drawn over them on the axes `periods`.
     """
@@ -462,7 +476,8 @@ def spectrum_picture(
 
 
 def low_picture(spectra: Sequence[Spectrum], units: OutputUnits = SI) -> Figure:
-    """The pseudo-accelerations alone, for a page: low, so that letters can be read where there is little room."""
+    """The pseudo-accelerations alone, for a page: low, so that letters can be read where there is
+    little room."""
     figure = Figure(figsize=(8.0, 3.4), layout="constrained")
     draw_accelerations(figure.subplots(), spectra, units.in_pictures)
     return figure
@@ -535,7 +550,8 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
         for spectrum in spectra
     ]
     several = len(set(given)) > 1
-    # A few components have a column of panels each; the file stands with them where there are several.
+    # A few components have a column of panels each; the file stands with them where there are
+    # several.
     files = record_names(spectrum.record.source for spectrum in spectra)
     names = component_names([spectrum.record for spectrum in spectra])
     components = [
@@ -578,7 +594,8 @@ def rotated_picture(
     units: OutputUnits = SI,
     target: TargetSpectrum | None = None,
 ) -> Figure:
-    """Picture of spectra over all directions: a line per motion, damping ratio, percentile, and the geometric mean.
+    """Picture of spectra over all directions: a line per motion, damping ratio, percentile, and the
+    geometric mean.
 
     Parameters
     ----------
@@ -713,7 +730,8 @@ def _target_name(target: TargetSpectrum) -> str:
 def _add_target(
     figure: Figure, target: TargetSpectrum, units: OutputUnits, *, legend: bool = True
 ) -> None:
-    """Draw a target into the panels of pseudo-acceleration and of displacement of a figure over the period."""
+    """Draw a target into the panels of pseudo-acceleration and of displacement of a figure over the
+    period."""
     upper, lower = figure.axes[:2]
     low, high = upper.get_xlim()
     psa, sd = units.of(target.psa, "m/s^2"), units.of(target.sd, "m")

@@ -1,6 +1,7 @@
 """What all figures share: readable in black and white, PNG, PDF or SVG, in the units of the output.
 
-Only the modules of figures import matplotlib, and by its objects: no window system, no state shared between figures.
+Only the modules of figures import matplotlib, and by its objects: no window system, no state shared
+between figures.
 """
 
 from __future__ import annotations
@@ -12,13 +13,13 @@ import shutil
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from textwrap import shorten, wrap
 from typing import Any, BinaryIO
 
 import numpy as np
 
-from tdint.data import dataclass
 from tdint.errors import OutputError, UsageError, did_you_mean
 from tdint.files import digest_of
 
@@ -97,7 +98,8 @@ METHOD_COLORS = (
     *("#1f4e79", "#d1782c", "#000000", "#26664d", "#d90059", "#9980ff"),
     *("#59261a", "#7373a6", "#0000f2", "#660040", "#8c400d", "#7d7d7d"),
 )
-"""At least 13.7 apart (CIEDE2000) for readers who see no green, or no red, and 3.05 from white in contrast."""
+"""At least 13.7 apart (CIEDE2000) for readers who see no green, or no red, and 3.05 from white in
+contrast."""
 _METHOD_MARKERS = ("o", "s", "^", "D", "v", "P", "x", "*", "<", ">", "h")
 _PLACES = (
     *(
@@ -135,7 +137,8 @@ _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LABEL_SIZE = 6.5  # points
 _LETTER = 0.6  # of a character, over its height
 _COLUMN = 0.12
-"""Width in m below which a figure is one of the two columns of a page: these have 80 to 95 mm, a page 160 to 190 mm."""
+"""Width in m below which a figure is one of the two columns of a page: these have 80 to 95 mm, a
+page 160 to 190 mm."""
 _MARKER = 3.5  # half the size of a marker, points
 _LABEL_PLACES = (
     (8, 0, "left", "center"),
@@ -148,20 +151,23 @@ Box = tuple[float, float, float, float]
 
 
 def is_narrow() -> bool:
-    """Whether the picture is printed in one column of a journal, where panels stand below each other."""
+    """Whether the picture is printed in one column of a journal, where panels stand below each
+    other."""
     return 0.0 < (PRINTED.get().width or 0.0) < _COLUMN
 
 
 def line_look(number: int, dash: int | None = None) -> dict[str, Any]:
-    """Color and dashes of a line by its number, to be told apart without color; another number for the dashes."""
+    """Color and dashes of a line by its number, to be told apart without color; another number for
+    the dashes."""
     dash = number if dash is None else dash
     return {"color": COLORS[number % len(COLORS)], "linestyle": DASHES[dash % len(DASHES)]}
 
 
 def method_looks(methods: Iterable[str], highlight: str = "") -> dict[str, dict[str, Any]]:
-    """Color, dashes and marker of each method, by its name in all pictures: those of the catalogue and other programs'
-    at a place of their own, plug-ins behind them; of what has parameters those that are left, in their order. The one
-    to highlight, or else the only one of a plug-in, has a width and stands in front."""
+    """Color, dashes and marker of each method, by its name in all pictures: those of the catalogue
+    and other programs' at a place of their own, plug-ins behind them; of what has parameters those
+    that are left, in their order. The one to highlight, or else the only one of a plug-in, has a
+    width and stands in front."""
     from tdint.methods.catalogue import catalogue, is_ours
 
     lines = dict.fromkeys(methods)
@@ -199,8 +205,8 @@ def picture(suffix: str, draw: Callable[[], Figure]) -> Picture:
     suffix : str
         .png, .pdf or .svg.
     draw : callable
-        Makes the figure, by a function `..._picture` of the modules of figures; it is called when the picture is
-        written.
+        Makes the figure, by a function `..._picture` of the modules of figures; it is called when
+        the picture is written.
 
     Raises
     ------
@@ -277,7 +283,8 @@ class Picture:
 
 @contextmanager
 def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
-    """A figure whose parts have found their places: to save it, matplotlib draws all of it twice to let them do so."""
+    """A figure whose parts have found their places: to save it, matplotlib draws all of it twice to
+    let them do so."""
     engine, before = figure.get_layout_engine(), figure.dpi
     figure.dpi = dpi
     try:
@@ -292,8 +299,8 @@ def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """A name in a script that the font does not have is drawn with boxes; that is no reason to fail. Where LaTeX fails,
-    which a style sheet may ask for: UsageError."""
+    """A name in a script that the font does not have is drawn with boxes; that is no reason to
+    fail. Where LaTeX fails, which a style sheet may ask for: UsageError."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
         try:
@@ -330,20 +337,23 @@ def _settings(printed: PrintedAs) -> dict[str, Any]:
 
 
 def style_context() -> AbstractContextManager[None]:
-    """Our settings of lines, for what is drawn on axes of others: sizes of letters and grids are theirs."""
+    """Our settings of lines, for what is drawn on axes of others: sizes of letters and grids are
+    theirs."""
     return mpl.rc_context(
         {name: _STYLE[name] for name in ("lines.linewidth", "legend.frameon", "agg.path.chunksize")}
     )
 
 
 def check_print(printed: PrintedAs) -> None:
-    """Raise UsageError for a font or a style sheet that is not there, or that starts what is not or is not trusted."""
+    """Raise UsageError for a font or a style sheet that is not there, or that starts what is not or
+    is not trusted."""
     if printed.font and printed.font not in get_font_names():
         hint = did_you_mean(printed.font, get_font_names())
         raise UsageError(f"font {printed.font!r}: this machine has no such font{hint}")
     if printed.style:
         try:
-            # matplotlib evaluates lists of colors: names with underscores lead out of what it lets them do.
+            # matplotlib evaluates lists of colors: names with underscores lead out of what it lets
+            # them do.
             evaluated = (
                 "__" in Path(printed.style).read_text(encoding="utf-8") and not TRUSTED.get()
             )
@@ -357,16 +367,19 @@ def check_print(printed: PrintedAs) -> None:
         if (evaluated or sheet.get("text.usetex")) and not TRUSTED.get():
             digest = digest_of(Path(printed.style))
             raise UsageError(
-                f"style sheet {printed.style} (SHA-256 {digest}): starts programs; read it, then give --trust"
+                f"style sheet {printed.style} (SHA-256 {digest}): starts programs; read it, then "
+                "give --trust"
             )
         if sheet.get("text.usetex") and not all(map(shutil.which, _LATEX)):
             raise UsageError(
-                f"style sheet {printed.style}: text.usetex needs {' and '.join(_LATEX)}, not found here"
+                f"style sheet {printed.style}: text.usetex needs {' and '.join(_LATEX)}, not found "
+                "here"
             )
 
 
 def _print(figure: Figure, printed: PrintedAs) -> None:
-    """Bring a figure to its width, its letters to the sizes of print, its words to those of the paper."""
+    """Bring a figure to its width, its letters to the sizes of print, its words to those of the
+    paper."""
     width, height = figure.get_size_inches()
     if printed.width:
         narrow = printed.width / INCH / width
@@ -404,12 +417,13 @@ def _print(figure: Figure, printed: PrintedAs) -> None:
 
 
 _MOST_THINNINGS = 3
-"""So often an axis gets half of its ticks: of eight one is left, and more drawings would change nothing."""
+"""So often an axis gets half of its ticks: of eight one is left, and more drawings would change
+nothing."""
 
 
 def _fit(figure: Figure) -> None:
-    """Bring the words of a narrow figure to their room: labels and titles go on in another line, and axes have
-    fewer ticks, until no number stands over another."""
+    """Bring the words of a narrow figure to their room: labels and titles go on in another line,
+    and axes have fewer ticks, until no number stands over another."""
     FigureCanvasAgg(figure)
     page = figure.bbox
     for axes in figure.axes:
@@ -441,7 +455,8 @@ def _fit(figure: Figure) -> None:
     for _ in range(_MOST_THINNINGS):
         _grow(figure)
         changed = [_thin(axis) for axis in counted]
-        # Now the panels have their places, and what is below or above has taken some of their height.
+        # Now the panels have their places, and what is below or above has taken some of their
+        # height.
         changed += [_wrap(panel.xaxis.label, 1.2 * panel.bbox.width) for panel in panels]
         changed += [_wrap(panel.yaxis.label, 1.1 * panel.bbox.height) for panel in panels]
         if not any(changed):
@@ -465,7 +480,8 @@ _OF_POINT = "point"
 """Marks labels of points, which are left out where they find no room."""
 
 _TALLEST = 2.0
-"""So much taller a figure may get for the lines that its words take: beyond, its panels are too narrow, not too low."""
+"""So much taller a figure may get for the lines that its words take: beyond, its panels are too
+narrow, not too low."""
 
 
 def _grow(figure: Figure) -> None:
@@ -488,7 +504,8 @@ def _grow(figure: Figure) -> None:
 
 
 _SHARE = 0.8
-"""Of a panel's part of the page: what its title and labels may take; the rest are the numbers of the other axis."""
+"""Of a panel's part of the page: what its title and labels may take; the rest are the numbers of
+the other axis."""
 
 
 def _wrap(text: Text, room: float) -> bool:
@@ -526,8 +543,8 @@ def _thin(axis: Any) -> bool:
 
 
 def titled(figure: Figure, title: str) -> Figure:
-    """The figure with a title of one or more lines above its panels, as it is: no formulas. A line that is wider than
-    the figure goes on in another one, as far as that."""
+    """The figure with a title of one or more lines above its panels, as it is: no formulas. A line
+    that is wider than the figure goes on in another one, as far as that."""
     room = int(figure.get_size_inches()[0] * 72.0 / (_TITLE * _LETTER))
     told = (shorten(line, 2 * room, placeholder=" ...") for line in title.splitlines())
     lines = (part for line in told for part in _evenly(line, room))
@@ -536,7 +553,8 @@ def titled(figure: Figure, title: str) -> Figure:
 
 
 def _evenly(line: str, room: int) -> list[str]:
-    """A line in as few lines of at most so many letters as it takes, as even as they come: no word is left alone."""
+    """A line in as few lines of at most so many letters as it takes, as even as they come: no word
+    is left alone."""
     few = len(wrap(line, room, break_on_hyphens=False))
     parts = (
         wrap(line, width, break_on_hyphens=False)
@@ -546,15 +564,16 @@ def _evenly(line: str, room: int) -> list[str]:
 
 
 def write_note(axes: Any, text: str, x: float = 0.99, y: float = 0.95) -> None:
-    """Numbers in the upper right of a panel, the corner of the text at x and y of the axes, from 0 to 1."""
+    """Numbers in the upper right of a panel, the corner of the text at x and y of the axes, from 0
+    to 1."""
     white = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
     place = {"transform": axes.transAxes, "ha": "right", "va": "top"}
     axes.text(x, y, text, **place, fontsize=8.0, color=MARK, bbox=white)
 
 
 def legend_columns(labels: Sequence[str], most: int, width: float | None = None) -> int:
-    """Columns of a legend below the panels: as many as stand beside each other within a width, inches, or that given
-    for print."""
+    """Columns of a legend below the panels: as many as stand beside each other within a width,
+    inches, or that given for print."""
     columns = max(1, min(len(labels), most))
     printed = PRINTED.get().width
     if labels and (inches := printed / INCH if printed else width):
@@ -588,7 +607,8 @@ def add_legend(
 def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str]:
     """The factor from an SI unit to the unit that stands for it, and that one's label.
 
-    N and J, which no building has few of, have M, k or nothing before them, so that the largest number is 1 at least.
+    N and J, which no building has few of, have M, k or nothing before them, so that the largest
+    number is 1 at least.
     """
     if units.unit(si)[0] != si:
         factor, label = 1.0 / units.unit(si)[1], units.label(si)
@@ -596,7 +616,7 @@ def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str
             3 * math.floor(math.log10(largest * factor) / 3.0) if largest * factor >= _LONG else 0
         )
         return (
-            factor / 10.0** power,
+            factor / 10.0**power,
             f"10{str(power).translate(_RAISED)} {label}" if power else label,
         )
     for factor, prefix in ((1e-6, "M"), (1e-3, "k")):
@@ -606,8 +626,8 @@ def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str
 
 
 def changed(records: Iterable[Record]) -> str:
-    """` (processed)` behind the name of records of which some were changed on request, ` x 1.7` where all were scaled
-    by that, else nothing."""
+    """` (processed)` behind the name of records of which some were changed on request, ` x 1.7`
+    where all were scaled by that, else nothing."""
     changed_records = list(records)
     scales = {record.scale for record in changed_records}
     scaled = f" x {next(iter(scales)):.4g}" if len(scales) == 1 and scales != {1.0} else ""
@@ -615,13 +635,15 @@ def changed(records: Iterable[Record]) -> str:
 
 
 def record_name(source: str) -> str:
-    """What a picture calls a record; bytes of a file name that are no UTF-8 have no letters to be drawn with."""
+    """What a picture calls a record; bytes of a file name that are no UTF-8 have no letters to be
+    drawn with."""
     name = "standard input" if source == "-" else Path(source).name
     return name.encode("utf-8", "replace").decode("utf-8")
 
 
 def record_names(sources: Iterable[str]) -> dict[str, str]:
-    """What a picture calls each of several records: its file, with as many folders as tell it from others."""
+    """What a picture calls each of several records: its file, with as many folders as tell it from
+    others."""
     names = {source: record_name(source) for source in sources}
     named: dict[str, list[str]] = {}
     for source, name in names.items():
@@ -680,7 +702,8 @@ def _plain(value: float, _: Any) -> str:
 
 
 def add_ratio_axis(axes: Any, height: float, label: str) -> None:
-    """On top of an axis of displacements their ratios to a height (of the same unit), in percent; none without one."""
+    """On top of an axis of displacements their ratios to a height (of the same unit), in percent;
+    none without one."""
     if math.isnan(height):
         return
     percent = axes.secondary_xaxis(
@@ -696,9 +719,11 @@ def write_labels(
     labels: Iterable[tuple[float, float, str]],
     marks: Sequence[tuple[float, float]],
 ) -> None:
-    """Write each label (x, y, text) beside its point, the first ones first, where it covers no mark and no other label.
+    """Write each label (x, y, text) beside its point, the first ones first, where it covers no mark
+    and no other label.
 
-    Labels that find no room are left out. Call this when everything else of the figure is in its place.
+    Labels that find no room are left out. Call this when everything else of the figure is in its
+    place.
 
     Parameters
     ----------

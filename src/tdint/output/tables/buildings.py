@@ -1,4 +1,5 @@
-"""Tables of buildings: models, modes, statics, inventories, results beside recordings; those of runs: `responses`."""
+"""Tables of buildings: models, modes, statics, inventories, results beside recordings; those of
+runs: `responses`."""
 
 from __future__ import annotations
 
@@ -418,8 +419,9 @@ def _of_stories(model: Model, name: str) -> Array:
 
 
 def law_words(story: Story, units: OutputUnits = SI) -> str:
-    """The law of a story with its parameters, named as in a model file; those are left out that say nothing by
-    themselves: what they are where a file has none of them, or a negative side like the positive one."""
+    """The law of a story with its parameters, named as in a model file; those are left out that say
+    nothing by themselves: what they are where a file has none of them, or a negative side like the
+    positive one."""
     numbers = iter(story.law.parameters)
     described: list[str] = []
     words: dict[str, tuple[float, ...]] = {}
@@ -491,8 +493,8 @@ def model_table(model: Model, units: OutputUnits = SI) -> Table:
 
 
 def mode_table(modes: Modes, damping: Array, norm: str | None = None) -> Table:
-    """One row per mode, longest period first, with damping ratios of shape (n,); with `norm` a column for the ordinate
-    of each floor (`tdint.model.modes.Modes.normalized`)."""
+    """One row per mode, longest period first, with damping ratios of shape (n,); with `norm` a
+    column for the ordinate of each floor (`tdint.model.modes.Modes.normalized`)."""
     shapes = modes.normalized(norm) if norm else ()
     size = "1 at the roof" if norm == "roof" else "with a participation factor of 1"
     meaning = f"ordinate of the mode at the floor, {size}"

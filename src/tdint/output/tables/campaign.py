@@ -1,4 +1,5 @@
-"""The tables of a campaign, written from its store row by row: however many there are, few are held at a time."""
+"""The tables of a campaign, written from its store row by row: however many there are, few are held
+at a time."""
 
 from __future__ import annotations
 
@@ -72,7 +73,8 @@ LEVEL = Column(
     "level",
     "1",
     "level",
-    "value of the intensity measure, SI units, or number of each motion's own factors, from the smallest",
+    "value of the intensity measure, SI units, or number of each motion's own factors, from the "
+    "smallest",
 )
 COUNTS = (
     Column("runs", "1", "runs", "motions; a pair is one"),
@@ -217,7 +219,8 @@ def varied_columns(names: Iterable[str]) -> list[Column]:
 
 
 def run_heads(store: Store) -> Callable[[int, int], list[str]]:
-    """What names a run, by the numbers of its building and record: building, record and component."""
+    """What names a run, by the numbers of its building and record: building, record and
+    component."""
     # Once for each of them and not for each run, of which there may be millions.
     buildings = {number: cell_text(name) for number, (name, _) in store.buildings().items()}
     records = {number: [*map(cell_text, named[:2])] for number, named in store.records().items()}
@@ -248,7 +251,8 @@ def run_rows(store: Store) -> Iterator[list[Any]]:
 
 
 def story_columns(store: Store) -> tuple[Column, ...]:
-    """Of stories.csv of a campaign; with `sample` where motions were drawn, for two draws may be the same motion."""
+    """Of stories.csv of a campaign; with `sample` where motions were drawn, for two draws may be
+    the same motion."""
     drawn = (SAMPLE,) if store.count("sample > 0") else ()
     return (*OF_BUILDING, *drawn, *STORY, *STORY_ERROR * store.checked)
 
@@ -272,7 +276,8 @@ def write_stories(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> No
 
 
 def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterator[list[Any]]:
-    """The rows of profiles.csv: of each building and level the quantities of its stories, from the ground up."""
+    """The rows of profiles.csv: of each building and level the quantities of its stories, from the
+    ground up."""
     for profile in profiles:
         counts = (profile.runs, profile.collapsed, profile.failed)
         level = () if math.isnan(profile.level) else (profile.level,)
@@ -318,7 +323,8 @@ def write_shocks(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> Non
 
 
 def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = SI) -> Table:
-    """Mean and largest of some quantities side by side, a row per story; a quantity that is nowhere is left out."""
+    """Mean and largest of some quantities side by side, a row per story; a quantity that is nowhere
+    is left out."""
     columns: list[Column] = [_STORY_OF_PROFILE]
     for quantity in _named(names):
         statistics = profile.statistics(quantity)
@@ -354,8 +360,8 @@ def _named(names: Sequence[str]) -> list[Quantity]:
 
 
 def profile_error_table(profile: Profile, names: Sequence[str]) -> Table:
-    """By how many percent the errors of the runs may change means and largest values; of residual drifts in percent of
-    the peak drifts."""
+    """By how many percent the errors of the runs may change means and largest values; of residual
+    drifts in percent of the peak drifts."""
     columns: list[Column] = [_STORY_OF_PROFILE]
     drift = profile.statistics(_named(["peak_drift"])[0])
     for quantity in _named(names):
@@ -379,7 +385,8 @@ def profile_error_table(profile: Profile, names: Sequence[str]) -> Table:
 
 
 def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Table:
-    """Buildings over a baseline: of the largest value of all stories, and with `stories` of each story, too."""
+    """Buildings over a baseline: of the largest value of all stories, and with `stories` of each
+    story, too."""
     table = Table.of_results(_with_level(store, RATIOS, 3), ratios)
     # The largest of all stories stands in the row without a story.
     place = table.columns.index("story")
@@ -409,7 +416,8 @@ def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
 
 
 def floor_suite_table(store: Store, suites: Sequence[FloorSuite]) -> Table:
-    """Mean and envelope of them over the motions: a row per building, level, floor, damping ratio and period."""
+    """Mean and envelope of them over the motions: a row per building, level, floor, damping ratio
+    and period."""
     return Table.of_results(_with_level(store, FLOOR_SUITES, 2), suites)
 
 
@@ -432,7 +440,8 @@ def write_rows(
 
 
 def number_text(cell: Any) -> str:
-    """`cell_text` of a number, a text that has gone through it, or nothing; it is called for every cell of millions."""
+    """`cell_text` of a number, a text that has gone through it, or nothing; it is called for every
+    cell of millions."""
     if type(cell) is float:
         return format(cell + 0.0, ".12g") if cell == cell else ""
     return "" if cell is None else str(cell)
@@ -449,8 +458,8 @@ def status_table(statuses: dict[str, int], left: int) -> Table:
 
 
 def carried_columns(store: Store, others: Iterable[str]) -> tuple[Column, ...]:
-    """The event, where there are fields, and the columns of an inventory, which stand behind others of these names; one
-    that is among them gets `inventory_` before its own."""
+    """The event, where there are fields, and the columns of an inventory, which stand behind others
+    of these names; one that is among them gets `inventory_` before its own."""
     columns = [EVENT] if store.events() else []
     taken, titles = {*others, *names(columns)}, store.inventory_columns()
     # Of fields with places the first columns are ours, and say what they mean.
@@ -468,7 +477,8 @@ def carried_columns(store: Store, others: Iterable[str]) -> tuple[Column, ...]:
 
 
 def carried_cells(store: Store) -> Callable[[int, int], list[str]]:
-    """What stands in these columns, by a building's number and the draw's; it is asked building by building."""
+    """What stands in these columns, by a building's number and the draw's; it is asked building by
+    building."""
     events = [cell_text(event) for event in store.events()]
 
     @lru_cache(
@@ -481,7 +491,8 @@ def carried_cells(store: Store) -> Callable[[int, int], list[str]]:
 
 
 def numeric(store: Store) -> list[bool]:
-    """Of each column of the inventory whether all that stands there are numbers, empty cells aside."""
+    """Of each column of the inventory whether all that stands there are numbers, empty cells
+    aside."""
     said: list[set[bool]] = [set() for _ in store.inventory_columns()]
     for number in store.buildings():
         for kinds, text in zip(said, store.carried(number), strict=False):

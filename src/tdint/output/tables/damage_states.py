@@ -31,8 +31,8 @@ _STATE = Column(
     "state",
     "text",
     "state",
-    "damage state that the medians tell, none below the first; collapsed and failed-story as the run ended; empty "
-    "without a result",
+    "damage state that the medians tell, none below the first; collapsed and failed-story as the "
+    "run ended; empty without a result",
 )
 TYPE = Column(
     "type", "text", "type", "class of buildings, Hazus' type and design level, or name of the model"
@@ -41,7 +41,8 @@ LEVEL = Column(
     "level",
     "1",
     "level",
-    "value of the intensity measure, SI units, or factor on the motions, or number of each motion's own factors",
+    "value of the intensity measure, SI units, or factor on the motions, or number of each "
+    "motion's own factors",
 )
 COUNTS = (
     Column("buildings", "1", "buildings", "buildings of the type"),
@@ -216,8 +217,8 @@ def _type_rows(store: Store) -> Iterator[list[Any]]:
 
 
 def write_losses(store: Store, stream: BinaryIO, by: str | None = None) -> None:
-    """Write losses.csv: where there are costs, first all buildings together; all buildings of each type, those with
-    each value of the column `by`, then each building.
+    """Write losses.csv: where there are costs, first all buildings together; all buildings of each
+    type, those with each value of the column `by`, then each building.
 
     Raises
     ------
@@ -288,7 +289,8 @@ def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...
                 f"exceedance_rate_{name}",
                 "1",
                 name,
-                f"how often a loss as large comes, in a year, with that scatter (beta distributions), {how}",
+                "how often a loss as large comes, in a year, with that scatter (beta "
+                f"distributions), {how}",
             )
             for name, how in _HOW
         ),
@@ -309,8 +311,8 @@ _HOW = (
 
 
 def _exceeding(loss: float, means: Array, deviations: Array, most: Array) -> Array:
-    """The probability that losses of a beta distribution from 0 to `most` are as large as a loss, by their means and
-    standard deviations, shape (k,)."""
+    """The probability that losses of a beta distribution from 0 to `most` are as large as a loss,
+    by their means and standard deviations, shape (k,)."""
     mean, part = means / most, loss / most
     # At most that of a loss of nothing or all; without any scatter the mean itself.
     variance = np.minimum((deviations / most) ** 2, (1.0 - 1e-9) * mean * (1.0 - mean))
@@ -321,13 +323,14 @@ def _exceeding(loss: float, means: Array, deviations: Array, most: Array) -> Arr
 
 
 def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> None:
-    """Write exceedance.csv: of all buildings, and of those with each value of the column `by`, the events from the
-    largest mean loss down."""
+    """Write exceedance.csv: of all buildings, and of those with each value of the column `by`, the
+    events from the largest mean loss down."""
     rates, costs = store.rates(), has_costs(store)
 
     def rows() -> Iterator[list[Any]]:
         groups = chain(group_damages(store, by=""), group_damages(store, by=by) if by else ())
-        # A curve for each part and level, from the largest loss down; events without a result are on none.
+        # A curve for each part and level, from the largest loss down; events without a result are
+        # on none.
         curves: dict[tuple[str, float], list[tuple[float, TypeDamage]]] = {}
         for of in groups:
             lost = float((of.money if costs else of.loss).value[0])

@@ -1,5 +1,5 @@
-"""What a campaign is exported as: Parquet where pyarrow is there, demands under the names of SimCenter's workflows, and
-points on a map, GeoJSON (RFC 7946)."""
+"""What a campaign is exported as: Parquet where pyarrow is there, demands under the names of
+SimCenter's workflows, and points on a map, GeoJSON (RFC 7946)."""
 
 from __future__ import annotations
 
@@ -132,10 +132,11 @@ def _write_parquet(
 
 
 def write_simcenter(store: Store, stream: BinaryIO) -> None:
-    """Write building, record, scale, sample and, for each direction: 1-PFA-FLOOR-DIR (absolute acceleration, m/s^2;
-    floor 0 is the ground), 1-PID-STORY-DIR (drift ratio), 1-PRD-1-DIR (roof displacement over height), 1-PFD-FLOOR-DIR
-    (displacement, m). The two components of a pair share a row; components that are no pairs but of one record are told
-    apart by a column `component` after `record`. Cells of runs without a result are empty.
+    """Write building, record, scale, sample and, for each direction: 1-PFA-FLOOR-DIR (absolute
+    acceleration, m/s^2; floor 0 is the ground), 1-PID-STORY-DIR (drift ratio), 1-PRD-1-DIR (roof
+    displacement over height), 1-PFD-FLOOR-DIR (displacement, m). The two components of a pair share
+    a row; components that are no pairs but of one record are told apart by a column `component`
+    after `record`. Cells of runs without a result are empty.
 
     Raises
     ------
@@ -145,7 +146,8 @@ def write_simcenter(store: Store, stream: BinaryIO) -> None:
     (stories,) = store.connection.execute("SELECT max(story) FROM story_rows").fetchone()
     if stories is None:
         raise UsageError(
-            "SimCenter's names are those of stories: ask for them in the campaign file, outputs: {stories: true}"
+            "SimCenter's names are those of stories: ask for them in the campaign file, outputs: "
+            "{stories: true}"
         )
     (directions,) = store.connection.execute("SELECT max(direction) FROM records").fetchone()
     names = [
@@ -218,13 +220,14 @@ Feature = dict[str, Any]
 
 
 def write_geojson(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write a FeatureCollection of points: longitude and latitude, degrees; null for a building without a place.
+    """Write a FeatureCollection of points: longitude and latitude, degrees; null for a building
+    without a place.
 
-    Properties are the columns of the inventory, the event of a field, the level (`scale`, and `level` as in
-    profiles.csv), how many motions there were and under how many the building collapsed or a run failed, and of the
-    demands the mean and the largest over the others: of a pair the larger component counts. Where damage is told, the
-    mean probability of each state and the mean loss ratio follow. What is not known is null.
-    The store must have places (`is_mapped`).
+    Properties are the columns of the inventory, the event of a field, the level (`scale`, and
+    `level` as in profiles.csv), how many motions there were and under how many the building
+    collapsed or a run failed, and of the demands the mean and the largest over the others: of a
+    pair the larger component counts. Where damage is told, the mean probability of each state and
+    the mean loss ratio follow. What is not known is null. The store must have places (`is_mapped`).
     """
     stream.write(b'{"type": "FeatureCollection", "features": [')
     between = b"\n"
@@ -275,7 +278,8 @@ def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
             name: (json.loads(text) if text else None) if is_number else text
             for name, text, is_number in zip(columns, cells, kinds, strict=True)
         }
-        # A position from -180 to 180 degrees: east of the meridian of Greenwich, then north of the equator.
+        # A position from -180 to 180 degrees: east of the meridian of Greenwich, then north of the
+        # equator.
         geometry: Feature | None = None
         if cells[longitude] and cells[latitude]:
             east = float(cells[longitude])
@@ -299,8 +303,8 @@ def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
 
 
 def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: OutputUnits) -> Feature:
-    """The level, what became of its motions, and mean and largest of each demand: None without a motion, or without the
-    demand (no heights, no ratio)."""
+    """The level, what became of its motions, and mean and largest of each demand: None without a
+    motion, or without the demand (no heights, no ratio)."""
     feature: Feature = {"scale": level.scale, "level": level.level}
     feature = {name: digits(value) for name, value in feature.items() if not math.isnan(value)}
     feature |= {"runs": level.runs, "collapsed": level.collapsed, "failed": level.failed}
@@ -318,7 +322,8 @@ def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: Outpu
 
 
 def _damage(of: BuildingDamage, rank: int, event: int) -> Feature:
-    """Mean probability of each damage state and mean loss ratio over the runs of a level, of one event if not 0."""
+    """Mean probability of each damage state and mean loss ratio over the runs of a level, of one
+    event if not 0."""
     mine = np.array([event in (0, sample) for _, _, sample in of.keys])
     chosen = of.known & (of.rank == rank) & mine
     means = (
@@ -335,8 +340,8 @@ def _damage(of: BuildingDamage, rank: int, event: int) -> Feature:
     }
 
 
-# ---- Fragility functions as OpenQuake reads them: NRML 0.5, lognormal, with mean and standard deviation of the
-# intensity itself
+# ---- Fragility functions as OpenQuake reads them: NRML 0.5, lognormal, with mean and standard
+# deviation of the intensity itself
 
 _FAR = 4.0  # standard deviations beyond the medians at which the intensities end
 _GRAVITY = ACCELERATION["g"]
@@ -351,25 +356,26 @@ _IMTS: tuple[tuple[str, str, Mapping[str, float], float], ...] = (
     (r"cav", "CAV", VELOCITY, _GRAVITY),
     (r"sdi\((?P<period>[0-9.]+),(?P<strength>[0-9.]+)\)", "SDi({period},{strength})", LENGTH, 0.01),
 )
-"""Our name of a measure, that of OpenQuake 3.26 (`openquake.hazardlib.imt`), the units in which ours may be, and
-OpenQuake's, SI: g, cm/s, m/s, g s and cm."""
+"""Our name of a measure, that of OpenQuake 3.26 (`openquake.hazardlib.imt`), the units in which
+ours may be, and OpenQuake's, SI: g, cm/s, m/s, g s and cm."""
 
 STRENGTH = (
-    "SDi's second number is the yield force over the weight here; ground-motion models of OpenQuake mean by it the "
-    "elastic force over the yield force: take hazard of the same measure"
+    "SDi's second number is the yield force over the weight here; ground-motion models of "
+    "OpenQuake mean by it the elastic force over the yield force: take hazard of the same measure"
 )
 
 
 def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[str] = ()) -> bytes:
-    """The fragility model of functions of one intensity measure: one for each state of the building before, or for each
-    type of buildings, under whose name it stands.
+    """The fragility model of functions of one intensity measure: one for each state of the building
+    before, or for each type of buildings, under whose name it stands.
 
     Parameters
     ----------
     name : str
         Taxonomy of the building, where the functions are of no type: the function's id.
     states : sequence of str
-        Limit states, by rising thresholds; by default ds1, ds2, ...; those of the types where they are of some.
+        Limit states, by rising thresholds; by default ds1, ds2, ...; those of the types where they
+        are of some.
 
     Raises
     ------
@@ -390,8 +396,8 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
             missing = ", ".join(state for state in every if state not in told)
             subject = first.type or f"damage {first.damage:g}"
             raise UsageError(
-                f"{subject}: no function of {missing}, and OpenQuake needs one of every state of all; more levels of "
-                "intensity tell it, or leave it out with --threshold"
+                f"{subject}: no function of {missing}, and OpenQuake needs one of every state of "
+                "all; more levels of intensity tell it, or leave it out with --threshold"
             )
         suffix = f"-damaged-{first.damage:g}" if first.damage > 0.0 else ""
         imt, factor = _measure(first)
@@ -450,7 +456,8 @@ def _named(functions: Sequence[Fragility], states: Sequence[str]) -> dict[float,
     if len(states) != len(thresholds) or any(not re.fullmatch(r"\w+", state) for state in states):
         listed = ", ".join(f"{threshold:g}" for threshold in thresholds)
         raise UsageError(
-            f"the functions have {how_many(len(thresholds), 'threshold')} ({listed}): name as many states, a word each"
+            f"the functions have {how_many(len(thresholds), 'threshold')} ({listed}): name as many "
+            "states, a word each"
         )
     return dict(zip(thresholds, states, strict=True))
 
@@ -463,14 +470,16 @@ def _grouped(functions: Sequence[Fragility]) -> list[list[Fragility]]:
     return [sorted(of_one, key=lambda function: function.threshold) for of_one in groups.values()]
 
 
-_INTENSITIES = 100  # of a vulnerability function: straight lines between them are off by 0.3 % where beta is 0.16
+# of a vulnerability function: straight lines between them are off by 0.3 % where beta is 0.16
+_INTENSITIES = 100
 
 
 def vulnerability_model(
     functions: Sequence[Fragility], losses: Mapping[str, Sequence[float]], name: str
 ) -> bytes:
-    """The mean loss ratios that the functions of types make with the losses of their states, and the coefficients of
-    variation of one building's, for beta distributions; a collapse counts as the heaviest state.
+    """The mean loss ratios that the functions of types make with the losses of their states, and
+    the coefficients of variation of one building's, for beta distributions; a collapse counts as
+    the heaviest state.
 
     Raises
     ------
@@ -520,6 +529,6 @@ def _measure(first: Fragility) -> tuple[str, float]:
             return imt, units[first.unit] / unit
     measure = f"{first.im or 'untold'} {first.unit}".rstrip()
     raise UsageError(
-        "OpenQuake knows Sa and its average at a period, PGA, PGV, Arias intensity, CAV and SDi, with their units; "
-        f"the measure of these functions is {measure}"
+        "OpenQuake knows Sa and its average at a period, PGA, PGV, Arias intensity, CAV and SDi, "
+        f"with their units; the measure of these functions is {measure}"
     )

@@ -1,4 +1,5 @@
-"""Tables of methods: what they are, what is measured of them, what they cost; and of validation cases."""
+"""Tables of methods: what they are, what is measured of them, what they cost; and of validation
+cases."""
 
 from __future__ import annotations
 
@@ -45,7 +46,8 @@ METHOD = (
     Column(
         "parameters",
         "text",
-        # beta=0.25 in [0 to 1]; theta=1.02 in [1 to 10] computed: a computed default follows from the ones before it.
+        # beta=0.25 in [0 to 1]; theta=1.02 in [1 to 10] computed: a computed default follows from
+        # the ones before it.
         lambda integrator: "; ".join(
             f"{parameter.name}={cell_text(value)} in {parameter.range.replace(',', ' to')}"
             + " computed" * callable(parameter.default)
@@ -139,13 +141,15 @@ OVERSHOOT = (
         "displacement_power",
         "1",
         lambda one: _power(one.displacement_power),
-        "power of omega dt in the first step's displacement; empty where the step leaves nothing of it",
+        "power of omega dt in the first step's displacement; empty where the step leaves nothing "
+        "of it",
     ),
     Column(
         "velocity_power",
         "1",
         lambda one: _power(one.velocity_power),
-        "power of omega dt in the first step's velocity times dt; empty where the step leaves nothing of it",
+        "power of omega dt in the first step's velocity times dt; empty where the step leaves "
+        "nothing of it",
     ),
     Column("law", "text", "law", "restoring force of the oscillator"),
 )
@@ -296,7 +300,8 @@ def reference_table(methods: Iterable[Method]) -> Table:
 
 
 def method_table(integrators: Iterable[Integrator]) -> Table:
-    """One row per method with its parameters' defaults and ranges; the other values are those at the defaults."""
+    """One row per method with its parameters' defaults and ranges; the other values are those at
+    the defaults."""
     return Table.of_results(METHOD, integrators)
 
 
@@ -321,9 +326,11 @@ def failure_table(trials: Iterable[Trial]) -> Table:
 
 
 def example_table(runs: Sequence[ExampleRun], reference: str = "paper") -> Table:
-    """One row per example, step, method and variant; methods are ranked by the displacement's error, best first.
+    """One row per example, step, method and variant; methods are ranked by the displacement's
+    error, best first.
 
-    The rank is by the error against this one of `tdint.analysis.assessment.paper_examples.REFERENCES`.
+    The rank is by the error against this one of
+    `tdint.analysis.assessment.paper_examples.REFERENCES`.
     """
 
     def place(ranked: ExampleRun) -> int | None:
@@ -388,7 +395,8 @@ PROFILE = (
         "median_ratio",
         "1",
         lambda one: _power(one.median),
-        "median of its cost over the least of our methods, of those taken; empty where half of these are not solved",
+        "median of its cost over the least of our methods, of those taken; empty where half of "
+        "these are not solved",
     ),
     Column("worst_ratio", "1", "worst", "the largest of those solved"),
 )

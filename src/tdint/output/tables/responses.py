@@ -74,7 +74,8 @@ _ROWS_AT_ONCE = 256  # of a history, formatted together: 1 MB for a hundred colu
 
 
 def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table:
-    """One row per story, from the ground up; with errors a column `<name>_error` for each peak, after all peaks."""
+    """One row per story, from the ground up; with errors a column `<name>_error` for each peak,
+    after all peaks."""
     told = [
         (columns, values)
         for columns, values in ((STORY, stories), (STORY_ERROR, errors))
@@ -88,7 +89,8 @@ def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table
 
 
 def response_table(response: Response) -> Table:
-    """`story_table` of a run; of a sequence once for each shock and, last, for all, the shock in the first column."""
+    """`story_table` of a run; of a sequence once for each shock and, last, for all, the shock in
+    the first column."""
     whole = story_table(response.stories, response.check.errors if response.check else None)
     if not response.shocks:
         return whole
@@ -103,7 +105,8 @@ def response_table(response: Response) -> Table:
 
 
 def history_groups(error: bool) -> tuple[tuple[str, tuple[Column, ...]], ...]:
-    """The columns of a history by what each of them is there for: every floor, every story, or nothing."""
+    """The columns of a history by what each of them is there for: every floor, every story, or
+    nothing."""
     errors = (("floor", HISTORY_FLOOR_ERROR), ("story", HISTORY_STORY_ERROR)) if error else ()
     return (
         ("", HISTORY_START),
@@ -134,7 +137,8 @@ def write_pieces(pieces: Iterable[History], stream: BinaryIO, units: OutputUnits
 def write_history(
     history: History, stream: BinaryIO, units: OutputUnits = SI, *, header: bool = True
 ) -> None:
-    """Write a history as CSV, quantity row per step; some hundred rows are held as text at a time."""
+    """Write a history as CSV, quantity row per step; some hundred rows are held as text at a
+    time."""
     error = history.error is not None
     columns = [
         units.column(column.name, column.unit)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tdint.analysis.spectra.elastic import SA_DAMPING, Spectrum, spectrum
-from tdint.data import dataclass
 from tdint.errors import AnalysisError
 from tdint.ground_motion.measures import (
     HOUSNER_PERIODS,
@@ -189,7 +189,10 @@ class RecordInfo(Tabular):
 
     def _headline(self) -> str:
         record = self.record
-        return f"of {record.source} {record.component}: {record.duration:.4g} s, PGA {record.pga:.4g} m/s^2"
+        return (
+            f"of {record.source} {record.component}: {record.duration:.4g} s, PGA {record.pga:.4g} "
+            "m/s^2"
+        )
 
 
 _HOUSNER = 481
@@ -264,7 +267,8 @@ MATCHED = (
             f"{seed}end_displacement_m",
             "m",
             _at_end(place),
-            f"displacement of the ground at the end, from rest{', of the scaled seed' if seed else ''}",
+            "displacement of the ground at the end, from "
+            f"rest{', of the scaled seed' if seed else ''}",
         )
         for place, seed in enumerate(("", "seed_"))
     ),
@@ -291,19 +295,22 @@ def record_table(columns: Sequence[Column], results: Sequence[Any]) -> Table:
 
 
 def result_table(results: Sequence[Any], asked: Sequence[str] = ()) -> Table:
-    """The rows of results of one kind, each of one record: what their class declares, and what is `asked` for."""
+    """The rows of results of one kind, each of one record: what their class declares, and what is
+    `asked` for."""
     return record_table(columns_of(type(results[0]), *asked), results)
 
 
 def difference_table(lines: Sequence[SpectrumDifference]) -> Table:
-    """One row per record, component, damping ratio and period: computed and published values and their difference."""
+    """One row per record, component, damping ratio and period: computed and published values and
+    their difference."""
     from tdint.analysis.spectra.target import QUANTITIES
 
     return record_table(difference(QUANTITIES[lines[0].published.quantity][1]), lines)
 
 
 def rotated_table(spectra: Sequence[RotatedSpectrum], stated: Sequence[str] = ()) -> Table:
-    """One row per motion, damping ratio and period, a column per percentile; `stated`: choices with columns."""
+    """One row per motion, damping ratio and period, a column per percentile; `stated`: choices with
+    columns."""
     columns = (*rotated(spectra[0].percentiles), *columns_of(Spectrum, *stated)[len(SPECTRUM) :])
     return Table.of_results((*OF_MOTION, *columns), spectra)
 

@@ -1,9 +1,10 @@
-"""Tables of studies: factors of a suite, incremental dynamic analyses and their capacities, fragility functions."""
+"""Tables of studies: factors of a suite, incremental dynamic analyses and their capacities,
+fragility functions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from tdint.campaign.fragility.measures import MeasureFit
 from tdint.campaign.ida import IdaStudy
 from tdint.campaign.ida_curve import Capacity, IdaCurve
 from tdint.campaign.scaling import Scaling
-from tdint.data import dataclass
 from tdint.ground_motion.reading.suites import components
 from tdint.ground_motion.record import component_names
 from tdint.output.tables.table import (
@@ -171,8 +171,8 @@ CAPACITIES = (
         "resurrection",
         "text",
         "curve.resurrection",
-        "whether the building stood again at a level tried above its first collapse: 1.25 and 1.5 times it, and those "
-        "of the search",
+        "whether the building stood again at a level tried above its first collapse: 1.25 and 1.5 "
+        "times it, and those of the search",
     ),
 )
 FRAGILITY_DAMAGE = Column("damage", "1", "damage", DAMAGE.meaning)
@@ -207,8 +207,9 @@ FRAGILITY = (
         "theta_error",
         "1",
         "theta_error",
-        "standard error of ln theta: of theta, as a part of it; of runs whose motions (or events) are known by leaving "
-        "these out one by one; empty where the median is extrapolated or less than three motions tell it",
+        "standard error of ln theta: of theta, as a part of it; of runs whose motions (or events) "
+        "are known by leaving these out one by one; empty where the median is extrapolated or less "
+        "than three motions tell it",
     ),
     Column("beta_error", "1", "beta_error", "standard error of beta, likewise"),
     Column(
@@ -224,8 +225,9 @@ FRAGILITY = (
     Column("unit", "text", "unit", "its unit, as far as the table tells it"),
 )
 _SEEN = (
-    "; of damage states with a dispersion s each run stands three times, with its demand times exp(-1.2247 s), 1 and "
-    "exp(1.2247 s), known only to be above the heaviest state, or below the lightest one, where it is"
+    "; of damage states with a dispersion s each run stands three times, with its demand times "
+    "exp(-1.2247 s), 1 and exp(1.2247 s), known only to be above the heaviest state, or below the "
+    "lightest one, where it is"
 )
 CLOUD = (
     Column(
@@ -325,7 +327,8 @@ def factor_table(scaling: Scaling) -> Table:
 
 
 def scaled_table(scaling: Scaling) -> Table:
-    """The spectra of a suite as it is scaled, their mean and the target, at the periods where it was compared."""
+    """The spectra of a suite as it is scaled, their mean and the target, at the periods where it
+    was compared."""
     target, periods = scaling.target, scaling.periods
     if target is None or periods is None:
         raise ValueError("a suite that was scaled to a value has no target to stand beside")
@@ -382,9 +385,10 @@ def fragility_table(
     total: bool = False,
     states: Sequence[Column] = FRAGILITY_STATES,
 ) -> Table:
-    """A row for each function; with `total` a column of the standard deviation with that of the model. Functions of
-    states have the columns `states` first, clouds bring those of their line, runs without a result those that bound
-    what they may change, and last stands what was counted."""
+    """A row for each function; with `total` a column of the standard deviation with that of the
+    model. Functions of states have the columns `states` first, clouds bring those of their line,
+    runs without a result those that bound what they may change, and last stands what was
+    counted."""
     columns = (
         *(states if any(function.type for function in functions) else ()),
         *(
@@ -450,7 +454,8 @@ DEPENDENCE = (
 
 
 def comparison_of_measures(fits: Sequence[MeasureFit]) -> Table:
-    """A row for each measure and characteristic of the motions; one for each measure where there is none."""
+    """A row for each measure and characteristic of the motions; one for each measure where there is
+    none."""
     rows: list[tuple[Cell, ...]] = []
     for fit in fits:
         columns = tuple(column.of(fit) for column in COMPARED)
@@ -468,7 +473,8 @@ def _with_damage(columns: tuple[Column, ...], study: IdaStudy) -> tuple[Column, 
 
 
 def _with_unit(table: Table, unit: str) -> Table:
-    """The table with the unit of its intensities among its meanings: their columns' names do not tell it."""
+    """The table with the unit of its intensities among its meanings: their columns' names do not
+    tell it."""
     told = {
         name: {**table.meanings[name], "unit": unit}
         for name in INTENSITIES

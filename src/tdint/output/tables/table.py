@@ -1,9 +1,10 @@
-"""A table as CSV: UTF-8, LF ends, a header, 12 significant digits, true/false, an empty cell for no value; and what a
-column of it is.
+"""A table as CSV: UTF-8, LF ends, a header, 12 significant digits, true/false, an empty cell for no
+value; and what a column of it is.
 
-Every column is declared once, in the module of its subject: its name, its unit, where its value comes from, and what it
-means. A name ends with the unit's `tdint.units.suffix`; a quantity that is absolute says so, all others are relative
-to the ground or to the floor below. An estimated error of a column is called `<column>_error`.
+Every column is declared once, in the module of its subject: its name, its unit, where its value
+comes from, and what it means. A name ends with the unit's `tdint.units.suffix`; a quantity that is
+absolute says so, all others are relative to the ground or to the floor below. An estimated error of
+a column is called `<column>_error`.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import io
 import math
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from itertools import repeat, zip_longest
 from operator import attrgetter
 from pathlib import Path
@@ -22,7 +23,6 @@ from typing import Any
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.data import dataclass
 from tdint.errors import OutputError
 from tdint.tabular import optional
 from tdint.units import SI, OutputUnits, Quantity, quantities
@@ -56,8 +56,9 @@ class Column:
     unit : str
         In SI; 1 for a number without one, `text` for words.
     value : str, callable or ndarray
-        The attribute of a result (dots lead on) or the function of it that gives the cells: one for each row if it is
-        an array, else the same for all rows of the result. Or the cells themselves, where one result has the table.
+        The attribute of a result (dots lead on) or the function of it that gives the cells: one for
+        each row if it is an array, else the same for all rows of the result. Or the cells
+        themselves, where one result has the table.
     meaning : str
         What it is, for people.
     """
@@ -80,7 +81,8 @@ class Column:
 
 
 def columns_of(kind: type, *asked: str) -> tuple[Column, ...]:
-    """The columns that a result declares in its fields; of those that are shown when asked for the ones named."""
+    """The columns that a result declares in its fields; of those that are shown when asked for the
+    ones named."""
     return tuple(
         Column(quantity.column, quantity.unit, quantity.value or quantity.name, quantity.meaning)
         for quantity in quantities(kind)
@@ -89,7 +91,8 @@ def columns_of(kind: type, *asked: str) -> tuple[Column, ...]:
 
 
 def part(name: str, place: Any) -> Callable[[Any], Any]:
-    """The value of a column that is a part of an array: the attribute of a result, and the place in it."""
+    """The value of a column that is a part of an array: the attribute of a result, and the place in
+    it."""
     return lambda result: attrgetter(name)(result)[place]
 
 
@@ -180,7 +183,8 @@ class Table:
         results: Iterable[Any],
         heads: Iterable[tuple[Cell, ...]] = repeat(()),
     ) -> Table:
-        """The rows of each result, in the order given; with `heads` what stands in the first columns of each."""
+        """The rows of each result, in the order given; with `heads` what stands in the first
+        columns of each."""
         rows: list[tuple[Cell, ...]] = []
         for result, head in zip(results, heads, strict=False):
             rows += ((*head, *row) for row in rows_of(columns[len(head) :], result))
@@ -229,7 +233,8 @@ class Table:
         return csv_bytes([map(harmless, self.columns), *(map(cell_text, row) for row in self.rows)])
 
     def parquet(self) -> bytes:
-        """The table as Parquet: each column with its unit and meaning, numbers with all their digits.
+        """The table as Parquet: each column with its unit and meaning, numbers with all their
+        digits.
 
         Raises
         ------
@@ -292,11 +297,11 @@ def cell_text(value: Cell) -> str:
 
 
 def harmless(text: str) -> str:
-    """Text of a file's header or name, which may hold anything: nothing that steers a terminal, is no UTF-8 (written
-    out), or is a formula.
+    """Text of a file's header or name, which may hold anything: nothing that steers a terminal, is
+    no UTF-8 (written out), or is a formula.
 
-    Spreadsheets run what begins with = + - @, a tab or a return and is no number; an apostrophe before it makes it a
-    text.
+    Spreadsheets run what begins with = + - @, a tab or a return and is no number; an apostrophe
+    before it makes it a text.
     """
     plain = _UNFIT.sub(lambda match: repr(match[0])[1:-1], text)
     # Bytes of a name that Python could not read in this locale reach it as surrogates.
@@ -305,8 +310,8 @@ def harmless(text: str) -> str:
 
 
 def csv_bytes(rows: Iterable[Iterable[str]]) -> bytes:
-    """Rows of harmless cells as CSV. One in which a formula would stand behind a semicolon, the separator of many
-    spreadsheets, has quotation marks."""
+    """Rows of harmless cells as CSV. One in which a formula would stand behind a semicolon, the
+    separator of many spreadsheets, has quotation marks."""
     text = io.StringIO()
     # No harmless cell has a return: one at its end has the writer quote it, and goes again.
     writer = csv.writer(text, lineterminator="\r\n")
@@ -321,7 +326,8 @@ OF_RECORD = (
     Column("record", "text", "record.source", "file of the record"),
     Column("component", "text", "record.component", "component of the record"),
 )
-"""The first columns of tables over records; of several records the components' cells are found together."""
+"""The first columns of tables over records; of several records the components' cells are found
+together."""
 
 OF_NAMED_RECORD = (
     Column("record", "text", "record", "file of the record"),
@@ -340,7 +346,8 @@ METHOD_SPEC = Column("method", "text", "method", "time-integration method with i
 
 @dataclass(frozen=True)
 class Difference:
-    """A cell that two files of a table have otherwise, as text; None where one has none. `row` counts from 1."""
+    """A cell that two files of a table have otherwise, as text; None where one has none. `row`
+    counts from 1."""
 
     file: str
     row: int | None
@@ -380,7 +387,8 @@ DIFFERENCE = (
 
 
 def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterator[Difference]:
-    """What two files of a table, CSV (packed or not) or Parquet, have otherwise, in the order of the rows.
+    """What two files of a table, CSV (packed or not) or Parquet, have otherwise, in the order of
+    the rows.
 
     Parameters
     ----------

@@ -33,8 +33,8 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     Parameters
     ----------
     result : object
-        What `run`, `spectrum`, `modes`, `law`, `pushover`, `stability`, ... give; also a response's history, a record,
-        and several results of one kind.
+        What `run`, `spectrum`, `modes`, `law`, `pushover`, `stability`, ... give; also a response's
+        history, a record, and several results of one kind.
     units : str
         Units in place of SI, such as `kip,in,g`; the names change with them.
 
@@ -196,7 +196,8 @@ _IN_ROWS: dict[str, Callable[[Sequence[Any]], Table]] = {
     "Trial": methods.failure_table,
     "ValidationResult": methods.validation_table,
 }
-"""Tables with a row for each of several results, by the names of their classes, whose modules are not loaded for it."""
+"""Tables with a row for each of several results, by the names of their classes, whose modules are
+not loaded for it."""
 
 
 def _in_rows(results: Sequence[Any]) -> _Values:
