@@ -19,7 +19,7 @@ import click
 
 from tdint.errors import did_you_mean
 from tdint.files import KEPT, READ
-from tdint_cli.options.grammar import HelpAsData, flag, general, shown_when_asked
+from tdint_cli.options.grammar import HelpAsData, flag, general, recorded_words, shown_when_asked
 from tdint_cli.terminal import Settings, end_in_time, exit_code_of
 
 GROUPS = {
@@ -96,9 +96,11 @@ class LazyGroup(HelpAsData, click.Group):
             raise click.UsageError(f"No such command {name!r}{hint}", ctx)
         full, command, rest = super().resolve_command(ctx, args)
         if command:
-            ctx.ensure_object(Settings).options = frozenset(
+            settings = ctx.ensure_object(Settings)
+            settings.options = frozenset(
                 flag for option in command.params for flag in option.opts
             )
+            settings.arguments = (name, *recorded_words(command, rest))
         return full, command, rest
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -120,31 +122,11 @@ class LazyGroup(HelpAsData, click.Group):
         `tdint_cli.terminal` tells."""
         extra.pop("standalone_mode", None)
         settings = extra.setdefault("obj", Settings())
-        settings.arguments = _lasting(sys.argv[1:] if args is None else args)
         run = partial(super().main, args, prog_name, standalone_mode=False, **extra)
         context = copy_context()  # what options set ends with the command
         for noted in (READ, KEPT):  # what the command reads, from now on
             context.run(noted.set, {})
         sys.exit(context.run(exit_code_of, run, settings))
-
-
-_OF_THE_CALL = ("-q", "--quiet", "--debug", "--overwrite")
-_HOW_IT_IS_DONE = ("--jobs", "--max-runs", "--dask", "--tls-ca", "--tls-cert", "--tls-key")
-"""Options of which no table depends: flags, and those with a value."""
-
-
-def _lasting(arguments: Sequence[str]) -> tuple[str, ...]:
-    """A command line as it was typed, without the options of which no output depends."""
-    result: list[str] = []
-    words = iter(arguments)
-    for word in words:
-        if word == "--":
-            return (*result, word, *words)
-        if word in _HOW_IT_IS_DONE:
-            next(words, None)
-        elif word not in _OF_THE_CALL and word.partition("=")[0] not in _HOW_IT_IS_DONE:
-            result.append(word)
-    return tuple(result)
 
 
 def _version(_: click.Context) -> str:

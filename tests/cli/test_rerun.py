@@ -5,13 +5,17 @@ import gzip
 import hashlib
 import json
 import os
+import socket
 from pathlib import Path
 
+import click
 import pytest
 
 from cli.conftest import STUDY, change
 from tdint.errors import OutputError
 from tdint.output.tables.table import Difference, differences
+from tdint_cli.main import COMMANDS, cli
+from tdint_cli.options.grammar import is_recorded
 
 ONE_RUN = ["run", "shaken.yaml", "-o", "out"]
 CAMPAIGN = STUDY.replace("units:", "component: HNE, units:") + "outputs: {stories: true}\n"
@@ -278,15 +282,75 @@ def test_code_of_others_is_executed_on_request_alone(folder, tdint, rerun):
 
 
 @pytest.mark.parametrize(
-    "sheet", ["text.usetex: true", "axes.prop_cycle: cycler('color', [().\t__class__])"]
+    "sheet",
+    [
+        "lines.linewidth: 2",
+        "text.usetex: true",
+        "axes.prop_cycle: cycler('color', [().\t__class__])",
+    ],
 )
 def test_style_sheets_start_nothing(folder, tdint, rerun, sheet):
+    """A style sheet is accepted with --trust only, whatever it contains."""
     (folder / "a.mplstyle").write_text("lines.linewidth: 2\n")
     words = ["modes", "forced.yaml", "-o", "modes.csv", "--plot", "--style", "a.mplstyle"]
     tdint(*words, code=0)
-    rerun("modes.json", code=0)
+    rerun("modes.json", "--trust", code=0)
     (folder / "a.mplstyle").write_text(f"{sheet}\n")
     assert "a.mplstyle (SHA-256 " in rerun("modes.json", code=2).stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--dask", "{address}"],
+        ["--dask={address}", "--tls-ca", "a.pem", "--tls-cert", "a.pem", "--tls-key", "a.pem"],
+        ["--jobs", "4"],
+        ["--max-runs=1"],
+        ["--overwrite"],
+        ["-q"],
+        ["--help"],
+    ],
+    ids=lambda words: words[0].partition("=")[0],
+)
+def test_options_that_choose_where_a_command_runs_are_refused(folder, tdint, rerun, words):
+    """A forged command line with an option that tdint never records; nothing is connected to."""
+    (folder / "campaign.yaml").write_text(CAMPAIGN)
+    tdint("campaign", "campaign.yaml", "-o", "study", code=0)
+    summary = folder / "study/summary.json"
+    honest = json.loads(summary.read_text())
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(0.2)
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        forged = [word.format(address=address) for word in words]
+        export = ["campaign", "export", "study", *forged]
+        lines = ({"arguments": [*honest["arguments"], *forged]}, {"export": export})
+        for line in lines:
+            summary.write_text(json.dumps(honest | line))
+            refused = rerun("study", "--trust", "--changed", code=2).stderr
+            assert forged[0].partition("=")[0] in refused
+            assert "does not record" in refused
+        with pytest.raises(TimeoutError):
+            server.accept()
+
+
+def test_options_on_which_no_result_depends_are_not_recorded(folder, tdint):
+    """The list of them is complete: an option of a new kind is added here on purpose."""
+    group = click.Context(cli)
+    unrecorded = {
+        name
+        for command in COMMANDS
+        for option in cli.get_command(group, command).params
+        if isinstance(option, click.Option) and not is_recorded(option)
+        for name in option.opts
+    }
+    remote = {"--dask", "--tls-ca", "--tls-cert", "--tls-key"}
+    of_call = {"--jobs", "--max-runs", "--overwrite", "--quiet", "-q", "--debug", "--help-all"}
+    assert unrecorded == remote | of_call
+    (folder / "campaign.yaml").write_text(CAMPAIGN)
+    typed = ["-q", "campaign", "campaign.yaml", "--jobs", "1", "--max-runs=1000", "-qo", "study"]
+    tdint(*typed, "--overwrite", "--debug", code=0)
+    recorded = json.loads((folder / "study/summary.json").read_text())["arguments"]
+    assert recorded == ["campaign", "campaign.yaml", "-o", "study"]
 
 
 def test_latex_that_is_not_there(folder, tdint, monkeypatch):

@@ -48,11 +48,15 @@ class CampaignRequest(SuiteRequest):
         help="Do the K-th of N parts alone, each into a folder of its own; then merge them.",
     )
     max_runs: int | None = options.option(
-        type=click.IntRange(1), metavar="N", help="Stop after about N runs; call again to go on."
+        type=click.IntRange(1),
+        metavar="N",
+        recorded=False,
+        help="Stop after about N runs; call again to go on.",
     )
     dask: str | None = options.option(
         metavar="ADDRESS",
         rare=True,
+        recorded=False,
         help="Have the workers of this Dask scheduler do the runs: tcp://127.0.0.1:8786 on this "
         "machine, else tls://.",
     )
@@ -60,13 +64,22 @@ class CampaignRequest(SuiteRequest):
         type=FileName(),
         needs="--dask",
         rare=True,
+        recorded=False,
         help="Certificate of the authority, for tls:// (PEM).",
     )
     tls_cert: str | None = options.option(
-        type=FileName(), needs="--dask", rare=True, help="Our certificate (PEM)."
+        type=FileName(),
+        needs="--dask",
+        rare=True,
+        recorded=False,
+        help="Our certificate (PEM).",
     )
     tls_key: str | None = options.option(
-        type=FileName(), needs="--dask", rare=True, help="Its key (PEM)."
+        type=FileName(),
+        needs="--dask",
+        rare=True,
+        recorded=False,
+        help="Its key (PEM).",
     )
     partial: bool = options.option(
         rare=True, help="With merge: accept that runs are in none of the folders, and say how many."

@@ -22,7 +22,13 @@ from tdint.output.printed import TRUSTED
 from tdint.written_numbers import how_many
 from tdint_cli import options
 from tdint_cli.drawing import emit_table
-from tdint_cli.options.grammar import ELSEWHERE, FileName, SampleUnitsType, with_named_files
+from tdint_cli.options.grammar import (
+    ELSEWHERE,
+    FileName,
+    SampleUnitsType,
+    is_recorded,
+    with_named_files,
+)
 from tdint_cli.terminal import Settings, current, note, say, warn
 
 if TYPE_CHECKING:
@@ -47,7 +53,7 @@ class Request:
         help="Also with inputs that are not those of then; they are named."
     )
     trust: bool = options.option(
-        help="Also run what may start programs: plug-ins, and style sheets with text.usetex. Read "
+        help="Also run code from files: plug-ins and style sheets, which may start programs. Read "
         "them first."
     )
     output: str | None = options.output.output(
@@ -83,7 +89,8 @@ def command(request: Request) -> None:
     and then from this one. With --changed other inputs are named, and taken. A command that fails
     ends with its own exit code. Only commands that write tables are carried out, and every file
     that the command line names is looked at first; plug-ins, which are Python code, and style
-    sheets that have LaTeX started need --trust.
+    sheets, which may start programs, need --trust. Only options that tdint records are accepted:
+    not --dask, --jobs and others that specify where or how a command runs.
     """
     told = _Told.read(request.file)
     folder = told.folder()
@@ -325,17 +332,28 @@ def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
     context = click.get_current_context().find_root()
     group = context.command
     assert isinstance(group, click.Group)
-    at = next((i for i, word in enumerate(arguments) if not word.startswith("-")), len(arguments))
-    command = group.get_command(context, arguments[at]) if at < len(arguments) else None
+    command = group.get_command(context, arguments[0])
     if command is None:
         raise UsageError(
             f"{file}: `arguments` name no command that writes a table: {' '.join(arguments)}"
         )
     flags = {flag for parameter in command.params for flag in parameter.opts}
     parser = command.make_parser(
-        click.Context(command, info_name=arguments[at], resilient_parsing=True)
+        click.Context(command, info_name=arguments[0], resilient_parsing=True)
     )
-    given, _, _ = parser.parse_args(with_named_files(arguments[at + 1 :], flags))
+    given, _, typed = parser.parse_args(with_named_files(arguments[1:], flags))
+    # The author of the file must not choose where or how a command runs on this machine.
+    refused = [
+        "/".join(option.opts)
+        for option in typed
+        if isinstance(option, click.Option) and not is_recorded(option)
+    ]
+    if refused:
+        raise UsageError(
+            f"{file}: the recorded command line has {', '.join(dict.fromkeys(refused))}, which "
+            "tdint does not record: the file was changed after it was written; remove the option "
+            "from the file"
+        )
     return command, given
 
 

@@ -386,15 +386,23 @@ words."""
 
 class HeadedOption(click.Option):
     """An option that knows its heading, without which others of the command line it has nothing to
-    act on, and whether it is `common`: shown by --help, too, and not by --help-all only."""
+    act on, whether it is `common`: shown by --help, too, and not by --help-all only, and whether it
+    is `recorded` in the JSON files of results."""
 
     def __init__(
-        self, *arguments: Any, heading: str, needs: str = "", rare: bool = True, **settings: Any
+        self,
+        *arguments: Any,
+        heading: str,
+        needs: str = "",
+        rare: bool = True,
+        recorded: bool = True,
+        **settings: Any,
     ) -> None:
         super().__init__(*arguments, **settings)
         self.heading = heading
         self.needs = needs
         self.common = not rare
+        self.recorded = recorded
 
 
 if TYPE_CHECKING:
@@ -445,6 +453,7 @@ def option(
     heading: str = OWN,
     rare: bool = False,
     needs: str = "",
+    recorded: bool = True,
     behind: Sequence[Callable[[Any], Any]] = (),
     **settings: Any,
 ) -> Declaration:
@@ -458,11 +467,16 @@ def option(
     `needs`: what it acts on, as in `--history`, `--ductility or --strength`, `--im sa or sa-avg`:
     an option, one of several, or one with one of these values, its default among them. Given alone
     the option is refused.
+
+    `recorded`: the JSON file of a result records the option, and `tdint rerun` accepts it. An
+    option that specifies where or how a command runs, and on which no result depends, is not
+    recorded: the author of a JSON file must not choose it for others.
     """
     kind = settings.get("type")
     if type(kind) is ListOf:
         settings |= {"multiple": True, "callback": kind.joined}
     settings |= {"cls": HeadedOption, "heading": heading, "needs": needs, "rare": rare}
+    settings |= {"recorded": recorded}
     return Declaration(click.option, names, settings, behind)
 
 
@@ -534,6 +548,46 @@ def with_named_files(
         else:
             result.append(f"{word}={BESIDE}")
     return result
+
+
+def recorded_words(command: click.Command, words: Sequence[str]) -> tuple[str, ...]:
+    """Return the words of a command line without the options that are not recorded.
+
+    Parameters
+    ----------
+    command : Command
+        The command, whose options declare whether they are recorded.
+    words : sequence of str
+        The command line after the name of the command.
+    """
+    unrecorded = {
+        name: item
+        for item in command.params
+        if isinstance(item, click.Option) and not is_recorded(item)
+        for name in item.opts
+    }
+    letters = "".join(name[1] for name in unrecorded if not name.startswith("--"))
+    result: list[str] = []
+    remaining = iter(words)
+    for word in remaining:
+        if word == "--":
+            return (*result, word, *remaining)
+        item = unrecorded.get(word.partition("=")[0])
+        if item is None:
+            # Flags of one letter may precede another option in the same word: -qo DIR.
+            if word[:1] == "-" and word[1:2] and word[1:2] in letters:
+                word = f"-{word[1:].lstrip(letters)}"
+                result += [word] if word != "-" else []
+            else:
+                result.append(word)
+        elif not item.is_flag and "=" not in word:
+            next(remaining, None)
+    return tuple(result)
+
+
+def is_recorded(option: click.Parameter) -> bool:
+    """Return True if an option is declared as recorded in the JSON files of results."""
+    return isinstance(option, HeadedOption) and option.recorded
 
 
 def shown_when_asked(
@@ -788,6 +842,7 @@ def flag(
     return HeadedOption(
         names,
         heading=GENERAL,
+        recorded=False,
         is_flag=True,
         is_eager=True,
         expose_value=False,

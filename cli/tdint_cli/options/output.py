@@ -162,7 +162,9 @@ report = option(
     help="Also write a page for a report: result, building, motions, pictures, assumptions, "
     "warnings, hashes; one file that needs no network and prints on A4.",
 )
-overwrite = option("--overwrite", is_flag=True, help="Replace existing outputs.")
+overwrite = option(
+    "--overwrite", is_flag=True, recorded=False, help="Replace existing outputs."
+)
 
 
 def threads(text: str, heading: str = grammar.OWN, **settings: Any) -> grammar.Declaration:
@@ -174,6 +176,7 @@ def threads(text: str, heading: str = grammar.OWN, **settings: Any) -> grammar.D
         type=click.IntRange(1, 1024),
         metavar="N",
         rare=True,
+        recorded=False,
         help=told,
         **settings,
     )

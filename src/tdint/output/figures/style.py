@@ -6,6 +6,7 @@ between figures.
 
 from __future__ import annotations
 
+import hashlib
 import io
 import itertools
 import math
@@ -21,7 +22,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from tdint.errors import OutputError, UsageError, did_you_mean
-from tdint.files import digest_of
+from tdint.files import read_whole
 
 try:
     import matplotlib as mpl
@@ -79,6 +80,7 @@ _SMALLEST, _LARGEST = 6.0, 8.0
 INCH = 0.0254  # m
 _RESOLUTION = {True: 600, False: 160}
 _ON_PAGE = 100  # of a notebook, which shows a pixel as one; matplotlib's own
+_MAX_SHEET = 1_000_000  # bytes; a style sheet that sets every parameter of matplotlib has 40 kB
 INK = "#1f4e79"
 LIGHT = "0.55"
 MARK = "#b03a2e"
@@ -351,25 +353,24 @@ def check_print(printed: PrintedAs) -> None:
         hint = did_you_mean(printed.font, get_font_names())
         raise UsageError(f"font {printed.font!r}: this machine has no such font{hint}")
     if printed.style:
+        # A pipe may never end, and a large file would fill the memory: the readers of records and
+        # models refuse both in the same way.
+        large = f"is larger than {_MAX_SHEET // 1_000_000} MB, and no style sheet of matplotlib"
         try:
-            # matplotlib evaluates lists of colors: names with underscores lead out of what it lets
-            # them do.
-            evaluated = (
-                "__" in Path(printed.style).read_text(encoding="utf-8") and not TRUSTED.get()
+            text = read_whole(printed.style, UsageError, {}, large, _MAX_SHEET)
+        except UsageError as error:
+            raise UsageError(f"style sheet {error}") from None
+        # matplotlib evaluates lists of colors and starts LaTeX, so a style sheet is code.
+        if not TRUSTED.get():
+            digest = hashlib.sha256(text).hexdigest()
+            raise UsageError(
+                f"style sheet {printed.style} (SHA-256 {digest}): may start programs; read it, "
+                "then give --trust"
             )
-            sheet = (
-                {}
-                if evaluated
-                else mpl.rc_params_from_file(printed.style, use_default_template=False)
-            )
+        try:
+            sheet = mpl.rc_params_from_file(printed.style, use_default_template=False)
         except (OSError, ValueError) as error:
             raise UsageError(f"style sheet {printed.style}: {error}") from None
-        if (evaluated or sheet.get("text.usetex")) and not TRUSTED.get():
-            digest = digest_of(Path(printed.style))
-            raise UsageError(
-                f"style sheet {printed.style} (SHA-256 {digest}): starts programs; read it, then "
-                "give --trust"
-            )
         if sheet.get("text.usetex") and not all(map(shutil.which, _LATEX)):
             raise UsageError(
                 f"style sheet {printed.style}: text.usetex needs {' and '.join(_LATEX)}, not found "
