@@ -97,9 +97,7 @@ class LazyGroup(HelpAsData, click.Group):
         full, command, rest = super().resolve_command(ctx, args)
         if command:
             settings = ctx.ensure_object(Settings)
-            settings.options = frozenset(
-                flag for option in command.params for flag in option.opts
-            )
+            settings.options = frozenset(flag for option in command.params for flag in option.opts)
             settings.arguments = (name, *recorded_words(command, rest))
         return full, command, rest
 

@@ -162,9 +162,7 @@ report = option(
     help="Also write a page for a report: result, building, motions, pictures, assumptions, "
     "warnings, hashes; one file that needs no network and prints on A4.",
 )
-overwrite = option(
-    "--overwrite", is_flag=True, recorded=False, help="Replace existing outputs."
-)
+overwrite = option("--overwrite", is_flag=True, recorded=False, help="Replace existing outputs.")
 
 
 def threads(text: str, heading: str = grammar.OWN, **settings: Any) -> grammar.Declaration:
