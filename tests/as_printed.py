@@ -1,10 +1,16 @@
-"""The step of the paper of 2022 coded as its equations stand, but for the misprints that
-methods/README lists.
+"""The equations of the paper of 2022 as printed, their misprints and the corrections.
 
-Unknowns as there: the jerk j0 at the start, eliminated with a division by a1 (eq. 16), then k_x u1
-= p_x. Written from eqs. 11 to 14 with a matrix for each of m, c, k; nothing is taken from the
-program.
+The linear and the nonlinear step (eqs. 11 to 26, 46 to 54) are functions, with the misprints that
+methods/README lists corrected. The closed forms (eqs. 33, 34, 44, 45 and 57 to 65) are texts in the
+notation of the paper: `evaluate(EQUATIONS[33])` is the equation as printed, and
+`evaluate(corrected(33))` has the corrections of `MISPRINTS`. Nothing is taken from the program.
+
+Unknowns of the step: the jerk j0 at the start, eliminated with a division by a1 (eq. 16), then
+k_x u1 = p_x.
 """
+
+import re
+from typing import NamedTuple
 
 import numpy as np
 
@@ -75,3 +81,116 @@ def matrix(w, xi, beta=BETA):
         for column in np.eye(3)
     ]
     return np.array(columns)[:, :, 0].T
+
+
+# ---- Closed forms, as texts
+
+_D = (
+    "dt^4 omega^4 - 96 beta dt^4 omega^4 + 8 dt^3 xi omega^3 - 576 beta dt^3 xi omega^3"
+    " + 8 dt^2 omega^2 - 576 beta dt^2 omega^2 + 16 dt^2 xi^2 omega^2 + 48 dt xi omega + 48"
+)
+
+EQUATIONS = {
+    33: "((dt^4 - 192 beta dt^4) omega^4 + (576 beta dt^2 + 16 dt^2 - 16 dt^2 xi^2) omega^2 - 48)"
+    " / ((96 beta dt^3 - dt^4) omega^4 + (576 beta dt^3 xi - 8 dt^3 xi) omega^3"
+    " + (576 beta dt^2 - 8 dt^2 - 16 dt^2 xi^2) omega^2 - ((-48) dt xi) omega - 48)",
+    34: f"1 - xi (96 dt omega - dt^3 omega^3 (1152 beta - 16)) / ({_D})",
+    44: "u - (24 u W^3 + (72 u + 12 dt v) W^2 - 144 dt v) / (W^2 + 6 W + 12)^2",
+    45: "(12 u + dt v) / dt - (144 u W^3 + (864 u + 72 dt v) W^2 + (1728 u + 228 dt v) W + 1728 u)"
+    " / (dt (W^2 + 6 W + 12)^2)",
+    57: "-(576 beta xi dt^3 omega^3 + (-16 xi^2 + 576 beta xi dt^2 + 12) omega^2"
+    " - 48 xi dt omega - 48)"
+    " / (dt^4 omega^4 - 96 beta dt^4 omega^4 + 576 beta dt^3 xi omega^3"
+    " - 576 beta dt^3 xi omega^3 + 8 dt^2 omega^2 - 576 beta dt^2 omega^2"
+    " - 16 dt^2 xi^2 omega^2 + 48 dt xi omega + 48)",
+    58: "-(xi (omega^3 (384 dt^4 - 2 dt^4) - dt^2 omega) - 48 dt + 576 beta dt^3 omega^2)"
+    f" / ({_D})",
+    59: "((2 dt^3 xi^2 - 2 dt^3 xi) omega^3 + (576 beta dt^4 - 3 dt^4) omega^2 - 12 dt^2)"
+    " / ((288 beta dt^4 - 3 dt^4) omega^4 + (1728 beta dt^3 xi - 24 dt^3 xi) omega^3"
+    " + (1728 beta dt^2 - 24 dt^2 - 48 dt^2 xi^2) omega^2 + (-144 dt xi) omega - 144)",
+    60: f"8 dt omega^2 (36 beta dt^2 omega^2 - xi dt omega - 6) / (-({_D}))",
+    61: "-((dt^4 - 192 beta dt^4) omega^4 + (576 beta dt^2 + 16 dt^2) omega^2 + 48 dt xi omega"
+    " - 48)"
+    " / ((96 beta dt^4 - dt^4) omega^4 + (576 beta dt^3 xi - 8 dt^3 xi) omega^3"
+    " + (576 beta dt^2 - 8 dt^2 - 16 dt^2 xi^2) omega^2 - ((-48) dt xi) omega - 48)",
+    62: "-dt^2 omega (24 xi + dt^3 omega^3 - 144 beta dt^3 omega^3 + 864 beta dt omega)"
+    f" / (3 ({_D}))",
+    63: "((-576 beta dt^2 - 12 dt^2) omega^4 + ((-48) dt xi) omega^3 + 48 omega^2)"
+    " / ((96 beta dt^4 - dt^4) omega^4 + (576 beta dt^3 xi - 8 dt^3 xi) omega^3"
+    " + (576 beta dt^2 - 8 dt^2 - 16 dt^2 xi^2) omega^2 + ((-48) dt xi) omega - 48)",
+    64: "24 omega (4 dt xi^2 omega - 2 dt omega - 4 xi + 24 beta dt^3 omega^3 + dt^2 xi omega^2"
+    f" + 48 beta dt^2 xi omega^2) / ({_D})",
+    65: "dt^2 omega^2 (16 xi^2 - dt^2 omega^2 + 192 beta dt^2 omega^2 + 576 beta dt xi omega - 4)"
+    f" / ({_D})",
+}
+"""Equations as printed, by number: 33 alpha_1 and 34 alpha_2 of the characteristic polynomial; 44
+and 45 u1 and v1 in free vibration, W = omega dt; 57 to 65 the entries A11 to A33, row by row, of
+the amplification matrix of (u, v, a)."""
+
+ENTRIES = {57 + 3 * i + j: (i, j) for i in range(3) for j in range(3)}
+"""Equations of the appendix: number -> row and column of the amplification matrix, from 0."""
+
+
+class Misprint(NamedTuple):
+    """A part of an equation as printed and as it must be.
+
+    `words` names the correction where the parts say too little by themselves.
+    """
+
+    printed: str
+    correct: str
+    words: str = ""
+
+    def correction(self):
+        """Return the correction as methods/README and impulse.py list it."""
+        return self.words or f"`{self.correct}` for `{self.printed}`"
+
+
+_SIGN_OF_48 = Misprint("- ((-48) dt xi) omega", "+ ((-48) dt xi) omega")
+
+MISPRINTS = {
+    33: (Misprint("96 beta dt^3 - dt^4", "96 beta dt^4 - dt^4"), _SIGN_OF_48),
+    45: (Misprint("228 dt v", "288 dt v"),),
+    57: (
+        Misprint("-16 xi^2 + 576 beta xi dt^2 + 12)", "-16 dt^2 xi^2 + 576 beta dt^2 + 12 dt^2)"),
+        Misprint("+ 576 beta dt^3 xi omega^3", "+ 8 dt^3 xi omega^3"),
+        Misprint("- 16 dt^2 xi^2 omega^2", "+ 16 dt^2 xi^2 omega^2"),
+    ),
+    58: (
+        Misprint("384 dt^4 - 2 dt^4", "384 beta dt^4 - 2 dt^4"),
+        Misprint("- dt^2 omega)", "- 8 dt^2 omega)"),
+    ),
+    59: (Misprint("2 dt^3 xi^2 - 2 dt^3 xi)", "288 beta dt^5 xi - 2 dt^5 xi)"),),
+    60: (Misprint("/ (-(", "/ ((", "the opposite sign"),),
+    61: (Misprint("-((dt^4 - 192", "((dt^4 - 192", "the opposite sign"), _SIGN_OF_48),
+}
+"""Misprints by the number of the equation; with the corrections the equations hold for any beta."""
+
+
+def corrected(number):
+    """Return the text of an equation with its misprints corrected."""
+    text = EQUATIONS[number]
+    for misprint in MISPRINTS.get(number, ()):
+        assert text.count(misprint.printed) == 1, (number, misprint)
+        text = text.replace(misprint.printed, misprint.correct)
+    return text
+
+
+def evaluate(text, **values):
+    """Return the value of a text in the notation of the paper: ^ is a power, a blank between two
+    factors a product."""
+    product = re.sub(r"(?<=[\w)]) (?=[\w(])", " * ", text)
+    return eval(product.replace("^", "**"), {"__builtins__": {}}, values)
+
+
+def closed_form(text, w, xi, dt, beta=BETA):
+    """Return an equation of a step dt of an oscillator, w = omega dt, from its text."""
+    return evaluate(text, omega=w / dt, xi=xi, dt=dt, beta=beta)
+
+
+def amplification_matrix(w, xi, dt, beta=BETA, text=corrected):
+    """Return eqs. 57 to 65 for (u, v dt, a dt^2); `text` gives the text of an equation."""
+    entries = np.empty((3, 3))
+    for number, (i, j) in ENTRIES.items():
+        entries[i, j] = closed_form(text(number), w, xi, dt, beta) * dt ** (i - j)
+    return entries

@@ -21,13 +21,34 @@ That number is zero at omega h = sqrt(12); the lines above, solved for u1 and v1
 division. The paper as printed, with the division, is `tests/as_printed.py`: the same motion to
 rounding.
 
-Misprints: eq. 11 is for the increment of the jerk and misses powers of dt; eq. 12 has 12 du/dt^2,
-not 2; eq. 14 has a0 h^3/6, j0 h^4/24, v0 h^2/2; eq. 16 is a1 = -(-m h^2/6 + k h^4/24 - 4 k beta
-h^4); eq. 20 has I h^2/(6 a1) in its second block; eq. 29 and the appendix have wrong powers, their
-denominator is W^4 + 12 xi W^3 + (12 + 48 xi^2) W^2 + 144 xi W + 144, W = omega dt; eqs. 36 and 37
-miss the 2 of eq. 31; eq. 40 is half of the numerical damping; eqs. 44 and 45 hold for xi = 1 alone,
-with 288 for 228; eq. 49's second m is c; eq. 54 is eq. 16 with k_T. Of Wilson's method the
-conclusions say order 1: it is 2.
+Misprints of the paper, with the correction before the printed form:
+
+    eq. 11        holds for the increment of the jerk, and misses powers of dt
+    eq. 12        12 du/dt^2 for 2 du/dt^2
+    eq. 14        a0 h^3/6, j0 h^4/24 and v0 h^2/2
+    eq. 16        a1 = -(-m h^2/6 + k h^4/24 - 4 k beta h^4)
+    eq. 20        I h^2/(6 a1) in its second block
+    eq. 29        wrong powers; its denominator is W^4 + 12 xi W^3 + (12 + 48 xi^2) W^2 + 144 xi W + 144, W = omega dt
+    eq. 33        96 beta dt^4 - dt^4 for 96 beta dt^3 - dt^4
+                  + ((-48) dt xi) omega for - ((-48) dt xi) omega
+    eqs. 36, 37   miss the 2 of eq. 31
+    eq. 40        half of the numerical damping
+    eqs. 44, 45   hold for xi = 1 only, with 288 dt v for 228 dt v
+    eq. 49        the second m is c
+    eq. 54        is eq. 16 with k_T
+    eq. 57        -16 dt^2 xi^2 + 576 beta dt^2 + 12 dt^2) for -16 xi^2 + 576 beta xi dt^2 + 12)
+                  + 8 dt^3 xi omega^3 for + 576 beta dt^3 xi omega^3
+                  + 16 dt^2 xi^2 omega^2 for - 16 dt^2 xi^2 omega^2
+    eq. 58        384 beta dt^4 - 2 dt^4 for 384 dt^4 - 2 dt^4
+                  - 8 dt^2 omega) for - dt^2 omega)
+    eq. 59        288 beta dt^5 xi - 2 dt^5 xi) for 2 dt^3 xi^2 - 2 dt^3 xi)
+    eq. 60        the opposite sign
+    eq. 61        the opposite sign
+                  + ((-48) dt xi) omega for - ((-48) dt xi) omega
+    section 3.4   refers to eqs. 43 and 44; eqs. 44 and 45 are meant
+
+Eqs. 31, 32, 34, 35 and 62 to 65 hold as printed. The conclusions state order 1 for Wilson's method; its
+order is 2.
 """  # noqa: E501
 
 from __future__ import annotations
