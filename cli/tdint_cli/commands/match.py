@@ -11,6 +11,7 @@ import click
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
+from tdint.output.motion_files import FORMATS, motion_contents, motion_file_names
 from tdint_cli import options
 from tdint_cli.options.grammar import PairsType, PairWish, Ratio, span
 from tdint_cli.options.output import Outputs
@@ -21,10 +22,8 @@ from tdint_cli.terminal import Failures, note, say, warn
 if TYPE_CHECKING:
     from tdint.analysis.matching import Match
     from tdint.analysis.spectra.target import TargetSpectrum
-    from tdint.ground_motion.record import Record
 
 MATCHED, PICTURE = "matched.csv", "matched.png"
-FORMATS = ("mseed", "at2", "csv")
 SUITES = ("each", "mean")
 
 PAIR = "rotd100"
@@ -117,7 +116,7 @@ def command(request: MatchRequest) -> None:
     outputs = Outputs.checked(str(folder / MATCHED), plot, request.overwrite)
     target = read_target(request.target)
     suite = read_suite(request.records, request.choice, request.pairs)
-    files = _files(folder, suite.records, request.format)
+    files = [folder / name for name in motion_file_names(suite.motions, request.format)]
     check_outputs(files, overwrite=request.overwrite)
     wishes: dict[str, Any] = {"periods": request.range, "damping": request.damping}
     if request.suite == "mean":
@@ -139,10 +138,9 @@ def command(request: MatchRequest) -> None:
             "motions": [file.name for file in files]
         }
 
-    write_files(
-        dict(zip(files, _contents(matches, request.format), strict=True)),
-        overwrite=request.overwrite,
-    )
+    contents, notes = motion_contents([matched.record for matched in matches], request.format)
+    write_files(dict(zip(files, contents, strict=True)), overwrite=request.overwrite)
+    note(*notes)
     outputs.deliver(table, lambda: figures.comparison.match_picture(matches[0]), summarize)
     for matched in matches:
         say(repr(matched)[1:-1] + ".")
@@ -164,35 +162,6 @@ def command(request: MatchRequest) -> None:
         raise AnalysisError(
             f"the misfit stays above {100.0 * request.within:g} %: {', '.join(beyond)}"
         )
-
-
-def _files(folder: Path, records: Sequence[Record], kind: str) -> list[Path]:
-    """A file for each motion, under the name of its record and component."""
-    names = [f"{Path(record.source).stem}-{record.component}".rstrip("-") for record in records]
-    names = [
-        f"{name}-{i}" if names.count(name) > 1 else name for i, name in enumerate(names, start=1)
-    ]
-    return [folder / f"{name}.{kind}" for name in names]
-
-
-def _contents(matches: Sequence[Match], kind: str) -> list[bytes]:
-    """The motions as files, one for each component."""
-    from tdint.ground_motion.formats.at2 import at2_text
-    from tdint.ground_motion.measures import channels_of
-    from tdint.ground_motion.reading.suites import components
-    from tdint.ground_motion.record import to_mseed
-
-    records = [record for matched in matches for record in components(matched.record)]
-    if kind == "csv":
-        return [tables.spectra.ground_table(record).csv() for record in records]
-    if kind == "at2":
-        return [
-            at2_text(
-                record, f"MATCHED MOTION, {Path(record.source).stem}, {record.component}"
-            ).encode()
-            for record in records
-        ]
-    return [to_mseed(channels_of([record])[:1])[0] for record in records]
 
 
 def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:

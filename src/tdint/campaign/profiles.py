@@ -29,7 +29,7 @@ from tdint.campaign.intensity import SPECTRAL, measure_at
 from tdint.campaign.plan import Plan
 from tdint.campaign.store import Store
 from tdint.errors import UsageError, did_you_mean
-from tdint.ground_motion.horizontals import at_right_angles, motion_name
+from tdint.ground_motion.horizontals import at_right_angles, motion_names
 from tdint.model.damage_states import DONE, FALLEN
 from tdint.system import on_threads
 from tdint.units import Quantity
@@ -291,6 +291,8 @@ def profiles(store: Store) -> Iterator[Profile]:
         dict(store.connection.execute("SELECT id, stories FROM buildings")),
     )
     rules, checked = SuiteRules.of(store), store.checked
+    named = motion_names([name for name, _, _ in records.values()])
+    motion_of = dict(zip(records, named, strict=True))
     for number, (name, _) in store.buildings().items():
         # The values of the stories of each run, with their errors where the campaign has estimated
         # them.
@@ -307,7 +309,7 @@ def profiles(store: Store) -> Iterator[Profile]:
             by_run[Run(record, scale, sample)].append(values)
         kept = {key: np.array(rows, dtype=np.float64) for key, rows in by_run.items()}
         for level in rules.levels_of(store, number):
-            motions = tuple(motion_name(records[keys[0].motion][0]) for keys in level.stood)
+            motions = tuple(motion_of[keys[0].motion] for keys in level.stood)
             height, peaks, errors = _peaks(level, kept, counts[number], checked)
             yield Profile(
                 **vars(level),
@@ -429,8 +431,9 @@ def motion_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, int
     """The motion of each record, named by its first one: pairs are those that were read so, and
     what are by their names the two horizontals of a motion."""
     groups: dict[str, list[int]] = defaultdict(list)
-    for number, (name, _, _) in records.items():
-        groups[motion_name(name)].append(number)
+    names = motion_names([name for name, _, _ in records.values()])
+    for number, name in zip(records, names, strict=True):
+        groups[name].append(number)
     numbers = {number: number for number in records}
     # Files of one motion by their names alone; pairs that were read as such are told by the
     # direction.

@@ -23,7 +23,7 @@ from tdint.campaign.motions import FieldMotions, FoundMotions, GridFile, GridMot
 from tdint.csv_table import CsvTable, no_number, number, read_table, stream_table
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
 from tdint.files import MOST_BYTES, read_whole
-from tdint.ground_motion.horizontals import ONE_MOTION, Horizontals, SingleHorizontal, motion_name
+from tdint.ground_motion.horizontals import ONE_MOTION, Horizontals, SingleHorizontal, motion_names
 from tdint.ground_motion.miniseed_checks import LONGEST_STEP, SHORTEST_STEP
 from tdint.ground_motion.reading.read import check_possible
 from tdint.ground_motion.reading.sample_units import file_units
@@ -449,10 +449,12 @@ class _FieldRecords:
         take together."""
         folder = Path(file).parent
         if folder not in self._files:
-            self._files[folder] = {}
-            for path in sorted(folder.iterdir()):
-                self._files[folder].setdefault(motion_name(str(path)), []).append(str(path))
-        return self._files[folder].get(motion_name(str(Path(file))), [file])
+            beside = [str(path) for path in sorted(folder.iterdir())]
+            of_motion: dict[str, list[str]] = {}
+            for path, name in zip(beside, motion_names(beside), strict=True):
+                of_motion.setdefault(name, []).append(path)
+            self._files[folder] = {path: paths for paths in of_motion.values() for path in paths}
+        return self._files[folder].get(str(Path(file)), [file])
 
 
 def _json_motions(file: str, named: str, field: FieldFile) -> tuple[SuiteMotion, ...]:

@@ -131,6 +131,10 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
         raise RecordError(
             f"{source}: the components are of different stations, {stations[0]} and {stations[1]}"
         )
+    if first.event and second.event and first.event != second.event:
+        raise RecordError(
+            f"{source}: the components are of different events, {first.event} and {second.event}"
+        )
     if first.start and second.start:
         late = (
             datetime.fromisoformat(second.start) - datetime.fromisoformat(first.start)
@@ -217,10 +221,17 @@ _KNET = re.compile(r"\.(?P<component>EW|NS|UD)(?=\d?$)", re.IGNORECASE)
 _PEER = re.compile(r"[-_]?(?P<component>\d{3}|UP|DOWN|DWN|DN|VERT?|V)(?=\.AT2$)", re.IGNORECASE)
 _SEED = re.compile(r"(?<![A-Z0-9])(?P<component>[A-Z][GHLN][ENZ123])(?![A-Z0-9])", re.IGNORECASE)
 _ENDING = re.compile(
-    r"(?:(?<=[-_])|(?<=\.)(?=\w+\.))(?P<component>NS|SN|EW|WE|UD|UP|DN|VERT?|FN|FP|H[12]|[NEZXYRT])"
+    r"(?:(?<=[-_])|(?<=\.)(?=\w+\.))"
+    r"(?P<component>(?:NS|EW|UD)[12]?|SN|WE|UP|DN|VERT?|FN|FP|H[12]|[NEZXYRT])"
     r"(?=(?:\.[A-Z]\w*){0,2}$)",
     re.IGNORECASE,
 )
+_DIRECTION = re.compile(
+    r"[-_]?(?P<component>(?<!\d)\d{3}|(?<![A-Z0-9])[NS]\d{1,2}[EW])(?=\.[A-Z]\w*$)", re.IGNORECASE
+)
+"""Direction in degrees at the end of a file name of any format. A number alone does not identify a
+component (R001.csv), so this pattern counts only for two files at right angles."""
+
 Failure = TypeVar("Failure", bound=TdintError)
 
 _MARK = "{}"
@@ -276,18 +287,50 @@ ONE_MOTION = PairNames("{}", "{}")
 
 
 def motion_name(file: str) -> str:
-    """The name of a file without what tells its component: equal for the files of one motion.
+    """Return the name of a file without its component: equal for the files of one motion.
 
-    Known are the endings of K-NET (.EW, .NS2), of PEER's AT2 files (067.AT2, -UP.AT2), channel
-    codes (HNE), and before the suffix _N and _E, _NS and _EW, -H1 and -H2, _X and _Y, _FN and _FP
-    with the vertical ones beside them.
+    Recognized are the endings of K-NET (.EW, .NS2), of PEER's AT2 files (067.AT2, -UP.AT2), channel
+    codes (HNE), and before the suffix _N and _E, _NS and _EW, -H1 and -H2, _X and _Y, _FN and _FP,
+    with the corresponding vertical components. `motion_names` also recognizes directions in degrees
+    in other formats, for which it needs the names of all files.
     """
-    path = Path(file)
-    match = _component(path.name)
+    return _name_without(file, _component(Path(file).name))
+
+
+def motion_names(files: Sequence[str]) -> list[str]:
+    """Return the motion that each file belongs to: equal for the files of one motion.
+
+    Recognized are the names of `motion_name`, and two files that differ only in a direction at
+    their end (GIL-067.mseed and GIL-337.mseed, x_S16W.csv and x_S74E.csv), if the two directions
+    are at right angles and no third file is named in the same way.
+    """
+    names = [motion_name(file) for file in files]
+
+    # Files without a recognized component, by their names without the direction.
+    groups: dict[str, list[tuple[int, str]]] = {}
+    for place, (file, name) in enumerate(zip(files, names, strict=True)):
+        match = _DIRECTION.search(Path(file).name) if name == file else None
+        if match:
+            key = _name_without(file, match)
+            groups.setdefault(key, []).append((place, match["component"]))
+
+    # The same file may be listed more than once (a record with several rows in a table).
+    for key, members in groups.items():
+        directions = sorted({direction.upper() for _, direction in members})
+        if len(directions) == 2 and at_right_angles(*directions):
+            for place, _ in members:
+                names[place] = key
+    return names
+
+
+def _name_without(file: str, match: re.Match[str] | None) -> str:
+    """Return a file name in which a question mark replaces the component that was found."""
     if not match:
         return file
+    path = Path(file)
     start, end = match.span("component")
-    name = path.name[:start].rstrip("-_") if match.re is _PEER else path.name[:start]
+    before = path.name[:start]
+    name = before.rstrip("-_") if match.re in (_PEER, _DIRECTION) else before
     channel = match["component"][:2] if match.re is _SEED else ""
     return str(path.with_name(f"{name}{channel}?{path.name[end:]}"))
 
@@ -304,10 +347,11 @@ def files_of_motions(
         No file has one of the names given.
     """
     motions: dict[str, list[str]] = {}
-    for file in files:
-        name = (
-            file if file == STDIN else motion_name(file) if names == USUAL else names.motion(file)
-        )
+    if names == USUAL:
+        named = motion_names(files)
+    else:
+        named = [file if file == STDIN else names.motion(file) for file in files]
+    for file, name in zip(files, named, strict=True):
         motions.setdefault(name, []).append(file)
     others = motions.pop("", [])
     if files and not motions:
@@ -316,9 +360,16 @@ def files_of_motions(
     return [tuple(members) for members in motions.values()], others
 
 
-def with_component(record: Record) -> Record:
-    """A record with the component that its file's name tells, where its file tells none."""
-    match = None if record.component.strip() else _component(Path(record.source).name)
+def with_component(record: Record, *, in_degrees: bool = False) -> Record:
+    """Return a record with the component in its file name, if its file states none.
+
+    `in_degrees` also accepts a direction in degrees at the end of the name, for files that
+    `motion_names` has recognized as a pair by their directions.
+    """
+    name = Path(record.source).name
+    match = None if record.component.strip() else _component(name)
+    if in_degrees and not match and not record.component.strip():
+        match = _DIRECTION.search(name)
     return replace(record, component=match["component"].upper()) if match else record
 
 

@@ -91,6 +91,9 @@ class Record(Tabular):
         samples; empty if the file states nothing.
     scale : float
         What the acceleration has been multiplied by since it was read.
+    event : str
+        The earthquake as its file names it, with the date if the file states one beside the name;
+        empty if the file names none.
     """
 
     acceleration: NDArray[np.float64]
@@ -109,6 +112,7 @@ class Record(Tabular):
     compared: tuple[str, ...] = ()
     scale: float = 1.0
     peaks: tuple[float | None, float | None] = (None, None)
+    event: str = ""
 
     def _headline(self) -> str:
         return (
@@ -298,6 +302,7 @@ def one_after_another(records: Sequence[Record], starts: Sequence[int]) -> Recor
             dict.fromkeys(item for record in records for item in getattr(record, name))
         )
     others = {"id": "", "units": "", "units_from": "", "quantity": "acceleration", "scale": 1.0}
+    others["event"] = ""
     for name, other in others.items():
         values = {getattr(record, name) for record in records}
         taken[name] = values.pop() if len(values) == 1 else other

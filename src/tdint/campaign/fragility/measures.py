@@ -26,7 +26,7 @@ from tdint.campaign.profiles import motion_numbers
 from tdint.campaign.store import FILE, Store, open_existing
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
-from tdint.ground_motion.horizontals import motion_name
+from tdint.ground_motion.horizontals import motion_names
 from tdint.ground_motion.measures import MEASURES as MEASURES_OF_MOTION
 from tdint.ground_motion.record import Record
 from tdint.model.damage_states import DONE
@@ -552,7 +552,7 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
     )
     names: list[object] = list(range(len(table.rows)))
     if table.has("record"):
-        names = [motion_name(name) for name in table.texts("record")]
+        names = list(motion_names(table.texts("record")))
     with _store_beside(table) as store:
         # Without fields a column of that name is one of the inventory.
         if table.has("event") and (store is None or store.events()):

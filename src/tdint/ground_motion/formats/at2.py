@@ -9,6 +9,7 @@ units: g.
 from __future__ import annotations
 
 import re
+from datetime import UTC, datetime
 from typing import Any
 
 from tdint.errors import RecordError
@@ -34,6 +35,8 @@ _UNITS = (
 _OTHER = re.compile(r"\b(VELOCITY|DISPLACEMENT)\s+TIME\s+(?:HISTORY|SERIES)", re.IGNORECASE)
 _TITLE = re.compile(r"\s*PEER\b.*STRONG\s+MOTION\s+DATABASE|\s*PACIFIC ENGINEERING", re.IGNORECASE)
 _COMPONENT = re.compile(r"\s*([A-Z0-9]{1,6})\b", re.IGNORECASE)
+_START = re.compile(r"\d{4}-\d\d-\d\dT[\d:.]+Z")  # of the files that tdint writes
+_WRITTEN_HERE = "PEER STRONG MOTION DATABASE RECORD, WRITTEN BY TDINT"
 
 
 def is_at2(file: Any, **_: Any) -> bool:
@@ -56,11 +59,18 @@ def read_at2(lines: Lines) -> list[Series]:
     count, step = next(filter(None, map(_count_and_step, reversed(header))))
     values = lines.numbers(count)
 
-    # Station and component: the last two parts of the second line of PEER's own headers.
+    # Station and component: the last two parts of the second line of PEER's own headers; the
+    # event with its date: the parts before them.
     codes: dict[str, Any] = {}
     parts = header[1].split(",") if len(header) > 2 and _TITLE.match(header[0]) else []
+    is_own = header[0].strip() == _WRITTEN_HERE
     if len(parts) > 2 and (component := _COMPONENT.match(parts[-1])):
-        codes = {"station": code(parts[-2]), "channel": component[1]}
+        channel = code(parts[-1]) if is_own else component[1]
+        codes = {"station": code(parts[-2]), "channel": channel}
+        if is_own and _START.fullmatch(parts[-3].strip()):
+            start = datetime.fromisoformat(parts.pop(-3).strip())
+            codes["start"] = start.astimezone(UTC).replace(tzinfo=None)
+        codes["event"] = " ".join(" ".join(parts[:-2]).split())
 
     # Words may follow the values, numbers may not.
     while lines.peek() is not None:
@@ -80,15 +90,18 @@ def read_at2(lines: Lines) -> list[Series]:
     return [Series(values, step, units, **codes)]
 
 
-def at2_text(record: Record, title: str) -> str:
-    """A record in this format, g to nine digits; `title` is the second line, which PEER gives event
-    and component."""
+def at2_text(record: Record) -> str:
+    """Return a record in this format, in g to nine digits.
+
+    The second line names event, time of the first sample (as far as known), station and component,
+    in PEER's order.
+    """
     rows = record.acceleration / STANDARD_GRAVITY
-    head = (
-        "PEER STRONG MOTION DATABASE RECORD, WRITTEN BY TDINT",
-        title,
-        "ACCELERATION TIME SERIES IN UNITS OF G",
-    )
+    station = record.id.split(".")[1] if record.id.count(".") == 3 else ""
+    names = [record.event.replace(",", " "), record.start, station, record.component]
+    if not record.start:
+        del names[1]
+    head = (_WRITTEN_HERE, ", ".join(names), "ACCELERATION TIME SERIES IN UNITS OF G")
     values = [
         "".join(f"{value:16.8E}" for value in rows[i : i + 5]) for i in range(0, rows.size, 5)
     ]

@@ -81,6 +81,8 @@ class Series:
         What the reader has compared with the header beside the peak.
     quantity : str
         What the header calls the samples (`velocity`); empty if it does not tell.
+    event : str
+        The earthquake as the header names it, on one line; empty if it names none.
     """
 
     samples: NDArray[Any]
@@ -97,6 +99,7 @@ class Series:
     pgv: float | None = None
     pgd: float | None = None
     quantity: str = ""
+    event: str = ""
 
     @property
     def id(self) -> str:
@@ -175,6 +178,7 @@ def _trace(part: Series, compared: tuple[str, ...], headonly: bool) -> Trace:
         "tdint_compared": compared,
         "tdint_peaks": (part.pgv, part.pgd),
         "tdint_quantity": part.quantity,
+        "tdint_event": part.event,
     }
     if part.start is not None:
         header["starttime"] = UTCDateTime(part.start)

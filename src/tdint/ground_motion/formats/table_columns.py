@@ -221,6 +221,7 @@ _KEYS = {
     "station": ("station",),
     "network": ("network",),
     "location": ("location",),
+    "event": ("event", "earthquake"),
 }
 COLUMNS = "columns"
 """Key of the names of columns, as they stand in the header."""

@@ -185,6 +185,7 @@ def read_text(
         location=code(header.get("location")),
         network=code(header.get("network")),
         start=header.start,
+        event=" ".join(header.get("event").split()),
         compared=compared,
     )
     # Where nothing has a name, a first column with the times or a count is no motion.

@@ -548,6 +548,7 @@ def _to_record(
         quantity=motion.quantity,
         compared=contents.compared,
         peaks=trace.stats.get("tdint_peaks", (None, None)) if instruments is None else (None, None),
+        event=trace.stats.get("tdint_event", ""),
     )
 
 

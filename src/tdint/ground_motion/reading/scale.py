@@ -172,7 +172,7 @@ def declared_units(
     if (
         format_name == "MSEED"
         and stats.location in UNITS_BY_LOCATION
-        and stats.channel[1:2] == _ACCELEROMETER
+        and not _OTHER_INSTRUMENT.fullmatch(stats.channel)
     ):
         return Declared(parse_units(UNITS_BY_LOCATION[stats.location]))
     if format_name in _SELF_SCALED:
@@ -262,6 +262,10 @@ def _ascii_unit(trace: Any) -> str:
 
 
 _ACCELEROMETER = "N"
+_OTHER_INSTRUMENT = re.compile(r"[A-Z][HLGMPD][A-Z0-9]")
+"""Channel codes of instruments that are no accelerometers. Motions that tdint writes may also have
+the direction as the channel code (067, EW)."""
+
 _LARGEST = 3.0 * STANDARD_GRAVITY
 """m/s^2; the largest acceleration of the ground ever recorded is a little less."""
 

@@ -260,9 +260,13 @@ def read_pairs(files: Sequence[str], choice: RecordChoice, names: PairNames = US
         else []
     )
     for group in groups:
+        # Two files that go together by the usual names may differ in a direction in degrees.
+        in_degrees = names == USUAL and len(group) == 2
         try:
             components = [
-                with_component(record) for file in group for record in read_chosen(file, choice)
+                with_component(record, in_degrees=in_degrees)
+                for file in group
+                for record in read_chosen(file, choice)
             ]
             pair: Horizontals = find_horizontals(components)
         except RecordError as error:

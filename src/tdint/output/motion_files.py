@@ -1,0 +1,186 @@
+"""Ground motions written as files: MiniSEED, AT2 and CSV.
+
+A file keeps the event, the station and the component of its source, in its name and in its header,
+so that every command recognizes the two files of a pair.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from tdint.ground_motion.formats.at2 import at2_text
+from tdint.ground_motion.horizontals import at_right_angles, azimuth, motion_names
+from tdint.ground_motion.reading.suites import GroundMotion, components
+from tdint.ground_motion.record import IN_SI, Record, to_mseed
+from tdint.output.tables.spectra import ground_table
+
+FORMATS = ("mseed", "at2", "csv")
+
+_STATION = 5  # characters of a station code in MiniSEED
+_CHANNEL = 3  # characters of a channel code in MiniSEED
+_OTHER_INSTRUMENT = re.compile(r"([A-Z])[HLGMPD]([ENZ123])")
+"""Channel codes that MiniSEED readers would not take for an accelerometer's."""
+
+_OF_PAIR = ("H1", "H2")
+"""Components of a pair whose own names do not identify them."""
+
+
+def motion_file_names(motions: Sequence[GroundMotion], kind: str) -> list[str]:
+    """Return the name of a file for each component of ground motions.
+
+    A file has the name of its source, with the component at the end if this name does not identify
+    it. Names that would occur more than once begin with the number of the motion.
+
+    Parameters
+    ----------
+    motions : sequence of Record or Horizontals
+        The motions. The sources are the files that they were read from.
+    kind : str
+        One of `FORMATS`; also the suffix of the names.
+    """
+    names = [_names_of_components(components(motion), kind) for motion in motions]
+    count = Counter(name for of_motion in names for name in of_motion)
+    return [
+        f"{number}-{name}" if any(count[other] > 1 for other in of_motion) else name
+        for number, of_motion in enumerate(names, start=1)
+        for name in of_motion
+    ]
+
+
+def motion_contents(
+    motions: Sequence[GroundMotion], kind: str
+) -> tuple[list[bytes], tuple[str, ...]]:
+    """Return the contents of a file for each component of ground motions, and notes about them.
+
+    Parameters
+    ----------
+    motions : sequence of Record or Horizontals
+        The motions.
+    kind : str
+        One of `FORMATS`.
+
+    Raises
+    ------
+    OutputError
+        MiniSEED cannot express a sampling interval.
+    """
+    records = [record for motion in motions for record in _named_components(components(motion))]
+    if kind == "at2":
+        return [at2_text(record).encode() for record in records], ()
+    if kind == "csv":
+        return [_csv_header(record) + ground_table(record).csv() for record in records], ()
+
+    # MiniSEED has short codes for the station and the component, and no place for the event.
+    stations = _short_stations([_codes(record)[1] for record in records])
+    contents: list[bytes] = []
+    notes: list[str] = []
+    for motion in motions:
+        of_motion = _named_components(components(motion))
+        channels = _channels([record.component for record in of_motion])
+        for record, channel in zip(of_motion, channels, strict=True):
+            network, station, _, _ = _codes(record)
+            named = ".".join((network[:2], stations[station], IN_SI, channel))
+            content, said = to_mseed([replace(record, id=named)])
+            contents.append(content)
+            notes += said
+            if stations[station] != station:
+                notes.append(
+                    f"MiniSEED has {_STATION} characters for a station: {station} is written as "
+                    f"{stations[station]}"
+                )
+    return contents, tuple(dict.fromkeys(notes))
+
+
+def _names_of_components(records: Sequence[Record], kind: str) -> list[str]:
+    """Return file names for the components of one motion that identify them as such."""
+    stems = [Path(record.source).stem.strip(" -") or "motion" for record in records]
+    ends = [_end_of_name(record.component) for record in records]
+    with_ends = [f"{stem}-{end}".rstrip("-") for stem, end in zip(stems, ends, strict=True)]
+    if len(records) == 1:
+        way = stems if _is_in_name(ends[0], stems[0]) else with_ends
+        return [f"{way[0]}.{kind}"]
+
+    # The first of these ways by which the two files are recognized as one motion.
+    common = os.path.commonprefix(stems).rstrip(" -_.") or stems[0]  # noqa: RUF071  of letters
+    ways = (stems, with_ends, [f"{common}-{end}" for end in ends])
+    for way in ways:
+        names = [f"{name}.{kind}" for name in way]
+        if names[0] != names[1] and len(set(motion_names(names))) == 1:
+            return names
+    return [f"{common}-{end}.{kind}" for end in _OF_PAIR]
+
+
+def _is_in_name(component: str, stem: str) -> bool:
+    """Return True if a file name contains the component: a word, or a number at its end."""
+    if component.isdecimal():
+        return bool(re.search(rf"(?<!\d){component}$", stem))
+    word = rf"(?<![A-Z0-9]){re.escape(component)}(?![A-Z0-9])"
+    return bool(component and re.search(word, stem, re.IGNORECASE))
+
+
+def _end_of_name(component: str) -> str:
+    """Return a component as it is written at the end of a file name: directions have three
+    digits."""
+    name = re.sub(r"[^\w-]+", "-", component.strip())
+    return f"{int(name):03d}" if name.isdecimal() else name
+
+
+def _named_components(records: Sequence[Record]) -> list[Record]:
+    """Return the components of a motion; a pair whose components have no names gets names."""
+    names = [record.component.strip() for record in records]
+    if len(records) == 2 and (not all(names) or names[0] == names[1]):
+        names = list(_OF_PAIR)
+    return [replace(record, component=name) for record, name in zip(records, names, strict=True)]
+
+
+def _codes(record: Record) -> list[str]:
+    """Return network, station, location and channel of a record, empty if unknown."""
+    codes = record.id.split(".")
+    return codes if len(codes) == 4 else [""] * 4
+
+
+def _csv_header(record: Record) -> bytes:
+    """Return comment lines that declare what the columns of a table of samples do not contain."""
+    network, station, _, _ = _codes(record)
+    declared = {
+        "event": re.sub("[,;]", " ", record.event),
+        "network": network,
+        "station": station,
+        "component": record.component,
+        "start": record.start,
+    }
+    return "".join(f"# {key} = {value}\n" for key, value in declared.items() if value).encode()
+
+
+def _short_stations(stations: Sequence[str]) -> dict[str, str]:
+    """Return a code of at most five letters and digits for each station, different for each."""
+    short: dict[str, str] = {}
+    for station in dict.fromkeys(stations):
+        plain = re.sub(r"[\W_]+", "", station)
+        code = plain[:_STATION] if len(station) > _STATION else station
+        number = 1
+        while code in short.values():
+            number += 1
+            code = f"{plain[: _STATION - len(str(number))]}{number}"
+        short[station] = code
+    return short
+
+
+def _channels(names: Sequence[str]) -> list[str]:
+    """Return the channel codes of the components of a motion in MiniSEED: their names as far as
+    these fit, or their directions in degrees."""
+    codes = []
+    for name in names:
+        code, direction = name.upper(), azimuth(name)
+        if len(code) > _CHANNEL and direction is not None:
+            code = f"{round(direction) % 360:03d}"
+        code = _OTHER_INSTRUMENT.sub(r"\1N\2", code)
+        codes.append(code if len(code) <= _CHANNEL and code.isalnum() else "")
+    if len(codes) == 1:
+        return codes
+    return codes if at_right_angles(*codes) else ["HN1", "HN2"]

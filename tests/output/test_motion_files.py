@@ -1,0 +1,217 @@
+"""Ground motions written as files: what a pair is before it is written, it is after."""
+
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tdint.ground_motion.choice import RecordChoice
+from tdint.ground_motion.horizontals import Horizontals, PairNames, motion_names
+from tdint.ground_motion.reading.read import read_horizontals, read_record, read_records
+from tdint.ground_motion.reading.suites import read_suite
+from tdint.ground_motion.record import Record
+from tdint.output.motion_files import FORMATS, motion_contents, motion_file_names
+
+PEER = "PEER NGA STRONG MOTION DATABASE RECORD\n{}\nACCELERATION TIME SERIES IN UNITS OF G\n{}"
+
+# Sources of two components: files, ids (network, station, location, channel), event, start; and the
+# station that MiniSEED has room for, and its two channels.
+CONVENTIONS = {
+    "peer": (
+        ("RSN763_LOMAP_GIL067.AT2", "RSN763_LOMAP_GIL337.AT2"),
+        (".Gilroy-Gavilan-Coll..67", ".Gilroy-Gavilan-Coll..337"),
+        ("Loma Prieta 10/18/1989", ""),
+        ("Gilro", "67", "337"),
+    ),
+    "peer, suffix apart": (
+        ("A-067.AT2", "A-337.AT2"),
+        (".GIL..067", ".GIL..337"),
+        ("", ""),
+        ("GIL", "067", "337"),
+    ),
+    "k-net": (
+        ("AOM0051801241951.NS", "AOM0051801241951.EW"),
+        ("BO.AOM005..NS", "BO.AOM005..EW"),
+        ("", "2018-01-24T10:51:25.000000Z"),
+        ("AOM00", "NS", "EW"),
+    ),
+    "kik-net": (
+        ("AICH040010061330.NS2", "AICH040010061330.EW2"),
+        ("BO.AICH04..NS2", "BO.AICH04..EW2"),
+        ("", "2000-10-06T04:31:09.000000Z"),
+        ("AICH0", "NS2", "EW2"),
+    ),
+    "network": (
+        ("CI.CLC..HNE.mseed", "CI.CLC..HNN.mseed"),
+        ("CI.CLC..HNE", "CI.CLC..HNN"),
+        ("", "2019-07-06T03:19:53.040000Z"),
+        ("CLC", "HNE", "HNN"),
+    ),
+    "one file": (
+        ("20180212_WPWS_20.V2A", "20180212_WPWS_20.V2A"),
+        (".WPWS..S16W", ".WPWS..S74E"),
+        ("", "2018-02-12T21:15:17.000000Z"),
+        ("WPWS", "196", "106"),
+    ),
+    "one file of channels": (
+        ("CE89146.V1", "CE89146.V1"),
+        (".89146.1.360", ".89146.3.90"),
+        ("Lytle Creek", "2012-02-13T21:06:45.000000Z"),
+        ("89146", "360", "90"),
+    ),
+    "letters": (
+        ("yard_X.txt", "yard_Y.txt"),
+        ("...X", "...Y"),
+        ("", ""),
+        ("", "X", "Y"),
+    ),
+    "fault": (
+        ("site-FN.txt", "site-FP.txt"),
+        (".S..FN", ".S..FP"),
+        ("Kocaeli", ""),
+        ("S", "FN", "FP"),
+    ),
+    "no names": (
+        ("left.txt", "right.txt"),
+        ("...", "..."),
+        ("", ""),
+        ("", "H1", "H2"),
+    ),
+    "words": (
+        ("a_long.txt", "a_trans.txt"),
+        (".S..LONG", ".S..TRANS"),
+        ("", ""),
+        ("S", "HN1", "HN2"),
+    ),
+}
+
+
+def components(convention, seed=0):
+    files, ids, (event, start), _ = CONVENTIONS[convention]
+    samples = np.random.default_rng(seed).standard_normal((2, 400))
+    return tuple(
+        Record(row, 0.01, start, id, id.split(".")[-1], f"in/{file}", event=event)
+        for row, id, file in zip(samples, ids, files, strict=True)
+    )
+
+
+def write(folder: Path, motions, kind):
+    names = motion_file_names(motions, kind)
+    contents, notes = motion_contents(motions, kind)
+    for name, content in zip(names, contents, strict=True):
+        (folder / name).write_bytes(content)
+    return names, notes
+
+
+def station(record):
+    return record.id.split(".")[1]
+
+
+@pytest.mark.parametrize(("convention", "kind"), list(product(CONVENTIONS, FORMATS)))
+def test_a_pair_is_one_after_it_is_written(convention, kind, tmp_path):
+    """By file names alone, by a folder, and by its two files, with station, component, event."""
+    first, second = components(convention)
+    names, _ = write(tmp_path, [Horizontals(first, second)], kind)
+    assert len(set(names)) == 2 and len(set(motion_names(names))) == 1
+    folder = read_suite([str(tmp_path)], RecordChoice(), PairNames())
+    assert not folder.failures and len(folder.motions) == 1
+    for pair in (folder.motions[0], read_horizontals(*(tmp_path / name for name in names))):
+        assert isinstance(pair, Horizontals)
+        assert sum(np.ptp(record.acceleration) for record in (pair.first, pair.second)) == (
+            pytest.approx(np.ptp(first.acceleration) + np.ptp(second.acceleration), rel=1e-6)
+        )
+    short, *channels = CONVENTIONS[convention][3]
+    for name, source, channel in zip(names, (first, second), channels, strict=True):
+        (record,) = read_records(tmp_path / name)
+        assert np.allclose(record.acceleration, source.acceleration, rtol=1e-8, atol=1e-8)
+        assert record.start == source.start
+        if kind == "mseed":
+            assert (station(record), record.component) == (short, channel)
+        else:
+            assert station(record) == station(source)
+            assert record.component == (source.component or f"H{(source is second) + 1}")
+            assert record.event == source.event
+    # The names keep the source's, and with it PEER's name of the event.
+    if convention in ("no names", "words"):
+        common = "left" if convention == "no names" else "a"
+        assert names == [f"{common}-H1.{kind}", f"{common}-H2.{kind}"]
+    elif not convention.startswith(("k", "one")):
+        assert names == [f"{Path(record.source).stem}.{kind}" for record in (first, second)]
+    else:
+        ends = [
+            f"{record.component:0>3}" if record.component.isdecimal() else record.component
+            for record in (first, second)
+        ]
+        stem = Path(first.source).stem
+        assert names == [f"{stem}-{end}.{kind}" for end in ends]
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_a_suite_keeps_its_pairs_apart(kind, tmp_path):
+    """Also those of equal names, and of stations that are equal in five characters."""
+    motions = []
+    for number, convention in enumerate((*CONVENTIONS, "peer", "network")):
+        first, second = components(convention, number)
+        motions.append(Horizontals(first, second))
+    last = [
+        replace(r, id=f".Gilroy-Array-{r.component}.", source=f"in/B{r.component}.AT2")
+        for r in components("peer", 99)
+    ]
+    last = [replace(record, id=f".Gilroy-Array-1..{record.component}") for record in last]
+    motions.append(Horizontals(*last))
+    names, notes = write(tmp_path, motions, kind)
+    assert len(set(names)) == 2 * len(motions)
+    suite = read_suite([str(tmp_path)], RecordChoice(), PairNames())
+    assert not suite.failures
+    written = {
+        tuple(sorted(np.round(np.ptp(record.acceleration), 6) for record in (m.first, m.second)))
+        for m in motions
+    }
+    read = {
+        tuple(sorted(np.round(np.ptp(record.acceleration), 6) for record in (m.first, m.second)))
+        for m in suite.motions
+    }
+    assert read == written
+    if kind == "mseed":
+        assert "Gilroy-Array-1 is written as Gilr2" in " ".join(notes)
+    else:
+        assert not notes
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_single_components_are_recognized_as_pairs_later(kind, tmp_path):
+    records = [
+        record for name in ("peer", "k-net", "network", "one file") for record in components(name)
+    ]
+    names, _ = write(tmp_path, records, kind)
+    assert len(set(names)) == len(records)
+    suite = read_suite([str(tmp_path)], RecordChoice(), PairNames())
+    assert len(suite.motions) == 4 and not suite.failures
+
+
+def test_directions_count_for_two_files_at_right_angles_alone():
+    """Numbers of motions are no directions."""
+    pair = ["x/GIL067.mseed", "x/GIL337.mseed"]
+    assert motion_names(pair) == ["x/GIL?.mseed"] * 2
+    assert motion_names(["x_S16W.csv", "x_S74E.csv"]) == ["x?.csv"] * 2
+    for files in (["R010.csv", "R020.csv"], ["R000.csv", "R045.csv", "R090.csv"], ["R067.csv"]):
+        assert motion_names(files) == files
+    assert motion_names([*pair, pair[0]]) == ["x/GIL?.mseed"] * 3
+
+
+def test_components_of_different_events_are_no_pair(tmp_path):
+    for name, line in (
+        ("A067.AT2", "Loma Prieta, 10/18/1989, GIL, 67"),
+        ("A337.AT2", "Kobe, 1/16/1995, GIL, 337"),
+    ):
+        values = " ".join(
+            f"{value:.6E}" for value in np.random.default_rng(len(line)).normal(size=50)
+        )
+        (tmp_path / name).write_text(PEER.format(line, f"NPTS= 50, DT= .01 SEC\n{values}\n"))
+    suite = read_suite([str(tmp_path)], RecordChoice(), PairNames())
+    assert read_record(tmp_path / "A067.AT2").event == "Loma Prieta 10/18/1989"
+    (failure,) = suite.failures
+    for part in ("A067.AT2", "A337.AT2", "different events", "Loma Prieta 10/18/1989", "Kobe 1/16"):
+        assert part in str(failure)
