@@ -82,7 +82,12 @@ def test_every_problem_and_method_stands_on_the_page():
     for problem in read_problems(STANDARD):
         assert f"- **{problem.name}**: {problem.reason}.\n" in PAGE
         assert f"|{problem.name}|{problem.motion}|{problem.posed.building.stories}|" in PAGE
+    # A method that joins the list is named on the page until the next complete run.
+    later = re.findall(r"^Added after this run, not measured here: (.*)\.$", PAGE, re.MULTILINE)
+    assert len(later) <= 1
     for method in run.METHODS:
+        if f"`{method}`" in "".join(later):
+            continue
         assert (
             len(re.findall(rf"^\|`{method}`( \(\d+ of \d+\))?\|", PAGE, re.MULTILINE))
             == len(PEAKS) + 1

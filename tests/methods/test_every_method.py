@@ -49,6 +49,7 @@ def average_acceleration():
     [
         *((method, (2, 16), 1e-3) for method in ("bathe", "bathe:gamma=0.5", "bathe:rho_inf=0.5")),
         *((method, (4, 32), 1e-3) for method in ("houbolt", "park")),
+        ("noh-bathe", (2, 16), 1e-3),
         *((method, (2, 16), 2e-3) for method in ("chang", "cr", "kr-alpha")),
         *((method, (2, 32), 1e-5) for method in ("rk5", "gauss4")),
     ],

@@ -28,6 +28,7 @@ from tdint.methods import (
     model_based,
     moment4,
     multi_step,
+    noh_bathe,
     runge_kutta,
     single_step,
 )
@@ -53,6 +54,7 @@ FAMILIES = (
     single_step,
     multi_step,
     bathe,
+    noh_bathe,
     model_based,
     runge_kutta,
     exact,

@@ -49,6 +49,7 @@ POWERS = {
     "bathe:gamma=0.5": ALL_LEFT,
     "bathe:rho_inf=0.5": NONE,
     "bathe:rho_inf=1": NONE,
+    "noh-bathe": (4, 6, 2, 4),
     "chang": NONE,
     "cr": (0, -2, 0, 0),  # its velocity is that at the step's end; 0 for h v from u0 where it lags
     "kr-alpha": DISPLACEMENT,

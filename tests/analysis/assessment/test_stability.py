@@ -46,6 +46,7 @@ ACCURACY = {
     "bathe:rho_inf=1": ("0.82", "0"),
     "bathe:rho_inf=0.8": ("0.94", "0.019"),
     "bathe:rho_inf=0.5": ("1.15", "0.046"),
+    "noh-bathe": ("-0.247", "0.052"),
     "chang": ("3.21", "0"),
     "cr": ("3.21", "0"),
     "kr-alpha:rho_inf=1": ("3.21", "0"),
@@ -102,7 +103,7 @@ MEMBERS = (
     *("bathe:rho_inf=0.3", "bathe:rho_inf=0.8", "bathe:rho_inf=0.8:gamma=0.5", "bathe:rho_inf=1.0"),
     *("kr-alpha:rho_inf=0.0", "kr-alpha:rho_inf=0.5", "kr-alpha:rho_inf=1.0"),
 )
-EXPLICIT = {"central-difference", "chang", "cr", "exact", "kr-alpha", "rk5"}
+EXPLICIT = {"central-difference", "chang", "cr", "exact", "kr-alpha", "noh-bathe", "rk5"}
 
 
 @pytest.mark.parametrize("method", [*catalogue(), *MEMBERS])
@@ -119,6 +120,7 @@ def test_which_methods_are_explicit():
         "central-difference",
         "fox-goodwin",
         "newmark-linear",
+        "noh-bathe",
         "rk5",
     }  # no limit at infinity to speak of
     assert {name for name in catalogue() if math.isnan(parse(name).rho_inf)} == conditional

@@ -61,6 +61,7 @@ METHODS = (
     "newmark-average",
     "newmark-linear",
     "central-difference",
+    "noh-bathe",
     "hht",
     "generalized-alpha",
     "wilson",

@@ -46,6 +46,7 @@ DEFAULT_METHODS = (
     USUAL,
     "newmark-linear",
     "central-difference",
+    "noh-bathe",
     "generalized-alpha",
     "bathe",
     "gauss4",

@@ -1,0 +1,268 @@
+"""Explicit method of Noh and Bathe (2013) with two substeps: the restoring forces are evaluated
+twice per step, and no equations are solved.
+
+The equations of motion are M a = p(t) - C v - f(u) with the masses M, the damping matrix C, the
+restoring forces f of the stories including P-delta, and the loads p. A step of size h from t0
+consists of the substeps p h and r h with r = 1 - p, p = 0.54. With the accelerations a0 at the
+start, ac at t0 + p h and a1 at the end,
+
+    uc = u0 + p h v0 + (p h)^2 / 2 a0
+    M ac = p(t0 + p h) - C (v0 + p h a0) - f(uc)
+    u1 = u0 + h v0 + h^2 (p / 2 a0 + r / 2 ac)
+    M a1 = p(t0 + h) - C w1 - f(u1),   w1 = v0 + h ((1 - 1 / (2 p)) a0 + 1 / (2 p) ac)
+    v1 = v0 + p h / 2 (a0 + ac) + r h (q0 a0 + (1/2 + q1) ac + q2 a1)
+    q1 = (1 - 2 p) / (2 p r),   q2 = 1/2 - p q1,   q0 = 1/2 - q1 - q2
+
+The publication predicts the velocity of the damping forces at the end of the step as w1 = vc + r h
+ac. Here w1 is extrapolated linearly from both accelerations, which is of order 2. Without damping
+the two are identical.
+
+The damping forces use predicted velocities, so the acceleration a1 in the state is not exactly the
+acceleration from equilibrium. The step is stable up to a limit of omega h, and not in a story that
+stiffens beyond it. Power-law dashpots are refused: their tangent is not bounded, and so is not the
+step that they permit.
+
+References
+----------
+Noh, G., Bathe, K. J. (2013). An explicit time integration scheme for the analysis of wave
+propagations. Computers and Structures 129, 178-193.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from tdint.kernels import layout as at
+from tdint.kernels.compiling import inlined, kernel
+from tdint.kernels.linear_terms import finite, floor_load, internal_forces
+from tdint.kernels.stepping import STEP
+from tdint.kernels.stories.law_state import commit, restoring, settle
+from tdint.methods.method import Family, Method
+
+# Offsets in the coefficients of `step`
+_P = 0  # first substep over the step
+_U1 = 1  # weights of a0 and ac in the displacement at the end
+_W1 = 3  # weights of a0 and ac in the velocity of the damping forces at the end
+_V1 = 5  # weights of a0, ac and a1 in the velocity at the end
+
+_FIRST_SUBSTEP = 0.54  # recommended by the publication: dissipates modes near the stability limit
+
+
+class _StepRows(NamedTuple):
+    """Number of rows of the work array for each quantity; the columns are floors or stories."""
+
+    LOAD: int = 1  # load p at the time of the evaluation, N
+    STORY_FORCE: int = 1  # story force including P-delta and dashpots, N
+    U: int = 1  # displacement at the end of the first substep, m
+    V: int = 1  # predicted velocity of the damping forces, m/s
+    INNER_FORCE: int = 1  # C v + f(u), N
+    AC: int = 1  # acceleration at the end of the first substep, m/s^2
+
+
+_ROW, _ROWS = at.chained(_StepRows)
+
+
+@kernel(STEP)
+def step(
+    coefficients,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    h,
+    load,
+    state,
+    springs,
+    work,
+    report,
+):
+    """Advance the state by one step of two explicit substeps.
+
+    The hysteretic laws follow the path from the committed state to the end of the first substep
+    (block FIRST_TRIAL of the law states) and from there to the end of the step (SECOND_TRIAL).
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Result of `coefficients_of`.
+    linear_terms, modal, law_parameters, forces, flags : ndarray
+        Fields of `tdint.kernels.stepping.Scene`; not changed.
+    h : float
+        Time step, s.
+    load : ndarray
+        Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
+    state : ndarray
+        Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
+        the ground; updated in place.
+    springs : ndarray
+        State of the hysteretic laws; updated in place.
+    work : ndarray
+        Scratch rows `_StepRows`.
+    report : ndarray
+        Not used.
+
+    Returns
+    -------
+    int
+        1, or NOT_FINITE if the new state is not finite.
+    """
+    n = linear_terms.shape[1] - 1
+    # First substep: displacement and predicted velocity from the state alone
+    elapsed = coefficients[_P] * h
+    u_below = 0.0
+    for i in range(n):
+        v0 = state[at.VELOCITY, i]
+        a0 = state[at.ACCELERATION, i]
+        u = state[at.DISPLACEMENT, i] + elapsed * v0 + 0.5 * elapsed * elapsed * a0
+        work[_ROW.V, i] = v0 + elapsed * a0
+        drift = u - linear_terms[at.LINK, i] * u_below
+        restoring(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL, drift)
+        u_below = u
+    ground = load[at.GROUND_0] + coefficients[_P] * (load[at.GROUND_1] - load[at.GROUND_0])
+    floor_load(linear_terms, forces, load[at.TIME] + elapsed, ground, work, _ROW.LOAD)
+    _accelerate(linear_terms, modal, springs, at.FIRST_TRIAL, work)
+    # Displacement and predicted velocity at the end from the accelerations a0 and ac
+    u_by_a0 = coefficients[_U1] * h * h
+    u_by_ac = coefficients[_U1 + 1] * h * h
+    w_by_a0 = coefficients[_W1] * h
+    w_by_ac = coefficients[_W1 + 1] * h
+    u_below = 0.0
+    for i in range(n):
+        v0 = state[at.VELOCITY, i]
+        a0 = state[at.ACCELERATION, i]
+        ac = work[_ROW.INNER_FORCE, i]
+        work[_ROW.AC, i] = ac
+        u = state[at.DISPLACEMENT, i] + h * v0 + u_by_a0 * a0 + u_by_ac * ac
+        work[_ROW.V, i] = v0 + w_by_a0 * a0 + w_by_ac * ac
+        drift = u - linear_terms[at.LINK, i] * u_below
+        restoring(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL, drift)
+        state[at.DISPLACEMENT, i] = u
+        u_below = u
+    floor_load(linear_terms, forces, load[at.TIME] + h, load[at.GROUND_1], work, _ROW.LOAD)
+    _accelerate(linear_terms, modal, springs, at.SECOND_TRIAL, work)
+    # Velocity and acceleration at the end; dissipated energy of both parts of the path
+    v_by_a0 = coefficients[_V1] * h
+    v_by_ac = coefficients[_V1 + 1] * h
+    v_by_a1 = coefficients[_V1 + 2] * h
+    for i in range(n):
+        a0 = state[at.ACCELERATION, i]
+        a1 = work[_ROW.INNER_FORCE, i]
+        state[at.VELOCITY, i] += v_by_a0 * a0 + v_by_ac * work[_ROW.AC, i] + v_by_a1 * a1
+        state[at.ACCELERATION, i] = a1
+        settle(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)
+        commit(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
+    return 1 if finite(state, n) else at.NOT_FINITE
+
+
+@inlined
+def _accelerate(linear_terms, modal, springs, trial, work):
+    """Compute the accelerations M^-1 (p - C v - f) into the row INNER_FORCE.
+
+    Parameters
+    ----------
+    linear_terms, modal : ndarray
+        Linear terms and modal damping of the building.
+    springs : ndarray
+        State of the hysteretic laws.
+    trial : int
+        First row of the block of law states that contains the story forces.
+    work : ndarray
+        Rows LOAD and V are read, row INNER_FORCE receives the accelerations, m/s^2.
+    """
+    inner = _ROW.INNER_FORCE
+    internal_forces(linear_terms, modal, springs, trial, work, _ROW.V, inner, _ROW.STORY_FORCE)
+    for i in range(linear_terms.shape[1] - 1):
+        unbalanced = work[_ROW.LOAD, i] - work[inner, i]
+        work[inner, i] = linear_terms[at.INVERSE_MASS, i] * unbalanced
+
+
+def coefficients_of(p: float) -> tuple[float, ...]:
+    """Return the coefficients of `step`.
+
+    Parameters
+    ----------
+    p : float
+        First substep over the step, between 0 and 1.
+
+    Returns
+    -------
+    tuple of float
+        p and the weights of the accelerations in u1, w1 and v1, in this order (8 values).
+    """
+    r = 1.0 - p
+    q1 = (1.0 - 2.0 * p) / (2.0 * p * r)
+    q2 = 0.5 - p * q1
+    q0 = 0.5 - q1 - q2
+    w_by_ac = 0.5 / p  # v0 + h times the mean of the accelerations, linear through a0 and ac
+    return (
+        p,
+        0.5 * p,
+        0.5 * r,
+        1.0 - w_by_ac,
+        w_by_ac,
+        0.5 * p + r * q0,
+        0.5 * p + r * (0.5 + q1),
+        r * q2,
+    )
+
+
+def stability_limit(p: float) -> float:
+    """Return the largest stable omega h of an oscillator without damping.
+
+    The step multiplies (u, h v) by a matrix whose trace T and determinant D are polynomials of y =
+    (omega h)^2. The eigenvalues are complex up to omega h of about 3.7 and decay. At the limit one
+    of them is 1, so 1 - T + D = 0.
+
+    Parameters
+    ----------
+    p : float
+        First substep over the step, between 0 and 1.
+
+    Returns
+    -------
+    float
+        Square root of the smallest positive root y of 1 - T + D.
+    """
+    from numpy.polynomial import Polynomial  # imported here because no other function needs it
+
+    _, u_by_a0, u_by_ac, _, _, v_by_a0, v_by_ac, v_by_a1 = coefficients_of(p)
+    y = Polynomial([0.0, 1.0])
+    # Accelerations are -y times displacements, in units of h^2. Factors of u0, then of h v0:
+    uc = (1.0 - 0.5 * p * p * y, Polynomial([p]))
+    u1 = (1.0 - y * (u_by_a0 + u_by_ac * uc[0]), 1.0 - y * u_by_ac * uc[1])
+    v1 = (
+        -y * (v_by_a0 + v_by_ac * uc[0] + v_by_a1 * u1[0]),
+        1.0 - y * (v_by_ac * uc[1] + v_by_a1 * u1[1]),
+    )
+    trace = u1[0] + v1[1]
+    determinant = u1[0] * v1[1] - u1[1] * v1[0]
+    # The root y = 0, a step of zero length, is divided out.
+    roots = Polynomial((1.0 - trace + determinant).coef[1:]).roots()
+    positive = np.real(roots)[(np.abs(np.imag(roots)) < 1e-9) & (np.real(roots) > 0.0)]
+    return math.sqrt(np.min(positive))
+
+
+FAMILY = Family(
+    "noh-bathe",
+    step,
+    lambda modes: _ROWS,
+    halvable=False,  # an explicit step never returns NOT_CONVERGED
+    power_dampers=False,
+    limited_by_stiffening=True,
+)
+
+METHODS = (
+    Method(
+        name="noh-bathe",
+        family=FAMILY,
+        coefficients=lambda: coefficients_of(_FIRST_SUBSTEP),
+        implicit=lambda: False,
+        stability_limit=lambda: stability_limit(_FIRST_SUBSTEP),
+        rho_inf=lambda: math.nan,  # unstable for large omega h
+        source="Noh and Bathe (2013), two explicit substeps, p 0.54; not for stories that stiffen",
+    ),
+)

@@ -1,0 +1,99 @@
+"""The explicit method of Noh and Bathe (2013): the compiled step against dense formulas, and the
+path of the drift laws through the first substep."""
+
+import numpy as np
+import pytest
+
+from building_cases import Law, noise
+from step_checks import RAYLEIGH, SingleSteps, building, load, matrices, restoring_of
+from tdint.analysis.assessment.stability import critical_step
+from tdint.analysis.run.run import run
+from tdint.kernels import layout as at
+from tdint.methods.catalogue import parse
+from tdint.methods.noh_bathe import coefficients_of, stability_limit
+
+P = 0.54
+R = 1.0 - P
+
+
+def dense_step(M, C, f, h, u0, v0, a0, p_inner, p1):
+    """Two substeps as they were published, each with a predicted velocity. The second prediction
+    is the linear extrapolation of the accelerations."""
+    s = P * h
+    u = u0 + s * v0 + s**2 / 2.0 * a0
+    a = np.linalg.solve(M, p_inner - C @ (v0 + s * a0) - f(u))
+    v = v0 + s / 2.0 * (a0 + a)
+    t = R * h
+    u1 = u + t * v + t**2 / 2.0 * a
+    slope = (a - a0) / s
+    predicted = v0 + h * a0 + h**2 / 2.0 * slope
+    a1 = np.linalg.solve(M, p1 - C @ predicted - f(u1))
+    q1 = (1.0 - 2.0 * P) / (2.0 * P * R)
+    q2 = 0.5 - P * q1
+    q0 = -q1 - q2 + 0.5
+    return u1, v + t * (q0 * a0 + (0.5 + q1) * a + q2 * a1), a1
+
+
+@pytest.mark.parametrize("nonlinear", [False, True], ids=["linear", "cubic"])
+def test_building_with_p_delta_dashpot_and_force_follows_the_formulas(nonlinear):
+    """The load of the first substep is the load at its end: the ground acceleration is linear in
+    between, and the floor force has its own time."""
+    case, record = building(RAYLEIGH, nonlinear=nonlinear), noise(samples=201)
+    history = run(case, record, method="noh-bathe", history=True).history
+    M, C, _ = matrices(case)
+    f, _ = restoring_of(case, nonlinear)
+    h = record.dt
+    motion = [np.array(case.initial.displacement), np.array(case.initial.velocity)]
+    motion.append(np.linalg.solve(M, load(case, record, 0.0) - C @ motion[1] - f(motion[0])))
+    motions = [motion]
+    for s in range(200):
+        loads = load(case, record, (s + P) * h), load(case, record, (s + 1) * h)
+        motions.append(dense_step(M, C, f, h, *motions[-1], *loads))
+    for name, part in (("displacement", 0), ("velocity", 1)):
+        want = np.array([motion[part] for motion in motions])
+        np.testing.assert_allclose(
+            getattr(history, name), want, rtol=0.0, atol=1e-10 * np.max(np.abs(want))
+        )
+
+
+def test_drift_laws_pass_through_the_end_of_the_first_substep():
+    """The lowest story yields in the first step. In the second step it yields backward in the first
+    substep and forward in the second one, so a path past its end would have other forces."""
+    stiffness, strength, hardening = 100.0, 5.0, 0.1
+    steps = SingleSteps("noh-bathe", Law("bilinear", (strength, hardening)))
+    springs = steps.space.springs[:, 0]
+    path = []
+    for _ in range(2):
+        assert steps.take(-20.0, -20.0) > 0
+        path.append((springs[at.FIRST_TRIAL + at.DRIFT], springs[at.FIRST_TRIAL + at.FORCE]))
+        path.append((springs[at.DRIFT], springs[at.FORCE]))
+    assert path[2][0] < path[1][0] < path[3][0]
+    # A spring of the hardening stiffness and a spring that slips at its limit, in parallel
+    soft = hardening * stiffness
+    limit = (1.0 - hardening) * strength
+    slipped = dissipated = 0.0
+    for drift, force in path:
+        yield_drift = limit / (stiffness - soft)
+        slip = max(abs(drift - slipped) - yield_drift, 0.0)
+        slipped += np.copysign(slip, drift - slipped)
+        dissipated += limit * slip
+        assert force == pytest.approx(soft * drift + (stiffness - soft) * (drift - slipped))
+    assert springs[at.DISSIPATED] == pytest.approx(dissipated, rel=1e-12)
+
+
+@pytest.mark.parametrize("p", [0.3, 0.5, P, 0.6])
+def test_coefficients_are_consistent(p):
+    """A constant acceleration is integrated exactly, and so are displacement and velocity under an
+    acceleration that is linear in time."""
+    _, u_by_a0, u_by_ac, w_by_a0, w_by_ac, v_by_a0, v_by_ac, v_by_a1 = coefficients_of(p)
+    assert u_by_a0 + u_by_ac == pytest.approx(1.0 / 2.0, rel=1e-14)
+    assert w_by_a0 + w_by_ac == pytest.approx(1.0, rel=1e-14)
+    assert w_by_ac * p == pytest.approx(1.0 / 2.0, rel=1e-14)
+    assert v_by_a0 + v_by_ac + v_by_a1 == pytest.approx(1.0, rel=1e-14)
+    assert v_by_ac * p + v_by_a1 == pytest.approx(1.0 / 2.0, rel=1e-14)
+
+
+def test_the_stability_limit_is_where_the_radius_exceeds_one():
+    assert stability_limit(P) == pytest.approx(3.745, abs=5e-4)
+    limits = [critical_step(parse("noh-bathe"), damping) for damping in (0.0, 0.02, 0.05, 0.2)]
+    assert limits == pytest.approx([stability_limit(P), 3.546, 3.268, 2.221], rel=2e-4)
