@@ -63,7 +63,8 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
     Raises
     ------
     UsageError
-        No law; a name that is taken or is none; no file.
+        No law; a name that is taken or is none; no file; a declaration that is missing: the force
+        is not linear, and neither `curved` nor branches are declared.
     """
     if not isinstance(law, DriftLaw):
         raise UsageError(
@@ -78,9 +79,12 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
             f"{where}: put the law into a module of its own, a file that another process can "
             "execute"
         )
-    with faults_of(where):
-        law.functions()
+    # Loaded here: commands without plug-ins do without the checks.
     from tdint.kernels.building.sources import OUTSIDE
+    from tdint.model.law_checks import verify_declaration
+
+    with faults_of(where):
+        verify_declaration(law, where)
 
     together = replace(law, apart=False)
     OUTSIDE[law.name] = home

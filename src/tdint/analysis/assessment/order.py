@@ -31,16 +31,15 @@ from tdint.analysis.static import cyclic_test
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.kernels import layout as at
-from tdint.kernels.laws.walking import walker
 from tdint.kernels.march.march import march
 from tdint.kernels.march.observing import begin, raise_shears, take_stock
 from tdint.kernels.stepping import Scene
-from tdint.kernels.stories.law_state import commit, restoring, resume, start
 from tdint.methods.catalogue import parse
 from tdint.methods.exact import oscillator
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, assemble, force_table
 from tdint.model.definition import LAWS, Force, Law, Model, simple_model, simple_story
+from tdint.model.law_checks import path_faults
 from tdint.tabular import Tabular, each_of
 
 LOADS = ("free", "harmonic", "record")
@@ -736,8 +735,9 @@ def _distance(array: Array, other: Array) -> float:
 
 
 def _branch_faults(model: Model, story: int) -> list[str]:
-    """What is wrong with the branches of a story's law in plain Python, with bounds checked: they
-    lead elsewhere than its force.
+    """Return what a story's law declares of its branches and curvature and does not do.
+
+    The law is executed in plain Python, with bounds checked (`path_faults`).
 
     Raises
     ------
@@ -745,36 +745,7 @@ def _branch_faults(model: Model, story: int) -> list[str]:
         Its functions cannot be executed, or use rows that are not declared.
     """
     building, i, law = assemble(model), story - 1, LAWS[model.stories[story - 1].law.name]
-    yields = building.yield_drift[i]
-    size = 3.0 * yields if math.isfinite(yields) and yields > 0.0 else 0.01
-    rows = at.EXTRA_ROWS + at.SPRING_BLOCKS * law.extra_rows
-    springs = _Guarded.of(np.zeros((rows, len(model.stories) + 1)), "springs")
-    parameters = _Guarded.of(building.law_parameters, "law_parameters")
-    functions, turns = (
-        law.functions(),
-        size * np.array([0.0, 1.0, 0.4, 1.5, -1.2, 0.1, -2.0, 2.0, -0.3]),
-    )
-    module = sys.modules[law.functions.__module__]
-    with np.errstate(all="ignore"), _faults_in(module, f"law {law.name}"):
-        start(parameters, springs, i, 0.0)
-        # Some steps to each turn of the path: loading, unloading short and far, and back through
-        # zero.
-        drifts = np.concatenate([np.linspace(a, b, 8)[1:] for a, b in pairwise(turns)])
-        largest = 0.0
-        for drift in drifts:
-            restoring(parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL, drift)
-            force = float(springs[at.FIRST_TRIAL + at.FORCE, i])
-            largest = max(largest, abs(force))
-            if law.kinked and not law.curved and functions.switch is not None:
-                walk = walker(functions.switch, functions.advance)
-                walk(parameters, springs, i, at.COMMITTED, at.SECOND_TRIAL, drift)
-                branch = float(springs[at.SECOND_TRIAL + at.FORCE, i])
-                if not abs(branch - force) <= _TANGENT * largest:
-                    return [
-                        f"law {law.name}: its branches (`enter`, `switch`, `advance`) lead to "
-                        f"{branch:.6g} N at drift {drift:.6g} m, `force` to {force:.6g} N: "
-                        "`put_on_branch` sets all that a `switch` must"
-                    ]
-            commit(parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)
-            resume(parameters, springs, i)
-    return []
+    with _faults_in(sys.modules[law.functions.__module__], f"law {law.name}"):
+        return path_faults(
+            law, building.law_parameters[:, i], float(building.yield_drift[i]), _Guarded.of
+        )

@@ -46,6 +46,7 @@ from tdint.methods.catalogue import DEFAULT_METHOD, catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, DrawnBuildings, assemble, force_table, variant
 from tdint.model.definition import Model
+from tdint.model.law_checks import verify_laws
 
 # omega dt of the fastest mode, bounded from above, up to which a step is taken to follow all modes
 _RESOLVED = 2.5
@@ -232,7 +233,13 @@ class PreparedBuilding:
         ----------
         progress : callable
             Told how much is done, from 0 to 1.
+
+        Raises
+        ------
+        AnalysisError
+            A law of a plug-in is not what it declares.
         """
+        verify_laws(self.building.law_parameters)
         obtain(
             [kernel for integrator in integrators for kernel in kernels(integrator, self.variant)],
             progress,
@@ -427,6 +434,7 @@ class PreparedBuilding:
             [lane for _, lane in runs],
             ("linear_terms", "law_parameters", "modal"),
         )
+        verify_laws(drawn.law_parameters)
         fast, devices = drawn.fastest * h > _RESOLVED, drawn.with_devices.tolist()
         shared: dict[tuple[bool, int], tuple[PreparedBuilding, Workspace, Callable[..., None]]] = {}
         for r, (d, lane) in enumerate(runs):
@@ -566,6 +574,7 @@ class PreparedBuilding:
     def arrays(self, integrator: Integrator, h: float, rows: int) -> Workspace:
         """The arrays of a march with steps h (s) in the initial state, with so many rows of its
         history."""
+        verify_laws(self.building.law_parameters)
         space = workspace(self.building, integrator, rows, self.collapse_drift)
         space.state[at.DISPLACEMENT, :-1] = self.displacement
         space.state[at.VELOCITY, :-1] = self.velocity

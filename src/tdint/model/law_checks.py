@@ -1,0 +1,358 @@
+"""Verify that a drift law of a plug-in is what it declares, before a method relies on it.
+
+`impulse4` and `moment4` follow the branches of a law. Between the ends of its branch they take the
+story as linear if the branch has a finite slope (row SLOPE). A law that declares neither `curved`
+nor branches has one branch without end, with the initial stiffness: its `force` is never evaluated.
+Other methods evaluate `force` alone. Therefore a law brought along a path in plain Python must have
+the same force by both ways, and whatever is missing in its declaration is named.
+
+The structure is verified at registration, together with the path of a law without branches for
+sampled parameters. The path of every law is verified with the numbers of a story before its first
+time integration.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from tdint.arrays import Array
+from tdint.errors import AnalysisError, UsageError
+from tdint.kernels import layout as at
+from tdint.kernels.laws import LAWS, OURS
+from tdint.kernels.laws.law import DriftLaw, LawFunctions
+from tdint.kernels.laws.walking import walker
+from tdint.model.plugins import faults_of
+
+_TURNS = (0.0, 1.0, 0.4, 1.5, -1.2, 0.1, -2.0, 2.0, -0.3)
+"""Turning points of the path, over its size: loading, short and long unloading, and the way back
+through zero."""
+_POINTS = 8  # drifts from one turning point to the next
+_DECADES = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
+"""Sizes of paths, m: from the drift at first cracking of a stiff wall to more than any story has.
+Wherever a law leaves its first branch, one of the paths does so too."""
+_YIELDS = (0.3, 3.0, 20.0)  # sizes of paths over the drift at first yield
+_TOLERANCE = 1e-6  # over the largest force of the path; branches of exact laws differ by 1e-12
+_MAX_SETS = 256
+"""Sets of numbers of one law that are verified in a process. Declarations belong to the law, not to
+its numbers; a study of 10 000 random buildings would spend a minute on verifying the same
+declaration."""
+_STIFFNESS, _FORCE, _LENGTH = 1e7, 1e5, 1e-2
+"""Initial stiffness, N/m, force, N, and length, m, of the stories sampled at registration: a story
+of a small building, which yields at a drift of 10 mm."""
+_FACTORS = (0.3, 1.0, 3.0)  # on the sampled parameters
+
+Guard = Callable[[Array, str], Array]
+"""Makes of an array and its name one that detects rows which are not declared."""
+
+_verified: dict[int, tuple[DriftLaw, set[bytes]]] = {}
+"""Sets of numbers that this process has verified, by the number of the law."""
+
+
+class _Story(NamedTuple):
+    """A story of one law: its functions and its numbers."""
+
+    law: DriftLaw
+    functions: LawFunctions
+    column: Array
+    guard: Guard
+
+
+class _Point(NamedTuple):
+    """A drift of the path.
+
+    Attributes
+    ----------
+    drift, force : float
+        Drift, m, and force by the law's `force`, N.
+    branch : float
+        Force by its branches, N; nan where the present branch is curved.
+    inside : bool
+        Whether the path stays on the branch on which it was.
+    lower, upper : float
+        The ends of that branch, m.
+    """
+
+    drift: float
+    force: float
+    branch: float
+    inside: bool
+    lower: float
+    upper: float
+
+
+def verify_declaration(law: DriftLaw, where: str) -> None:
+    """Verify at registration that a law declares its branches and its curvature.
+
+    Parameters
+    ----------
+    law : DriftLaw
+        The law; its functions are executed in plain Python.
+    where : str
+        Origin of the law, for messages.
+
+    Raises
+    ------
+    UsageError
+        A declaration is missing: its name and the reason.
+    """
+    functions = law.functions()
+    if functions.switch is not None and not law.kinked:
+        raise UsageError(
+            f"{where}: law {law.name} has branches (`switch`), but does not declare `kinked=True`: "
+            "methods would not look for the ends of its branches; declare `kinked=True`"
+        )
+    if functions.switch is None and law.kinked:
+        raise UsageError(
+            f"{where}: law {law.name} declares `kinked=True`, but has no `switch`, which changes "
+            "its branch; add `switch` and `enter`, or declare `curved=True` alone"
+        )
+    if functions.switch is None and not law.curved:
+        for column in _sampled_columns(law):
+            for fault in _sampled_faults(law, column):
+                raise UsageError(f"{where}: {fault}")
+
+
+def verify_laws(law_parameters: Array) -> None:
+    """Verify the plug-in laws of a building with their numbers, each set of numbers once.
+
+    Parameters
+    ----------
+    law_parameters : ndarray, shape (..., rows, n + 1)
+        Table of the drift laws of a building, or of buildings that share a model.
+
+    Raises
+    ------
+    AnalysisError
+        A law is not what it declares: the missing or false declaration.
+    """
+    codes = law_parameters[..., at.CODE, :-1]
+    if not np.any(codes >= OURS):
+        return
+    columns = np.moveaxis(law_parameters[..., :-1], -2, -1)[codes >= OURS]
+    for column in np.unique(columns, axis=0):
+        code = int(column[at.CODE])
+        law = LAWS[code]
+        known, verified = _verified.get(code, (None, set()))
+        if known is not law:  # another plug-in has this number now
+            _verified[code] = law, verified = law, set()
+        numbers = column.tobytes()
+        if numbers in verified or len(verified) >= _MAX_SETS:
+            continue
+        file = getattr(sys.modules.get(law.functions.__module__), "__file__", None)
+        try:
+            with faults_of(file or f"law {law.name}"):
+                faults = path_faults(law, column, _yield_drift(law, column))
+        except UsageError as error:  # the functions of the law cannot be executed
+            faults = [str(error)]
+        if faults:
+            raise AnalysisError("; ".join(faults))
+        verified.add(numbers)
+
+
+def path_faults(
+    law: DriftLaw,
+    column: Array,
+    yield_drift: float = math.nan,
+    guard: Guard = lambda array, name: array,
+) -> list[str]:
+    """Return the differences between a law's force and its declarations along paths of drift.
+
+    Parameters
+    ----------
+    law : DriftLaw
+        The law; its functions are executed in plain Python.
+    column : ndarray, shape (rows,)
+        Its number, its initial stiffness (N/m) and its parameters, as in `law_parameters`.
+    yield_drift : float
+        Drift at first yield, m; nan if it is unknown.
+    guard : callable
+        Makes of an array and its name one that detects rows which are not declared; by default
+        the array itself.
+
+    Returns
+    -------
+    list of str
+        The first fault; empty if there is none.
+    """
+    story = _Story(law, law.functions(), column, guard)
+    functions = story.functions
+    if law.curved and not (functions.switch or functions.enter or functions.keep):
+        return _memory_faults(story, yield_drift)
+    yields = [yield_drift * part for part in _YIELDS if 0.0 < yield_drift < math.inf]
+    # The path of a curved law with branches is short: its force may be integrated in many substeps.
+    sizes = (yields[:2] or [1e-2]) if law.curved else sorted([*yields, *_DECADES])
+    for size in sizes:
+        largest = 0.0
+        for point in _follow(story, _drifts(size)):
+            largest = max(largest, abs(point.force))
+            curved = law.curved and not math.isfinite(point.branch)
+            if curved or abs(point.branch - point.force) <= _TOLERANCE * largest:
+                continue
+            return [_described(law, functions, point)]
+    return _memory_faults(story, yield_drift)
+
+
+def _described(law: DriftLaw, functions: LawFunctions, point: _Point) -> str:
+    """Return the message on a force that is not the one of the branch, with the remedy."""
+    forces = f"{point.branch:.6g} N at drift {point.drift:.6g} m, `force` to {point.force:.6g} N"
+    if functions.switch is None:
+        return (
+            f"law {law.name}: its tangent is not constant, but it declares neither `curved=True` "
+            f"nor branches; the initial stiffness leads to {forces}: declare `curved=True`, or add "
+            "`enter` and `switch` and declare `kinked=True`"
+        )
+    if point.inside:
+        return (
+            f"law {law.name}: its force is not linear on the branch from {point.lower:.6g} to "
+            f"{point.upper:.6g} m, whose slope (row SLOPE) leads to {forces}: declare "
+            "`curved=True`, or set the ends of the branch (rows LOWER, UPPER, TURN) in `enter` and "
+            "`switch`: `put_on_branch` sets all that a `switch` must"
+        )
+    return (
+        f"law {law.name}: its branches (`enter`, `switch`, `advance`) lead to {forces}: "
+        "`put_on_branch` sets all that a `switch` must"
+    )
+
+
+def _memory_faults(story: _Story, yield_drift: float) -> list[str]:
+    """Return the fault of a law whose force depends on the path and that dissipates nothing."""
+    law, functions = story.law, story.functions
+    if functions.settle is not None or functions.dissipated is not None:
+        return []
+    for size in (3.0 * yield_drift,) if 0.0 < yield_drift < math.inf else _DECADES:
+        # Load to 0.4, on to 1 and 1.5, and back to 0.4.
+        drifts = size * np.array([0.1, 0.2, 0.3, 0.4, 0.7, 1.0, 1.25, 1.5, 1.0, 0.7, 0.4])
+        forces = [point.force for point in _follow(story, drifts)]
+        if not abs(forces[-1] - forces[3]) <= _TOLERANCE * max(map(abs, forces)):
+            return [
+                f"law {law.name}: its force at drift {drifts[3]:.6g} m is {forces[3]:.6g} N before "
+                f"and {forces[-1]:.6g} N after a larger drift, so that it dissipates energy, but "
+                "it has neither `settle` nor `dissipated`: add one of them"
+            ]
+    return []
+
+
+# ---- A story in plain Python
+
+
+def _drifts(size: float) -> Array:
+    """Return the drifts of a path of this size (m), turning points included."""
+    turns = size * np.array(_TURNS)
+    return np.concatenate([np.linspace(a, b, _POINTS)[1:] for a, b in pairwise(turns)])
+
+
+def _follow(story: _Story, drifts: Array) -> Iterator[_Point]:
+    """Bring a story from rest to one drift after the other and commit each.
+
+    The law is executed directly and not by its number: it may not have one yet.
+    """
+    law, functions, column, guard = story
+    # The table of a building of one story has a second, empty column.
+    table = guard(np.column_stack([column, np.zeros_like(column)]), "law_parameters")
+    rows = at.EXTRA_ROWS + at.SPRING_BLOCKS * law.extra_rows
+    springs = guard(np.zeros((rows, 2)), "springs")
+    walk = walker(functions.switch or _no_branch, functions.advance)
+    with np.errstate(all="ignore"):
+        _enter(law, functions, table, springs)
+        _reach(functions, table, springs, 0.0)
+        _commit(law, functions, table, springs)
+        for drift in drifts.tolist():
+            before = springs[at.DRIFT, 0]
+            lower, upper = float(springs[at.LOWER, 0]), float(springs[at.UPPER, 0])
+            turns = springs[at.TURN, 0] * (drift - before) < 0.0
+            # By the branches
+            branch = math.nan
+            if springs[at.SLOPE, 0] < math.inf:
+                walk(table, springs, 0, at.COMMITTED, at.SECOND_TRIAL, drift)
+                branch = float(springs[at.SECOND_TRIAL + at.FORCE, 0])
+            # By the force of the law
+            _reach(functions, table, springs, drift)
+            force = float(springs[at.FIRST_TRIAL + at.FORCE, 0])
+            inside = lower <= drift <= upper and not turns
+            yield _Point(drift, force, branch, inside, lower, upper)
+            _commit(law, functions, table, springs)
+
+
+def _no_branch(law_parameters: Array, springs: Array, i: int, block: int, event: int) -> None:
+    """Leave the branch as it is: the `switch` of a law without one."""
+
+
+def _reach(functions: LawFunctions, table: Array, springs: Array, drift: float) -> None:
+    """Write the force at a drift, reached from the committed state, to the first trial block."""
+    springs[at.FIRST_TRIAL + at.DRIFT, 0] = drift
+    functions.force(table, springs, 0, at.COMMITTED, at.FIRST_TRIAL, drift)
+
+
+def _commit(law: DriftLaw, functions: LawFunctions, table: Array, springs: Array) -> None:
+    """Make the first trial state the committed one, as `law_state.commit` and `resume` do."""
+    if functions.settle is not None:
+        functions.settle(table, springs, 0, at.COMMITTED, at.FIRST_TRIAL)
+    if functions.keep is not None:
+        functions.keep(table, springs, 0, at.COMMITTED, at.FIRST_TRIAL)
+    for row in range(at.PLAIN_ROWS):
+        springs[row, 0] = springs[at.FIRST_TRIAL + row, 0]
+    if functions.keep is None:
+        _enter(law, functions, table, springs)
+
+
+def _enter(law: DriftLaw, functions: LawFunctions, table: Array, springs: Array) -> None:
+    """Put the committed state on the branch that it implies, as `branches.enter` does."""
+    springs[at.SLOPE, 0] = math.inf if law.curved else table[at.STIFFNESS, 0]
+    springs[at.TURN, 0] = 0.0
+    springs[at.UPPER, 0] = math.inf
+    springs[at.LOWER, 0] = -math.inf
+    if functions.enter is not None:
+        functions.enter(table, springs, 0)
+
+
+# ---- Numbers of a story
+
+
+def _yield_drift(law: DriftLaw, column: Array) -> float:
+    """Return the drift at first yield that a law declares for its numbers, m."""
+    return float(
+        law.yield_drift(float(column[at.STIFFNESS]), column[at.FIRST_PARAMETER :].tolist())
+    )
+
+
+def _sampled_columns(law: DriftLaw) -> Iterator[Array]:
+    """Yield numbers of a story within the bounds of the law's parameters.
+
+    A law with lists or points among its parameters has no obvious sample: its path is verified with
+    the numbers of the first model.
+    """
+    if any(parameter.many or parameter.points for parameter in law.parameters):
+        return
+    for factor in _FACTORS:
+        values: list[float] = []
+        for parameter in law.parameters:
+            value = factor * _FORCE**parameter.force * _LENGTH**parameter.length
+            low, high = parameter.low, parameter.high
+            if not low < value < high:
+                # A bounded number, as a ratio: somewhere between its bounds.
+                part = factor / (1.0 + factor)
+                below = low if math.isfinite(low) else high - 1.0
+                above = high if math.isfinite(high) else low + 1.0
+                value = below + part * (above - below)
+            values.append(value)
+        stiffness = law.initial_stiffness(values) if law.initial_stiffness else _STIFFNESS
+        if law.fault(stiffness, values) is None:
+            yield np.array([math.nan, stiffness, *values])
+
+
+def _sampled_faults(law: DriftLaw, column: Array) -> list[str]:
+    """Return the faults of a law with sampled numbers; none if it cannot be executed with them.
+
+    The numbers are not those of a model, and a law may rely on more than the bounds that it
+    declares. It is executed again with the numbers of the first model.
+    """
+    try:
+        return path_faults(law, column)
+    except Exception:  # code of others, with numbers that its author may not have intended
+        return []
