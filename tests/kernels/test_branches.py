@@ -14,6 +14,7 @@ from tdint.kernels.laws.walking import walker
 from tdint.kernels.stories.branches import NONE, _crossing, turning
 from tdint.kernels.stories.law_state import restoring, start
 from tdint.model.definition import LAWS
+from tdint.model.law_checks import path_faults
 
 IMK_SIDE = (FY, 0.035, 0.1, 1.1, 0.2, 0.5, 1.0)
 MULTILINEAR_SIDE = (FY / K, FY, 0.05, 1.4 * FY, 0.1, 1.1 * FY, 0.3, 0.5 * FY)
@@ -43,6 +44,10 @@ def test_what_a_law_says_of_itself_is_what_its_functions_do(name):
     state = spring_table(law_parameters)
     start(law_parameters, state, 0, 0.0)
     assert math.isinf(state[at.SLOPE, 0]) == LAWS[name].curved
+    # Force, tangent and branches agree along paths from elastic to far beyond yielding.
+    numbers, values = law_parameters[:, 0], list(LAW_CASES[name])
+    assert path_faults(LAWS[name], numbers, LAWS[name].yield_drift(K, values)) == []
+    assert path_faults(LAWS[name], numbers) == []
 
 
 @pytest.mark.parametrize("name", LAW_CASES)

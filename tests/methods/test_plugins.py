@@ -214,7 +214,7 @@ def test_a_law_whose_tangent_or_energy_is_false_is_told(tmp_path, hyperbolic):
         "stiffness": 3e7,
         "law": {"type": "skewed", "strength": 3e5},
     }
-    energy, tangent = check_law(tdint.load_model({"stories": [story]}), 1)
+    tangent, energy = check_law(tdint.load_model({"stories": [story]}), 1)
     assert "energy differ" in energy and "no" not in energy
     assert "the tangent is not the slope of the force" in tangent
 
@@ -426,7 +426,11 @@ def test_the_code_of_a_plugin_is_an_input(workshop, verlet, hyperbolic, tmp_path
     text = hyperbolic.read_text().replace(
         "import math\n", "import math\n\nimport outside_helpers\n"
     )
-    hyperbolic.write_text(text.replace("* drift / root", "* drift * outside_helpers.FACTOR / root"))
+    # Force and tangent alike: a law whose tangent is not the slope of its force is refused.
+    text = text.replace("* drift / root", "* drift * outside_helpers.FACTOR / root")
+    tangent = "/ (root * root * root)"
+    assert tangent in text
+    hyperbolic.write_text(text.replace(tangent, f"* outside_helpers.FACTOR {tangent}"))
     unused = outside(tmp_path, verlet.read_text().replace('"verlet"', '"unused"'), "unused")
     plugins = [
         word for name in ("verlet", "hyperbolic", "unused") for word in ("--plugin", f"{name}.py")

@@ -38,7 +38,9 @@ _DECADES = (1e-4, 1e-3, 1e-2, 0.1, 1.0)
 Wherever a law leaves its first branch, one of the paths does so too."""
 _YIELDS = (0.3, 3.0, 20.0)  # sizes of paths over the drift at first yield
 _TOLERANCE = 1e-6  # over the largest force of the path; branches of exact laws differ by 1e-12
-_MAX_SETS = 256
+_TANGENT_TOLERANCE = 1e-2  # over the largest slope of the path
+_DIFFERENCE = 1e-5  # over the size of the path: distance for the slopes on both sides of a drift
+_MAX_SETS = 128
 """Sets of numbers of one law that are verified in a process. Declarations belong to the law, not to
 its numbers; a study of 10 000 random buildings would spend a minute on verifying the same
 declaration."""
@@ -72,6 +74,12 @@ class _Point(NamedTuple):
         Drift, m, and force by the law's `force`, N.
     branch : float
         Force by its branches, N; nan where the present branch is curved.
+    tangent : float
+        Tangent that `force` returns, N/m.
+    slopes : tuple of float
+        Slopes of the force before and after the drift, N/m.
+    again : float
+        Force at the same drift after the state is committed, N.
     inside : bool
         Whether the path stays on the branch on which it was.
     lower, upper : float
@@ -81,6 +89,9 @@ class _Point(NamedTuple):
     drift: float
     force: float
     branch: float
+    tangent: float
+    slopes: tuple[float, float]
+    again: float
     inside: bool
     lower: float
     upper: float
@@ -181,25 +192,38 @@ def path_faults(
         The first fault; empty if there is none.
     """
     story = _Story(law, law.functions(), column, guard)
-    functions = story.functions
-    if law.curved and not (functions.switch or functions.enter or functions.keep):
-        return _memory_faults(story, yield_drift)
     yields = [yield_drift * part for part in _YIELDS if 0.0 < yield_drift < math.inf]
-    # The path of a curved law with branches is short: its force may be integrated in many substeps.
-    sizes = (yields[:2] or [1e-2]) if law.curved else sorted([*yields, *_DECADES])
+    # The paths of a curved law are short: its force may be integrated in many substeps.
+    sizes = (yields[:2] or _DECADES[:3]) if law.curved else sorted([*yields, *_DECADES])
     for size in sizes:
-        largest = 0.0
-        for point in _follow(story, _drifts(size)):
+        largest = steepest = 0.0
+        for point in _follow(story, _drifts(size), _DIFFERENCE * size):
             largest = max(largest, abs(point.force))
-            curved = law.curved and not math.isfinite(point.branch)
-            if curved or abs(point.branch - point.force) <= _TOLERANCE * largest:
-                continue
-            return [_described(law, functions, point)]
+            steepest = max(steepest, *map(abs, point.slopes))
+            # By the branches and by the force
+            on_curve = law.curved and not math.isfinite(point.branch)
+            if not (on_curve or abs(point.branch - point.force) <= _TOLERANCE * largest):
+                return [_described(story, point)]
+            if not abs(point.again - point.force) <= _TOLERANCE * largest:
+                return [
+                    f"law {law.name}: its force at drift {point.drift:.6g} m is "
+                    f"{point.force:.6g} N when the story arrives and {point.again:.6g} N when it "
+                    "stays: `keep` must copy all that `force` reads from the trial state to the "
+                    "committed one"
+                ]
+            room = _TANGENT_TOLERANCE * steepest
+            if not min(point.slopes) - room <= point.tangent <= max(point.slopes) + room:
+                return [
+                    f"law {law.name}: the tangent is not the slope of the force: `force` returns "
+                    f"{point.tangent:.6g} N/m at drift {point.drift:.6g} m, the slopes before and "
+                    f"after it are {point.slopes[0]:.6g} and {point.slopes[1]:.6g} N/m"
+                ]
     return _memory_faults(story, yield_drift)
 
 
-def _described(law: DriftLaw, functions: LawFunctions, point: _Point) -> str:
+def _described(story: _Story, point: _Point) -> str:
     """Return the message on a force that is not the one of the branch, with the remedy."""
+    law, functions = story.law, story.functions
     forces = f"{point.branch:.6g} N at drift {point.drift:.6g} m, `force` to {point.force:.6g} N"
     if functions.switch is None:
         return (
@@ -225,10 +249,10 @@ def _memory_faults(story: _Story, yield_drift: float) -> list[str]:
     law, functions = story.law, story.functions
     if functions.settle is not None or functions.dissipated is not None:
         return []
-    for size in (3.0 * yield_drift,) if 0.0 < yield_drift < math.inf else _DECADES:
+    for size in (3.0 * yield_drift,) if 0.0 < yield_drift < math.inf else _DECADES[:3]:
         # Load to 0.4, on to 1 and 1.5, and back to 0.4.
         drifts = size * np.array([0.1, 0.2, 0.3, 0.4, 0.7, 1.0, 1.25, 1.5, 1.0, 0.7, 0.4])
-        forces = [point.force for point in _follow(story, drifts)]
+        forces = [point.force for point in _follow(story, drifts, _DIFFERENCE * size)]
         if not abs(forces[-1] - forces[3]) <= _TOLERANCE * max(map(abs, forces)):
             return [
                 f"law {law.name}: its force at drift {drifts[3]:.6g} m is {forces[3]:.6g} N before "
@@ -247,10 +271,11 @@ def _drifts(size: float) -> Array:
     return np.concatenate([np.linspace(a, b, _POINTS)[1:] for a, b in pairwise(turns)])
 
 
-def _follow(story: _Story, drifts: Array) -> Iterator[_Point]:
+def _follow(story: _Story, drifts: Array, difference: float) -> Iterator[_Point]:
     """Bring a story from rest to one drift after the other and commit each.
 
-    The law is executed directly and not by its number: it may not have one yet.
+    Slopes are taken over `difference` (m). The law is executed directly and not by its number: it
+    may not have one yet.
     """
     law, functions, column, guard = story
     # The table of a building of one story has a second, empty column.
@@ -272,21 +297,30 @@ def _follow(story: _Story, drifts: Array) -> Iterator[_Point]:
                 walk(table, springs, 0, at.COMMITTED, at.SECOND_TRIAL, drift)
                 branch = float(springs[at.SECOND_TRIAL + at.FORCE, 0])
             # By the force of the law
-            _reach(functions, table, springs, drift)
-            force = float(springs[at.FIRST_TRIAL + at.FORCE, 0])
-            inside = lower <= drift <= upper and not turns
-            yield _Point(drift, force, branch, inside, lower, upper)
+            below, _ = _reach(functions, table, springs, drift - difference)
+            above, _ = _reach(functions, table, springs, drift + difference)
+            force, tangent = _reach(functions, table, springs, drift)
             _commit(law, functions, table, springs)
+            again, _ = _reach(functions, table, springs, drift)
+            slopes = (force - below) / difference, (above - force) / difference
+            inside = lower <= drift <= upper and not turns
+            yield _Point(drift, force, branch, tangent, slopes, again, inside, lower, upper)
 
 
 def _no_branch(law_parameters: Array, springs: Array, i: int, block: int, event: int) -> None:
     """Leave the branch as it is: the `switch` of a law without one."""
 
 
-def _reach(functions: LawFunctions, table: Array, springs: Array, drift: float) -> None:
-    """Write the force at a drift, reached from the committed state, to the first trial block."""
+def _reach(
+    functions: LawFunctions, table: Array, springs: Array, drift: float
+) -> tuple[float, float]:
+    """Return force and tangent at a drift, reached from the committed state.
+
+    The state there is written to the first trial block.
+    """
     springs[at.FIRST_TRIAL + at.DRIFT, 0] = drift
-    functions.force(table, springs, 0, at.COMMITTED, at.FIRST_TRIAL, drift)
+    tangent = functions.force(table, springs, 0, at.COMMITTED, at.FIRST_TRIAL, drift)
+    return float(springs[at.FIRST_TRIAL + at.FORCE, 0]), float(tangent)
 
 
 def _commit(law: DriftLaw, functions: LawFunctions, table: Array, springs: Array) -> None:

@@ -356,7 +356,6 @@ _RADIUS = 1e-3
 _FAST = 1e6
 """omega dt that stands for infinity; rounding grows with it."""
 _ENERGY = 1e-3
-_TANGENT = 1e-2
 
 
 @dataclass(frozen=True)
@@ -478,17 +477,6 @@ def check_law(model: Model, story: int) -> list[str]:
         faults.append(
             f"law {name}: stored and dissipated energy differ from the work done by {off:.2g} of "
             "the most"
-        )
-    # Where a path turns or a branch ends the slopes on both sides differ: any tangent between them
-    # will do.
-    slopes = np.diff(path.shear) / step
-    least, most = np.minimum(slopes[1:], slopes[:-1]), np.maximum(slopes[1:], slopes[:-1])
-    room = _TANGENT * np.max(np.abs(slopes))
-    tangent = path.tangent[1:-1]
-    if wrong := np.count_nonzero((tangent < least - room) | (tangent > most + room)):
-        faults.append(
-            f"law {name}: the tangent is not the slope of the force at {wrong} of {step.size} "
-            "points"
         )
     if np.any(np.diff(path.dissipated) < -_ENERGY * np.max(np.abs(done))):
         faults.append(f"law {name}: dissipated energy comes back")
