@@ -56,7 +56,7 @@ _verified: dict[int, tuple[DriftLaw, set[bytes]]] = {}
 """Sets of numbers that this process has verified, by the number of the law."""
 
 
-class _Story(NamedTuple):
+class _LawStory(NamedTuple):
     """A story of one law: its functions and its numbers."""
 
     law: DriftLaw
@@ -65,7 +65,7 @@ class _Story(NamedTuple):
     guard: Guard
 
 
-class _Point(NamedTuple):
+class _PathPoint(NamedTuple):
     """A drift of the path.
 
     Attributes
@@ -191,7 +191,7 @@ def path_faults(
     list of str
         The first fault; empty if there is none.
     """
-    story = _Story(law, law.functions(), column, guard)
+    story = _LawStory(law, law.functions(), column, guard)
     yields = [yield_drift * part for part in _YIELDS if 0.0 < yield_drift < math.inf]
     # The paths of a curved law are short: its force may be integrated in many substeps.
     sizes = (yields[:2] or _DECADES[:3]) if law.curved else sorted([*yields, *_DECADES])
@@ -221,7 +221,7 @@ def path_faults(
     return _memory_faults(story, yield_drift)
 
 
-def _described(story: _Story, point: _Point) -> str:
+def _described(story: _LawStory, point: _PathPoint) -> str:
     """Return the message on a force that is not the one of the branch, with the remedy."""
     law, functions = story.law, story.functions
     forces = f"{point.branch:.6g} N at drift {point.drift:.6g} m, `force` to {point.force:.6g} N"
@@ -244,7 +244,7 @@ def _described(story: _Story, point: _Point) -> str:
     )
 
 
-def _memory_faults(story: _Story, yield_drift: float) -> list[str]:
+def _memory_faults(story: _LawStory, yield_drift: float) -> list[str]:
     """Return the fault of a law whose force depends on the path and that dissipates nothing."""
     law, functions = story.law, story.functions
     if functions.settle is not None or functions.dissipated is not None:
@@ -271,7 +271,7 @@ def _drifts(size: float) -> Array:
     return np.concatenate([np.linspace(a, b, _POINTS)[1:] for a, b in pairwise(turns)])
 
 
-def _follow(story: _Story, drifts: Array, difference: float) -> Iterator[_Point]:
+def _follow(story: _LawStory, drifts: Array, difference: float) -> Iterator[_PathPoint]:
     """Bring a story from rest to one drift after the other and commit each.
 
     Slopes are taken over `difference` (m). The law is executed directly and not by its number: it
@@ -304,7 +304,7 @@ def _follow(story: _Story, drifts: Array, difference: float) -> Iterator[_Point]
             again, _ = _reach(functions, table, springs, drift)
             slopes = (force - below) / difference, (above - force) / difference
             inside = lower <= drift <= upper and not turns
-            yield _Point(drift, force, branch, tangent, slopes, again, inside, lower, upper)
+            yield _PathPoint(drift, force, branch, tangent, slopes, again, inside, lower, upper)
 
 
 def _no_branch(law_parameters: Array, springs: Array, i: int, block: int, event: int) -> None:
