@@ -93,15 +93,16 @@ class ScaleRequest(RecordsRequest):
         needs="--select",
         type=Count(1),
         rare=True,
-        help="At most so many motions of one earthquake: by --events, or motions that begin "
-        "within ten minutes.",
+        help="Maximum number of selected motions of one event. The event is that of --events, or "
+        "of the header of the file (name, date, origin time), or identified by the start of the "
+        "record (within ten minutes). Motions of an unknown event are refused.",
     )
     events: str | None = options.option(
         needs="--per-event",
         type=FileName(),
         rare=True,
-        help="The earthquake of each record: a CSV file with the columns record (the file's name) "
-        "and event.",
+        help="The event of each record: a CSV file with the columns record (the file's name) "
+        "and event; one row is enough for both components of a recording.",
     )
     scatter: str | None = options.option(
         needs="--select",
@@ -344,9 +345,8 @@ def _selecting(
     import numpy as np
 
     from tdint.campaign.scaling import BOUNDS
-    from tdint.campaign.selection import begin_together, select
+    from tdint.campaign.selection import named_events, select
     from tdint.csv_table import read_table
-    from tdint.ground_motion.reading.suites import components
 
     # The scatter asked for: a number, or a table over the periods
     scatter: Any = None
@@ -373,20 +373,10 @@ def _selecting(
         )
 
     def choose(motions: Any) -> Scaling:
-        """The choice; a motion that no event is known of is of one of its own."""
+        """Select motions; the events are those of the table, or of the files."""
         events: Sequence[object] | None = None
         if of_record is not None:
-            records = [components(motion)[0] for motion in motions]
-            names = [
-                (record.source, Path(record.source).name, Path(record.source).stem)
-                for record in records
-            ]
-            events = [
-                next(filter(None, map(of_record.get, given)), f"{given[0]}: {i}")
-                for i, given in enumerate(names)
-            ]
-        elif request.per_event is not None:
-            events = begin_together(motions)
+            events = named_events(motions, of_record)
         wishes: dict[str, Any] = {
             "rule": request.rule or "mean",
             "damping": request.damping,

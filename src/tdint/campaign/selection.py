@@ -9,9 +9,10 @@ and Baker 2011; Baker and Lee 2018), from many starts.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from datetime import datetime, timedelta
+from datetime import datetime
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,10 @@ from tdint.arrays import Array
 from tdint.campaign.intensity import GEOMETRIC_MEAN, pseudo_accelerations
 from tdint.campaign.scaling import BOUNDS, MAXIMUM_DIRECTION, Scaling, by_rule, target_at
 from tdint.errors import AnalysisError, UsageError
+from tdint.ground_motion.events import SAME_DATE, Event, event_of, is_same_event
+from tdint.ground_motion.horizontals import motion_name
 from tdint.ground_motion.reading.suites import GroundMotion, components
+from tdint.written_numbers import first_few, how_many
 
 _STARTS, _ROWS = (10, 200), 20_000
 """Beginnings, at least and at most, and motions in all of them together: the best motion alone,
@@ -33,13 +37,6 @@ choice of five in one case of six."""
 _OF_SCATTER = 0.5
 """Weight of the scatter's misfit beside that of the mean (Baker and Lee 2018 have 1 and 2 among
 theirs)."""
-
-_UNTOLD = "1970-01-02"
-"""MiniSEED without a time begins with 1970."""
-
-_TOGETHER = timedelta(minutes=10)
-"""Between records of one earthquake: waves are at 2000 km by then, and strong aftershocks seldom
-come as soon."""
 
 _GAIN = 1e-12
 """Part of the score by which an exchange must be better: else rounding goes on for ever."""
@@ -73,9 +70,10 @@ def select(
     factors : tuple of two floats
         The least and the largest factor; a motion that needs a farther one has the limit.
     events : sequence, optional
-        The earthquake of each motion, whatever names it; by default each is of its own.
+        The event of each motion, empty if unknown; by default as the files state it
+        (`events_of`).
     per_event : int, optional
-        How many of one earthquake may be chosen.
+        Maximum number of selected motions of one event.
     scatter : float or sequence of float, shape (k,), optional
         Standard deviation of ln Sa that is asked for, at all periods or at each.
 
@@ -89,7 +87,7 @@ def select(
     ------
     UsageError
         Fewer motions, or events, than are asked for; limits, a scatter or a rule that make no
-        sense.
+        sense; `per_event` for motions whose event is unknown.
     """
     low, high = factors
     if not 0.0 < low <= high < np.inf:
@@ -112,17 +110,17 @@ def select(
     whole = [motion_of(motion) for motion in motions]
     spectrum_pair = MAXIMUM_DIRECTION if rule == "asce7" else pair
     pool, spectra, left_out = _pool(whole, places, damping, spectrum_pair)
-    numbers = (
-        np.arange(len(whole))
-        if events is None
-        else np.unique([str(event) for event in events], return_inverse=True)[1]
-    )
+    numbers = np.arange(len(whole))
+    if per_event is not None:
+        labels = events_of(whole) if events is None else [str(event or "") for event in events]
+        _check_events_known(whole, labels)
+        numbers = np.unique(labels, return_inverse=True)[1]
     of_pool, most = numbers[pool], len(whole) if per_event is None else per_event
     possible = int(np.minimum(np.bincount(of_pool), most).sum()) if len(pool) else 0
     if possible < count:
         why = [f"{number} {reason}" for reason, number in left_out.items() if number]
         why += (
-            [f"at most {per_event} of an event; --events FILE names the events"]
+            [f"at most {per_event} of each of {how_many(int(np.max(numbers)) + 1, 'event')}"]
             if per_event is not None
             else []
         )
@@ -148,21 +146,138 @@ def select(
     return replace(scaling, chosen=tuple(taken), left_out=left_out, rest=np.exp(scaled[others]))
 
 
-def begin_together(motions: Sequence[GroundMotion]) -> list[str]:
-    """The earthquake of each motion by when it begins: those that begin within ten minutes of the
-    first are of one; one whose file tells no time is of its own."""
-    known = sorted(
-        {start for motion in motions if (start := components(motion)[0].start) > _UNTOLD}
+def events_of(motions: Sequence[GroundMotion]) -> list[str]:
+    """Return a label of the event of each motion, equal for the motions of one event.
+
+    Both components of a recording belong to one event, whether they are given as a pair or as two
+    files that are named alike.
+
+    Returns
+    -------
+    list of str
+        Name and date of the event; empty if the event of a motion is unknown.
+    """
+    # Motions of one event become one group: groups[i] is the group of motion i.
+    known = [_event_of_motion(motion) for motion in motions]
+    groups = list(range(len(known)))
+
+    def root(place: int) -> int:
+        while groups[place] != place:
+            groups[place] = groups[groups[place]]
+            place = groups[place]
+        return place
+
+    def unite(place: int, other: int) -> None:
+        first, second = sorted((root(place), root(other)))
+        groups[second] = first
+
+    # The two files of one recording, and files with the same entry.
+    first_of: dict[object, int] = {}
+    for place, (motion, event) in enumerate(zip(motions, known, strict=True)):
+        for record in components(motion):
+            if record.source:
+                unite(place, first_of.setdefault(motion_name(record.source), place))
+        if event.is_known:
+            unite(place, first_of.setdefault(event, place))
+
+    # Different entries of one event: dated entries in order of time, as far as they may agree.
+    distinct = [place for event, place in first_of.items() if isinstance(event, Event)]
+    dated = sorted(
+        (place for place in distinct if known[place].time),
+        key=lambda place: known[place].time or datetime.min,
     )
-    first, event = datetime.min, {}
-    for start in known:
-        moment = datetime.fromisoformat(start).replace(tzinfo=None)
-        first = moment if moment - first > _TOGETHER else first
-        event[start] = first.isoformat()
+    undated = [place for place in distinct if not known[place].time]
+    for rank, place in enumerate(dated):
+        for other in dated[rank + 1 :]:
+            later, earlier = known[other].time, known[place].time
+            if later is None or earlier is None or later - earlier > 2 * SAME_DATE:
+                break
+            if is_same_event(known[place], known[other]):
+                unite(place, other)
+    for rank, place in enumerate(undated):
+        for other in [*undated[rank + 1 :], *dated]:
+            if is_same_event(known[place], known[other]):
+                unite(place, other)
+
+    # The label of a group is that of its first motion with a known event.
+    labels: dict[int, str] = {}
+    for place, event in enumerate(known):
+        if event.is_known and root(place) not in labels:
+            number = sum(label.split(" #")[0] == event.label for label in labels.values())
+            labels[root(place)] = f"{event.label} #{number + 1}" if number else event.label
+    return [labels.get(root(place), "") for place in range(len(known))]
+
+
+def named_events(motions: Sequence[GroundMotion], of_file: Mapping[str, str]) -> list[str]:
+    """Return the event of each motion by a table of files.
+
+    A row of the table is enough for both components of a recording.
+
+    Parameters
+    ----------
+    motions : sequence of Record or Horizontals
+        The motions.
+    of_file : mapping of str to str
+        The event of each file. A file is named by its path, its name or its name without suffix.
+
+    Returns
+    -------
+    list of str
+        Empty for a motion of which the table has no file.
+
+    Raises
+    ------
+    UsageError
+        The two components of a recording have different events.
+    """
+    of_recording: dict[str, tuple[str, str]] = {}
+    for motion in motions:
+        for record in components(motion):
+            file = record.source
+            keys = (file, Path(file).name, Path(file).stem)
+            event = next((of_file[key] for key in keys if of_file.get(key)), "")
+            other, before = of_recording.get(motion_name(file), (file, event))
+            if event and event != before:
+                raise UsageError(
+                    f"{other} and {file} are components of one recording, but their events differ: "
+                    f"{before!r} and {event!r}"
+                )
+            if event:
+                of_recording[motion_name(file)] = (file, event)
     return [
-        event.get(components(motion)[0].start, f"motion {place}")
-        for place, motion in enumerate(motions)
+        next(
+            (
+                of_recording[name][1]
+                for name in map(motion_name, [record.source for record in components(motion)])
+                if name in of_recording
+            ),
+            "",
+        )
+        for motion in motions
     ]
+
+
+def _check_events_known(motions: Sequence[GroundMotion], events: Sequence[str]) -> None:
+    """Refuse motions whose event is unknown.
+
+    Raises
+    ------
+    UsageError
+        With the files of these motions.
+    """
+    unknown = [motion.source for motion, event in zip(motions, events, strict=True) if not event]
+    if unknown:
+        raise UsageError(
+            f"per_event: the event of {how_many(len(unknown), 'motion')} is unknown: "
+            f"{', '.join(dict.fromkeys(unknown))}; name the events of the files (--events FILE), or "
+            "leave these files out"
+        )
+
+
+def _event_of_motion(motion: GroundMotion) -> Event:
+    """Return the event of a motion; for a pair, of the component whose header states most."""
+    events = [event_of(record) for record in components(motion)]
+    return max(events, key=lambda event: (event.has_clock, bool(event.time), bool(event.name)))
 
 
 def _pool(

@@ -227,7 +227,7 @@ def _plain(value: Any) -> Any:
 
 def motion_summary(record: Record) -> dict[str, Any]:
     """The numbers of a ground motion, as it is after its processing and scaling."""
-    words = ("id", "component", "start", "quantity", "units", "units_from")
+    words = ("id", "component", "event", "start", "quantity", "units", "units_from")
     return {
         "file": record.source,
         **{name: getattr(record, name) for name in words},

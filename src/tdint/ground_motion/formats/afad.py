@@ -33,6 +33,7 @@ _START = re.compile(
     rf"^\s*RECORD TIME\s*:\s*(?P<day>\d+)/(?P<month>\d+)/(?P<year>\d+)\s+{CLOCK}\s*\((?:GMT|UTC)\)",
     re.IGNORECASE,
 )
+_EARTHQUAKE = re.compile(r"^\s*EARTHQUAKE DATE\s*:\s*(\d.*?)\s*\(?(?:GMT|UTC)\)?\s*$", re.IGNORECASE)
 _NAMES = re.compile(r"\s*(?:[NSEWUD]-[NSEWUD]\s*){1,3}", re.IGNORECASE)
 
 
@@ -69,6 +70,7 @@ def read_afad(lines: Lines) -> list[Series]:
             channel=code(name).replace("-", "").upper(),
             station=code(header_field(_STATION, texts)),
             start=moment_in(_START, texts),
+            event=header_field(_EARTHQUAKE, texts),
             peak=stated_peak(stated[name.upper()], units, units)
             if name.upper() in stated
             else None,

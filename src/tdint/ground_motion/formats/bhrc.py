@@ -36,6 +36,10 @@ _COMPONENT = re.compile(r"^\s*COMP\s+([A-Z])(\d*)", re.IGNORECASE)
 _AZIMUTHS = re.compile(r"\bAzimuth\s+((?:[A-Z]\s+\d{1,3}\s*)+)", re.IGNORECASE)
 _AZIMUTH = re.compile(r"([A-Z])\s+(\d{1,3})", re.IGNORECASE)
 _STATION = re.compile(r"^\s*(\S.*?)\s+Station\b")
+_ORIGIN = re.compile(
+    r"^\s*Origin Time\s*:\s*(\d{4}/\d+/\d+\s+\d+:\d\d(?::\d\d)?)", re.IGNORECASE
+)
+"""Origin time of the earthquake, UTC."""
 _POINTS = re.compile(
     rf"\bNO\. OF POINTS\s*=\s*({COUNT})\s+DURATION\s*=\s*({NUMBER})", re.IGNORECASE
 )
@@ -111,6 +115,7 @@ def read_bhrc(lines: Lines) -> list[Series]:
             channel=directions.get(letter, letter),
             station=code(header_field(_STATION, texts)),
             compared=compared,
+            event=header_field(_ORIGIN, texts),
         )
     ]
 

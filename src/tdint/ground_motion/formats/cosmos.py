@@ -50,6 +50,11 @@ _CODES = re.compile(r"<SCNL>\s*(\w+)\.(\w+)\.(\w+)\.([-\w]*)", re.IGNORECASE)
 _UTC = re.compile(r"^\s*Rcrd start time.*\b(?:UTC|GMT)\b", re.IGNORECASE)
 _PEAK = re.compile(rf"^\s*Processed.*\bMax\s*=\s*({NUMBER})\s*([\w/^]+)", re.IGNORECASE)
 
+_EVENT = re.compile(r"^\s*Record of\s+(?:the\s+)?(.*?)\s+Earthquake\b", re.IGNORECASE)
+_ORIGIN = re.compile(
+    r"^\s*Origin:\s*(\d+/\d+/\d+),?\s+(\d+:\d\d:\d\d)(?:\.\d*)?\s*(?:UTC|GMT)\b", re.IGNORECASE
+)
+
 _YEAR, _MONTH, _DAY, _HOUR, _MINUTE = 39, 41, 42, 43, 44
 _SECOND, _STEP = 29, 61
 """Places among the integers and among the reals; the step is in ms."""
@@ -194,8 +199,17 @@ def _series(
         units,
         **_codes(texts),
         start=moment(year, month, day, hour, minute, second) if is_utc else None,
+        event=_event(texts),
         peak=stated_peak(stated[1], stated[2], units) if stated and units else None,
     )
+
+
+def _event(texts: list[str]) -> str:
+    """Return the name and the origin time (UTC) of the event, as far as the lines of text state
+    them."""
+    named, origin = first_match(_EVENT, texts), first_match(_ORIGIN, texts)
+    moment = f"{origin[1]} {origin[2]}" if origin else ""
+    return " ".join(f"{named[1] if named else ''} {moment}".split())
 
 
 def _codes(texts: list[str]) -> dict[str, Any]:

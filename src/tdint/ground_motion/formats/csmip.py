@@ -106,6 +106,17 @@ _START = re.compile(
     r"TIME:\s*(\d+)/(\d+)/(\d+),?\s*(\d+):(\d+):(\d+\.?\d*)\s*(UTC|GMT|PST|PDT)\b",
     re.IGNORECASE,
 )
+_EVENT = re.compile(r"^\s*(\S.*?)\s+EARTHQUAKE\s*$", re.IGNORECASE)
+_ORIGIN = re.compile(
+    r"\bORIGIN(?:\s*\([^)]*\))?\s*:\s*(\d+/\d+/\d+,?\s+\d+:\d\d:\d\d(?:\.\d*)?\s*(?:UTC|GMT|P[SD]T))",
+    re.IGNORECASE,
+)
+_DATE = re.compile(
+    r"^\s*((?:\d{1,2}\s+[A-Z]{3,9}|[A-Z]{3,9}\s+\d{1,2}),?\s+\d{4}"
+    r"(?:[\s,-]+\d{1,2}:?\d\d\s+(?:UTC|GMT|P[SD]T))?)",
+    re.IGNORECASE,
+)
+"""Origin time and, if that is unknown, date of the event, as they are written."""
 _ZONES = {"UTC": 0.0, "GMT": 0.0, "PST": -8.0, "PDT": -7.0}
 _ERA = 50
 """Years of two digits from here on are in the last century."""
@@ -171,7 +182,7 @@ def read_csmip(lines: Lines) -> list[Series]:
         if year < 100:
             year += 1900 if year >= _ERA else 2000
         started = moment(year, month, day, hour, minute, second, _ZONES[clock[7].upper()])
-    return [replace(series, **_codes(texts), peak=peak, start=started)]
+    return [replace(series, **_codes(texts), peak=peak, start=started, event=_event(texts))]
 
 
 def _volume_1(lines: Lines, texts: list[str]) -> Series:
@@ -238,6 +249,15 @@ def _peak_of(
 def _width(line: str) -> int:
     match = _FORMAT.search(line)
     return int(match[1]) or REAL_WIDTH if match else REAL_WIDTH
+
+
+def _event(texts: list[str]) -> str:
+    """Return the name of the event and its origin time or date, as far as the lines of text state
+    them."""
+    name = header_field(_EVENT, texts).strip()
+    stated = first_match(_ORIGIN, texts) or (first_match(_DATE, texts) if name else None)
+    moment = " ".join(stated[1].replace(" - ", " ").split()) if stated else ""
+    return f"{name} {moment}".strip()
 
 
 def _codes(texts: list[str]) -> dict[str, Any]:

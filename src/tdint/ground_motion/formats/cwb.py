@@ -39,6 +39,10 @@ _START = re.compile(
     rf"^#\s*StartTime\(GMT(?P<zone>[-+]\d+)\)\s*:\s*(?P<year>\d+)/(?P<month>\d+)/(?P<day>\d+)-{CLOCK}",
     re.IGNORECASE,
 )
+_ORIGIN = re.compile(
+    rf"^#\s*Origin\s*Time\(GMT(?P<zone>[-+]\d+)\)\s*:\s*(?P<year>\d+)/(?P<month>\d+)/(?P<day>\d+)-{CLOCK}",
+    re.IGNORECASE,
+)
 _LENGTH = re.compile(rf"^#\s*RecordLength\(sec\)\s*:\s*({NUMBER})", re.IGNORECASE)
 _RATE = re.compile(rf"^#\s*SampleRate\(Hz\)\s*:\s*({NUMBER})", re.IGNORECASE)
 _UNITS = re.compile(r"^#\s*AmplitudeUnit\s*:\s*([A-Z/^0-9]+)", re.IGNORECASE)
@@ -97,6 +101,7 @@ def read_cwb(lines: Lines) -> list[Series]:
     for match in filter(None, map(_EXTREMES.search, texts)):
         largest = max(match[2], match[3], key=lambda number: abs(float(number)))
         peaks.setdefault(match[1].upper(), stated_peak(largest, unit, unit))
+    origin = moment_in(_ORIGIN, texts)
     return [
         Series(
             column,
@@ -105,6 +110,7 @@ def read_cwb(lines: Lines) -> list[Series]:
             channel=code(name).upper(),
             station=code(header_field(_STATION, texts)),
             start=moment_in(_START, texts),
+            event="" if origin is None else f"{origin:%Y-%m-%d %H:%M:%S}",
             peak=peaks.get(name.upper()),
             compared=compared,
         )

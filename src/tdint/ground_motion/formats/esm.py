@@ -42,6 +42,17 @@ def is_esm(file: Any, **_: Any) -> bool:
     )
 
 
+def _event(header: dict[str, str]) -> str:
+    """Return name, date and origin time (UTC) of the event, as far as the header states them."""
+    name = header.get("EVENT_NAME", "").replace("_", " ")
+    date = re.fullmatch(r"(\d{4})(\d\d)(\d\d)", header.get("EVENT_DATE_YYYYMMDD", ""))
+    clock = re.match(r"(\d\d)(\d\d)(\d\d)", header.get("EVENT_TIME_HHMMSS", ""))
+    moment = [] if date is None else ["-".join(date.groups())]
+    if date is not None and clock is not None:
+        moment.append(":".join(clock.groups()))
+    return " ".join([*name.split(), *moment])
+
+
 @reader
 def read_esm(lines: Lines) -> list[Series]:
     """Read an ESM file; see `tdint.ground_motion.formats`.
@@ -79,6 +90,7 @@ def read_esm(lines: Lines) -> list[Series]:
         station=header.get("STATION_CODE", ""),
         location=header.get("LOCATION", ""),
         network=header.get("NETWORK", ""),
+        event=_event(header),
         start=moment_in(_TIME, [header.get(_START, "")]),
         peak=next(stated, None),
     )

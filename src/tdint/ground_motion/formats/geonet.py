@@ -30,6 +30,10 @@ _TEXTS, _INTEGERS, _REALS, _WIDTH = 16, 40, 60, 8
 _TITLE = re.compile(r"\s*(?:un)?corrected accelerogram", re.IGNORECASE)
 _SITE = re.compile(r"^\s*Site\s+(\S+)", re.IGNORECASE)
 _COMPONENT = re.compile(r"^\s*Component\s+(\S+)", re.IGNORECASE)
+_ORIGIN = re.compile(
+    r"^\s*(\d{4}\s+[A-Z]{3,9}\s+\d{1,2}\s+\d\d:\d\d:\d\d)(?:\.\d*)?\s+UTC?\b", re.IGNORECASE
+)
+"""Origin time of the earthquake, UTC."""
 _PEAK = re.compile(rf"^\s*Acceleration:\s+peak\s+({NUMBER})\s*mm/s/s", re.IGNORECASE)
 _RAW_UNITS = re.compile(rf"^\s*Raw readings in units of\s+({NUMBER})\s*mm/s/s", re.IGNORECASE)
 _INTERVAL = re.compile(
@@ -93,6 +97,7 @@ def read_geonet(lines: Lines) -> list[Series]:
         station=code(header_field(_SITE, texts)),
         start=moment(year, month, day, hour, minute, integers[_MILLISECONDS] / 1000.0),
         units_from="format",
+        event=header_field(_ORIGIN, texts),
         pgv=pgv,
         pgd=pgd,
         peak=stated_peak(header_field(_PEAK, texts), "mm/s^2", units),

@@ -122,6 +122,11 @@ def read_unam(lines: Lines) -> list[Series]:
         late = 24.0 if origin and int(origin[1]) - int(first[1]) > 12 else 0.0
         started = moment(year, month, day, hour, minute, second, -late)
 
+    # The date and the origin time of the earthquake are in UTC. The date has the year first.
+    event = "-".join(date.groups()) if date else ""
+    if date and origin:
+        event += f" {int(origin[1]):02d}:{int(origin[2]):02d}:{int(float(origin[3])):02d}"
+
     # Directions are N90E as it is, V for the vertical; words may stand before them.
     return [
         Series(
@@ -131,6 +136,7 @@ def read_unam(lines: Lines) -> list[Series]:
             channel=code(name.rpartition(";")[2]).upper(),
             station=code(station[1]) if station else "",
             start=started,
+            event=event,
             peak=stated_peak(peaks[place], _GAL, unit)
             if unit and len(peaks) == len(names)
             else None,

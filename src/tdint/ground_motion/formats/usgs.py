@@ -42,6 +42,8 @@ _UNITS = {"0": "", "1": "cm/s^2", "2": "cm/s^2", "3": "cm/s", "4": "cm"}
 _YEAR, _DAY, _HOUR, _MILLISECOND = 1, 2, 3, 6
 _TOLD = re.compile(r"^\s*(\d{4})\s+(\d{1,2})\s+(\d{1,2})\b")
 """Year, month and day of the earthquake in the text."""
+_EVENT = re.compile(r"^\s*(\d{4})\s+(\d{1,2})\s+(\d{1,2})\s+(\d{4})?\s*(.*)")
+"""Date, time (UTC) and name of the earthquake in the text."""
 _NEAR = timedelta(days=1.5)
 _FROM_VERTICAL, _AZIMUTH, _COMMENTS, _SAMPLES = 12, 13, 15, 16
 _ROUNDING = 1e-4
@@ -103,12 +105,22 @@ def read_smc(lines: Lines) -> list[Series]:
         channel=channel,
         station=code(texts[2].replace("*", "")),
         start=_start(integers, texts),
+        event=_event(texts),
         peak=peak,
         units_from="format",
     )
     if lines.at_numbers():
         raise RecordError(f"line {lines.number + 1} holds more values than its header announces")
     return [series]
+
+
+def _event(texts: list[str]) -> str:
+    """Return name, date and time of the earthquake; empty if the text states no date."""
+    match = first_match(_EVENT, texts)
+    if match is None:
+        return ""
+    year, month, day, clock, name = match.groups("")
+    return " ".join(filter(None, (name.strip(), f"{year}-{month}-{day}", clock)))
 
 
 def _start(integers: list[float], texts: list[str]) -> datetime | None:
@@ -152,6 +164,11 @@ def _moment(
 _TITLE = re.compile(r"\s*FILE\s+\d+ OF UNCORRECTED ACCELEROGRAM DATA OF VOLUME I\b", re.IGNORECASE)
 _STATION = re.compile(r"^\s*STATION USC#\s*(\w+)", re.IGNORECASE)
 _COMPONENT = re.compile(r"^\s*COMP\s+(\w+)", re.IGNORECASE)
+_EARTHQUAKE = re.compile(
+    r"^(.*\bEARTHQUAKE\s+[A-Z]{3,9}\.?\s+\d{1,2},?\s+\d{4}(?:[\s,-]+\d{4}\s+(?:GMT|UTC))?)",
+    re.IGNORECASE,
+)
+"""Name, date and time of the earthquake, which are on one line."""
 
 
 def is_usc(file: Any, **_: Any) -> bool:
@@ -171,7 +188,10 @@ def read_usc(lines: Lines) -> list[Series]:
     texts = text_header(lines)
     lines.numbers(REALS, REAL_WIDTH)
     station, component = code(header_field(_STATION, texts)), header_field(_COMPONENT, texts)
-    series = replace(read_pairs(lines, texts), station=station, channel=component.upper())
+    event = " ".join(header_field(_EARTHQUAKE, texts).split())
+    series = replace(
+        read_pairs(lines, texts), station=station, channel=component.upper(), event=event
+    )
     if lines.peek() is not None:
         raise RecordError(
             f"line {lines.number + 1} stands after the last point that the header announces"

@@ -1,0 +1,168 @@
+"""Earthquakes that ground motions belong to: by the event in the header of a file, or by its time.
+
+A header names the event as free text. The date and the time in it are recognized in the spellings
+of the supported formats; times without a zone are UTC.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+from tdint.ground_motion.record import Record
+
+_UNKNOWN_UNTIL = "1970-01-02"
+"""MiniSEED without a time begins with 1970."""
+
+_SAME_ORIGIN = timedelta(minutes=2)
+"""Difference of two origin times of one event: headers may round to a minute, and agencies differ
+by seconds. The first aftershock of Imperial Valley 1979 in PEER's files follows after 3 min."""
+
+_SAME_START = timedelta(minutes=10)
+"""Difference of the start of a record from an origin time or from another start: waves arrive
+within this time at distances up to 2000 km, and strong aftershocks seldom follow as soon."""
+
+SAME_DATE = timedelta(days=1)
+"""Difference of two dates of one event: one may be the local date, the other in UTC."""
+
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_ZONES = {"PST": -8.0, "PDT": -7.0}  # hours; all other zones that are recognized are UTC
+_CENTURY = 50  # years of two digits from here on are in the last century
+
+_CLOCK = (
+    r"(?:[T\s,;-]+(?:(?P<hour>\d{1,2}):(?P<minute>\d\d)(?::(?P<second>\d\d)(?:\.\d*)?)?"
+    r"|(?P<digits>[0-2]\d[0-5]\d))(?![\d.])\s*(?P<zone>UTC|GMT|UT|Z|PST|PDT)?)?"
+)
+_NAME_OF_MONTH = r"(?P<month>(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*)\.?"
+_DATES = tuple(
+    re.compile(rf"(?<![\d.]){date}(?!\d){_CLOCK}", re.IGNORECASE)
+    for date in (
+        r"(?P<year>\d{4})[-/](?P<month>\d{1,2})[-/](?P<day>\d{1,2})",
+        r"(?P<month>\d{1,2})/(?P<day>\d{1,2})/(?P<year>\d{4}|\d\d)",
+        rf"(?P<day>\d{{1,2}})\s+{_NAME_OF_MONTH}\s+(?P<year>\d{{4}})",
+        rf"{_NAME_OF_MONTH}\s+(?P<day>\d{{1,2}}),?\s+(?P<year>\d{{4}})",
+        rf"(?P<year>\d{{4}})\s+{_NAME_OF_MONTH}\s+(?P<day>\d{{1,2}})",
+    )
+)
+_WITHOUT_MEANING = re.compile(r"\b(?:record of|earthquake|eq|of|mon|tue|wed|thu|fri|sat|sun)\b")
+
+
+@dataclass(frozen=True)
+class Event:
+    """An earthquake as far as one file identifies it.
+
+    Attributes
+    ----------
+    name : str
+        Name without the date; empty if unknown.
+    time : datetime or None
+        Origin time, start of the record, or midnight of the date, UTC; None if unknown.
+    has_clock : bool
+        True if the time of day is known.
+    is_start : bool
+        True if the time is the start of a record.
+    """
+
+    name: str = ""
+    time: datetime | None = None
+    has_clock: bool = False
+    is_start: bool = False
+
+    @property
+    def is_known(self) -> bool:
+        """True if a name or a time is known."""
+        return bool(self.name or self.time)
+
+    @property
+    def label(self) -> str:
+        """Name and date, with the time of day if it is known; empty if the event is unknown."""
+        moment = ""
+        if self.time is not None:
+            moment = f"{self.time:%Y-%m-%dT%H:%M:%S}" if self.has_clock else f"{self.time:%Y-%m-%d}"
+        return " ".join(filter(None, (self.name, moment)))
+
+
+def parse_event(text: str) -> Event:
+    """Return the event that the text of a header identifies.
+
+    Parameters
+    ----------
+    text : str
+        For example `Loma Prieta 10/18/1989`, `IMPERIAL VALLEY 10/15/79 2316` or
+        `2018/02/06 23:50:42`. The name is the text before the date.
+    """
+    for pattern in _DATES:
+        match = pattern.search(text)
+        time = _time_of(match) if match else None
+        if match and time:
+            has_clock = bool(match["hour"] or match["digits"])
+            return Event(_plain(text[: match.start()]), time, has_clock)
+    return Event(_plain(text))
+
+
+def event_of(record: Record) -> Event:
+    """Return the event of a record: by its header, or by the time of the first sample."""
+    event = parse_event(record.event)
+    if event.has_clock or record.start <= _UNKNOWN_UNTIL:
+        return event
+    start = datetime.fromisoformat(record.start)
+    if start.tzinfo is not None:
+        start = start.astimezone(UTC).replace(tzinfo=None)
+    return Event(event.name, start, has_clock=True, is_start=True)
+
+
+def is_same_event(event: Event, other: Event) -> bool:
+    """Return True if two files belong to one event as far as their headers show.
+
+    Times of day decide if both are known. Otherwise the names and the dates must not contradict
+    each other, and one of them must be known in both files.
+    """
+    if event.time and other.time and event.has_clock and other.has_clock:
+        are_origins = not (event.is_start or other.is_start)
+        return abs(event.time - other.time) <= (_SAME_ORIGIN if are_origins else _SAME_START)
+    if event.name and other.name and not _names_agree(event.name, other.name):
+        return False
+    if event.time and other.time:
+        dates = [datetime.combine(moment, datetime.min.time()) for moment in (event.time, other.time)]
+        return abs(dates[0] - dates[1]) <= SAME_DATE
+    return bool(event.name and other.name)
+
+
+def _time_of(match: re.Match[str]) -> datetime | None:
+    """Return the time that a date in a header states, in UTC; None if there is no such date."""
+    year, month = int(match["year"]), match["month"]
+    if len(match["year"]) == 2:
+        year += 1900 if year >= _CENTURY else 2000
+    number = int(month) if month.isdecimal() else _MONTHS.index(month[:3].lower()) + 1
+    digits = match["digits"] or ""
+    hour, minute = match["hour"] or digits[:2] or 0, match["minute"] or digits[2:] or 0
+    try:
+        time = datetime(
+            year, number, int(match["day"]), int(hour), int(minute), int(match["second"] or 0)
+        )
+    except ValueError:
+        return None
+    zone = _ZONES.get((match["zone"] or "").upper(), 0.0)
+    return time - timedelta(hours=zone)
+
+
+def _plain(name: str) -> str:
+    """Return the name of an event on one line, without the signs at its ends."""
+    return " ".join(name.split()).strip(" ,;:-(")
+
+
+def _names_agree(name: str, other: str) -> bool:
+    """Return True if two names may be those of one event.
+
+    Numbers must be equal (Imperial Valley-06 is not Imperial Valley-07). Of the words the longer
+    name may have more at its end (Loma Prieta; LOMA PRIETA, CA EARTHQUAKE).
+    """
+    words = [
+        re.findall(r"[^\W\d_]+|\d+", _WITHOUT_MEANING.sub(" ", text.lower()))
+        for text in (name, other)
+    ]
+    numbers = [[int(word) for word in of_name if word.isdecimal()] for of_name in words]
+    letters = [[word for word in of_name if not word.isdecimal()] for of_name in words]
+    size = min(map(len, letters))
+    return numbers[0] == numbers[1] and size > 0 and letters[0][:size] == letters[1][:size]
