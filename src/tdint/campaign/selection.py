@@ -27,7 +27,7 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.events import SAME_DATE, Event, event_of, is_same_event
 from tdint.ground_motion.horizontals import motion_name
 from tdint.ground_motion.reading.suites import GroundMotion, components
-from tdint.written_numbers import first_few, how_many
+from tdint.written_numbers import how_many
 
 _STARTS, _ROWS = (10, 200), 20_000
 """Beginnings, at least and at most, and motions in all of them together: the best motion alone,
@@ -269,8 +269,8 @@ def _check_events_known(motions: Sequence[GroundMotion], events: Sequence[str]) 
     if unknown:
         raise UsageError(
             f"per_event: the event of {how_many(len(unknown), 'motion')} is unknown: "
-            f"{', '.join(dict.fromkeys(unknown))}; name the events of the files (--events FILE), or "
-            "leave these files out"
+            f"{', '.join(dict.fromkeys(unknown))}; name the events of the files (--events FILE), "
+            "or omit these files"
         )
 
 

@@ -124,7 +124,9 @@ def is_same_event(event: Event, other: Event) -> bool:
     if event.name and other.name and not _names_agree(event.name, other.name):
         return False
     if event.time and other.time:
-        dates = [datetime.combine(moment, datetime.min.time()) for moment in (event.time, other.time)]
+        dates = [
+            datetime.combine(moment, datetime.min.time()) for moment in (event.time, other.time)
+        ]
         return abs(dates[0] - dates[1]) <= SAME_DATE
     return bool(event.name and other.name)
 

@@ -14,6 +14,7 @@ from typing import TypeVar
 
 from tdint.errors import RecordError, TdintError, UsageError
 from tdint.files import STDIN
+from tdint.ground_motion.events import is_same_event, parse_event
 from tdint.ground_motion.record import Record
 from tdint.written_numbers import first_few
 
@@ -131,7 +132,8 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
         raise RecordError(
             f"{source}: the components are of different stations, {stations[0]} and {stations[1]}"
         )
-    if first.event and second.event and first.event != second.event:
+    events = parse_event(first.event), parse_event(second.event)
+    if all(event.is_known for event in events) and not is_same_event(*events):
         raise RecordError(
             f"{source}: the components are of different events, {first.event} and {second.event}"
         )

@@ -33,7 +33,9 @@ _START = re.compile(
     rf"^\s*RECORD TIME\s*:\s*(?P<day>\d+)/(?P<month>\d+)/(?P<year>\d+)\s+{CLOCK}\s*\((?:GMT|UTC)\)",
     re.IGNORECASE,
 )
-_EARTHQUAKE = re.compile(r"^\s*EARTHQUAKE DATE\s*:\s*(\d.*?)\s*\(?(?:GMT|UTC)\)?\s*$", re.IGNORECASE)
+_EARTHQUAKE = re.compile(
+    r"^\s*EARTHQUAKE DATE\s*:\s*(\d.*?)\s*\(?(?:GMT|UTC)\)?\s*$", re.IGNORECASE
+)
 _NAMES = re.compile(r"\s*(?:[NSEWUD]-[NSEWUD]\s*){1,3}", re.IGNORECASE)
 
 

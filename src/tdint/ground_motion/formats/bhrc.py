@@ -36,9 +36,7 @@ _COMPONENT = re.compile(r"^\s*COMP\s+([A-Z])(\d*)", re.IGNORECASE)
 _AZIMUTHS = re.compile(r"\bAzimuth\s+((?:[A-Z]\s+\d{1,3}\s*)+)", re.IGNORECASE)
 _AZIMUTH = re.compile(r"([A-Z])\s+(\d{1,3})", re.IGNORECASE)
 _STATION = re.compile(r"^\s*(\S.*?)\s+Station\b")
-_ORIGIN = re.compile(
-    r"^\s*Origin Time\s*:\s*(\d{4}/\d+/\d+\s+\d+:\d\d(?::\d\d)?)", re.IGNORECASE
-)
+_ORIGIN = re.compile(r"^\s*Origin Time\s*:\s*(\d{4}/\d+/\d+\s+\d+:\d\d(?::\d\d)?)", re.IGNORECASE)
 """Origin time of the earthquake, UTC."""
 _POINTS = re.compile(
     rf"\bNO\. OF POINTS\s*=\s*({COUNT})\s+DURATION\s*=\s*({NUMBER})", re.IGNORECASE

@@ -548,8 +548,24 @@ def _to_record(
         quantity=motion.quantity,
         compared=contents.compared,
         peaks=trace.stats.get("tdint_peaks", (None, None)) if instruments is None else (None, None),
-        event=trace.stats.get("tdint_event", ""),
+        event=_event(trace),
     )
+
+
+def _event(trace: Any) -> str:
+    """Return the event as the file identifies it: as tdint's readers find it, the origin time of
+    K-NET, or the name and the origin time of SAC; empty if the file states none."""
+    stats = trace.stats
+    if "knet" in stats:
+        return f"{stats.knet.evot.datetime:%Y-%m-%d %H:%M:%S}" if stats.knet.get("evot") else ""
+    if "sac" in stats:
+        name, origin = str(stats.sac.get("kevnm", "")).strip(), stats.sac.get("o")
+        # Times of SAC are relative to a reference time, of which the first sample is at `b`.
+        if origin is not None and isfinite(origin) and _start(trace):
+            time = stats.starttime + (float(origin) - float(stats.sac.get("b", 0.0)))
+            name = f"{name} {time.datetime:%Y-%m-%d %H:%M:%S}".strip()
+        return name
+    return str(stats.get("tdint_event", ""))
 
 
 def _start(trace: Any) -> str:
