@@ -9,8 +9,9 @@ import pytest
 
 import tdint
 from building_cases import noise
-from tdint.campaign.selection import _search, begin_together
+from tdint.campaign.selection import _search, events_of, named_events
 from tdint.errors import UsageError
+from tdint.ground_motion.horizontals import Horizontals
 
 PERIODS = np.geomspace(0.2, 2.0, 20)
 TARGET = "asce7:sds=1,sd1=0.6,tl=8"
@@ -107,7 +108,7 @@ def test_what_makes_no_sense_is_refused(pool, wishes, message):
         tdint.select(pool, TARGET, **{"count": 3, "periods": PERIODS} | wishes)
 
 
-def test_motions_that_begin_together_are_of_one_earthquake():
+def test_motions_that_begin_together_are_of_one_event():
     starts = [
         "2016-11-13T11:02:50",
         "2016-11-13T11:03:40",
@@ -115,5 +116,83 @@ def test_motions_that_begin_together_are_of_one_earthquake():
         "",
         "1970-01-01T00:00:00",
     ]
-    events = begin_together([replace(noise(), start=start) for start in starts])
-    assert events[0] == events[1] and len(set(events)) == 4
+    events = events_of([replace(noise(), start=start, source=start) for start in starts])
+    assert events[0] == events[1] != events[2] and all(events[:3]) and events[3:] == ["", ""]
+
+
+def named(*files_and_events):
+    """Motions of files with the event in their headers."""
+    return [
+        replace(noise(seed=seed), source=file, event=event)
+        for seed, (file, event) in enumerate(files_and_events)
+    ]
+
+
+def test_both_components_of_a_recording_are_of_one_event():
+    """Whichever of the two files states the event, and in whichever spelling."""
+    motions = named(
+        ("A_067.AT2", "Loma Prieta 10/18/1989"),
+        ("B_000.AT2", "LOMA PRIETA 10/18/89 00:05"),
+        ("A_337.AT2", ""),
+        ("C.mseed", "Kobe 1/16/1995"),
+        ("D-010.csv", ""),
+        ("D-100.csv", "Kobe 1/16/1995"),
+        ("E.mseed", ""),
+    )
+    events = events_of(motions)
+    assert events[0] == events[1] == events[2] != events[3]
+    assert events[3] == events[4] == events[5] and events[6] == ""
+    # A pair is of the event that one of its components states.
+    pair = Horizontals(motions[2], motions[0])
+    assert events_of([pair, motions[3]]) == ["Loma Prieta 1989-10-18", "Kobe 1995-01-16"]
+
+
+def test_recordings_of_several_events_in_one_file():
+    """Different times in one file are different events; equal ones have one label."""
+    motions = named(*[("all.csv", f"X 1/1/2001 {clock}") for clock in ("0100", "0400", "0100")])
+    first, second, third = events_of(motions)
+    assert first == third != second
+
+
+def test_three_pairs_of_one_event_are_not_selected():
+    """The unsafe case: undated files were taken for an event each, and all three were selected."""
+    pairs = [
+        Horizontals(
+            *(
+                replace(
+                    noise(seed=2 * number + direction, peak=1.0 + 0.1 * number),
+                    source=f"RSN{number}_{suffix}.AT2",
+                    component=suffix,
+                    event=event,
+                )
+                for direction, suffix in enumerate(("000", "090"))
+            )
+        )
+        for number, event in enumerate(
+            [*["Loma Prieta 10/18/1989"] * 3, "Kobe 1/16/1995", "Duzce 11/12/1999"]
+        )
+    ]
+    scaling = tdint.select(pairs, TARGET, 3, periods=PERIODS, per_event=1, factors=(0.01, 100.0))
+    assert scaling.chosen[1:] == (3, 4)
+    assert scaling.events == tuple(events_of(scaling.motions))
+    with pytest.raises(UsageError, match=r"3 of 5 can be taken .*at most 1 of an event, 3 events"):
+        tdint.select(pairs, TARGET, 4, periods=PERIODS, per_event=1)
+
+
+def test_unknown_events_are_refused(pool):
+    motions = named(("known.AT2", "Kobe 1/16/1995"), ("one.csv", ""), ("two.csv", ""))
+    message = r"per_event: the event of 2 motions is unknown: one\.csv, two\.csv; name the events"
+    with pytest.raises(UsageError, match=message):
+        tdint.select(motions, TARGET, 1, periods=PERIODS, per_event=1)
+    with pytest.raises(UsageError, match=message):
+        tdint.select(motions, TARGET, 1, periods=PERIODS, per_event=1, events=["here", "", ""])
+    assert tdint.select(motions, TARGET, 1, periods=PERIODS).chosen
+
+
+def test_a_table_of_events_has_one_row_for_a_recording():
+    motions = named(("x/A_067.AT2", ""), ("x/A_337.AT2", ""), ("x/B.mseed", ""), ("x/C.mseed", ""))
+    table = {"A_337": "here", "x/B.mseed": "there"}
+    assert named_events(motions, table) == ["here", "here", "there", ""]
+    assert named_events([Horizontals(*motions[:2])], table) == ["here"]
+    with pytest.raises(UsageError, match="components of one recording, but their events differ"):
+        named_events(motions, table | {"A_067.AT2": "there"})

@@ -321,4 +321,7 @@ def test_motions_are_selected(folder, tdint):
     tdint(*words[:-1], 3, "--scatter", "scatter.csv", "--factors", "0.001:1000", code=0)
     tdint.refused("4 motions are asked for, 3 of 3 can be taken", *words[:-1], 4, code=2)
     lone = ("scale", "motion.mseed", *UNITS, *TARGET, "--per-event", 1)
+    (folder / "events.csv").write_text("record,event\nmotion.mseed,here\n")
+    unknown = "the event of 1 motion is unknown: other.mseed"
+    tdint.refused(unknown, *words, "--per-event", 1, "--events", "events.csv", code=2)
     tdint.refused("nothing to act on without --select", *lone, code=2)

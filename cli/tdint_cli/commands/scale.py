@@ -428,7 +428,11 @@ def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
         "pairs": scaling.pair if request.pair_wish else None,
         "least_average_over_target": scaling.least[0] if scaling.least else None,
         **(
-            {"selected": list(scaling.chosen), "left_out": scaling.left_out}
+            {
+                "selected": list(scaling.chosen),
+                "left_out": scaling.left_out,
+                **({"events": list(scaling.events)} if scaling.events else {}),
+            }
             if scaling.chosen
             else {}
         ),

@@ -85,6 +85,8 @@ class Scaling(Tabular):
         Of a selection the places of the motions among those that it was made from (`tdint.select`).
     left_out : mapping of str to int
         Of a selection how many motions were not taken, by the reason.
+    events : tuple of str
+        Of a selection with a maximum per event the event of each motion.
     rest : ndarray, shape (m, k), or None
         Of a selection the scaled spectra of the others at `periods`, m/s^2.
     """
@@ -102,6 +104,7 @@ class Scaling(Tabular):
     chosen: tuple[int, ...] = ()
     left_out: dict[str, int] = field(default_factory=dict)
     rest: Array | None = None
+    events: tuple[str, ...] = ()
 
     def _headline(self) -> str:
         low, high = np.min(self.factors), np.max(self.factors)

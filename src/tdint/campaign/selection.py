@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,7 @@ from tdint.campaign.intensity import GEOMETRIC_MEAN, pseudo_accelerations
 from tdint.campaign.scaling import BOUNDS, MAXIMUM_DIRECTION, Scaling, by_rule, target_at
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.events import SAME_DATE, Event, event_of, is_same_event
-from tdint.ground_motion.horizontals import motion_name
+from tdint.ground_motion.horizontals import motion_names
 from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.written_numbers import how_many
 
@@ -110,7 +111,7 @@ def select(
     whole = [motion_of(motion) for motion in motions]
     spectrum_pair = MAXIMUM_DIRECTION if rule == "asce7" else pair
     pool, spectra, left_out = _pool(whole, places, damping, spectrum_pair)
-    numbers = np.arange(len(whole))
+    numbers, labels = np.arange(len(whole)), list[str]()
     if per_event is not None:
         labels = events_of(whole) if events is None else [str(event or "") for event in events]
         _check_events_known(whole, labels)
@@ -120,7 +121,7 @@ def select(
     if possible < count:
         why = [f"{number} {reason}" for reason, number in left_out.items() if number]
         why += (
-            [f"at most {per_event} of each of {how_many(int(np.max(numbers)) + 1, 'event')}"]
+            [f"at most {per_event} of an event, {how_many(int(np.max(numbers)) + 1, 'event')}"]
             if per_event is not None
             else []
         )
@@ -143,7 +144,13 @@ def select(
     at_limit[chosen] = False
     left_out["factor at a limit"] = int(np.sum(at_limit))
     others = np.setdiff1d(np.arange(len(pool)), chosen)
-    return replace(scaling, chosen=tuple(taken), left_out=left_out, rest=np.exp(scaled[others]))
+    return replace(
+        scaling,
+        chosen=tuple(taken),
+        left_out=left_out,
+        rest=np.exp(scaled[others]),
+        events=tuple(labels[place] for place in taken) if labels else (),
+    )
 
 
 def events_of(motions: Sequence[GroundMotion]) -> list[str]:
@@ -171,17 +178,21 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
         first, second = sorted((root(place), root(other)))
         groups[second] = first
 
-    # The two files of one recording, and files with the same entry.
-    first_of: dict[object, int] = {}
-    for place, (motion, event) in enumerate(zip(motions, known, strict=True)):
-        for record in components(motion):
-            if record.source:
-                unite(place, first_of.setdefault(motion_name(record.source), place))
+    # Files with the same entry, then the two files of one recording: first those whose event is
+    # known (one file may also contain several recordings), then the other files.
+    first_of: dict[Event, int] = {}
+    for place, event in enumerate(known):
         if event.is_known:
             unite(place, first_of.setdefault(event, place))
+    of_recording: dict[str, int] = {}
+    for is_second, (place, names) in product((False, True), enumerate(_recordings(motions))):
+        for name in names if known[place].is_known is not is_second else []:
+            other = of_recording.setdefault(name, place)
+            if is_second or is_same_event(known[place], known[other]):
+                unite(place, other)
 
     # Different entries of one event: dated entries in order of time, as far as they may agree.
-    distinct = [place for event, place in first_of.items() if isinstance(event, Event)]
+    distinct = list(first_of.values())
     dated = sorted(
         (place for place in distinct if known[place].time),
         key=lambda place: known[place].time or datetime.min,
@@ -203,8 +214,7 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
     labels: dict[int, str] = {}
     for place, event in enumerate(known):
         if event.is_known and root(place) not in labels:
-            number = sum(label.split(" #")[0] == event.label for label in labels.values())
-            labels[root(place)] = f"{event.label} #{number + 1}" if number else event.label
+            labels[root(place)] = event.label
     return [labels.get(root(place), "") for place in range(len(known))]
 
 
@@ -230,30 +240,38 @@ def named_events(motions: Sequence[GroundMotion], of_file: Mapping[str, str]) ->
     UsageError
         The two components of a recording have different events.
     """
+    recordings = _recordings(motions)
     of_recording: dict[str, tuple[str, str]] = {}
-    for motion in motions:
-        for record in components(motion):
-            file = record.source
+    for motion, names in zip(motions, recordings, strict=True):
+        files = dict.fromkeys(record.source for record in components(motion))
+        for file, name in zip(files, names, strict=True):
             keys = (file, Path(file).name, Path(file).stem)
             event = next((of_file[key] for key in keys if of_file.get(key)), "")
-            other, before = of_recording.get(motion_name(file), (file, event))
+            other, before = of_recording.get(name, (file, event))
             if event and event != before:
                 raise UsageError(
                     f"{other} and {file} are components of one recording, but their events differ: "
                     f"{before!r} and {event!r}"
                 )
             if event:
-                of_recording[motion_name(file)] = (file, event)
+                of_recording[name] = (file, event)
     return [
-        next(
-            (
-                of_recording[name][1]
-                for name in map(motion_name, [record.source for record in components(motion)])
-                if name in of_recording
-            ),
-            "",
-        )
-        for motion in motions
+        next((of_recording[name][1] for name in names if name in of_recording), "")
+        for names in recordings
+    ]
+
+
+def _recordings(motions: Sequence[GroundMotion]) -> list[list[str]]:
+    """Return a name for each file of each motion, equal for the files of one recording."""
+    files = [
+        list(dict.fromkeys(record.source for record in components(motion))) for motion in motions
+    ]
+    every = list(dict.fromkeys(file for of_motion in files for file in of_motion if file))
+    name_of = dict(zip(every, motion_names(every), strict=True))
+    # Motions that do not come from files have nothing in common.
+    return [
+        [name_of.get(file, f"motion {place}") for file in of_motion]
+        for place, of_motion in enumerate(files)
     ]
 
 

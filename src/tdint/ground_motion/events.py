@@ -167,4 +167,5 @@ def _names_agree(name: str, other: str) -> bool:
     numbers = [[int(word) for word in of_name if word.isdecimal()] for of_name in words]
     letters = [[word for word in of_name if not word.isdecimal()] for of_name in words]
     size = min(map(len, letters))
-    return numbers[0] == numbers[1] and size > 0 and letters[0][:size] == letters[1][:size]
+    is_empty = not size and not numbers[0]
+    return numbers[0] == numbers[1] and not is_empty and letters[0][:size] == letters[1][:size]
