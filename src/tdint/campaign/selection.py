@@ -25,7 +25,7 @@ from tdint.arrays import Array
 from tdint.campaign.intensity import GEOMETRIC_MEAN, pseudo_accelerations
 from tdint.campaign.scaling import BOUNDS, MAXIMUM_DIRECTION, Scaling, by_rule, target_at
 from tdint.errors import AnalysisError, UsageError
-from tdint.ground_motion.events import SAME_DATE, Event, event_of, is_same_event
+from tdint.ground_motion.events import SAME_DATE, Earthquake, event_of, is_same_event
 from tdint.ground_motion.horizontals import motion_names
 from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.written_numbers import how_many
@@ -180,7 +180,7 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
 
     # Files with the same entry, then the two files of one recording: first those whose event is
     # known (one file may also contain several recordings), then the other files.
-    first_of: dict[Event, int] = {}
+    first_of: dict[Earthquake, int] = {}
     for place, event in enumerate(known):
         if event.is_known:
             unite(place, first_of.setdefault(event, place))
@@ -292,7 +292,7 @@ def _check_events_known(motions: Sequence[GroundMotion], events: Sequence[str]) 
         )
 
 
-def _event_of_motion(motion: GroundMotion) -> Event:
+def _event_of_motion(motion: GroundMotion) -> Earthquake:
     """Return the event of a motion; for a pair, of the component whose header states most."""
     events = [event_of(record) for record in components(motion)]
     return max(events, key=lambda event: (event.has_clock, bool(event.time), bool(event.name)))

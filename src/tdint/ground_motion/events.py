@@ -49,7 +49,7 @@ _WITHOUT_MEANING = re.compile(r"\b(?:record of|earthquake|eq|of|mon|tue|wed|thu|
 
 
 @dataclass(frozen=True)
-class Event:
+class Earthquake:
     """An earthquake as far as one file identifies it.
 
     Attributes
@@ -83,7 +83,7 @@ class Event:
         return " ".join(filter(None, (self.name, moment)))
 
 
-def parse_event(text: str) -> Event:
+def parse_event(text: str) -> Earthquake:
     """Return the event that the text of a header identifies.
 
     Parameters
@@ -97,11 +97,11 @@ def parse_event(text: str) -> Event:
         time = _time_of(match) if match else None
         if match and time:
             has_clock = bool(match["hour"] or match["digits"])
-            return Event(_plain(text[: match.start()]), time, has_clock)
-    return Event(_plain(text))
+            return Earthquake(_plain(text[: match.start()]), time, has_clock)
+    return Earthquake(_plain(text))
 
 
-def event_of(record: Record) -> Event:
+def event_of(record: Record) -> Earthquake:
     """Return the event of a record: by its header, or by the time of the first sample."""
     event = parse_event(record.event)
     if event.has_clock or record.start <= _UNKNOWN_UNTIL:
@@ -109,10 +109,10 @@ def event_of(record: Record) -> Event:
     start = datetime.fromisoformat(record.start)
     if start.tzinfo is not None:
         start = start.astimezone(UTC).replace(tzinfo=None)
-    return Event(event.name, start, has_clock=True, is_start=True)
+    return Earthquake(event.name, start, has_clock=True, is_start=True)
 
 
-def is_same_event(event: Event, other: Event) -> bool:
+def is_same_event(event: Earthquake, other: Earthquake) -> bool:
     """Return True if two files belong to one event as far as their headers show.
 
     Times of day decide if both are known. Otherwise the names and the dates must not contradict
