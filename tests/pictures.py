@@ -3,9 +3,10 @@ of date.
 
 What a picture is made from, its command, the files that this names, the methods of the catalogue
 where it shows them, and the sources that draw it, has a digest in configs/pictures.json;
-tests/documentation compares. Pixels are not compared: they differ between machines. Charts tell
-times, so they are drawn on a quiet machine, and only by name: `python tests/pictures.py
-chain-150-chart.png`.
+tests/documentation compares. The command is also stored in the PNG file itself (`png_text`), so
+that a test compares it with the page. Pixels are not compared, because they differ between
+machines. Charts show times: they are drawn on a quiet machine, and only by name, as in
+`python tests/pictures.py chain-150-chart.png`.
 """
 
 import ast
@@ -16,6 +17,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+import png_text
 import readmes
 from tdint.methods.catalogue import catalogue
 
@@ -47,9 +49,7 @@ class Picture:
 
 
 PICTURES = {
-    "kaikoura-frame.png": Picture(
-        "tdint run configs/kaikoura-frame.yaml --method moment4 --plot={file}", "runs"
-    ),
+    "kaikoura-frame.png": Picture("tdint run configs/kaikoura-frame.yaml --plot={file}", "runs"),
     "three-story-concrete-loops.png": Picture(
         "tdint law configs/three-story-concrete.yaml --drift 1% --drift 2% --drift 3% --cycles 2 "
         "--plot={file}",
@@ -164,6 +164,7 @@ def draw(names: list[str]) -> None:
             )
             assert code == 0, said
             (FOLDER / name).write_bytes((folder / name).read_bytes())
+            png_text.stamp(FOLDER / name, PICTURES[name].command.format(file=name))
         known[name] = digest(PICTURES[name])
         DIGESTS.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n")
 

@@ -29,6 +29,8 @@ from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # of the tests
+import png_text
 import tdint
 from tdint import system
 from tdint.analysis.chart import opensees_worker, profiles, work_precision
@@ -58,6 +60,8 @@ from tdint.output.figures.style import picture
 
 HERE = Path(__file__).parent
 PAGE = HERE / "README.md"
+COMMAND = "python tests/benchmarks/run.py"
+"""The command of the page, stored in its figures."""
 
 CHARTS = (("linear", "near-fault"), ("bilinear", "near-fault"), ("bouc-wen", "near-fault"))
 """Problems whose points are drawn: methods of order 4 at home, kinks, smooth hysteresis."""
@@ -350,6 +354,7 @@ def write(file: Path, figure: Callable[[], object]) -> None:
     stream = io.BytesIO()
     picture(".png", figure)(stream)  # type: ignore[arg-type]
     Image.open(stream).convert("RGB").quantize(64).save(file, optimize=True)
+    png_text.stamp(file, COMMAND)
 
 
 def machine(entries: Sequence[Entry], chart: FieldChart) -> str:

@@ -1,11 +1,102 @@
-"""The pictures of the READMEs are drawn from what is there: by a digest, not by pixels."""
+"""The figures of the READMEs belong to their inputs, by a digest, and to the commands of the pages,
+by the command that each PNG file contains. Pixels are not compared."""
 
 import re
+import shlex
 
 import pytest
 
 import pictures
+import png_text
 import readmes
+
+FIGURES = [
+    file
+    for folder in ("configs", "tests/benchmarks", "tests/validation")
+    for file in sorted((readmes.ROOT / folder).glob("*.png"))
+]
+_OUTPUTS = {"-o", "--output", "--plot", "--openquake", "--geojson"}  # options that name outputs
+_SILENT = {"-q", "--quiet", "--overwrite", "--history", "--no-cache"}  # that change no figure
+
+
+def settings(command):
+    """Return subcommand, arguments and options of the last tdint command in a line of shell, or the
+    line itself for another program; without outputs, because they change no figure."""
+    line = re.split(r" && ", command)[-1]
+    calls = [part for part in line.split(" | ") if part.startswith("tdint ")]
+    if not calls:
+        return line.split()
+    # Of `tdint ida ... | tdint fragility -` both commands count.
+    words = [word for call in calls for word in shlex.split(call, comments=True)]
+    kept = []
+    while words:
+        word = words.pop(0)
+        name = word.partition("=")[0]
+        if name in _OUTPUTS:
+            # Its value is the next word, unless the option has it or, like --plot, needs none.
+            if name == word and words and not words[0].startswith("-"):
+                words.pop(0)
+        elif name not in _SILENT:
+            kept.append(word)
+    return kept
+
+
+def shown_commands(page):
+    """Return the commands of a page: lines of code blocks, and code spans in its text."""
+    blocks = re.findall(r"^```\w*\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    lines = [line.removeprefix("$ ") for block in blocks for line in block.splitlines()]
+    text = re.sub(r"^```\w*\n.*?^```", "", page, flags=re.DOTALL | re.MULTILINE)
+    spans = [" ".join(span.split()) for span in re.findall(r"`([^`]+)`", text)]
+    return [line for line in (*lines, *spans) if line.startswith(("tdint ", "python "))]
+
+
+@pytest.mark.parametrize("file", FIGURES, ids=lambda file: file.name)
+def test_the_command_in_a_figure_is_on_its_page(file):
+    """A page that shows the figure shows a command with the same settings."""
+    command = png_text.texts(file)[png_text.COMMAND]
+    pages = [
+        page.read_text()
+        for page in readmes.files()
+        if re.search(rf"\]\((?:[\w./]*/)?{re.escape(file.name)}\)", page.read_text())
+    ]
+    found = [settings(line) for page in pages for line in shown_commands(page)]
+    assert settings(command) in found, command
+
+
+def test_a_figure_of_configs_was_drawn_by_its_declared_command():
+    for name, one in pictures.PICTURES.items():
+        texts = png_text.texts(pictures.FOLDER / name)
+        assert texts[png_text.COMMAND] == one.command.format(file=name), name
+
+
+def test_the_first_page_shows_the_run_of_its_first_figure():
+    """The first figure of README.md is the one of the run with the default method, whose tables
+    the page lists."""
+    page = readmes.README.read_text()
+    first = re.search(r"!\[[^]]*\]\((\S+)\)", page)[1]
+    command = png_text.texts(readmes.ROOT / first)[png_text.COMMAND]
+    (shown,) = [line for line in shown_commands(page) if "--plot" in line and "configs/" in line]
+    assert settings(command) == settings(shown) == ["tdint", "run", "configs/kaikoura-frame.yaml"]
+
+
+def test_settings_of_a_command():
+    one = settings("tdint run a.yaml --method moment4 -o out --history --plot | cut -d, -f1")
+    assert one == ["tdint", "run", "a.yaml", "--method", "moment4"]
+    assert settings("tdint run a.yaml --method moment4 --plot=a.png") == one
+    assert settings("tdint run a.yaml --plot=a.png") != one
+
+
+def test_the_command_of_a_png_is_replaced_and_leaves_the_image(tmp_path):
+    from PIL import Image
+
+    file = tmp_path / "figure.png"
+    Image.new("RGB", (3, 2), "red").save(file)
+    for command in ("tdint run, ω dt", "tdint run again"):
+        png_text.stamp(file, command)
+        assert png_text.texts(file) == {png_text.COMMAND: command}
+        image = Image.open(file)
+        assert image.text == {png_text.COMMAND: command}
+        assert image.getpixel((2, 1)) == (255, 0, 0)
 
 
 def test_no_picture_is_out_of_date():

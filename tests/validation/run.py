@@ -22,6 +22,8 @@ from fetch import SOURCES
 from file_cases import berkeley_cases, el_centro_cases, kaikoura_cases
 from manufactured import AMPLITUDE, STEPS, observe_all
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # of the tests
+import png_text
 import tdint
 from tdint.errors import TdintError
 from tdint.methods.catalogue import parse
@@ -200,18 +202,9 @@ def other_programs() -> str:
 def work_precision() -> str:
     """g."""
     picture = HERE / "work-precision.png"
-    text = tdint_command(
-        "chart",
-        "configs/ten-story-bilinear.yaml",
-        "--method",
-        _CHARTED,
-        "--peers",
-        "--no-cache",
-        "--repeat",
-        "3",
-        f"--plot={picture}",
-        "--overwrite",
-    )
+    text = tdint_command(*WORK_PRECISION, f"--plot={picture}", "--overwrite")
+    command = " ".join(("tdint", *WORK_PRECISION))
+    png_text.stamp(picture, f"{command} --plot={picture.name}")
     rows = [row for row in csv.DictReader(io.StringIO(text)) if row["dt_s"] == "0.01"]
     shown_rows = [
         [
@@ -223,7 +216,7 @@ def work_precision() -> str:
         if row["outcome"] in ("done", "collapsed") and row["peak_drift_error"]
     ]
     return (
-        "`tdint chart configs/ten-story-bilinear.yaml --peers`: ten stories that yield, 40 s, "
+        f"`{command}`: ten stories that yield, 40 s, "
         "processor time of the loops alone on this machine (above), error of the worst story's "
         "peak drift against a reference that a second method confirms.\n\n![Time over error of "
         "methods and of other programs](work-precision.png)\n\n"
@@ -232,6 +225,12 @@ def work_precision() -> str:
 
 
 _CHARTED = "newmark-average,central-difference,hht,generalized-alpha,bathe,impulse,impulse4,moment4,gauss4,rk5"  # noqa: E501
+WORK_PRECISION = (
+    "chart",
+    "configs/ten-story-bilinear.yaml",
+    *("--method", _CHARTED, "--peers", "--no-cache", "--repeat", "3"),
+)
+"""The command of the work-precision diagram, without the file."""
 
 
 def recorded_structures(results: list[ValidationResult]) -> str:

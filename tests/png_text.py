@@ -1,0 +1,54 @@
+"""Text chunks of PNG files: the command by which a committed figure was drawn.
+
+The pixels are not touched, and no image library is needed.
+"""
+
+import zlib
+from pathlib import Path
+
+COMMAND = "Command"
+"""Keyword of the chunk with the command."""
+
+_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_HEADER_END = len(_SIGNATURE) + 25  # the header chunk IHDR is always the first one, of 25 bytes
+
+
+def _chunks(data: bytes):
+    """Yield the position, type and content of each chunk."""
+    assert data.startswith(_SIGNATURE), "not a PNG file"
+    place = len(_SIGNATURE)
+    while place < len(data):
+        length = int.from_bytes(data[place : place + 4])
+        yield place, data[place + 4 : place + 8], data[place + 8 : place + 8 + length]
+        place += length + 12
+
+
+def texts(file: Path) -> dict[str, str]:
+    """Return the texts of a PNG file by keyword."""
+    found = {}
+    for _, kind, content in _chunks(file.read_bytes()):
+        if kind == b"iTXt":
+            keyword, _, rest = content.partition(b"\0")
+            # Compression flag and method, then language and translated keyword, both empty here.
+            found[keyword.decode("latin-1")] = rest[2:].split(b"\0", 2)[2].decode()
+        elif kind == b"tEXt":
+            keyword, _, text = content.partition(b"\0")
+            found[keyword.decode("latin-1")] = text.decode("latin-1")
+    return found
+
+
+def with_command(data: bytes, command: str) -> bytes:
+    """Return the bytes of a PNG file with its command, in place of any earlier one."""
+    for place, kind, content in list(_chunks(data)):
+        if kind == b"iTXt" and content.startswith(COMMAND.encode() + b"\0"):
+            data = data[:place] + data[place + len(content) + 12 :]
+            break
+    content = COMMAND.encode() + b"\0\0\0\0\0" + command.encode()
+    checksum = zlib.crc32(b"iTXt" + content).to_bytes(4)
+    chunk = len(content).to_bytes(4) + b"iTXt" + content + checksum
+    return data[:_HEADER_END] + chunk + data[_HEADER_END:]
+
+
+def stamp(file: Path, command: str) -> None:
+    """Write the command into a PNG file."""
+    file.write_bytes(with_command(file.read_bytes(), command))
