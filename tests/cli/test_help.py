@@ -31,8 +31,8 @@ def command_of(name):
 
 
 def screen(*words):
-    """What a command line prints on a terminal of 80 columns."""
-    result = CliRunner().invoke(cli, list(words), prog_name="tdint", terminal_width=80)
+    """Return what a command line prints on a terminal of 80 columns, of which click uses 78."""
+    result = CliRunner().invoke(cli, list(words), prog_name="tdint", terminal_width=78)
     assert result.exit_code == 0, result.output
     return result.stdout
 

@@ -76,6 +76,7 @@ class Request(options.record.RecordRequest):
         "without a record of the model's dt.",
     )
     halvings: int | None = options.analysis.option(
+        rare=True,
         type=Count(0, 16),
         help="Without --dt: eight times that interval, halved so many times. By default 7 times, "
         "with some steps between; fewer times for very large buildings.",

@@ -71,6 +71,7 @@ class IdaRequest(RecordsRequest):
     )
     damping: float = options.studies.damping("--im sa or sa-avg")
     max_im: Units | None = options.studies.option(
+        rare=True,
         type=intensity("acceleration", "velocity", "displacement"),
         help="The largest intensity, with its unit (3g): capacities above it are censored.",
     )

@@ -53,8 +53,10 @@ class Request(BuildingRequest, SuiteRequest):
         help="Run the records with the factors that `tdint scale -o` wrote, in place of --scale.",
     )
     sequence: bool = options.record.option(
+        rare=True,
         help="Run the records one after the other on one building, which keeps what each has "
-        "left: peaks of each shock and over all. --scale takes one factor for all, or one for each."
+        "left: peaks of each shock and over all. --scale takes one factor for all, or one for "
+        "each.",
     )
     rest: float | None = options.record.option(
         needs="--sequence",

@@ -73,6 +73,7 @@ class ScaleRequest(RecordsRequest):
         "of several, from the shortest to the longest.",
     )
     max_factor: float | None = options.option(
+        rare=True,
         type=Number(0.0, min_open=True),
         metavar="FACTOR",
         help="Refuse (exit code 5) a suite of which a motion needs a larger factor, and name it.",
@@ -135,8 +136,9 @@ class ScaleRequest(RecordsRequest):
         help="Scale to this cumulative absolute velocity: 9m/s.",
     )
     p695: bool = options.option(
+        rare=True,
         help="Normalize pairs by their peak velocities (FEMA P-695, A.8); with --sa and --at "
-        "scale the set on, to this median Sa of all components."
+        "scale the set on, to this median Sa of all components.",
     )
     pairs: PairWish | None = options.studies.pairs(
         "Take the two horizontal components of a motion together, with one factor, by this measure "

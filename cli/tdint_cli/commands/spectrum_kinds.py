@@ -207,6 +207,7 @@ class SpectrumRequest(TablesRequest):
         "to yield displacement (the largest strength if there are several).",
     )
     strength: tuple[float, ...] | None = options.spectra.option(
+        rare=True,
         type=ListOf(Ratio(0.0, min_open=True)),
         help="Inelastic spectra instead: the response for each of these ratios of yield force to "
         "weight.",

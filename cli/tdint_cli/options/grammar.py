@@ -627,7 +627,7 @@ class HelpAsData(click.Command):
                     formatter.write_dl(records)
 
 
-COMMON, LINES = 20, 60
+COMMON, LINES = 20, 50
 """Of `COMMAND --help`: so many options and, on 80 columns, lines at most. It is read on one
 screen."""
 
@@ -677,7 +677,7 @@ class Command(HelpAsData):
                 text += f" {clause}"
             brief.append((record[0], text if text.endswith(".") else f"{text.rstrip(';')}."))
         with formatter.section("Options"):
-            formatter.write_dl(brief)
+            formatter.write_dl(brief, col_max=_OPTION_WIDTH)
         if self.exits:
             with formatter.section("Exit codes"):
                 formatter.write_dl([(str(code), meaning) for code, meaning in self.exits.items()])
@@ -753,9 +753,12 @@ memory."""
 
 _SENTENCE = re.compile(r"(?<=[.])\s+(?=[A-Z`-])")
 _CLAUSE = re.compile(r"(?<=[;.])\s+(?![^(]*\))")
-_ENOUGH = 100
+_ENOUGH = 90
 """Letters of an option's help to which another clause or sentence is still added: two lines beside
 its name."""
+
+_OPTION_WIDTH = 22
+"""Characters; a longer option has a line of its own in --help, so that texts have wide columns."""
 
 
 def _is_given(ctx: click.Context, parameter: click.Parameter) -> bool:

@@ -151,6 +151,7 @@ picture = plot(PICTURE)
 units = option(
     "--output-units",
     type=OutputUnitsType(),
+    rare=True,
     help="Units of tables, summaries and pictures in place of the model's output_units or SI, one "
     "each of force, length, mass, velocity, acceleration: kip,in,g.",
 )

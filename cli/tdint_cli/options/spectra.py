@@ -129,6 +129,7 @@ class FloorRequest:
 
     floors: tuple[str, ...] | None = option(
         _NEEDS,
+        rare=True,
         type=ListOf(click.STRING),
         metavar="FLOOR,...",
         help=f"Also write {SPECTRA}: elastic response spectra of the absolute accelerations of "
