@@ -18,6 +18,7 @@ from as_printed import ENTRIES, EQUATIONS, MISPRINTS, corrected
 from paper_claims import BETAS, ROUNDING, ROWS, Below
 from tdint import read_horizontals, rotated_spectrum
 from tdint.methods import impulse
+from tdint_cli.options.grammar import LINES
 
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?(?![\w])")
 CLOSED_FORMS = (33, 34, *ENTRIES)
@@ -46,7 +47,11 @@ def test_a_row_of_the_claims(where):
         digits, _, power = number.partition("e")
         last = 10.0 ** (int(power or 0) - len(digits.partition(".")[2]))
         assert value == pytest.approx(float(number), abs=0.51 * last), (where, number)
-    assert paper_claims.is_confirmed(row, verdict, row.claims(*measured)), (where, verdict)
+    claims = row.claims(*measured)
+    assert paper_claims.is_confirmed(row, verdict, claims), (where, verdict)
+    # The opposite verdict must not pass.
+    opposite = "does not hold" if re.match("holds?\\b", verdict) else "holds"
+    assert not paper_claims.is_confirmed(row, opposite, claims), (where, opposite)
 
 
 def test_every_row_is_measured():
@@ -260,3 +265,7 @@ def test_the_table_of_moment4_with_parts_that_no_step_resolves():
         assert made == pytest.approx(
             [float(number) for number in numbers.split(" | ")], rel=0.05
         ), method
+
+
+def test_help_has_the_lines_that_the_changelog_states():
+    assert said("CHANGELOG.md", r"`COMMAND --help` has at most (\d+) lines") == [LINES]
