@@ -433,7 +433,7 @@ def carry_out(
             for name in names:
                 remove(folder / name)
             store, remarks = open_store(folder, plan, kept)
-        warn_of_motions(plan)
+        warn_of_plan(plan)
         note(*plan.notes, *remarks)
         with store:
             if not overwrite:
@@ -468,8 +468,9 @@ def carry_out(
         raise Failures([*plan.failures, *far, *unmet])
 
 
-def warn_of_motions(plan: Plan) -> None:
-    """What was assumed of the motions and changes what their numbers mean."""
+def warn_of_plan(plan: Plan) -> None:
+    """Warn of unusual values of the buildings first, then of assumptions on the motions."""
+    warn(*plan.warnings)
     warn(*options.record.warnings_of_suite([motion.record for motion in plan.motions]))
 
 

@@ -167,3 +167,11 @@ def parse_named(
     if missing:
         raise UsageError(f"{name} needs {', '.join(missing)}, such as {example}")
     return given
+
+
+def warned_first(warnings: Sequence[str]) -> str:
+    """Return the end of a headline of results in Python: the first warning and how many follow."""
+    if not warnings:
+        return ""
+    more = f" (and {len(warnings) - 1} more: `warnings`)" if len(warnings) > 1 else ""
+    return f"; warning: {warnings[0]}{more}"

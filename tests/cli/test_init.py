@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import readmes
+import tdint as api
 from cli.conftest import Command
 from csv_rows import rows
 from json_schema import valid
@@ -178,6 +179,62 @@ def test_long_steps_and_weak_bases_are_told(
     (folder / "of.yaml").write_text(f"{story}\n{rest}\n")
     said = tdint("check", "of.yaml", code=0).stderr
     assert told in said and bool(told) == ("steps in" in said or "base shear" in said)
+
+
+KN_AND_T = """\
+name: without units
+stories:
+  - repeat: 2
+    mass: 200
+    height: 3
+    stiffness: 4.0e+4
+    law: {type: bilinear, yield_force: 300, hardening: 0.02}
+damping: 5%
+excitation: {record: {file: motion.mseed, component: HNE, units: m/s^2}}
+"""
+"""Numbers in kN and t, read as N and kg: the period, 0.7 s, and the strength are usual."""
+
+
+def test_whatever_integrates_a_model_shows_the_warnings_of_check_first(
+    folder: Path, tdint: Command
+) -> None:
+    """Before all other messages, and with --quiet: a run, several runs, campaigns, modes, a
+    pushover curve, and Python."""
+    (folder / "plain.yaml").write_text(KN_AND_T)
+    (expected,) = [
+        line.partition("plain.yaml: ")[2]
+        for line in tdint("check", "plain.yaml", code=0).stderr.splitlines()
+        if "mass of a floor 200 kg" in line
+    ]
+    assert expected.startswith("mass of a floor 200 kg in story 1, 200 kg in story 2, usual: ")
+    (folder / "study.yaml").write_text(
+        "name: study\nbuildings: {models: [plain.yaml]}\n"
+        "records: {files: [motion.mseed], component: HNE, units: m/s^2}\n"
+    )
+    single = ("run", "plain.yaml", "--no-check")
+    several = ("run", "plain.yaml", "motion.mseed", "--scale", "1,2", "--component", "HNE")
+    several = (*several, "--units", "m/s^2")
+    calls = [single, several, ("campaign", "study.yaml", "-o", "out"), ("modes", "plain.yaml")]
+    calls += [("pushover", "plain.yaml")]
+    for words in calls:
+        for quiet in ((), ("-q",)):
+            more = ("--overwrite",) if words[0] == "campaign" else ()
+            first = tdint(*words, *more, *quiet, code=0).stderr.splitlines()[0]
+            assert first.startswith("Warning: ") and first.endswith(expected), (words, first)
+    response = api.run("plain.yaml")
+    assert response.warnings[0] == expected
+    assert repr(response).endswith(f"; warning: {expected}>")
+    motion = api.read_record("motion.mseed", component="HNE", units="m/s^2")
+    for results in (api.run_many(["plain.yaml"], [motion]), api.campaign("study.yaml")):
+        assert results.warnings == (f"plain.yaml: {expected}",)
+        assert f"; warning: plain.yaml: {expected}>" in repr(results)
+
+
+def test_a_run_that_fails_shows_the_warnings_of_check_as_well(folder: Path, tdint: Command) -> None:
+    (folder / "plain.yaml").write_text(KN_AND_T)
+    words = ("run", "plain.yaml", "--method", "central-difference", "--dt", "1")
+    first, *_ = tdint(*words, code=5).stderr.splitlines()
+    assert "mass of a floor 200 kg" in first
 
 
 def test_all_faults_of_all_files(folder: Path, tdint: Command) -> None:

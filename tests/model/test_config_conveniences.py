@@ -2,6 +2,7 @@
 
 import io
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from tdint.errors import ModelError
 from tdint.model.building import assemble
 from tdint.model.config.model_file import load_model
 from tdint.model.definition import ModalDamping, Model, RayleighRatio
-from tdint.model.plausibility import doubts, unusual_floors
+from tdint.model.plausibility import doubts, on_plausibility
 from tdint.units import SI, STANDARD_GRAVITY, OutputUnits
 
 THREE = "stories: [{repeat: 3, mass: 2, stiffness: 5}]\n"
@@ -199,11 +200,24 @@ def test_what_is_unusual_is_told_with_the_number_and_what_is_usual(told: str) ->
     (line,) = doubts(model, assemble(model))
     assert line.startswith(told) and ", usual: " in line
     usual = load("stories: [{mass: 2e5, height: 3, stiffness: 4e7}]")
-    assert doubts(usual, assemble(usual), 9.0) == () == (*unusual_floors(assemble(usual)),)
+    assert doubts(usual, assemble(usual), 9.0) == ()
     light = load("stories: [{mass: 200, height: 3, stiffness: 4e4}]")  # 0.44 s, as 200 t have it
-    (line,) = unusual_floors(assemble(light))
+    (line,) = doubts(light, assemble(light))
     assert line.startswith("mass of a floor 200 kg in story 1, usual: ")
-    assert unusual_floors(assemble(load("stories: [{mass: 200, stiffness: 4e4}]"))) == []
+    bare = load("stories: [{mass: 200, stiffness: 4e4}]")
+    assert doubts(bare, assemble(bare)) == ()
     for pga in (0.9e-4 * 9.80665, 5.1 * 9.80665):
         (line,) = doubts(usual, assemble(usual), pga)
         assert line.startswith("peak ground acceleration") and "0.0001 g to 5 g" in line
+
+
+def test_the_warnings_of_a_study_are_one_line_for_the_same_of_several_models() -> None:
+    """And of many the first ones, with the number of the others."""
+    light = load("stories: [{mass: 200, height: 3, stiffness: 4e4}]")
+    usual = load("stories: [{mass: 2e5, height: 3, stiffness: 4e7}]")
+    models = [replace(light, source="a.yaml"), replace(light, source="b.yaml"), usual]
+    (line,) = on_plausibility((model, assemble(model)) for model in models)
+    assert line.startswith("a.yaml and 1 more: mass of a floor 200 kg in story 1, usual: ")
+    varied = [load(f"stories: [{{mass: {200 + n}, height: 3, stiffness: 4e4}}]") for n in range(14)]
+    lines = on_plausibility((model, assemble(model)) for model in varied)
+    assert len(lines) == 11 and lines[-1].startswith("4 more warnings on the buildings")

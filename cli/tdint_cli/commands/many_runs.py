@@ -17,7 +17,7 @@ from tdint_cli.campaigns import (
     carry_out,
     check_names,
     tell_outcomes,
-    warn_of_motions,
+    warn_of_plan,
 )
 from tdint_cli.commands.run_request import Request
 from tdint_cli.drawing import emit_table
@@ -50,7 +50,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
         carry_out(plan, engine, request, show=True)
         return
     store, _ = open_store(None, plan)
-    warn_of_motions(plan)
+    warn_of_plan(plan)
     note(*plan.notes)
     with store:
         profiles = Profiles(store, request)

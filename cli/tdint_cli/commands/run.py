@@ -173,6 +173,8 @@ def _run(request: Request) -> None:
         method=request.method,
         allow_unstable=request.allow_unstable,
     )
+    # Before all else: a mistaken unit explains whatever follows, a failure too.
+    warn(*case.plausibility_warnings)
     if not (shocks or request.tolerance or request.until_rest):
         dt, duration = number_of(request.dt, "dt"), number_of(request.duration, "duration")
         steps = case.steps(dt, duration).count
@@ -213,7 +215,7 @@ def _run(request: Request) -> None:
     if response.collapse:
         whose = f"{response.model.name}: " * is_quiet()
         complain(whose + _collapsed(response, response.collapse))  # It changes what the peaks mean.
-    warn(*response.warnings)
+    warn(*(text for text in response.warnings if text not in case.plausibility_warnings))
     _remark(record, response.notes)
     if judged and request.require and not judged[0]:
         raise AnalysisError(f"the drift limit is not met: {judged[1]}")

@@ -115,14 +115,14 @@ def _one_at_a_time(request: Request) -> None:
     from tdint.model.config.model_file import load_model
     from tdint.output.tables.studies import SWINGS
     from tdint.output.tables.table import Table
-    from tdint_cli.campaigns import advance_with_bar, tell_outcomes, warn_of_motions
+    from tdint_cli.campaigns import advance_with_bar, tell_outcomes, warn_of_plan
 
     model = load_model(request.building)
     motions = read_motions(RecordFiles(request.records, request.choice))
     # The building as it is and with each end of each parameter: a small campaign in memory.
     plan = plan_of(model, request.ranges, motions, method=request.method, dt=request.dt)
     store, _ = open_store(None, plan)
-    warn_of_motions(plan)
+    warn_of_plan(plan)
     note(*dict.fromkeys(plan.notes))
     with store:
         advance = advance_with_bar(plan, store, threads(processors()))

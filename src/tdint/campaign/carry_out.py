@@ -28,7 +28,7 @@ from tdint.kernels.building.obtaining import obtain
 from tdint.kernels.march.march import many
 from tdint.system import on_threads, processors
 from tdint.tabular import Progress, Tabular, told_progress
-from tdint.written_numbers import how_many
+from tdint.written_numbers import how_many, warned_first
 
 Engine = Callable[[Plan, Sequence[int]], Iterator[Done]]
 """Who does chunks: threads here, or workers elsewhere."""
@@ -172,6 +172,8 @@ class CampaignRuns(Tabular):
         Records and buildings that could not be used.
     checked : bool
         Whether the errors of the demands were estimated.
+    warnings : tuple of str
+        Unusual values of the buildings, each with its model file, as `check` shows them.
     """
 
     name: str
@@ -180,9 +182,12 @@ class CampaignRuns(Tabular):
     failures: tuple[TdintError, ...]
     checked: bool
     _content: bytes
+    warnings: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, store: Store, failures: tuple[TdintError, ...]) -> CampaignRuns:
+    def of(
+        cls, store: Store, failures: tuple[TdintError, ...], warnings: tuple[str, ...] = ()
+    ) -> CampaignRuns:
         """What is in a store, as it is now: it is closed, or written on, when this is asked for."""
         told = (
             store.meta("name"),
@@ -191,7 +196,7 @@ class CampaignRuns(Tabular):
             failures,
             store.checked,
         )
-        return cls(*told, store.connection.serialize())
+        return cls(*told, store.connection.serialize(), warnings)
 
     @property
     def store(self) -> Store:
@@ -205,7 +210,7 @@ class CampaignRuns(Tabular):
         ended = ", ".join(f"{count} {status}" for status, count in self.statuses.items())
         return (
             f"of {self.name!r}: {sum(self.statuses.values())} of {how_many(self.asked, 'run')} "
-            f"({ended})"
+            f"({ended}){warned_first(self.warnings)}"
         )
 
 
@@ -275,7 +280,7 @@ def campaign(
         except KeyboardInterrupt:
             if not partial:
                 raise
-        return CampaignRuns.of(store, plan.failures)
+        return CampaignRuns.of(store, plan.failures, plan.warnings)
 
 
 _OF_BUILDINGS = ("buildings", "inventory", "building_types")

@@ -39,7 +39,7 @@ from tdint.ground_motion.measures import cut_off
 from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.definition import Model
-from tdint.model.plausibility import doubts
+from tdint.model.plausibility import on_plausibility
 from tdint.written_numbers import first_few
 
 _COLLAPSE_DRIFT = 0.10
@@ -79,6 +79,8 @@ class Plan:
         Records and rows of an inventory that could not be read; the others are taken.
     notes : tuple of str
         What a person should know.
+    warnings : tuple of str
+        Unusual values of the buildings, as `check` shows them: they are shown before all notes.
     damage : Damage or None
         How damage is told, where it is.
     inventory : tuple of str
@@ -115,6 +117,7 @@ class Plan:
     factors: str = ""
     style: tuple[str, str] = ("", "")
     scaled: Mapping[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
     _chosen: dict[int, Future[float | None]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -355,6 +358,10 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
         ),
         rates=motions.rates,
         notes=(*notes, *motions.notes),
+        warnings=on_plausibility(
+            (subject.model, subject.prepared.building)
+            for subject in (item.subject() for item in buildings if inputs.models)
+        ),
         damage=damage,
         factors=inputs.factors.source if inputs.factors else "",
         scaled=inputs.factors.scaled if inputs.factors else {},
@@ -403,7 +410,4 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
             method = DEFAULT_METHOD
             notes.append(f"{model.source}: names no method, {DEFAULT_METHOD} is used")
         subjects.append(Subject(model, method))
-        notes += [
-            f"{model.source}: {text}" for text in doubts(model, subjects[-1].prepared.building)
-        ]
     return given_buildings(subjects)

@@ -4,7 +4,7 @@ never refused."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,7 @@ from tdint.units import STANDARD_GRAVITY
 from tdint.written_numbers import first_few
 
 _FEW = 3  # stories or motions that a line names
+_MANY = 10  # lines on the buildings of a study
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,8 @@ def doubts(model: Model, building: Building, pga: float = math.nan) -> tuple[str
 
 
 def mistakable(model: Model, building: Building, pga: float = math.nan) -> list[str]:
-    """What is unusual of a building, and of the ground motion's peak (m/s^2), a line each."""
+    """Return a warning for each unusual value of a building and for an unusual peak ground
+    acceleration (m/s^2): most of them are mistaken units."""
     if model.as_meant:
         return [*doubt_of_peak(pga)]
     omega, damping = building.first_mode()
@@ -136,16 +138,24 @@ def mistakable(model: Model, building: Building, pga: float = math.nan) -> list[
     # Strengths over the weight above them, as codes give base shears.
     weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     strength = building.yield_drift * np.array([story.stiffness for story in model.stories])
-    return [
-        *told,
+    told += [
         *unusual_stories(HEIGHT, building.heights),
         *unusual_stories(STRENGTH, strength / weight),
+        *_unusual_floors(building),
     ]
+    # No code requires a base shear below the bound. Isolators yield early; a base without a height
+    # is not part of a building; a strength below the bound of the stories is reported already.
+    at_base = float(strength[0] / weight[0])
+    judged_at_base = math.isfinite(building.heights[0]) and STRENGTH.holds(at_base)
+    if judged_at_base and not BASE_STRENGTH.holds(at_base):
+        told.append(BASE_STRENGTH.told(BASE_STRENGTH.text(at_base)))
+    return told
 
 
-def unusual_floors(building: Building) -> list[str]:
-    """A line on floors too light or too heavy, for `tdint check`: with 200 kg for 200 t a period
-    may be usual. Models without heights of stories may be of a laboratory or a textbook."""
+def _unusual_floors(building: Building) -> list[str]:
+    """Return a warning on floors that are too light or too heavy: with 200 kg instead of 200 t and
+    a stiffness in kN/m, the period is usual. Models without story heights may be of a laboratory
+    or a textbook."""
     usual = (building.heights >= HEIGHT.low) & PERIOD.holds(
         2.0 * math.pi / building.first_mode()[0]
     )
@@ -158,30 +168,53 @@ def unusual_floors(building: Building) -> list[str]:
 _SAMPLES = 7.0
 
 
-def unusual_runs(model: Model, building: Building, interval: float | None) -> list[str]:
-    """A line each, for `tdint check`, on a time step that is long beside the fundamental period,
-    where the model names none that of the record (s), and on a base shear at yield that no code
-    asks for; isolators yield early, and what has no height is no building."""
+def long_step(building: Building, dt: float | None, interval: float | None) -> list[str]:
+    """Return a warning on a time step that is long compared with the fundamental period.
+
+    Parameters
+    ----------
+    building : Building
+        The building.
+    dt : float or None
+        Time step, s; None is the sampling interval of the record.
+    interval : float or None
+        Sampling interval of the record, s; None without a record.
+    """
     period = 2.0 * math.pi / building.first_mode()[0]
-    told = []
-    dt = model.analysis.dt or interval
-    of_record = interval is not None and dt is not None and dt <= interval
-    if (
-        dt is not None
-        and not STEP.holds(period / dt)
-        and not (of_record and period / dt >= _SAMPLES)
-    ):
-        told.append(
-            f"time step {dt:.4g} s: {STEP.text(period / dt)} steps in the fundamental period, "
-            f"usual: at least {STEP.text(STEP.low)} ({STEP.reason})"
-        )
-    first = model.stories[0]
-    strength = building.yield_drift[0] * first.stiffness / (STANDARD_GRAVITY * building.mass.sum())
-    # Below a part that wind alone would exceed every story is told already.
-    judged = not model.as_meant and math.isfinite(building.heights[0]) and STRENGTH.holds(strength)
-    if judged and not BASE_STRENGTH.holds(strength):
-        told.append(BASE_STRENGTH.told(BASE_STRENGTH.text(strength)))
-    return told
+    step = dt or interval
+    of_record = interval is not None and step is not None and step <= interval
+    if step is None or STEP.holds(period / step) or (of_record and period / step >= _SAMPLES):
+        return []
+    return [
+        f"time step {step:.4g} s: {STEP.text(period / step)} steps in the fundamental period, "
+        f"usual: at least {STEP.text(STEP.low)} ({STEP.reason})"
+    ]
+
+
+def on_plausibility(models: Iterable[tuple[Model, Building]]) -> tuple[str, ...]:
+    """Return the warnings on the buildings of a study, each with its model file.
+
+    The same warning on several models is one line; of many lines the first ones are returned.
+
+    Parameters
+    ----------
+    models : iterable of (Model, Building)
+        Models, and the same as arrays.
+    """
+    sources: dict[str, list[str]] = {}
+    for model, building in models:
+        for text in doubts(model, building):
+            sources.setdefault(text, []).append(model.source)
+    lines = []
+    for text, named in sources.items():
+        # Variations of one model have the same file.
+        files = list(dict.fromkeys(named))
+        more = f" and {len(files) - 1} more" if len(files) > 1 else ""
+        lines.append(f"{files[0]}{more}: {text}")
+    if len(lines) > _MANY:
+        more = f"{len(lines) - _MANY} more warnings on the buildings; `tdint check` lists all"
+        lines = [*lines[:_MANY], more]
+    return tuple(lines)
 
 
 def as_meant(model: Model) -> list[str]:

@@ -324,7 +324,9 @@ def suite_page(
     ]
     whole = {"file": "the whole campaign, its fingerprint", "sha256": content["fingerprint"]}
     inputs = [*(told.inputs or content["inputs"]), whole]
-    told = replace(told, warnings=[*told.warnings, *doubts, *of_records], inputs=inputs)
+    told = replace(
+        told, warnings=[*plan.warnings, *told.warnings, *doubts, *of_records], inputs=inputs
+    )
     return page(
         plan.name, f"{runs['done']} of {how_many(runs['all'], 'run')}: {about}.", chapters, told
     )

@@ -41,7 +41,7 @@ from tdint.kernels.march.march import CODE
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
 from tdint.model.definition import LAWS, Model
-from tdint.model.plausibility import DUCTILITY, as_meant, doubts, unusual_stories
+from tdint.model.plausibility import DUCTILITY, as_meant, doubts, long_step, unusual_stories
 from tdint.written_numbers import how_many
 
 # ---- What a march left in its arrays, as results
@@ -265,11 +265,22 @@ class Case:
         return np.zeros(1) if self.record is None else self.record.acceleration.copy()
 
     @cached_property
-    def _doubts(self) -> tuple[str, ...]:
-        # What is told of the record itself is not told again.
+    def plausibility_warnings(self) -> tuple[str, ...]:
+        """Warnings on unusual values of the building and the ground motion, as `check` shows."""
+        # A warning of the record itself is not repeated.
         told = self.record.warnings if self.record else ()
         pga = self.record.pga if self.record else math.nan
-        return tuple(text for text in doubts(self.model, self.building, pga) if text not in told)
+        unusual = doubts(self.model, self.building, pga)
+        return tuple(text for text in unusual if text not in told)
+
+    def _long_step(self, steps: Steps) -> list[str]:
+        """Return the warning on the step that the model or its record implies; a step that is
+        requested, or found for a tolerance, is the choice of its user."""
+        interval = self.record.dt if self.record else None
+        implied = self.model.analysis.dt or interval
+        if implied is None or not math.isclose(steps.h, implied, rel_tol=1e-9):
+            return []
+        return long_step(self.building, steps.h, interval)
 
     def under(self, record: Record | None) -> Case:
         """The same building and method under another ground motion."""
@@ -470,7 +481,9 @@ class Case:
         # Isolators are made for it, and what has no height is no story of a frame.
         usual = np.isfinite(self.building.heights) & (not self.model.as_meant)
         ductility = np.where(usual, stories.ductility, math.nan)
-        warnings = [*self._doubts, *unusual_stories(DUCTILITY, ductility)]
+        # First the warnings of `check`: all other numbers follow from the building.
+        unusual = [*self.plausibility_warnings, *self._long_step(steps)]
+        warnings = unusual_stories(DUCTILITY, ductility)
         if not abs(energy.error) <= _LARGE_IMBALANCE:
             change = "lost to" if energy.error > 0.0 else "made by"
             warnings.insert(
@@ -499,7 +512,7 @@ class Case:
             unresolved=unresolved_errors(self.building, space, steps.late),
             moving_drift=moving_drift(self.building, space),
             collapse=collapse,
-            warnings=tuple(warnings),
+            warnings=(*unusual, *warnings),
         )
         return replace(response, notes=self._notes(response))
 

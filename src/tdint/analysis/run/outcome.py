@@ -17,7 +17,7 @@ from tdint.errors import AnalysisError
 from tdint.kernels import layout as at
 from tdint.tabular import Tabular
 from tdint.units import Quantity, quantities
-from tdint.written_numbers import how_many
+from tdint.written_numbers import how_many, warned_first
 
 if TYPE_CHECKING:
     from tdint.ground_motion.record import Record
@@ -534,7 +534,7 @@ class Response(Tabular):
         return (
             f"of {self.model.name!r}: {self.status}, {self.method}, {how_many(self.steps, 'step')} "
             f"of {self.dt:.6g} s, largest drift {self.stories.peak_drift[story]:.4g} m in story "
-            f"{story + 1}"
+            f"{story + 1}{warned_first(self.warnings)}"
         )
 
 

@@ -16,7 +16,7 @@ from tdint.model.building import assemble
 from tdint.model.config.model_file import load_judged
 from tdint.model.definition import Model
 from tdint.model.modes import Modes
-from tdint.model.plausibility import doubts, unusual_floors, unusual_runs
+from tdint.model.plausibility import doubts, long_step
 from tdint.tabular import Tabular
 from tdint.written_numbers import how_many
 
@@ -115,11 +115,11 @@ def overview(source: str | Path) -> Overview:
         and (record := model_record(model))
     ):
         pga, interval = record.pga, record.dt
-    unusual = (
-        *([] if model.as_meant else unusual_floors(building)),
-        *unusual_runs(model, building, interval),
+    period = 2.0 * math.pi / omega
+    warnings = (
+        *doubts(model, building, pga),
+        *long_step(building, model.analysis.dt, interval),
     )
-    period, warnings = 2.0 * math.pi / omega, (*doubts(model, building, pga), *unusual)
     return Overview(
         model, float(building.mass.sum()), float(building.rises.sum()), period, damping, warnings
     )

@@ -40,10 +40,11 @@ from tdint.kernels.building.sources import CODE
 from tdint.methods.catalogue import DEFAULT_METHOD
 from tdint.model.building import draw_buildings
 from tdint.model.definition import Model, changes_of, check_parameter, check_value, damped_by
+from tdint.model.plausibility import on_plausibility
 from tdint.system import available_memory, on_threads, processors
 from tdint.tabular import Progress, Tabular, optional, told_progress
 from tdint.units import quantities
-from tdint.written_numbers import how_many
+from tdint.written_numbers import how_many, warned_first
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -97,6 +98,8 @@ class Runs(Tabular):
         What was varied, by name; `models` has the buildings as they were given.
     gradient : Gradient or None
         Derivatives of the peaks, if they were asked for.
+    warnings : tuple of str
+        Unusual values of the buildings, each with its model file, as `check` shows them.
     """
 
     models: tuple[Model, ...]
@@ -117,6 +120,7 @@ class Runs(Tabular):
     corrected: StoryPeaks | None = None
     varied: dict[str, Array] = field(default_factory=dict)
     gradient: Gradient | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def time(self) -> Array:
@@ -159,7 +163,8 @@ class Runs(Tabular):
         )
         kept = f", histories of {', '.join(self.history)}" if self.history else ""
         lost = f", {len(self.failures)} without a result" if self.failures else ""
-        return f"{len(self.model)} of {buildings} under {records}{kept}{lost}"
+        first = warned_first(self.warnings)
+        return f"{len(self.model)} of {buildings} under {records}{kept}{lost}{first}"
 
 
 def run_many(
@@ -577,6 +582,9 @@ def _unfilled(
         varied={name: values[[run.draw for run in plan]] for name, values in work.vary.items()},
         errors=StoryErrors(**errors) if work.check else None,
         corrected=StoryPeaks(height=peaks["height"], **corrected) if work.check else None,
+        warnings=on_plausibility(
+            (subject.model, subject.prepared.building) for subject in work.subjects
+        ),
     )
 
 
