@@ -65,14 +65,22 @@ def test_table_words_and_files(folder, tdint, drawn):
             r"(\S+) % of the peak drifts"
         )
         others = r"(; next best: \S+ with dt \S+ s, \S+ times as long, error \S+ %)?"
-        usual = r"(; newmark-average with dt 0.01 s, \S+ times as long, error \S+ %)?"
+        usual = (
+            r"(; the usual choice: newmark-average with dt 0.01 s, \S+ times as long, "
+            r"error \S+ %)?"
+        )
         stated = re.fullmatch(f"{best}{others}{usual}\\.", line)
+        # Alternatives meet the tolerance and are never cheaper; the usual choice errs by more here.
+        listed = line.partition("told ")[2]
+        assert all(float(error) <= float(limit) for error in re.findall(r"error (\S+) %", listed))
+        assert all(float(ratio) >= 1.0 for ratio in re.findall(r"(\S+) times as long", listed))
         # What `tdint run` with this method and step says of its peaks
         words = ("--method", stated[1], "--dt", stated[2])
         peaks = rows(tdint("run", "shaken.yaml", *words, code=0).stdout)
         off = max(float(row["peak_drift_m_error"]) / float(row["peak_drift_m"]) for row in peaks)
         assert float(stated[3]) == pytest.approx(100.0 * off, rel=0.06)  # two digits
     assert lines[3].startswith("The usual choice, newmark-average with the record's dt 0.01 s: ")
+    assert lines[4].startswith("Rule: ") and "only if they meet the tolerance" in lines[4]
     assert not any(line.startswith("note: ") for line in lines)
 
     summary = json.loads((folder / "x.json").read_text())

@@ -351,6 +351,7 @@ def _chart(
     from tdint.analysis.chart.problem import ending_together, pose
     from tdint.analysis.chart.work_precision import (
         DEFAULT_METHODS,
+        cheapest,
         default_steps,
         halved_steps,
         measure,
@@ -374,11 +375,8 @@ def _chart(
     of_ours = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
 
     def verdict(points: Sequence[Point]) -> list[tuple[str, float]]:
-        return [
-            (point.line, point.dt)
-            for limit in LIMITS
-            for point in _best(request, points, limit)[:1]
-        ]
+        best = [cheapest(points, request.target, limit) for limit in LIMITS]
+        return [(point.line, point.dt) for point in best if point]
 
     chart = measure(
         problem,
@@ -410,26 +408,20 @@ def _chart(
     return chart, advice, left_out
 
 
-def _best(request: Request, points: Sequence[Point], limit: float) -> list[Point]:
-    """The cheapest point within a limit, and that of another method, as far as there are any."""
-    from tdint.analysis.chart.work_precision import cheapest
-
-    best: list[Point] = []
-    for _ in range(2):
-        left = [point for point in points if point.line not in [one.line for one in best]]
-        best += filter(None, [cheapest(left, request.target, limit)])
-    return best
-
-
 def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:
+    from tdint.analysis.chart.work_precision import alternative, cheapest
     from tdint.methods.catalogue import parse
     from tdint.output.summary import Advice
 
     advice = []
     ours = [point for point in chart.points if not math.isnan(point.dt)]
     for limit in LIMITS:
-        best, other = (*_best(request, ours, limit), None, None)[:2]
-        told = problem.told(parse(best.method), problem.steps(best.dt)) if best else math.nan
+        best = cheapest(ours, request.target, limit)
+        if best is None:
+            advice.append(Advice(limit, None, None, math.nan))
+            continue
+        other = alternative(ours, request.target, limit, best)
+        told = problem.told(parse(best.method), problem.steps(best.dt))
         advice.append(Advice(limit, best, other, told))
     return advice
 
@@ -475,6 +467,13 @@ def _deliver(
     request.outputs.deliver(table, draw, summarize)
 
 
+_RULE = (
+    "Rule: the recommended method is the most accurate of those within 10 % of the least time. "
+    "Other methods are listed only if they meet the tolerance and take at least as long; next best "
+    "is the fastest of them. A method meets a tolerance if its smaller steps do so, too."
+)
+
+
 def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
     def cost(point: Point) -> str:
         error = point.error(request.target)
@@ -492,8 +491,12 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
                 if advised.told < math.inf
                 else ""
             )
-            # Over its time that of another method, and that of the usual choice
-            others = [("next best: ", advised.next_best), ("", chart.usual)]
+            # Only alternatives that meet the tolerance and take at least as long
+            others = [("next best: ", advised.next_best)]
+            usual = chart.usual
+            meets = usual.error(request.target) <= advised.limit and usual.fastest >= best.fastest
+            if meets and usual.line != (advised.next_best and advised.next_best.line):
+                others.append(("the usual choice: ", usual))
             words = [
                 f"; {word}{other.line} with dt {other.dt:.6g} s, "
                 f"{other.fastest / best.fastest:.2g} times as long, error "
@@ -511,6 +514,8 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
         f"The usual choice, {chart.usual.line} with the {whose}'s dt {chart.usual.dt:.6g} s: "
         f"{cost(chart.usual)}."
     )
+    if advice:
+        say(_RULE)
 
 
 def _notes(request: Request, charts: list[Chart], record: Record | None) -> list[str]:

@@ -24,6 +24,7 @@ from tdint.analysis.chart.work_precision import (
     CHOOSING,
     Point,
     Timing,
+    alternative,
     chart,
     cheapest,
     default_steps,
@@ -327,6 +328,11 @@ def test_what_is_recommended():
     assert cheapest(points, "drift", 0.01) == points[4]
     assert cheapest(points, "drift", 0.001) == points[5]
     assert cheapest(points, "drift", 1e-5) is None
+    # An alternative meets the tolerance with its smaller steps, and is never cheaper: `alike` is.
+    assert alternative(points, "drift", 0.01, points[4]) == points[2]
+    assert alternative(points, "drift", 0.6, points[0]) == points[6]
+    assert alternative(points, "drift", 0.001, points[5]) is None
+    assert alternative(points[3:6], "drift", 0.01, points[4]) is None
 
 
 @pytest.mark.parametrize(("verdicts", "turns"), [("aaaaaaaa", 2), ("abbbbbbb", 3), ("abababab", 8)])

@@ -539,6 +539,29 @@ def cheapest(points: Sequence[Point], quantity: str, limit: float) -> Point | No
     return min(alike, key=lambda point: point.error(quantity), default=None)
 
 
+def alternative(points: Sequence[Point], quantity: str, limit: float, best: Point) -> Point | None:
+    """Return the cheapest point of another method that meets the tolerance as `cheapest` requires.
+
+    It costs at least as much as the recommended point. A point that is cheaper and was not
+    recommended differs by less than clocks distinguish and is less accurate.
+
+    Parameters
+    ----------
+    points : sequence of Point
+        All points of the chart.
+    quantity : str
+        Name of the error, as `Errors.of` expects it.
+    limit : float
+        Tolerance.
+    best : Point
+        The recommended point.
+    """
+    lines = dict.fromkeys(point.line for point in points if point.line != best.line)
+    meeting = [point for line in lines for point in within(points, line, quantity, limit)]
+    dearer = [point for point in meeting if point.fastest >= best.fastest]
+    return min(dearer, key=lambda point: point.fastest, default=None)
+
+
 def within(points: Iterable[Point], line: str, quantity: str, limit: float) -> list[Point]:
     """The points of a line whose error is within a limit, as are all those of it with smaller
     steps; these first."""

@@ -691,7 +691,13 @@ def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
     if drawing.versus == "time" and chart.peers:
         label += "\n" + ", ".join(f"{peer.name}: in {peer.timed}" for peer in chart.peers)
     axes.set_ylabel(label)
-    add_legend(figure, axes, [*handles, band], [*drawing.lines, "the best at each error"], NARROW)
+    add_legend(
+        figure,
+        axes,
+        [*handles, band],
+        [*drawing.lines, "band: no other point is cheaper and closer"],
+        NARROW,
+    )
     titled(
         figure,
         _title(drawing, name, f"{drawing.versus} against accuracy, time steps (s) at the points"),
