@@ -110,6 +110,28 @@ def test_table_words_and_files(folder, tdint, drawn):
     assert timing["clock"] in ("processor time of the thread", "wall time")
 
 
+def test_the_usual_choice_is_listed_only_if_it_meets_the_tolerance(folder, tdint):
+    """It is stated in a line of its own, with its error."""
+    words = (
+        "--method",
+        "impulse4,moment4",
+        "--dt",
+        "0.01,0.005,0.0025",
+        "--repeat",
+        "1",
+        "--target",
+        "acceleration",
+    )
+    lines = tdint("chart", "shaken.yaml", *words, code=0).stderr.splitlines()
+    (usual,) = (line for line in lines if line.startswith("The usual choice, newmark-average"))
+    error = float(re.search(r"error (\S+) %", usual)[1])
+    advice = [line for line in lines if re.match(r"For \S+ %", line)]
+    assert error > 0.1 and len(advice) == 2
+    for line in advice:
+        limit = float(re.match(r"For (\S+) %", line)[1])
+        assert "the usual choice" not in line or error <= limit
+
+
 def test_lines_by_tolerance(folder, tdint):
     """They stand behind the others, with the error of peak drifts alone, and are not recommended:
     they have no dt."""

@@ -217,8 +217,11 @@ def test_units_on_the_command_line_take_the_place_of_the_models_inventory(folder
     ],
 )
 def test_refusals(folder, tdint, arguments, code, message):
-    said = tdint.refused(message, "run", *arguments, code=code).stderr
-    assert [line[:7] for line in said.splitlines() if not line.startswith("note: ")] == ["Error: "]
+    lines = tdint.refused(message, "run", *arguments, code=code).stderr.splitlines()
+    # A run that fails begins with the warnings on its building: floors of 10 kg.
+    if code == 5:
+        lines = [line for line in lines if not line.startswith("Warning: mass of a floor")]
+    assert [line[:7] for line in lines if not line.startswith("note: ")] == ["Error: "]
 
 
 def test_all_faults_of_a_model_are_lines(folder, tdint):

@@ -173,8 +173,6 @@ def _run(request: Request) -> None:
         method=request.method,
         allow_unstable=request.allow_unstable,
     )
-    # Before all else: a mistaken unit explains whatever follows, a failure too.
-    warn(*case.plausibility_warnings)
     if not (shocks or request.tolerance or request.until_rest):
         dt, duration = number_of(request.dt, "dt"), number_of(request.duration, "duration")
         steps = case.steps(dt, duration).count
@@ -183,7 +181,11 @@ def _run(request: Request) -> None:
         methods, count = [case.method], steps
         if request.check is not False:  # a second run, of half the step
             methods, count = [case.method, reference(case).method], 3 * steps
+        # Before the integration and all notes on it: a mistaken unit explains a failure, too.
+        warn(*case.plausibility_warnings)
         begin_at_once(case.prepared, methods, count)
+    else:
+        warn(*case.plausibility_warnings)
     try:
         response = _respond(case, shocks, request)
         record = response.record
