@@ -16,14 +16,19 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterable, Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+sys.path.insert(0, str(Path(__file__).parent))  # for python_reference, if a test loads this file
+
 import click
 import numpy as np
 import yaml
+from python_reference import FOLDER as REFERENCE
+from python_reference import GROUPS, PLUGIN_PAGE, link_mentions, reference_pages
 
 import tdint
 from tdint.methods.catalogue import catalogue, parse, references_of
@@ -40,6 +45,15 @@ PICTURES = {".png", ".svg", ".pdf"}
 _LANGUAGES = {".yaml": "yaml", ".py": "python"}
 _LINK = re.compile(r"\]\((?!\w+:)([^)\s#]+)(#[^)\s]*)?\)")
 _FENCE = re.compile(r"(^```.*?^```$)", re.DOTALL | re.MULTILINE)
+_CHECKOUT = re.compile(r"<!-- checkout -->.*?<!-- end: checkout -->\n", re.DOTALL)
+_FIRST_RUN = """
+Install tdint in a virtual environment:
+
+```sh
+python3 -m venv .venv && . .venv/bin/activate
+{install}
+```
+"""
 _COEFFICIENTS = re.compile(r"^# Coefficients.*\n((?:[A-Z]\w* = \d+.*\n)+)", re.MULTILINE)
 
 STEPS = np.geomspace(1e-3, 1e3, 400)
@@ -108,6 +122,31 @@ def with_links_to_methods(text: str) -> str:
     rows = [re.sub(r"^(\|[^|]*\|)[^|]*\|", r"\1", row) for row in table.splitlines()]
     rows = [re.sub(r"^\| `([\w-]+)` ", r"| [`\1`](\1.md) ", row) for row in rows]
     return begin + "\n".join(rows) + "\n" + rest
+
+
+def with_links_to_reference(page: str, text: str) -> str:
+    """Return a page in which mentions of Python names outside code link to their reference."""
+    prefix = "../" * page.count("/")
+    parts = _FENCE.split(text)
+    parts[::2] = [link_mentions(part, prefix) for part in parts[::2]]
+    return "".join(parts)
+
+
+def home(text: str) -> str:
+    """Return the first page with an installation that needs no checkout.
+
+    Without a repository in `pyproject.toml`, [tool.tdint], tdint is installed from a copy of it.
+    """
+    repository = addresses()["repository"]
+    install = f"pip install git+{repository}" if repository else "pip install PATH/OF/TDINT"
+    text = _CHECKOUT.sub(lambda _: _FIRST_RUN.format(install=install), text)
+    return text.replace("In an empty directory, with `.venv/bin` on your `PATH`:", "In an empty directory:")
+
+
+def addresses() -> dict[str, str]:
+    """Return `[tool.tdint]` of pyproject.toml: repository, site and contact, empty if not set."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    return {name: value.rstrip("/") for name, value in project["tool"]["tdint"].items()}
 
 
 # ---- Pages that the program writes
@@ -242,11 +281,14 @@ def draw(name: str, file: Path) -> None:
 
 
 def pages() -> dict[str, str]:
-    """The Markdown of every page, by its path in the site's sources."""
+    """Return the Markdown of every page by its path in the sources of the site."""
     texts = {file.relative_to(ROOT).as_posix(): file.read_text("utf-8") for file in readmes()}
     led = {target for page, text in texts.items() for target in links(page, text)}
     found = {page: led_to_pages(page, text) for page, text in texts.items()}
     found[f"{METHODS}/README.md"] = with_links_to_methods(found[f"{METHODS}/README.md"])
+    found = {page: with_links_to_reference(page, text) for page, text in found.items()}
+    found["README.md"] = home(found["README.md"])
+    found |= reference_pages()
     found |= {f"cli/{name}.md": command_page(name) for name in COMMANDS}
     found |= {f"{METHODS}/{name}.md": method_page(name) for name in catalogue()}
     files = (name for name in sorted(led) if (ROOT / name).is_file() and is_shown(ROOT / name))
@@ -271,6 +313,17 @@ def settings(names: Iterable[str]) -> dict[str, Any]:
         "...methods": [{name: f"{METHODS}/{name}.md"} for name in catalogue()],
         "...configs": [{Path(name).name.partition(".")[0]: name} for name in models],
     }
+
+    lists["...reference"] = [
+        *({title: f"{REFERENCE}/{page}.md"} for page, (title, _) in GROUPS.items()),
+        {"Plug-ins": f"{REFERENCE}/{PLUGIN_PAGE}.md"},
+    ]
+    place = addresses()
+    if place["repository"]:
+        found["repo_url"] = place["repository"]
+        found["edit_uri"] = "edit/main/"
+    if place["site"]:
+        found["site_url"] = f"{place['site']}/"
 
     def filled(entries: list[Any]) -> list[Any]:
         result: list[Any] = []

@@ -137,7 +137,7 @@ def faults(tag: str, day: str) -> list[str]:
     found += [
         f"pyproject.toml: [tool.tdint] {name} is empty"
         for name, value in project["tool"]["tdint"].items()
-        if not value
+        if not value and name != "site"
     ]
     if not {"family-names", "name"} & citation["authors"][0].keys():
         found.append("CITATION.cff: the first author has neither family-names nor name")
@@ -166,6 +166,9 @@ def owners() -> list[str]:
     missing = {
         "address of the repository: pyproject.toml, [tool.tdint] repository": not told[
             "repository"
+        ],
+        "address of the site, if it is published: pyproject.toml, [tool.tdint] site": not told[
+            "site"
         ],
         "e-mail: pyproject.toml, [tool.tdint] contact": not told["contact"],
         "persons: CITATION.cff, authors with family-names and given-names": all(

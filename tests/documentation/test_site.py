@@ -1,5 +1,6 @@
 """The site: its pages are there, its links lead somewhere, its search knows them."""
 
+import inspect
 import json
 import os
 import re
@@ -13,6 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 import readmes
+import tdint
 from tdint.methods.catalogue import catalogue, references
 from tdint_cli.main import COMMANDS, cli
 
@@ -42,15 +44,41 @@ def test_every_readme_command_method_and_model_has_its_page(pages):
     assert written | commands | methods | models <= set(pages)
 
 
-def test_readmes_stand_as_they_are_but_for_links(pages):
+def test_pages_of_readmes_differ_in_links_only(pages):
     for path in readmes.files():
         name = path.relative_to(readmes.ROOT).as_posix()
-        if name != "src/tdint/methods/README.md":
+        if name not in ("README.md", "src/tdint/methods/README.md"):
             bare = [
-                re.sub(r"\]\([^)\s]*\)", "]()", text)
+                re.sub(r"\[(`tdint\.[^`]+`)\]\(\)", r"\1", re.sub(r"\]\([^)\s]*\)", "]()", text))
                 for text in (path.read_text("utf-8"), pages[name])
             ]
             assert bare[0] == bare[1]
+
+
+def test_the_first_page_installs_without_a_checkout(maker, pages, monkeypatch):
+    assert "pip install PATH/OF/TDINT\n" in pages["README.md"]
+    assert "pip install -q ." not in pages["README.md"]
+    place = {"repository": "https://example.org/tdint", "site": "https://example.org/pages"}
+    monkeypatch.setattr(maker, "addresses", lambda: place)
+    text = (readmes.ROOT / "README.md").read_text("utf-8")
+    assert "pip install git+https://example.org/tdint\n" in maker.home(text)
+    found = maker.settings(pages)
+    assert found["repo_url"] == place["repository"]
+    assert found["site_url"] == f"{place['site']}/"
+
+
+def test_the_reference_has_each_public_name_with_its_parameters(pages):
+    """Each parameter of each public function is in the signature on its page."""
+    reference = {page: text for page, text in pages.items() if page.startswith("src/reference/")}
+    whole = "\n".join(reference.values())
+    for name in dir(tdint):
+        if name.startswith("_"):
+            continue
+        assert f"{{ #tdint-{name.lower()} }}" in whole, name
+        section = whole.partition(f"{{ #tdint-{name.lower()} }}")[2].partition("\n## ")[0]
+        for parameter in inspect.signature(getattr(tdint, name)).parameters:
+            assert re.search(rf"\b{parameter}\b", section), (name, parameter)
+    assert "[`tdint.run`](" in "\n".join(pages.values())
 
 
 def test_links_lead_to_pages_and_pictures(maker, pages):
@@ -183,3 +211,29 @@ def test_lists_are_lists_and_every_page_is_found(site, pages):
     words = (site / "search.json").read_text("utf-8")
     assert len(list(site.rglob("index.html"))) == len(pages)
     assert all(word in words for word in ("glossary", "moment4", "--tolerance", "tdint pushover"))
+
+
+@pytest.mark.parametrize(
+    "term",
+    [
+        *("interstory drift", "multiple stripe", "spectral matching", "tutorial", "EDP"),
+        *("engineering demand parameter", "average annual loss", "loss exceedance", "order of"),
+        *("work-precision", "discretization error", "response history analysis", "Duhamel"),
+        *("incremental dynamic analysis", "RotD50", "time integration", "error estimate"),
+        *("install", "reference", "plug-in", "convergence", "numerical damping", "overshoot"),
+        *("P-delta", "pinching", "fragility", "inventory", "exposure", "residual drift"),
+        *(
+            "floor spectrum",
+            "base shear",
+            "ductility",
+            "peak floor acceleration",
+            "response spectr",
+        ),
+        *("record selection", "maximum direction", "percentile", "Rayleigh", "damping ratio"),
+        "tdint.run",
+    ],
+)
+def test_the_search_finds_the_terms_of_the_field(site, term):
+    """The search index contains the term in a text, so the search leads to its page."""
+    index = json.loads((site / "search.json").read_text("utf-8"))
+    assert term.lower() in json.dumps(index).lower()

@@ -1,0 +1,212 @@
+"""Reference pages of the Python interface, written from signatures and docstrings.
+
+`make_site.py` adds these pages to the site: one page for each group of public names of `tdint`, and
+one for `tdint.plugin`.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import tdint
+import tdint.plugin
+
+FOLDER = "src/reference"
+"""Directory of the pages in the sources of the site."""
+
+GROUPS = {
+    "models": ("Models", ("tdint.model",)),
+    "records": (
+        "Records and suites",
+        (
+            "tdint.ground_motion",
+            "tdint.analysis.matching",
+            "tdint.campaign.scaling",
+            "tdint.campaign.selection",
+            "tdint.output.tables.spectra",
+        ),
+    ),
+    "runs": (
+        "Runs",
+        ("tdint.analysis.run", "tdint.analysis.static", "tdint.analysis.target_displacement"),
+    ),
+    "spectra": ("Spectra", ("tdint.analysis.spectra",)),
+    "studies": ("Studies of many runs", ("tdint.campaign",)),
+    "methods": (
+        "Methods",
+        ("tdint.methods", "tdint.analysis.assessment", "tdint.analysis.chart", "tdint.analysis"),
+    ),
+    "results": ("Results and errors", ("tdint.",)),
+}
+"""Title of each page, and the modules that define its names. The first match is used, so a name of
+`tdint.campaign.scaling` is on the page of records."""
+
+PLUGIN_PAGE = "plug-ins"
+_SECTION = re.compile(r"^([A-Z]\w+(?: \w+)?)\n-{3,}\n", re.MULTILINE)
+_ENTRIES = {"Parameters", "Attributes", "Returns", "Yields", "Raises", "Warns", "Methods"}
+_MENTION = re.compile(r"(?<!\[)`tdint\.(\w+)(?:\([^`]*\))?`(?!\])")
+
+
+def public_names() -> dict[str, str]:
+    """Return the page of each public name of `tdint`."""
+    found = {}
+    for name in dir(tdint):
+        if name.startswith("_"):
+            continue
+        home = _module_of(public_object(name))
+        found[name] = next(
+            page
+            for page, (_, modules) in GROUPS.items()
+            if any(f"{home}.".startswith(module) for module in modules)
+        )
+    return found
+
+
+def public_object(name: str) -> Any:
+    """Return the function or class of a public name; `tdint.campaign` is also a package."""
+    return tdint.__getattr__(name)
+
+
+def reference_pages() -> dict[str, str]:
+    """Return the Markdown of all reference pages by their paths in the sources of the site."""
+    pages = {}
+    homes = public_names()
+    for page, (title, _) in GROUPS.items():
+        names = [name for name, home in homes.items() if home == page]
+        parts = [f"# Python reference: {title}", _index(names)]
+        parts += [_entry("tdint", name, public_object(name)) for name in names]
+        pages[f"{FOLDER}/{page}.md"] = "\n\n".join(parts) + "\n"
+    names = [name for name in dir(tdint.plugin) if name in tdint.plugin.HOMES]
+    parts = ["# Python reference: plug-ins", _prose(inspect.getdoc(tdint.plugin) or "")]
+    parts += [_index(names)]
+    parts += [_entry("tdint.plugin", name, getattr(tdint.plugin, name)) for name in names]
+    pages[f"{FOLDER}/{PLUGIN_PAGE}.md"] = "\n\n".join(parts) + "\n"
+    return pages
+
+
+def link_mentions(text: str, prefix: str) -> str:
+    """Return Markdown in which each mention of a public name, `tdint.run`, links to its reference.
+
+    Parameters
+    ----------
+    text : str
+        Markdown without code blocks.
+    prefix : str
+        Relative path from the directory of the page to the root of the sources, "" or "../../".
+    """
+    homes = public_names()
+
+    def linked(match: re.Match[str]) -> str:
+        name = match[1]
+        if name not in homes:
+            return match[0]
+        return f"[{match[0]}]({prefix}{FOLDER}/{homes[name]}.md#tdint-{name.lower()})"
+
+    return _MENTION.sub(linked, text)
+
+
+def _module_of(thing: Any) -> str:
+    """Return the module that defines a function or class; a package that can be called counts."""
+    thing = inspect.unwrap(thing)
+    return str(getattr(thing, "__module__", None) or getattr(thing, "__name__", "tdint"))
+
+
+def _index(names: list[str]) -> str:
+    """Return a list of links to the entries of a page."""
+    return ", ".join(f"[`{name}`](#tdint-{name.lower()})" for name in names)
+
+
+def _entry(package: str, name: str, thing: Any) -> str:
+    """Return the section of one public name: signature, docstring, members of a class, source."""
+    parts = [f"## {package}.{name} {{ #tdint-{name.lower()} }}"]
+    if callable(thing):
+        parts.append(_signature(f"{package}.{name}", thing))
+    if isinstance(thing, str | int | float | tuple):
+        parts.append(f"    {name} = {thing!r}")
+    else:
+        parts.append(_docstring(inspect.getdoc(thing) or ""))
+    if inspect.isclass(thing):
+        parts += [_member(name, member, value) for member, value in _members(thing)]
+    parts.append(f"Defined in `{_module_of(thing)}`.")
+    return "\n\n".join(filter(None, parts))
+
+
+def _members(kind: type) -> Iterator[tuple[str, Any]]:
+    """Yield the documented public methods and properties that classes of tdint define."""
+    homes = [base for base in kind.__mro__ if base.__module__.startswith("tdint")]
+    for member in sorted({name for base in homes for name in vars(base)}):
+        value = getattr(kind, member)
+        is_documented = callable(value) or isinstance(value, property | functools.cached_property)
+        if not member.startswith("_") and is_documented and inspect.getdoc(value):
+            yield member, value
+
+
+def _member(owner: str, name: str, value: Any) -> str:
+    """Return the section of a method or property."""
+    heading = f"### {owner}.{name}"
+    if isinstance(value, property | functools.cached_property) or inspect.isclass(value):
+        return f"{heading}\n\n{_docstring(inspect.getdoc(value) or '')}"
+    return f"{heading}\n\n{_signature(name, value)}\n\n{_docstring(inspect.getdoc(value) or '')}"
+
+
+def _signature(name: str, function: Callable[..., Any]) -> str:
+    """Return a code block with the signature, one parameter a line if it is long."""
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):
+        return ""
+    # Annotations are strings here; without this they would be printed in quotation marks.
+    line = name + re.sub(r"'([^']*)'(?=[,)= ]|$)", r"\1", str(signature))
+    if len(line) > 80:
+        parts = [str(parameter) for parameter in signature.parameters.values()]
+        plain = [re.sub(r": '([^']*)'", r": \1", part) for part in parts]
+        result = line.rpartition(" -> ")[2] if " -> " in line else ""
+        line = (
+            f"{name}(\n    " + ",\n    ".join(plain) + ",\n)" + (f" -> {result}" if result else "")
+        )
+    return f"```python\n{line}\n```"
+
+
+def _docstring(text: str) -> str:
+    """Return the Markdown of a NumPy docstring: prose, and a definition list for each section."""
+    first, *sections = _SECTION.split(text)
+    parts = [_prose(first)]
+    for title, body in zip(sections[::2], sections[1::2], strict=True):
+        rendered = _definitions(body) if title in _ENTRIES else _prose(body)
+        parts.append(f"**{title}**\n\n{rendered}")
+    return "\n\n".join(filter(None, parts))
+
+
+def _definitions(body: str) -> str:
+    """Return a definition list of the entries of a section; an entry starts in the first column."""
+    entries = re.split(r"\n(?=\S)", inspect.cleandoc(body))
+    lines = []
+    for entry in entries:
+        heading, _, description = entry.partition("\n")
+        text = " ".join(inspect.cleandoc(description).split())
+        lines.append(f"`{heading.strip()}`\n:   {_escaped(text) or '-'}")
+    return "\n\n".join(lines)
+
+
+def _prose(text: str) -> str:
+    """Return paragraphs with doctests and indented formulas as code."""
+    parts = []
+    for block in re.split(r"\n\n+", inspect.cleandoc(text)):
+        if block.startswith(">>>"):
+            parts.append(f"```pycon\n{block}\n```")
+        elif block.startswith("    "):
+            parts.append(block)
+        elif block:
+            parts.append(_escaped(" ".join(block.split())))
+    return "\n\n".join(parts)
+
+
+def _escaped(text: str) -> str:
+    """Escape the characters of Markdown outside backticks."""
+    parts = re.split(r"(`[^`]*`)", text)
+    parts[::2] = [re.sub(r"([*_\[\]])", r"\\\1", part.replace("<", "&lt;")) for part in parts[::2]]
+    return "".join(parts)
