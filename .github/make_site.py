@@ -140,7 +140,9 @@ def home(text: str) -> str:
     repository = addresses()["repository"]
     install = f"pip install git+{repository}" if repository else "pip install PATH/OF/TDINT"
     text = _CHECKOUT.sub(lambda _: _FIRST_RUN.format(install=install), text)
-    return text.replace("In an empty directory, with `.venv/bin` on your `PATH`:", "In an empty directory:")
+    return text.replace(
+        "In an empty directory, with `.venv/bin` on your `PATH`:", "In an empty directory:"
+    )
 
 
 def addresses() -> dict[str, str]:
