@@ -126,7 +126,14 @@ def step(
         # balance
         residuals(_THETA, _BY_A, _BY_A, linear_terms, modal, h, state, work)
         balanced = in_balance(
-            iterations == MAX_ITERATIONS, _BY_A, linear_terms, h, state, work, report
+            iterations == MAX_ITERATIONS,
+            RESIDUAL_TOLERANCE,
+            _BY_A,
+            linear_terms,
+            h,
+            state,
+            work,
+            report,
         )
         if last or (balanced and iterations == MAX_ITERATIONS):
             break

@@ -29,6 +29,7 @@ from tdint.kernels.equations.impulse4 import (
     newton,
     solve_linear,
 )
+from tdint.kernels.equations.iteration import add_rows, copy_rows
 from tdint.kernels.laws.choosing import BENDING, CURVES, CURVING
 from tdint.kernels.laws.walking import copy_extra_rows
 from tdint.kernels.linear_terms import FORCES, finite, force_value
@@ -76,9 +77,10 @@ def step(
             return code
     report[at.WITHIN] = 0.0
     loads(linear_terms, forces, load[at.TIME], h, load[at.GROUND_0], load[at.GROUND_1], work)
-    code = newton(False, coefficients, scene, h, memory, FACTORS)
+    code = newton(False, False, coefficients, scene, h, memory, FACTORS)
     if code < 0:
         return code
+    join(scene, h, memory)
     _arrive(False, linear_terms, law_parameters, state, springs, work)
     if flags[at.BRANCHES] != at.NO_BRANCHES:
         for i in range(n):
@@ -111,6 +113,8 @@ def _by_branches(coefficients, scene, h, load, memory):
     pieces = 0
     events = 0
     solves = 0
+    has_guess = False  # DU and DV contain the first estimate of the next substep
+    is_shortened = False  # REMAINING contains the motion to the end of the step
     ending = False  # whether the piece ends with a change of branch
     story = -1
     how = at.TURNED
@@ -124,16 +128,15 @@ def _by_branches(coefficients, scene, h, load, memory):
             solve_linear(coefficients, scene, piece, memory, factors)
             solves += 1
         else:
-            code = newton(True, coefficients, scene, piece, memory, factors)
+            code = newton(True, has_guess, coefficients, scene, piece, memory, factors)
             if code < 0:
                 if pieces > 0:
                     _restore(state, springs, work, n)
                 return code
             solves += code
-            if CURVES:
-                join(scene, piece, memory)
-                if ending and how == at.TURNED:
-                    work[ROW.KINK, story] = 0.0
+            join(scene, piece, memory)
+            if CURVES and ending and how == at.TURNED:
+                work[ROW.KINK, story] = 0.0
         if BENDING and flags[at.LINEAR] == 0.0:
             miss = (
                 _miss(linear_terms, piece, state, springs, work, story, how) if ending else _BEYOND
@@ -151,12 +154,20 @@ def _by_branches(coefficients, scene, h, load, memory):
                         _restore(state, springs, work, n)
                         return at.NOT_CONVERGED
                     if fraction * piece > _AT_ONCE * h:
+                        if CURVING and not straight:
+                            if not is_shortened:
+                                copy_rows(work, momentum.DU, ROW.REMAINING, 2, n)
+                            _shorten(fraction, piece, state, work, n)
+                            has_guess = is_shortened = True
                         piece *= fraction
                         ending = True
                     else:
                         _change(linear_terms, law_parameters, state, springs, story, how)
                         events += 1
                         piece = h - done
+                        if CURVING and is_shortened:
+                            copy_rows(work, ROW.REMAINING, momentum.DU, 2, n)
+                            is_shortened = False
                     continue
             elif miss == _SHORT:
                 ending = False
@@ -177,6 +188,11 @@ def _by_branches(coefficients, scene, h, load, memory):
             )
             report[at.WITHIN] = ROW.PEAKS
             report[at.OWN_PEAKS] = ROW.PEAKS
+        if CURVING and is_shortened:
+            # What is left of the motion is the first estimate of the next substep.
+            add_rows(-1.0, work, momentum.DU, ROW.REMAINING, 2, n)
+            copy_rows(work, ROW.REMAINING, momentum.DU, 2, n)
+            is_shortened = False
         done += piece
         if BENDING and ending:
             _change(linear_terms, law_parameters, state, springs, story, how)
@@ -187,6 +203,38 @@ def _by_branches(coefficients, scene, h, load, memory):
             break
     report[at.EVENTS] += events
     return solves if finite(state, n) else at.NOT_FINITE
+
+
+@called
+def _shorten(fraction, h, state, work, n):
+    """Replace the motion over a substep by the motion over its first part.
+
+    The displacements between the ends are the cubic Hermite polynomials of displacement and
+    velocity at both ends. The result is the first estimate of Newton's method.
+
+    Parameters
+    ----------
+    fraction : float
+        Part of the substep that is kept, between 0 and 1.
+    h : float
+        Length of the substep, s.
+    state : ndarray
+        State at the start of the substep.
+    work : ndarray
+        Rows DU (m) and DV (m/s), the changes over the substep, are replaced.
+    n : int
+        Number of floors.
+    """
+    rest = 1.0 - fraction
+    for i in range(n):
+        du = work[momentum.DU, i]
+        v0 = state[at.VELOCITY, i]
+        v1 = v0 + work[momentum.DV, i]
+        work[momentum.DU, i] = fraction * fraction * (3.0 - 2.0 * fraction) * du
+        work[momentum.DU, i] += fraction * rest * h * (rest * v0 - fraction * v1)
+        work[momentum.DV, i] = 6.0 * fraction * rest * du / h
+        work[momentum.DV, i] += rest * (1.0 - 3.0 * fraction) * v0
+        work[momentum.DV, i] += fraction * (3.0 * fraction - 2.0) * v1 - v0
 
 
 @called

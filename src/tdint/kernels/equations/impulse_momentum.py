@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from tdint.kernels import layout as at
 from tdint.kernels.compiling import inlined
-from tdint.kernels.equations.iteration import RESIDUAL_TOLERANCE, ROUNDING, is_balanced
+from tdint.kernels.equations.iteration import ROUNDING, is_balanced
 from tdint.kernels.equations.tridiagonal import ModalBlocks, solve_blocks_damped
 from tdint.kernels.linear_terms import add_modal_force
 
@@ -72,9 +72,9 @@ def residuals(theta, alpha, beta, linear_terms, modal, h, state, work):
 
 
 @inlined
-def in_balance(last, beta, linear_terms, h, state, work, report):
-    """Whether the rows of `residuals` are small beside their terms. At the last of them the worst
-    is noted."""
+def in_balance(last, tolerance, beta, linear_terms, h, state, work, report):
+    """Return True if the residuals of all floors are within `tolerance` times their terms. In the
+    last iteration the largest relative residual is stored in `report`."""
     n = linear_terms.shape[1] - 1
     by_a = beta * h * h
     report[at.RESIDUAL] = 0.0
@@ -86,11 +86,11 @@ def in_balance(last, beta, linear_terms, h, state, work, report):
         scale = abs(work[DU, i]) + h * (abs(state[at.VELOCITY, i]) + abs(work[V1, i]))
         scale += h * h * abs(state[at.ACCELERATION, i]) + by_a * abs(work[A1, i])
         small &= is_balanced(
-            last, RESIDUAL_TOLERANCE, report, i, work[R1, i], mass * scale + by_a * rounding
+            last, tolerance, report, i, work[R1, i], mass * scale + by_a * rounding
         )
         scale = abs(work[IMPULSE, i]) + abs(mass * work[DV, i]) + h * rounding
         scale += abs(work[FORCE_S, i]) + link * abs(work[FORCE_S, i + 1])
-        small &= is_balanced(last, RESIDUAL_TOLERANCE, report, i, work[R2, i], scale)
+        small &= is_balanced(last, tolerance, report, i, work[R2, i], scale)
     return small
 
 

@@ -1,0 +1,40 @@
+"""The iteration of impulse4: its first estimates, and when it stops."""
+
+import numpy as np
+import pytest
+
+from building_cases import Law, model, noise, story
+from step_checks import refined
+from tdint.kernels import layout as at
+from tdint.kernels.equations import impulse_momentum as momentum
+from tdint.kernels.equations.impulse4 import ROW
+from tdint.methods.impulse4 import _shorten
+
+
+@pytest.mark.parametrize("fraction", [0.01, 0.3, 0.5, 0.97, 1.0])
+def test_the_first_estimate_of_a_shortened_step_is_the_cubic_of_the_longer_one(fraction):
+    h, n = 0.02, 3
+    rng = np.random.default_rng(1)
+    state, work = np.zeros((3, n)), np.zeros((ROW.REMAINING + 2, n))
+    cubics = [np.polynomial.Polynomial(rng.normal(size=4)) for _ in range(n)]
+    for i, u in enumerate(cubics):
+        v = u.deriv()
+        state[at.DISPLACEMENT, i], state[at.VELOCITY, i] = u(0.0), v(0.0)
+        work[momentum.DU, i], work[momentum.DV, i] = u(h) - u(0.0), v(h) - v(0.0)
+    _shorten(fraction, h, state, work, n)
+    s = fraction * h
+    for i, u in enumerate(cubics):
+        assert work[momentum.DU, i] == pytest.approx(u(s) - u(0.0), rel=1e-9, abs=1e-15)
+        v = u.deriv()
+        assert work[momentum.DV, i] == pytest.approx(v(s) - v(0.0), rel=1e-9, abs=1e-12)
+
+
+def test_residuals_fall_with_the_error_of_the_steps():
+    """Smooth stories: the order remains 4 down to errors far below the largest residual that is
+    permitted, and coarse steps take one or two corrections."""
+    stories = [story(1e5, 4e7, Law("tanh", (2.5e5,))) for _ in range(3)]
+    runs, _, errors = refined(model(stories), noise(samples=301), (1, 2, 4, 8, 32))
+    assert runs[0].iterations < 2.0 * runs[0].steps
+    assert errors[3] < 1e-7
+    observed = np.log2(np.array(errors[:-1]) / np.array(errors[1:]))
+    assert observed[1:] == pytest.approx(4.0, abs=0.3)
