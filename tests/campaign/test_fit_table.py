@@ -2,15 +2,23 @@
 
 import math
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tdint.campaign.fragility.fit_table import FragilityRequest, fit_table, fragility
-from tdint.campaign.fragility.fits import fit_cloud, fit_stripes
+from tdint.campaign.fragility.fit_table import (
+    FragilityRequest,
+    TypeRuns,
+    _fitted,
+    fit_table,
+    fragility,
+)
+from tdint.campaign.fragility.fits import Fragility, fit_cloud, fit_stripes
 from tdint.campaign.fragility.measures import line
 from tdint.errors import AnalysisError, UsageError
+from tdint.model.damage_states import DamageStates
 
 LEVELS = np.array([0.5, 1.0, 2.0, 4.0])
 MOTIONS = 12
@@ -61,6 +69,50 @@ def test_runs_at_common_levels_are_stripes(tmp_path: Path) -> None:
         same = fit_stripes(LEVELS, hits.sum(axis=1), total.sum(axis=1))
         assert (one.theta, one.beta) == pytest.approx((same.theta, same.beta))
     assert found.failed == 3
+
+
+@pytest.mark.parametrize(
+    ("collapses", "keeps"),
+    [
+        ((0, 1, 4), False),  # 5 of 60 collapse: less than a tenth
+        ((1, 2, 5), True),  # 8 of 60; the median lies beyond the levels even so
+        ((14, 18, 20), True),  # 52 of 60
+        ((16, 19, 20), False),  # 55 of 60
+    ],
+)
+def test_published_counts_keep_their_interval_unless_collapses_are_rare_or_usual(
+    tmp_path: Path, collapses: tuple[int, ...], keeps: bool
+) -> None:
+    file = tmp_path / "counts.csv"
+    rows = [f"{im},{count},20" for im, count in zip((0.1, 0.2, 0.4), collapses, strict=True)]
+    file.write_text("\n".join(["im,collapses,records", *rows]) + "\n")
+    (found,) = fit_table(str(file), FragilityRequest()).functions
+    same = fit_stripes(np.array([0.1, 0.2, 0.4]), np.array(collapses), [20] * 3)
+    assert (found.theta, found.beta) == pytest.approx((same.theta, same.beta))
+    assert not 0.1 <= found.theta <= 0.4
+    assert bool(np.all(np.isfinite(found.covariance))) is keeps
+
+
+@pytest.mark.parametrize(
+    ("motions", "fit"), [((3, 3), "stripes"), ((4, 3), "stripes"), ((4, 4, 4, 4, 2), "cloud")]
+)
+def test_stripes_of_a_type_need_three_motions_at_each_of_several_levels(
+    motions: tuple[int, ...], fit: str
+) -> None:
+    """Each with four buildings; runs of one motion count once."""
+    states = DamageStates("drift", ("light",), (0.01,), 0.4, ())
+    places = [(level, motion) for level, count in enumerate(motions) for motion in range(count)]
+    level, motion = np.repeat(np.array(places), 4, axis=0).T
+    demand = 0.005 * 1.3**level * np.exp(0.3 * RANDOM.standard_normal(level.size))
+    runs = TypeRuns(
+        states, 1.0 + level, demand, np.zeros(level.size, bool), motion, 0, "pga", "m/s^2"
+    )
+    (found,) = _fitted(runs, FragilityRequest())
+    assert isinstance(found, Fragility) and found.fit == fit
+    at_one = replace(runs, im=np.ones(level.size))
+    for refused in [at_one] + [runs] * (fit == "cloud"):
+        with pytest.raises(UsageError, match="do not stand at common levels"):
+            _fitted(refused, FragilityRequest(fit="stripes"))
 
 
 def test_runs_at_levels_of_their_own_are_a_cloud(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from random_buildings import checked_building
 from step_checks import broken
 from tdint import run
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.error_estimate import common, finer
+from tdint.analysis.run.error_estimate import common, finer, story_errors
 from tdint.analysis.run.outcome import StoryErrors
 from tdint.analysis.run.workspace import Steps
 
@@ -84,6 +84,24 @@ def test_the_told_error_is_the_largest_of_three(method):
         )
     assert np.array_equal(response.check.corrected.peak_drift, other.stories.peak_drift)
     assert (response.check.dts, response.check.method) == ((other.dt,), other.method)
+
+
+def test_no_estimate_is_smaller_than_what_the_steps_leave_unresolved():
+    """Of a peak the larger of both counts; to a residual drift it is added."""
+    response = run(ten_bilinear(), noise(), method="impulse4")
+    other = run(ten_bilinear(), noise(), method="impulse4", dt=0.005, check=False)
+    names = [field.name for field in fields(StoryErrors)]
+
+    def unresolved(value):
+        of_all = StoryErrors(**{name: np.full(10, value) for name in names})
+        return story_errors(replace(response, unresolved=of_all), other)
+
+    resolved = unresolved(0.0)
+    assert np.all(resolved.peak_drift < 1.0) and np.all(resolved.peak_total_shear > 1.0)
+    for name in names:
+        error = getattr(resolved, name)
+        larger = error + 1.0 if name == "residual_drift" else np.maximum(error, 1.0)
+        np.testing.assert_array_equal(getattr(unresolved(1.0), name), larger)
 
 
 def test_an_agreement_by_accident_is_not_believed():

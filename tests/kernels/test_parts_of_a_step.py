@@ -1,0 +1,104 @@
+"""Single terms of the time steps against their definitions, computed in another way here."""
+
+import math
+
+import numpy as np
+import pytest
+
+from step_checks import SingleSteps
+from tdint.kernels import layout as at
+from tdint.kernels.equations import corners
+from tdint.kernels.equations import impulse4 as equations
+from tdint.kernels.equations.iteration import TANGENT_TOLERANCE
+from tdint.kernels.equations.moment4 import ROW, STORE
+from tdint.kernels.linear_terms import force_moment, force_rate
+from tdint.kernels.peaks_between_steps import _max_interior_bezier_point
+from tdint.kernels.stepping import Memory, Scene
+from tdint.model.building import force_table
+from tdint.model.definition import Force
+
+
+@pytest.mark.parametrize("half_angle", [1e-6, 1e-3, 0.02, 0.05, 0.08, 0.0999, 0.1001, 0.5, 2.0])
+def test_the_moment_of_a_force_to_rounding(half_angle):
+    """Share (sin x - x cos x) / x^3 of the rate at mid-step, by its power series: sum of (-1)^k
+    (2 k + 2) x^(2 k) / (2 k + 3)!."""
+    h, t = 0.02, 0.3
+    forces = force_table([Force(1, 3.0, -2.0, 2.0 * half_angle / h)])
+    share = math.fsum(
+        (-1) ** k * (2 * k + 2) * half_angle ** (2 * k) / math.factorial(2 * k + 3)
+        for k in range(20)
+    )
+    expected = 3.0 * h * share * force_rate(forces, 0, t + 0.5 * h)
+    # Below 0.1 the first term that is left out counts, at most 7e-15; above it the closed form
+    # cancels digits.
+    close = 2e-14 if half_angle < 0.1 else 1e-12
+    assert force_moment(forces, 0, t, h) == pytest.approx(expected, rel=close, abs=0.0)
+
+
+def test_the_bound_of_an_acceleration_is_its_inner_bezier_points():
+    """Of A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s)), from its coefficients in powers of s."""
+    generator = np.random.default_rng(65)
+    s = np.linspace(0.0, 1.0, 101)
+    for a0, a1, bulge, tilt in generator.normal(size=(200, 4)):
+        line = np.polynomial.Polynomial([a0, a1 - a0])
+        arch = np.polynomial.Polynomial([0.0, 1.0, -1.0])
+        cubic = line + arch * np.polynomial.Polynomial([bulge + tilt, -2.0 * tilt])
+        c0, c1, c2, _ = cubic.coef
+        inner = abs(c0 + c1 / 3.0), abs(c0 + 2.0 * c1 / 3.0 + c2 / 3.0)
+        bound = _max_interior_bezier_point(a0, a1, bulge, tilt)
+        assert bound == pytest.approx(max(inner), rel=1e-12)
+        assert np.max(np.abs(cubic(s))) <= max(bound, abs(a0), abs(a1)) * (1.0 + 1e-12)
+
+
+def test_a_floor_moves_between_corners_as_its_accelerations_and_the_step_say():
+    """Accelerations that are quadratic in time are integrated exactly; what the step's end is
+    missed by is a cubic, and the rates are its derivative."""
+    h, velocity = 0.02, 0.7
+    times = np.array([0.0, 0.15, 0.3, 0.65, 1.0])
+    ground = (0.4, -0.9)
+    relative = np.polynomial.Polynomial([0.3, -1.1, 2.3])  # h^2 times the acceleration
+    rate = relative.integ() + h * velocity
+    way = rate.integ()
+    missed, missed_rate = 0.013, -0.021
+    work = np.zeros((STORE, 2))
+    work[ROW.FORCES : ROW.FORCES + 5, 1] = times
+    absolute = relative(times) / h**2 + ground[0] + times * (ground[1] - ground[0])
+    work[ROW.MOTION : ROW.MOTION + 5, 0] = absolute
+    work[ROW.A0, 0] = rate(1.0) - rate(0.0) + missed_rate
+    work[ROW.RISE, 0] = way(1.0) + missed
+    state = np.zeros((3, 2))
+    state[at.VELOCITY, 0] = velocity
+    load = np.array([0.0, *ground])
+    corners._move(h, load, Memory(state, np.zeros((1, 2)), work, np.zeros(1)), 0, 5)
+    # The cubic p with p(0) = p'(0) = 0, p(1) and p'(1) as missed.
+    cubic = np.polynomial.Polynomial(
+        [0.0, 0.0, 3.0 * missed - missed_rate, missed_rate - 2.0 * missed]
+    )
+    moved, rates = (work[row + 1 : row + 5, 0] for row in (ROW.WAYS, ROW.RATES))
+    assert moved == pytest.approx((way + cubic)(times[1:]), rel=1e-12)
+    assert rates == pytest.approx((rate + cubic.deriv())(times[1:]), rel=1e-12)
+
+
+def test_impulse4_factors_anew_if_any_tangent_or_the_step_has_changed():
+    """Each of the tangents at the inner point and at the end of either story, by more than the
+    tolerance."""
+    steps = SingleSteps("impulse4")
+    space, building = steps.space, steps.building
+    no_forces = np.zeros((0, at.FORCE_COLUMNS))
+    coefficients = steps.integrator.coefficients(building, no_forces, 1.0)
+    scene = Scene(
+        building.linear_terms, building.modal, building.law_parameters, no_forces, space.flags
+    )
+    work, factors = space.work, equations.FACTORS
+    path = (False, coefficients, scene, 1.0, space.memory, factors)
+    assert equations._path(*path)  # nothing is factored yet
+    equations._factor(coefficients, building.linear_terms, building.modal, 1.0, work, factors)
+    assert not equations._path(*path)
+    tolerance = TANGENT_TOLERANCE * 100.0  # N/m; the stories have 100 N/m
+    for row in (equations._BLOCK.FACTORED_C, equations._BLOCK.FACTORED_1):
+        for story in range(2):
+            for change, stale in ((0.5, False), (-0.5, False), (2.0, True), (-2.0, True)):
+                work[factors + row, story] += change * tolerance
+                assert equations._path(*path) == stale
+                work[factors + row, story] -= change * tolerance
+    assert equations._path(False, coefficients, scene, 0.5, space.memory, factors)
