@@ -2,6 +2,7 @@
 command."""
 
 import itertools
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +10,9 @@ import pytest
 
 import tdint
 from building_cases import noise
+from tdint.campaign.scaling import raise_to_rule
 from tdint.campaign.selection import _search, events_of, named_events
-from tdint.errors import UsageError
+from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 
 PERIODS = np.geomspace(0.2, 2.0, 20)
@@ -196,3 +198,54 @@ def test_a_table_of_events_has_one_row_for_a_recording():
     assert named_events([Horizontals(*motions[:2])], table) == ["here"]
     with pytest.raises(UsageError, match="components of one recording, but their events differ"):
         named_events(motions, table | {"A_067.AT2": "there"})
+
+
+def weak_pairs(count, peak):
+    return [
+        Horizontals(
+            noise(seed=2 * number, peak=peak * (1.0 + 0.3 * number)),
+            replace(noise(seed=2 * number + 1, peak=peak * (1.0 + 0.3 * number)), component="HN2"),
+        )
+        for number in range(count)
+    ]
+
+
+@pytest.mark.parametrize("rule", ["asce7", "ec8"])
+def test_limits_include_the_common_factor_of_a_rule(rule):
+    """A rule raises the factors of the best selection beyond the limit; another one meets both."""
+    target = "asce7:sds=1,sd1=0.6,tl=8" if rule == "asce7" else "ec8:type=1,soil=B,ag=0.4g"
+    pairs = weak_pairs(16, 0.8)
+    free = tdint.select(pairs, target, 11, rule=rule, periods=PERIODS, factors=(0.001, 1e3))
+    unlimited = np.max(free.factors)
+    high = 0.8 * unlimited
+    limited = tdint.select(pairs, target, 11, rule=rule, periods=PERIODS, factors=(0.001, high))
+    assert np.max(limited.factors) <= high * (1.0 + 1e-9)
+    assert limited.least[0] >= 0.9 * (1.0 - 1e-6)
+    again = raise_to_rule(replace(limited, least=None), rule)
+    np.testing.assert_allclose(again.factors, limited.factors, rtol=1e-6)
+    assert limited.limits == (0.001, high) and len(limited.motions) == 11
+
+
+@pytest.mark.parametrize("rule", ["asce7", "ec8"])
+def test_the_nearest_selection_is_reported_if_none_is_within_the_limits(rule):
+    """The limits that the message names are enough."""
+    target = "asce7:sds=1,sd1=0.6,tl=8" if rule == "asce7" else "ec8:type=1,soil=B,ag=0.4g"
+    pairs = weak_pairs(13, 0.2)
+    with pytest.raises(AnalysisError, match=f"no selection .* meets the rule {rule}") as error:
+        tdint.select(pairs, target, 11, rule=rule, periods=PERIODS, factors=(0.25, 1.0))
+    needed = float(re.search(r"set the limits to 0\.25:([\d.]+),", str(error.value))[1])
+    assert needed > 1.0
+    found = tdint.select(pairs, target, 11, rule=rule, periods=PERIODS, factors=(0.25, needed))
+    assert np.max(found.factors) <= needed and found.least[0] >= 0.9 * (1.0 - 1e-6)
+
+
+def test_motions_at_a_limit_are_counted(pool):
+    """Selected motions with the factor of a limit, and others that would have it."""
+    scaling = tdint.select(pool, TARGET, 4, periods=PERIODS, factors=(2.0, 3.0))
+    places = [*range(14), 16]  # the others are a duplicate and a motion at rest
+    motions = [pool[place] for place in places]
+    free = tdint.scale(motions, target=TARGET, periods=PERIODS).factors
+    outside = {place for place, factor in zip(places, free, strict=True) if not 2.0 < factor < 3.0}
+    assert len(scaling.at_limit) == len(outside & set(scaling.chosen))
+    assert scaling.others_at_limit == len(outside - set(scaling.chosen))
+    assert np.all((scaling.factors >= 2.0) & (scaling.factors <= 3.0))

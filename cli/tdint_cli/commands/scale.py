@@ -87,8 +87,10 @@ class ScaleRequest(RecordsRequest):
         needs="--select",
         type=span,
         rare=True,
-        help="The least and the largest factor of --select, 0.25:4 by default; a motion that "
-        "needs a farther one has the limit.",
+        help="Smallest and largest factor of the selected motions (default 0.25:4). A motion that "
+        "needs a factor outside of these limits is considered with the limit. The limits include "
+        "the common factor of --rule asce7 and ec8; if no selection meets the rule, the nearest "
+        "one is reported (exit code 5).",
     )
     per_event: int | None = options.option(
         needs="--select",
@@ -225,7 +227,9 @@ _SPECTRA = options.output.option(
     "scale",
     "tdint scale office-motion.txt --sa 0.6g --at 0.8",
     "tdint scale office-motion.txt --target ec8:type=1,soil=B,ag=0.25g -o factors.csv --plot",
-    exits={5: "a motion needs more than --max-factor"},
+    exits={
+        5: "a motion needs more than --max-factor; no selection meets the rule within --factors"
+    },
 )
 @options.analysis.plugin
 @options.record.of_records
@@ -433,12 +437,30 @@ def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
             {
                 "selected": list(scaling.chosen),
                 "left_out": scaling.left_out,
+                "limits_of_factors": list(scaling.limits or ()),
+                "at_limit": {
+                    "selected": [name for name, _ in scaling.at_limit],
+                    "others": scaling.others_at_limit,
+                },
                 **({"events": list(scaling.events)} if scaling.events else {}),
             }
             if scaling.chosen
             else {}
         ),
     }
+
+
+def _at_limits(scaling: Scaling) -> str:
+    """Return a line about motions of a selection whose factors are at a limit."""
+    low, high = scaling.limits or (0.0, math.inf)
+    if not scaling.at_limit and not scaling.others_at_limit:
+        return ""
+    listed = first_few([f"{name} {factor:.4g}" for name, factor in scaling.at_limit], 5)
+    return (
+        f"\nAt a limit of the factors ({low:g} to {high:g}): {len(scaling.at_limit)} of "
+        f"{len(scaling.factors)} selected{f' ({listed})' if listed else ''}, "
+        f"{scaling.others_at_limit} of {0 if scaling.rest is None else len(scaling.rest)} others."
+    )
 
 
 def _words(scaling: Scaling, units: OutputUnits) -> str:
@@ -481,8 +503,9 @@ def _words(scaling: Scaling, units: OutputUnits) -> str:
         text += (
             f"\nSelected from {len(scaling.chosen) + len(scaling.rest)}: the mean of ln Sa is off "
             f"the target by {100.0 * np.sqrt(np.mean(off**2)):.2g} % (root mean square). "
-            + (f"Not taken: {reasons}." if reasons else "None was left out.")
+            + (f"Not considered: {reasons}." if reasons else "No motion was omitted.")
         )
+        text += _at_limits(scaling)
     if scaling.least is not None:
         part, period = scaling.least
         spectra = "maximum-direction spectra" if scaling.rule == "asce7" else "spectra"

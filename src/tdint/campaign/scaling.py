@@ -51,6 +51,9 @@ BOUNDS = (0.25, 4.0)
 """Factors beyond which a motion is asked for what it was not: bounds of common practice, of no
 code."""
 
+_AT_LIMIT = 1e-6
+"""Relative difference up to which a factor is at a limit: the least average is known to this."""
+
 POSSIBLE = (0.05, 20.0)
 """Factors beyond which the units of a motion are more likely mistaken than meant."""
 
@@ -87,6 +90,11 @@ class Scaling(Tabular):
         Of a selection how many motions were not taken, by the reason.
     events : tuple of str
         Of a selection with a maximum per event the event of each motion.
+    limits : tuple of two floats or None
+        Of a selection the smallest and the largest factor.
+    others_at_limit : int
+        Of a selection the number of motions that were not selected and would have a factor at a
+        limit.
     rest : ndarray, shape (m, k), or None
         Of a selection the scaled spectra of the others at `periods`, m/s^2.
     """
@@ -105,6 +113,8 @@ class Scaling(Tabular):
     left_out: dict[str, int] = field(default_factory=dict)
     rest: Array | None = None
     events: tuple[str, ...] = ()
+    limits: tuple[float, float] | None = None
+    others_at_limit: int = 0
 
     def _headline(self) -> str:
         low, high = np.min(self.factors), np.max(self.factors)
@@ -121,6 +131,14 @@ class Scaling(Tabular):
             if not low <= abs(factor) <= high
         ]
 
+    @property
+    def at_limit(self) -> list[tuple[str, float]]:
+        """The motions of a selection whose factors are at a limit, and the factors."""
+        if self.limits is None:
+            return []
+        low, high = self.limits
+        return self.beyond(low * (1.0 + _AT_LIMIT), high * (1.0 - _AT_LIMIT))
+
     def spectra(self, periods: Array) -> Array:
         """Pseudo-accelerations of the scaled motions, m/s^2, shape (n, k)."""
         return self.factors[:, None] * suite_spectra(self.motions, periods, self.damping, self.pair)
@@ -131,6 +149,11 @@ def suite_spectra(
 ) -> Array:
     """Pseudo-accelerations of motions at periods (s), m/s^2, shape (n, k)."""
     return np.array([pseudo_accelerations(motion, periods, damping, pair) for motion in motions])
+
+
+def suite_peaks(motions: Sequence[GroundMotion], pair: str) -> Array:
+    """Return the peak ground accelerations of motions, m/s^2, shape (n,)."""
+    return np.array([pga().of(motion, pair) for motion in motions])
 
 
 def scale_to_value(
@@ -204,14 +227,9 @@ def scale_asce7(
     UsageError
         Fewer than 11 pairs; single components; a period outside the target's.
     """
-    _check_pairs(pairs, "asce7")
-    if len(pairs) < LEAST_PAIRS:
-        raise UsageError(
-            f"the rule asce7 needs {LEAST_PAIRS} pairs of components at least (16.2.2), got "
-            f"{len(pairs)}"
-        )
+    check_rule("asce7", pairs, len(pairs), target)
     fitted = scale_to_target(pairs, target, periods, damping=damping, pair=MAXIMUM_DIRECTION)
-    return _raised(fitted, "asce7")
+    return raise_to_rule(fitted, "asce7")
 
 
 def scale_ec8(
@@ -234,19 +252,66 @@ def scale_ec8(
     UsageError
         A period outside the target's; a target without a value at the period 0.
     """
-    if target.zero is None:
+    check_rule("ec8", motions, len(motions), target)
+    fitted = scale_to_target(motions, target, periods, damping=damping, pair=pair)
+    return raise_to_rule(fitted, "ec8")
+
+
+def check_rule(
+    rule: str, motions: Sequence[GroundMotion], count: int, target: TargetSpectrum
+) -> None:
+    """Refuse ground motions or a target to which a rule cannot be applied.
+
+    Parameters
+    ----------
+    rule : str
+        `mean`, `asce7` or `ec8`.
+    motions : sequence of Record or Horizontals
+        The motions.
+    count : int
+        Number of motions to which the rule applies.
+    target : TargetSpectrum
+        The target spectrum.
+
+    Raises
+    ------
+    UsageError
+        Single components or fewer than 11 pairs for asce7; a target without a value at the period
+        0 for ec8; an unknown rule.
+    """
+    by_rule(rule)
+    if rule == "asce7":
+        _check_pairs(motions, rule)
+        if count < LEAST_PAIRS:
+            raise UsageError(
+                f"the rule asce7 needs {LEAST_PAIRS} pairs of components at least (16.2.2), got "
+                f"{count}"
+            )
+    if rule == "ec8" and target.zero is None:
         raise UsageError(
             f"{target.source}: the rule ec8 compares at the period 0, too, which the table does "
             "not have"
         )
-    fitted = scale_to_target(motions, target, periods, damping=damping, pair=pair)
-    peaks = fitted.factors * np.array([pga().of(motion, pair) for motion in motions])
-    return _raised(fitted, "ec8", target.zero / float(np.mean(peaks)))
 
 
-def _raised(fitted: Scaling, rule: str, at_least: float = 1.0) -> Scaling:
-    """Fitted motions, all raised by one factor of `at_least` this or 1, by which their average is
-    nowhere too low."""
+def raise_to_rule(fitted: Scaling, rule: str) -> Scaling:
+    """Return a fitted suite with all factors multiplied by the common factor of a rule.
+
+    Parameters
+    ----------
+    fitted : Scaling
+        The suite with the factor of each motion.
+    rule : str
+        `mean` (without a common factor), `asce7` or `ec8`; `check_rule` has accepted the suite.
+    """
+    if rule == "mean":
+        return fitted
+    at_least = 1.0
+    if rule == "ec8":
+        assert fitted.target is not None
+        assert fitted.target.zero is not None
+        peaks = fitted.factors * suite_peaks(fitted.motions, fitted.pair)
+        at_least = fitted.target.zero / float(np.mean(peaks))
     average, period = _least(fitted)
     raised = max(1.0, at_least, LEAST_PART / average)
     return replace(

@@ -9,7 +9,8 @@ and Baker 2011; Baker and Lee 2018), from many starts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
 from itertools import product
@@ -23,12 +24,19 @@ from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.analysis.spectra.target import TargetSpectrum
 from tdint.arrays import Array
 from tdint.campaign.intensity import GEOMETRIC_MEAN, pseudo_accelerations
-from tdint.campaign.scaling import BOUNDS, MAXIMUM_DIRECTION, Scaling, by_rule, target_at
+from tdint.campaign.scaling import (
+    BOUNDS,
+    MAXIMUM_DIRECTION,
+    Scaling,
+    check_rule,
+    raise_to_rule,
+    target_at,
+)
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.events import SAME_DATE, Earthquake, event_of, is_same_event
 from tdint.ground_motion.horizontals import motion_names
 from tdint.ground_motion.reading.suites import GroundMotion, components
-from tdint.written_numbers import how_many
+from tdint.written_numbers import first_few, how_many
 
 _STARTS, _ROWS = (10, 200), 20_000
 """Beginnings, at least and at most, and motions in all of them together: the best motion alone,
@@ -38,6 +46,13 @@ choice of five in one case of six."""
 _OF_SCATTER = 0.5
 """Weight of the scatter's misfit beside that of the mean (Baker and Lee 2018 have 1 and 2 among
 theirs)."""
+
+_TRIALS, _LOWER = 40, 0.95
+"""Number of selections that are tried for factors within the limits, and the largest ratio of two
+successive upper limits of the factors before the common factor: a tenth of a limit after 40."""
+
+_ROUNDING = 1e-12
+"""Relative rounding error of the product of two factors, with a margin."""
 
 _GAIN = 1e-12
 """Part of the score by which an exchange must be better: else rounding goes on for ever."""
@@ -69,7 +84,8 @@ def select(
         `mean` (each with its own factor within the limits), or `asce7` or `ec8`, which then act on
         those chosen.
     factors : tuple of two floats
-        The least and the largest factor; a motion that needs a farther one has the limit.
+        The smallest and the largest factor. A motion that needs a factor outside of these limits
+        is considered with the limit. The common factor of a rule is included.
     events : sequence, optional
         The event of each motion, empty if unknown; by default as the files state it
         (`events_of`).
@@ -89,6 +105,8 @@ def select(
     UsageError
         Fewer motions, or events, than are asked for; limits, a scatter or a rule that make no
         sense; `per_event` for motions whose event is unknown.
+    AnalysisError
+        No selection meets the rule with factors within the limits.
     """
     low, high = factors
     if not 0.0 < low <= high < np.inf:
@@ -110,6 +128,7 @@ def select(
     # The pool: what is there twice, and what does not resolve the periods, is left out.
     whole = [motion_of(motion) for motion in motions]
     spectrum_pair = MAXIMUM_DIRECTION if rule == "asce7" else pair
+    check_rule(rule, whole, count, aim)
     pool, spectra, left_out = _pool(whole, places, damping, spectrum_pair)
     numbers, labels = np.arange(len(whole)), list[str]()
     if per_event is not None:
@@ -129,27 +148,111 @@ def select(
         raise UsageError(
             f"{count} motions are asked for, {possible} of {len(whole)} can be taken{told}"
         )
+    # Factors by least squares within the limits, then the motions whose mean fits the target.
     ln_aim, ln_spectra = np.log(aim.at(places)), np.log(spectra)
-    ln_factors = np.clip(np.mean(ln_aim - ln_spectra, axis=1), np.log(low), np.log(high))
-    scaled = ln_spectra + ln_factors[:, None]
-    chosen = _search(scaled - ln_aim, count, wanted, of_pool, most)
-    # Those chosen by the rule; of the mean each keeps its limits.
-    taken = [pool[place] for place in chosen]
-    scaling = by_rule(rule)(
-        [whole[place] for place in taken], aim, places, damping=damping, pair=pair
+    ln_fitted = np.mean(ln_aim - ln_spectra, axis=1)
+    fitted = Scaling(
+        tuple(whole[place] for place in pool),
+        np.clip(np.exp(ln_fitted), low, high),
+        "mean",
+        spectrum_pair,
+        damping,
+        target=aim,
+        periods=places,
     )
+
+    def choose(factors: Array) -> list[int]:
+        off = ln_spectra + np.log(factors)[:, None] - ln_aim
+        return _search(off, count, wanted, of_pool, most)
+
     if rule == "mean":
-        scaling = replace(scaling, factors=np.exp(ln_factors[chosen]))
-    at_limit = np.isclose(ln_factors, np.log(low)) | np.isclose(ln_factors, np.log(high))
-    at_limit[chosen] = False
-    left_out["factor at a limit"] = int(np.sum(at_limit))
+        chosen = choose(fitted.factors)
+        scaling, scaled = _part(fitted, chosen), fitted.factors
+    else:
+        chosen, scaling, scaled = _within_limits(fitted, rule, (low, high), choose)
     others = np.setdiff1d(np.arange(len(pool)), chosen)
+    at_limit = (ln_fitted[others] <= np.log(low)) | (ln_fitted[others] >= np.log(high))
     return replace(
         scaling,
-        chosen=tuple(taken),
+        chosen=tuple(pool[place] for place in chosen),
         left_out=left_out,
-        rest=np.exp(scaled[others]),
-        events=tuple(labels[place] for place in taken) if labels else (),
+        rest=spectra[others] * scaled[others, None],
+        events=tuple(labels[pool[place]] for place in chosen) if labels else (),
+        limits=(low, high),
+        others_at_limit=int(np.sum(at_limit)),
+    )
+
+
+def _part(fitted: Scaling, places: Sequence[int]) -> Scaling:
+    """Return some motions of a suite with their factors."""
+    motions = tuple(fitted.motions[place] for place in places)
+    return replace(fitted, motions=motions, factors=fitted.factors[list(places)])
+
+
+def _within_limits(
+    fitted: Scaling,
+    rule: str,
+    limits: tuple[float, float],
+    choose: Callable[[Array], list[int]],
+) -> tuple[list[int], Scaling, Array]:
+    """Return a selection whose factors are within the limits after the common factor of a rule.
+
+    The common factor of a selection may raise factors beyond the upper limit. Then the factors of
+    all motions are limited to a lower value, by which the search prefers stronger motions, until
+    the product of this value and the common factor is within the limit.
+
+    Parameters
+    ----------
+    fitted : Scaling
+        All motions with their own factors within the limits.
+    rule : str
+        `asce7` or `ec8`.
+    limits : tuple of two floats
+        The smallest and the largest factor.
+    choose : callable
+        The places of the selected motions for the factors of all motions.
+
+    Returns
+    -------
+    chosen : list of int
+        Places of the selected motions.
+    scaling : Scaling
+        The selected motions with their final factors.
+    factors : ndarray
+        Factors of all motions before the common factor.
+
+    Raises
+    ------
+    AnalysisError
+        No selection was found. The message reports the one whose largest factor is the smallest.
+    """
+    low, high = limits
+    upper = high
+    nearest: Scaling | None = None
+    for _trial in range(_TRIALS):
+        factors = np.minimum(fitted.factors, upper)
+        chosen = choose(factors)
+        scaling = raise_to_rule(_part(replace(fitted, factors=factors), chosen), rule)
+        largest = float(np.max(scaling.factors))
+        if largest <= high * (1.0 + _ROUNDING):
+            within = replace(scaling, factors=np.minimum(scaling.factors, high))
+            return chosen, within, factors
+        if nearest is None or largest < float(np.max(nearest.factors)):
+            nearest = scaling
+        # The common factor for the next selection is at least about that of this one. If every
+        # factor is limited already, no lower limit changes anything.
+        if upper <= float(np.min(fitted.factors)):
+            break
+        common = largest / float(np.max(factors[chosen]))
+        upper = max(min(high / common, upper * _LOWER), float(np.min(fitted.factors)))
+    assert nearest is not None
+    over = first_few([f"{name} {factor:.4g}" for name, factor in nearest.beyond(low, high)], 5)
+    needed = math.ceil(1e4 * float(np.max(nearest.factors))) / 1e4
+    raise AnalysisError(
+        f"no selection of {len(nearest.motions)} motions with factors from {low:g} to {high:g} "
+        f"meets the rule {rule}; the nearest selection needs factors up to {needed:g}: {over}; set "
+        f"the limits to {low:g}:{needed:g}, or add stronger motions. The nearest selection: "
+        f"{', '.join(motion.source for motion in nearest.motions)}"
     )
 
 
