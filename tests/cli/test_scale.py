@@ -268,11 +268,12 @@ def test_a_run_with_the_factors_of_a_suite(folder, tdint):
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (("--factors", "suite.csv"), 2, "for the RECORDs that were scaled: name them"),
+        (("--factors", "lost.csv"), 3, "lost.csv: records not found: gone.mseed, (empty)"),
+        (("--factors", "component.csv"), 3, "component.csv: other.mseed has no HNZ among"),
         (
             ("other.mseed", "--scale", "2", "--factors", "suite.csv"),
             2,
-            "--factors stands in place of --scale",
+            "--factors and --scale cannot be used together",
         ),
         (("other.mseed", "--factors", "none.csv"), 3, "none.csv: no such file"),
         (
@@ -289,8 +290,88 @@ def test_a_run_with_the_factors_of_a_suite(folder, tdint):
 )
 def test_factors_that_do_not_fit(folder, tdint, arguments, code, said):
     Path("suite.csv").write_text("record,component,factor\nother.mseed,HNE,2\n")
+    Path("lost.csv").write_text("record,component,factor\ngone.mseed,HNE,2\n,HNN,2\n")
+    Path("component.csv").write_text("record,component,factor\nother.mseed,HNZ,2\n")
     Path("zero.csv").write_text("record,component,factor\nother.mseed,HNE,1\nother.mseed,HNN,0\n")
     assert said in tdint("run", "shaken.yaml", *UNITS, *arguments, code=code).stderr
+
+
+def test_records_of_the_table_of_factors(folder, tdint, make_record):
+    """Select, match, run, ida and campaign without naming a record: the table lists them, and the
+    other motions of the pool are not used."""
+    (folder / "pool").mkdir()
+    for seed in range(4):
+        make_record(
+            folder / "pool" / f"m{seed}.mseed",
+            "HNE",
+            "HNN",
+            peak=1.0 + seed,
+            samples=300 + 40 * seed,
+        )
+    target = ("--target", "ec8:type=1,soil=B,ag=0.1g", "--range", "0.2:2")
+    tdint("scale", "pool", *UNITS, *target, "--select", 3, "-o", "factors.csv", code=0)
+    factors = rows("factors.csv")
+    listed = [(row["record"], row["component"], row["factor"]) for row in factors]
+    assert len(listed) == 3
+
+    # The same runs as with the records of the pool and factors by hand
+    tdint("run", "shaken.yaml", *UNITS, "--factors", "factors.csv", "-o", "out", code=0)
+    runs = rows("out/runs.csv")
+    assert sorted((run["record"], run["component"], run["scale"]) for run in runs) == sorted(listed)
+    for run in runs:
+        one = ("--component", run["component"], "--scale", run["scale"])
+        stories = rows(tdint("run", "shaken.yaml", run["record"], *UNITS, *one, code=0).stdout)
+        largest = max(float(story["peak_drift_ratio"]) for story in stories)
+        assert float(run["peak_drift_ratio"]) == pytest.approx(largest, rel=1e-9)
+
+    # A campaign, from another directory than that of the table
+    (folder / "studies").mkdir()
+    study = "buildings: {models: [../shaken.yaml]}\nrecords: {units: m/s^2}\n"
+    (folder / "studies" / "a.yaml").write_text(study + "intensity: {factors: ../factors.csv}\n")
+    tdint("campaign", "studies/a.yaml", "-o", "campaign", code=0)
+    of_campaign = rows("campaign/runs.csv")
+    assert [run["peak_drift_ratio"] for run in of_campaign] == [
+        run["peak_drift_ratio"] for run in runs
+    ]
+
+    # IDA and match
+    words = ("ida", "shaken.yaml", *UNITS, "--factors", "factors.csv", "--max-im", "1m/s^2")
+    capacities = rows(tdint(*words, code=0).stdout)
+    assert {(row["record"], row["component"]) for row in capacities} == {row[:2] for row in listed}
+    words = ("match", *UNITS, "--factors", "factors.csv", *target, "-o", "matched")
+    tdint(*words, "--suite", "mean", "--format", "csv", code=0)
+    matched = rows("matched/matched.csv")
+    assert [(row["record"], row["component"]) for row in matched] == [row[:2] for row in listed]
+    for command in (("match", *target, "-o", "m"), ("ida", "shaken.yaml")):
+        tdint.refused("no RECORD is given; name records", *command, code=2)
+        both = (*command, "pool", "--factors", "factors.csv")
+        tdint.refused("RECORD and --factors are given", *both, code=2)
+
+
+def test_pairs_of_the_table_of_factors(folder, tdint, make_record):
+    """The table of selected pairs lists both components, also next to the table alone."""
+    (folder / "study").mkdir()
+    for seed in range(3):
+        make_record(
+            folder / "study" / f"p{seed}.mseed",
+            "HNE",
+            "HNN",
+            peak=1.0 + seed,
+            samples=300 + 40 * seed,
+        )
+    target = ("--target", "ec8:type=1,soil=B,ag=0.1g", "--range", "0.2:2")
+    words = ("scale", "study", *UNITS, *target, "--pairs", "rotd50", "--select", 2)
+    tdint(*words, "-o", "study/pairs.csv", code=0)
+    listed = rows("study/pairs.csv")
+    relative = "".join(
+        f"{Path(row['record']).name},{row['component']},{row['factor']}\n" for row in listed
+    )
+    (folder / "study" / "moved.csv").write_text("record,component,factor\n" + relative)
+    for table in ("study/pairs.csv", "study/moved.csv"):
+        runs = rows(tdint("run", "shaken.yaml", *UNITS, "--factors", table, code=0).stdout)
+        assert sorted((run["record"], run["component"], run["scale"]) for run in runs) == sorted(
+            (row["record"], row["component"], row["factor"]) for row in listed
+        )
 
 
 def test_motions_are_selected(folder, tdint):

@@ -20,7 +20,7 @@ from tdint_cli.drawing import emit_table
 from tdint_cli.options.grammar import FileName, ListOf, Name, PairWish, Ratio, intensity, period
 from tdint_cli.options.output import check_picture, picture_file
 from tdint_cli.options.record import RecordsRequest
-from tdint_cli.options.studies import pair_measure, read_suite
+from tdint_cli.options.studies import pair_measure, read_suite, read_table_of_factors
 from tdint_cli.terminal import Failures, note, progress_bar, say, warn
 
 if TYPE_CHECKING:
@@ -68,6 +68,10 @@ class IdaRequest(RecordsRequest):
     pairs: PairWish | None = options.studies.pairs(
         "Take the two horizontal components of a motion together: both are run, at levels of this "
         "measure."
+    )
+    factors: str | None = options.studies.factors(
+        "The records replace RECORD. The analysis scales each record itself and does not use the "
+        "factors."
     )
     damping: float = options.studies.damping("--im sa or sa-avg")
     max_im: Units | None = options.studies.option(
@@ -140,7 +144,7 @@ class IdaRequest(RecordsRequest):
     "tdint ida office.yaml office-motion.txt --threshold 2% -o study --plot",
 )
 @options.analysis.model
-@options.record.of_records
+@options.record.of_records_if_any
 @options.of(IdaRequest)
 def command(request: IdaRequest) -> None:
     """Incremental dynamic analysis: drift over intensity, up to collapse.
@@ -190,7 +194,9 @@ def command(request: IdaRequest) -> None:
         check=request.check,
         thresholds=request.threshold or None,
     )
-    suite = read_suite(request.records, request.choice, request.pairs)
+    suite, _ = read_table_of_factors(
+        request.records, request.factors, request.choice, request.pairs
+    )
     note(*cut_off(suite.records, request.duration or model.analysis.duration or math.inf))
     # What damages the building before, if anything does
     mainshock = None

@@ -77,7 +77,7 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
         ModelFiles,
         RecordFiles,
     )
-    from tdint.campaign.inputs import Inputs, read_factors, read_motions
+    from tdint.campaign.inputs import Inputs, read_factors, read_listed_motions, read_motions
     from tdint.campaign.motions import FoundMotions, Scales
     from tdint.campaign.plan import make_plan
 
@@ -100,6 +100,8 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
     )
     if records:
         motions = read_motions(record_files)
+    elif table:
+        table, motions = read_listed_motions(table, record_files)
     else:
         from tdint.analysis.given import model_record
         from tdint.ground_motion.reading.suites import suite_motions

@@ -16,7 +16,7 @@ from tdint_cli import options
 from tdint_cli.options.grammar import PairsType, PairWish, Ratio, span
 from tdint_cli.options.output import Outputs
 from tdint_cli.options.record import RecordsRequest
-from tdint_cli.options.studies import read_suite
+from tdint_cli.options.studies import read_table_of_factors
 from tdint_cli.terminal import Failures, note, say, warn
 
 if TYPE_CHECKING:
@@ -73,6 +73,10 @@ class MatchRequest(RecordsRequest):
         help="each (by default): all motions to the target. mean: their mean to it, each to its "
         "own scaled spectrum times target over mean, so that their scatter is kept.",
     )
+    factors: str | None = options.studies.factors(
+        "The records replace RECORD. With --suite mean the spectra of the suite are those with "
+        "these factors; without it each motion is scaled to the target first."
+    )
     within: float = options.option(
         type=Ratio(0.0, 1.0, min_open=True),
         metavar="5%",
@@ -93,7 +97,7 @@ class MatchRequest(RecordsRequest):
     "tdint match office-motion.txt --target asce7:sds=1,sd1=0.6,tl=8 -o asce7 --plot",
     exits={5: "with --require a misfit is above --within"},
 )
-@options.record.of_records
+@options.record.of_records_if_any
 @options.of(MatchRequest)
 def command(request: MatchRequest) -> None:
     """Ground motions whose spectra are a target's, by the least change.
@@ -115,12 +119,15 @@ def command(request: MatchRequest) -> None:
     plot = str(folder / PICTURE) if request.plot == options.grammar.BESIDE else request.plot
     outputs = Outputs.checked(str(folder / MATCHED), plot, request.overwrite)
     target = read_target(request.target)
-    suite = read_suite(request.records, request.choice, request.pairs)
+    suite, factors = read_table_of_factors(
+        request.records, request.factors, request.choice, request.pairs
+    )
     files = [folder / name for name in motion_file_names(suite.motions, request.format)]
     check_outputs(files, overwrite=request.overwrite)
     wishes: dict[str, Any] = {"periods": request.range, "damping": request.damping}
     if request.suite == "mean":
-        matches = match_suite(suite.motions, target, **wishes)
+        given = factors.of_motions(suite.motions) if factors else None
+        matches = match_suite(suite.motions, target, factors=given, **wishes)
     else:
         matches = [match(motion, target, **wishes) for motion in suite.motions]
     table = tables.spectra.match_table(matches)

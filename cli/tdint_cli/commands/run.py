@@ -106,11 +106,8 @@ def command(request: Request) -> None:
         request.check_sequence()
         _run(request)
         return
-    if request.factors is not None and (request.scale or not named):
-        raise UsageError(
-            "--factors stands in place of --scale, and is for the RECORDs that were scaled: name "
-            "them"
-        )
+    if request.factors is not None and request.scale:
+        raise UsageError("--factors and --scale cannot be used together; omit one of them")
     if (
         request.factors is not None
         or len(named) > 1

@@ -50,7 +50,8 @@ class Request(BuildingRequest, SuiteRequest):
     factors: str | None = options.record.option(
         type=FileName(),
         rare=True,
-        help="Run the records with the factors that `tdint scale -o` wrote, in place of --scale.",
+        help="Run the records with the factors that `tdint scale -o` wrote, in place of --scale. "
+        "If no RECORD is named, the records are those of the table.",
     )
     sequence: bool = options.record.option(
         rare=True,

@@ -10,10 +10,12 @@ from tdint.errors import UsageError
 from tdint_cli.options import grammar
 from tdint_cli.options.analysis import damping_of
 from tdint_cli.options.grammar import FileName, ListOf, PairsType, PairWish, Ratio
+from tdint_cli.options.record import option as record_option
 from tdint_cli.options.record import warnings_of_suite
 from tdint_cli.terminal import note, warn
 
 if TYPE_CHECKING:
+    from tdint.campaign.motions import FactorTable
     from tdint.ground_motion.choice import RecordChoice
     from tdint.ground_motion.reading.suites import Suite
 
@@ -64,6 +66,54 @@ threshold = partial(
 )
 
 
+def factors(text: str) -> grammar.Declaration:
+    """The option --factors; the use of the factors differs between the commands."""
+    return record_option(
+        "--factors",
+        type=FileName(),
+        rare=True,
+        help=f"Read the records from the table that `tdint scale -o` wrote. {text}",
+    )
+
+
+def read_table_of_factors(
+    records: Sequence[str], file: str | None, choice: RecordChoice, pairs: PairWish | None
+) -> tuple[Suite, FactorTable | None]:
+    """Return the ground motions of a command line, or of a table of factors if no record is named.
+
+    Returns
+    -------
+    suite : Suite
+        The motions, as of `read_suite`.
+    table : FactorTable or None
+        The table; None without one.
+
+    Raises
+    ------
+    UsageError
+        Neither records nor a table are named, or both are; as of `read_suite`.
+    ModelError
+        The table cannot be used.
+    TdintError
+        Nothing could be read.
+    """
+    if bool(records) is (file is not None):
+        given = "RECORD and --factors are given" if records else "no RECORD is given"
+        raise UsageError(
+            f"{given}; name records or folders, or the table of `tdint scale -o` by --factors"
+        )
+    if file is None:
+        return read_suite(records, choice, pairs), None
+    from tdint.campaign.definition import FactorsFile
+    from tdint.campaign.inputs import read_factors, read_listed
+
+    _refuse_component_of_pairs(choice, pairs)
+    table, suite = read_listed(
+        read_factors(FactorsFile(file)), choice, pairs.names if pairs else None
+    )
+    return _reported(suite), table
+
+
 def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | None) -> Suite:
     """The ground motions of a command line; what there is to say of them is said, but for what
     could not be read.
@@ -76,11 +126,26 @@ def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | N
         Nothing could be read.
     """
     from tdint.ground_motion.reading import suites
-    from tdint_cli.terminal import Failures
 
+    _refuse_component_of_pairs(choice, pairs)
+    return _reported(suites.read_suite(records, choice, pairs.names if pairs else None))
+
+
+def _refuse_component_of_pairs(choice: RecordChoice, pairs: PairWish | None) -> None:
     if pairs and choice.component is not None:
         raise UsageError("--component names single components; leave it out with pairs")
-    suite = suites.read_suite(records, choice, pairs.names if pairs else None)
+
+
+def _reported(suite: Suite) -> Suite:
+    """Return a suite whose notes and warnings are written to the terminal.
+
+    Raises
+    ------
+    TdintError
+        Nothing could be read.
+    """
+    from tdint_cli.terminal import Failures
+
     note(*suite.notes)
     if not suite.motions:
         raise Failures(suite.failures)

@@ -240,6 +240,7 @@ def match_suite(
     *,
     periods: tuple[float, float] = (0.05, 4.0),
     damping: float = SA_DAMPING,
+    factors: Sequence[float] | None = None,
 ) -> list[Match]:
     """Bring the mean spectrum of motions to a target, each by the least change to its own scaled
     spectrum times target over mean: their scatter is kept.
@@ -250,6 +251,9 @@ def match_suite(
         The seeds, each as of `match`.
     target, periods, damping
         As of `match`.
+    factors : sequence of float, optional
+        The factor of each seed in the suite, as `tdint.scale` returns it; by default least squares
+        of ln Sa.
 
     Returns
     -------
@@ -266,7 +270,11 @@ def match_suite(
     seeds, damping = [motion_of(motion) for motion in motions], damping_of(damping)
     aim, checked = _aim(target, periods, damping)
     wanted, before = aim.at(checked), [_judged(seed, checked, damping) for seed in seeds]
-    scaled = [psa * np.exp(np.mean(np.log(wanted / psa))) for psa in before]
+    if factors is None:
+        factors = [float(np.exp(np.mean(np.log(wanted / psa)))) for psa in before]
+    if len(factors) != len(seeds):
+        raise UsageError(f"factors: one for each of {len(seeds)} motions, got {len(factors)}")
+    scaled = [abs(factor) * psa for factor, psa in zip(factors, before, strict=True)]
     part = wanted / np.mean(scaled, axis=0)
     name = f"{aim.source} in the mean of {len(seeds)}"
     return [

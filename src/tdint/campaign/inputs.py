@@ -42,7 +42,10 @@ from tdint.campaign.sites import read_field, read_grid
 from tdint.csv_table import no_number, number, read_table
 from tdint.errors import ModelError, ModelFault, RecordError, TdintError, UsageError
 from tdint.files import MOST_BYTES, note_input, read_at_most
+from tdint.ground_motion.choice import RecordChoice
+from tdint.ground_motion.horizontals import PairNames
 from tdint.ground_motion.reading.suites import (
+    Suite,
     SuiteMotion,
     read_components,
     read_suite,
@@ -55,8 +58,11 @@ from tdint.model.damage_states import COST, NUMBER
 from tdint.model.definition import Model
 from tdint.model.inventory import InventoryRows, read_inventory
 from tdint.model.keys.fields import resolve
+from tdint.written_numbers import first_few
 
 _SHOCK_COLUMNS = ("sequence", "record", "component", "factor", "units")
+_MOST_NAMES = 10  # that a message names
+
 _FACTOR_COLUMNS = ("record", "component", "factor")
 
 
@@ -118,10 +124,13 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
             models = sweep.of(models) if campaign.sweep else models
     else:
         rows, faults = read_rows(campaign.buildings)
-    motions = _READERS[type(campaign.records)](campaign.records)
     factors = (
         read_factors(campaign.intensity) if isinstance(campaign.intensity, FactorsFile) else None
     )
+    if factors and isinstance(campaign.records, RecordFiles) and not campaign.records.files:
+        factors, motions = read_listed_motions(factors, campaign.records)
+    else:
+        motions = _READERS[type(campaign.records)](campaign.records)
     # What is too far from any site is left out before a sweep multiplies it.
     far: tuple[ModelFault, ...] = ()
     if (
@@ -451,6 +460,112 @@ def read_factors(factors_file: FactorsFile) -> FactorTable:
     if scaled:
         note_input(beside, content)
     return FactorTable(file, {name: tuple(numbers) for name, numbers in by_motion.items()}, scaled)
+
+
+def read_listed_motions(
+    table: FactorTable, records: RecordFiles
+) -> tuple[FactorTable, FoundMotions]:
+    """Read the records that a table of factors lists.
+
+    Returns
+    -------
+    table : FactorTable
+        The table with the files as they were found.
+    motions : FoundMotions
+        The motions that have a factor.
+
+    Raises
+    ------
+    ModelError
+        As of `read_listed`.
+    RecordError
+        No record can be used: why, one line each.
+    """
+    table, suite = read_listed(table, records.choice, records.pairs)
+    if not suite.motions:
+        raise RecordError("\n".join(map(str, suite.failures)))
+    return table, FoundMotions(suite_motions(suite.motions), suite.failures, suite.notes)
+
+
+def read_listed(
+    table: FactorTable, choice: RecordChoice, pairs: PairNames | None
+) -> tuple[FactorTable, Suite]:
+    """Read the ground motions that a table of factors lists, and no other component of its files.
+
+    Parameters
+    ----------
+    table : FactorTable
+        The table. A file in it is relative to the working directory or, if it is not found there,
+        to the directory of the table.
+    choice : RecordChoice
+        How the files are read.
+    pairs : PairNames or None
+        How the files of pairs are named; None for single components.
+
+    Returns
+    -------
+    table : FactorTable
+        The table with the files as they were found.
+    suite : Suite
+        The motions that the table lists, and files that could not be read.
+
+    Raises
+    ------
+    ModelError
+        Files of the table are not found; a row has no component in its file, or more than one.
+    """
+    table = _located(table)
+    files = tuple(dict.fromkeys(file for file, _ in table.by_name))
+    suite = read_suite(files, choice, pairs)
+
+    # Each row belongs to one component; an empty component belongs to all components of the file.
+    rows: dict[tuple[str, str], list[SuiteMotion]] = {row: [] for row in table.by_name}
+    for motion in suite_motions(suite.motions):
+        for component in dict.fromkeys((motion.component, motion.record.component, "")):
+            if (motion.name, component) in rows:
+                rows[motion.name, component].append(motion)
+                break
+    failed = " ".join(map(str, suite.failures))
+    for (file, component), motions in rows.items():
+        if component and len(motions) != 1 and file not in failed:
+            what = (
+                f"has {len(motions)} components {component}" if motions else f"has no {component}"
+            )
+            raise ModelError(
+                f"{table.source}: {file} {what} among the components that can be used; name one "
+                "component by its full id in the table"
+            )
+    listed = {id(motion.whole) for motions in rows.values() for motion in motions}
+    kept = tuple(motion for motion in suite.motions if id(motion) in listed)
+    return table, replace(suite, motions=kept)
+
+
+def _located(table: FactorTable) -> FactorTable:
+    """Return a table of factors with its files as they are found.
+
+    Raises
+    ------
+    ModelError
+        Files are not found.
+    """
+    beside = Path(table.source).parent
+    found: dict[str, str] = {}
+    for file in dict.fromkeys(file for file, _ in table.by_name):
+        candidates = (Path(file), beside / file)
+        place = next((path for path in candidates if file and path.is_file()), None)
+        if place is not None:
+            found[file] = file if place == candidates[0] else str(place)
+    missing = [file for file, _ in table.by_name if file not in found]
+    if missing:
+        named = first_few(list(dict.fromkeys(file or "(empty)" for file in missing)), _MOST_NAMES)
+        raise ModelError(
+            f"{table.source}: records not found: {named}; a record is a file relative to the "
+            "working directory or to the directory of the table"
+        )
+    by_name = {
+        (found[file], component): values for (file, component), values in table.by_name.items()
+    }
+    return replace(table, by_name=by_name)
 
 
 def _factor(file: str, line: int, text: str) -> float:

@@ -20,7 +20,7 @@ from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.arrays import Array, cached_property
 from tdint.campaign.intensity import IntensityMeasure, factor_to
 from tdint.errors import ModelError, TdintError
-from tdint.ground_motion.reading.suites import SuiteMotion
+from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, suite_motions
 from tdint.model.inventory import InventoryRows
 
 MAX_DISTANCE = 15e3
@@ -410,7 +410,31 @@ class FactorTable:
         for key in ((name, component) for name in names for component in components):
             if key in self.by_name:
                 return self.by_name[key]
-        raise ModelError(f"{self.source}: no factor for {motion.name} {motion.component}")
+        raise ModelError(
+            f"{self.source}: no factor for {motion.name} {motion.component}; without records the "
+            "records of the table are used"
+        )
+
+    def of_motions(self, motions: Sequence[GroundMotion]) -> list[float]:
+        """Return the factor of each motion; both components of a pair have one factor.
+
+        Raises
+        ------
+        ModelError
+            A motion has no factor, or several.
+        """
+        factors: dict[int, dict[float, None]] = {}
+        for motion in suite_motions(motions):
+            factors.setdefault(id(motion.whole), {}).update(dict.fromkeys(self.of(motion)))
+        for whole in motions:
+            values = factors[id(whole)]
+            if len(values) > 1:
+                listed = ", ".join(f"{value:g}" for value in values)
+                raise ModelError(
+                    f"{self.source}: {whole.source} {whole.component} has the factors {listed}; "
+                    "give one factor"
+                )
+        return [next(iter(factors[id(whole)])) for whole in motions]
 
 
 @dataclass(frozen=True)

@@ -142,13 +142,18 @@ _SAMPLE_UNITS = Key(
 )
 MOTIONS = Keys(
     (*_FILES, *_SEQUENCES, *_FIELDS, *_GRID, _DISTANCE, _LARGEST, _SAMPLE_UNITS),
-    one_of=(("files", "sequences", "fields", "grid"),),
 )
-"""The keys of `records`, and what may stand under them."""
+"""The keys of `records`, and their values. One of files, sequences, fields and grid is required
+unless the intensity is a table of factors, which lists the records."""
 
 
-def read_wanted_motions(value: Value) -> RecordFiles | SequenceFile | GridFile | FieldFile | None:
-    """Files, sequences, fields or a grid; None after a fault."""
+def read_wanted_motions(
+    value: Value, *, are_listed: bool = False
+) -> RecordFiles | SequenceFile | GridFile | FieldFile | None:
+    """Return files, sequences, fields or a grid; None after a fault.
+
+    `are_listed`: without any of these the records are those of a table of factors.
+    """
     section = value.section()
     if section is None:
         return None
@@ -170,7 +175,9 @@ def read_wanted_motions(value: Value) -> RecordFiles | SequenceFile | GridFile |
         return SequenceFile(shocks, choice, section.read("rest")) if shocks else None
     section.refuse(("rest",), "belongs to `sequences`")
     # Files are the usual way: without any of the four these are asked for.
-    files = section.need("files", "give a list of files and folders, or a `grid` in its place")
+    files = section.get("files")
+    if not (files or are_listed):
+        section.need("files", "give a list of files and folders, or a `grid` in its place")
     items = (
         files.items("a list of files and folders", "is empty; give at least one record")
         if files
@@ -324,7 +331,12 @@ _INTENSITY = Keys(
             Choice(tuple(PAIRS), "measure of pairs"),
             "what stands for the two components of a pair",
         ),
-        Key("factors", Words(), "CSV file of `tdint scale`, relative to this file"),
+        Key(
+            "factors",
+            Words(),
+            "CSV file of `tdint scale`, relative to this file; without `files` of the records it "
+            "also lists the records",
+        ),
     ),
     one_of=(("scales", "measure", "factors"),),
 )
@@ -366,7 +378,11 @@ CAMPAIGN = Keys(
     (
         Key("name", Words(), "the campaign's name; that of the file where it is left out"),
         Key("buildings", _BUILDINGS, "model files, or an inventory", needed=True),
-        Key("records", MOTIONS, "files and folders, or a grid", needed=True),
+        Key(
+            "records",
+            MOTIONS,
+            "files and folders, or a grid; by default the records of the table of factors",
+        ),
         Key(
             "intensity",
             _INTENSITY,
@@ -427,7 +443,14 @@ def load_campaign(source: str | Path) -> CampaignFile:
 
 def _read(section: Section, label: str, name: str) -> CampaignFile:
     buildings = section.need("buildings", "give `models` or an `inventory`")
-    records = section.need("records", "give `files` or a `grid`")
+    # Without records those of the table of factors are used.
+    intensity = section.get("intensity")
+    are_listed = intensity is not None and intensity.peek("factors") is not None
+    records = (
+        section.get("records")
+        if are_listed
+        else section.need("records", "give `files` or a `grid`")
+    )
     _check_together(section)
     analysis, stated = section.inner("analysis"), section.get("outputs")
     # A list chooses all tables that are written, keys add to what is usual.
@@ -441,7 +464,7 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         name=section.read("name") or name,
         source=label,
         buildings=read_buildings,
-        records=(read_wanted_motions(records) if records else None)
+        records=(read_wanted_motions(records, are_listed=are_listed) if records else None)
         or RecordFiles((), RecordChoice()),
         intensity=_read_intensity(section.get("intensity")) or Scales((1.0,)),
         analysis=_read_analysis(analysis),
