@@ -227,9 +227,7 @@ _SPECTRA = options.output.option(
     "scale",
     "tdint scale office-motion.txt --sa 0.6g --at 0.8",
     "tdint scale office-motion.txt --target ec8:type=1,soil=B,ag=0.25g -o factors.csv --plot",
-    exits={
-        5: "a motion needs more than --max-factor; no selection meets the rule within --factors"
-    },
+    exits={5: "factors beyond --max-factor; no selection within --factors"},
 )
 @options.analysis.plugin
 @options.record.of_records
