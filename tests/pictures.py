@@ -62,7 +62,8 @@ PICTURES = {
     ),
     "collapse-prone-frame-ida.png": Picture(f"{_IDA} --plot={{file}}", "collapse"),
     "collapse-prone-frame-fragility.png": Picture(
-        f"{_IDA} | tdint fragility - --threshold 10% --beta-model 0.35 --plot={{file}}", "collapse"
+        f"{_IDA} | tdint fragility - --threshold 10% --modeling-dispersion 0.35 --plot={{file}}",
+        "collapse",
     ),
     "region-fragility.png": Picture(
         f"{_REGION} && tdint fragility region --by type --im pga --plot={{file}}", "collapse"

@@ -51,11 +51,11 @@ def buildings() -> None:
     tdint.pushover(content, "2%").to_dict("kip,in,g")
     tdint.target_displacements(tdint.pushover(model, 0.02), "ec8:ag=0.3,soil=B")
     tdint.cyclic_test(content, 1, ["1%", 0.02])
-    tdint.modal_response(model, "ec8:ag=0.3,soil=B")
+    tdint.response_spectrum_analysis(model, "ec8:ag=0.3,soil=B")
     tdint.compare(content, "event.yaml", method="impulse4")
     tdint.check("a.yaml").to_dict()
     tdint.compile_model(content, "impulse4")
-    text: str = tdint.first_model(3, period=0.4)
+    text: str = tdint.model_template(3, period=0.4)
     for building in tdint.inventory(Path("a.csv"), units="ft"):
         print(building, text)
 
@@ -98,7 +98,7 @@ def methods() -> None:
         print(trial)
     tdint.paper_examples([1], ["wilson"], dt=0.02).to_dict()
     tdint.chart(content, "a.mseed", method=["impulse4"]).plot()
-    tdint.chart_many([content], ["a.mseed"], method=["impulse4"], repeats=1).plot()
+    tdint.performance_profiles([content], ["a.mseed"], method=["impulse4"], repeats=1).plot()
     for result in tdint.validate():
         print(result)
     tdint.load_plugin(Path("mine.py"))
@@ -122,7 +122,7 @@ def test_nothing_of_python_is_shadowed():
     assert taken == set(tdint.__all__) and not taken & set(dir(builtins))
     assert issubclass(tdint.FailedRun, tdint.TdintError)
     assert isinstance(tdint.make_record([0.0, 1.0], dt=0.01, units="g"), tdint.Record)
-    with pytest.raises(AttributeError, match="it is 'first_model' now"):
+    with pytest.raises(AttributeError, match="it is 'model_template' now"):
         tdint.init  # noqa: B018
 
 

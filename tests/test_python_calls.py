@@ -26,7 +26,7 @@ RECORD = tdint.make_record(np.sin(0.1 * np.arange(100)), dt=0.01, units="m/s^2")
         ("stability", {"method": {"bathe"}, "dt_over_t": np.array([0.1])}, "method"),
         ("stability", {"method": "bathe", "dt_over_t": np.ones((2, 2))}, "dt_over_t"),
         ("scale", {"motions": 0.1}, "motions"),
-        ("first_model", {"stories": None}, "stories"),
+        ("model_template", {"stories": None}, "stories"),
         ("inventory", {"source": None}, "source"),
         ("methods", {"specifications": 0}, "specifications"),
         ("load_plugin", {"file": None}, "file"),

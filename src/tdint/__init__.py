@@ -14,23 +14,23 @@ A tour; everything is in SI units, `help(tdint.run)` and the like tell shapes, u
     case = tdint.prepare(model, record)                  # put together once for many runs:
     tdint.run_case(case.scaled(2.0))
     tdint.run_many(models, records, history="drift")     # arrays [run, time, story], all processors
-    tdint.run_sequence(case, [record, aftershock])       # one after the other; peaks: .shocks
+    tdint.run_sequence(case, [record, aftershock])       # one after the other; peaks: .events
     tdint.cyclic_test(model, 1, ["1%", "2%"])            # the law of a story, as in a laboratory
     tdint.pushover(model, "2%")
 
 Each command has a function; what these give shows itself in a line, as a table in a notebook, has
 its columns by `to_dict`, is drawn by `plot`, and can be pickled:
 
-    Buildings        first_model, check, run (run_many, run_case of prepare, run_sequence), modes
-                     (modal_response), cyclic_test, pushover (target_displacements), compare,
-                     inventory
+    Buildings        model_template, check, run (run_many, run_case of prepare, run_sequence), modes
+                     (response_spectrum_analysis), cyclic_test, pushover (target_displacements),
+                     compare, inventory
     Ground motions   record_info, spectrum (rotated_spectrum of read_horizontals,
                      constant_ductility, constant_strength, floor_spectra of a response),
                      drift_spectrum, fourier_spectrum
     Studies          campaign, scale, ida, sensitivity, fragility (fit_stripes, fit_capacities,
                      fit_cloud)
     Methods          methods, stability, overshoot, order, failures, paper_examples, chart
-                     (chart_many); load_plugin
+                     (performance_profiles); load_plugin
     Housekeeping     compile_model, validate
 
 Errors are `TdintError`s (`FailedRun` of a run that does not reach its end); `Model`, `Record`,
@@ -59,7 +59,7 @@ if TYPE_CHECKING:  # all that stands at the top, one import a line: `_homes` rea
     from tdint.analysis.assessment.paper_examples import paper_examples as paper_examples
     from tdint.analysis.assessment.stability import overshoot as overshoot
     from tdint.analysis.assessment.stability import stability as stability
-    from tdint.analysis.chart.profiles import chart_many as chart_many
+    from tdint.analysis.chart.profiles import performance_profiles as performance_profiles
     from tdint.analysis.chart.work_precision import chart as chart
     from tdint.analysis.compare import compare as compare
     from tdint.analysis.matching import match as match
@@ -81,7 +81,9 @@ if TYPE_CHECKING:  # all that stands at the top, one import a line: `_homes` rea
     from tdint.analysis.spectra.fourier import fourier_spectrum as fourier_spectrum
     from tdint.analysis.spectra.inelastic import constant_ductility as constant_ductility
     from tdint.analysis.spectra.inelastic import constant_strength as constant_strength
-    from tdint.analysis.spectra.modal import modal_response as modal_response
+    from tdint.analysis.spectra.modal import (
+        response_spectrum_analysis as response_spectrum_analysis,
+    )
     from tdint.analysis.spectra.rotated import rotated_spectrum as rotated_spectrum
     from tdint.analysis.static import cyclic_test as cyclic_test
     from tdint.analysis.static import pushover as pushover
@@ -109,7 +111,7 @@ if TYPE_CHECKING:  # all that stands at the top, one import a line: `_homes` rea
     from tdint.model.definition import Model as Model
     from tdint.model.definition import register_law as register_law
     from tdint.model.inventory import inventory as inventory
-    from tdint.model.story_curves import first_model as first_model
+    from tdint.model.story_curves import model_template as model_template
     from tdint.output.plotting import plot as plot
     from tdint.output.tables.spectra import record_info as record_info
     from tdint.output.tables.to_dict import to_dict as to_dict
@@ -131,7 +133,7 @@ _BEFORE = {
     "compile": "compile_model",
     "examples": "paper_examples",
     "info": "record_info",
-    "init": "first_model",
+    "init": "model_template",
     "law": "cyclic_test",
 }
 """What names of 0.1 are called now."""

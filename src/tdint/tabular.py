@@ -344,7 +344,7 @@ class Tabular:
 Member = TypeVar("Member")
 
 
-class Several(Tabular, Generic[Member]):
+class ResultList(Tabular, Generic[Member]):
     """Results of one kind in a row, with one table: it has a length, members by number, and may be
     walked through.
 
@@ -367,7 +367,7 @@ class Several(Tabular, Generic[Member]):
         return self.members[place]
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Several) and self.members == other.members
+        return isinstance(other, ResultList) and self.members == other.members
 
     def __hash__(self) -> int:
         return hash(self.members)
@@ -379,17 +379,17 @@ class Several(Tabular, Generic[Member]):
 
 
 def each_of(function: Callable[P, Result]) -> Callable[P, Result]:
-    """A function whose first argument may be a list or a tuple, too: then it gives a `Several` of
-    what it gives for each, which a checker of types takes for one."""
+    """A function whose first argument may be a list or a tuple, too: then it gives a `ResultList`
+    of what it gives for each, which a checker of types takes for one."""
     first = next(iter(inspect.signature(function).parameters))
 
     @functools.wraps(function)
     def one_or_each(*given: P.args, **named: P.kwargs) -> Any:
         of, rest = (given[0], given[1:]) if given else (named.get(first), ())
-        if not isinstance(of, list | tuple | Several):
+        if not isinstance(of, list | tuple | ResultList):
             return function(*given, **named)
         named.pop(first, None)
-        return Several(function(one, *rest, **named) for one in of)  # type: ignore[arg-type]
+        return ResultList(function(one, *rest, **named) for one in of)  # type: ignore[arg-type]
 
     return one_or_each
 

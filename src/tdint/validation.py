@@ -24,7 +24,7 @@ from tdint.campaign.fragility.fits import fit_stripes
 from tdint.ground_motion.reading.read import make_record
 from tdint.ground_motion.record import Record
 from tdint.model.config.model_file import load_model
-from tdint.tabular import Several
+from tdint.tabular import ResultList
 
 # ---- A case: something that is known from elsewhere, and how this program computes it
 
@@ -228,7 +228,7 @@ def _bilinear_loop() -> Array:
     """Work of a bilinear story over a whole cycle, J: 4 (1 - a) Fy (D - dy)."""
     law = {"type": "bilinear", "yield_force": 10.0, "hardening": 0.05}
     model = load_model({"stories": [{"mass": 1.0, "height": 3.0, "stiffness": 1000.0, "law": law}]})
-    return np.array([cyclic_test(model, 1, ["1%", "1%"], points=100).cycles[1].dissipated])
+    return np.array([cyclic_test(model, 1, ["1%", "1%"], points=100).cycles[1].hysteretic_energy])
 
 
 def closed_form_cases() -> tuple[ValidationCase, ...]:
@@ -371,13 +371,13 @@ def textbook_cases() -> tuple[ValidationCase, ...]:
     return cases_of("textbook", {name: (computed, ()) for name, computed in _TEXTBOOKS.items()})
 
 
-def validate() -> Several[ValidationResult]:
+def validate() -> ResultList[ValidationResult]:
     """Closed forms, tables of textbooks and printed results of other programs beside those of this
     installation.
 
     Returns
     -------
-    Several of ValidationResult
+    ResultList of ValidationResult
         For each case the largest difference, and whether it is within what the case allows.
 
     Raises
@@ -385,4 +385,4 @@ def validate() -> Several[ValidationResult]:
     AnalysisError
         A case cannot be run.
     """
-    return Several([carry_out(case) for case in (*closed_form_cases(), *textbook_cases())])
+    return ResultList([carry_out(case) for case in (*closed_form_cases(), *textbook_cases())])

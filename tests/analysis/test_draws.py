@@ -169,7 +169,9 @@ def test_scales_products_and_pairs():
     )
     single = tdint.run(building.replace(damping=0.05), RECORD.scaled(2.0))
     np.testing.assert_array_equal(grid.stories.peak_drift[4], single.stories.peak_drift)
-    pairs = tdint.run_many(building, [RECORD, SHORT], vary={"damping": [0.02, 0.05]}, paired=True)
+    pairs = tdint.run_many(
+        building, [RECORD, SHORT], vary={"damping": [0.02, 0.05]}, zip_records=True
+    )
     assert pairs.record.tolist() == [0, 1] and pairs.varied["damping"].tolist() == [0.02, 0.05]
 
 

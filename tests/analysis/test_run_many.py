@@ -180,7 +180,7 @@ def test_histories_go_where_they_are_asked_to(tmp_path, runs):
 
 def test_pairs_of_a_model_a_record_and_a_scale(runs):
     found = tdint.run_many(
-        [MODELS[1], MODELS[0]], RECORDS, scales=2.0, paired=True, method="newmark-average"
+        [MODELS[1], MODELS[0]], RECORDS, scales=2.0, zip_records=True, method="newmark-average"
     )
     assert (found.model.tolist(), found.record.tolist(), found.scale.tolist()) == (
         [0, 1],
@@ -189,8 +189,8 @@ def test_pairs_of_a_model_a_record_and_a_scale(runs):
     )
     single = tdint.run(MODELS[0], RECORDS[1].scaled(2.0), method="newmark-average")
     np.testing.assert_array_equal(found.stories.peak_drift[1], single.stories.peak_drift)
-    with pytest.raises(UsageError, match="paired: 2 records beside 3"):
-        tdint.run_many(MODELS, RECORDS, paired=True)
+    with pytest.raises(UsageError, match="zip_records: 2 records beside 3"):
+        tdint.run_many(MODELS, RECORDS, zip_records=True)
 
 
 def test_the_columns_are_those_of_a_campaign(runs):

@@ -47,7 +47,7 @@ def test_it_is_the_record_put_together_by_hand_to_the_last_digit(method):
         ), name
     assert np.array_equal(found.history.displacement, alone.history.displacement)
     assert found.energy == alone.energy
-    assert [one.start for one in found.shocks] == pytest.approx(
+    assert [one.start for one in found.events] == pytest.approx(
         [0.0, (MAIN.acceleration.size - 1) * 0.01 + 20.0]
     )
 
@@ -55,16 +55,16 @@ def test_it_is_the_record_put_together_by_hand_to_the_last_digit(method):
 def test_peaks_over_all_are_the_largest_of_the_shocks():
     found = run_sequence(case("moment4"), [AFTER, MAIN, AFTER.scaled(-1.1)], rest=5.0)
     for name in NAMES:
-        largest = np.max([getattr(one.stories, name) for one in found.shocks], axis=0)
+        largest = np.max([getattr(one.stories, name) for one in found.events], axis=0)
         assert np.array_equal(getattr(found.stories, name), largest, equal_nan=True), name
-    assert np.array_equal(found.stories.residual_drift, found.shocks[-1].stories.residual_drift)
+    assert np.array_equal(found.stories.residual_drift, found.events[-1].stories.residual_drift)
 
 
 def test_the_first_shock_is_the_run_of_its_record_until_rest():
     found = run_sequence(case(), [MAIN, AFTER])
     alone = tdint.run(ten_bilinear(), MAIN, method="impulse4", until_rest=True)
-    first, second = found.shocks
-    assert second.start == pytest.approx(alone.rest_time + 0.01)
+    first, second = found.events
+    assert second.start == pytest.approx(alone.time_at_rest + 0.01)
     for name in (*NAMES, "residual_drift"):
         assert np.array_equal(
             getattr(first.stories, name), getattr(alone.stories, name), equal_nan=True
@@ -74,7 +74,7 @@ def test_the_first_shock_is_the_run_of_its_record_until_rest():
 def test_each_shock_has_its_errors():
     found = run_sequence(case("newmark-average"), [MAIN, AFTER], rest=2.0, check=True)
     fine = run_sequence(case("newmark-average"), [MAIN, AFTER], rest=2.0, dt=0.01 / 16)
-    for one, truth in zip(found.shocks, fine.shocks, strict=True):
+    for one, truth in zip(found.events, fine.events, strict=True):
         off = np.abs(one.stories.peak_drift - truth.stories.peak_drift)
         assert np.all(off <= 1.5 * one.errors.peak_drift)
         assert np.all(one.errors.peak_drift < 0.2 * one.stories.peak_drift)
@@ -101,7 +101,7 @@ def test_a_shock_begins_with_the_first_step_after_the_rest(dt, stride):
     )
     found = run_sequence(case(), [MAIN, AFTER], rest=1.01, dt=dt)
     assert np.array_equal(found.stories.peak_drift, alone.stories.peak_drift)
-    assert len(found.shocks) == 2
+    assert len(found.events) == 2
 
 
 def test_the_whole_has_what_its_shocks_have_in_common():
@@ -125,7 +125,7 @@ def test_shocks_that_are_one_record_have_the_shortest_rest_between_them(rest, ze
 def test_a_building_that_never_rests_is_told():
     found = run_sequence(case(model=ten_bilinear(damping=None)), [MAIN.scaled(1e-3), AFTER])
     assert any("after shock 1 the building still moved" in note for note in found.notes)
-    assert len(found.shocks) == 2
+    assert len(found.events) == 2
 
 
 def test_a_collapse_ends_the_sequence_in_its_shock():
@@ -134,8 +134,8 @@ def test_a_collapse_ends_the_sequence_in_its_shock():
     model = replace(soft, stories=(weak, *soft.stories[1:]))
     found = run_sequence(case(model=model), [MAIN.scaled(0.05), MAIN.scaled(3.0), AFTER], rest=1.0)
     assert found.status == "collapsed"
-    assert found.collapse.time > found.shocks[1].start
-    assert np.max(found.shocks[0].stories.peak_drift_ratio) < 0.1
+    assert found.collapse.time > found.events[1].start
+    assert np.max(found.events[0].stories.peak_drift_ratio) < 0.1
 
 
 @pytest.mark.parametrize("rest", [-1.0, float("inf"), "soon"])
@@ -151,4 +151,4 @@ def test_the_table_has_the_shocks_and_all():
     table = found.to_dict()
     assert list(dict.fromkeys(table["shock"])) == ["1", "2", "all"]
     assert table["peak_drift_m"][-10:] == pytest.approx(found.stories.peak_drift)
-    assert table["peak_drift_m"][:10] == pytest.approx(found.shocks[0].stories.peak_drift)
+    assert table["peak_drift_m"][:10] == pytest.approx(found.events[0].stories.peak_drift)

@@ -36,7 +36,7 @@ def displacement(method, parts):
 
 def seconds_per_step(method, parts):
     response = run(MODEL, method=method, dt=DT / parts)
-    return response.march_time / response.steps
+    return response.solver_time / response.steps
 
 
 def main():
@@ -46,7 +46,7 @@ def main():
     size = np.linalg.norm(reference)
     coarse, fine = (displacement("newmark-average", parts)[0] for parts in (512, 1024))
     gap = np.linalg.norm((4.0 * fine - coarse) / 3.0 - reference) / size
-    print(f"gap between the references {gap:.1e}, events {response.events}\n")
+    print(f"gap between the references {gap:.1e}, events {response.branch_changes}\n")
     cases = list(product(METHODS, PARTS))
     times = np.min([[seconds_per_step(*case) for case in cases] for _ in range(REPEATS)], axis=0)
     print(

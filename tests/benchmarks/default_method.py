@@ -31,7 +31,7 @@ FINE = 64
 REPEATS = 3
 SECONDS = 20.0
 
-time.perf_counter = time.thread_time  # `Response.march_time`: the machine may be at other work
+time.perf_counter = time.thread_time  # `Response.solver_time`: the machine may be at other work
 
 
 def shipped():
@@ -109,7 +109,7 @@ def times(building, record):
                 if response is None or response.collapse:
                     errors[key] = np.inf
                     continue
-                seconds[key] = min(seconds.get(key, np.inf), response.march_time)
+                seconds[key] = min(seconds.get(key, np.inf), response.solver_time)
                 if not repeat:
                     errors[key] = np.max(np.abs(response.stories.peak_drift / truth - 1.0))
     limits = [limit for limit in LIMITS if gap <= 0.1 * limit]

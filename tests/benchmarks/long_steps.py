@@ -33,7 +33,7 @@ MODELS = {
 SAMPLES = (1, 2, 4, 8)
 REPEATS = 25
 PEAK_DRIFT = [one.name for one in STORY].index("peak_drift")
-PEAKS = ("peak_acceleration", "peak_shear", "peak_velocity", "peak_drift")
+PEAKS = ("peak_absolute_acceleration", "peak_shear", "peak_velocity", "peak_drift")
 
 
 def motion():

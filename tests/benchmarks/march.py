@@ -133,7 +133,7 @@ def march_times(model, record, specifications):
                     seconds = timer(model, record)
                 else:
                     response = run(model, record, method=text)
-                    seconds = response.march_time / response.steps
+                    seconds = response.solver_time / response.steps
             except TdintError:
                 seconds = np.nan
             fastest[text] = min(fastest[text], seconds)

@@ -60,13 +60,13 @@ def _study(laws, seed, cases=200):
         step = period * generator.uniform(0.005, 0.2)
         response = run(building, method="moment4", dt=step, duration=20.0 * period, history=True)
         parts = response.history.energy
-        total = (parts.kinetic + parts.recoverable) / (parts.kinetic + parts.recoverable)[0]
+        total = (parts.kinetic + parts.strain) / (parts.kinetic + parts.strain)[0]
         drifts[any(one.law.name == "tanh" for one in building.stories)].append(
             np.max(np.abs(total - 1.0))
         )
         rises.append(np.max(np.diff(total)))
         balances.append(np.max(np.abs(parts.error)))
-        halved += response.halvings > 0
+        halved += response.substeps > 0
     return drifts, max(rises), max(balances), halved
 
 

@@ -13,7 +13,7 @@ KINDS = ("linear", "bilinear", "peak-oriented", "gap", "tanh", "polynomial")
 GRAVITY = 9.80665
 PEAKS = (
     "peak_drift",
-    "peak_acceleration",
+    "peak_absolute_acceleration",
     "peak_total_shear",
     "peak_damper_force",
     "residual_drift",

@@ -68,7 +68,7 @@ CHARTS = (("linear", "near-fault"), ("bilinear", "near-fault"), ("bouc-wen", "ne
 
 WORDS = {
     "peak_drift": "peak drift",
-    "peak_acceleration": "peak absolute acceleration",
+    "peak_absolute_acceleration": "peak absolute acceleration",
     "peak_total_shear": "peak total shear",
 }
 MINUTES = 20.0

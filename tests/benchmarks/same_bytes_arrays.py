@@ -11,7 +11,16 @@ import numpy as np
 
 import tdint
 
-LEFT_OUT = {"wall_time", "march_time", "time_loop", "model", "case", "record", "method", "building"}
+LEFT_OUT = {
+    "wall_time",
+    "solver_time",
+    "time_loop",
+    "model",
+    "case",
+    "record",
+    "method",
+    "building",
+}
 """Fields that hold times or what a call was given."""
 MAIN = "from tdint_cli.main import main; main()"
 PERIODS = np.geomspace(0.05, 5.0, 40)

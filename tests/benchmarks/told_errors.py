@@ -30,7 +30,7 @@ from tdint.ground_motion.reading.read import read_records
 
 NAMES = (
     "peak_drift",
-    "peak_acceleration",
+    "peak_absolute_acceleration",
     "peak_total_shear",
     "peak_damper_force",
     "residual_drift",

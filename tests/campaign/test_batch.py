@@ -61,7 +61,7 @@ def test_rows_are_those_of_single_runs(model: str, method: str) -> None:
             response.energy.error,
         )
         assert (row.peak_drift_ratio, row.peak_drift_story) == found.drift_ratio
-        assert (row.peak_acceleration, row.peak_acceleration_floor) == found.acceleration
+        assert (row.peak_absolute_acceleration, row.peak_acceleration_floor) == found.acceleration
         assert (row.peak_drift, row.residual_drift_ratio) == (
             found.drift.value,
             found.residual_drift_ratio.value,
@@ -148,7 +148,7 @@ def test_errors_of_shocks_one_after_the_other(fixed: int) -> None:
     whole = run_sequence(case, short, rest=5.0, check=True)
     stories, errors = whole.stories, whole.check.errors
     if fixed:
-        stories, errors = whole.shocks[-1].stories, whole.shocks[-1].errors
+        stories, errors = whole.events[-1].stories, whole.events[-1].errors
     assert row.peak_drift == np.max(stories.peak_drift)
     assert row.errors == demand_errors(stories, errors) and all(
         error >= 0.0 for error in row.errors

@@ -123,7 +123,7 @@ def test_a_cloud_that_bends_below_the_lightest_state():
     low = y < math.log(0.01)
     y[low] = math.log(0.01) + 0.3 * (y[low] - math.log(0.01))
     im, edp, states = np.exp(x), np.exp(y), [0.01, 0.02, 0.04]
-    found = fit_cloud(im, edp, states, lightest=0.01)
+    found = fit_cloud(im, edp, states, lower_threshold=0.01)
     for one, bent in zip(found, fit_cloud(im, edp, states), strict=True):
         above = math.log(one.threshold / 0.01) / 2.0
         assert abs(math.log(one.theta) - above) < 3.0 * one.theta_error
@@ -131,7 +131,7 @@ def test_a_cloud_that_bends_below_the_lightest_state():
         assert abs(math.log(bent.theta) - above) > 10.0 * one.theta_error or bent.beta > 0.2
     assert found[0].cloud.light == low.sum()
     # How far below they are is nothing to the fit.
-    (same,) = fit_cloud(im, np.where(low, 1e-3 * edp, edp), [0.02], lightest=0.01)
+    (same,) = fit_cloud(im, np.where(low, 1e-3 * edp, edp), [0.02], lower_threshold=0.01)
     assert (same.theta, same.beta) == pytest.approx((found[1].theta, found[1].beta), rel=1e-9)
 
     def likelihood(p):
@@ -144,7 +144,7 @@ def test_a_cloud_that_bends_below_the_lightest_state():
     cloud = found[0].cloud
     assert best.x == pytest.approx([cloud.intercept, cloud.slope, cloud.sigma], abs=1e-5)
     # Where too few are above, all of them count as they are.
-    few = fit_cloud(im, edp, [0.02], lightest=2.0 * edp.max())[0]
+    few = fit_cloud(im, edp, [0.02], lower_threshold=2.0 * edp.max())[0]
     assert few.cloud.light == 0 and few.theta == fit_cloud(im, edp, [0.02])[0].theta
 
 
@@ -211,7 +211,7 @@ def test_band_and_total():
     )
     from dataclasses import replace
 
-    assert replace(found, beta_model=0.3).beta_total == pytest.approx(
+    assert replace(found, modeling_dispersion=0.3).beta_total == pytest.approx(
         math.sqrt(found.beta**2 + 0.09)
     )
 

@@ -23,7 +23,7 @@ from tdint.campaign.inputs import Inputs, suite_motions
 from tdint.campaign.motions import FoundMotions, Scales
 from tdint.campaign.plan import make_plan
 from tdint.campaign.reader import load_campaign
-from tdint.campaign.sensitivity import one_at_a_time, rank_correlations, swings
+from tdint.campaign.sensitivity import one_at_a_time, parameter_effects, rank_correlations
 from tdint.campaign.store import open_store
 from tdint.errors import ModelError, UsageError
 from tdint.ground_motion.choice import RecordChoice
@@ -81,7 +81,7 @@ def test_factors_and_ratios_do_what_they_say(model):
     np.testing.assert_allclose(modes.omega, before.omega * math.sqrt(0.7 / 1.5), rtol=1e-12)
     np.testing.assert_allclose(modes.damping, 0.02, rtol=1e-9)
     assert [story.law.parameters[0] for story in after.stories] == [3.6e4, 3.6e4]
-    assert after.varied == (
+    assert after.varied_parameters == (
         ("mass_factor", 1.5),
         ("stiffness_factor", 0.7),
         ("damping", 0.02),
@@ -212,9 +212,9 @@ def test_a_campaign_file_with_a_sweep(tmp_path):
 def test_swings_are_those_of_runs_and_come_in_their_order(model, records):
     ranges = {"damping": (0.02, 0.08), "strength_factor": (0.7, 1.3)}
     with stored(one_at_a_time(model, ranges), records[:1]) as store:
-        found = swings(store, "frame", ranges)
+        found = parameter_effects(store, "frame", ranges)
     drifts = [one for one in found if one.quantity.name == "peak_drift_ratio"]
-    assert drifts[0].swing >= drifts[1].swing
+    assert drifts[0].effect >= drifts[1].effect
     for one in drifts:
         for value, peak in ((one.low, one.at_low), (one.high, one.at_high)):
             run = tdint.run(model.replace(**{one.parameter: value}), records[0])

@@ -89,12 +89,12 @@ def test_rows_are_those_of_single_runs():
             peaks.residual_drift_ratio.value, rel=1e-11
         )
         assert float(row["pga_m_s2"]) == pytest.approx(
-            max(shock.record.pga for shock in found.shocks)
+            max(shock.record.pga for shock in found.events)
         )
         parts = [
             part for part in shocks if part["record"] == "three" and float(part["scale"]) == scale
         ]
-        for part, shock in zip(parts, found.shocks, strict=True):
+        for part, shock in zip(parts, found.events, strict=True):
             assert float(part["start_s"]) == pytest.approx(shock.start)
             assert float(part["pga_m_s2"]) == pytest.approx(shock.record.pga)
             assert float(part["peak_drift_m"]) == pytest.approx(
@@ -226,8 +226,8 @@ def test_aftershocks_find_the_building_that_the_mainshock_has_damaged(tdint):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if reached(middle) < 0.02 else (low, middle)
     found = run_sequence(case, [main.scaled(high), record.scaled(float(level["scale"]))])
-    assert demands(found.shocks[0].stories).drift_ratio.value == pytest.approx(0.02, rel=2e-4)
-    drift = demands(found.shocks[1].stories).drift_ratio.value
+    assert demands(found.events[0].stories).drift_ratio.value == pytest.approx(0.02, rel=2e-4)
+    drift = demands(found.events[1].stories).drift_ratio.value
     assert float(level["peak_drift_ratio"]) == pytest.approx(
         drift, rel=1e-2
     )  # the scale is found to 1e-4

@@ -149,9 +149,9 @@ def test_what_cannot_be_fitted_is_told_beside_what_can(folder, tdint):
         ),
         (
             "capacity\n1\n2\n3\n",
-            ("--beta-model", "1e308"),
+            ("--modeling-dispersion", "1e308"),
             2,
-            "'--beta-model': 1e+308 is not in the range",
+            "'--modeling-dispersion': 1e+308 is not in the range",
         ),
         (
             "im,collapses,records\n1,0,3\n2,4,3\n",

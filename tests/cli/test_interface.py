@@ -87,7 +87,7 @@ CASES = {
     "modes": (("modes", "shaken.yaml"), lambda: package.modes(package.load_model("shaken.yaml"))),
     "modes --target": (
         ("modes", "shaken.yaml", "--target", "asce7:sds=0.4,sd1=0.3,tl=8"),
-        lambda: package.modal_response("shaken.yaml", "asce7:sds=0.4,sd1=0.3,tl=8"),
+        lambda: package.response_spectrum_analysis("shaken.yaml", "asce7:sds=0.4,sd1=0.3,tl=8"),
     ),
     "order": (
         ("order", "--method", "hht", "--frequency-ratio", "0.5"),
@@ -219,7 +219,7 @@ def test_the_examples_and_the_chart(study, tdint):
 
 
 def test_a_first_model_and_its_loops():
-    model = package.load_model(io.StringIO(package.first_model(3, period=0.4)))
+    model = package.load_model(io.StringIO(package.model_template(3, period=0.4)))
     assert 2.0 * np.pi / package.modes(model).omega[0] == pytest.approx(0.4, rel=1e-8)
     package.compile_model(model)
     assert package.compile_model(model) == []  # all of it is there now
@@ -230,7 +230,7 @@ def test_every_command_has_its_function_and_help_lists_them():
         "compile": "compile_model",
         "examples": "paper_examples",
         "info": "record_info",
-        "init": "first_model",
+        "init": "model_template",
     }
     named |= {
         "law": "cyclic_test"
@@ -301,7 +301,7 @@ def test_a_campaign_goes_on_where_it_stopped(study):
             UsageError,
             "colour",
         ),
-        (lambda: package.first_model(0), UsageError, "stories from 1 on"),
+        (lambda: package.model_template(0), UsageError, "stories from 1 on"),
         (lambda: package.to_dict([]), UsageError, "one or several results"),
         (lambda: package.to_dict([motion(), package.methods()]), UsageError, "of one kind"),
     ],

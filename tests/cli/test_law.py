@@ -27,8 +27,8 @@ def test_one_cycle(folder, tdint):
         "shear_N": "69",
         "shear_with_p_delta_N": "69",
         "tangent_stiffness_N_m": "800",
-        "recoverable_energy_J": "0.500625",
-        "dissipated_energy_J": "1.06875",
+        "strain_energy_J": "0.500625",
+        "hysteretic_energy_J": "1.06875",
     }
     assert (table[8]["drift_m"], table[12]["drift_m"], table[16]["drift_m"]) == ("0", "-0.03", "0")
 

@@ -268,7 +268,7 @@ def test_order_over_the_frequency_ratio(here, tdint, monkeypatch):
         "displacement_order",
         "velocity_order",
         "acceleration_order",
-        "own_acceleration_order",
+        "algorithmic_acceleration_order",
     ):
         np.testing.assert_allclose([float(row[quantity]) for row in table], 2.0, atol=0.1)
 
@@ -278,7 +278,11 @@ def test_a_single_ratio_and_loads_without_one(tdint):
         tdint("order", "--method", "newmark", "--frequency-ratio", "0.5"), "frequency_ratio"
     ) == ["0.5"]
     result = tdint("order", "--method", "impulse", "--load", "record")
-    assert column(result, "frequency_ratio") == column(result, "own_acceleration_order") == [""]
+    assert (
+        column(result, "frequency_ratio")
+        == column(result, "algorithmic_acceleration_order")
+        == [""]
+    )
     assert float(column(result, "displacement_order")[0]) == pytest.approx(4.0, abs=0.1)
     assert float(column(result, "displacement_error")[0]) < 1e-9
 

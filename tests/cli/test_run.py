@@ -62,13 +62,13 @@ def test_the_files_of_a_run(folder, tdint, drawn):
     assert list(history[0])[-7:] == [
         "energy_input_J",
         "energy_kinetic_J",
-        "energy_damping_J",
-        "energy_devices_J",
-        "energy_recoverable_J",
-        "energy_dissipated_J",
+        "energy_viscous_J",
+        "energy_dampers_J",
+        "energy_strain_J",
+        "energy_hysteretic_J",
         "energy_error",
     ]
-    for name in energy.keys() - {"start_J"}:
+    for name in energy.keys() - {"initial_J"}:
         assert float(history[-1][f"energy_{name}"]) == pytest.approx(energy[name], rel=1e-11)
 
 
@@ -86,7 +86,7 @@ def test_the_summary(folder, tdint):
         "duration_s",
         "iterations",
         "halved_steps",
-        "events",
+        "branch_changes",
         "wall_time_s",
         "time_loop_s",
         "time_loop_clock",
@@ -124,11 +124,11 @@ def test_the_summary(folder, tdint):
     assert set(summary["energy"]) == {
         "input_J",
         "kinetic_J",
-        "damping_J",
-        "devices_J",
-        "recoverable_J",
-        "dissipated_J",
-        "start_J",
+        "viscous_J",
+        "dampers_J",
+        "strain_J",
+        "hysteretic_J",
+        "initial_J",
         "error",
     }
     assert summary["peaks"]["roof_displacement_m"] == float(table[1]["peak_displacement_m"])
@@ -280,7 +280,11 @@ def test_a_run_tells_its_errors(folder, tdint, method):
     check = summary_of(folder)["check"]
     assert check["drift_error"] == pytest.approx(max(relative)) and 1e-6 < max(relative) < 0.05
     assert relative[check["drift_error_story"] - 1] == pytest.approx(max(relative), rel=1e-9)
-    assert (check["dts_s"], check["method"], check["tolerance"]) == ([0.005], "impulse4", None)
+    assert (check["time_steps_s"], check["method"], check["tolerance"]) == (
+        [0.005],
+        "impulse4",
+        None,
+    )
     assert check["errors"]["base_shear_N_error"] == float(table[0]["peak_shear_N_error"])
     assert check["errors"]["roof_displacement_m_error"] == float(
         table[1]["peak_displacement_m_error"]
@@ -335,10 +339,13 @@ def test_until_rest(folder, tdint):
     summaries.append(summary_of(folder))
     assert "still moves at the end" in plain.stderr and "--until-rest" in plain.stderr
     ends = [summary["at_end"] for summary in summaries]
-    assert ends[0]["rest_s"] is None and ends[1]["rest_s"] == summaries[1]["duration_s"] > 2.99
+    assert (
+        ends[0]["time_at_rest_s"] is None
+        and ends[1]["time_at_rest_s"] == summaries[1]["duration_s"] > 2.99
+    )
     assert f"The building is at rest at {ends[1]['rest_s']:.6g} s." in rest.stderr
     assert "still moves" not in rest.stderr
-    assert ends[1]["moving_drift_m"] < 0.1 * ends[0]["moving_drift_m"]
+    assert ends[1]["residual_oscillation_m"] < 0.1 * ends[0]["residual_oscillation_m"]
     row = rows(tdint("run", "shaken.yaml", "--scale", "1,2", "--until-rest").stdout)[0]
     assert float(row["residual_drift_ratio"]) == pytest.approx(
         summaries[1]["peaks"]["residual_drift_ratio"], rel=1e-9

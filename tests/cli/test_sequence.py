@@ -45,7 +45,7 @@ def test_the_files_of_a_sequence(folder, tdint):
     names = {"history.csv", "response.png", "stories.csv", "summary.json"}
     assert {file.name for file in (folder / "out").iterdir()} == names
     summary = json.loads((folder / "out/summary.json").read_text())
-    first, second = summary["shocks"]
+    first, second = summary["events"]
     assert second["start_s"] == pytest.approx(2.99 + 3.0)
     assert (first["record"]["scale"], second["record"]["scale"]) == (1.5, 0.5)
     assert summary["record"]["file"] == "motion.mseed + other.mseed"

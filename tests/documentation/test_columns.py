@@ -56,7 +56,7 @@ COMMANDS = {
     "tdint scale": "records/firm-soil.mseed --pga 0.4g",
     "tdint ida": f"{FRAME} records/firm-soil.mseed --component HN1 --max-im 1.2m/s^2",
     "ida.csv of tdint ida": f"{FRAME} records/firm-soil.mseed --component HN1 --max-im 1.2m/s^2",
-    "tdint fragility": "configs/stripes.csv --beta-model 0.2",
+    "tdint fragility": "configs/stripes.csv --modeling-dispersion 0.2",
     "tdint fragility --im sa,pga": "{folder}",
     "tdint methods": "",
     "tdint stability": "--method impulse4 --dt-over-t 0.1",

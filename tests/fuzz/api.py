@@ -158,7 +158,7 @@ def _many(source: random.Random) -> Any:
     )
     options = {
         "product": _flag,
-        "paired": _flag,
+        "zip_records": _flag,
         "progress": lambda one: one.choice((False, len, _number(one))),
     }
     vary = {name: _numbers(source) for name in chosen} if source.random() < 0.9 else _number(source)

@@ -195,7 +195,7 @@ class TestTables:
         record = read_record(tmp_path / "a.csv")
         assert (record.pga, record.units) == (pytest.approx(STANDARD_GRAVITY), "g")
         assert record.peaks == (pytest.approx(0.02), pytest.approx(0.005))
-        assert record.compared == ("sampling interval",)
+        assert record.header_checks == ("sampling interval",)
 
     def test_without_units_nothing_is_guessed(self, tmp_path, three):
         (tmp_path / "a.csv").write_text(self.table("Time,Acc,Vel,Disp", three))

@@ -96,7 +96,10 @@ def test_measures_by_their_names_and_units_there(im, unit, imt, factor):
 
 def test_a_function_for_each_state_of_the_building():
     """With the model's dispersion beside that of the motions: 0.5 of 0.3 and 0.4."""
-    both = [function(0.1, 1.0, damage=0.0, beta_model=0.3), function(0.1, 0.5, damage=0.02)]
+    both = [
+        function(0.1, 1.0, damage=0.0, modeling_dispersion=0.3),
+        function(0.1, 0.5, damage=0.02),
+    ]
     found = read(fragility_model(both, "x & y"))
     assert list(found) == ["x & y", "x & y-damaged-0.02"]
     assert found["x & y"][1]["ds1"] == pytest.approx((1.0, 0.5), rel=1e-7)

@@ -14,7 +14,7 @@ from tdint.analysis.run.outcome import STORY, ErrorHistory
 from tdint.analysis.run.run import run
 from tdint.analysis.spectra.elastic import spectrum
 from tdint.campaign.profiles import FloorSuite, Profile
-from tdint.campaign.sensitivity import PEAKS, Swing
+from tdint.campaign.sensitivity import PEAKS, ParameterEffect
 from tdint.errors import OutputError
 from tdint.files import write_file
 from tdint.ground_motion.processing_steps import process
@@ -136,17 +136,17 @@ def test_no_bar_of_a_tornado_hides_behind_another():
     """Where both ends of a parameter move a peak to the same side, the shorter bar is drawn over
     the longer one."""
     peaks = {one.name: one for one in PEAKS}
-    swings = [
-        Swing("frame", "strength_factor", peaks[name], 0.8, 1.2, *peak)
+    parameter_effects = [
+        ParameterEffect("frame", "strength_factor", peaks[name], 0.8, 1.2, *peak)
         for name in (
             "peak_drift_ratio",
-            "peak_acceleration",
+            "peak_absolute_acceleration",
             "peak_roof_displacement",
             "peak_base_shear",
         )
         for peak in ((0.7, 1.0, 0.9), (0.9, 1.0, 0.7), (1.2, 1.0, 0.7), (np.nan, 1.0, 0.7))
     ]
-    for axes in sensitivity_picture(swings).axes:
+    for axes in sensitivity_picture(parameter_effects).axes:
         for low, high in zip(axes.patches[::2], axes.patches[1::2], strict=True):
             if not np.isnan(low.get_width()):
                 first, last = sorted((low, high), key=lambda bar: bar.get_zorder())

@@ -128,13 +128,17 @@ def lines_of(results):
     yield (("run", 1, 0), history.time, roof)
     at = np.argmax(np.abs(roof))
     yield (("run", 1, 1), [history.time[at]], [roof[at]])
-    yield (("run", 2, 0), history.time, run.energy.start + history.energy.input)
-    yield (("run", 4, 0), np.array([record.pga, *peaks.peak_acceleration]) / g, [0.5, 1.5, 2.5])
+    yield (("run", 2, 0), history.time, run.energy.initial + history.energy.input)
+    yield (
+        ("run", 4, 0),
+        np.array([record.pga, *peaks.peak_absolute_acceleration]) / g,
+        [0.5, 1.5, 2.5],
+    )
     yield (("run", 6, 0), history.drift[:, 0], history.shear[:, 0])
     for mode, shape in enumerate(results["modes"].normalized("roof").T, start=1):
         yield (("modes", 0, mode), [0.0, *shape], [0, 1, 2])
     yield (("law", 0, 2), law.path.drift, law.path.shear)
-    for line, energy in enumerate((law.path.dissipated, law.path.recoverable)):
+    for line, energy in enumerate((law.path.hysteretic_energy, law.path.strain_energy)):
         yield (("law", 1, line), np.linspace(0.0, 1.0, energy.size), energy)
     yield (("pushover", 0, 1), pushed.roof_displacement, pushed.base_shear)
     yield (("pushover", 0, 2), [pushed.roof_at_largest], [pushed.largest_base_shear])
@@ -174,7 +178,9 @@ def lines_of(results):
     yield (("stability", 0, 0), curve.dt_over_t, curve.spectral_radius)
     yield (("overshoot", 0, 0), np.arange(11), sharing.displacement)
     yield (("overshoot", 1, 0), np.arange(11), sharing.velocity)
-    for line, name in enumerate(("displacement", "velocity", "acceleration", "own_acceleration")):
+    for line, name in enumerate(
+        ("displacement", "velocity", "acceleration", "algorithmic_acceleration")
+    ):
         yield (("order", 0, line), [results["order"].order(name)], [1.0])
 
 
@@ -219,13 +225,20 @@ def test_the_numbers_of_each_picture_are_those_of_its_result(results):
     assert np.interp(dots.get_xdata(), *whole.get_data()) == pytest.approx(
         [5.0, 75.0, 95.0], abs=0.1
     )
-    swings = {swing.quantity.name: swing for swing in results["sensitivity"]}
-    names = ("peak_drift_ratio", "peak_acceleration", "peak_roof_displacement", "peak_base_shear")
-    for axes, swing in zip(figures["sensitivity"].axes, map(swings.get, names), strict=True):
-        scale = 100.0 if swing.quantity.unit == "1" else 1.0
-        for bar, value in zip(axes.patches, (swing.at_low, swing.at_high), strict=True):
+    parameter_effects = {effect.quantity.name: effect for effect in results["sensitivity"]}
+    names = (
+        "peak_drift_ratio",
+        "peak_absolute_acceleration",
+        "peak_roof_displacement",
+        "peak_base_shear",
+    )
+    for axes, effect in zip(
+        figures["sensitivity"].axes, map(parameter_effects.get, names), strict=True
+    ):
+        scale = 100.0 if effect.quantity.unit == "1" else 1.0
+        for bar, value in zip(axes.patches, (effect.at_low, effect.at_high), strict=True):
             assert [bar.get_x(), bar.get_x() + bar.get_width()] == pytest.approx(
-                [swing.as_it_is * scale, value * scale]
+                [effect.as_it_is * scale, value * scale]
             )
     curve, fitted = figures["fragility"].axes[0].lines[2], results["fragility"]
     np.testing.assert_allclose(

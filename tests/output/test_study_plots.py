@@ -172,7 +172,7 @@ def test_functions_with_the_models_dispersion_stand_beside_the_fitted_ones(count
     panel."""
     fitted = fit_stripes([1.0, 2.0, 3.0], [0, 1, 2], [3] * 3)
     functions = [
-        replace(fitted.named(t, "pga", "m/s^2"), beta_model=0.3)
+        replace(fitted.named(t, "pga", "m/s^2"), modeling_dispersion=0.3)
         for t in np.arange(1, count + 1) / 100.0
     ]
     figure = fragility_picture(functions)

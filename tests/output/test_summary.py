@@ -55,7 +55,7 @@ def test_the_error_of_a_largest_peak_is_that_of_any_story_that_may_have_it():
         ductility=np.full(3, nan),
         peak_displacement=values,
         peak_velocity=values,
-        peak_acceleration=values,
+        peak_absolute_acceleration=values,
     )
     errors = StoryErrors(
         peak_drift=np.array(
@@ -69,7 +69,7 @@ def test_the_error_of_a_largest_peak_is_that_of_any_story_that_may_have_it():
         ductility=np.full(3, nan),
         peak_displacement=np.array([4.0, 5.0, 6.0]),
         peak_velocity=values,
-        peak_acceleration=np.full(3, nan),
+        peak_absolute_acceleration=np.full(3, nan),
     )
     assert peak_errors(stories, errors) == {
         "roof_displacement_m_error": 6.0,
@@ -107,10 +107,15 @@ def test_every_number_of_a_summary_has_a_meaning(damping):
 
 def test_what_still_moves_at_the_end_is_the_story_that_moves_most():
     response = replace(
-        run_case(prepare(ten_linear(), noise(samples=101))), moving_drift=np.array([0.1, 0.3, 0.2])
+        run_case(prepare(ten_linear(), noise(samples=101))),
+        residual_oscillation=np.array([0.1, 0.3, 0.2]),
     )
     summary = run_summary(response, [], 1.0, first=first_mode(assemble(ten_linear()), None))
-    assert summary["at_end"] == {"moving_drift_m": 0.3, "moving_drift_story": 2, "rest_s": None}
+    assert summary["at_end"] == {
+        "residual_oscillation_m": 0.3,
+        "residual_oscillation_story": 2,
+        "time_at_rest_s": None,
+    }
 
 
 def test_every_number_of_a_failure_has_a_meaning():

@@ -91,7 +91,7 @@ def test_story_table():
         ductility=np.array([nan, 4.0]),
         peak_displacement=np.array([0.1, 0.2]),
         peak_velocity=np.array([1.0, 2.0]),
-        peak_acceleration=np.array([9.80665, 1e-20]),
+        peak_absolute_acceleration=np.array([9.80665, 1e-20]),
     )
     assert responses.story_table(peaks).csv().decode() == (
         "story,height_m,peak_drift_m,peak_drift_ratio,residual_drift_m,peak_shear_N,peak_damper_force_N,"
@@ -181,10 +181,10 @@ def test_history(monkeypatch, stories, rows_at_once):
     energies = (
         "input_J",
         "kinetic_J",
-        "damping_J",
-        "devices_J",
-        "recoverable_J",
-        "dissipated_J",
+        "viscous_J",
+        "dampers_J",
+        "strain_J",
+        "hysteretic_J",
         "error",
     )
     header += [f"energy_{name}" for name in energies]

@@ -104,10 +104,10 @@ def command(
             waiting = [*(named or ()), *waiting]
         except (ModelError, RecordError) as error:
             failures.append(error)
-    from tdint.model.plausibility import as_meant
+    from tdint.model.plausibility import suppression_reason
 
     for subject in sound:
-        note(*(f"{subject.model.source}: {text}" for text in as_meant(subject.model)))
+        note(*(f"{subject.model.source}: {text}" for text in suppression_reason(subject.model)))
         warn(*(f"{subject.model.source}: {text}" for text in subject.warnings))
     if sound:
         emit_table(Table.of_results(columns.OVERVIEW, sound).in_units(output_units or SI))

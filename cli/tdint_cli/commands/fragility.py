@@ -25,7 +25,16 @@ _FITS = ("stripes", "ida", "cloud")
 _FIT = Mode(
     "with a single measure",
     frozenset(
-        ("fit", "threshold", "by", "edp_range", "beta_model", "openquake", "plot", "output_units")
+        (
+            "fit",
+            "threshold",
+            "by",
+            "edp_range",
+            "modeling_dispersion",
+            "openquake",
+            "plot",
+            "output_units",
+        )
     ),
     {"sufficiency": "it compares measures: give several with --im"},
 )
@@ -98,7 +107,7 @@ class Request:
         "a measure leaves should not depend. Runs under one motion count as alike, or those of one "
         "event with a column `event`.",
     )
-    beta_model: float = options.option(
+    modeling_dispersion: float = options.option(
         type=Number(0.0, 10.0),
         default=0.0,
         metavar="BETA",
@@ -191,7 +200,7 @@ def _fragility(request: Request) -> None:
         fit=request.fit,
         thresholds=request.threshold or (),
         edp_range=request.edp_range or EVERY_DEMAND,
-        beta_model=request.beta_model,
+        modeling_dispersion=request.modeling_dispersion,
         measure=request.im[0] if request.im else None,
         states=(request.states or ()) if by else (),
     )
@@ -223,7 +232,7 @@ def _fragility(request: Request) -> None:
     replace(outputs, units=None).deliver(
         tables.studies.fragility_table(
             functions,
-            total=request.beta_model > 0.0,
+            total=request.modeling_dispersion > 0.0,
             states=tables.studies.FRAGILITY_BUILDING
             if by == "building"
             else tables.studies.FRAGILITY_STATES,
@@ -273,7 +282,7 @@ def _words(function: Fragility) -> str:
     text += f", beta {function.beta:.3f}"
     if function.beta_error == function.beta_error:
         text += f" +- {1.96 * function.beta_error:.3f}"
-    if function.beta_model:
+    if function.modeling_dispersion:
         text += f", total beta {function.beta_total:.3f}"
     return text + (
         f"; {function.censored} of {function.records} censored." if function.censored else "."

@@ -137,7 +137,7 @@ def _report(test: CyclicTest, cycles: Sequence[Cycle], units: OutputUnits) -> No
             f"{how_many(path.drift.size, 'drift')} from {units.of(path.drift.min(), 'm'):.4g} to "
             f"{units.text(path.drift.max(), 'm')}, forces from "
             f"{units.of(path.shear.min(), 'N'):.4g} to {units.text(path.shear.max(), 'N')}, "
-            f"{units.text(path.dissipated[-1], 'J')} dissipated."
+            f"{units.text(path.hysteretic_energy[-1], 'J')} dissipated."
         )
         return
     length, force, slope, energy = (units.unit(si)[0] for si in ("m", "N", "N/m", "J"))
@@ -153,7 +153,7 @@ def _report(test: CyclicTest, cycles: Sequence[Cycle], units: OutputUnits) -> No
             cycle.amplitude / test.yield_drift,
             *(units.of(shear, "N") for shear in cycle.shear),
             units.of(cycle.secant_stiffness, "N/m"),
-            units.of(cycle.dissipated, "J"),
+            units.of(cycle.hysteretic_energy, "J"),
             cycle.damping_ratio,
         )
         rows.append(

@@ -85,11 +85,11 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
 
 def _peaks(model: Model, target: str, outputs: Outputs) -> None:
     """The peaks of the stories under a design spectrum."""
-    from tdint.analysis.spectra.modal import modal_response
+    from tdint.analysis.spectra.modal import response_spectrum_analysis
     from tdint.model.building import assemble
 
     of_page, outputs = outputs.units or model.page_units, outputs.else_in(model.output_units)
-    result, units = modal_response(model, target), outputs.shown_units
+    result, units = response_spectrum_analysis(model, target), outputs.shown_units
     warnings = []
     for count, text in (
         (result.rigid, "move with the ground: the target's value at 0 s is taken"),

@@ -295,7 +295,7 @@ def _files(
     if request.output:
         files[Path(request.output) / STORIES] = stories.csv()
     _check_room(request, len(response.model.stories), response.steps)
-    if (file := request.history_file) and (pieces := response.pieces):
+    if (file := request.history_file) and (pieces := response.history_chunks):
         # The error makes it half as large again: of one who asked for it.
         kept = (
             piece if request.check else replace(piece, error=None)
@@ -355,10 +355,10 @@ def _thinned(response: Response) -> Response:
     """With a history of as many steps as a picture shows."""
     from tdint.analysis.run.outcome import History
 
-    assert response.pieces is not None
+    assert response.history_chunks is not None
     if response.history is not None:
         return response
-    pieces = response.pieces(-(-response.steps // _STEPS_OF_A_PICTURE))
+    pieces = response.history_chunks(-(-response.steps // _STEPS_OF_A_PICTURE))
     return replace(response, history=History.joined(pieces))
 
 
@@ -406,7 +406,7 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
             f"{record.name} (PGA {pga:{'.3g' if pga < 1000.0 else '.0f'}} {units.unit('m/s^2')[0]})"
         )
     clock = "" if system.clock() == "thread_time" else f" of {system.CLOCKS[system.clock()]}"
-    cost = "" if page else f"{1e6 * response.march_time / response.steps:.3g} us per step{clock}, "
+    cost = "" if page else f"{1e6 * response.solver_time / response.steps:.3g} us per step{clock}, "
     lines = [
         f"{response.model.name}: {how_many(len(response.model.stories), 'story')}, {motion}.",
         f"{response.method}: {how_many(response.steps, 'step')} of {response.dt:.6g} s, "
@@ -414,7 +414,7 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         f"Largest {_largest(response.model, response.stories, units, page)}.",
     ]
     # Each shock of a sequence, and what it has left; drifts as ratios where a story has a height
-    for number, shock in enumerate(response.shocks, start=1):
+    for number, shock in enumerate(response.events, start=1):
         largest = demands(shock.stories)
         drift, left = largest.drift, largest.residual_drift_ratio
         worst, after = f"{units.text(drift.value, 'm')} in story {drift.place}", ""
@@ -424,14 +424,14 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         lines.append(f"Shock {number}, from {shock.start:.6g} s: largest drift {worst}{after}.")
     if response.model.damage:
         lines.append(_damage(response, units))
-    if response.rest_time is not None:
-        lines.append(f"The building is at rest at {response.rest_time:.6g} s.")
+    if response.time_at_rest is not None:
+        lines.append(f"The building is at rest at {response.time_at_rest:.6g} s.")
     # How far the peaks are off, as it is estimated
     if (check := response.check) and check.drift_error is not None:
-        if check.choice is not None:
-            lines.append(_chosen(response, check.choice))
-        method, several = check.method.partition(":")[0], len(check.dts) > 1
-        dts = " and ".join(f"{dt:.6g}" for dt in check.dts)
+        if check.step_choice is not None:
+            lines.append(_chosen(response, check.step_choice))
+        method, several = check.method.partition(":")[0], len(check.time_steps) > 1
+        dts = " and ".join(f"{dt:.6g}" for dt in check.time_steps)
         source = f"from {'runs' if several else 'a run'} of {method} with dt {dts} s"
         lines.append(
             f"Largest estimated error of a peak drift: {100.0 * check.drift_error:.2g} % (story "

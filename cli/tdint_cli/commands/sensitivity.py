@@ -77,7 +77,7 @@ def command(request: Request) -> None:
 
     MODEL.yaml is run under the RECORDs as it is, and with one parameter of --vary at a time at its
     low and its high value. CSV, for each peak the parameters in the order of what they do: the
-    medians over the records, and the swing between both ends over the peak of the building as it
+    medians over the records, and the effect between both ends over the peak of the building as it
     is. With --plot a tornado for each peak.
 
     With the folder of a campaign that has `vary` in place of the model, the rank correlations
@@ -110,10 +110,10 @@ def _one_at_a_time(request: Request) -> None:
     from tdint.campaign.carry_out import threads
     from tdint.campaign.definition import RecordFiles
     from tdint.campaign.inputs import read_motions
-    from tdint.campaign.sensitivity import plan_of, swings
+    from tdint.campaign.sensitivity import parameter_effects, plan_of
     from tdint.campaign.store import open_store
     from tdint.model.config.model_file import load_model
-    from tdint.output.tables.studies import SWINGS
+    from tdint.output.tables.studies import PARAMETER_EFFECTS
     from tdint.output.tables.table import Table
     from tdint_cli.campaigns import advance_with_bar, tell_outcomes, warn_of_plan
 
@@ -127,17 +127,17 @@ def _one_at_a_time(request: Request) -> None:
     with store:
         advance = advance_with_bar(plan, store, threads(processors()))
         tell_outcomes(store)
-        of_parameters = swings(store, model.name, request.ranges)
+        of_parameters = parameter_effects(store, model.name, request.ranges)
 
     outputs = request.outputs.else_in(model.output_units)
     outputs.deliver(
-        Table.of_results(SWINGS, of_parameters),
+        Table.of_results(PARAMETER_EFFECTS, of_parameters),
         lambda: figures.runs.sensitivity_picture(of_parameters, outputs.shown_units),
     )
     first = of_parameters[0]
     say(
         f"{how_many(advance.done, 'run')}. {first.parameter} moves the peak drift ratio most, by "
-        f"{100.0 * first.swing:.3g} % of it."
+        f"{100.0 * first.effect:.3g} % of it."
     )
     if plan.failures:
         raise Failures([*plan.failures])

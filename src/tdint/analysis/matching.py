@@ -369,7 +369,7 @@ def _with_samples(motion: GroundMotion, samples: Array, *words: str) -> GroundMo
             acceleration=of_one,
             processing=(*record.processing, *words),
             peaks=(None, None),
-            compared=(),
+            header_checks=(),
         )
         for record, of_one in zip(components(motion), samples, strict=True)
     ]

@@ -57,15 +57,15 @@ class LawPath:
         Drift, m, and restoring force of the story, N, without dashpots, damping and P-delta.
     tangent : ndarray
         Tangent stiffness of the law on the way to the point, N/m.
-    recoverable, dissipated : ndarray
+    strain_energy, hysteretic_energy : ndarray
         Energy that the law stores, and that it has dissipated so far, J.
     """
 
     drift: Array
     shear: Array
     tangent: Array
-    recoverable: Array
-    dissipated: Array
+    strain_energy: Array
+    hysteretic_energy: Array
 
 
 @dataclass(frozen=True)
@@ -80,14 +80,14 @@ class Cycle:
         Largest drift on either side, m.
     shear : tuple of float
         Restoring force at the largest drift on the positive and on the negative side, N.
-    dissipated : float
+    hysteretic_energy : float
         Energy dissipated in the cycle, J.
     """
 
     number: int
     amplitude: float
     shear: tuple[float, float]
-    dissipated: float
+    hysteretic_energy: float
 
     @property
     def secant_stiffness(self) -> float:
@@ -100,7 +100,7 @@ class Cycle:
         """Equivalent viscous damping ratio E_D / (4 pi E_S0), E_S0 = secant stiffness amplitude^2 /
         2 (Chopra 2012, section 3.9); nan without a positive secant stiffness."""
         strain = 0.5 * self.secant_stiffness * self.amplitude**2
-        return self.dissipated / (4.0 * math.pi * strain) if strain > 0.0 else math.nan
+        return self.hysteretic_energy / (4.0 * math.pi * strain) if strain > 0.0 else math.nan
 
 
 @dataclass(frozen=True, repr=False)
@@ -173,14 +173,14 @@ class CyclicTest(Tabular):
         for first in range(0, path.drift.size - 1, 4 * points):
             # Its largest drifts are at a quarter and at three quarters.
             high, low, last = first + points, first + 3 * points, first + 4 * points
-            dissipated = float(path.dissipated[last] - path.dissipated[first])
-            stored = float(np.max(np.abs(path.recoverable[first : last + 1])))
+            dissipated = float(path.hysteretic_energy[last] - path.hysteretic_energy[first])
+            stored = float(np.max(np.abs(path.strain_energy[first : last + 1])))
             cycles.append(
                 Cycle(
                     number=len(cycles) + 1,
                     amplitude=float(path.drift[high]),
                     shear=(float(path.shear[high]), float(path.shear[low])),
-                    dissipated=dissipated if abs(dissipated) > _ROUNDING * stored else 0.0,
+                    hysteretic_energy=dissipated if abs(dissipated) > _ROUNDING * stored else 0.0,
                 )
             )
         return tuple(cycles)

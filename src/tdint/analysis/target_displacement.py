@@ -23,7 +23,7 @@ from tdint.analysis.static import Pushover, pushover
 from tdint.arrays import Array, halved
 from tdint.errors import AnalysisError, UsageError
 from tdint.model.building import Building, assemble
-from tdint.tabular import Several, Tabular
+from tdint.tabular import ResultList, Tabular
 from tdint.units import STANDARD_GRAVITY, DriftSize
 
 SITE_FACTORS = {"A": 130.0, "B": 130.0, "C": 90.0, "D": 60.0, "E": 60.0, "F": 60.0}
@@ -103,7 +103,7 @@ class TargetDisplacement(Tabular):
         )
 
 
-class TargetDisplacements(Several[TargetDisplacement]):
+class TargetDisplacements(ResultList[TargetDisplacement]):
     """Target displacements by both methods."""
 
 

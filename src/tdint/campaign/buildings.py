@@ -87,7 +87,7 @@ class GivenBuilding:
     @property
     def varied(self) -> Mapping[str, float]:
         """What a sweep changed in it, by name."""
-        return dict(self.made.model.varied)
+        return dict(self.made.model.varied_parameters)
 
 
 def given_buildings(subjects: Sequence[Subject]) -> tuple[GivenBuilding, ...]:

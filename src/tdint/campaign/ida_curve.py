@@ -29,7 +29,7 @@ from tdint.model.damage_states import DONE, FALLEN
 
 _OF_ROW = {
     "drift_ratio": "peak_drift_ratio",
-    "acceleration": "peak_acceleration",
+    "acceleration": "peak_absolute_acceleration",
     "residual_drift_ratio": "residual_drift_ratio",
 }
 """Demands of an `IdaRun`, and what `RunRow` calls them."""

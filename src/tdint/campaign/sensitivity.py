@@ -26,12 +26,12 @@ from tdint.ground_motion.reading.suites import suite_motions
 from tdint.methods.catalogue import parse
 from tdint.model.definition import Model
 from tdint.system import processors
-from tdint.tabular import Progress, Several, told_progress
+from tdint.tabular import Progress, ResultList, told_progress
 from tdint.units import Quantity
 
 _LOOKED_AT = (
     "peak_drift_ratio",
-    "peak_acceleration",
+    "peak_absolute_acceleration",
     "residual_drift_ratio",
     "peak_roof_displacement",
     "peak_base_shear",
@@ -41,7 +41,7 @@ PEAKS = tuple(one for one in RUN if one.name in _LOOKED_AT)
 
 
 @dataclass(frozen=True)
-class Swing:
+class ParameterEffect:
     """What one parameter does to one peak, the others as they are.
 
     Attributes
@@ -67,18 +67,18 @@ class Swing:
 
     def __reduce__(self) -> tuple[Any, ...]:
         values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return _swing, ({**values, "quantity": self.quantity.name},)
+        return _parameter_effect, ({**values, "quantity": self.quantity.name},)
 
     @property
-    def swing(self) -> float:
+    def effect(self) -> float:
         """What lies between the peaks at both ends, over that of the building as it is."""
         return abs(self.at_high - self.at_low) / abs(self.as_it_is) if self.as_it_is else math.nan
 
 
-def _swing(values: dict[str, Any]) -> Swing:
+def _parameter_effect(values: dict[str, Any]) -> ParameterEffect:
     """One that has travelled: a quantity is found again by its name."""
     (quantity,) = (peak for peak in PEAKS if peak.name == values["quantity"])
-    return Swing(**{**values, "quantity": quantity})
+    return ParameterEffect(**{**values, "quantity": quantity})
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ def sensitivity(
     dt: float | None = None,
     jobs: int | None = None,
     progress: bool | Progress = False,
-) -> Several[Swing]:
+) -> ResultList[ParameterEffect]:
     """How much each parameter of a building moves its peaks under records, one at a time.
 
     Parameters
@@ -161,8 +161,8 @@ def sensitivity(
 
     Returns
     -------
-    Several of Swing
-        Of each peak the largest swing first.
+    ResultList of ParameterEffect
+        Of each peak the largest effect first.
 
     Raises
     ------
@@ -183,7 +183,7 @@ def sensitivity(
                 threads(jobs or processors()),
                 tell=lambda now: told(now.done, now.runs),
             )
-        return Several(swings(store, building.name, ranges))
+        return ResultList(parameter_effects(store, building.name, ranges))
 
 
 def plan_of(
@@ -203,10 +203,12 @@ def plan_of(
     )
 
 
-def swings(store: Store, name: str, ranges: Mapping[str, tuple[float, float]]) -> list[Swing]:
-    """Of the runs of the buildings that `one_at_a_time` gives, the swings: of each peak the largest
-    first."""
-    result: list[Swing] = []
+def parameter_effects(
+    store: Store, name: str, ranges: Mapping[str, tuple[float, float]]
+) -> list[ParameterEffect]:
+    """Return the effects of the parameters on the peaks, from the runs of the buildings that
+    `one_at_a_time` gives; for each peak the largest effect first."""
+    result: list[ParameterEffect] = []
     medians = {number: values for (number, _), values in _medians(store, by_scale=False).items()}
     for place, quantity in enumerate(PEAKS):
         of_peak = []
@@ -215,9 +217,12 @@ def swings(store: Store, name: str, ranges: Mapping[str, tuple[float, float]]) -
             at_low, as_it_is, at_high = (
                 float(medians[number][place]) for number in (2 * i + 1, 0, 2 * i + 2)
             )
-            of_peak.append(Swing(name, parameter, quantity, low, high, at_low, as_it_is, at_high))
+            of_peak.append(
+                ParameterEffect(name, parameter, quantity, low, high, at_low, as_it_is, at_high)
+            )
         result += sorted(
-            of_peak, key=lambda swing: -swing.swing if swing.swing == swing.swing else math.inf
+            of_peak,
+            key=lambda effect: -effect.effect if effect.effect == effect.effect else math.inf,
         )
     return result
 

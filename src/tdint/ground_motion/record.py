@@ -86,7 +86,7 @@ class Record(Tabular):
     peaks : tuple of two floats or None
         Peak velocity (m/s) and displacement (m) that the file itself has beside the acceleration;
         None where it has none, or the record was processed since.
-    compared : tuple of str
+    header_checks : tuple of str
         What its file states of itself (number of samples, peak, checksum) and was compared with the
         samples; empty if the file states nothing.
     scale : float
@@ -109,7 +109,7 @@ class Record(Tabular):
     warnings: tuple[str, ...] = ()
     inputs: tuple[Input, ...] = ()
     processing: tuple[str, ...] = ()
-    compared: tuple[str, ...] = ()
+    header_checks: tuple[str, ...] = ()
     scale: float = 1.0
     peaks: tuple[float | None, float | None] = (None, None)
     event: str = ""
@@ -311,7 +311,7 @@ def one_after_another(records: Sequence[Record], starts: Sequence[int]) -> Recor
         acceleration=samples,
         component=" + ".join(dict.fromkeys(record.component for record in records)),
         source=" + ".join(record.source for record in records),
-        compared=tuple(text for record in records for text in record.compared),
+        header_checks=tuple(text for record in records for text in record.header_checks),
         peaks=(None, None),
         **taken,
     )

@@ -45,7 +45,7 @@ from tdint.model.plugins import (
     module_of,
     same_file,
 )
-from tdint.tabular import Several
+from tdint.tabular import ResultList
 
 FAMILIES = (
     impulse,
@@ -326,7 +326,7 @@ def chosen(specifications: str | Iterable[str] | None) -> list[Integrator]:
     return list(dict.fromkeys(map(parse, catalogue() if given is None else given)))
 
 
-def list_methods(specifications: str | Iterable[str] | None = None) -> Several[Integrator]:
+def list_methods(specifications: str | Iterable[str] | None = None) -> ResultList[Integrator]:
     """The time-integration methods with these parameters, or all at their defaults.
 
     Parameters
@@ -336,7 +336,7 @@ def list_methods(specifications: str | Iterable[str] | None = None) -> Several[I
 
     Returns
     -------
-    Several of Integrator
+    ResultList of Integrator
         `to_dict` has what `tdint methods` tells of them.
 
     Raises
@@ -344,7 +344,7 @@ def list_methods(specifications: str | Iterable[str] | None = None) -> Several[I
     UsageError
         An unknown method or parameter, or a value out of range.
     """
-    return Several(chosen(specifications))
+    return ResultList(chosen(specifications))
 
 
 @dataclass(frozen=True)

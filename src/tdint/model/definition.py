@@ -397,13 +397,13 @@ class Model:
         output.
     page_head : tuple of (str, str)
         Names and texts of the lines at the top of its page.
-    varied : tuple of (str, float)
+    varied_parameters : tuple of (str, float)
         What `replace` changed, and the values.
     label : str
         What tells it from other variations of the building.
     damage : DamageStates or None
         How its damage is told.
-    as_meant : str
+    plausibility_off : str
         Why nothing that is unusual of the building is told (`plausibility: off, ...`); empty where
         it is.
     """
@@ -421,10 +421,10 @@ class Model:
     output_units: OutputUnits = SI
     page_units: OutputUnits = SI
     page_head: tuple[tuple[str, str], ...] = ()
-    varied: tuple[tuple[str, float], ...] = ()
+    varied_parameters: tuple[tuple[str, float], ...] = ()
     label: str = ""
     damage: DamageStates | None = None
-    as_meant: str = ""
+    plausibility_off: str = ""
 
     def replace(self, **changes: float | str) -> Model:
         """The building with some of its numbers changed: `model.replace(damping=0.02,
@@ -498,8 +498,8 @@ class Model:
                 stories[i].stiffness, stories[i].law.parameters
             ):
                 raise UsageError(f"{self.name}: story {i + 1} cannot be varied so: {fault}")
-        varied = tuple({**dict(self.varied), **numbers}.items())
-        return replace(self, stories=tuple(stories), damping=damping, varied=varied)
+        varied = tuple({**dict(self.varied_parameters), **numbers}.items())
+        return replace(self, stories=tuple(stories), damping=damping, varied_parameters=varied)
 
     def __repr__(self) -> str:
         count = len(self.stories)

@@ -44,7 +44,7 @@ from tdint.model.mdof_lu import (
     DerivedBuilding,
     Scatter,
 )
-from tdint.tabular import Several
+from tdint.tabular import ResultList
 from tdint.units import LENGTH
 from tdint.written_numbers import how_many
 
@@ -651,7 +651,7 @@ def inventory(
     stiffness: float = 0.0,
     damping: float = 0.0,
     seed: int = 0,
-) -> Several[InventoryBuilding]:
+) -> ResultList[InventoryBuilding]:
     """Shear buildings by rules from a table of buildings.
 
     Parameters
@@ -667,7 +667,7 @@ def inventory(
 
     Returns
     -------
-    Several of InventoryBuilding
+    ResultList of InventoryBuilding
         One for each row of the table.
 
     Raises
@@ -682,4 +682,4 @@ def inventory(
     rows, faults = read_inventory(os.fspath(source), LENGTH[units])
     if faults:
         raise ModelError(faults)
-    return Several(derive_all(rows, rules, stiffness=stiffness, damping=damping, seed=seed))
+    return ResultList(derive_all(rows, rules, stiffness=stiffness, damping=damping, seed=seed))

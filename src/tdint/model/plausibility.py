@@ -129,7 +129,7 @@ def doubts(model: Model, building: Building, pga: float = math.nan) -> tuple[str
 def mistakable(model: Model, building: Building, pga: float = math.nan) -> list[str]:
     """Return a warning for each unusual value of a building and for an unusual peak ground
     acceleration (m/s^2): most of them are mistaken units."""
-    if model.as_meant:
+    if model.plausibility_off:
         return [*doubt_of_peak(pga)]
     omega, damping = building.first_mode()
     judged = ((PERIOD, 2.0 * math.pi / omega), (DAMPING, damping), (COLLAPSE, model.collapse_drift))
@@ -217,10 +217,12 @@ def on_plausibility(models: Iterable[tuple[Model, Building]]) -> tuple[str, ...]
     return tuple(lines)
 
 
-def as_meant(model: Model) -> list[str]:
+def suppression_reason(model: Model) -> list[str]:
     """A note, where a model says that what is unusual of it is meant so."""
     return (
-        [f"what is unusual of the building is not told: {model.as_meant}"] if model.as_meant else []
+        [f"what is unusual of the building is not told: {model.plausibility_off}"]
+        if model.plausibility_off
+        else []
     )
 
 

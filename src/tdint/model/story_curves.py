@@ -225,7 +225,7 @@ def _rest(
     return [*lines, f"output_units: {units.output}", ""]
 
 
-def first_model(
+def model_template(
     stories: int = 5, *, period: float | None = None, name: str = "building", units: str = "si"
 ) -> str:
     """The text of a first model that `load_model(io.StringIO(text))` takes: equal floors on

@@ -16,7 +16,7 @@ from tdint.output.figures import assessment, collapse, comparison, runs, spectru
 from tdint.output.figures.style import picture, style_context
 from tdint.output.printed import PRINTED, PrintedAs, figure_width, parse_style
 from tdint.output.tables.spectra import RecordInfo, record_info
-from tdint.tabular import Several
+from tdint.tabular import ResultList
 from tdint.units import SI, OutputUnits, parse_output_units
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def plot(
     OutputError
         The file is of another kind, or cannot be written.
     """
-    several = list(result) if isinstance(result, list | tuple | Several) else [result]
+    several = list(result) if isinstance(result, list | tuple | ResultList) else [result]
     kind = _kind_of(several)
     shown = several[0] if kind.alone else several
     output_units = parse_output_units(units) if units else SI
@@ -230,7 +230,7 @@ _LOOKS: dict[str, _Look] = {
         lambda results, _: assessment.stability_picture(results),
         lambda ax, results, _: assessment.draw_radius(ax, results),
     ),
-    "Swing": _Look(runs.sensitivity_picture),
+    "ParameterEffect": _Look(runs.sensitivity_picture),
     "TargetDisplacement": _Look(comparison.target_picture),
     "Trial": _Look(lambda results, _: assessment.failure_picture(results)),
 }

@@ -39,7 +39,7 @@ MEANINGS = {
     "duration_s": ("s", "time integrated; of a record from its first to its last sample"),
     "iterations": ("1", "solves of the equations"),
     "halved_steps": ("1", "steps divided because they did not converge"),
-    "events": ("1", "changes of branch of a drift law that were located in time"),
+    "branch_changes": ("1", "changes of branch of a drift law that were located in time"),
     "wall_time_s": ("s", "wall time of the command"),
     "time_loop_s": (
         "s",
@@ -55,9 +55,9 @@ MEANINGS = {
     "modes": ("1", "modes that the ratios belong to, from 1"),
     "mass_1_s": ("s", "Rayleigh coefficient of the mass matrix"),
     "stiffness_s": ("s", "Rayleigh coefficient of the initial stiffness matrix"),
-    "start_J": ("J", "kinetic and stored energy at the start, relative to the ground"),
+    "initial_J": ("J", "kinetic and stored energy at the start, relative to the ground"),
     "error": ("1", "imbalance of the energies over the largest input energy"),
-    "dts_s": (
+    "time_steps_s": (
         "s",
         "time step of the run that the errors come from; of a tolerance those of the pair",
     ),
@@ -70,12 +70,15 @@ MEANINGS = {
         "1",
         "solves of a run with the record's own step, where one was made to choose",
     ),
-    "moving_drift_m": (
+    "residual_oscillation_m": (
         "m",
         "amplitude with which a drift still moves about its rest at the end, about",
     ),
-    "moving_drift_story": ("1", "its story"),
-    "rest_s": ("s", "time by which the building was at rest, where the run went on until then"),
+    "residual_oscillation_story": ("1", "its story"),
+    "time_at_rest_s": (
+        "s",
+        "time by which the building was at rest, where the run went on until then",
+    ),
     "start_s": ("s", "time of a shock's first sample in the sequence"),
     "collapse_drift": ("1", "drift ratio beyond which a run counts as collapsed"),
     "samples": ("1", "samples of the record"),
@@ -126,7 +129,7 @@ def run_summary(
     """
     energy = response.energy
     # The story that still moves most.
-    moving = int(response.moving_drift.argmax())
+    moving = int(response.residual_oscillation.argmax())
     content = {
         "schema": schema("run"),
         "status": response.status,
@@ -137,24 +140,24 @@ def run_summary(
         "steps": response.steps,
         "duration_s": response.steps * response.dt,
         "iterations": response.iterations,
-        "halved_steps": response.halvings,
-        "events": response.events,
+        "halved_steps": response.substeps,
+        "branch_changes": response.branch_changes,
         "wall_time_s": wall_time,
-        "time_loop_s": response.march_time,
+        "time_loop_s": response.solver_time,
         "time_loop_clock": CLOCKS[clock()],
         "building": _building(response.model, first),
         "energy": {
-            "start_J": energy.start,
+            "initial_J": energy.initial,
             **{f"{name}_J": getattr(energy, name) for name in ENERGY_TERMS},
             "error": energy.error,
         },
         "peaks": peaks(response.stories),
         "check": _check(response.check, response.stories),
-        **({"shocks": [_shock(shock) for shock in response.shocks]} if response.shocks else {}),
+        **({"events": [_shock(shock) for shock in response.events]} if response.events else {}),
         "at_end": {
-            "moving_drift_m": float(response.moving_drift[moving]),
-            "moving_drift_story": moving + 1,
-            "rest_s": response.rest_time,
+            "residual_oscillation_m": float(response.residual_oscillation[moving]),
+            "residual_oscillation_story": moving + 1,
+            "time_at_rest_s": response.time_at_rest,
         },
         "collapse_drift": response.model.collapse_drift,
         "collapse": _collapse(response.collapse),
@@ -300,10 +303,10 @@ def _shock(shock: Shock) -> dict[str, Any]:
 def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] | None:
     if check is None:
         return None
-    choice = check.choice
+    choice = check.step_choice
     return {
         "method": check.method,
-        "dts_s": list(check.dts),
+        "time_steps_s": list(check.time_steps),
         "drift_error": check.drift_error,
         "drift_error_story": check.drift_story,
         "tolerance": choice.tolerance if choice else None,

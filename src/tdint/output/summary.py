@@ -238,7 +238,7 @@ def motion_summary(record: Record) -> dict[str, Any]:
         "scale": record.scale,
         "processing": list(record.processing),
         "warnings": list(record.warnings),
-        "compared_with_file": list(record.compared)
+        "compared_with_file": list(record.header_checks)
         or ["nothing: the file states no number that its samples tell too"],
     }
 

@@ -95,8 +95,8 @@ def test_where_the_published_order_4_holds(problem, load, law, published):
 def test_the_own_acceleration_of_the_alpha_methods_is_of_order_1(problem, method, order):
     """Beside the one of equilibrium, which is of their order; others have none of their own."""
     observed = observed_order(parse(method), problem("free", "linear"))
-    assert np.isnan(observed.own_acceleration).all() == math.isnan(order)
-    assert observed.order("own_acceleration") == pytest.approx(order, abs=0.25, nan_ok=True)
+    assert np.isnan(observed.algorithmic_acceleration).all() == math.isnan(order)
+    assert observed.order("algorithmic_acceleration") == pytest.approx(order, abs=0.25, nan_ok=True)
     if order == 1.0:
         assert observed.order("acceleration") == pytest.approx(2.0, abs=0.05)
 
@@ -118,7 +118,7 @@ def test_the_slope_is_that_of_the_finest_three():
     )
     assert observed.order("displacement") > 3.0
     assert observed.order("velocity") == pytest.approx(2.0)
-    assert np.isnan(observed.order("own_acceleration"))
+    assert np.isnan(observed.order("algorithmic_acceleration"))
 
 
 def test_steps_and_names(problem):
@@ -271,4 +271,4 @@ def test_order_over_several_samples_in_a_step():
     tests/methods/test_long_steps.py."""
     observed = observed_order(parse("hht"), order_problem("record", "linear", stride=32))
     assert observed.order("displacement") == pytest.approx(2.0, abs=0.25)
-    assert np.isnan(observed.order("own_acceleration"))
+    assert np.isnan(observed.order("algorithmic_acceleration"))

@@ -43,7 +43,7 @@ def by_hand(run):
             [value / height for value, height in zip(residual, HEIGHT, strict=True)]
         ),
         "ductility": largest(of["ductility"]),
-        "acceleration": largest(of["peak_acceleration"]),
+        "acceleration": largest(of["peak_absolute_acceleration"]),
     }
 
 

@@ -32,8 +32,8 @@ def whole_and_pieces(
     """A run with its history, and what makes it again in pieces of so many rows."""
     response = run(model(THREE), MOTION, history=True, **wanted)
     monkeypatch.setattr("tdint.analysis.run.prepared._PIECE_BYTES", 8 * 26 * rows)
-    assert response.pieces is not None
-    return response, response.pieces
+    assert response.history_chunks is not None
+    return response, response.history_chunks
 
 
 def same(one: Any, other: Any) -> bool:
@@ -79,11 +79,11 @@ def test_memory_does_not_grow_with_the_steps() -> None:
     """The whole history of these steps takes 100 MB and more."""
     response = run(model(ONE), MOTION, method="newmark-average", dt=1e-5, duration=10.0)
     assert (response.steps, response.history) == (1_000_000, None)
-    assert response.pieces is not None
+    assert response.history_chunks is not None
     for every in (1, 1000):
         tracemalloc.start()
         try:
-            rows = sum(len(piece.time) for piece in response.pieces(every))
+            rows = sum(len(piece.time) for piece in response.history_chunks(every))
             _, peak = tracemalloc.get_traced_memory()
         finally:
             tracemalloc.stop()

@@ -129,7 +129,7 @@ def test_cases_and_responses_travel():
     here = run_case(case, history=True, check=True)
     there = run_case(travelled(case), history=True, check=True)
     assert same(case.prepared, travelled(case).prepared)
-    assert same(replace(travelled(here), march_time=0.0), replace(there, march_time=0.0))
+    assert same(replace(travelled(here), solver_time=0.0), replace(there, solver_time=0.0))
     assert same(travelled(here), here)
 
 

@@ -114,12 +114,12 @@ def test_the_work_of_dashpots_is_apart_from_that_of_damping():
     history, energy = response.history, response.energy
     power = np.sum(history.damper_force * np.diff(history.velocity, axis=1, prepend=0.0), axis=1)
     work = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * response.dt)])
-    np.testing.assert_allclose(history.energy.devices, work, atol=2e-4 * energy.devices)
-    assert abs(energy.error) < 1e-4 and energy.damping > 0.0
+    np.testing.assert_allclose(history.energy.dampers, work, atol=2e-4 * energy.dampers)
+    assert abs(energy.error) < 1e-4 and energy.viscous > 0.0
     bare = replace(
         model, stories=tuple(replace(one, dashpot=0.0, power_dashpot=None) for one in model.stories)
     )
     without = run(bare, duration=12.0)
-    assert without.energy.devices == 0.0 and not np.any(without.stories.peak_damper_force)
+    assert without.energy.dampers == 0.0 and not np.any(without.stories.peak_damper_force)
     undamped = run(replace(model, damping=None), duration=12.0).energy
     assert abs(undamped.damping) < 1e-3 * undamped.devices

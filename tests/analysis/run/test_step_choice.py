@@ -38,10 +38,10 @@ def test_the_largest_step_within_the_tolerance_is_taken(method, tolerance):
     record = noise()
     response = run(ten_bilinear(), record, method=method, tolerance=tolerance, history=True)
     check = response.check
-    assert check.choice.tolerance == tolerance and check.drift_error <= tolerance
+    assert check.step_choice.tolerance == tolerance and check.drift_error <= tolerance
     halvings = round(np.log2(4 * DT / response.dt))
     assert halvings >= 0 and response.dt == pytest.approx(4 * DT / 2.0**halvings)
-    assert check.choice.samples == 4.0 / 2.0**halvings
+    assert check.step_choice.samples == 4.0 / 2.0**halvings
     assert len(response.history.time) == response.steps + 1
     plain = run(ten_bilinear(), record, method=method, dt=response.dt, check=False)
     assert np.array_equal(plain.stories.peak_drift, response.stories.peak_drift)
@@ -67,8 +67,10 @@ def test_the_finer_run_of_a_pair_has_a_third_of_the_error_that_the_pair_tells(to
     at least."""
     response = run(ten_bilinear(), noise(), method="impulse4", tolerance=tolerance)
     check = response.check
-    assert (check.choice.runs == 2) == (tolerance == 0.02)
-    assert check.dts == (2.0 * response.dt, response.dt) and check.method.startswith("impulse4")
+    assert (check.step_choice.runs == 2) == (tolerance == 0.02)
+    assert check.time_steps == (2.0 * response.dt, response.dt) and check.method.startswith(
+        "impulse4"
+    )
     coarse = run(
         ten_bilinear(), noise(), method="impulse4", dt=2.0 * response.dt, check=False
     ).stories
@@ -90,17 +92,17 @@ def test_a_step_is_no_larger_than_is_allowed():
 def test_a_given_step_is_the_largest():
     response = run(ten_linear(), noise(), method="impulse4", tolerance=0.05, dt=DT / 2)
     assert (
-        response.check.dts == (DT / 2, DT / 4) and response.check.choice.samples == 0.25
+        response.check.time_steps == (DT / 2, DT / 4) and response.check.step_choice.samples == 0.25
     )  # the first pair
     response = run(ten_linear(), noise(), method="newmark-average", tolerance=0.05, dt=DT / 2)
-    assert response.dt == DT / 2 and response.check.choice.samples == 0.5
+    assert response.dt == DT / 2 and response.check.step_choice.samples == 0.5
 
 
 def test_without_a_record_the_step_is_halved():
     case = oscillator(2.0 * np.pi, displacement=(1.0,))
     response = run(case, method="newmark-average", dt=0.1, duration=5.0, tolerance=1e-3)
     assert response.dt < 0.1
-    assert response.check.choice.samples is None
+    assert response.check.step_choice.samples is None
     assert abs(response.stories.peak_drift[0] - 1.0) <= 1e-3
 
 
@@ -137,6 +139,6 @@ def test_a_case_chooses_its_own_step():
     """What a campaign calls, for each building: the runs that were made are told, those that tell
     errors included."""
     response = choose_step(prepare(ten_linear(), noise(), method="newmark-average"), 0.5)
-    assert response.dt == 4 * DT and response.check.choice.runs == 2
+    assert response.dt == 4 * DT and response.check.step_choice.runs == 2
     response = choose_step(prepare(ten_bilinear(), noise(), method="impulse4"), 1e-4)
-    assert response.check.choice.runs == 1 + round(np.log2(4 * DT / response.dt))
+    assert response.check.step_choice.runs == 1 + round(np.log2(4 * DT / response.dt))

@@ -27,7 +27,7 @@ def test_a_two_story_frame_by_hand(tmp_path):
     """Masses 2m, m and springs 2k, k: omega^2 = k/2m, 2k/m, shapes (1/2, 1), (-1, 1), factors 4/3,
     -1/3 (Chopra)."""
     m, k, a = 100.0, 4e4, 0.3 * G
-    result = tdint.modal_response(
+    result = tdint.response_spectrum_analysis(
         model([story(2 * m, 2 * k), story(m, k)]), table(tmp_path, [0.01, 9.0], [a, a])
     )
     omega = np.sqrt([k / (2 * m), 2 * k / m])
@@ -62,9 +62,11 @@ def test_modes_outside_the_target(tmp_path):
     """Short ones move with the ground, or are left out where the target does not say how; long ones
     are refused."""
     frame = model([story(100.0, 4e4), story(100.0, 4e7)])
-    left_out = tdint.modal_response(frame, table(tmp_path, [0.1, 9.0], [1.0, 1.0]))
+    left_out = tdint.response_spectrum_analysis(frame, table(tmp_path, [0.1, 9.0], [1.0, 1.0]))
     assert (left_out.rigid, left_out.left_out, left_out.spectral_acceleration[1]) == (0, 1, 0.0)
-    rigid = tdint.modal_response(frame, table(tmp_path, [0.0, 0.1, 9.0], [0.4, 1.0, 1.0]))
+    rigid = tdint.response_spectrum_analysis(
+        frame, table(tmp_path, [0.0, 0.1, 9.0], [0.4, 1.0, 1.0])
+    )
     assert (rigid.rigid, rigid.left_out, rigid.spectral_acceleration[1]) == (1, 0, 0.4)
     with pytest.raises(UsageError, match=r"ends at 0.2 s, and the first mode has 0.44"):
-        tdint.modal_response(frame, table(tmp_path, [0.1, 0.2], [1.0, 1.0]))
+        tdint.response_spectrum_analysis(frame, table(tmp_path, [0.1, 0.2], [1.0, 1.0]))

@@ -49,7 +49,7 @@ def test_the_bilinear_loop(hardening, ductility):
     )
     assert second.shear == pytest.approx((force, -force), rel=1e-12)
     assert second.secant_stiffness == pytest.approx(force / (ductility * DY), rel=1e-12)
-    assert second.dissipated == pytest.approx(loop, rel=1e-11, abs=1e-12)
+    assert second.hysteretic_energy == pytest.approx(loop, rel=1e-11, abs=1e-12)
     assert second.damping_ratio == pytest.approx(ratio, rel=1e-11, abs=1e-15)
 
 
@@ -65,16 +65,17 @@ def test_work_is_stored_or_dissipated(name):
             0.0, np.cumsum(0.5 * (path.shear[1:] + path.shear[:-1]) * np.diff(path.drift))
         )
         errors.append(
-            np.max(np.abs(path.recoverable + path.dissipated - work)) / np.max(np.abs(work))
+            np.max(np.abs(path.strain_energy + path.hysteretic_energy - work))
+            / np.max(np.abs(work))
         )
-        assert np.min(np.diff(path.dissipated)) > -1e-12 * np.max(path.recoverable)
+        assert np.min(np.diff(path.hysteretic_energy)) > -1e-12 * np.max(path.strain_energy)
     assert errors[0] < 1e-5
     assert errors[1] < 0.5 * errors[0] or errors[1] < 1e-12
     # Of a cycle it is what is lost from its first point to its last; elastic laws lose nothing.
-    assert [cycle.dissipated for cycle in test.cycles] == pytest.approx(
-        np.diff(path.dissipated[:: 4 * points])
+    assert [cycle.hysteretic_energy for cycle in test.cycles] == pytest.approx(
+        np.diff(path.hysteretic_energy[:: 4 * points])
     )
-    assert name not in ELASTIC or np.all(path.dissipated == 0.0)
+    assert name not in ELASTIC or np.all(path.hysteretic_energy == 0.0)
     assert path.tangent[0] == pytest.approx(K, rel=1e-12)
 
 

@@ -24,7 +24,7 @@ from tdint.methods.catalogue import catalogue, chosen, parse
 from tdint.methods.method import Integrator
 from tdint.model.damage_states import DONE
 from tdint.model.definition import Force, Law, Model, simple_model, simple_story
-from tdint.tabular import Progress, Several, told_progress
+from tdint.tabular import Progress, ResultList, told_progress
 
 # ---- The problems on which methods fail, as data: building, load, steps, what is judged, by how
 # much, against what
@@ -490,7 +490,7 @@ def failures(
     problems: Sequence[str] = (),
     *,
     progress: bool | Progress = False,
-) -> Several[Trial]:
+) -> ResultList[Trial]:
     """Put methods to hard problems with known answers.
 
     Parameters
@@ -505,7 +505,7 @@ def failures(
 
     Returns
     -------
-    Several of Trial
+    ResultList of Trial
         One for each problem, method and step.
 
     Raises
@@ -522,7 +522,7 @@ def failures(
         for done, (problem, method) in enumerate(pairs, start=1):
             trials += attempt(method, problem)
             told(done, len(pairs))
-    return Several(trials)
+    return ResultList(trials)
 
 
 def compile_for(integrators: Sequence[Integrator], hard: Iterable[HardProblem]) -> None:

@@ -83,7 +83,7 @@ class ObservedOrder(Tabular):
     displacement, velocity, acceleration : ndarray, shape (k,)
         Largest errors over the coarsest steps, over the largest value; acceleration from
         equilibrium, as it is reported.
-    own_acceleration : ndarray, shape (k,)
+    algorithmic_acceleration : ndarray, shape (k,)
         The same of the acceleration that the method carries from step to step; nan for one that
         carries none.
     """
@@ -96,7 +96,7 @@ class ObservedOrder(Tabular):
     displacement: Array
     velocity: Array
     acceleration: Array
-    own_acceleration: Array
+    algorithmic_acceleration: Array
 
     def _headline(self) -> str:
         order = self.order("displacement")
@@ -162,7 +162,7 @@ def order(
     Parameters
     ----------
     method : Integrator or str
-        The method, or its specification; of a list or tuple there are `Several` results.
+        The method, or its specification; of a list or tuple there are `ResultList` results.
     load, law, frequency_ratio, stride
         The oscillator and its load, as `order_problem` has them.
 
@@ -471,14 +471,14 @@ def check_law(model: Model, story: int) -> list[str]:
     # The work done is stored or dissipated.
     step, mean = np.diff(path.drift), 0.5 * (path.shear[1:] + path.shear[:-1])
     done = np.append(0.0, np.cumsum(mean * step))
-    kept = path.recoverable + path.dissipated
+    kept = path.strain_energy + path.hysteretic_energy
     off = np.max(np.abs(done - (kept - kept[0]))) / np.max(np.abs(done))
     if not off <= _ENERGY:
         faults.append(
             f"law {name}: stored and dissipated energy differ from the work done by {off:.2g} of "
             "the most"
         )
-    if np.any(np.diff(path.dissipated) < -_ENERGY * np.max(np.abs(done))):
+    if np.any(np.diff(path.hysteretic_energy) < -_ENERGY * np.max(np.abs(done))):
         faults.append(f"law {name}: dissipated energy comes back")
     return faults
 

@@ -21,7 +21,7 @@ from tdint.methods.catalogue import chosen, parse
 from tdint.methods.method import Integrator
 from tdint.model.building import assemble, force_table
 from tdint.model.definition import Force, Law, Model, simple_model, simple_story
-from tdint.tabular import Several
+from tdint.tabular import ResultList
 
 METHODS = (
     "impulse",
@@ -374,7 +374,7 @@ def paper_examples(
     numbers: Sequence[int] = (1, 2, 3),
     method: str | Iterable[str] | None = None,
     dt: float | Sequence[float] = DT,
-) -> Several[ExampleRun]:
+) -> ResultList[ExampleRun]:
     """The examples of the paper of 2022, run.
 
     Parameters
@@ -388,7 +388,7 @@ def paper_examples(
 
     Returns
     -------
-    Several of ExampleRun
+    ResultList of ExampleRun
         One for each example, step and method.
 
     Raises
@@ -403,7 +403,7 @@ def paper_examples(
         )
     integrators = default_integrators() if method is None else chosen(method)
     steps = numbers_of(dt, "dt").tolist()
-    return Several(
+    return ResultList(
         [
             run
             for one in numbers

@@ -87,7 +87,7 @@ def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) 
     Parameters
     ----------
     method : Integrator or str
-        The method, or its specification; of a list or tuple there are `Several` results.
+        The method, or its specification; of a list or tuple there are `ResultList` results.
     dt_over_t : ndarray, shape (k,)
         Steps over the undamped period, rising.
     damping : float
@@ -316,7 +316,7 @@ def overshoot(
     Parameters
     ----------
     method : Integrator or str
-        The method, or its name; of a list or tuple there are `Several` results.
+        The method, or its name; of a list or tuple there are `ResultList` results.
     start : str
         A key of `STARTS`.
     dt_over_t : float

@@ -202,7 +202,11 @@ def _march(ops: Any, problem: Content, run: Content) -> Content:
     return {
         "outcome": np.array("done"),
         "motion": np.array([u, v, a])[:, :: run["per_sample"]],
-        **dict(zip(("peak_drift", "peak_acceleration", "peak_total_shear"), peaks, strict=True)),
+        **dict(
+            zip(
+                ("peak_drift", "peak_absolute_acceleration", "peak_total_shear"), peaks, strict=True
+            )
+        ),
         "iterations": np.array(iterations),
     }
 

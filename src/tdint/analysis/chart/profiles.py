@@ -93,7 +93,7 @@ PARTS = (
 """Steps over the record's interval: halvings, and some between, for with these alone costs would
 come by twos."""
 
-PEAKS = ("peak_drift", "peak_acceleration", "peak_total_shear")
+PEAKS = ("peak_drift", "peak_absolute_acceleration", "peak_total_shear")
 
 _FINE = 32  # parts of the interval that the reference steps with
 _FINER = (32, 128)  # and the second method: the latter where the former does not confirm it
@@ -115,7 +115,7 @@ class PeakErrors(RelativeErrors):
     shear. Stories whose peak is below a thousandth of the largest one are left out."""
 
     peak_drift: float
-    peak_acceleration: float
+    peak_absolute_acceleration: float
     peak_total_shear: float
 
     def of(self, quantity: str) -> float:
@@ -363,7 +363,7 @@ def measure_problem(
         for pair, point in points.items():
             if point in contenders:
                 again = posed.case(pair[0]).march(posed.steps(pair[1]))
-                points[pair] = replace(point, times=(*point.times, again.march_time))
+                points[pair] = replace(point, times=(*point.times, again.solver_time))
         contenders = [point for point in points.values() if len(point.times) == turn + 1]
     # What chooses its steps: all that `tdint run --tolerance` takes
     choosing: list[Point] = []
@@ -381,7 +381,7 @@ def measure_problem(
         interval=posed.interval,
         duration=posed.samples * posed.interval,
         ductility=max(filter(math.isfinite, true.stories.ductility.tolist()), default=math.nan),
-        changes=int(true.events),
+        changes=int(true.branch_changes),
         confirmed_by=confirmed_by,
         gap=gap,
         points=(*points.values(), *choosing, *others),
@@ -412,7 +412,7 @@ def _line(
             bare,
             outcome=response.status,
             iterations=response.iterations,
-            times=(response.march_time,),
+            times=(response.solver_time,),
         )
         if response.status == DONE:
             point = replace(point, errors=_off(true, response))
@@ -467,7 +467,7 @@ _RECORDS = (Path(__file__).with_name("records"), Path(__file__).parents[4] / "re
 """Where the records of the standard set lie: in an installed package, and in its sources."""
 
 
-def chart_many(
+def performance_profiles(
     models: AnyModel | Sequence[AnyModel] | None = None,
     records: AnyRecord | Sequence[AnyRecord] = (),
     *,
@@ -519,7 +519,8 @@ def chart_many(
         given = crossed(models, records)
     else:
         raise UsageError(
-            "chart_many takes either models (with records) or problems: 'standard' or a file"
+            "performance_profiles takes either models (with records) or problems: 'standard' or "
+            "a file"
         )
     return measure_all(
         given,

@@ -41,7 +41,7 @@ from tdint.kernels.march.march import CODE
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
 from tdint.model.definition import LAWS, Model
-from tdint.model.plausibility import DUCTILITY, as_meant, doubts, long_step, unusual_stories
+from tdint.model.plausibility import DUCTILITY, suppression_reason, doubts, long_step, unusual_stories
 from tdint.written_numbers import how_many
 
 # ---- What a march left in its arrays, as results
@@ -63,7 +63,7 @@ def peaks_of(building: Building, peaks: Array, residual_drift: Array) -> StoryPe
     return StoryPeaks(height=building.heights, **story_values(building, peaks, residual_drift))
 
 
-def moving_drift(building: Building, space: Workspace) -> Array:
+def residual_oscillation(building: Building, space: Workspace) -> Array:
     """Amplitudes with which the drifts move about their rest at the end of a march, about, m; shape
     (n,).
 
@@ -90,7 +90,7 @@ def _of_drifts(building: Building, floors: Array) -> Array:
     return np.asarray(floors[:-1] - building.linear_terms[at.LINK, :-1] * np.roll(floors, 1)[:-1])
 
 
-def unresolved_errors(building: Building, space: Workspace, late: float) -> StoryErrors:
+def interstep_peak_errors(building: Building, space: Workspace, late: float) -> StoryErrors:
     """How much larger the peaks may be between steps that do not resolve the motion; and by how
     much, about, the drifts have changed since the time that was asked for, which was `late` (s)
     before the end."""
@@ -120,7 +120,7 @@ def energy_of(numbers: Array) -> Energy:
     """The energies that stand at the beginning of some numbers."""
     terms = dict(zip(ENERGY_TERMS, numbers[: at.ENERGY_TERMS].tolist(), strict=True))
     start, largest = float(numbers[at.ENERGY_START]), float(numbers[at.ENERGY_LARGEST])
-    return Energy(**terms, start=start, largest=largest)
+    return Energy(**terms, initial=start, reference=largest)
 
 
 def history_of(
@@ -361,7 +361,7 @@ class Case:
             raise self._ran_away(steps, marched.space, reason)
         return self._response(steps, marched, collapse)
 
-    def pieces(self, steps: Steps, largest: float, every: int = 1) -> Iterator[History]:
+    def history_chunks(self, steps: Steps, largest: float, every: int = 1) -> Iterator[History]:
         """The history of a run that came to its end, made again in pieces: of every so many steps,
         from the first one.
 
@@ -479,7 +479,7 @@ class Case:
         space = marched.space
         energy, stories = energy_of(space.totals), story_peaks(self.building, space)
         # Isolators are made for it, and what has no height is no story of a frame.
-        usual = np.isfinite(self.building.heights) & (not self.model.as_meant)
+        usual = np.isfinite(self.building.heights) & (not self.model.plausibility_off)
         ductility = np.where(usual, stories.ductility, math.nan)
         # First the warnings of `check`: all other numbers follow from the building.
         unusual = [*self.plausibility_warnings, *self._long_step(steps)]
@@ -501,16 +501,16 @@ class Case:
             dt=steps.h,
             steps=steps.count,
             iterations=int(space.totals[at.ITERATIONS]),
-            halvings=int(space.totals[at.HALVINGS]),
-            events=int(space.report[at.EVENTS]),
-            march_time=marched.seconds,
+            substeps=int(space.totals[at.HALVINGS]),
+            branch_changes=int(space.report[at.EVENTS]),
+            solver_time=marched.seconds,
             stories=stories,
             energy=energy,
             history=history,
-            pieces=partial(self.pieces, steps, energy.largest),
+            history_chunks=partial(self.history_chunks, steps, energy.reference),
             notes=(),
-            unresolved=unresolved_errors(self.building, space, steps.late),
-            moving_drift=moving_drift(self.building, space),
+            interstep_bound=interstep_peak_errors(self.building, space, steps.late),
+            residual_oscillation=residual_oscillation(self.building, space),
             collapse=collapse,
             warnings=(*unusual, *warnings),
         )
@@ -518,9 +518,13 @@ class Case:
 
     def _notes(self, response: Response) -> tuple[str, ...]:
         """What there is to say of a run, which a collapse may have ended before its time."""
-        record, end, moving = self.record, response.steps * response.dt, response.moving_drift
+        record, end, moving = (
+            self.record,
+            response.steps * response.dt,
+            response.residual_oscillation,
+        )
         ended = response.collapse is not None and response.collapse.ended
-        notes = [*as_meant(self.model), *self.remarks, *(record.notes if record else ())]
+        notes = [*suppression_reason(self.model), *self.remarks, *(record.notes if record else ())]
         if record and end > record.duration * (1.0 + 1e-9):
             notes.append(
                 f"the record ends at {record.duration:.6g} s; the ground is at rest after it"
@@ -530,9 +534,9 @@ class Case:
         if self.method.family.linear_only and self.model.excitation.forces:
             notes.append("exact takes harmonic forces as linear between the steps")
         notes += self._stiffening_note()
-        if response.halvings:
+        if response.substeps:
             notes.append(
-                f"steps that did not converge were halved, {how_many(response.halvings, 'time')} "
+                f"steps that did not converge were halved, {how_many(response.substeps, 'time')} "
                 "in all"
             )
         # Peaks that the step is too long to tell.
@@ -541,12 +545,13 @@ class Case:
             "displacements": "peak_displacement",
             "velocities": "peak_velocity",
         }
-        kinds["accelerations"] = "peak_acceleration"
+        kinds["accelerations"] = "peak_absolute_acceleration"
         hidden = [
             words
             for words, name in kinds.items()
             if np.any(
-                getattr(response.unresolved, name) > _UNRESOLVED * getattr(response.stories, name)
+                getattr(response.interstep_bound, name)
+                > _UNRESOLVED * getattr(response.stories, name)
             )
         ]
         if hidden:

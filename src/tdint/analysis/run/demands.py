@@ -159,7 +159,7 @@ class Demands(Generic[Found]):
         Demand(
             "m/s^2",
             "largest absolute acceleration of a floor",
-            of_stories="peak_acceleration",
+            of_stories="peak_absolute_acceleration",
             called="floor_absolute_acceleration",
             place="floor",
         ),
@@ -181,7 +181,7 @@ _SAID = frozenset(
         "ductility",
         "peak_displacement",
         "peak_velocity",
-        "peak_acceleration",
+        "peak_absolute_acceleration",
     )
 )
 """Quantities of a story that the demands above are made of, or say better."""
@@ -259,13 +259,12 @@ class RunValues:
             attrgetter("residual_drift_ratio.value"),
         ),
     ]
-    peak_acceleration: Annotated[
+    peak_absolute_acceleration: Annotated[
         Array,
         Quantity(
             "m/s^2",
             "largest absolute acceleration of a floor",
             attrgetter("acceleration.value"),
-            called="peak_absolute_acceleration",
         ),
     ]
     peak_acceleration_floor: Annotated[

@@ -97,7 +97,7 @@ def told(case: Case, steps: Steps, response: Response, *, of_history: bool = Fal
     check = ErrorEstimate.of(
         response.stories,
         story_errors(response, other),
-        dts=(other.dt,),
+        time_steps=(other.dt,),
         method=other.method,
         corrected=other.stories,
     )
@@ -112,16 +112,18 @@ def told(case: Case, steps: Steps, response: Response, *, of_history: bool = Fal
             replace(response, notes=(*response.notes, note)),
             replace(check, corrected=None),
         )
-    if (spent := response.march_time + other.march_time) > _LONG:
+    if (spent := response.solver_time + other.solver_time) > _LONG:
         note = (
-            f"{other.march_time:.2g} of {spent:.2g} s of the time loops tell the errors; "
+            f"{other.solver_time:.2g} of {spent:.2g} s of the time loops tell the errors; "
             "--no-check leaves them out"
         )
         response = replace(response, notes=(*response.notes, note))
-    if of_history and response.pieces is not None and other.pieces is not None:
-        rows = response.history and _with_error(response.history, History.joined(other.pieces(2)))
-        pieces = partial(_pieces_with_error, response.pieces, other.pieces)
-        response = replace(response, history=rows, pieces=pieces)
+    if of_history and response.history_chunks is not None and other.history_chunks is not None:
+        rows = response.history and _with_error(
+            response.history, History.joined(other.history_chunks(2))
+        )
+        pieces = partial(_chunks_with_error, response.history_chunks, other.history_chunks)
+        response = replace(response, history=rows, history_chunks=pieces)
     return replace(response, check=check)
 
 
@@ -136,8 +138,8 @@ def story_errors(
         off = of_difference * np.abs(getattr(response.stories, name) - getattr(other.stories, name))
         error: Array = np.maximum(off, np.maximum(_COMMON * common(off, size), _FLOOR * size))
         # What the steps do not resolve of a peak, or leave to a drift that is told later
-        unresolved: Array = getattr(response.unresolved, name)
-        return error + unresolved if name == "residual_drift" else np.maximum(error, unresolved)
+        bound: Array = getattr(response.interstep_bound, name)
+        return error + bound if name == "residual_drift" else np.maximum(error, bound)
 
     return StoryErrors(**{field.name: errors(field.name) for field in fields(StoryErrors)})
 
@@ -155,7 +157,8 @@ def ended_at_rest(response: Response) -> Response:
     if response.check is None:
         return response
     moving = np.maximum(
-        response.moving_drift, _COMMON * common(response.moving_drift, response.stories.peak_drift)
+        response.residual_oscillation,
+        _COMMON * common(response.residual_oscillation, response.stories.peak_drift),
     )
     errors = response.check.errors
     errors = replace(errors, residual_drift=errors.residual_drift + moving)
@@ -177,7 +180,7 @@ def _unknown(response: Response, reason: str) -> Response:
     return replace(response, check=ErrorEstimate(errors, (), None, None), notes=notes)
 
 
-def _pieces_with_error(
+def _chunks_with_error(
     pieces: Callable[[int], Iterator[History]],
     others: Callable[[int], Iterator[History]],
     every: int = 1,

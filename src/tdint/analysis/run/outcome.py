@@ -106,13 +106,12 @@ class StoryValues:
             "m/s", "largest velocity of the floor, relative to the ground", _peak(at.PEAK_VELOCITY)
         ),
     ]
-    peak_acceleration: Annotated[
+    peak_absolute_acceleration: Annotated[
         Array,
         Quantity(
             "m/s^2",
             "largest absolute acceleration of the floor",
             _peak(at.PEAK_ACCELERATION),
-            called="peak_absolute_acceleration",
         ),
     ]
 
@@ -168,7 +167,7 @@ class Gradient(StoryValues):
         What they are by, as asked for.
     values : ndarray, shape (parameters,) or (runs, parameters)
         The numbers at which they are taken, SI units; of factors 1.
-    doubt : StoryErrors
+    kink : StoryErrors
         Half of what the differences to either side part by: rounding and curvature where the peak
         is smooth, the jump at a kink. An indication, no bound.
     history : mapping of str to ndarray, shape (parameters, rows, n) or (runs, parameters, rows, n)
@@ -179,7 +178,7 @@ class Gradient(StoryValues):
 
     parameters: tuple[str, ...]
     values: Array
-    doubt: StoryErrors
+    kink: StoryErrors
     history: dict[str, NDArray[np.floating[Any]]]
     by: str = "central differences"
 
@@ -189,11 +188,11 @@ class Gradient(StoryValues):
     def of_run(self, number: int) -> Gradient:
         """Those of one of many runs."""
         kept = {name: array[number] for name, array in self.history.items()}
-        peaks, doubt = (
+        peaks, kink = (
             {one.name: getattr(of, one.name)[number] for one in fields(StoryErrors)}
-            for of in (self, self.doubt)
+            for of in (self, self.kink)
         )
-        both: dict[str, Any] = {**peaks, "doubt": StoryErrors(**doubt)}
+        both: dict[str, Any] = {**peaks, "kink": StoryErrors(**kink)}
         return replace(self, **both, values=self.values[number], history=kept)
 
 
@@ -227,7 +226,7 @@ class ErrorEstimate:
     ----------
     errors : StoryErrors
         Estimated errors of the run's peaks.
-    dts : tuple of float
+    time_steps : tuple of float
         The step of the run that tells them, s; none where that failed. Of a run that was chosen for
         a tolerance, the steps of the pair.
     drift_error : float or None
@@ -236,18 +235,18 @@ class ErrorEstimate:
         The story that has it, counted from 1.
     method : str
         The method of that run.
-    choice : StepChoice or None
+    step_choice : StepChoice or None
         How the step was chosen, if it was for a tolerance.
     corrected : StoryPeaks or None
         The peaks of that run, nearer to the truth; None where a collapse ended the run.
     """
 
     errors: StoryErrors
-    dts: tuple[float, ...]
+    time_steps: tuple[float, ...]
     drift_error: float | None
     drift_story: int | None
     method: str = ""
-    choice: StepChoice | None = None
+    step_choice: StepChoice | None = None
     corrected: StoryPeaks | None = None
 
     @classmethod
@@ -270,10 +269,10 @@ class EnergyTerms(Generic[Amount]):
 
     input: Annotated[Amount, "work of the load on the motion relative to the ground"]
     kinetic: Annotated[Amount, "kinetic energy of the motion relative to the ground"]
-    damping: Annotated[Amount, "work of viscous damping (Rayleigh, modal), without dashpots"]
-    devices: Annotated[Amount, "work of the dashpots"]
-    recoverable: Annotated[Amount, "stored in the stories, P-delta included"]
-    dissipated: Annotated[Amount, "dissipated by the drift laws"]
+    viscous: Annotated[Amount, "work of viscous damping (Rayleigh, modal), without dashpots"]
+    dampers: Annotated[Amount, "work of the dashpots"]
+    strain: Annotated[Amount, "stored in the stories, P-delta included"]
+    hysteretic: Annotated[Amount, "dissipated by the drift laws"]
 
 
 ENERGY_TERMS: dict[str, str] = {
@@ -288,25 +287,27 @@ class Energy(EnergyTerms[float]):
     """Energy balance of a run in terms of motion relative to the ground, J (Uang and Bertero 1990,
     relative energy).
 
-    start + input = the other terms + imbalance.
+    initial + input = the other terms + imbalance.
 
     Attributes
     ----------
-    start : float
+    initial : float
         Kinetic and stored energy at the start.
-    largest : float
-        The largest start + input on the way.
+    reference : float
+        Maximum of initial + input on the way.
     """
 
-    start: float
-    largest: float
+    initial: float
+    reference: float
 
     @property
     def error(self) -> float:
         """Imbalance over the largest input energy; 0 for a run without energy."""
         spent = reduce(add, [getattr(self, name) for name in ENERGY_TERMS if name != "input"])
         return (
-            float((self.start + self.input - spent) / self.largest) if self.largest > 0.0 else 0.0
+            float((self.initial + self.input - spent) / self.reference)
+            if self.reference > 0.0
+            else 0.0
         )
 
 
@@ -444,7 +445,7 @@ class Shock:
     stories : StoryPeaks
         Peaks in this time, of displacements from where the building stood at first: what the shocks
         before have left is in them.
-    unresolved : StoryErrors
+    interstep_bound : StoryErrors
         As of `Response`.
     errors : StoryErrors or None
         Estimated errors of the peaks, if they were asked for.
@@ -453,7 +454,7 @@ class Shock:
     record: Record
     start: float
     stories: StoryPeaks
-    unresolved: StoryErrors
+    interstep_bound: StoryErrors
     errors: StoryErrors | None = None
 
 
@@ -470,35 +471,35 @@ class Response(Tabular):
         The method with all its parameters.
     dt, steps : float, int
         Time step (s) and number of steps.
-    iterations, halvings, events : int
+    iterations, substeps, branch_changes : int
         Solves; steps that were halved to converge; changes of branch that were located.
-    march_time : float
+    solver_time : float
         Time that the compiled time loop alone took, s, by `tdint.system.clock`: of the processor,
         where that is told.
     history : History or None
         Only if it was asked for.
     collapse : Collapse or None
         When and where, if the status is `collapsed` or `failed-story`.
-    unresolved : StoryErrors
+    interstep_bound : StoryErrors
         How much larger peaks may be between steps that do not resolve the motion, in their units; 0
         where the step does. Of residual drifts: by how much they have changed since the time that
         was asked for, after which a long step ends.
-    moving_drift : ndarray, shape (n,)
+    residual_oscillation : ndarray, shape (n,)
         Amplitudes with which the drifts still move about their rest at the end, about, m; without
         forces on floors.
     check : ErrorEstimate or None
         Estimated errors, unless they were left out.
-    pieces : callable or None
+    history_chunks : callable or None
         Called with a number of steps, the history of every so many in pieces, made again: all
         memory need not hold.
-    rest_time : float or None
+    time_at_rest : float or None
         Time by which the building was at rest, s, if the run was to go on until then and came to
         that.
     notes : tuple of str
         What a person should know of the run.
     warnings : tuple of str
         What changes what its numbers mean: a person must see it.
-    shocks : tuple of Shock
+    events : tuple of Shock
         Of a sequence what each shock did, up to the one in which the run ended; `record` and
         `stories` are those of the whole sequence.
     gradient : Gradient or None
@@ -512,21 +513,21 @@ class Response(Tabular):
     dt: float
     steps: int
     iterations: int
-    halvings: int
-    events: int
-    march_time: float
+    substeps: int
+    branch_changes: int
+    solver_time: float
     stories: StoryPeaks
     energy: Energy
     history: History | None
     notes: tuple[str, ...]
-    unresolved: StoryErrors
-    moving_drift: Array
+    interstep_bound: StoryErrors
+    residual_oscillation: Array
     collapse: Collapse | None = None
     check: ErrorEstimate | None = None
-    rest_time: float | None = None
-    pieces: Callable[..., Iterator[History]] | None = field(default=None, compare=False)
+    time_at_rest: float | None = None
+    history_chunks: Callable[..., Iterator[History]] | None = field(default=None, compare=False)
     warnings: tuple[str, ...] = ()
-    shocks: tuple[Shock, ...] = ()
+    events: tuple[Shock, ...] = ()
     gradient: Gradient | None = None
 
     def _headline(self) -> str:

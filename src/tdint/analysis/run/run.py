@@ -22,7 +22,7 @@ from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.errors import UsageError
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
-from tdint.tabular import Several
+from tdint.tabular import ResultList
 
 
 def run(
@@ -51,7 +51,7 @@ def run(
     method, dt, duration : optional
         In place of what the model's analysis says: a specification such as `hht:alpha=-0.1`, s, s.
         Without either the method is `tdint.methods.catalogue.DEFAULT_METHOD` (a note says so), step
-        and duration those of the record. Of lists of methods or steps there are `Several`
+        and duration those of the record. Of lists of methods or steps there are `ResultList`
         responses, each method with each step.
     history : bool
         Keep the whole response, not the peaks alone.
@@ -96,7 +96,7 @@ def run(
         options = locals()
         every = [options.pop(name) for name in ("method", "dt")]
         methods, steps = (one if isinstance(one, list | tuple) else (one,) for one in every)
-        return Several(run(**options, method=name, dt=h) for name in methods for h in steps)
+        return ResultList(run(**options, method=name, dt=h) for name in methods for h in steps)
     case = prepare(model, record, method=method, allow_unstable=allow_unstable)
     names = [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient))
     response = run_case(
@@ -199,7 +199,7 @@ def run_case(
             case, dt=dt, duration=end, history=history, check=check, tolerance=tolerance
         )
         response = ended_at_rest(response)
-        return replace(response, rest_time=response.steps * response.dt) if at_rest else response
+        return replace(response, time_at_rest=response.steps * response.dt) if at_rest else response
     if tolerance is not None:
         from tdint.analysis.run.step_choice import choose_step
 

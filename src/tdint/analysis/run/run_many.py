@@ -172,7 +172,7 @@ def run_many(
     records: AnyRecord | Sequence[AnyRecord],
     *,
     scales: float | Iterable[float] = 1.0,
-    paired: bool = False,
+    zip_records: bool = False,
     method: str | None = None,
     dt: float | None = None,
     duration: float | None = None,
@@ -201,7 +201,7 @@ def run_many(
         What `run` takes.
     scales : float or sequence of float
         Factors on the ground accelerations, not zero.
-    paired : bool
+    zip_records : bool
         The first building under the first record at the first scale, the second under the second,
         ...: sequences of one length, or of one member that stands for all.
     method, dt, duration : optional
@@ -282,7 +282,7 @@ def run_many(
     if errors not in ("raise", "keep"):
         raise UsageError(f"errors is 'raise' or 'keep', got {errors!r:.60}")
     lost = work.out_of_range() if errors == "keep" else {}
-    plan = _planned(work, scales, paired, {draw for _, draw in lost})
+    plan = _planned(work, scales, zip_records, {draw for _, draw in lost})
     kept = _kept(history)
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
         raise UsageError(f"every must be a whole number of steps, 1 at least, got {every!r:.60}")
@@ -467,7 +467,7 @@ def _several(given: Any, name: str) -> Sequence[Any]:
 
 
 def _planned(
-    work: _RunsRequest, scales: float | Iterable[float], paired: bool, lost: Set[int]
+    work: _RunsRequest, scales: float | Iterable[float], zip_records: bool, lost: Set[int]
 ) -> list[_Run]:
     factors = numbers_of(scales, "scales").tolist()
     if not factors or not all(math.isfinite(factor) and factor for factor in factors):
@@ -478,7 +478,7 @@ def _planned(
         math.isfinite(factor) and factor for draw, factor in enumerate(of_draws) if draw not in lost
     ):
         raise UsageError(f"{SCALE} must be numbers other than zero")
-    if paired:
+    if zip_records:
         # Each list has the common length, or one member that stands for all.
         sizes = {"models": len(work.subjects), "draws": work.draws}
         sizes |= {"records": len(work.records), "scales": len(factors)}
@@ -486,7 +486,7 @@ def _planned(
         for name, size in sizes.items():
             if size not in (1, count):
                 raise UsageError(
-                    f"paired: {size} {name} beside {count} of the others; give one, or as many"
+                    f"zip_records: {size} {name} beside {count} of the others; give one, or as many"
                 )
         places: Iterable[tuple[int, ...]] = zip(
             *((np.arange(count) % size).tolist() for size in sizes.values()), strict=True
@@ -784,7 +784,7 @@ def _differentiated(
         **{name: derivative for name, (derivative, _) in of_peaks.items()},
         parameters=tuple(names),
         values=of_all(values),
-        doubt=StoryErrors(**{name: doubt for name, (_, doubt) in of_peaks.items()}),
+        kink=StoryErrors(**{name: kink for name, (_, kink) in of_peaks.items()}),
         history={
             name: differences(array, result.history[name])[0] for name, array in history.items()
         },

@@ -124,7 +124,7 @@ def run_sequence(
     Returns
     -------
     Response
-        That of all shocks as one record, and what each did in `Response.shocks`.
+        That of all shocks as one record, and what each did in `Response.events`.
 
     Raises
     ------
@@ -153,7 +153,7 @@ def run_sequence(
     # Each shock's peaks come from one more march, with the steps that were taken.
     steps = replace(joined.steps(response.dt, duration), count=response.steps)
     return replace(
-        response, shocks=shocks_of(joined, sequence, steps, check=response.check is not None)
+        response, events=shocks_of(joined, sequence, steps, check=response.check is not None)
     )
 
 
@@ -182,7 +182,7 @@ def _parts(joined: Case, sequence: ShockSequence, steps: Steps) -> tuple[Shock, 
             record,
             start * dt,
             run_totals.story_peaks(building, space),
-            run_totals.unresolved_errors(building, space, 0.0),
+            run_totals.interstep_peak_errors(building, space, 0.0),
         )
         for record, start, space in zip(sequence.records, sequence.starts, parts, strict=False)
     )

@@ -91,7 +91,7 @@ def choose_step(
         if isinstance(at_sampling_interval, Response)
         else None,
     )
-    check = replace(response.check, choice=choice)
+    check = replace(response.check, step_choice=choice)
     return replace(case.march(search.steps(level), history) if history else response, check=check)
 
 
@@ -210,7 +210,9 @@ class _Search:
         dts = (coarse.dt, response.dt)
         return replace(
             response,
-            check=ErrorEstimate.of(response.stories, errors, dts=dts, method=response.method),
+            check=ErrorEstimate.of(
+                response.stories, errors, time_steps=dts, method=response.method
+            ),
         )
 
     def _with_reference(self, level: int) -> Response | FailedRun:

@@ -251,8 +251,8 @@ def spectrum(
     Parameters
     ----------
     record : Record, str, Path or ObsPy trace
-        Ground motion, or a list of them, of which there are `Several` spectra; the oscillators are
-        at rest at its first sample and watched until its last one. For what they do after it,
+        Ground motion, or a list of them, for which the spectra are a `ResultList`; the oscillators
+        are at rest at its first sample and watched until its last one. For what they do after it,
         append zeros to it.
     periods : ndarray, shape (k,)
         Periods, s. At period 0, a rigid oscillator, accelerations are the peak ground acceleration

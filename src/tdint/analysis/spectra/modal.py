@@ -87,7 +87,7 @@ class ModalResponse(Tabular):
         return np.array([story.drift_height or math.nan for story in self.model.stories])
 
 
-def modal_response(model: AnyModel, target: TargetSpectrum | str) -> ModalResponse:
+def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) -> ModalResponse:
     """The peaks of a building, linear with its initial stiffness, under a design spectrum.
 
     Parameters

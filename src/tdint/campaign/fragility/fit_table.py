@@ -77,7 +77,7 @@ class FragilityRequest:
     edp_range : tuple of two floats
         Of a cloud: demands below the first are left out, those above the second known only to be
         above it.
-    beta_model : float
+    modeling_dispersion : float
         Standard deviation of what is not known of the model.
     measure : str or None
         Of runs: their intensity as `measures.run_measure` reads it, or its column without the unit;
@@ -89,7 +89,7 @@ class FragilityRequest:
     fit: str | None = None
     thresholds: tuple[float, ...] = ()
     edp_range: tuple[float, float] = EVERY_DEMAND
-    beta_model: float = 0.0
+    modeling_dispersion: float = 0.0
     measure: str | None = None
     states: tuple[str, ...] = ()
 
@@ -134,7 +134,7 @@ def fragility(
     *,
     fit: str | None = None,
     edp_range: tuple[float, float] = EVERY_DEMAND,
-    beta_model: float = 0.0,
+    modeling_dispersion: float = 0.0,
     measure: str | None = None,
 ) -> FragilityResult:
     """Fit lognormal fragility functions to a CSV table, or to the one in a folder of `tdint ida` or
@@ -148,7 +148,7 @@ def fragility(
         The table or the folder.
     thresholds : float or sequence of float
         Demands whose exceedance is meant (drift ratios); by default those of the table.
-    fit, edp_range, beta_model, measure : optional
+    fit, edp_range, modeling_dispersion, measure : optional
         As of `FragilityRequest`.
 
     Returns
@@ -164,8 +164,10 @@ def fragility(
         None of the functions can be fitted.
     """
     asked = tuple(numbers_of(thresholds, "thresholds").tolist())
-    beta_model = between(beta_model, "beta_model")
-    result = fit_table(str(source), FragilityRequest(fit, asked, edp_range, beta_model, measure))
+    modeling_dispersion = between(modeling_dispersion, "modeling_dispersion")
+    result = fit_table(
+        str(source), FragilityRequest(fit, asked, edp_range, modeling_dispersion, measure)
+    )
     if not result.functions:
         raise result.failures[0]
     return result
@@ -222,7 +224,10 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
         )
     # The dispersion of the model is not fitted: each function takes it along.
     result = suited[0].fit(table, request)
-    functions = [replace(function, beta_model=request.beta_model) for function in result.functions]
+    functions = [
+        replace(function, modeling_dispersion=request.modeling_dispersion)
+        for function in result.functions
+    ]
     return replace(result, functions=tuple(functions))
 
 
@@ -645,7 +650,9 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
     fitted = [
         AnalysisError(f"{name}, {state}: {function}")
         if isinstance(function, AnalysisError)
-        else replace(function, type=name, state=state, beta_model=request.beta_model)
+        else replace(
+            function, type=name, state=state, modeling_dispersion=request.modeling_dispersion
+        )
         for name, runs in of_types.items()
         for state, function in zip(runs.states.states, _fitted(runs, request), strict=True)
     ]
@@ -786,7 +793,7 @@ def _type_cloud(
     im_of_seen, at_most = np.repeat(im, _THREE.size), np.minimum(seen, heaviest).ravel()
     try:
         of_states = fit_cloud(
-            im_of_seen, at_most, runs.states.medians, above.ravel(), lightest=lightest
+            im_of_seen, at_most, runs.states.medians, above.ravel(), lower_threshold=lightest
         )
     except AnalysisError as error:
         return [error for _ in runs.states.states]

@@ -258,7 +258,7 @@ class Fragility:
     type, state : str
         The type of buildings and the damage state that the function is of; empty where it is of
         neither.
-    beta_model : float
+    modeling_dispersion : float
         Standard deviation of what is not known of the model; not part of `beta`.
     failed : int
         Runs without a result, which the fit leaves out.
@@ -281,7 +281,7 @@ class Fragility:
     damage: float = math.nan
     type: str = ""
     state: str = ""
-    beta_model: float = 0.0
+    modeling_dispersion: float = 0.0
     failed: int = 0
     bounds: tuple[Fragility | None, Fragility | None] = (None, None)
     extrapolated: str = ""
@@ -302,7 +302,7 @@ class Fragility:
     @property
     def beta_total(self) -> float:
         """Standard deviation with that of the model: the root of the sum of squares."""
-        return math.hypot(self.beta, self.beta_model)
+        return math.hypot(self.beta, self.modeling_dispersion)
 
     def probability(self, im: Array | float, *, total: bool = False) -> Array:
         """Probability of exceedance at intensities; with `total` that of the total standard
@@ -590,7 +590,7 @@ def fit_cloud(
     thresholds: Sequence[float],
     censored: Sequence[bool] | NDArray[np.bool_] | None = None,
     *,
-    lightest: float = 0.0,
+    lower_threshold: float = 0.0,
 ) -> list[Fragility]:
     """A fragility function for each threshold, of ln EDP = b0 + b1 ln IM + sigma N by maximum
     likelihood.
@@ -606,7 +606,7 @@ def fit_cloud(
         Demands whose exceedance is asked for, positive.
     censored : sequence of bool, shape (n,), optional
         Which are.
-    lightest : float
+    lower_threshold : float
         Demands below it, which are not censored, are known only to be below: far under the lightest
         state the demands are elastic, on a line of their own. They are not left out, for a choice
         by demand bends the line.
@@ -633,15 +633,15 @@ def fit_cloud(
         (np.asarray(thresholds, float), "thresholds"),
     ):
         _check_positive(values, name)
-    lightest = between(lightest, "lightest")
-    below = ~above & (y < lightest)
+    lower_threshold = between(lower_threshold, "lower_threshold")
+    below = ~above & (y < lower_threshold)
     # Those known to be below help a line that others tell: three known exactly, of more than one
     # intensity.
     exact = ~(above | below)
     if not (int(np.sum(exact)) > 2 and np.unique(x[exact]).size > 1):
         below = np.zeros(x.size, bool)
     intercept, slope, sigma, covariance = _line(
-        np.log(x), np.log(np.where(below, lightest, y)), above, below
+        np.log(x), np.log(np.where(below, lower_threshold, y)), above, below
     )
     # In the likelihood's parameters the function is a ratio: its errors follow by its derivatives.
     points = CloudPoints(x, y, above, below, intercept, slope, sigma)

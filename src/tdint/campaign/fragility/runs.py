@@ -37,7 +37,7 @@ _MADE_OF = {
     "drift_ratio": "peak_drift_ratio",
     "roof_drift_ratio": "peak_roof_displacement",
     "residual_drift_ratio": "residual_drift_ratio",
-    "acceleration": "peak_acceleration",
+    "acceleration": "peak_absolute_acceleration",
     "spectral_displacement": "peak_roof_displacement",
 }
 """The quantity of the runs that each demand is made of."""

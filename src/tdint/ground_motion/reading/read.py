@@ -546,7 +546,7 @@ def _to_record(
         units=motion.units,
         units_from=motion.units_from,
         quantity=motion.quantity,
-        compared=contents.compared,
+        header_checks=contents.compared,
         peaks=trace.stats.get("tdint_peaks", (None, None)) if instruments is None else (None, None),
         event=_event(trace),
     )

@@ -415,7 +415,7 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         page_units=page_units,
         page_head=section.read("report") or (),
         damage=read_damage(section.get("damage")),
-        as_meant=section.read("plausibility") or "",
+        plausibility_off=section.read("plausibility") or "",
     )
     # A stream can be read once.
     record = model.excitation.record

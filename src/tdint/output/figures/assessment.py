@@ -314,11 +314,13 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
         ("displacement", "o", 8.0, "none"),
         ("velocity", "s", 4.0, COLORS[1]),
         ("acceleration", "x", 6.0, COLORS[0]),
-        ("own_acceleration", "^", 6.0, "none"),
+        ("algorithmic_acceleration", "^", 6.0, "none"),
     )
     for quantity, marker, size, fill in marks:
         orders = [order.order(quantity) for order in measured]
-        label = "the method's own acceleration" if quantity == "own_acceleration" else quantity
+        label = (
+            "the method's own acceleration" if quantity == "algorithmic_acceleration" else quantity
+        )
         mark: dict[str, Any] = {
             "markersize": size,
             "markerfacecolor": fill,

@@ -404,7 +404,7 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
     crowded = (
         cloud is None
         and len(functions) > _TOGETHER
-        and any(function.beta_model for function in functions)
+        and any(function.modeling_dispersion for function in functions)
     )
     stacked = crowded and is_narrow()
     figure = Figure(
@@ -426,7 +426,7 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
         second.set(xlim=(0.0, end), ylim=(-0.01, 1.01), xlabel=_im_label(functions[0]))
         add_gravity_axis(second, functions[0].unit, horizontal=True)
         _name_functions(
-            second, functions, rf"with $\beta_{{model}}$ = {functions[0].beta_model:.2g}"
+            second, functions, rf"with $\beta_{{model}}$ = {functions[0].modeling_dispersion:.2g}"
         )
         if stacked:
             second.set_ylabel(first.get_ylabel())
@@ -493,7 +493,10 @@ def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str])
         style = line_look(i)
         _draw_band(axes, function, im, style, alpha=0.08, linewidth=0.4)
         axes.plot(
-            im, function.probability(im, total=function.beta_model > 0.0), linewidth=1.6, **style
+            im,
+            function.probability(im, total=function.modeling_dispersion > 0.0),
+            linewidth=1.6,
+            **style,
         )
         _draw_counted(
             axes,
@@ -518,7 +521,7 @@ def draw_functions(axes: Any, functions: Sequence[Fragility], *, total: bool = T
             axes, function, im, look, alpha=0.18 if len(functions) == 1 else 0.08, linewidth=0.5
         )
         axes.plot(im, function.probability(im), **look, linewidth=1.8, label=_label(function))
-        if function.beta_model and total:
+        if function.modeling_dispersion and total:
             whole, label = (
                 function.probability(im, total=True),
                 rf"with $\beta_{{model}}$: {function.beta_total:.2f}",

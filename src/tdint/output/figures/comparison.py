@@ -277,12 +277,12 @@ def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
     draw_loop(loop, test, units)
     cycle = np.arange(test.path.drift.size) / (4.0 * test.points if test.points else 1.0)
     factor, unit = scaled_unit(
-        float(np.max(test.path.recoverable + test.path.dissipated)), "J", units
+        float(np.max(test.path.strain_energy + test.path.hysteretic_energy)), "J", units
     )
-    energy.plot(cycle, test.path.dissipated * factor, color=COLORS[0], label="dissipated")
+    energy.plot(cycle, test.path.hysteretic_energy * factor, color=COLORS[0], label="dissipated")
     energy.plot(
         cycle,
-        test.path.recoverable * factor,
+        test.path.strain_energy * factor,
         color=COLORS[1],
         linestyle=DASHES[1],
         label="recoverable",

@@ -38,7 +38,7 @@ from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from tdint.analysis.run.outcome import History, Response
-    from tdint.campaign.sensitivity import Swing
+    from tdint.campaign.sensitivity import ParameterEffect
 
 _NEAR = 0.4  # the collapse drift is shown where the peak reaches this part of it
 _SEEN = 0.002  # estimated errors are shown where one reaches this part of the largest peak
@@ -109,9 +109,9 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     _draw_hysteresis(figure.add_subplot(below[3]), response, history, units)
     # Where the shocks of a sequence begin, their numbers above the upper panel.
     for axes in figure.axes[: 2 if response.record is not None else 1]:
-        for shock in response.shocks[1:]:
+        for shock in response.events[1:]:
             axes.axvline(shock.start, color=MARK, linewidth=0.8, linestyle=DASHES[1])
-    for number, shock in enumerate(response.shocks, start=1):
+    for number, shock in enumerate(response.events, start=1):
         place: dict[str, Any] = {
             "xycoords": ("data", "axes fraction"),
             "textcoords": "offset points",
@@ -120,7 +120,7 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
         figure.axes[0].annotate(
             f"shock {number}", (shock.start, 1.0), fontsize=8.0, color=MARK, **place
         )
-    records = [shock.record for shock in response.shocks] or (
+    records = [shock.record for shock in response.events] or (
         [response.record] if response.record else []
     )
     if records:
@@ -155,13 +155,13 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
     """Where the input energy went: layers of dissipated, damped, stored and kinetic energy below
     it."""
     energy = history.energy
-    given = response.energy.start + energy.input
+    given = response.energy.initial + energy.input
     factor, unit = scaled_unit(float(np.max(np.abs(given))), "J", units)
     layers = (
-        (energy.dissipated, "dissipated by stories", "0.35", None),
-        (energy.damping, "damping", "0.62", None),
-        (energy.devices, "dashpots", "0.74", "...."),
-        (energy.recoverable, "stored", "0.85", None),
+        (energy.hysteretic, "dissipated by stories", "0.35", None),
+        (energy.viscous, "damping", "0.62", None),
+        (energy.dampers, "dashpots", "0.74", "...."),
+        (energy.strain, "stored", "0.85", None),
         (energy.kinetic, "kinetic", "1.0", "//////"),
     )
     below = np.zeros(len(given))
@@ -265,7 +265,7 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
     stories = response.stories
     _draw_drifts(drifts, response, units)
     # Points at the floors: that of story 1 lies above it; the ground at the bottom.
-    floors = units.of(stories.peak_acceleration, "m/s^2")
+    floors = units.of(stories.peak_absolute_acceleration, "m/s^2")
     ground = units.of(response.record.pga, "m/s^2") if response.record is not None else 0.0
     look = {
         "color": INK,
@@ -318,13 +318,13 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
         filled,
         color=INK,
         linewidth=1.4,
-        **({"label": "all shocks"} if response.shocks else {}),
+        **({"label": "all shocks"} if response.events else {}),
     )
     # The peaks of each shock of a sequence, as far as there are looks for them.
     whole = stories.peak_drift
     of_shocks = np.divide(peak, whole, out=np.zeros_like(whole), where=whole > 0.0)
     for number, (shock, color) in enumerate(
-        zip(response.shocks, COLORS[1:], strict=False), start=1
+        zip(response.events, COLORS[1:], strict=False), start=1
     ):
         of_shock = np.where(apart, 0.0, of_shocks * shock.stories.peak_drift)
         over_stories(
@@ -425,7 +425,7 @@ def profile_picture(
         for profile in same:
             peaks = profile.peaks
             drifts = units.of(peaks["peak_drift"], "m") if by_length else 100.0 * peaks[DRIFT_RATIO]
-            accelerations = units.of(peaks["peak_acceleration"], "m/s^2")
+            accelerations = units.of(peaks["peak_absolute_acceleration"], "m/s^2")
             for panel, values in zip(
                 axes, (drifts, accelerations, peaks["peak_total_shear"]), strict=True
             ):
@@ -617,35 +617,43 @@ def _finish(axes: Any, units: OutputUnits) -> None:
 
 _NAMES = {
     "peak_drift_ratio": "drift ratio",
-    "peak_acceleration": "floor acceleration",
+    "peak_absolute_acceleration": "floor acceleration",
     "peak_roof_displacement": "roof displacement",
     "peak_base_shear": "base shear",
 }
 
 
-def sensitivity_picture(swings: Sequence[Swing], units: OutputUnits = SI) -> Figure:
-    """Picture of swings (`tdint.campaign.sensitivity.swings`)."""
-    parameters = len({swing.parameter for swing in swings})
+def sensitivity_picture(
+    parameter_effects: Sequence[ParameterEffect], units: OutputUnits = SI
+) -> Figure:
+    """Picture of parameter effects (`tdint.campaign.sensitivity.parameter_effects`)."""
+    parameters = len({effect.parameter for effect in parameter_effects})
     narrow = (
         is_narrow()
     )  # then names stand on rows of their own height, four panels below each other
     high = 4 * (1.4 + 0.65 * parameters) if narrow else 2.2 + 0.56 * parameters
     figure = Figure(figsize=(7.2, high), layout="constrained")
     for axes, name in zip(figure.subplots(*(4, 1) if narrow else (2, 2)).flat, _NAMES, strict=True):
-        _tornado(axes, [swing for swing in swings if swing.quantity.name == name], units)
+        _tornado(
+            axes, [effect for effect in parameter_effects if effect.quantity.name == name], units
+        )
     return titled(
-        figure, f"{swings[0].building}\nmedians of the peaks, one parameter at its ends at a time"
+        figure,
+        f"{parameter_effects[0].building}\n"
+        "medians of the peaks, one parameter at its ends at a time",
     )
 
 
-def _tornado(axes: Any, swings: Sequence[Swing], units: OutputUnits) -> None:
-    first = swings[0]
+def _tornado(axes: Any, parameter_effects: Sequence[ParameterEffect], units: OutputUnits) -> None:
+    first = parameter_effects[0]
     if first.quantity.unit == "1":
         factor, unit = 100.0, "%"
     else:
         factor, unit = scaled_unit(first.as_it_is, first.quantity.unit, units)
-    for place, swing in enumerate(swings):
-        low, high = ((value - swing.as_it_is) * factor for value in (swing.at_low, swing.at_high))
+    for place, effect in enumerate(parameter_effects):
+        low, high = (
+            (value - effect.as_it_is) * factor for value in (effect.at_low, effect.at_high)
+        )
         for end, width, other, color in (
             ("low", low, high, COLORS[0]),
             ("high", high, low, COLORS[1]),
@@ -657,15 +665,17 @@ def _tornado(axes: Any, swings: Sequence[Swing], units: OutputUnits) -> None:
             axes.barh(
                 place,
                 width,
-                left=swing.as_it_is * factor,
+                left=effect.as_it_is * factor,
                 height=0.62,
                 color=color,
                 label=label,
                 zorder=above,
             )
     axes.axvline(first.as_it_is * factor, color=LIGHT, linewidth=0.8)
-    names = [f"{swing.parameter}\n{swing.low:g} to {swing.high:g}" for swing in swings]
-    axes.set_yticks(range(len(swings)), names, fontsize=7.0)
+    names = [
+        f"{effect.parameter}\n{effect.low:g} to {effect.high:g}" for effect in parameter_effects
+    ]
+    axes.set_yticks(range(len(parameter_effects)), names, fontsize=7.0)
     axes.invert_yaxis()
     axes.margins(x=0.08)
     axes.grid(axis="y", visible=False)

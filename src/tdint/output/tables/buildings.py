@@ -46,8 +46,8 @@ CYCLIC = (
         "restoring force with the geometric stiffness",
     ),
     Column("tangent_stiffness_N_m", "N/m", "path.tangent", "tangent stiffness of the law"),
-    Column("recoverable_energy_J", "J", "path.recoverable", "energy that the law stores"),
-    Column("dissipated_energy_J", "J", "path.dissipated", "energy dissipated so far"),
+    Column("strain_energy_J", "J", "path.strain_energy", "energy that the law stores"),
+    Column("hysteretic_energy_J", "J", "path.hysteretic_energy", "energy dissipated so far"),
 )
 
 

@@ -210,7 +210,7 @@ def _demands_of_run(rows: list[tuple[Any, ...]], pga: float, stories: int) -> li
     ]
 
 
-_SHOWN = ("peak_drift_ratio", "residual_drift_ratio", "peak_acceleration")
+_SHOWN = ("peak_drift_ratio", "residual_drift_ratio", "peak_absolute_acceleration")
 _DEMANDS = tuple(one for one in RUN if one.name in _SHOWN)
 _PLACES = tuple(RUNS.columns.index(one.column) for one in _DEMANDS)
 _STATUS = RUNS.columns.index("status")

@@ -174,7 +174,7 @@ ORDER = (
         "frequency_ratio",
         "frequency of the load over that of the oscillator",
     ),
-    *map(_order, ("displacement", "velocity", "acceleration", "own_acceleration")),
+    *map(_order, ("displacement", "velocity", "acceleration", "algorithmic_acceleration")),
     Column(
         "displacement_error",
         "1",

@@ -92,10 +92,10 @@ def response_table(response: Response) -> Table:
     """`story_table` of a run; of a sequence once for each shock and, last, for all, the shock in
     the first column."""
     whole = story_table(response.stories, response.check.errors if response.check else None)
-    if not response.shocks:
+    if not response.events:
         return whole
     rows: list[tuple[Cell, ...]] = []
-    for number, shock in enumerate(response.shocks, start=1):
+    for number, shock in enumerate(response.events, start=1):
         of_shock = story_table(shock.stories, shock.errors)
         # A shock at whose time another run had ended has no errors.
         empty = (None,) * (len(whole.columns) - len(of_shock.columns))

@@ -36,7 +36,7 @@ _PEAK = (
     ),
     Column("unit", "text", "quantity.unit", "its unit"),
 )
-SWINGS = (
+PARAMETER_EFFECTS = (
     Column("building", "text", "building", "name of the building"),
     *_PEAK,
     Column("parameter", "text", "parameter", "what is changed, all else as it is"),
@@ -46,9 +46,9 @@ SWINGS = (
     Column("as_it_is", "1", "as_it_is", "the peak of the building as it is"),
     Column("at_high", "1", "at_high", "the peak with the high value"),
     Column(
-        "swing",
+        "effect",
         "1",
-        "swing",
+        "effect",
         "what lies between the peaks at both ends, over that of the building as it is",
     ),
 )
@@ -305,7 +305,10 @@ COUNTED = tuple(
 """Behind the others: what was counted in bins of the intensity."""
 
 FRAGILITY_TOTAL = Column(
-    "beta_total", "1", "beta_total", "beta with what is not known of the model (--beta-model)"
+    "beta_total",
+    "1",
+    "beta_total",
+    "beta with what is not known of the model (--modeling-dispersion)",
 )
 
 

@@ -17,7 +17,7 @@ from tdint.errors import UsageError
 from tdint.files import write_files
 from tdint.output.tables import buildings, campaign, methods, responses, spectra, studies
 from tdint.output.tables.table import FLOOR, OF_RECORD, Column, Table, columns_of, describe, parquet
-from tdint.tabular import Several, optional
+from tdint.tabular import ResultList, optional
 from tdint.units import SI, parse_output_units, quantities
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
         The result has no table, or a unit is unknown.
     """
     if (
-        isinstance(result, list | tuple | Several)
+        isinstance(result, list | tuple | ResultList)
         and type(result[0] if len(result) else None).__name__ not in _IN_ROWS
     ):
         return _joined([to_dict(item, units) for item in result])
@@ -172,7 +172,7 @@ OF_RUNS: dict[str, Column] = {str(column.value): column for column in campaign.R
 def _values(result: Any) -> _Values:
     """The value of each column: an array, or what all rows have."""
     # Several results of a kind without a table for rows are joined before they come here.
-    if isinstance(result, list | tuple | Several):
+    if isinstance(result, list | tuple | ResultList):
         return _in_rows(list(result))
     kinds = (kind.__name__ for kind in type(result).__mro__)
     values = next((_VALUES[kind] for kind in kinds if kind in _VALUES), None)
@@ -192,7 +192,7 @@ _IN_ROWS: dict[str, Callable[[Sequence[Any]], Table]] = {
     "InventoryBuilding": _rows_of(buildings.INVENTORY),
     "Overview": _rows_of(buildings.OVERVIEW),
     "RecordInfo": spectra.info_table,
-    "Swing": _rows_of(studies.SWINGS),
+    "ParameterEffect": _rows_of(studies.PARAMETER_EFFECTS),
     "Trial": methods.failure_table,
     "ValidationResult": methods.validation_table,
 }
