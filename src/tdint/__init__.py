@@ -149,7 +149,7 @@ def _homes() -> dict[str, str]:
     """The modules in which the names stand: those that a checker of types is told above, read in
     this file."""
     text = Path(__file__).read_text(encoding="utf-8")
-    told = re.findall(r"^    from (tdint\.\S+) import (\w+) as \2$", text, re.MULTILINE)
+    told = re.findall(r"^    from (tdint\.\S+) import (?:\(\s*)?(\w+) as \2\b", text, re.MULTILINE)
     return {name: module for module, name in told} | _ELSEWHERE
 
 

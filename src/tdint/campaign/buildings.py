@@ -113,7 +113,7 @@ def digest_of(model: Model, method: str) -> str:
         "output_units",
         "page_units",
         "page_head",
-        "varied",
+        "varied_parameters",
         "label",
         "damage",
     ):

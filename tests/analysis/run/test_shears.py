@@ -122,4 +122,4 @@ def test_the_work_of_dashpots_is_apart_from_that_of_damping():
     without = run(bare, duration=12.0)
     assert without.energy.dampers == 0.0 and not np.any(without.stories.peak_damper_force)
     undamped = run(replace(model, damping=None), duration=12.0).energy
-    assert abs(undamped.damping) < 1e-3 * undamped.devices
+    assert abs(undamped.viscous) < 1e-3 * undamped.dampers
