@@ -93,7 +93,7 @@ def test_loops_of_opensees(case, rows):
     drift, force, work = np.transpose(rows)
     path = along(CASES[case], [0.0, *drift])
     assert np.max(np.abs(path.shear[1:] - force)) < 1e-6
-    assert np.max(np.abs((path.recoverable + path.dissipated)[1:] - work)) < 2e-5
+    assert np.max(np.abs((path.strain_energy + path.hysteretic_energy)[1:] - work)) < 2e-5
 
 
 FLAT = ((1, 1), (3, 2), (5, 2), (7, 2))
@@ -164,7 +164,7 @@ def test_steps_do_not_matter():
         ways = [np.linspace(a, b, 8)[1:] for a, b in pairwise([0.0, *corners])]
         coarse, fine = along(law, [0.0, *corners]), along(law, [0.0, *np.concatenate(ways)])
         assert fine.shear[7::7] == pytest.approx(coarse.shear[1:], abs=1e-10)
-        done = [path.recoverable + path.dissipated for path in (coarse, fine)]
+        done = [path.strain_energy + path.hysteretic_energy for path in (coarse, fine)]
         assert done[1][7::7] == pytest.approx(done[0][1:], abs=1e-9)
 
 
@@ -182,7 +182,7 @@ def test_what_comes_back_is_the_work_of_the_way_to_no_force(case):
         ended = turned + int(np.argmin(back))
         area = -np.cumsum(middles[turned:ended][::-1])[::-1]
         assert area.size > 50
-        assert path.recoverable[turned:ended] == pytest.approx(area, abs=1e-3 * area[0])
+        assert path.strain_energy[turned:ended] == pytest.approx(area, abs=1e-3 * area[0])
 
 
 @pytest.mark.parametrize(
@@ -202,7 +202,7 @@ def test_nothing_is_carried_beyond_the_ultimate_drift():
     path = along(multilinear(UNEVEN, ultimate=10.0), [0.0, 9.9, 10.1, 5.0, 0.0, -3.0])
     assert path.shear[1] > 0.9
     assert np.all(path.shear[2:] == 0.0)
-    assert path.recoverable[-1] == 0.0
+    assert path.strain_energy[-1] == 0.0
 
 
 def test_nothing_degrades_before_the_first_yielding():
@@ -243,7 +243,7 @@ def test_settled_cycles_make_no_energy(seed):
         random.uniform(-25.0, 25.0, 2),
     )
     path = along(law, [0.0, *before, *np.tile(between, 250)])
-    work = path.recoverable + path.dissipated
+    work = path.strain_energy + path.hysteretic_energy
     assert work[-1] - work[-3] >= -1e-7 * max(np.max(np.abs(np.diff(work[-4:]))), 1.0)
 
 
@@ -254,7 +254,7 @@ def test_where_a_settled_cycle_makes_energy():
     path = along(
         multilinear(points, (0.72, 0.33, -0.59)), [0.0, -19.0, 24.0, *np.tile([-21.0, 10.0], 40)]
     )
-    work = path.recoverable + path.dissipated
+    work = path.strain_energy + path.hysteretic_energy
     assert work[-1] - work[-3] < -5.0
 
 
@@ -275,5 +275,5 @@ def test_no_energy_is_made(seed):
     """What a turn would give back is never more than what was done since rest."""
     random = np.random.default_rng(seed)
     path = along(even(random), [0.0, *random.uniform(-30.0, 30.0, 100)])
-    assert np.min(path.dissipated) >= -1e-12
-    assert np.min(path.recoverable) >= 0.0
+    assert np.min(path.hysteretic_energy) >= -1e-12
+    assert np.min(path.strain_energy) >= 0.0

@@ -289,8 +289,8 @@ def test_the_backbone_of_the_imk_law():
         [0.5, 1.0, 1.1, 1.2, 0.9, 0.3, 0.2, 0.2, 0.0, 0.0, 0.0], abs=1e-12
     )
     work = 0.5 + 4.4 + 0.7 / 0.15 + 0.2 * (10.0 - 1.0 / 0.15)
-    assert path.dissipated[-1] == pytest.approx(work, rel=1e-12)
-    assert path.recoverable[-1] == 0.0
+    assert path.hysteretic_energy[-1] == pytest.approx(work, rel=1e-12)
+    assert path.strain_energy[-1] == 0.0
 
 
 def test_a_story_whose_deterioration_exceeds_one_carries_nothing():
@@ -347,7 +347,7 @@ def test_loops_of_another_program():
         )
         path = imposed(laws[case], drift)
         assert np.max(np.abs(path.shear - force)) < 1e-6
-        assert np.max(np.abs(path.recoverable + path.dissipated - work)) < 1e-5
+        assert np.max(np.abs(path.strain_energy + path.hysteretic_energy - work)) < 1e-5
 
 
 # ---- What is dissipated never becomes less: no path, closed or not, gives back more than was put
@@ -389,8 +389,8 @@ def bouc_wen(draw):
 )
 def test_dissipation_never_falls(law, drifts):
     path = imposed(law, [0.0, *drifts])
-    work = path.dissipated + path.recoverable
-    assert np.min(np.diff(path.dissipated)) >= -1e-12 * np.max(work, initial=1.0)
+    work = path.hysteretic_energy + path.strain_energy
+    assert np.min(np.diff(path.hysteretic_energy)) >= -1e-12 * np.max(work, initial=1.0)
     assert np.min(work) >= -1e-12
 
 
@@ -411,11 +411,11 @@ def test_cycles_of_a_peak_oriented_story_that_hardens(hardening, unloading):
         assert (
             last >= -1e-12 * work[-1]
         )  # nothing where the bounds make of it a line through the origin
-        assert path.dissipated[-1] + path.recoverable[-1] == pytest.approx(work[-1], rel=1e-3)
+        assert path.hysteretic_energy[-1] + path.strain_energy[-1] == pytest.approx(work[-1], rel=1e-3)
         # Unloading ends on the side where it began: what comes back is at most the triangle to the
         # origin.
         peak = np.argmax(path.drift)
-        assert path.recoverable[peak] <= 0.5 * path.shear[peak] * path.drift[peak] * (1.0 + 1e-12)
+        assert path.strain_energy[peak] <= 0.5 * path.shear[peak] * path.drift[peak] * (1.0 + 1e-12)
 
 
 def test_the_bounds_leave_common_stories_alone():

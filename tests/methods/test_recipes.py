@@ -110,7 +110,7 @@ def test_the_flag_returns_to_zero_and_the_curve_to_its_asymptotes():
     assert between[sliding].all() and abs(path.shear[-1]) < 1e-6 * fy
     # One cycle: both loops have the width beta Fy over the plateau, less the ends that k cuts off.
     largest, cut = 0.04 - fy / k, beta * fy / ((1.0 - a) * k)
-    assert path.dissipated[-1] == pytest.approx(
+    assert path.hysteretic_energy[-1] == pytest.approx(
         2.0 * beta * fy * (largest + cut - 0.5 * cut - 0.5 * cut), rel=1e-9
     )
     path = tdint.cyclic_test(model_of(STORIES["menegotto_pinto"]), 1, ["1%"], points=400).path
