@@ -411,7 +411,9 @@ def test_cycles_of_a_peak_oriented_story_that_hardens(hardening, unloading):
         assert (
             last >= -1e-12 * work[-1]
         )  # nothing where the bounds make of it a line through the origin
-        assert path.hysteretic_energy[-1] + path.strain_energy[-1] == pytest.approx(work[-1], rel=1e-3)
+        assert path.hysteretic_energy[-1] + path.strain_energy[-1] == pytest.approx(
+            work[-1], rel=1e-3
+        )
         # Unloading ends on the side where it began: what comes back is at most the triangle to the
         # origin.
         peak = np.argmax(path.drift)

@@ -41,7 +41,13 @@ from tdint.kernels.march.march import CODE
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
 from tdint.model.definition import LAWS, Model
-from tdint.model.plausibility import DUCTILITY, suppression_reason, doubts, long_step, unusual_stories
+from tdint.model.plausibility import (
+    DUCTILITY,
+    doubts,
+    long_step,
+    suppression_reason,
+    unusual_stories,
+)
 from tdint.written_numbers import how_many
 
 # ---- What a march left in its arrays, as results
