@@ -343,7 +343,7 @@ def test_until_rest(folder, tdint):
         ends[0]["time_at_rest_s"] is None
         and ends[1]["time_at_rest_s"] == summaries[1]["duration_s"] > 2.99
     )
-    assert f"The building is at rest at {ends[1]['rest_s']:.6g} s." in rest.stderr
+    assert f"The building is at rest at {ends[1]['time_at_rest_s']:.6g} s." in rest.stderr
     assert "still moves" not in rest.stderr
     assert ends[1]["residual_oscillation_m"] < 0.1 * ends[0]["residual_oscillation_m"]
     row = rows(tdint("run", "shaken.yaml", "--scale", "1,2", "--until-rest").stdout)[0]

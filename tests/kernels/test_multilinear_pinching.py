@@ -149,7 +149,7 @@ def test_a_spent_capacity_moves_the_farthest_drift_by_hand():
     beyond the capacity."""
     drifts = [0, 3, -1.5, 3.1, -1.5, 1.8, 2.7, 3.6, 5]
     intact = along(multilinear(FLAT), drifts)
-    work = intact.recoverable + intact.dissipated
+    work = intact.strain_energy + intact.hysteretic_energy
     assert max(*work[1:3], work[4]) < 4.0 < work[3]
     lost = (*INTACT[:5], 0.0, 0.0, 1.0, 1.0, 0.2, *INTACT[:5], 4.0 / (0.5 + 3.0 + 4.0 * 2.0))
     path = along(multilinear(FLAT, degradation=lost), drifts)
