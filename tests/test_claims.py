@@ -269,3 +269,73 @@ def test_the_table_of_moment4_with_parts_that_no_step_resolves():
 
 def test_help_has_the_lines_that_the_changelog_states():
     assert said("CHANGELOG.md", r"`COMMAND --help` has at most (\d+) lines") == [LINES]
+
+
+# ---- Where the numbers of a page come from
+
+
+MEASURED_PAGES = ("tests/README.md", "tests/benchmarks/README.md", "tests/validation/README.md")
+
+
+def sections(name):
+    """Return the sections of a page by their headings of the second level, with code blocks left
+    out; the text above the first one has the empty heading."""
+    text = re.sub(r"^```.*?^```", "", (readmes.ROOT / name).read_text(), flags=re.S | re.M)
+    head, *parts = re.split(r"^## (.*)$", text, flags=re.M)
+    return {"": head, **dict(zip(parts[::2], parts[1::2], strict=True))}
+
+
+def test_measured_numbers_have_a_date_or_a_test():
+    """Each section of tests/README with numbers states when they were measured. The other two pages
+    are written by one command, which states versions and processor at their head."""
+    for heading, text in sections("tests/README.md").items():
+        if heading in ("", "Running the tests"):
+            continue
+        numbers = NUMBER.findall(re.sub(r"`[^`]*`|\]\([^)]*\)", "", text))
+        measured = re.search(r"\*Measured once, 20\d\d-\d\d-\d\d( to 20\d\d-\d\d-\d\d)?\.\*", text)
+        assert measured or "pytest" in text or not numbers, heading
+    for name in MEASURED_PAGES[1:]:
+        head = sections(name)[""]
+        assert re.search(r"(Measured|[Ww]ritten) with tdint [\d.]+, Python [\d.]+", head), name
+        assert "2 processors" in head, name
+
+
+def test_measured_numbers_of_the_first_page_have_a_date():
+    for text in (
+        r"\d+ packages \(630 MB; measured once, ([\d-]+)",
+        r"5 to 20 s once \(measured once, ([\d-]+)",
+    ):
+        (date,) = re.findall(text, page("README.md"))
+        assert re.fullmatch(r"20\d\d-\d\d-\d\d", date)
+
+
+def test_runs_within_the_limit_are_those_of_the_table():
+    section = sections("tests/README.md")["Peaks between the steps, of every method"]
+    counts = re.findall(r"\| (\d+) of (\d+) \|", section)
+    sums = [sum(int(count[i]) for count in counts) for i in (0, 1)]
+    assert said("tests/README.md", r"(\d+) of (\d+) runs are within the limit") == sums
+
+
+def test_the_first_page_names_the_directory_of_its_run():
+    text = page("README.md")
+    (directory,) = re.findall(r"\$ tdint run \S+ -o (\S+) --history --plot", text)
+    assert f"The directory `{directory}` now contains `stories.csv`, `history.csv`" in text
+
+
+def test_errors_over_four_samples_as_the_methods_page_says():
+    """The columns of the table are 1/4, 1/2, 1, 2, 4 and 8 samples in a step, with L2 first."""
+    table = sections("tests/README.md")["What moment4 keeps"].partition("(`yielding`)")[2]
+    of_four = {
+        method: float(
+            re.search(rf"^\| {method} \|(.*)$", table, re.M)[1].split("|")[4].split("/")[0]
+        )
+        for method in ("impulse4", "moment4", "newmark-average")
+    }
+    own, moment, average = said(
+        "src/tdint/methods/README.md",
+        r"Over four they err by (\S+) and (\S+) \(L2\) in ten yielding stories, "
+        r"average acceleration by (\d+) %",
+    )
+    assert own == pytest.approx(of_four["impulse4"], rel=0.2)
+    assert moment == pytest.approx(of_four["moment4"], rel=0.2)
+    assert average == pytest.approx(100.0 * of_four["newmark-average"], rel=0.05)
