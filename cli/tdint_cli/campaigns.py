@@ -65,6 +65,16 @@ LIMIT = options.analysis.option(
 """The option --limit."""
 
 
+PAIR_DEMAND = options.record.option(
+    "--pair-demand",
+    rare=True,
+    type=click.Choice(("larger", "mean", "separate")),
+    help="How the two horizontal components of a recording count: as one motion with their larger "
+    "demand (by default) or their mean demand, or separately, as two motions.",
+)
+"""The option --pair-demand."""
+
+
 REQUIRE = options.analysis.option(
     is_flag=True,
     needs="--limit",
@@ -91,6 +101,7 @@ class SuiteRequest:
     im: tuple[str, ...] | None = None
     by: str | None = None
     report_head: tuple[tuple[str, str], ...] | None = None
+    pair_demand: str | None = None
 
     def picture(self, folder: Path | None) -> Path | None:
         """The file of the picture, if one is asked for.
@@ -349,6 +360,8 @@ def _verdict(profile: Profile, limit: float) -> tuple[str, bool]:
         f"Mean drift {100.0 * check.mean:.3g} % (story {check.story}), limit {100.0 * limit:g} %: "
         f"{words}; largest {100.0 * check.largest:.3g} %."
     )
+    if profile.pair_demand:
+        text += f" Demand of pairs: {profile.pair_demand}."
     return text, check.within
 
 
@@ -392,6 +405,7 @@ def carry_out(
     from tdint.campaign.store import FILE, forget, open_store, remove
     from tdint.campaign.store_schema import UntrustedStoreError, locked, refuse_network
 
+    report_pairs(plan, request)
     for option, asked in (
         ("--plot", request.plot),
         ("--baseline", request.baseline),
@@ -466,6 +480,26 @@ def carry_out(
         far = [RecordError(f"{many}, such as {plan.far[0]}")]
     if plan.failures or unmet or far:
         raise Failures([*plan.failures, *far, *unmet])
+
+
+def report_pairs(plan: Plan, request: SuiteRequest) -> None:
+    """Report pairs in one line if nobody has chosen how they count.
+
+    Raises
+    ------
+    UsageError
+        --pair-demand is given, and there are no pairs.
+    """
+    from tdint.campaign.pairs import PairRule
+
+    rule = PairRule.of_motions(plan.motions, plan.pair_demand)
+    if request.pair_demand is not None and not rule.pairs:
+        raise UsageError(
+            f"--pair-demand {request.pair_demand}: there are no pairs of horizontal components "
+            "among the records; omit it"
+        )
+    if plan.pair_demand is None and rule.pairs:
+        note(rule.note())
 
 
 def warn_of_plan(plan: Plan) -> None:

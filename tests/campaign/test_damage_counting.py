@@ -13,6 +13,7 @@ from tdint import run
 from tdint.campaign.batch import Run
 from tdint.campaign.fragility.runs import BuildingDamage, _Group, probabilities
 from tdint.campaign.ida import _elastic_scale
+from tdint.campaign.pairs import PairRule
 from tdint.campaign.profiles import SuiteRules
 from tdint.model.building import assemble
 from tdint.model.damage_states import DONE, FALLEN, DamageStates
@@ -139,7 +140,10 @@ def test_levels_count_motions_not_runs() -> None:
     """A pair has failed or fallen where one of its two runs has; a motion that failed has not
     fallen."""
     rules = SuiteRules(
-        {1: 1, 2: 1, 3: 3, 4: 3, 5: 5, 6: 5, 7: 7, 8: 8}, [0.1, 0.4], True, ("pga", "m/s^2")
+        PairRule("larger", {1: 1, 2: 1, 3: 3, 4: 3, 5: 5, 6: 5, 7: 7, 8: 8}),
+        [0.1, 0.4],
+        True,
+        ("pga", "m/s^2"),
     )
     small = dict.fromkeys((Run(motion, 0.5, 0) for motion in range(1, 9)), DONE)
     large = {Run(motion, -2.0, 0): DONE for motion in range(1, 9)}
@@ -153,13 +157,13 @@ def test_levels_count_motions_not_runs() -> None:
     ]
     assert second.stood == [[Run(5, -2.0, 0), Run(6, -2.0, 0)]]
     assert (first.level, second.level) == (0.1, 0.4) and math.isnan(first.scale)
-    (one,) = SuiteRules({1: 1, 2: 2}, [], False, ("", "")).levels(
+    (one,) = SuiteRules(PairRule("larger", {1: 1, 2: 2}), [], False, ("", "")).levels(
         {Run(1, 0.5, 0): DONE, Run(2, 0.5, 0): DONE}
     )
     assert one.scale == 0.5 and math.isnan(one.level)
     ranked = [
         level.level
-        for level in SuiteRules({1: 1}, [], True, ("", "")).levels(
+        for level in SuiteRules(PairRule("larger", {1: 1}), [], True, ("", "")).levels(
             {Run(1, s, 0): DONE for s in (3.0, 1.0)}
         )
     ]

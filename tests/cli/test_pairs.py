@@ -49,3 +49,78 @@ def test_components_of_different_events_are_refused(folder, tdint):
     (folder / "RSN1_EQ_GIL337.AT2").write_text(other, encoding="utf-8")
     result = tdint.refused("different events", *MATCH.split(), *TARGET.split(), "-o", "m", code=4)
     assert all(name in result.stderr for name in ("GIL067.AT2", "GIL337.AT2", "Kobe"))
+
+
+def drift_means(runs, combine):
+    """Return the mean over motions of `combine` of the drift ratios of each motion, from the rows
+    of a table of runs (one story) in which the components of a pair follow each other."""
+    drifts = [float(row["peak_drift_ratio"]) for row in runs]
+    return np.mean([combine(drifts[i : i + 2]) for i in range(0, len(drifts), 2)])
+
+
+ONE_STORY = """\
+name: one
+stories:
+  - {mass: 10, height: 3, stiffness: 3000, law: {type: bilinear, yield_force: 20, hardening: 0.05}}
+damping: none
+analysis: {method: newmark-average}
+"""
+
+
+@pytest.fixture
+def suite(folder, tdint):
+    """A folder of three matched pairs, and a building of one story."""
+    (folder / "one.yaml").write_text(ONE_STORY, encoding="utf-8")
+    (folder / "in").mkdir()
+    for seed, (name, event) in enumerate((("A", "Loma Prieta"), ("B", "Kobe"), ("C", "Duzce"))):
+        write_pair(folder / "in", name, event, seed, sizes=(1.0, 0.4))
+    tdint(*["match", "in", "--pairs", "rotd100", "-o", "m"], *TARGET.split(), code=0)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("demand", "combine"), [("larger", max), ("mean", np.mean), ("separate", None)]
+)
+def test_a_limit_of_matched_pairs_counts_them_as_declared(suite, tdint, demand, combine):
+    """The unsafe case: averaged as motions of their own, the components stayed within a limit that
+    the larger ones exceed."""
+    runs = rows(tdint("run", "one.yaml", "m", code=0).stdout)
+    assert len(runs) == 6
+    expected = drift_means(runs, combine or np.mean)
+    means = {name: drift_means(runs, of) for name, of in (("larger", max), ("mean", np.mean))}
+    between = 100.0 * np.mean(list(means.values()))
+    assert means["larger"] > 1.05 * means["mean"]
+    result = tdint("run", "one.yaml", "m", "--limit", f"{between}%", "--pair-demand", demand)
+    assert f"{100.0 * expected:.3g} %" in result.stderr
+    assert ("beyond" in result.stderr) == (demand == "larger")
+    assert "pair_demand" not in result.stderr
+    # Without an explicit choice the larger component counts, which one line reports.
+    result = tdint("run", "one.yaml", "m", "--limit", f"{between}%", "--require", code=5)
+    (line,) = [line for line in result.stderr.splitlines() if "pair_demand" in line]
+    assert "3 pairs" in line and "larger" in line
+
+
+def test_tables_state_how_pairs_count(suite, tdint):
+    for demand, combine, count in (("larger", max, 3), ("mean", np.mean, 3), ("separate", None, 6)):
+        call = ("run", "one.yaml", "m", "-o", demand, "--pair-demand", demand)
+        tdint(*call, code=0)
+        runs = rows((suite / demand / "runs.csv").read_text())
+        profile = [
+            row
+            for row in rows((suite / demand / "profiles.csv").read_text())
+            if row["quantity"] == "peak_drift_ratio"
+        ]
+        assert [row["pair_demand"] for row in profile] == [demand]
+        assert int(profile[0]["runs"]) == count
+        expected = drift_means(runs, combine or np.mean)
+        assert float(profile[0]["mean"]) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_choice_without_pairs_is_refused(suite, tdint):
+    tdint.refused(
+        "there are no pairs",
+        *["run", "one.yaml", "m/A067.mseed", "m/B067.mseed", "--pair-demand", "mean"],
+    )
+    tdint.refused(
+        "nothing to act on", *["run", "one.yaml", "m/A067.mseed", "--pair-demand", "mean"]
+    )

@@ -104,7 +104,8 @@ def test_errors_of_the_runs_are_carried_to_the_statistics(study: Path, tdint: Co
     )
     tdint("campaign", "study.yaml", "-o", "out", code=0)
     stories, profiles = rows("out/stories.csv"), rows("out/profiles.csv")
-    assert list(profiles[0])[-len(QUANTITIES) :] == [f"{name}_error" for name in QUANTITIES]
+    behind = [*(f"{name}_error" for name in QUANTITIES), "pair_demand"]
+    assert list(profiles[0])[-len(behind) :] == behind
     for row in stories:
         for name in ("peak_drift_m", "peak_absolute_acceleration_m_s2"):
             value, error = float(row[name]), float(row[f"{name}_error"])
@@ -155,7 +156,9 @@ def test_the_limit_is_of_the_mean_in_the_worst_story(study: Path, tdint: Command
     above, below = f"{1.001 * means[worst]:.8g}", f"{0.999 * means[worst]:.8g}"
     within = tdint(*run, above, "--require", code=0).stderr
     assert f"Mean drift {100.0 * means[worst]:.3g} % (story {worst}), limit " in within
-    assert within.endswith(f"%: within; largest {100.0 * largest:.3g} %.\n")
+    assert within.endswith(
+        f"%: within; largest {100.0 * largest:.3g} %. Demand of pairs: larger.\n"
+    )
     assert "%: beyond; largest" in tdint(*run, below, code=0).stderr
     assert "is not met: stiff" in tdint(*run, below, "--require", "-o", "kept", code=5).stderr
     assert Path("kept/profiles.csv").exists()

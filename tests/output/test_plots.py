@@ -97,7 +97,7 @@ def of_suite(building, stood, fell, height=3.0):
     peaks = {one.name: np.full((stood, 2), 0.03) for one in STORY}
     peaks["peak_drift_ratio"] = peaks["peak_drift"] / height
     named = tuple(f"{i}" for i in range(stood))
-    level = (1.0, np.nan, [[]] * stood, 0, fell, 0, ("level", ""))
+    level = (1.0, np.nan, [[]] * stood, 0, fell, 0, ("level", ""), "")
     return Profile(*level, building, named, np.full(2, height), peaks, {})
 
 
@@ -155,7 +155,7 @@ def test_no_bar_of_a_tornado_hides_behind_another():
 
 def test_all_buildings_of_floors_are_named():
     """Where they have not as many floors, too: not all are in the first panel."""
-    level = (1.0, np.nan, [[], []], 0, 0, 0, ("level", ""))
+    level = (1.0, np.nan, [[], []], 0, 0, 0, ("level", ""), "")
     one = FloorSuite(*level, "low", 2, 0.05, np.array([0.5, 1.0]), np.ones((2, 2)))
     (legend,) = floor_suite_picture([one, replace(one, building="tall", floor=5)]).legends
     names = {text.get_text().partition(",")[0] for text in legend.get_texts()}

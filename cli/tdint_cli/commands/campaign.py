@@ -4,6 +4,7 @@ done."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -15,6 +16,7 @@ from tdint.written_numbers import how_many, parse_head
 from tdint_cli import options
 from tdint_cli.campaigns import (
     LIMIT,
+    PAIR_DEMAND,
     REQUIRE,
     Profiles,
     SuiteRequest,
@@ -111,6 +113,7 @@ class CampaignRequest(SuiteRequest):
     overwrite: bool = options.output.overwrite
     limit: float | None = LIMIT
     require: bool = REQUIRE
+    pair_demand: str | None = PAIR_DEMAND
     baseline: str | None = options.analysis.option(
         metavar="NAME",
         help="Also write ratios.csv: each building's mean, median and largest over those of this "
@@ -132,7 +135,9 @@ class CampaignRequest(SuiteRequest):
     )
 
 
-_OF_TABLES = frozenset(("output_units", "overwrite", "plot", "limit", "baseline", "by"))
+_OF_TABLES = frozenset(
+    ("output_units", "overwrite", "plot", "limit", "baseline", "by", "pair_demand")
+)
 _OF_RUNS = frozenset(("jobs", "shard", "max_runs", "dask", "im", "report", "floors"))
 _NO_MODELS = dict.fromkeys(
     ("im", "report", "floors"), "it has no models: give it to the call that does the runs"
@@ -212,6 +217,7 @@ def _run(request: CampaignRequest) -> None:
     else:
         engine = threads(request.jobs or processors())
     campaign = load_campaign(request.words[0])
+    campaign = replace(campaign, pair_demand=request.pair_demand or campaign.pair_demand)
     plan = make_plan(campaign, read_inputs(campaign))
     set_looks(plan.style, campaign.source, drawn=bool(request.plot or request.report))
     carry_out(plan, engine, request, shard=shard, max_runs=request.max_runs)
@@ -242,6 +248,8 @@ def _export(request: CampaignRequest) -> None:
         if not request.overwrite:
             store.refuse_foreign(named)
         check_chunks(store)
+        if request.pair_demand is not None:
+            store.choose_pair_demand(request.pair_demand)
         profiles = Profiles(store, request)
         export(profiles, folder, simcenter=request.simcenter, geojson=request.geojson)
         if unmet := profiles.tell():
@@ -264,6 +272,8 @@ def _merge(request: CampaignRequest) -> None:
         refuse_foreign(target, stories=True, profiles=True, overwrite=request.overwrite)
         with merge(folders, target, partial=request.partial) as store:
             set_looks(store.style(), str(target), drawn=bool(request.plot or request.report))
+            if request.pair_demand is not None:
+                store.choose_pair_demand(request.pair_demand)
             profiles = Profiles(store, request)
             finish(profiles, target)
             every, done = int(store.meta("runs")), sum(store.statuses().values())

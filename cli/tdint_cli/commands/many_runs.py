@@ -16,6 +16,7 @@ from tdint_cli.campaigns import (
     advance_with_bar,
     carry_out,
     check_names,
+    report_pairs,
     tell_outcomes,
     warn_of_plan,
 )
@@ -49,6 +50,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
     if request.output is not None:
         carry_out(plan, engine, request, show=True)
         return
+    report_pairs(plan, request)
     store, _ = open_store(None, plan)
     warn_of_plan(plan)
     note(*plan.notes)
@@ -97,6 +99,7 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
             profiles=True,
             check=bool(request.check),
         ),
+        pair_demand=request.pair_demand,
     )
     if records:
         motions = read_motions(record_files)

@@ -11,7 +11,7 @@ from tdint.errors import UsageError
 from tdint.files import check_outputs
 from tdint.units import SI, OutputUnits
 from tdint_cli import options
-from tdint_cli.campaigns import LIMIT, REQUIRE, SuiteRequest
+from tdint_cli.campaigns import LIMIT, PAIR_DEMAND, REQUIRE, SuiteRequest
 from tdint_cli.options.analysis import BuildingRequest, check_motion
 from tdint_cli.options.grammar import BESIDE, Count, FileName, Mode, Number, Ratio
 from tdint_cli.options.output import check_picture, picture_file
@@ -33,7 +33,7 @@ SEQUENCE = Mode(
 )
 SEVERAL = Mode(
     "with several runs",
-    frozenset(("duration", "limit", "factors")),
+    frozenset(("duration", "limit", "factors", "pair_demand")),
     dict.fromkeys(_OF_ONE, "it is for one record and one scale: call it once for each"),
 )
 MODES = (SINGLE, SEQUENCE, SEVERAL)
@@ -114,6 +114,7 @@ class Request(BuildingRequest, SuiteRequest):
     )
     limit: float | None = LIMIT
     require: bool = REQUIRE
+    pair_demand: str | None = PAIR_DEMAND
     allow_unstable: bool = options.analysis.option(
         rare=True, help="Run a method beyond its largest stable step."
     )

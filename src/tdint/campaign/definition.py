@@ -487,6 +487,9 @@ class CampaignFile:
         The tables that are written; None: all that there are.
     style : str
         Looks of the pictures, as they are written; the runs do not depend on it.
+    pair_demand : str or None
+        How the components of pairs count (`tdint.campaign.pairs`); None: the default. The runs do
+        not depend on it.
     """
 
     name: str
@@ -500,3 +503,4 @@ class CampaignFile:
     damage: DamageWishes | None = None
     outputs: tuple[str, ...] | None = None
     style: str = ""
+    pair_demand: str | None = None

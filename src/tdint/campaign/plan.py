@@ -96,6 +96,8 @@ class Plan:
     style : tuple of (str, str)
         Looks of the pictures as they are written, and the folder that a style sheet in them is
         relative to.
+    pair_demand : str or None
+        How the components of pairs count (`tdint.campaign.pairs`); None: the default.
     scaled : mapping
         What `tdint scale` told beside it of how they came about; empty where it did not, or not of
         these.
@@ -116,6 +118,7 @@ class Plan:
     rates: Mapping[str, float] = field(default_factory=dict)
     factors: str = ""
     style: tuple[str, str] = ("", "")
+    pair_demand: str | None = None
     scaled: Mapping[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     _chosen: dict[int, Future[float | None]] = field(
@@ -357,6 +360,7 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
             str(Path(campaign.source).parent.absolute()) if campaign.style else "",
         ),
         rates=motions.rates,
+        pair_demand=campaign.pair_demand,
         notes=(*notes, *motions.notes),
         warnings=on_plausibility(
             (subject.model, subject.prepared.building)

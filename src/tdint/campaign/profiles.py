@@ -2,9 +2,9 @@
 fractiles and largest.
 
 The order of operations is that of codes: the largest value of each motion over time, in each story;
-the mean of it over the motions; then the worst story. Of a pair of horizontal components the larger
-value counts. What collapsed or failed is counted and has no part in any number: a mean is that of
-the motions under which the building stood.
+the mean of it over the motions; then the worst story. The demand of a pair of horizontal components
+is the one of `tdint.campaign.pairs`. What collapsed or failed is counted and has no part in any
+number: a mean is that of the motions under which the building stood.
 """
 
 from __future__ import annotations
@@ -26,10 +26,11 @@ from tdint.analysis.spectra.floors import FloorSpectrum, floor_numbers, floor_sp
 from tdint.arrays import Array
 from tdint.campaign.batch import Run
 from tdint.campaign.intensity import SPECTRAL, measure_at
+from tdint.campaign.pairs import PairRule, combine
 from tdint.campaign.plan import Plan
 from tdint.campaign.store import Store
 from tdint.errors import UsageError, did_you_mean
-from tdint.ground_motion.horizontals import at_right_angles, motion_names
+from tdint.ground_motion.horizontals import motion_names
 from tdint.model.damage_states import DONE, FALLEN
 from tdint.system import on_threads
 from tdint.units import Quantity
@@ -94,6 +95,8 @@ class SuiteLevel:
         Motions under which the building collapsed, and whose run has no result.
     measure : tuple of str
         What the level is a value of, and its unit.
+    pair_demand : str
+        How the components of pairs count (`tdint.campaign.pairs`); empty if the suite has no pairs.
     """
 
     scale: float
@@ -103,6 +106,7 @@ class SuiteLevel:
     collapsed: int
     failed: int
     measure: tuple[str, str]
+    pair_demand: str
 
     @property
     def level_text(self) -> str:
@@ -332,11 +336,11 @@ def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
 
 @dataclass(frozen=True)
 class SuiteRules:
-    """How the runs of a building are taken together: the motion of each record (`motion_numbers`),
+    """How the runs of a building are taken together: the rule for pairs,
     the values of the levels and their `measure`, if one has them, and whether there are `several`
     (`has_levels`)."""
 
-    motions: Mapping[int, int]
+    pairs: PairRule
     values: Sequence[float]
     several: bool
     measure: tuple[str, str]
@@ -351,7 +355,7 @@ class SuiteRules:
             name, period = settings["measure"], settings["period"]
             unit = measure_at(name, SA_DAMPING, 1.0).unit
             measure = (f"{name}({period})" if name in SPECTRAL else name, unit)
-        return cls(motion_numbers(store.records()), values, has_levels(store), measure)
+        return cls(PairRule.of(store), values, has_levels(store), measure)
 
     def levels_of(self, store: Store, building: int) -> Iterator[SuiteLevel]:
         """The levels of a building of the store by its number, from the smallest factor."""
@@ -373,8 +377,8 @@ class SuiteRules:
             scales = {key.scale for key in keys}
             grouped: dict[tuple[int, int], list[Run]] = defaultdict(list)
             for key in keys:
-                grouped[self.motions[key.motion], key.sample].append(key)
-            # A pair is one motion: it failed or fell if one of its components did.
+                grouped[self.pairs.motion(key.motion), key.sample].append(key)
+            # A pair that is one motion failed or fell if one of its components did.
             failed = [
                 runs
                 for runs in grouped.values()
@@ -389,6 +393,7 @@ class SuiteRules:
                 sum(runs not in failed for runs in fell),
                 len(failed),
                 self.measure,
+                self.pairs.stated,
             )
 
 
@@ -413,11 +418,13 @@ def _peaks(
     values, errors = (
         [block[:, :, part] for block in stood] for part in (slice(1, _OWN), slice(_OWN, None))
     )
-    # Of both components the larger.
-    larger = partial(np.max, axis=0)
-    peaks = np.stack([larger(block) for block in values], axis=-1)
+    # The demand of a pair, from both components.
+    of_motion = partial(combine, demand=level.pair_demand)
+    peaks = np.stack([of_motion(block) for block in values], axis=-1)
     off = (
-        [_may_add(larger, *block) for block in zip(values, errors, strict=True)] if checked else []
+        [_may_add(of_motion, *block) for block in zip(values, errors, strict=True)]
+        if checked
+        else []
     )
     return stood[0][0, :, 0], _by_name(peaks), _by_name(np.stack(off, axis=-1)) if off else {}
 
@@ -425,25 +432,6 @@ def _peaks(
 def _by_name(values: Array) -> dict[str, Array]:
     """The quantities, shape (motions, n), from values of shape (n, quantities, motions)."""
     return {quantity.name: values[:, i].T for i, quantity in enumerate(STORY)}
-
-
-def motion_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, int]:
-    """The motion of each record, named by its first one: pairs are those that were read so, and
-    what are by their names the two horizontals of a motion."""
-    groups: dict[str, list[int]] = defaultdict(list)
-    names = motion_names([name for name, _, _ in records.values()])
-    for number, name in zip(records, names, strict=True):
-        groups[name].append(number)
-    numbers = {number: number for number in records}
-    # Files of one motion by their names alone; pairs that were read as such are told by the
-    # direction.
-    for first, *others in groups.values():
-        if len(others) == 1 and at_right_angles(records[first][1], records[others[0]][1]):
-            numbers[others[0]] = first
-    for number, (_, _, direction) in records.items():
-        if direction > 1:
-            numbers[number] = number - 1
-    return numbers
 
 
 _OWN = 1 + len(STORY)
@@ -510,7 +498,7 @@ class FloorSuite(SuiteLevel):
     periods : ndarray, shape (k,)
         Natural periods, s.
     psa : ndarray, shape (motions, k)
-        Of each motion that came to its end, m/s^2; of a pair the larger component at each period.
+        Of each motion that came to its end, m/s^2; of a pair its demand at each period.
     """
 
     building: str
@@ -589,7 +577,10 @@ def floor_suites(store: Store, floors: Sequence[RunFloors]) -> Iterator[FloorSui
                 of, name = shown.spectrum, names[number][0]
                 psa = np.array(
                     [
-                        np.max([spectra[run][i].spectrum.psa for run in runs], axis=0)
+                        combine(
+                            np.array([spectra[run][i].spectrum.psa for run in runs]),
+                            level.pair_demand,
+                        )
                         for runs in level.stood
                     ]
                 )

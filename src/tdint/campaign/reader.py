@@ -31,6 +31,7 @@ from tdint.campaign.intensity import (
     without_levels,
 )
 from tdint.campaign.motions import COORDINATES, MAX_DISTANCE, GridFile, MeasureLevels, Scales
+from tdint.campaign.pairs import PAIR_DEMANDS
 from tdint.csv_table import number
 from tdint.errors import UsageError
 from tdint.ground_motion.choice import RecordChoice
@@ -140,8 +141,14 @@ _SAMPLE_UNITS = Key(
     "units of the samples, where the files do not say them: m/s^2, g, ...; by file "
     "'AT2=g,*.mseed=m/s^2', or a table of them, relative to this file",
 )
+_PAIR_DEMAND = Key(
+    "pair_demand",
+    Choice(PAIR_DEMANDS, "demand of pairs"),
+    "how the two horizontal components of a recording count: as one motion with the larger (by "
+    "default) or the mean demand, or each as a motion of its own",
+)
 MOTIONS = Keys(
-    (*_FILES, *_SEQUENCES, *_FIELDS, *_GRID, _DISTANCE, _LARGEST, _SAMPLE_UNITS),
+    (*_FILES, *_SEQUENCES, *_FIELDS, *_GRID, _DISTANCE, _LARGEST, _SAMPLE_UNITS, _PAIR_DEMAND),
 )
 """The keys of `records`, and their values. One of files, sequences, fields and grid is required
 unless the intensity is a table of factors, which lists the records."""
@@ -157,6 +164,7 @@ def read_wanted_motions(
     section = value.section()
     if section is None:
         return None
+    section.read("pair_demand")  # its value is used in `read_campaign`; errors are found here
     # Each way has its own keys: those of another one would be without effect, and are told.
     if section.has("grid"):
         others = (*_FILE_KEYS, *_SEQUENCE_KEYS, *_FIELD_KEYS)
@@ -488,7 +496,14 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
         ),
         outputs=chosen,
         style=section.read("style") or "",
+        pair_demand=_read_pair_demand(records),
     )
+
+
+def _read_pair_demand(records: Value | None) -> str | None:
+    """Return how the components of pairs count, None if the file does not choose."""
+    value = records.peek("pair_demand") if records else None
+    return value.word if value and value.word in PAIR_DEMANDS else None
 
 
 def _check_together(section: Section) -> None:

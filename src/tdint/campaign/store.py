@@ -24,6 +24,7 @@ from tdint.campaign.buildings import (
     plugin_files,
 )
 from tdint.campaign.fragility.type_states import Damage
+from tdint.campaign.pairs import LARGER
 from tdint.campaign.plan import Plan
 from tdint.campaign.store_schema import (
     SILENT,
@@ -77,6 +78,8 @@ class Identity:
         How often events come in a year, as far as it is told.
     style : tuple of (str, str)
         Looks of the pictures, and the folder that a style sheet in them is relative to.
+    pair_demand : str or None
+        How the components of pairs count; None: the default.
     kept : sequence of int or None
         The buildings that the store tells of: those of a shard; None: all.
     """
@@ -96,6 +99,7 @@ class Identity:
     outputs: Sequence[str] | None = None
     rates: Mapping[str, float] = field(default_factory=dict)
     style: tuple[str, str] = ("", "")
+    pair_demand: str | None = None
     kept: Sequence[int] | None = None
 
     @classmethod
@@ -112,6 +116,7 @@ class Identity:
             "outputs",
             "rates",
             "style",
+            "pair_demand",
         )
         return cls(
             **{name: getattr(plan, name) for name in same},
@@ -447,6 +452,7 @@ class Store:
             "outputs": json.dumps(identity.outputs),
             "rates": json.dumps(dict(identity.rates)),
             "style": json.dumps(identity.style),
+            "pair_demand": identity.pair_demand or LARGER,
             "periods": json.dumps(
                 [] if carried else [building.subject().period for building in buildings]
             ),
@@ -527,6 +533,18 @@ class Store:
         relative to."""
         text, folder = json.loads(self._known("style") or '["", ""]')
         return text, folder
+
+    def pair_demand(self) -> str:
+        """How the components of pairs count: one of `tdint.campaign.pairs.PAIR_DEMANDS`."""
+        return self._known("pair_demand") or LARGER
+
+    def choose_pair_demand(self, demand: str) -> None:
+        """Store how the components of pairs count."""
+        if demand != self.pair_demand():
+            with in_words(self.name), transaction(self.connection, self.name):
+                values = ("pair_demand", demand)
+                self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
+                self.seal()
 
     def rates(self) -> dict[str, float]:
         """How often each event comes in a year; empty where it is not told."""

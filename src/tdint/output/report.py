@@ -14,6 +14,7 @@ from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.spectra.target import read_target
 from tdint.campaign.intensity import GEOMETRIC_MEAN
 from tdint.campaign.motions import GivenFactors
+from tdint.campaign.pairs import PairRule, in_words
 from tdint.campaign.scaling import Scaling
 from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import parse
@@ -319,7 +320,7 @@ def suite_page(
         Chapter("Floor spectra", (spectra,) if floors else ()),
         *(model_chapter(item.model, units) for item in models),
         _motions(_as_run(plan, store), units, scaled),
-        _assumptions(step, [*rest, _SUITE]),
+        _assumptions(step, [*rest, *_of_pairs(store), _SUITE]),
         Chapter("Notes", (once(note for note in plan.notes if not note.endswith(tuple(warned))),)),
     ]
     whole = {"file": "the whole campaign, its fingerprint", "sha256": content["fingerprint"]}
@@ -516,10 +517,13 @@ def _motions(
     return Chapter("Ground motions", parts)
 
 
-_SUITE = (
-    "of pairs of horizontal components the larger value counts; means are over the motions under "
-    "which the building stood"
-)
+_SUITE = "means are over the motions under which the building stood"
+
+
+def _of_pairs(store: Store) -> list[str]:
+    """How the components of pairs count; nothing without pairs."""
+    rule = PairRule.of(store)
+    return [f"{in_words(rule.demand)} (pair_demand: {rule.demand})"] if rule.pairs else []
 
 
 def _assumptions(step: str, more: Sequence[str]) -> Chapter:

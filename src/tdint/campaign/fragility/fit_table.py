@@ -46,7 +46,7 @@ from tdint.campaign.fragility.measures import (
     with_measures,
 )
 from tdint.campaign.fragility.runs import BuildingDamage, building_damages, exceedance
-from tdint.campaign.profiles import motion_numbers
+from tdint.campaign.pairs import recording_numbers
 from tdint.campaign.store import check_chunks, open_existing
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
@@ -638,7 +638,7 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
             raise UsageError(f"{folder}: this campaign says nothing of damage; {way}{more}")
         intensities = RunIntensities(store, folder, measure)
         # Of ground motion fields what errs alike is an event, whose numbers are those of the draws.
-        motions = {} if store.events() else motion_numbers(store.records())
+        motions = {} if store.events() else recording_numbers(store.records())
         gathered: dict[str, _Gathered] = {}
         for of in building_damages(store, of_all):
             name = of.type if by == TYPE else of.building

@@ -21,8 +21,8 @@ from tdint.campaign.batch import Run
 from tdint.campaign.fragility.fits import Fragility
 from tdint.campaign.fragility.runs import BuildingDamage
 from tdint.campaign.intensity import AVERAGE, SPECTRAL, geometric_mean
+from tdint.campaign.pairs import recording_numbers
 from tdint.campaign.plan import Plan
-from tdint.campaign.profiles import motion_numbers
 from tdint.campaign.store import FILE, Store, open_existing
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
@@ -560,7 +560,7 @@ def motions_of(table: CsvTable) -> NDArray[np.intp]:
         elif store is not None:
             records = store.records()
             motions = {
-                records[number][:2]: motion for number, motion in motion_numbers(records).items()
+                records[number][:2]: motion for number, motion in recording_numbers(records).items()
             }
             names = [motions.get(key, key) for key in keys]
     numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}

@@ -27,7 +27,8 @@ from tdint.analysis.run.outcome import StoryPeaks
 from tdint.arrays import Array
 from tdint.campaign.batch import Run, demand_cells
 from tdint.campaign.fragility.type_states import own_type
-from tdint.campaign.profiles import level_ranks, motion_numbers
+from tdint.campaign.pairs import recording_numbers
+from tdint.campaign.profiles import level_ranks
 from tdint.campaign.store import Store
 from tdint.csv_table import number as cell_number
 from tdint.model.damage_states import COST, DONE, FALLEN, NUMBER, DamageStates
@@ -392,7 +393,7 @@ def group_damages(
     column of the inventory, of all types together; by nothing ("") of all buildings. One building
     is held at a time."""
     motion_of, levels, events = (
-        motion_numbers(store.records()),
+        recording_numbers(store.records()),
         level_values(store),
         ["", *store.events()],
     )

@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator
 
 from tdint.analysis.spectra.floors import FloorSpectrum
 from tdint.arrays import Array
+from tdint.campaign.pairs import MEAN
 from tdint.campaign.profiles import DRIFT_RATIO, FloorSuite, Profile, level_text
 from tdint.output.figures.collapse import GRAY
 from tdint.output.figures.style import (
@@ -445,10 +446,15 @@ def profile_picture(
     more = f"; the first {len(shown)} of {len(rows)} levels" if len(rows) > len(shown) else ""
     runs, pairs = shown[0][0].runs, shown[0][0].pairs
     motions = how_many(runs, "motion")
+    part = "mean of both components" if shown[0][0].pair_demand == MEAN else "larger component"
     if 0 < pairs < runs:
-        motions += f", of {how_many(pairs, 'pair')} the larger component"
+        motions += f", of {how_many(pairs, 'pair')} the {part}"
     elif pairs:
-        motions = f"{how_many(pairs, 'pair')}, the larger component of each"
+        motions = f"{how_many(pairs, 'pair')}, the {part} of each".removesuffix(
+            " of each" * (shown[0][0].pair_demand == MEAN)
+        )
+    elif shown[0][0].pair_demand:
+        motions += ", the components of pairs counted separately"
     return titled(figure, f"{subject}\n{motions}{more}")
 
 

@@ -69,6 +69,15 @@ RUN_ERRORS = error_columns(_WITH_ERROR)
 STORIES = (*OF_BUILDING, *STORY)
 """Of stories.csv of a campaign."""
 
+PAIR_DEMAND = Column(
+    "pair_demand",
+    "text",
+    "pair_demand",
+    "how the two components of a recording count: larger or mean (one motion, with the larger or "
+    "the mean demand) or separate (two motions)",
+)
+"""Last column of tables over motions among which there are pairs."""
+
 LEVEL = Column(
     "level",
     "1",
@@ -77,7 +86,7 @@ LEVEL = Column(
     "smallest",
 )
 COUNTS = (
-    Column("runs", "1", "runs", "motions; a pair is one"),
+    Column("runs", "1", "runs", "motions; a pair is one unless its components count separately"),
     Column(
         "collapsed",
         "1",
@@ -106,7 +115,7 @@ PROFILES = (
         "mean",
         "1",
         "mean",
-        "over the motions that came to their end; of a pair the larger component counts",
+        "over the motions that came to their end; the demand of a pair is the one in pair_demand",
     ),
     Column("median", "1", "median", "over the same motions"),
     Column("p16", "1", "p16", "value that 16 % of them do not exceed"),
@@ -281,6 +290,7 @@ def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterat
     for profile in profiles:
         counts = (profile.runs, profile.collapsed, profile.failed)
         level = () if math.isnan(profile.level) else (profile.level,)
+        demand = (profile.pair_demand,) if profile.pair_demand else ()
         for quantity in STORY_QUANTITIES:
             unit, factor = units.unit(quantity.unit)
             statistics = profile.statistics(quantity)
@@ -294,7 +304,16 @@ def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterat
             )
             for story, (cells, off) in enumerate(zip(columns, behind, strict=True), start=1):
                 head = (cell_text(profile.building), profile.scale, *level)
-                yield [*head, quantity.called or quantity.name, story, unit, *cells, *counts, *off]
+                yield [
+                    *head,
+                    quantity.called or quantity.name,
+                    story,
+                    unit,
+                    *cells,
+                    *counts,
+                    *off,
+                    *demand,
+                ]
 
 
 def _with_level(store: Store, columns: tuple[Column, ...], place: int) -> tuple[Column, ...]:
@@ -304,11 +323,20 @@ def _with_level(store: Store, columns: tuple[Column, ...], place: int) -> tuple[
     return (*columns[:place], *((LEVEL,) if has_levels(store) else ()), *columns[place:])
 
 
+def with_pair_demand(store: Store, columns: Sequence[Column]) -> tuple[Column, ...]:
+    """Return the columns and, if there are pairs, the one that states how they count."""
+    from tdint.campaign.pairs import PairRule
+
+    stated = PairRule.of(store).stated
+    return (*columns, *(replace(PAIR_DEMAND, value=lambda _: stated),) * bool(stated))
+
+
 def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
     """Write profiles.csv; with a column `level` where a level is more than a factor."""
     from tdint.campaign.profiles import profiles
 
     columns = [*_with_level(store, PROFILES, 2), *PROFILE_ERRORS * store.checked]
+    columns = [*with_pair_demand(store, columns)]
     write_rows(columns, profile_rows(profiles(store), units), stream)
 
 
@@ -387,7 +415,7 @@ def profile_error_table(profile: Profile, names: Sequence[str]) -> Table:
 def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Table:
     """Buildings over a baseline: of the largest value of all stories, and with `stories` of each
     story, too."""
-    table = Table.of_results(_with_level(store, RATIOS, 3), ratios)
+    table = Table.of_results(with_pair_demand(store, _with_level(store, RATIOS, 3)), ratios)
     # The largest of all stories stands in the row without a story.
     place = table.columns.index("story")
     return (
@@ -418,7 +446,7 @@ def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
 def floor_suite_table(store: Store, suites: Sequence[FloorSuite]) -> Table:
     """Mean and envelope of them over the motions: a row per building, level, floor, damping ratio
     and period."""
-    return Table.of_results(_with_level(store, FLOOR_SUITES, 2), suites)
+    return Table.of_results(with_pair_demand(store, _with_level(store, FLOOR_SUITES, 2)), suites)
 
 
 def write_rows(

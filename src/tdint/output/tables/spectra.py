@@ -320,7 +320,7 @@ OF_FLOORS = (
         "mean_psa_m_s2",
         "m/s^2",
         "mean",
-        "mean pseudo-acceleration of the motions; of a pair the larger component",
+        "mean pseudo-acceleration of the motions; the demand of a pair is the one in pair_demand",
     ),
     Column("max_psa_m_s2", "m/s^2", "envelope", "the largest of any motion"),
 )

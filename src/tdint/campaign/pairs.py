@@ -1,0 +1,171 @@
+"""Demand of a pair: how the two horizontal components of a recording count in the results of a
+suite of ground motions.
+
+The choice is declared once (`pair_demand` of the records, `--pair-demand`) and used by profiles,
+damage, losses, maps, incremental dynamic analyses and fragility functions:
+
+- `larger`: the pair is one motion, and each demand is the larger value of the two components
+- `mean`: the pair is one motion, and each demand is the mean of the two components
+- `separate`: each component is a motion of its own
+
+A pair is two components that were read as a pair, or two records that are recognized as such by
+their names. With `larger` and `mean` the building has collapsed under a pair if it has collapsed
+under one of the components, and a pair without a result of one component has no result.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from tdint.arrays import Array
+from tdint.errors import UsageError, did_you_mean
+from tdint.ground_motion.horizontals import at_right_angles, motion_names
+from tdint.written_numbers import how_many
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from tdint.campaign.store import Store
+    from tdint.ground_motion.reading.suites import SuiteMotion
+
+LARGER, MEAN, SEPARATE = "larger", "mean", "separate"
+PAIR_DEMANDS = (LARGER, MEAN, SEPARATE)
+"""What the demand of a pair may be; the first is the default."""
+
+_IN_WORDS = {
+    LARGER: "each pair counts once, with the larger demand of its two components",
+    MEAN: "each pair counts once, with the mean demand of its two components",
+    SEPARATE: "each component of a pair counts as a motion of its own",
+}
+
+
+def check_pair_demand(demand: str) -> str:
+    """Return the demand of a pair if it is one of `PAIR_DEMANDS`.
+
+    Raises
+    ------
+    UsageError
+        It is another text.
+    """
+    if demand not in PAIR_DEMANDS:
+        raise UsageError(
+            f"pair_demand must be {', '.join(PAIR_DEMANDS[:-1])} or {PAIR_DEMANDS[-1]}, got "
+            f"{demand!r}{did_you_mean(demand, PAIR_DEMANDS)}"
+        )
+    return demand
+
+
+def recording_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, int]:
+    """Return the recording of each record: the number of its first component.
+
+    Parameters
+    ----------
+    records : mapping of int to (str, str, int)
+        Name, component and direction of each record by its number. The direction of the second
+        component of a pair that was read as such is 2, and its number follows the first one's.
+    """
+    groups: dict[str, list[int]] = defaultdict(list)
+    names = motion_names([name for name, _, _ in records.values()])
+    for number, name in zip(records, names, strict=True):
+        groups[name].append(number)
+    numbers = {number: number for number in records}
+
+    # Records that are one recording by their names, if they are at right angles.
+    for first, *others in groups.values():
+        if len(others) == 1 and at_right_angles(records[first][1], records[others[0]][1]):
+            numbers[others[0]] = first
+
+    # Pairs that were read as such are identified by their direction.
+    for number, (_, _, direction) in records.items():
+        if direction > 1:
+            numbers[number] = number - 1
+    return numbers
+
+
+@dataclass(frozen=True)
+class PairRule:
+    """How the components of pairs count.
+
+    Attributes
+    ----------
+    demand : str
+        One of `PAIR_DEMANDS`.
+    recordings : mapping of int to int
+        The recording of each record, as `recording_numbers` returns it. Results under the two
+        components of a recording are correlated under every rule.
+    """
+
+    demand: str = LARGER
+    recordings: Mapping[int, int] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, store: Store) -> Self:
+        """Return the rule of a campaign."""
+        return cls(store.pair_demand(), recording_numbers(store.records()))
+
+    @classmethod
+    def of_motions(cls, motions: Sequence[SuiteMotion], demand: str | None) -> Self:
+        """Return the rule of motions that have been read; without a demand the default."""
+        records = {
+            number: (motion.name, motion.component, motion.direction)
+            for number, motion in enumerate(motions)
+        }
+        return cls(demand or LARGER, recording_numbers(records))
+
+    @property
+    def pairs(self) -> int:
+        """Number of pairs among the records."""
+        return sum(number != first for number, first in self.recordings.items())
+
+    @property
+    def stated(self) -> str:
+        """The demand of a pair if there are pairs; empty if the choice has no effect."""
+        return self.demand if self.pairs else ""
+
+    @property
+    def partners(self) -> dict[int, int]:
+        """The first component of each second component, by their numbers."""
+        return {number: first for number, first in self.recordings.items() if number != first}
+
+    def motion(self, record: int) -> int:
+        """Return the number of the motion that a record counts as, or as a part of."""
+        return record if self.demand == SEPARATE else self.recordings[record]
+
+    def combine(self, values: Array) -> Array:
+        """Return `combine` of the demands of the components with the demand of this rule."""
+        return combine(values, self.demand)
+
+    def groups(self, records: Iterable[int]) -> dict[int, list[int]]:
+        """Return the places of records that count as one motion, by the number of the motion."""
+        places: dict[int, list[int]] = {}
+        for place, record in enumerate(records):
+            places.setdefault(self.motion(record), []).append(place)
+        return places
+
+    def note(self) -> str:
+        """Return one line that reports the default choice; empty without pairs."""
+        return note(self.pairs, self.demand) if self.pairs else ""
+
+
+def combine(values: Array, demand: str) -> Array:
+    """Return the demand of a motion from the demands of its components, along the first axis."""
+    return np.asarray(np.mean(values, axis=0) if demand == MEAN else np.max(values, axis=0))
+
+
+def in_words(demand: str) -> str:
+    """Return what the demand of a pair is, as a clause of a sentence."""
+    return _IN_WORDS[demand]
+
+
+def note(pairs: int, demand: str) -> str:
+    """Return one line that reports recognized pairs and the choice that was not made explicitly."""
+    others = " or ".join(other for other in PAIR_DEMANDS if other != demand)
+    return (
+        f"{how_many(pairs, 'pair')} of horizontal components: {in_words(demand)} (pair_demand: "
+        f"{demand}; --pair-demand {others} changes this)"
+    )
