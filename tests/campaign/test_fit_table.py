@@ -222,7 +222,8 @@ def test_errors_are_those_of_leaving_out_motions(tmp_path: Path, event: bool) ->
     compared: by fits without each motion, by hand; the information matrix, by which runs are
     independent, has half of it."""
     motion, im, edp = scattered(tmp_path, event)
-    functions = [fit_table(str(tmp_path / name), FragilityRequest("cloud", (OVER,))).functions[0]
+    request = FragilityRequest("cloud", (OVER,), pair_demand="separate")
+    functions = [fit_table(str(tmp_path / name), request).functions[0]
                  for name in ("runs.csv", "cloud.csv")]  # fmt: skip
     (alone,) = fit_cloud(im, edp, (OVER,))
     left = [fit_cloud(im[motion != k], edp[motion != k], (OVER,))[0] for k in range(14)]
@@ -260,7 +261,10 @@ def test_few_runs_beyond_tell_no_median(tmp_path: Path) -> None:
     beyond."""
     _, im, edp = scattered(tmp_path, False)
     high, middle = np.sort(edp)[-4], float(np.quantile(edp, 0.5))
-    result = fit_table(str(tmp_path / "runs.csv"), FragilityRequest("cloud", (high, middle)))
+    result = fit_table(
+        str(tmp_path / "runs.csv"),
+        FragilityRequest("cloud", (high, middle), pair_demand="separate"),
+    )
     rare, usual = result.functions
     assert math.isnan(rare.theta_error) and math.isnan(rare.beta_error) and usual.theta_error > 0.0
     assert result.disagreements == [

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import beta
+from scipy.stats import beta, norm
 
 from cli.conftest import Command, change, copy_of, made_once, write_record
 from csv_rows import rows
@@ -24,7 +24,7 @@ from tdint.ground_motion.choice import RecordChoice
 
 CAMPAIGN = """\
 buildings: {inventory: buildings.csv, units: {length: ft}}
-records: {fields: fields.csv, sites: sites.csv, units: m/s^2, pairs: true}
+records: {fields: fields.csv, sites: sites.csv, units: m/s^2, pairs: true, pair_demand: separate}
 """
 BUILDINGS = """\
 id,NumberOfStories,YearBuilt,StructureType,PlanArea,Latitude,Longitude,site
@@ -247,7 +247,7 @@ def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
         for one in json.loads(Path("out/buildings.geojson").read_text())["features"]
     ]
     assert [(one["building"], one["event"], one["runs"]) for one in features] == [
-        (name, event, 1)
+        (name, event, 2)
         for name in "abc"
         for event in ("M7-1", "M7-2", "M6")
         if (name, event) != ("a", "M6")
@@ -353,8 +353,8 @@ def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
         ("campaign.yaml", "sites: sites.csv", "files: [firm.mseed]", 3, "has no part in `fields`"),
         (
             "campaign.yaml",
-            "pairs: true}",
-            "pairs: true}\nintensity: {measure: pga, levels: [1 g]}",
+            "pair_demand: separate}",
+            "pair_demand: separate}\nintensity: {measure: pga, levels: [1 g]}",
             3,
             "has no part in events, whose factors are given; `scales` multiply them",
         ),
@@ -721,3 +721,60 @@ def test_how_often_a_loss_comes_in_a_year(losing: Path, tdint: Command) -> None:
     Path("rates.csv").write_text("event,rate\nM7-1,0.002\n")
     said = "rates.csv: has no rate of 2 events of the fields, such as 'M7-2'"
     tdint.refused(said, "campaign", "campaign.yaml", "-o", "new", code=3)
+
+
+@pytest.mark.parametrize("demand", ["larger", "mean", "separate"])
+def test_the_annual_loss_under_each_rule_for_pairs(
+    losing: Path, tdint: Command, demand: str
+) -> None:
+    """By hand from the drift ratios of the runs: with one choice for losses, exceedance, damage
+    types and the map."""
+    tdint("campaign", "export", "out", "--geojson", "--pair-demand", demand, code=0)
+    types = json.loads(Path("out/summary.json").read_text())["damage"]["types"]
+    worth = {"a": 2e6 * 3, "b": 1.5e6, "c": 4e5 * 10}
+    rates = {"1": 0.002, "2": 0.004, "3": 0.05}
+
+    def loss(kind: str, drift: float) -> float:
+        states = types[kind]
+        exceeded = [
+            float(norm.cdf(math.log(drift / median) / states["dispersion"]))
+            for median in states["medians"]
+        ]
+        steps = np.diff([0.0, *states["losses"][: len(exceeded)]])
+        return float(np.dot(exceeded, steps))
+
+    # The demands of both components of each pair, by building and event: beyond all after a fall.
+    pairs: dict[tuple[str, str, str], list[float]] = {}
+    for run in rows("out/damage.csv"):
+        key = run["building"], run["type"], run["sample"]
+        demand_column = list(run)[list(run).index("status") + 1]
+        drift = float(run[demand_column]) if run["status"] == "done" else 1e9
+        pairs.setdefault(key, []).append(drift)
+    assert all(len(drifts) == 2 for drifts in pairs.values())
+    assert any(max(drifts) < 1e9 and drifts[0] != drifts[1] for drifts in pairs.values())
+    by_hand = {
+        (building, event): {
+            "larger": loss(kind, max(drifts)),
+            "mean": loss(kind, sum(drifts) / 2.0),
+            "separate": sum(loss(kind, drift) for drift in drifts) / 2.0,
+        }[demand]
+        for (building, kind, event), drifts in pairs.items()
+    }
+    annual = sum(rates[event] * worth[name] * value for (name, event), value in by_hand.items())
+    exceedance = rows("out/exceedance.csv")
+    assert sum(float(row["annual_loss"]) for row in exceedance) == pytest.approx(annual, rel=1e-9)
+    names = {"1": "M7-1", "2": "M7-2", "3": "M6"}
+    losses = {(row["building"], row["event"]): row for row in rows("out/losses.csv")}
+    features = [
+        feature["properties"]
+        for feature in json.loads(Path("out/buildings.geojson").read_text())["features"]
+    ]
+    on_map = {(one["building"], one["event"]): one for one in features}
+    for (building, event), value in by_hand.items():
+        row, feature = losses[building, names[event]], on_map[building, names[event]]
+        assert float(row["loss_ratio"]) == pytest.approx(value, rel=1e-9)
+        assert feature["loss_ratio"] == pytest.approx(value, rel=1e-9)
+        assert row["pair_demand"] == feature["pair_demand"] == demand
+        assert int(row["runs"]) == (2 if demand == "separate" else 1)
+    for table in (exceedance, rows("out/damage-types.csv"), rows("out/losses.csv")):
+        assert {row["pair_demand"] for row in table} == {demand}

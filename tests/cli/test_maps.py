@@ -215,7 +215,7 @@ def test_damage_has_them_too(region: Path, tdint: Command) -> None:
         "complete: 1}}"
     )
     Path("campaign.yaml").write_text(f"{CAMPAIGN}damage: {damage}\n")
-    tdint("campaign", "campaign.yaml", "-o", "out", code=0)
+    tdint("campaign", "campaign.yaml", "-o", "out", "--pair-demand", "separate", code=0)
     tdint("campaign", "export", "out", "--geojson", code=0)
     table = rows("out/damage.csv")
     assert list(table[0])[-len(CARRIED) :] == CARRIED

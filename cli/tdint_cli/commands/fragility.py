@@ -34,6 +34,7 @@ _FIT = Mode(
             "openquake",
             "plot",
             "output_units",
+            "pair_demand",
         )
     ),
     {"sufficiency": "it compares measures: give several with --im"},
@@ -106,6 +107,13 @@ class Request:
         help="With several: characteristics of the motions (record,magnitude,...), on which what "
         "a measure leaves should not depend. Runs under one motion count as alike, or those of one "
         "event with a column `event`.",
+    )
+    pair_demand: str | None = options.option(
+        "--pair-demand",
+        type=click.Choice(("larger", "mean", "separate")),
+        rare=True,
+        help="How the two horizontal components of a recording count: as one motion with their "
+        "larger or their mean demand, or separately; by default as in the study.",
     )
     modeling_dispersion: float = options.option(
         type=Number(0.0, 10.0),
@@ -203,6 +211,7 @@ def _fragility(request: Request) -> None:
         modeling_dispersion=request.modeling_dispersion,
         measure=request.im[0] if request.im else None,
         states=(request.states or ()) if by else (),
+        pair_demand=request.pair_demand,
     )
     result = fit_types(Path(request.table), asked, by) if by else fit_table(request.table, asked)
     note(*result.notes)

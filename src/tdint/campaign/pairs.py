@@ -30,7 +30,6 @@ from tdint.written_numbers import how_many
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from tdint.campaign.store import Store
     from tdint.ground_motion.reading.suites import SuiteMotion
 
 LARGER, MEAN, SEPARATE = "larger", "mean", "separate"
@@ -102,11 +101,6 @@ class PairRule:
 
     demand: str = LARGER
     recordings: Mapping[int, int] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, store: Store) -> Self:
-        """Return the rule of a campaign."""
-        return cls(store.pair_demand(), recording_numbers(store.records()))
 
     @classmethod
     def of_motions(cls, motions: Sequence[SuiteMotion], demand: str | None) -> Self:

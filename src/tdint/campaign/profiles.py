@@ -355,7 +355,7 @@ class SuiteRules:
             name, period = settings["measure"], settings["period"]
             unit = measure_at(name, SA_DAMPING, 1.0).unit
             measure = (f"{name}({period})" if name in SPECTRAL else name, unit)
-        return cls(PairRule.of(store), values, has_levels(store), measure)
+        return cls(store.pair_rule(), values, has_levels(store), measure)
 
     def levels_of(self, store: Store, building: int) -> Iterator[SuiteLevel]:
         """The levels of a building of the store by its number, from the smallest factor."""

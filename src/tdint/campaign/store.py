@@ -24,7 +24,7 @@ from tdint.campaign.buildings import (
     plugin_files,
 )
 from tdint.campaign.fragility.type_states import Damage
-from tdint.campaign.pairs import LARGER
+from tdint.campaign.pairs import LARGER, PairRule, recording_numbers
 from tdint.campaign.plan import Plan
 from tdint.campaign.store_schema import (
     SILENT,
@@ -537,6 +537,10 @@ class Store:
     def pair_demand(self) -> str:
         """How the components of pairs count: one of `tdint.campaign.pairs.PAIR_DEMANDS`."""
         return self._known("pair_demand") or LARGER
+
+    def pair_rule(self) -> PairRule:
+        """How the components of its pairs count."""
+        return PairRule(self.pair_demand(), recording_numbers(self.records()))
 
     def choose_pair_demand(self, demand: str) -> None:
         """Store how the components of pairs count."""

@@ -14,7 +14,7 @@ from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.spectra.target import read_target
 from tdint.campaign.intensity import GEOMETRIC_MEAN
 from tdint.campaign.motions import GivenFactors
-from tdint.campaign.pairs import PairRule, in_words
+from tdint.campaign.pairs import in_words
 from tdint.campaign.scaling import Scaling
 from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import parse
@@ -522,7 +522,7 @@ _SUITE = "means are over the motions under which the building stood"
 
 def _of_pairs(store: Store) -> list[str]:
     """How the components of pairs count; nothing without pairs."""
-    rule = PairRule.of(store)
+    rule = store.pair_rule()
     return [f"{in_words(rule.demand)} (pair_demand: {rule.demand})"] if rule.pairs else []
 
 

@@ -43,10 +43,17 @@ from tdint.campaign.fragility.measures import (
     of_pairs,
     over_motions,
     period_beside,
+    rows_of_motions,
     with_measures,
 )
-from tdint.campaign.fragility.runs import BuildingDamage, building_damages, exceedance
-from tdint.campaign.pairs import recording_numbers
+from tdint.campaign.fragility.runs import (
+    BuildingDamage,
+    building_damages,
+    by_motion,
+    exceedance,
+    places_of_motions,
+)
+from tdint.campaign.pairs import PairRule
 from tdint.campaign.store import check_chunks, open_existing
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
@@ -84,6 +91,9 @@ class FragilityRequest:
         Sa(T1) by default.
     states : tuple of str
         Names of the states of thresholds, in the order that these rise; ds1, ds2, ... by default.
+    pair_demand : str or None
+        How the components of pairs count (`tdint.campaign.pairs`); by default as the study beside
+        the table has it, else the larger demand.
     """
 
     fit: str | None = None
@@ -92,6 +102,7 @@ class FragilityRequest:
     modeling_dispersion: float = 0.0
     measure: str | None = None
     states: tuple[str, ...] = ()
+    pair_demand: str | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -325,6 +336,16 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
     # Stripes where enough runs stand at each level, else a cloud; asked for, stripes need such
     # levels.
     runs = _runs_of(table, request)
+    result = _fit_known_runs(table, request, runs)
+    if not runs.pairs.pairs:
+        return result
+    functions = (replace(item, pair_demand=runs.pairs.stated) for item in result.functions)
+    notes = () if request.pair_demand else (runs.pairs.note(),)
+    return replace(result, functions=tuple(functions), notes=(*result.notes, *notes))
+
+
+def _fit_known_runs(table: CsvTable, request: FragilityRequest, runs: _Runs) -> FragilityResult:
+    """Stripes or a cloud of these runs."""
     stripes = [runs.result & (runs.level == level) for level in np.unique(runs.level[runs.result])]
     in_stripes = all(np.sum(stripe) >= _LEAST_STRIPE for stripe in stripes)
     fit = request.fit or (STRIPES if in_stripes else CLOUD)
@@ -363,7 +384,7 @@ def _fit_runs(table: CsvTable, request: FragilityRequest) -> FragilityResult:
 class _Runs:
     """Runs of a study, all arrays of shape (n,): intensity and the number of its level, largest
     drift, whether the building collapsed, whether there is a result, the ground motion; the
-    intensity's name and unit."""
+    intensity's name and unit, and the rule by which components of pairs were combined."""
 
     im: Array
     level: NDArray[np.intp]
@@ -372,6 +393,7 @@ class _Runs:
     result: NDArray[np.bool_]
     motion: NDArray[np.intp]
     names: tuple[str, str]
+    pairs: PairRule
 
 
 def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
@@ -400,18 +422,28 @@ def _runs_of(table: CsvTable, request: FragilityRequest) -> _Runs:
         else:
             column, unit = column_of(table, measure.column)
     im = np.array(table.numbers(column, empty=True))
-    im = im if column == "im" else of_pairs(table, im)
+    motion, collapsed = motions_of(table), np.isin(status, FALLEN)
+    known = collapsed | (status == DONE)
+
+    # The runs under a pair at a level are one, by the rule for pairs.
+    rule, groups = rows_of_motions(table, request.pair_demand)
+    if len(groups) < len(table.rows):
+        im = np.array([float(np.prod(im[group])) ** (1.0 / len(group)) for group in groups])
+        drift = np.array([rule.combine(drift[group]) for group in groups])
+        known = np.array([np.all(known[group]) for group in groups])
+        collapsed = np.array([np.any(collapsed[group]) for group in groups])
+        motion = motion[[group[0] for group in groups]]
+    elif column != "im":
+        im = of_pairs(table, im)
 
     # A run without an intensity is none; one without a drift ratio has no result.
-    motion = motions_of(table)
-    collapsed = np.isin(status, FALLEN)
     positive = im > 0.0
-    result = (collapsed | (status == DONE)) & (drift > 0.0) & positive
+    result = known & (drift > 0.0) & positive
     if not result.any():
         raise ModelError(f"{table.source}: no run has a result")
     im, drift, motion = im[positive], drift[positive], motion[positive]
     collapsed, result = collapsed[positive], result[positive]
-    return _Runs(im, levels_of(im), drift, collapsed, result, motion, (name, unit))
+    return _Runs(im, levels_of(im), drift, collapsed, result, motion, (name, unit), rule)
 
 
 def _of_stripes(runs: _Runs, threshold: float) -> Fragility:
@@ -636,13 +668,18 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
             way = "add `damage` to its file and call it again"
             more = "; or give --threshold" if by == BUILDING else ""
             raise UsageError(f"{folder}: this campaign says nothing of damage; {way}{more}")
-        intensities = RunIntensities(store, folder, measure)
+        intensities = RunIntensities(store, folder, measure, request.pair_demand)
         # Of ground motion fields what errs alike is an event, whose numbers are those of the draws.
-        motions = {} if store.events() else recording_numbers(store.records())
+        rule = store.pair_rule()
+        if request.pair_demand:
+            rule = replace(rule, demand=request.pair_demand)
+        motions = {} if store.events() else rule.recordings
         gathered: dict[str, _Gathered] = {}
         for of in building_damages(store, of_all):
             name = of.type if by == TYPE else of.building
-            gathered.setdefault(name, _Gathered(of.states)).add(of, intensities.of(of), motions)
+            gathered.setdefault(name, _Gathered(of.states)).add(
+                of, intensities.of(of), motions, rule
+            )
         of_types = {
             name: gathered[name].runs(measure, intensities.unit) for name in sorted(gathered)
         }
@@ -659,6 +696,12 @@ def fit_types(folder: Path, request: FragilityRequest, by: str = TYPE) -> Fragil
     lost = sum(runs.failed for runs in of_types.values())
     warnings = (f"{folder}: {how_many(lost, 'run')} without a result left out",) * (lost > 0)
     notes = (intensities.note,) * bool(intensities.note)
+    if rule.pairs and not request.pair_demand:
+        notes += (rule.note(),)
+    fitted = [
+        one if isinstance(one, AnalysisError) else replace(one, pair_demand=rule.stated)
+        for one in fitted
+    ]
     return replace(FragilityResult.of(fitted, *warnings), notes=notes)
 
 
@@ -674,8 +717,13 @@ class _Gathered:
     fallen: array[int] = field(default_factory=lambda: array("b"))
     motion: array[int] = field(default_factory=lambda: array("q"))
 
-    def add(self, of: BuildingDamage, im: Array, motions: Mapping[int, int]) -> None:
-        """Take the runs of a building with their intensities."""
+    def add(
+        self, of_runs: BuildingDamage, im: Array, motions: Mapping[int, int], rule: PairRule
+    ) -> None:
+        """Take the runs of a building with their intensities, or the motions that they are of."""
+        of = by_motion(of_runs, rule)
+        if of is not of_runs:
+            im = im[[group[0] for group in places_of_motions(of_runs, rule)]]
         taken = of.known & (im > 0.0)
         fallen = np.isin(of.status, FALLEN)
         motion = np.array(

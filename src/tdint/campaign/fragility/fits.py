@@ -267,6 +267,8 @@ class Fragility:
         without one.
     extrapolated : str
         Why the observations do not tell the median, in words; empty where they do.
+    pair_demand : str
+        How the components of pairs count (`tdint.campaign.pairs`); empty without pairs.
     """
 
     fit: str
@@ -285,6 +287,7 @@ class Fragility:
     failed: int = 0
     bounds: tuple[Fragility | None, Fragility | None] = (None, None)
     extrapolated: str = ""
+    pair_demand: str = ""
     points: Points | None = field(default=None, repr=False)
     cloud: CloudPoints | None = field(default=None, repr=False)
     counted: Counted | None = field(default=None, repr=False)

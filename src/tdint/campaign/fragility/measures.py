@@ -19,9 +19,9 @@ from tdint.analysis.spectra.inelastic import constant_strength
 from tdint.arrays import Array
 from tdint.campaign.batch import Run
 from tdint.campaign.fragility.fits import Fragility
-from tdint.campaign.fragility.runs import BuildingDamage
+from tdint.campaign.fragility.runs import BuildingDamage, places_of_motions
 from tdint.campaign.intensity import AVERAGE, SPECTRAL, geometric_mean
-from tdint.campaign.pairs import recording_numbers
+from tdint.campaign.pairs import LARGER, SEPARATE, PairRule, recording_numbers
 from tdint.campaign.plan import Plan
 from tdint.campaign.store import FILE, Store, open_existing
 from tdint.csv_table import CsvTable, read_table
@@ -270,6 +270,8 @@ class RunIntensities:
     ----------
     folder : Path
         Of the campaign, in which measures.csv may be.
+    pair_demand : str or None
+        How the components of pairs count; None: as the campaign has it.
 
     Raises
     ------
@@ -277,13 +279,19 @@ class RunIntensities:
         The runs have no such measure.
     """
 
-    def __init__(self, store: Store, folder: Path, measure: RunMeasure) -> None:
+    def __init__(
+        self, store: Store, folder: Path, measure: RunMeasure, pair_demand: str | None = None
+    ) -> None:
         self._measure, self._file = measure, folder / MEASURES
         records = store.records()
         self._names = {number: keys[:2] for number, keys in records.items()}
-        self._pairs = {
-            number: number - 1 for number, (*_, direction) in records.items() if direction > 1
-        }
+        # Pairs that were read as such have one intensity in any case, and pairs by their names if
+        # they count as one motion.
+        rule = store.pair_rule()
+        if (pair_demand or rule.demand) == SEPARATE:
+            read = {number: number - (at > 1) for number, (*_, at) in records.items()}
+            rule = replace(rule, recordings=read)
+        self._pairs = replace(rule, demand=LARGER)
         settings = store.parameters()
         # What the campaign has brought to levels of this measure has these.
         name, period = settings.get("measure"), settings.get("period")
@@ -313,7 +321,7 @@ class RunIntensities:
     @property
     def note(self) -> str:
         """What to say of pairs; nothing without any."""
-        if not self._pairs or self._levels:
+        if not self._pairs.pairs or self._levels:
             return ""
         return (
             f"{self._measure.called.format(FIRST)} of a pair is the geometric mean of both "
@@ -328,11 +336,9 @@ class RunIntensities:
         values = np.array(
             getattr(of, self._own) if self._own else [self._next(of, key) for key in of.keys], float
         )
-        places = {key: place for place, key in enumerate(of.keys)}
-        for key, place in places.items() if self._pairs else ():
-            other = places.get(key._replace(motion=self._pairs.get(key.motion, -1)))
-            if other is not None:
-                values[[place, other]] = math.sqrt(values[place] * values[other])
+        for places in places_of_motions(of, self._pairs) if self._pairs.pairs else ():
+            if len(places) > 1:
+                values[places] = math.sqrt(float(np.prod(values[places])))
         return values
 
     def _next(self, of: BuildingDamage, key: Run) -> float:
@@ -611,6 +617,58 @@ def over_motions(
         replace(function, covariance=covariance) if isinstance(function, Fragility) else function
         for function, covariance in zip(functions, covariances, strict=True)
     ]
+
+
+def rows_of_motions(table: CsvTable, pair_demand: str | None) -> tuple[PairRule, list[list[int]]]:
+    """Return the rule for pairs of a table of runs, and the rows that count as one motion at a
+    level; each row by itself if the table has no pairs or counts their components separately.
+
+    Parameters
+    ----------
+    table : CsvTable
+        Runs, with the columns record and component, and scale, sample, building as far as it has
+        them. Pairs are those of the store beside it, or those recognized by their names.
+    pair_demand : str or None
+        One of `tdint.campaign.pairs.PAIR_DEMANDS`; None: that of the store, else the default.
+    """
+    every = [[place] for place in range(len(table.rows))]
+    if not table.has("record", "component"):
+        return PairRule(pair_demand or LARGER), every
+    names = list(zip(table.texts("record"), table.texts("component"), strict=True))
+    numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
+    with _store_beside(table) as store:
+        directions = {keys[:2]: keys[2] for keys in store.records().values()} if store else {}
+        demand = pair_demand or (store.pair_demand() if store else LARGER)
+    records = {number: (*name, directions.get(name, 0)) for name, number in numbers.items()}
+    rule = PairRule(demand, recording_numbers(records))
+    if rule.demand == SEPARATE or not rule.pairs:
+        return rule, every
+
+    # Levels by the intensity if the table has it, else by the rank of the factors, which may be
+    # each component's own.
+    samples = table.texts("sample") if table.has("sample") else [""] * len(names)
+    by_scale = "scale" if table.has("scale") else None
+    column = "im" if table.has("im") else by_scale
+    sizes = table.numbers(column, empty=True) if column else [1.0] * len(names)
+    of_records: dict[tuple[int, str], list[int]] = {}
+    for place, (name, sample) in enumerate(zip(names, samples, strict=True)):
+        of_records.setdefault((numbers[name], sample), []).append(place)
+    groups: dict[tuple[int, str, object], list[int]] = {}
+    for (number, sample), places in of_records.items():
+        for rank, place in enumerate(sorted(places, key=lambda at: abs(sizes[at]))):
+            level = f"{sizes[place]:.6g}" if column == "im" else rank
+            groups.setdefault((rule.motion(number), sample, level), []).append(place)
+
+    # Demands can be combined only at levels that both components have.
+    paired = {*rule.partners.values()}
+    alone = [key for key, places in groups.items() if key[0] in paired and len(places) == 1]
+    if alone and column == "im":
+        raise UsageError(
+            f"{table.source}: the two components of a pair ({names[groups[alone[0]][0]][0]}) were "
+            "run at different levels, so that their demands cannot be combined; use --fit ida, or "
+            "--pair-demand separate"
+        )
+    return rule, sorted(groups.values())
 
 
 def of_pairs(table: CsvTable, im: Array) -> Array:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from operator import itemgetter
 from typing import NamedTuple
@@ -27,7 +27,7 @@ from tdint.analysis.run.outcome import StoryPeaks
 from tdint.arrays import Array
 from tdint.campaign.batch import Run, demand_cells
 from tdint.campaign.fragility.type_states import own_type
-from tdint.campaign.pairs import recording_numbers
+from tdint.campaign.pairs import SEPARATE, PairRule
 from tdint.campaign.profiles import level_ranks
 from tdint.campaign.store import Store
 from tdint.csv_table import number as cell_number
@@ -218,6 +218,50 @@ def building_damages(store: Store, of_all: DamageStates | None = None) -> Iterat
         )
 
 
+def places_of_motions(of: BuildingDamage, rule: PairRule) -> list[list[int]]:
+    """Return the places of the runs of a building that count as one motion, level by level.
+
+    A pair has the runs of both components at a level, even if these have factors of their own.
+    """
+    places: dict[tuple[int, int, int], list[int]] = {}
+    for place, (key, rank) in enumerate(zip(of.keys, of.rank.tolist(), strict=True)):
+        places.setdefault((rule.motion(key.motion), key.sample, rank), []).append(place)
+    return list(places.values())
+
+
+def by_motion(of: BuildingDamage, rule: PairRule) -> BuildingDamage:
+    """Return the damage of a building with one entry for each motion instead of each run.
+
+    The demand of a pair is the one of the rule, and its damage follows from that demand. The
+    building has fallen under a pair if it has under one of the components, and a pair without a
+    result of one component has no result. Key, rank, intensity and peak acceleration are those of
+    the first component.
+    """
+    if rule.demand == SEPARATE or not rule.pairs:
+        return of
+    groups = places_of_motions(of, rule)
+    firsts = [group[0] for group in groups]
+    demand = np.array([rule.combine(of.demand[group]) for group in groups])
+
+    # What failed counts before what fell, as for profiles.
+    status = []
+    for group in groups:
+        ends = [of.status[place] for place in group]
+        failed = [end for end in ends if end not in (DONE, *FALLEN)]
+        fell = [end for end in ends if end in FALLEN]
+        status.append(next(iter([*failed, *fell]), DONE))
+    return replace(
+        of,
+        keys=[of.keys[place] for place in firsts],
+        rank=of.rank[firsts],
+        status=status,
+        demand=demand,
+        probability=probabilities(of.states, demand, status),
+        sa=of.sa[firsts],
+        pga=of.pga[firsts],
+    )
+
+
 def level_values(store: Store) -> list[float]:
     """The levels of a campaign from the smallest: values of a measure, SI units, or factors; none
     where motions have factors of their own, whose levels are their numbers from 1."""
@@ -248,7 +292,7 @@ class TypeDamage:
         Of the type.
     buildings, runs, failed : int
         Buildings, their runs, and those of them without a result, which have no part in what
-        follows.
+        follows. The runs under a pair that counts as one motion are one.
     probability : Mean
         Of each of `states.outcomes`.
     loss : Mean
@@ -392,11 +436,7 @@ def group_damages(
     """The damage of each type in each event and at each level, or of each building, or `by` a
     column of the inventory, of all types together; by nothing ("") of all buildings. One building
     is held at a time."""
-    motion_of, levels, events = (
-        recording_numbers(store.records()),
-        level_values(store),
-        ["", *store.events()],
-    )
+    rule, levels, events = store.pair_rule(), level_values(store), ["", *store.events()]
     of_types: dict[tuple[str, int, int], _Group] = {}
     columns = [title.lower() for title in store.inventory_columns()]
 
@@ -409,7 +449,8 @@ def group_damages(
             "" if by is not None else name, building, events[event], level, name if by else ""
         )
 
-    for of in building_damages(store):
+    for of_runs in building_damages(store):
+        of = by_motion(of_runs, rule)
         cells = (
             dict(zip(columns, store.carried(of.number), strict=False))
             if COST in columns or by
@@ -419,7 +460,7 @@ def group_damages(
         number_alike = cell_number(cells[NUMBER]) if cells.get(NUMBER) else 1.0
         value = cell_number(cells.get(COST, "")) * number_alike
         name = of.type if by is None else cells.get(by.lower(), "")
-        motions = np.array([motion_of[record] for record, _, _ in of.keys])
+        motions = np.array([rule.recordings[record] for record, _, _ in of.keys])
         event = np.array([sample if len(events) > 1 else 0 for _, _, sample in of.keys])
         # A building's own numbers are given out at once; those of types are summed up to the end.
         for number, rank in sorted(set(zip(event.tolist(), of.rank.tolist(), strict=True))):

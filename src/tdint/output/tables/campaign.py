@@ -325,9 +325,8 @@ def _with_level(store: Store, columns: tuple[Column, ...], place: int) -> tuple[
 
 def with_pair_demand(store: Store, columns: Sequence[Column]) -> tuple[Column, ...]:
     """Return the columns and, if there are pairs, the one that states how they count."""
-    from tdint.campaign.pairs import PairRule
 
-    stated = PairRule.of(store).stated
+    stated = store.pair_rule().stated
     return (*columns, *(replace(PAIR_DEMAND, value=lambda _: stated),) * bool(stated))
 
 

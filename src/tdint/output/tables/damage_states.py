@@ -21,6 +21,7 @@ from tdint.output.tables.campaign import (
     SAMPLE,
     carried_cells,
     carried_columns,
+    with_pair_demand,
     write_rows,
 )
 from tdint.output.tables.table import Column, Table, cell_text, describe, names
@@ -46,7 +47,12 @@ LEVEL = Column(
 )
 COUNTS = (
     Column("buildings", "1", "buildings", "buildings of the type"),
-    Column("runs", "1", "runs", "their runs"),
+    Column(
+        "runs",
+        "1",
+        "runs",
+        "their runs; those under a pair are one unless its components count separately",
+    ),
     Column("failed", "1", "failed", "those of them without a result: in no number behind"),
 )
 LOSS = Column("loss_ratio", "1", "loss", "mean loss ratio")
@@ -171,7 +177,7 @@ def write_damage(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> Non
 
 def type_columns(store: Store) -> tuple[Column, ...]:
     """Of damage-types.csv; of ground motion fields the last one is the event."""
-    return (*TYPES, *(EVENT,) * bool(store.events()))
+    return with_pair_demand(store, (*TYPES, *(EVENT,) * bool(store.events())))
 
 
 def has_costs(store: Store) -> bool:
@@ -187,13 +193,14 @@ def loss_columns(store: Store, by: str | None = None) -> tuple[Column, ...]:
         "part",
         f"column {by} of the inventory: all types of these buildings together",
     )
-    return (
+    columns = (
         *LOSSES[:2],
         *(part,) * bool(by),
         *LOSSES[2:],
         *_MONEY * has_costs(store),
         *(EVENT,) * bool(store.events()),
     )
+    return with_pair_demand(store, columns)
 
 
 def write_types(store: Store, stream: BinaryIO) -> None:
@@ -207,8 +214,12 @@ def type_table(store: Store) -> Table:
 
 
 def _type_rows(store: Store) -> Iterator[list[Any]]:
+    demand = _pair_demand(store)
     return (
-        [cell_text(of.type), of.level, *_counts(of), cell_text(state), *numbers, *_event(of)]
+        [
+            *(cell_text(of.type), of.level, *_counts(of), cell_text(state)),
+            *(*numbers, *_event(of), *demand),
+        ]
         for of in group_damages(store)
         for state, *numbers in zip(
             of.states.outcomes, *(outcome.tolist() for outcome in of.probability), strict=True
@@ -238,7 +249,7 @@ def loss_table(store: Store) -> Table:
 
 
 def _loss_rows(store: Store, by: str | None = None) -> Iterator[list[Any]]:
-    costs = has_costs(store)
+    costs, demand = has_costs(store), _pair_demand(store)
     # The sum over all types has a meaning where there are costs, or parts to hold beside it.
     groups = chain(
         group_damages(store, by="") if costs or by else (),
@@ -252,7 +263,7 @@ def _loss_rows(store: Store, by: str | None = None) -> Iterator[list[Any]]:
         money = (of.value, float(of.money.value[0]), float(of.money.error[0])) if costs else ()
         part = (cell_text(of.part),) if by else ()
         head = (cell_text(of.type), cell_text(of.building), *part, of.level)
-        return [*head, *_counts(of), *means, *money, *_event(of)]
+        return [*head, *_counts(of), *means, *money, *_event(of), *demand]
 
     return map(row, groups)
 
@@ -260,7 +271,7 @@ def _loss_rows(store: Store, by: str | None = None) -> Iterator[list[Any]]:
 def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...]:
     """Of exceedance.csv."""
     lost = _MONEY[1] if has_costs(store) else LOSS
-    return (
+    columns = (
         *(
             Column(
                 by or "", "text", "part", f"column {by} of the inventory; empty for all buildings"
@@ -302,6 +313,7 @@ def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...
         ),
         Column("cumulative_annual_loss", "1", "cumulative", "the same summed down to this row"),
     )
+    return with_pair_demand(store, columns)
 
 
 _HOW = (
@@ -325,7 +337,7 @@ def _exceeding(loss: float, means: Array, deviations: Array, most: Array) -> Arr
 def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> None:
     """Write exceedance.csv: of all buildings, and of those with each value of the column `by`, the
     events from the largest mean loss down."""
-    rates, costs = store.rates(), has_costs(store)
+    rates, costs, demand = store.rates(), has_costs(store), _pair_demand(store)
 
     def rows() -> Iterator[list[Any]]:
         groups = chain(group_damages(store, by=""), group_damages(store, by=by) if by else ())
@@ -360,9 +372,16 @@ def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> N
                 error = float((of.money if costs else of.loss).error[0])
                 head = [*[cell_text(part)] * bool(by), level, cell_text(of.event), rate[place]]
                 sums = [float(np.sum(values[: place + 1])) for values in (rate, annual)]
-                yield [*head, lost, error, *of.scatter, sums[0], *often, annual[place], sums[1]]
+                told = (lost, error, *of.scatter, sums[0], *often, annual[place], sums[1])
+                yield [*head, *told, *demand]
 
     write_rows(exceedance_columns(store, by), rows(), stream)
+
+
+def _pair_demand(store: Store) -> tuple[str, ...]:
+    """Return the cell that states how pairs count, if there are pairs."""
+    stated = store.pair_rule().stated
+    return (stated,) * bool(stated)
 
 
 def _counts(of: TypeDamage) -> tuple[int, ...]:

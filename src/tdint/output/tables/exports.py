@@ -16,7 +16,13 @@ import numpy as np
 from tdint.analysis.run.demands import RUN
 from tdint.analysis.run.outcome import STORY as STORY_QUANTITIES
 from tdint.campaign.fragility.fits import Fragility
-from tdint.campaign.fragility.runs import BuildingDamage, building_damages, stored_states
+from tdint.campaign.fragility.runs import (
+    BuildingDamage,
+    building_damages,
+    by_motion,
+    stored_states,
+)
+from tdint.campaign.pairs import combine
 from tdint.campaign.store_schema import RUNS, STORIES
 from tdint.errors import UsageError
 from tdint.output.tables.campaign import (
@@ -214,7 +220,7 @@ _SHOWN = ("peak_drift_ratio", "residual_drift_ratio", "peak_absolute_acceleratio
 _DEMANDS = tuple(one for one in RUN if one.name in _SHOWN)
 _PLACES = tuple(RUNS.columns.index(one.column) for one in _DEMANDS)
 _STATUS = RUNS.columns.index("status")
-_OWN = ("building", "scale", "level", "runs", "collapsed", "failed")
+_OWN = ("building", "scale", "level", "runs", "collapsed", "failed", "pair_demand")
 
 Feature = dict[str, Any]
 
@@ -225,9 +231,10 @@ def write_geojson(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> No
 
     Properties are the columns of the inventory, the event of a field, the level (`scale`, and
     `level` as in profiles.csv), how many motions there were and under how many the building
-    collapsed or a run failed, and of the demands the mean and the largest over the others: of a
-    pair the larger component counts. Where damage is told, the mean probability of each state and
-    the mean loss ratio follow. What is not known is null. The store must have places (`is_mapped`).
+    collapsed or a run failed, and of the demands the mean and the largest over the others.
+    `pair_demand` states how the components of pairs count, if there are pairs. Where damage is
+    told, the mean probability of each state and the mean loss ratio follow. What is not known is
+    null. The store must have places (`is_mapped`).
     """
     stream.write(b'{"type": "FeatureCollection", "features": [')
     between = b"\n"
@@ -271,7 +278,8 @@ def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
     ]
     kinds = numeric(store)
     for number, rows in groupby(store.runs(), key=lambda row: row[0]):
-        damage = next(damages, None)
+        of_runs = next(damages, None)
+        damage = by_motion(of_runs, rules.pairs) if of_runs else None
         runs = {Run(*row[1:4]): row for row in rows}
         cells = store.carried(number)
         carried = {
@@ -298,6 +306,7 @@ def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
                 rules.levels({key: row[_STATUS] for key, row in mine.items()})
             ):
                 told = _damage(damage, rank, event) if damage else {}
+                told |= {"pair_demand": level.pair_demand} if level.pair_demand else {}
                 feature = head | _of_level(level, mine, units) | told | carried
                 yield {"type": "Feature", "geometry": geometry, "properties": feature}
 
@@ -312,7 +321,7 @@ def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: Outpu
         column, factor = units.column(demand.column, demand.unit)
         cells = [[runs[key][place] for key in keys] for keys in level.stood]
         values = [
-            max(abs(cell) for cell in of_motion) / factor
+            float(combine(np.abs(of_motion), level.pair_demand)) / factor
             for of_motion in cells
             if None not in of_motion
         ]

@@ -16,6 +16,7 @@ from tdint.campaign.ida_curve import Capacity, IdaCurve
 from tdint.campaign.scaling import Scaling
 from tdint.ground_motion.reading.suites import components
 from tdint.ground_motion.record import component_names
+from tdint.output.tables.campaign import PAIR_DEMAND
 from tdint.output.tables.table import (
     OF_NAMED_RECORD,
     OF_RECORD,
@@ -409,6 +410,7 @@ def fragility_table(
                 (function.counted.im.size for function in functions if function.counted), default=0
             )
         ],
+        *((PAIR_DEMAND,) if any(function.pair_demand for function in functions) else ()),
     )
     return Table.of_results(columns, functions)
 
