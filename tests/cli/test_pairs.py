@@ -1,5 +1,7 @@
 """Both components of a recording are one motion in every command."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -124,3 +126,27 @@ def test_a_choice_without_pairs_is_refused(suite, tdint):
     tdint.refused(
         "nothing to act on", *["run", "one.yaml", "m/A067.mseed", "--pair-demand", "mean"]
     )
+
+
+def test_text_and_figure_of_a_report_have_the_same_average(suite, tdint, monkeypatch):
+    """Of pairs that were scaled as such and run as files of their own."""
+    from tdint.output import figures
+
+    drawn = []
+    draw = figures.collapse.suite_picture
+    monkeypatch.setattr(
+        figures.collapse, "suite_picture", lambda *given: drawn.append(given[0]) or draw(*given)
+    )
+    scale = "scale m --pairs rotd100 --rule ec8 --target ec8:type=1,soil=B,ag=0.25g --at 1"
+    tdint(*scale.split(), "-o", "factors.csv", code=0)
+    settings = json.loads((suite / "factors.json").read_text())["settings"]
+    call = "run one.yaml m --factors factors.csv --report page.html"
+    tdint(*call.split(), code=0)
+    (scaling,) = drawn
+    assert len(scaling.motions) == 3
+    average = np.mean(scaling.spectra(scaling.periods), axis=0)
+    least = np.min(average / scaling.target.at(scaling.periods))
+    assert least == pytest.approx(settings["least_average_over_target"], rel=2e-3)
+    text = (suite / "page.html").read_text(encoding="utf-8")
+    assert f"{100.0 * settings['least_average_over_target']:.3g} %" in text
+    assert "pair_demand: larger" in text

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -14,8 +15,11 @@ from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.spectra.target import read_target
 from tdint.campaign.intensity import GEOMETRIC_MEAN
 from tdint.campaign.motions import GivenFactors
-from tdint.campaign.pairs import in_words
+from tdint.campaign.pairs import PairRule, in_words
 from tdint.campaign.scaling import Scaling
+from tdint.errors import RecordError
+from tdint.ground_motion.horizontals import find_horizontals
+from tdint.ground_motion.reading.suites import GroundMotion
 from tdint.ground_motion.record import Record, component_names
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
@@ -460,15 +464,14 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
         )
     parts: list[Part] = ["; ".join(words) + "."]
     if settings["target"] and isinstance(plan.levels, GivenFactors):
-        wholes = {
-            id(motion.whole): (motion.whole, plan.levels.by_motion[i])
-            for i, motion in enumerate(plan.motions)
-        }
+        wholes = _as_scaled(plan, plan.levels, paired=bool(settings["pairs"]))
+        # The average of the text is that of pairs: it is not drawn of single components.
+        singles = settings["pairs"] and any(isinstance(whole, Record) for whole, _ in wholes)
         # Several factors for a motion are several suites, which one picture does not show.
-        if all(len(factors) == 1 for _, factors in wholes.values()):
+        if all(len(factors) == 1 for _, factors in wholes):
             scaling = Scaling(
-                tuple(whole for whole, _ in wholes.values()),
-                np.array([factors[0] for _, factors in wholes.values()]),
+                tuple(whole for whole, _ in wholes),
+                np.array([factors[0] for _, factors in wholes]),
                 settings["rule"],
                 settings["pairs"] or GEOMETRIC_MEAN,
                 settings["damping"],
@@ -477,7 +480,7 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
                 # Of the rules that check the average: the picture shows it, and 90 % of the target,
                 # by this.
                 least=None
-                if (least := settings["least_average_over_target"]) is None
+                if (least := settings["least_average_over_target"]) is None or singles
                 else (least, math.nan),
             )
             parts.append(
@@ -487,6 +490,26 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
                 )
             )
     return tuple(parts), [f"{plan.factors}: {text}" for text in plan.scaled.get("warnings", ())]
+
+
+def _as_scaled(
+    plan: Plan, levels: GivenFactors, *, paired: bool
+) -> list[tuple[GroundMotion, tuple[float, ...]]]:
+    """Return the motions as they were scaled, with their factors: pairs if `paired`, also those
+    that the runs have as single components."""
+    partners = PairRule.of_motions(plan.motions, None).partners if paired else {}
+    seconds = {first: second for second, first in partners.items()}
+    wholes: dict[int, tuple[GroundMotion, tuple[float, ...]]] = {}
+    for number, motion in enumerate(plan.motions):
+        whole = motion.whole
+        if number in partners and isinstance(whole, Record):
+            continue  # it is the second component of a pair that is in the list
+        if number in seconds and isinstance(whole, Record):
+            both = [whole, plan.motions[seconds[number]].record]
+            with suppress(RecordError):  # no pair after all: the component stays alone
+                whole = find_horizontals(both)
+        wholes[id(motion.whole)] = whole, tuple(levels.by_motion[number])
+    return list(wholes.values())
 
 
 def _motions(
