@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from csv_rows import rows
+from tdint.campaign.ida_curve import IdaCurve, IdaRun, PairCurve
+from tdint.ground_motion.record import Record
 
 MATCH = "match RSN1_EQ_GIL067.AT2 RSN1_EQ_GIL337.AT2 --pairs rotd100"
 TARGET = "--target asce7:sds=1,sd1=0.6,tl=8 --range 0.2:0.5"
@@ -150,3 +152,52 @@ def test_text_and_figure_of_a_report_have_the_same_average(suite, tdint, monkeyp
     text = (suite / "page.html").read_text(encoding="utf-8")
     assert f"{100.0 * settings['least_average_over_target']:.3g} %" in text
     assert "pair_demand: larger" in text
+
+
+def test_capacities_of_pairs(suite, tdint):
+    """Each pair has one capacity: the smaller one of its components with the larger demand, one
+    between them with the mean; fragility functions state the choice."""
+    call = "ida one.yaml m --threshold 0.5%,1% --max-im 3g"
+    tables = {}
+    for demand in ("larger", "mean", "separate"):
+        choice = ("--pair-demand", demand, "--pairs", "geometric-mean")
+        tdint(*call.split(), *choice, "-o", demand, code=0)
+        tables[demand] = rows((suite / demand / "capacities.csv").read_text())
+        assert {row["pair_demand"] for row in tables[demand]} == {demand}
+        fitted = rows(tdint("fragility", demand, code=0).stdout)
+        assert {row["pair_demand"] for row in fitted} == {demand}
+        assert {row["records"] for row in fitted} == {"6" if demand == "separate" else "3"}
+    apart: dict[tuple[str, str], list[float]] = {}
+    for row in tables["separate"]:
+        key = row["record"].replace("067", "?").replace("337", "?"), row["threshold"]
+        apart.setdefault(key, []).append(float(row["capacity"]))
+    assert all(len(capacities) == 2 for capacities in apart.values())
+    for demand in ("larger", "mean"):
+        assert len(tables[demand]) == len(apart)
+        for row in tables[demand]:
+            key = row["record"].replace("067", "?").replace("337", "?"), row["threshold"]
+            capacity, (low, high) = float(row["capacity"]), sorted(apart[key])
+            assert row["component"] == "337+67"
+            if demand == "larger":
+                assert capacity == pytest.approx(low, rel=1e-9)
+            else:
+                assert low * (1.0 - 1e-9) <= capacity <= high * (1.0 + 1e-9)
+    # Without a choice the larger demand counts, which one line reports.
+    result = tdint(*call.split(), code=0)
+    (line,) = [line for line in result.stderr.splitlines() if "pair_demand" in line]
+    assert "3 pairs" in line and rows(result.stdout) == tables["larger"]
+
+
+def test_the_mean_curve_of_a_pair_is_found_by_hand():
+    """Of two straight lines through the origin the mean is one with the mean slope."""
+    record = Record(np.ones(10), 0.01, "", "", "", "")
+    curves = []
+    for slope in (0.01, 0.03):
+        levels = np.geomspace(0.1, 1.0, 6 if slope == 0.01 else 8)
+        runs = [IdaRun(im, 1.0, "done", slope * im) for im in levels]
+        curves.append(IdaCurve(record, tuple(runs), 0.1))
+    mean = PairCurve.of(*curves, "mean")
+    assert mean.capacity(0.01).capacity == pytest.approx(0.5, rel=1e-9)
+    assert mean.capacity(0.001).capacity == pytest.approx(0.05, rel=1e-9)
+    assert PairCurve.of(*curves, "larger").capacity(0.01).capacity == pytest.approx(1.0 / 3.0)
+    assert mean.collapse.censored and mean.collapse.capacity == 1.0

@@ -73,6 +73,13 @@ class IdaRequest(RecordsRequest):
         "The records replace RECORD. The analysis scales each record itself and does not use the "
         "factors."
     )
+    pair_demand: str | None = options.studies.option(
+        "--pair-demand",
+        type=click.Choice(("larger", "mean", "separate")),
+        rare=True,
+        help="How the two horizontal components of a recording count: as one motion with their "
+        "larger demand (by default) or their mean demand, or separately, as two motions.",
+    )
     damping: float = options.studies.damping("--im sa or sa-avg")
     max_im: Units | None = options.studies.option(
         rare=True,
@@ -168,6 +175,7 @@ def command(request: IdaRequest) -> None:
     from tdint.campaign.ida import IdaSettings, ida
     from tdint.campaign.ida_curve import Mainshock
     from tdint.campaign.intensity import SPECTRAL, measure_at
+    from tdint.campaign.pairs import LARGER
     from tdint.ground_motion.measures import cut_off
     from tdint.model.building import assemble
     from tdint.model.config.model_file import load_model
@@ -217,7 +225,9 @@ def command(request: IdaRequest) -> None:
             folder=folder,
             progress=lambda done, of: tell(f"records {done}/{of}", done / of),
             mainshock=mainshock,
+            pair_demand=request.pair_demand or LARGER,
         )
+    _report_pairs(request, study)
     shown = study.in_units(units)
     if folder is None:
         emit_table(tables.studies.capacity_table(shown))
@@ -285,6 +295,7 @@ def _write(
             "method_parameters": resolved(study.method),
             "intensity_measure": asdict(study.measure),
             "pairs": study.pair,
+            **({"pair_demand": study.pair_demand} if study.partners else {}),
             **asdict(settings),
             "thresholds": list(study.thresholds[:-1]),
             **({"after": request.after, "damage": list(request.damage)} if request.damage else {}),
@@ -307,6 +318,14 @@ def _write(
         if not request.overwrite:
             store.refuse_foreign(files)
         write_files(files, overwrite=True, tell=store.will_write)
+
+
+def _report_pairs(request: IdaRequest, study: IdaStudy) -> None:
+    """Report pairs in one line if nobody has chosen how they count."""
+    from tdint.campaign.pairs import note as note_of_pairs
+
+    if study.partners and request.pair_demand is None:
+        note(note_of_pairs(len(study.partners), study.pair_demand))
 
 
 def _report(study: IdaStudy, precision: float) -> None:
@@ -367,12 +386,11 @@ def _median(study: IdaStudy) -> str:
 
     from tdint.campaign.ida_curve import fractiles
 
-    count, unit, damage = len(study.curves), study.measure.unit, study.curves[0].damage
+    curves = study.motion_curves
+    count, unit, damage = len(curves), study.measure.unit, curves[0].damage
     # nan is not equal to itself: a fractile above the largest intensity is none.
-    low, middle, high = fractiles(study.curves, np.array([study.model.collapse_drift]))[
-        :, 0
-    ].tolist()
-    censored = sum(curve.collapse.censored for curve in study.curves)
+    low, middle, high = fractiles(curves, np.array([study.model.collapse_drift]))[:, 0].tolist()
+    censored = sum(curve.collapse.censored for curve in curves)
     capacity = (
         f"{study.im_name} = {middle:.4g} {unit}"
         if middle == middle

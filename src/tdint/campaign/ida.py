@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,15 @@ from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.together import Subject
 from tdint.campaign.batch import Batch, Done, Rows, Run, RunRow, RunSettings
 from tdint.campaign.buildings import GivenBuilding
-from tdint.campaign.ida_curve import DamagedState, IdaCurve, IdaRun, LevelSearch, Mainshock, damaged
+from tdint.campaign.ida_curve import (
+    DamagedState,
+    IdaCurve,
+    IdaRun,
+    LevelSearch,
+    Mainshock,
+    PairCurve,
+    damaged,
+)
 from tdint.campaign.intensity import (
     GEOMETRIC_MEAN,
     IntensityMeasure,
@@ -25,6 +33,7 @@ from tdint.campaign.intensity import (
     factor_to,
     sa,
 )
+from tdint.campaign.pairs import LARGER, SEPARATE, check_pair_demand, join_pairs
 from tdint.campaign.store import Identity, Store, as_json, open_or_begin
 from tdint.campaign.store_schema import locked
 from tdint.errors import ModelError, UsageError
@@ -117,6 +126,10 @@ class IdaStudy(Tabular):
         What is to be said of those, one sentence each.
     checked : bool
         Whether the errors of the demands were estimated.
+    pair_demand : str
+        How the two components of a pair count: one of `tdint.campaign.pairs.PAIR_DEMANDS`.
+    partners : mapping of int to int
+        The place of the first component for the place of each second one among the records.
     """
 
     model: Model
@@ -128,6 +141,8 @@ class IdaStudy(Tabular):
     resumed: int = 0
     remarks: tuple[str, ...] = ()
     checked: bool = False
+    pair_demand: str = LARGER
+    partners: Mapping[int, int] = field(default_factory=dict)
 
     def _headline(self) -> str:
         return (
@@ -148,6 +163,22 @@ class IdaStudy(Tabular):
             replace(self, curves=tuple(curve for curve in self.curves if curve.damage == state))
             for state in damages
         ]
+
+    @property
+    def motion_curves(self) -> tuple[IdaCurve, ...]:
+        """A curve for each motion: of a pair one, unless its components count separately."""
+        if self.pair_demand == SEPARATE or not self.partners:
+            return self.curves
+        seconds = {first: second for second, first in self.partners.items()}
+        curves: list[IdaCurve] = []
+        for state in self.states:
+            for place, curve in enumerate(state.curves):
+                if place in seconds:
+                    other = state.curves[seconds[place]]
+                    curves.append(PairCurve.of(curve, other, self.pair_demand))
+                elif place not in self.partners:
+                    curves.append(curve)
+        return tuple(curves)
 
     def in_units(self, units: OutputUnits) -> IdaStudy:
         """The study with its intensities, and all that follows from them, in other units."""
@@ -173,6 +204,7 @@ def ida(
     folder: Path | None = None,
     progress: bool | Progress = False,
     mainshock: Mainshock | None = None,
+    pair_demand: str = LARGER,
 ) -> IdaStudy:
     """Run a building at levels of intensity until its collapse is bracketed, under each record for
     itself.
@@ -203,6 +235,10 @@ def ida(
     mainshock : Mainshock, optional
         Do the same once more with the building damaged by it: drifts are then the largest under the
         motions of the study, counted from where the building stood at first.
+    pair_demand : str
+        How the two components of a recording count in capacities and fractiles: `larger`, `mean` or
+        `separate`. Records that are one recording by their names are a pair unless they count
+        separately.
 
     Returns
     -------
@@ -227,6 +263,8 @@ def ida(
         motions = [motions]
     subject, settings = _prepared(model_of(model), settings, method)
     suite = [motion_of(motion) for motion in motions]
+    if check_pair_demand(pair_demand) != SEPARATE:
+        suite = join_pairs(suite)
     chosen = measure or sa(subject.period)
     # A pair is one motion of two records, with one intensity for both.
     parts = [(motion, record) for motion in suite for record in components(motion)]
@@ -266,7 +304,21 @@ def ida(
     # Collapse is the last of the thresholds, whatever others are asked for.
     thresholds = (*sorted(set(settings.thresholds or ()) - {collapse_drift}), collapse_drift)
     of = subject.model, chosen, subject.integrator.label, thresholds
-    return IdaStudy(*of, tuple(curves), paired, resumed, tuple(remarks), settings.check)
+    partners = {
+        place: place - 1
+        for place, (motion, record) in enumerate(parts)
+        if isinstance(motion, Horizontals) and record is motion.second
+    }
+    return IdaStudy(
+        *of,
+        tuple(curves),
+        paired,
+        resumed,
+        tuple(remarks),
+        settings.check,
+        pair_demand,
+        partners,
+    )
 
 
 STORE = "ida.sqlite"

@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Self
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from tdint.analysis.run.sequence import ShockSequence, sequence_of, shocks_of
 from tdint.analysis.run.together import Subject
 from tdint.arrays import Array, cached_property
 from tdint.campaign.batch import RunRow
+from tdint.campaign.pairs import LARGER, MEAN, combine
 from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.model.damage_states import DONE, FALLEN
@@ -328,6 +330,82 @@ class IdaCurve:
             ]
         )
         return np.where(drift_ratios <= self.left, 0.0, values)
+
+
+@dataclass(frozen=True)
+class PairCurve(IdaCurve):
+    """The curve of a pair, made from the curves of its two components.
+
+    Its runs are at the levels of both components up to the first collapse of one of them, with the
+    larger or the mean drift ratio; between its levels a component's drift ratio is interpolated on
+    logarithmic axes. The building collapses under the pair where it first does under a component.
+
+    Attributes
+    ----------
+    parts : tuple of two IdaCurve
+        The components.
+    demand : str
+        `larger` or `mean` (`tdint.campaign.pairs`).
+    """
+
+    parts: tuple[IdaCurve, IdaCurve] | tuple[()] = ()
+    demand: str = LARGER
+
+    @classmethod
+    def of(cls, first: IdaCurve, second: IdaCurve, demand: str) -> Self:
+        """Return the curve of two components."""
+        parts = first, second
+        highest = min(part.stable[-1].im if part.stable else 0.0 for part in parts)
+        levels = sorted({run.im for part in parts for run in part.stable if run.im <= highest})
+        drifts = combine(np.array([_drifts_at(part, levels) for part in parts]), demand)
+        runs = (
+            IdaRun(im, math.nan, DONE, drift)
+            for im, drift in zip(levels, drifts.tolist(), strict=True)
+        )
+        left = float(combine(np.array([part.left for part in parts]), demand))
+        return cls(
+            first.record,
+            tuple(runs),
+            first.collapse_drift,
+            first.damage,
+            left,
+            parts=parts,
+            demand=demand,
+        )
+
+    @property
+    def resurrection(self) -> bool:
+        """Whether the building stands again above its first collapse under a component."""
+        return any(part.resurrection for part in self.parts)
+
+    @cached_property
+    def collapse(self) -> Capacity:
+        """The smaller capacity of the two components against collapse."""
+        return min((part.collapse for part in self.parts), key=lambda limit: limit.capacity)
+
+    def capacity(self, threshold: float) -> Capacity:
+        """The capacity for a drift ratio: with the larger demand the smaller one of the
+        components, with the mean demand the one of the mean curve."""
+        if threshold >= self.collapse_drift:
+            return self.collapse
+        if self.demand == MEAN:
+            return super().capacity(threshold)
+        limits = [part.capacity(threshold) for part in self.parts]
+        unknown = [limit for limit in limits if math.isnan(limit.capacity)]
+        return unknown[0] if unknown else min(limits, key=lambda limit: limit.capacity)
+
+
+def _drifts_at(curve: IdaCurve, levels: Sequence[float]) -> Array:
+    """Return the drift ratios of a curve at levels up to its last stable one, shape (k,)."""
+    if not levels:
+        return np.empty(0)
+    im = np.array([run.im for run in curve.stable])
+    drift = np.array([run.drift_ratio for run in curve.stable])
+    at = np.asarray(levels)
+    # From the drift that was left a straight line to the first run, then logarithmic axes.
+    first = curve.left + (drift[0] - curve.left) * at / im[0]
+    beyond = np.exp(np.interp(np.log(at), np.log(im), np.log(drift)))
+    return np.asarray(np.where(at < im[0], first, beyond))
 
 
 def fractiles(

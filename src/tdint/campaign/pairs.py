@@ -24,13 +24,14 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.errors import UsageError, did_you_mean
-from tdint.ground_motion.horizontals import at_right_angles, motion_names
+from tdint.ground_motion.horizontals import at_right_angles, find_horizontals, motion_names
+from tdint.ground_motion.record import Record
 from tdint.written_numbers import how_many
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from tdint.ground_motion.reading.suites import SuiteMotion
+    from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion
 
 LARGER, MEAN, SEPARATE = "larger", "mean", "separate"
 PAIR_DEMANDS = (LARGER, MEAN, SEPARATE)
@@ -144,6 +145,33 @@ class PairRule:
     def note(self) -> str:
         """Return one line that reports the default choice; empty without pairs."""
         return note(self.pairs, self.demand) if self.pairs else ""
+
+
+def join_pairs(motions: Sequence[GroundMotion]) -> list[GroundMotion]:
+    """Return ground motions in which two records that are one recording by their names are a pair.
+
+    Raises
+    ------
+    RecordError
+        Two such records are no pair: as of `find_horizontals`.
+    """
+    singles = {
+        number: (motion.source, motion.component, 0)
+        for number, motion in enumerate(motions)
+        if isinstance(motion, Record)
+    }
+    recordings = recording_numbers(singles)
+    others = {first: number for number, first in recordings.items() if number != first}
+    joined: list[GroundMotion] = []
+    for number, motion in enumerate(motions):
+        if recordings.get(number, number) != number:
+            continue  # the second component is in the pair of the first one
+        other = motions[others[number]] if number in others else None
+        if isinstance(motion, Record) and isinstance(other, Record):
+            joined.append(find_horizontals([motion, other]))
+        else:
+            joined.append(motion)
+    return joined
 
 
 def combine(values: Array, demand: str) -> Array:

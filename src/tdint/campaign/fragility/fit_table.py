@@ -315,6 +315,18 @@ def _fit_capacities(table: CsvTable, request: FragilityRequest) -> FragilityResu
     warnings = (f"{table.source}: {how_many(without, 'row')} without a capacity left out",) * (
         without > 0
     )
+    # Capacities of pairs are those of the choice that the table states.
+    if table.has("pair_demand"):
+        stated = table.only("pair_demand")
+        if request.pair_demand not in (None, stated):
+            raise UsageError(
+                f"{table.source}: its capacities were found with pair_demand {stated}; call "
+                f"`tdint ida` again with --pair-demand {request.pair_demand}"
+            )
+        functions = [
+            replace(function, pair_demand=stated) if isinstance(function, Fragility) else function
+            for function in functions
+        ]
     return FragilityResult.of(functions, *warnings)
 
 

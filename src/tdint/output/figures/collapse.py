@@ -273,14 +273,15 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
     """The curves of a study with their fractiles and capacities."""
     # The axis of drift ends at that of collapse, where some building collapses or comes near to it.
     limit = study.model.collapse_drift
-    largest = max((run.drift_ratio for curve in study.curves for run in curve.stable), default=0.0)
-    if 0.0 < largest <= 0.5 * limit and all(curve.collapse.censored for curve in study.curves):
+    curves = study.motion_curves
+    largest = max((run.drift_ratio for curve in curves for run in curve.stable), default=0.0)
+    if 0.0 < largest <= 0.5 * limit and all(curve.collapse.censored for curve in curves):
         limit = largest
     states = study.states
-    count = len(states[0].curves)
+    count = len(states[0].motion_curves)
     look = single_look(count > 1 or len(states) > 1)
-    axes.plot([], [], label=how_many(count, "record"), **look)
-    for curve in study.curves:
+    axes.plot([], [], label=how_many(count, "motion" if study.partners else "record"), **look)
+    for curve in study.motion_curves:
         _draw_curve(axes, curve, limit, look)
     for state, color in zip(states, (COLORS[0], *COLORS[2:]), strict=False):
         _draw_fractiles(axes, state, limit, color, several=len(states) > 1)
@@ -301,8 +302,8 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
         )
     # The axis of intensity ends above the capacities, and the largest levels that a building
     # stands.
-    capacities = (curve.collapse.capacity for curve in study.curves)
-    stood = (run.im for curve in study.curves for run in curve.stable)
+    capacities = (curve.collapse.capacity for curve in study.motion_curves)
+    stood = (run.im for curve in study.motion_curves for run in curve.stable)
     highest = max((*filter(math.isfinite, capacities), *stood), default=0.0)
     axes.set(xlim=(0.0, 100.0 * _BEYOND * limit), ylim=(0.0, _ROOM * (highest or 1.0)))
     axes.set(
@@ -326,10 +327,10 @@ def _draw_curve(axes: Any, curve: IdaCurve, limit: float, look: dict[str, Any]) 
 def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, several: bool) -> None:
     """Fractiles of a state; where there are `several`, the median alone, and of few records each
     curve."""
-    damage = study.curves[0].damage
+    damage = study.motion_curves[0].damage
     state = (f", damaged to {100.0 * damage:g} %" if damage else ", intact") * several
-    if len(study.curves) < _FEW:
-        for curve in study.curves if several else ():
+    if len(study.motion_curves) < _FEW:
+        for curve in study.motion_curves if several else ():
             _draw_curve(
                 axes,
                 curve,
@@ -340,7 +341,7 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
         return
     drifts = np.linspace(0.0, limit, _DRIFTS)[1:]
     for part, row in reversed(
-        list(zip(_PARTS, fractiles(study.curves, drifts, _PARTS), strict=True))
+        list(zip(_PARTS, fractiles(study.motion_curves, drifts, _PARTS), strict=True))
     ):
         if not np.isfinite(row).any() or (several and part != 0.5):
             continue
@@ -362,7 +363,7 @@ def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
         again: [],
         censored: [],
     }
-    for curve in study.curves:
+    for curve in study.motion_curves:
         if curve.stable:
             drift = min(curve.stable[-1].drift_ratio, limit)
             look = (

@@ -12,7 +12,7 @@ import numpy as np
 from tdint.campaign.fragility.fits import BINS, Fragility
 from tdint.campaign.fragility.measures import MeasureFit
 from tdint.campaign.ida import IdaStudy
-from tdint.campaign.ida_curve import Capacity, IdaCurve
+from tdint.campaign.ida_curve import Capacity, IdaCurve, PairCurve
 from tdint.campaign.scaling import Scaling
 from tdint.ground_motion.reading.suites import components
 from tdint.ground_motion.record import component_names
@@ -373,11 +373,12 @@ def ida_table(study: IdaStudy) -> Table:
 
 
 def capacity_table(study: IdaStudy) -> Table:
-    """A row for each record and threshold."""
-    columns = _with_damage(CAPACITIES, study)
+    """A row for each motion and threshold. A pair is a motion, or its components are."""
+    stated = (replace(PAIR_DEMAND, value="study.pair_demand"),) * bool(study.partners)
+    columns = (*_with_damage(CAPACITIES, study), *stated)
     capacities = (
         replace(curve, capacity=curve.curve.capacity(threshold))
-        for curve in _curves(study)
+        for curve in _motion_curves(study)
         for threshold in study.thresholds
     )
     return _with_unit(Table.of_results(columns, capacities), study.measure.unit)
@@ -486,6 +487,19 @@ def _with_unit(table: Table, unit: str) -> Table:
         if name in table.meanings
     }
     return replace(table, meanings=table.meanings | told)
+
+
+def _motion_curves(study: IdaStudy) -> Iterator[_CurveRows]:
+    """The curves of the motions; a pair is named by the file of its first component and both
+    components."""
+    rows = {id(row.curve): row for row in _curves(study)}
+    for curve in study.motion_curves:
+        if isinstance(curve, PairCurve):
+            of_parts = [rows[id(part)] for part in curve.parts]
+            component = "+".join(row.component for row in of_parts)
+            yield replace(of_parts[0], component=component, curve=curve)
+        else:
+            yield rows[id(curve)]
 
 
 def _curves(study: IdaStudy) -> Iterator[_CurveRows]:
