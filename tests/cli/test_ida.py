@@ -32,7 +32,18 @@ def test_a_building_that_is_unusual_is_told(folder, tdint, line):
     assert "Warning: fundamental period 14 s, usual: " in tdint(*line.split(), "-q", code=0).stderr
 
 
-STUDY = ("ida", "shaken.yaml", "motion.mseed", "other.mseed", *UNITS, "-o", "out", "--plot")
+STUDY = (
+    "ida",
+    "--pair-demand",
+    "separate",
+    "shaken.yaml",
+    "motion.mseed",
+    "other.mseed",
+    *UNITS,
+    "-o",
+    "out",
+    "--plot",
+)
 TABLES = ("ida.csv", "capacities.csv", "ida.json")
 
 
@@ -214,6 +225,7 @@ def test_a_study_in_other_units_and_back(studied, tdint):
 
 def test_another_study_needs_another_folder_or_overwrite(studied, tdint):
     arguments = ("ida", "shaken.yaml", "motion.mseed", *UNITS, "--precision", "20%", "-o", "out")
+    arguments += ("--pair-demand", "separate")
     result = tdint.refused("setting precision: 0.05 in the store, 0.2 in this study", *arguments)
     assert "record other.mseed HNE: in the store alone" in result.stderr
     tdint(*arguments, "--overwrite", code=0)
@@ -282,7 +294,8 @@ def test_what_has_no_result_is_told(folder, tdint, monkeypatch):
 
 
 def test_pairs(folder, tdint):
-    result = tdint("ida", FRAME, "motion.mseed", *FEW, "--pairs", "rotd50", code=0)
+    choice = ("--pairs", "rotd50", "--pair-demand", "separate")
+    result = tdint("ida", FRAME, "motion.mseed", *FEW, *choice, code=0)
     assert {(row["component"], row["im_name"]) for row in rows(result.stdout)} == {
         (component, "rotd50-sa(1.09504)") for component in ("HNE", "HNN")
     }
