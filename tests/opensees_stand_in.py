@@ -52,6 +52,11 @@ class Domain:
         self.links[second - 1].append(self.materials[words[1]])
 
     def recorder(self, kind, form, file, word, *words):
+        if kind == "Element":
+            assert (form, word, words[-3:]) == ("-binary", "-ele", ("material", "1", "stress"))
+            assert words[:-3] == tuple(range(1, self.nodes))
+            self.recorded[file] = []
+            return
         assert (kind, form, word, words[:-1]) == (
             "Node",
             "-binary",
@@ -181,10 +186,10 @@ class Domain:
             u = u + np.linalg.solve(matrix + rest * tangent, out)
         else:
             return -3
-        self.inner = self.springs(self.drifts @ u, before, self.inner)[1]
+        shear, self.inner, _ = self.springs(self.drifts @ u, before, self.inner)
         self.motion, self.time, self.iterations = np.array([u, v, a]), self.time + h, solves
         for file, row in zip(
-            self.recorded, self.motion, strict=False
-        ):  # in the order of disp, vel, accel
+            self.recorded, (*self.motion, shear), strict=False
+        ):  # in the order of disp, vel, accel, stress
             self.recorded[file].append(row)
         return 0

@@ -188,6 +188,32 @@ def test_other_programs_do_not_change_what_is_best():
             assert profile.ratios in ((0.25, INF), (INF, INF)) and profile.taken == 1
 
 
+def test_what_was_not_run_is_not_unsolved():
+    """Steps below a half were not run: 0.1 % is within none of the others, 1 % within one."""
+    line = points("prog/b", 2, 1.0, error=0.01)
+    for i, point in enumerate(line):
+        if point.dt < 0.5:
+            line[i] = replace(point, outcome="not-run", errors=None, times=())
+    blow = points("prog/b", 2, 1.0, error=0.01, fails=PARTS)
+    ours = points("a", 2, 1.0)
+    chart = field_chart([measured(ours, line), measured(ours, blow)])
+    found = {
+        one.tolerance: (one.problems, one.solved, one.taken, one.not_run)
+        for one in chart.profiles
+        if (one.quantity, one.method) == ("peak_drift", "prog/b")
+    }
+    assert found[0.01] == (2, 1, 2, 0)
+    assert found[0.001] == (1, 0, 1, 1)
+    assert all(one.not_run == 0 for one in chart.profiles if one.method == "a")
+
+
+def test_a_line_that_is_not_its_method_is_not_among_the_profiles():
+    apart = points("openseespy/generalized-alpha", 2, 1.0)
+    chart = field_chart([measured(points("a", 2, 1.0), apart)])
+    assert chart.lines == ["a"]
+    assert {one.method for one in chart.profiles} == {"a"}
+
+
 # ---- Sets of problems
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from tdint import system
 from tdint.analysis.chart import opensees_worker
 from tdint.analysis.chart.problem import FloorMotion, Problem, Reference, RelativeErrors, errors
-from tdint.analysis.chart.work_precision import Chart, Peer, Point, Progress, silent
+from tdint.analysis.chart.work_precision import NOT_RUN, Chart, Peer, Point, Progress, silent
 from tdint.analysis.run.outcome import DIVERGED, NOT_CONVERGED
 from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array
@@ -44,6 +44,9 @@ _CHECKED = (
 )  # parts of the interval, until two of them tell that the law is the same
 _SAME = 1e-9  # beyond what a division of rounded numbers leaves
 
+
+NO_PROCESS = "its process did not start or did not end"
+"""Reason for missing points of OpenSees that another attempt may not have, as on a busy machine."""
 
 _OPENSEES: dict[str, Callable[[float], tuple[Any, ...]]] = {
     "newmark-average": lambda _: ("Newmark", 0.5, 0.25),
@@ -127,7 +130,9 @@ def openseespy_points(
     equilibrium at the start; Newton's method (Linear in linear buildings, factorized once) until
     the unbalanced forces are 1e-9 of the largest force of inertia, BandSPD. The time is that of
     `analyze` alone. Peaks are those at the steps; `judge` has the errors from them in place of
-    those of the motion. A `share` of the time that one problem has is what all runs may take.
+    those of the motion. Accelerations are those of equilibrium, as ours. All runs of an integrator
+    may take a `share` of the time that a problem has, largest steps first; points of the others
+    have the outcome `not-run`.
     """
     if reason := _unsupported(problem):
         return [], [f"openseespy is left out: {reason}"]
@@ -136,9 +141,8 @@ def openseespy_points(
     answer, why = _ask(problem, runs, reference, min(repeats, _REPEATS), share)
     if why:
         return [], [f"openseespy is left out: {why}"]
-    done = int(answer["done"])
     points = []
-    for number, (integrator, steps) in enumerate(runs[:done]):
+    for number, (integrator, steps) in enumerate(runs):
         got = {
             name.partition("_")[2]: value
             for name, value in answer.items()
@@ -158,13 +162,13 @@ def openseespy_points(
         points.append(point)
     order = [f"openseespy/{name}" for name in _OPENSEES]
     points.sort(key=lambda point: (order.index(point.line), -point.dt))
-    missing = len(runs) - done
+    missing = sum(point.outcome == NOT_RUN for point in points)
     notes = (
-        [f"openseespy: {missing} of {len(runs)} runs, those with the smallest steps, take too long"]
+        [f"openseespy: {missing} of {len(runs)} runs were not run: larger steps took the time"]
         if missing
         else []
     )
-    if points and not _one_solve(problem):
+    if missing < len(points) and not _one_solve(problem):
         notes.append(ITERATED)
     return points, notes
 
@@ -274,7 +278,7 @@ def _ask(
             command, input=stream.getvalue(), capture_output=True, timeout=60.0 * _MINUTES
         )
     except (OSError, subprocess.TimeoutExpired):
-        return {}, "its process did not start or did not end"
+        return {}, NO_PROCESS
     if done.returncode == opensees_worker.NOT_INSTALLED:
         return {}, "it is not installed (pip install 'tdint[peers]')"
     if done.returncode == opensees_worker.NOT_LOADED:
@@ -314,6 +318,7 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
         ),
         "beta_stiffness": np.array(0.0 if beta is None else beta),
         "dashpot": dampers if beta is None else np.zeros_like(dampers),
+        "story_damper": dampers,
         "geometric": building.linear_terms[at.GEOMETRIC, :-1],
         "forces": problem.forces,
         "ground": problem.ground,

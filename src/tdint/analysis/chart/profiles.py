@@ -27,6 +27,7 @@ from tdint.analysis.chart.problem import (
 from tdint.analysis.chart.work_precision import (
     BY_TOLERANCE,
     CHOOSING,
+    NOT_RUN,
     Peer,
     PerformanceProfile,
     Point,
@@ -184,13 +185,21 @@ class Measured:
         """Least time of each method within a tolerance, there and with all smaller steps, s; nan
         for none."""
         lines = dict.fromkeys(point.line for point in self.points)
+        run = [point for point in self.points if point.outcome != NOT_RUN]
         return {
             line: min(
-                (point.fastest for point in within(self.points, line, quantity, tolerance)),
+                (point.fastest for point in within(run, line, quantity, tolerance)),
                 default=math.nan,
             )
             for line in lines
         }
+
+    def is_unknown(self, line: str, quantity: str, tolerance: float) -> bool:
+        """Return True if a line has no step within a tolerance and its smaller steps were not run:
+        the problem is then neither solved nor unsolved."""
+        of_line = [point for point in self.points if point.line == line]
+        run = [point for point in of_line if point.outcome != NOT_RUN]
+        return len(run) < len(of_line) and not within(run, line, quantity, tolerance)
 
 
 class Leaders(NamedTuple):
@@ -204,6 +213,11 @@ class Leaders(NamedTuple):
 
 COARSE = 0.03  # relative error: between 10 and 1 %, where coarse steps are chosen
 PEER = "/"  # in the name of a line that is another program's: program/method
+
+
+APART = ("openseespy/generalized-alpha",)
+"""Lines that are not among the profiles: from its second iteration on, OpenSees' integrator solves
+other equations than the method (`peers.ITERATED`)."""
 
 
 def of_steps(line: str) -> bool:
@@ -233,12 +247,14 @@ class FieldChart(Tabular):
     def lines(self) -> list[str]:
         """The methods, behind them what chooses its steps, then other programs."""
         lines = dict.fromkeys(point.line for measured in self.measured for point in measured.points)
+        lines = dict.fromkeys(line for line in lines if line not in APART)
         return sorted(lines, key=lambda line: (PEER in line, not of_steps(line)))
 
     @cached_property
     def profiles(self) -> tuple[PerformanceProfile, ...]:
         """By quantity, by tolerance, by method: over all problems whose references are known well
-        enough; one that a method does not take is one that it does not solve. The costs of what
+        enough; one that a method does not take is one that it does not solve. A problem whose steps
+        within the tolerance were not run is not among those of its method. The costs of what
         chooses its steps, and of another program, are over the least of ours, which they do not
         change."""
         profiles = []
@@ -252,11 +268,11 @@ class FieldChart(Tabular):
                 [[costs.get(line, math.nan) for line in self.lines] for costs in judged]
             )
             for line, ratios in zip(self.lines, performance_ratios(table, ours).T, strict=True):
-                taken = sum(line in costs for costs in judged)
+                unknown = [one.is_unknown(line, quantity, tolerance) for one in sure]
+                taken = sum(line in costs for costs in judged) - sum(unknown)
+                known = sorted(ratios[~np.array(unknown)].tolist())
                 profiles.append(
-                    PerformanceProfile(
-                        quantity, tolerance, line, tuple(sorted(ratios.tolist())), taken
-                    )
+                    PerformanceProfile(quantity, tolerance, line, tuple(known), taken, sum(unknown))
                 )
         return tuple(profiles)
 

@@ -87,6 +87,10 @@ def silent(act: str, part: float) -> None:
     """Nobody is told of progress."""
 
 
+NOT_RUN = "not-run"
+"""Outcome of a point whose run was not begun, because runs with larger steps took the time."""
+
+
 @dataclass(frozen=True)
 class Point:
     """One method with one step.
@@ -107,7 +111,7 @@ class Point:
         did not reach its end.
     outcome : str
         How `tdint run` ends: `done`, `collapsed`, `unstable-step` (refused), `diverged` or
-        `not-converged`.
+        `not-converged`. Of other programs also `not-run`: larger steps took the time.
     """
 
     method: str
@@ -605,6 +609,9 @@ class PerformanceProfile:
         it is never within the tolerance.
     taken : int
         Problems that it takes; the others it does not solve.
+    not_run : int
+        Problems that are not among the ratios, because no step within the tolerance is known and
+        smaller steps were not run.
     """
 
     quantity: str
@@ -612,6 +619,7 @@ class PerformanceProfile:
     method: str
     ratios: tuple[float, ...]
     taken: int
+    not_run: int = 0
 
     def within(self, factor: float) -> int:
         """Problems that it solves at no more than this factor of the least cost: rho(factor) times

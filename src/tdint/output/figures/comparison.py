@@ -676,7 +676,7 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
             # A stair: up at each ratio; on to the panel's end, where it stands for what is solved
             # at all.
             steps = [ratio for ratio in profile.ratios if ratio <= _LARGEST_RATIO]
-            share = np.arange(len(steps) + 1) / profile.problems
+            share = np.arange(len(steps) + 1) / max(profile.problems, 1)
             x, y = [1.0, *steps, _LARGEST_RATIO], [*share, share[-1]]
             look = looks[profile.method] | {"markersize": 3.5, "markevery": 0.2}
             look |= {"linewidth": front.get(profile.method, 1.0)}
@@ -700,7 +700,11 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
         figure,
         panels[0, 0],
         [handles[line] for line in order],
-        [chart.named(line) for line in order],
+        [
+            chart.named(line)
+            + ", not run in part" * any(p.not_run for p in profiles if p.method == line)
+            for line in order
+        ],
         NARROW,
     )
     # The legend, which one method does not have, says below what was compared, and on what machine.

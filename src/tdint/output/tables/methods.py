@@ -380,9 +380,16 @@ PROFILE = (
         "problems",
         "1",
         "problems",
-        "problems whose reference is known well enough, the same for all methods",
+        "problems whose reference is known well enough, less those of not_run",
     ),
     Column("taken", "1", "taken", "of these, those that it takes; the others it does not solve"),
+    Column(
+        "not_run",
+        "1",
+        "not_run",
+        "problems that are not counted, because the method has no step within the tolerance and "
+        "its smaller steps were not run",
+    ),
     Column(
         "solved",
         "1",
@@ -407,7 +414,7 @@ def profile_table(chart: FieldChart) -> Table:
     return Table.of_results(PROFILE, chart.profiles)
 
 
-MEASURED = ("time_s", "time_min_s", *(column.name for column in PROFILE[6:]))
+MEASURED = ("time_s", "time_min_s", *(column.name for column in PROFILE[7:]))
 """Columns of a chart that hang on measured times: other ones in each run."""
 
 VALIDATION = (
