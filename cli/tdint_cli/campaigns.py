@@ -595,6 +595,7 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
     """Write what stands beside a store: runs.csv, stories.csv and profiles.csv if they are wanted,
     what is asked for over all motions, summary.json; and what was exported of an earlier state
     anew."""
+    from tdint.kernels.building.compilable import time_loops
     from tdint.output.summary import files_read
 
     ours = [
@@ -603,7 +604,8 @@ def finish(profiles: Profiles, folder: Path, plan: Plan | None = None) -> None:
     again = _exports(profiles, ours)
     written = {name: writer for name, writer in again.items() if writer}
     contents = {**_of_suite(profiles, folder, plan), **written}
-    _write(profiles, folder, contents, files_read(), {"arguments": current().arguments})
+    made = {"arguments": current().arguments, "time_loops": time_loops()}
+    _write(profiles, folder, contents, files_read(), made)
     for name, writer in again.items():
         if writer:
             note(f"{folder / name}: written anew, as the campaign is now")
@@ -679,7 +681,11 @@ def export(profiles: Profiles, folder: Path, *, simcenter: bool, geojson: bool) 
     # What is written of a store says how its runs were made, as the last call that could add some
     # told it.
     before = told_of(folder / SUMMARY)
-    made = {"arguments": before.get("arguments", []), "export": list(current().arguments)}
+    made = {
+        "arguments": before.get("arguments", []),
+        "time_loops": before.get("time_loops"),
+        "export": list(current().arguments),
+    }
     _write(
         profiles, folder, {**_of_suite(profiles, folder), **others}, before.get("inputs", ()), made
     )
@@ -720,10 +726,11 @@ def _write(
     folder: Path,
     contents: Mapping[str, Content],
     read: Iterable[Mapping[str, str]],
-    lines: Mapping[str, Sequence[str]],
+    made: Mapping[str, Any],
 ) -> None:
     """Write the tables of a store, these contents and, last, the summary, in which the files that
-    were `read` stand and the command lines: of the runs, and of the export that writes them now."""
+    were `read` stand and how the runs were `made`: the command lines of the runs and of the export
+    that writes them now, and how the time loops were executed."""
     from tdint.output.summary import campaign_summary, in_units, json_bytes, merged_inputs
 
     request, store, units = profiles.request, profiles.store, profiles.units
@@ -742,7 +749,7 @@ def _write(
     files |= _damage(store, units, request.by)
     told = campaign_summary(store)
     told["inputs"] = merged_inputs(told["inputs"], read)
-    files[SUMMARY] = json_bytes({**in_units(told, units), **lines})
+    files[SUMMARY] = json_bytes({**in_units(told, units), **made})
     here = {folder / name: content for name, content in files.items()}
     if not request.overwrite:
         store.refuse_foreign(here)

@@ -6,6 +6,8 @@ import hashlib
 import json
 import os
 import socket
+import subprocess
+import sys
 from pathlib import Path
 
 import click
@@ -13,7 +15,7 @@ import pytest
 
 from cli.conftest import STUDY, change
 from tdint.errors import OutputError
-from tdint.output.tables.table import Difference, differences
+from tdint.output.tables.differences import Difference, differences
 from tdint_cli.main import COMMANDS, cli
 from tdint_cli.options.grammar import is_recorded
 
@@ -74,7 +76,7 @@ def test_a_folder_is_written_again_elsewhere_and_compared(folder, tdint, rerun, 
     test_files.py."""
     tdint(*words, "-o", "some/study/", code=0)
     told = next(file for file in sorted(Path("some/study").glob("*.json")))
-    assert f"{table}: the same, cell by cell" in rerun(told, code=0).stderr
+    assert f"{table}: the same, byte for byte" in rerun(told, code=0).stderr
 
 
 def test_cells_that_differ_are_a_table(folder, tdint, rerun):
@@ -227,7 +229,7 @@ def test_a_run_that_fails_fails_again(tdint, rerun):
 def test_parquet_is_compared(folder, tdint, rerun):
     pytest.importorskip("pyarrow")
     tdint("modes", "forced.yaml", "-o", "a.parquet", code=0)
-    assert "a.parquet: the same, cell by cell" in rerun("a.json", code=0).stderr
+    assert "a.parquet: the same, byte for byte" in rerun("a.json", code=0).stderr
     file = folder / "a.parquet"
     whole = file.read_bytes()
     change("forced.yaml", ("stiffness: 600", "stiffness: 601"))
@@ -241,12 +243,11 @@ def test_parquet_is_compared(folder, tdint, rerun):
     assert "not there where it was" in rerun("a.json", code=5).stderr
 
 
-def test_nothing_compared_is_no_yes(folder, tdint, rerun):
-    """Of a table that has a name of no table, and of one whose times are left out, which is
-    said."""
+def test_measured_times_are_not_compared(folder, tdint, rerun):
+    """A table with the name of no table is compared; a campaign without tables by its store."""
     (folder / "campaign.yaml").write_text(CAMPAIGN.replace("{stories: true}", "[damage]"))
     tdint("campaign", "campaign.yaml", "-o", "study", code=0)
-    assert "nothing of what the command writes can be compared" in rerun("study", code=5).stderr
+    assert "campaign.sqlite: the same, run by run" in rerun("study", code=0).stderr
     tdint("modes", "forced.yaml", "-o", "a.txt", code=0)
     assert "a.txt: the same" in rerun("a.json", code=0).stderr
     tdint(
@@ -386,3 +387,128 @@ def test_differences_of_two_files(tmp_path):
     now.write_bytes(b"no gzip file")
     with pytest.raises(OutputError, match="cannot be read as CSV"):
         list(differences(before, now))
+
+
+# ---- Every file that the command wrote
+
+
+def interpreted(*words):
+    """Run a command in another process, in which Python interprets the time loops."""
+    environment = os.environ | {"TDINT_KERNELS": "python"}
+    line = [sys.executable, "-m", "tdint_cli", *words]
+    subprocess.run(line, env=environment, check=True, capture_output=True)
+
+
+def test_interpreted_and_compiled_loops_are_equal_within_rounding(folder, tdint, rerun):
+    """A first run may be interpreted, and the same run later be compiled."""
+    interpreted(*ONE_RUN, "--history", "--method", "impulse4")
+    assert json.loads((folder / "out/summary.json").read_text())["time_loops"] == "interpreted"
+    said = rerun("out", code=0).stderr
+    for file in ("stories.csv", "history.csv", "summary.json"):
+        assert f"{file}: equal within rounding" in said or f"{file}: the same" in said
+    tdint("run", "shaken.yaml", "-o", "now", code=0)
+    loops = json.loads((folder / "now/summary.json").read_text())["time_loops"]
+    assert loops == ("interpreted" if os.environ["TDINT_KERNELS"] == "python" else "compiled")
+
+
+@pytest.mark.parametrize(
+    ("factor", "code", "words"),
+    [
+        (1.0, 0, "stories.csv: the same, byte for byte"),
+        (1.0 + 1e-10, 0, "stories.csv: equal within rounding: 1 number"),
+        (1.0 + 1e-8, 5, "stories.csv: 1 difference"),
+    ],
+)
+def test_last_digits_are_rounding(folder, tdint, rerun, factor, code, words):
+    tdint(*ONE_RUN, code=0)
+    file = folder / "out/stories.csv"
+    cells = [line.split(",") for line in file.read_text().splitlines()]
+    cells[2][2] = repr(factor * float(cells[2][2]))
+    file.write_text("".join(",".join(line) + "\n" for line in cells))
+    result = rerun("out", code=code)
+    assert words in result.stderr
+    assert bool(result.stdout) == (code == 5)
+
+
+def test_rounding_is_relative_to_the_peak(tmp_path):
+    """Errors, residuals and numbers near a zero crossing have the rounding of the peak response;
+    counts have none."""
+    before, now = tmp_path / "before.csv", tmp_path / "now.csv"
+
+    def is_rounding(header, old, new):
+        before.write_text(f"{header}\n{old}\n")
+        now.write_text(f"{header}\n{new}\n")
+        return [difference.is_rounding for difference in differences(before, now)]
+
+    peak = "peak_drift_m,peak_drift_m_error"
+    assert is_rounding(peak, "2.0,1e-6", "2.0,1.001e-6") == [True]
+    assert is_rounding(peak, "2.0,1e-6", "2.0,1.003e-6") == [False]
+    assert is_rounding("other,peak_drift_m_error", "2.0,1e-6", "2.0,1.001e-6") == [False]
+    assert is_rounding("peak_drift_m,residual_drift_m", "2.0,1e-15", "2.0,-3e-15") == [True]
+    assert is_rounding("peak_drift_m,residual_drift_m", "2.0,1e-15", "2.0,-3e-9") == [False]
+    assert is_rounding("energy_error", "1e-12", "-5e-10") == [True]
+    assert is_rounding("iterations", "2000000000", "2000000001") == [False]
+    assert is_rounding("name", "a", "b") == [False]
+    history = "time_s,drift_m"
+    assert is_rounding(history, "0,4.0\n0.01,1e-12", "0,4.0\n0.01,3e-9") == [True]
+    assert is_rounding(history, "0,4.0\n0.01,1e-12", "0,4.0\n0.01,5e-9") == [False]
+    assert is_rounding("drift_m", "4.0\n1e-12", "4.0\n3e-9") == [False]
+
+
+def test_matched_motions_are_compared(folder, tdint, rerun):
+    """They are the result of the command: a changed byte and a deleted file are found."""
+    design = "ec8:type=1,soil=B,ag=0.25g"
+    words = ["--units", "m/s^2", "--component", "HNE", "--range", "0.1:1", "--target", design]
+    tdint("match", "motion.mseed", *words, "--plot", "-o", "matched", code=0)
+    assert "motion-HNE.mseed: the same, byte for byte" in rerun("matched/matched.json").stderr
+    rerun("matched/matched.json", code=0)
+    for name in ("motion-HNE.mseed", "matched.png"):
+        file = folder / "matched" / name
+        whole = file.read_bytes()
+        file.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
+        changed = rerun("matched/matched.json", code=5)
+        assert f"{name}: not comparable: its bytes differ" in changed.stderr
+        file.unlink()
+        assert f"{name}: is written now" in rerun("matched/matched.json", code=5).stderr
+        file.write_bytes(whole)
+    # A motion that the JSON file lists, and the command does not write now
+    told = json.loads((folder / "matched/matched.json").read_text())
+    told["motions"].append("another.mseed")
+    (folder / "matched/matched.json").write_text(json.dumps(told))
+    (folder / "matched/another.mseed").write_bytes(whole)
+    assert "another.mseed: not comparable" in rerun("matched/matched.json", code=5).stderr
+
+
+def test_numbers_of_the_json_file_are_compared(folder, tdint, rerun):
+    tdint(*ONE_RUN, code=0)
+    file = folder / "out/summary.json"
+    told = json.loads(file.read_text())
+    told["peaks"]["drift_m"] *= 0.9
+    told["wall_time_s"] *= 2.0
+    file.write_text(json.dumps(told))
+    result = rerun("out", code=5)
+    assert result.stdout.splitlines()[1].startswith("summary.json,,peaks.drift_m,")
+    assert len(result.stdout.splitlines()) == 2
+
+
+def test_an_export_into_a_folder_that_is_called_export(folder, tdint, rerun):
+    (folder / "campaign.yaml").write_text(CAMPAIGN)
+    tdint("campaign", "campaign.yaml", "-o", "export", code=0)
+    tdint("campaign", "export", "export", "--simcenter", code=0)
+    said = rerun("export", code=0).stderr
+    assert "simcenter.csv: the same, byte for byte" in said
+    (folder / "export/simcenter.csv").write_text("forged\n")
+    rerun("export", code=5)
+
+
+def test_a_command_that_fails_is_a_failure(folder, tdint, rerun):
+    """Here the repeated export; what it would write is not approved."""
+    (folder / "campaign.yaml").write_text(CAMPAIGN)
+    tdint("campaign", "campaign.yaml", "-o", "study", code=0)
+    tdint("campaign", "export", "study", "--simcenter", code=0)
+    file = folder / "study/summary.json"
+    told = json.loads(file.read_text())
+    file.write_text(json.dumps(told | {"export": ["campaign", "export", "study", "--geojson"]}))
+    said = rerun("study", code=2).stderr
+    assert "the command failed, with exit code 2" in said
+    assert "simcenter.csv: not comparable: it was written then" in said

@@ -3,12 +3,12 @@ tables compared."""
 
 from __future__ import annotations
 
+import csv
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, chdir, redirect_stdout
-from dataclasses import dataclass, field
-from itertools import islice
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -29,16 +29,26 @@ from tdint_cli.options.grammar import (
     is_recorded,
     with_named_files,
 )
-from tdint_cli.terminal import Settings, current, note, say, warn
+from tdint_cli.terminal import Settings, complain, current, note, say, warn
 
 if TYPE_CHECKING:
-    from tdint.output.tables.table import Difference
+    from tdint.output.tables.differences import Difference
 
 SUMMARY = "summary.json"
 """Of a folder that is given in place of its file."""
 
 TABLES = (".csv", ".csv.gz", ".parquet")
-"""Ends of the names of files that are compared."""
+"""Ends of the names of files that are compared cell by cell."""
+
+JSON = (".json", ".geojson")
+"""Ends of the names of files that are compared value by value."""
+
+OF_STORE = ("-wal", "-shm", "-journal", ".lock")
+"""Ends of the names of files that a campaign's store has while it is open; they have no results."""
+
+STORE = Path("campaign.sqlite")
+"""Name of the store of a campaign, which lists the files that were made of it. The runs in it are
+compared, as are those of other stores of this suffix."""
 
 SHOWN = 1000
 """Cells that the table of differences has at most: of a history of millions nobody reads more."""
@@ -70,7 +80,7 @@ class Request:
     "tdint rerun loop.json --changed -o again",
     exits={
         2: "other inputs, something needs --trust, or no command line in the file",
-        5: "a table is not the same, or nothing could be compared",
+        5: "a file differs, or cannot be compared",
     },
 )
 @options.of(Request)
@@ -79,10 +89,13 @@ def command(request: Request) -> None:
 
     The file's `arguments` are carried out in the folder that they were typed in, with the installed
     version; whatever they write goes to another place, so that no file is replaced. DIR stands for
-    DIR/summary.json. All CSV and Parquet files are compared cell by cell, but for measured times:
-    exit code 0 if they are the same, else 5, and a table of the cells that differ goes to standard
-    output, with 1000 of them at most. Standard error tells what was compared and what was not, and
-    versions that are others now. What a campaign has exported is exported again.
+    DIR/summary.json. Every file that the command writes is compared: tables cell by cell, but for
+    measured times, JSON files value by value, the store of a campaign run by run, motions, pictures
+    and pages byte by byte. The exit code is 0 if all files are the same or equal within rounding
+    (1e-9 of a number; of the peak for errors, residuals and histories). It is 5 if a file differs
+    or cannot be compared, and a table of the cells that differ is written to standard output, with
+    at most 1000 rows. Standard error reports each file, versions that differ, and whether the time
+    loops were interpreted or compiled. What a campaign has exported is exported again.
 
     The inputs must be those of then, by SHA-256: models, records, tables, plug-ins. They are looked
     for from the folder in which the command was typed, if the file still lies where it was written,
@@ -135,9 +148,9 @@ def command(request: Request) -> None:
         stack.callback(TRUSTED.reset, TRUSTED.set(request.trust))
         code = _carry_out(told.arguments, folder, moved)
         if told.export and moved.summary.is_file():
-            at = told.export.index(_words(_parsed(told.file, told.export)[1], "words")[1])
+            at = _place_of_folder(told)
             again_there = [*told.export[:at], str(moved.now), *told.export[at + 1 :]]
-            code = _carry_out(again_there, folder, moved) or code
+            code = code or _carry_out(again_there, folder, moved)
         if not moved.summary.is_file():
             if not code:
                 raise UsageError(
@@ -161,8 +174,13 @@ def command(request: Request) -> None:
             if name != "sources" and before != now:
                 note(f"{name} {before or 'none'} then, {now or 'none'} now")
         same = _compare(told, again, moved)
+        # A run that fails is recorded with its status, and fails again; no other failure is.
+        failed_then = told.content.get("status") not in (None, "done")
+    if code and not (failed_then and same):
+        complain(f"Error: {told.file}: the command failed, with exit code {code}")
+        raise click.exceptions.Exit(code)
     if not same:
-        raise AnalysisError(f"{told.file}: what it was written beside is not what comes of it now")
+        raise AnalysisError(f"{told.file}: the results differ from the stored results")
 
 
 @dataclass(frozen=True)
@@ -284,6 +302,11 @@ class _Told:
             files,
             code,
         )
+
+    @property
+    def output_name(self) -> str:
+        """The name of the table that -o names, which may end in any way; empty for a folder."""
+        return "" if self.is_folder else Path(self.output).name
 
     def folder(self) -> Path:
         """The folder that the command line was typed in: the one that its -o leads from, if the
@@ -421,8 +444,8 @@ class _Elsewhere:
         """The JSON file there."""
         return self.now / self.told.file.name
 
-    def tables(self) -> Iterator[tuple[str, Path, Path]]:
-        """Each table that was written: its name, where it was before, and where it is now."""
+    def files(self) -> Iterator[tuple[str, Path, Path]]:
+        """Each file that was written: its name, where it was before, and where it is now."""
         places = [(self.now, self.told.file.absolute().parent)]
         places += [
             (Path(moved).parent, (self.folder / typed).parent) for typed, moved in self.others
@@ -430,8 +453,7 @@ class _Elsewhere:
         for now, before in places:
             for file in sorted(now.rglob("*")):
                 apart = now == self.place and self._apart in file.parents
-                is_of_o = now == self.place and file.name == Path(self.told.output).name
-                if (is_of_o or file.name.lower().endswith(TABLES)) and not apart:
+                if is_file(file) and not file.name.endswith(OF_STORE) and not apart:
                     name = file.relative_to(now)
                     yield str(name), before / name, file
 
@@ -440,6 +462,16 @@ def _last(name: str) -> str:
     """The last part of a path, which . and .. have none of."""
     last = Path(name).name
     return "output" if last in ("", "..") else last
+
+
+def _place_of_folder(told: _Told) -> int:
+    """Return the place of the campaign's folder in the words of its export, of which others may be
+    the same: `export export`."""
+    for place in range(1, len(told.export)):
+        marked = [*told.export[:place], "\0", *told.export[place + 1 :]]
+        if _words(_parsed(told.file, marked)[1], "words")[1:] == ["\0"]:
+            return place
+    raise UsageError(f"{told.file}: `export` names no single folder: {' '.join(told.export)}")
 
 
 def _carry_out(arguments: Sequence[str], folder: Path, moved: _Elsewhere) -> int:
@@ -479,54 +511,161 @@ def _otherwise(name: str, then: str | None, now: str | None) -> str:
 
 
 def _compare(told: _Told, now: _Told, moved: _Elsewhere) -> bool:
-    """Compare all tables, and how a run ended; whether all is the same."""
-    same, compared = True, False
-    shown: list[Difference] = []
+    """Compare all files that the command has written, and how a run ended.
+
+    Parameters
+    ----------
+    told, now : _Told
+        The JSON file as it was stored, and as it is written now.
+    moved : _Elsewhere
+        The files that are written now.
+
+    Returns
+    -------
+    bool
+        True if all of them are the same, or equal within rounding.
+    """
     measured = tables.methods.MEASURED if told.command.name == "chart" else ()
-    but = f" (not compared: {', '.join(measured)}, which are measured)" if measured else ""
-    written = list(moved.tables())
+    same = True
+    shown: list[Difference] = []
+    written = list(moved.files())
+    results = [before for _, before, _ in written if before != told.file.absolute()]
     for name, before, file in written:
         if not before.is_file():
             say(f"{name}: is written now, and not there where it was then ({before})")
             same = False
             continue
-        # The first differences are shown; all are counted, and the largest is told.
-        differences, compared = tables.table.differences(before, file, but=measured), True
-        examples = list(islice(differences, SHOWN))
-        count, largest = len(examples), max(examples, key=_size, default=None)
-        for difference in differences:
-            count += 1
-            largest = max(largest or difference, difference, key=_size)
-        text = (
-            f"{name}: {how_many(count, 'difference') if count else 'the same, cell by cell'}{but}"
-        )
-        if largest is not None and not math.isnan(largest.relative):
-            text += (
-                f", at most {100.0 * largest.relative:.3g} % ({largest.column}, row {largest.row})"
-            )
+        is_table = name.lower().endswith(TABLES) or name == told.output_name
+        text, is_same, differences = _compare_file(before, file, name, is_table, measured)
         say(text)
-        shown += examples[: SHOWN - len(shown)]
-        same = same and not count
-    # Of a folder also what lies there and is not written now
-    here = told.file.absolute().parent
-    known = {before for _, before, _ in written}
-    for file in sorted(here.iterdir()) if told.is_folder else ():
-        if file.name.lower().endswith(TABLES) and file not in known:
-            say(f"{file.name}: is not written now, and not compared")
+        shown += differences[: SHOWN - len(shown)]
+        same = same and is_same
+    # Files that were written then and are not written now cannot be compared.
+    for file in _recorded_files(told) if told.is_folder else ():
+        if file not in {before for _, before, _ in written}:
+            say(f"{file.name}: not comparable: it was written then, and is not written now")
+            same = False
     # A run may end otherwise with the same peaks up to there.
     ends = [run.content.get("status") for run in (told, now)]
     if ends[0] != ends[1]:
         say(f"the run was {ends[0]} then, and is {ends[1]} now")
     elif ends[0] not in (None, "done"):
         say(f"the run was {ends[0]} then, and is so now")
-        compared = True
+    loops = [run.content.get("time_loops") for run in (told, now)]
+    if loops[0] != loops[1] and all(loops):
+        note(f"the time loops were {loops[0]} then, and are {loops[1]} now")
     if shown:
-        emit_table(tables.table.Table.of_results(tables.table.DIFFERENCE, shown))
-    if same and not compared:
+        emit_table(tables.table.Table.of_results(tables.differences.DIFFERENCE, shown))
+    if same and not results and ends[0] in (None, "done"):
         raise AnalysisError(f"{told.file}: nothing of what the command writes can be compared")
     return same and ends[0] == ends[1]
 
 
+def _compare_file(
+    before: Path, now: Path, name: str, is_table: bool, measured: Sequence[str]
+) -> tuple[str, bool, list[Difference]]:
+    """Compare a file that was written then with the file that is written now.
+
+    Parameters
+    ----------
+    before, now : Path
+        The files.
+    name : str
+        Name of the file, for messages.
+    is_table : bool
+        True for a table, whatever its name ends in.
+    measured : sequence of str
+        Columns with measured times, which are not compared.
+
+    Returns
+    -------
+    text : str
+        The result of the comparison.
+    is_same : bool
+        True if the files are the same, or equal within rounding.
+    differences : list of Difference
+        The first differences.
+    """
+    if digest_of(before) == digest_of(now):
+        return f"{name}: the same, byte for byte", True, []
+    lower = name.lower()
+    but = f" (not compared: {', '.join(measured)}, which are measured)" if measured else ""
+    if lower.endswith(JSON):
+        # Of a chart all numbers but those of its table are measured, or found from measured times.
+        if measured:
+            return f"{name}: not compared, because it contains measured times", True, []
+        return _judge(name, tables.differences.json_differences(before, now), "value by value")
+    if now.suffix == STORE.suffix:
+        return _judge(name, _store_differences(before, now), "run by run")
+    if is_table:
+        differences = tables.differences.differences(before, now, but=measured)
+        return _judge(name, differences, f"cell by cell{but}")
+    return f"{name}: not comparable: its bytes differ, and it is no table", False, []
+
+
+def _judge(
+    name: str, differences: Iterable[Difference], how: str
+) -> tuple[str, bool, list[Difference]]:
+    """Count the differences of two files and name the largest; see `_compare_file`."""
+    shown: list[Difference] = []
+    rounded = count = 0
+    largest: Difference | None = None
+    for difference in differences:
+        if difference.is_rounding:
+            rounded += 1
+            continue
+        count += 1
+        largest = max(largest or difference, difference, key=_size)
+        shown += [difference] if len(shown) < SHOWN else []
+    if not count:
+        digits = f": {how_many(rounded, 'number')} with other last digits" if rounded else ""
+        text = f"equal within rounding{digits}" if rounded else f"the same, {how}"
+        return f"{name}: {text}", True, []
+    text = f"{name}: {how_many(count, 'difference')}"
+    if largest is not None and not math.isnan(largest.relative):
+        row = "" if largest.row is None else f", row {largest.row}"
+        text += f", at most {100.0 * largest.relative:.3g} % ({largest.column}{row})"
+    return text, False, shown
+
+
+def _store_differences(before: Path, now: Path) -> Iterator[Difference]:
+    """Yield the differences of the rows in two stores: of runs, stories and events."""
+    from tdint.campaign.store_schema import ROW_TABLES, connect_to_read, in_words
+
+    with TemporaryDirectory(prefix="tdint-rerun-") as folder, ExitStack() as stack:
+        stores = []
+        for file in (before, now):
+            with in_words(str(file)):
+                stores.append(connect_to_read(file))
+            stack.callback(stores[-1].close)
+        for table in ROW_TABLES:
+            files = [Path(folder, f"{table.name}-{place}.csv") for place in ("before", "now")]
+            for file, store in zip(files, stores, strict=True):
+                with in_words(str(before)), file.open("w", encoding="utf-8", newline="") as stream:
+                    writer = csv.writer(stream)
+                    writer.writerow(table.columns)
+                    writer.writerows(store.execute(table.select()))
+            for difference in tables.differences.differences(*files):
+                yield replace(difference, file=f"{now.name}: {table.view}")
+
+
+def _recorded_files(told: _Told) -> Iterator[Path]:
+    """Yield the files that the command is known to have written into its folder, if they are there:
+    its JSON file and the store of a campaign list them."""
+    here = told.file.absolute().parent
+    names = [file.get("file") for file in told.content.get("files") or () if isinstance(file, dict)]
+    names += told.content.get("motions") or []
+    if is_file(here / STORE):
+        from tdint.campaign.store import open_existing
+
+        with open_existing(here) as store:
+            names += sorted({name for name, _ in store.written()})
+    for name in dict.fromkeys(name for name in names if isinstance(name, str)):
+        # Pictures and pages may be written to other folders; names there are those of files here.
+        if name == Path(name).name and is_file(here / name):
+            yield here / name
+
+
 def _size(difference: Difference) -> float:
-    """By which differences are ranked: what is no number comes last."""
+    """Return the number by which differences are ranked; words come last."""
     return -1.0 if math.isnan(difference.relative) else difference.relative

@@ -353,15 +353,15 @@ def summary_bytes(
     """A JSON file beside tables: what is `told`, in these units (of `keys` beside those that all
     have), what is `converted` to them already, all that was read, and the command line that `tdint
     rerun` carries out."""
+    from tdint.kernels.building.compilable import time_loops
     from tdint.output.summary import files_read, in_units, json_bytes, merged_inputs
 
     # The command names its own inputs first; what it read beside them comes behind.
     inputs = list(told.get("inputs", ()))
     read = merged_inputs(files_read())
     told = {**told, "inputs": [*inputs, *(source for source in read if source not in inputs)]}
-    return json_bytes(
-        {**in_units(told, units, keys), **converted, "arguments": list(current().arguments)}
-    )
+    made = {"arguments": list(current().arguments), "time_loops": time_loops()}
+    return json_bytes({**in_units(told, units, keys), **converted, **made})
 
 
 def _plain(value: Any) -> Any:

@@ -101,6 +101,16 @@ def parse(text: str) -> Variant:
     return Variant(chosen, **{name: name in features for name in FEATURES})
 
 
+_TAKEN: set[str] = set()
+"""How the loops that this process has taken are executed: compiled, interpreted or both."""
+
+
+def time_loops() -> str | None:
+    """Return how this process executes time loops: "compiled", or "interpreted" if it has taken any
+    loop so; None if it has taken no loop."""
+    return "interpreted" if "interpreted" in _TAKEN else next(iter(_TAKEN), None)
+
+
 class Compilable:
     """A function, and what it is compiled for.
 
@@ -150,7 +160,10 @@ class Compilable:
         last, function = self._last
         return (function is not None and variant is last) or self.needs(variant) in self._loaded
 
-    def take(self, variant: Variant, function: Callable[..., Any]) -> None:
-        """Take a compiled function for a variant."""
+    def take(
+        self, variant: Variant, function: Callable[..., Any], *, interpreted: bool = False
+    ) -> None:
+        """Take the function for a variant: compiled, or interpreted by Python as it is written."""
+        _TAKEN.add("interpreted" if interpreted else "compiled")
         self._loaded[self.needs(variant)] = function
         self._last = EVERYTHING, None

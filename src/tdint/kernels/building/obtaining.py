@@ -70,7 +70,7 @@ def _obtain(pairs: Sequence[tuple[Compilable, Variant]], progress: Callable[[flo
         raise UsageError(f"TDINT_KERNELS={how}: it is python, whole, or not set")
     if how == "python":
         for kernel, variant in missing:
-            kernel.take(variant, _plain(kernel.function))
+            kernel.take(variant, _plain(kernel.function), interpreted=True)
         return
     if not missing:
         return
@@ -238,7 +238,7 @@ def begin_as_written(
         if not _not_found(pairs[0]):
             return False
         for kernel, variant in [*pairs[0], *_not_found(pairs[1])]:
-            kernel.take(variant, as_views(kernel.function))
+            kernel.take(variant, as_views(kernel.function), interpreted=True)
     folder = store.writable() if how != "never" else None
     LOG.info(
         "no compiled time loops for this run yet: it goes as they are written%s",

@@ -7,6 +7,7 @@ from tdint.tabular import modules_on_use
 if TYPE_CHECKING:
     from tdint.output.tables import buildings as buildings
     from tdint.output.tables import campaign as campaign
+    from tdint.output.tables import differences as differences
     from tdint.output.tables import methods as methods
     from tdint.output.tables import responses as responses
     from tdint.output.tables import spectra as spectra

@@ -13,20 +13,17 @@ import csv
 import io
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import repeat, zip_longest
+from itertools import repeat
 from operator import attrgetter
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tdint.arrays import Array
-from tdint.errors import OutputError
 from tdint.tabular import optional
 from tdint.units import SI, OutputUnits, Quantity, quantities
-from tdint.written_numbers import how_many
 
 Cell = bool | int | float | str | None
 
@@ -339,139 +336,3 @@ DAMPING = Column("damping", "1", "damping", "viscous damping ratio")
 PERIOD = Column("period_s", "s", "periods", "natural period")
 FLOOR = Column("floor", "1", "floor", "floor, from 1 at the bottom")
 METHOD_SPEC = Column("method", "text", "method", "time-integration method with its parameters")
-
-
-# ---- Two files of one table, cell by cell
-
-
-@dataclass(frozen=True)
-class Difference:
-    """A cell that two files of a table have otherwise, as text; None where one has none. `row`
-    counts from 1."""
-
-    file: str
-    row: int | None
-    column: str
-    before: str | None
-    now: str | None
-
-    @property
-    def relative(self) -> float:
-        """Difference over the larger of both numbers; nan where one is no number."""
-        try:
-            before, now = float(self.before or "nan"), float(self.now or "nan")
-        except ValueError:
-            return math.nan
-        largest = max(abs(before), abs(now))
-        return abs(now - before) / largest if 0.0 < largest < math.inf else math.nan
-
-
-DIFFERENCE = (
-    Column("file", "text", "file", "file of the table"),
-    Column(
-        "row",
-        "1",
-        "row",
-        "row below the header, from 1; empty for what the whole table has otherwise",
-    ),
-    Column("column", "text", "column", "name of the column"),
-    Column("before", "text", "before", "the cell as it was; empty where there was none"),
-    Column("now", "text", "now", "the cell as it is now; empty where there is none"),
-    Column(
-        "relative_difference",
-        "1",
-        "relative",
-        "difference over the larger of both; empty where one is no number",
-    ),
-)
-
-
-def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterator[Difference]:
-    """What two files of a table, CSV (packed or not) or Parquet, have otherwise, in the order of
-    the rows.
-
-    Parameters
-    ----------
-    before, now : Path
-        The files; both are read as this is asked for.
-    but : collection of str
-        Columns that are not looked at.
-
-    Raises
-    ------
-    OutputError
-        One of them cannot be read, or is no such table.
-    UsageError
-        They are Parquet, and pyarrow is not installed.
-    """
-    name = now.name
-    first, second = _cells(before), _cells(now)
-    old, new = next(first, []), next(second, [])
-    # Columns that one of them alone has, then the cells of the others.
-    for column in dict.fromkeys((*old, *new)):
-        if (column in old) != (column in new):
-            yield Difference(
-                name,
-                None,
-                column,
-                *("a column" if column in header else None for header in (old, new)),
-            )
-    if old == new:
-        shared = [(column, i, i) for i, column in enumerate(old) if column not in but]
-    else:
-        if sorted(old) == sorted(new):
-            yield Difference(name, None, "", "these columns", "in another order")
-        shared = [
-            (column, old.index(column), new.index(column))
-            for column in old
-            if column in {*new} - {*but}
-        ]
-    # Row beside row, as far as both go: files may be longer than memory.
-    counts = [0, 0]
-    for number, (row, other) in enumerate(zip_longest(first, second), start=1):
-        counts = [counts[0] + (row is not None), counts[1] + (other is not None)]
-        if row is None or other is None:
-            continue
-        for column, i, j in shared:
-            cells = row[i] if i < len(row) else None, other[j] if j < len(other) else None
-            if cells[0] != cells[1]:
-                yield Difference(name, number, column, *cells)
-        # Cells that stand in no column
-        if max(0, len(row) - len(old)) != max(0, len(other) - len(new)):
-            yield Difference(
-                name, number, "", *(how_many(len(cells), "cell") for cells in (row, other))
-            )
-    # Rows that one of them alone has are counted, not listed.
-    if counts[0] != counts[1]:
-        yield Difference(name, None, "", *(how_many(count, "row") for count in counts))
-
-
-def _cells(file: Path) -> Iterator[list[str]]:
-    """The rows of a table, its header first; numbers of Parquet with all their digits."""
-    import gzip
-    import zlib
-
-    packed = file.suffix.lower()
-    if packed == ".parquet":
-        reader = optional("pyarrow.parquet", *PARQUET)
-        kind, broken = "Parquet", optional("pyarrow", *PARQUET).lib.ArrowException
-    else:
-        kind, broken = "CSV", csv.Error
-    try:
-        if packed == ".parquet":
-            with reader.ParquetFile(file) as content:
-                yield list(content.schema_arrow.names)
-                for batch in content.iter_batches():
-                    cells = [column.to_pylist() for column in batch.columns]
-                    yield from (
-                        ["" if cell is None else str(cell) for cell in row]
-                        for row in zip(*cells, strict=True)
-                    )
-            return
-        with (gzip.open if packed == ".gz" else open)(
-            file, "rt", encoding="utf-8", newline=""
-        ) as stream:
-            yield from csv.reader(stream)
-    except (OSError, EOFError, ValueError, broken, zlib.error) as error:
-        why = getattr(error, "strerror", None) or error
-        raise OutputError(f"{file}: cannot be read as {kind}: {why}") from None
