@@ -95,6 +95,7 @@ def test_a_column_is_declared_in_one_place():
         "damage_states",
         "studies",
         "exports",
+        "differences",
     }
     assert makers == {f"src/tdint/output/tables/{name}.py" for name in subjects | {"table"}}
 
