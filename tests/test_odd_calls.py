@@ -2,6 +2,7 @@
 result."""
 
 import inspect
+import io
 import math
 import warnings
 from pathlib import Path
@@ -108,3 +109,17 @@ def test_odd_arguments_are_refused_in_words(name, tmp_path, monkeypatch):
                 refused += 1
     assert refused
     assert list(tmp_path.iterdir()) == []  # and nothing is written
+
+
+@pytest.mark.parametrize("method", [lambda: "impulse4", 1, None, object()])
+def test_methods_that_are_none(method):
+    """They are refused by their kind, not by a missing attribute."""
+    for function in (tdint.order, tdint.overshoot):
+        with pytest.raises(TdintError, match="method"):
+            function(method)
+
+
+@pytest.mark.parametrize("size", [5e-324, 1e-61, "1e-70mm"])
+def test_drifts_too_small_to_compute_with(size):
+    with pytest.raises(TdintError, match="must be a positive number between"):
+        tdint.pushover(io.StringIO(tdint.first_model()), size)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import AnalysisError, ModelError, RecordError, TdintError, UsageError
-from tdint.files import check_outputs, keep_input, refuse_kept, write_files
+from tdint.files import check_outputs, is_there, keep_input, refuse_kept, write_files
 from tdint.output import figures, tables
 from tdint.units import OutputUnits
 from tdint.written_numbers import how_many
@@ -307,7 +307,8 @@ class Profiles:
                 f"{PROFILES}"
             )
             lost[_MOST_TOLD:] = [f"the same of {rest}"]
-        warn(*lost)
+        # In a region some buildings collapse under some motion: this is a result, not a warning.
+        (warn if more <= 0 else note)(*lost)
         if limit is None:
             return []
         self._need("--limit")
@@ -520,7 +521,7 @@ def check_names(folder: Path | None, request: SuiteRequest) -> list[Path]:
     """
     from tdint.campaign.store import FILE
 
-    replaced = request.overwrite or (folder is not None and (folder / FILE).exists())
+    replaced = request.overwrite or (folder is not None and is_there(folder / FILE))
     pages = [
         file
         for file in (request.picture(folder), Path(request.report) if request.report else None)
@@ -560,9 +561,9 @@ def refuse_foreign(folder: Path, stories: bool, profiles: bool, *, overwrite: bo
     """
     from tdint.campaign.store import FILE, foreign
 
-    if not (folder / FILE).exists() and not overwrite:
+    if not is_there(folder / FILE) and not overwrite:
         for name in (RUNS, *(STORIES,) * stories, *(PROFILES,) * profiles, SUMMARY):
-            if (folder / name).exists():
+            if is_there(folder / name):
                 raise foreign(folder / name)
 
 

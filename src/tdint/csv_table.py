@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tdint.errors import ModelError, TdintError, nearest
-from tdint.files import MOST_BYTES, STDIN, digest_of, note_input, read_whole
+from tdint.files import MOST_BYTES, STDIN, digest_of, is_file, note_input, read_whole
 from tdint.written_numbers import LARGEST, SMALLEST, how_many, number_or_nan
 
 if TYPE_CHECKING:
@@ -244,7 +244,7 @@ def stream_table(
     without its rows, and these with their lines. Errors are those of `read_table`, of the rows when
     these are read; with `whole`, of a file that is too large at once."""
     # A pipe can be read once only: its digest is that of what was read.
-    if whole or source == STDIN or not Path(source).is_file():
+    if whole or source == STDIN or not is_file(source):
         rows = _rows(source, io.StringIO(_text(source, needs, error), newline=""), error)
     else:
         note_input(source, lambda: digest_of(Path(source)))

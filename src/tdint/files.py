@@ -152,6 +152,12 @@ def is_folder(name: str | Path) -> bool:
     return os.path.isdir(name)  # noqa: PTH112  Path's raises of the latter
 
 
+def is_there(name: str | Path) -> bool:
+    """Return True if a file or a folder has this name; False also for a name that no file can have,
+    such as one of 300 characters."""
+    return os.path.exists(name)  # noqa: PTH110  as above
+
+
 def is_file(name: str | Path) -> bool:
     """Whether a name is that of a file, as `is_folder`."""
     return os.path.isfile(name)  # noqa: PTH113  as above
@@ -210,7 +216,7 @@ def check_outputs(files: Iterable[Path], *, overwrite: bool) -> None:
             seen.add(real)
             refuse_kept([file])
             folder = _nearest_folder(file)
-            if not folder.is_dir():
+            if not is_folder(folder):
                 raise OutputError(f"{file}: {folder} is a file, not a folder")
             if not os.access(folder, os.W_OK | os.X_OK):
                 raise OutputError(f"{file}: no permission to write in the folder {folder}")

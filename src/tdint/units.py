@@ -121,6 +121,11 @@ _DRIFT_UNITS = {"": (1.0, "ratio"), "%": (0.01, "ratio"), "dy": (1.0, "yield dri
 }
 
 
+_MIN_DRIFT, _MAX_DRIFT = 1e-60, 1e60
+"""Limits of a drift, a ratio or in m; products of numbers within them neither vanish nor overflow
+(`tdint.written_numbers.SMALLEST`)."""
+
+
 def parse_drift(text: str) -> DriftSize:
     """Understand a drift: a drift ratio (`0.02`, `2%`), a length (`20mm`), or a multiple of the
     yield drift (`4dy`).
@@ -141,8 +146,10 @@ def parse_drift(text: str) -> DriftSize:
         )
     factor, kind = _DRIFT_UNITS[unit]
     value = float(number[0]) * factor
-    if not (isfinite(value) and value > 0.0):
-        raise UsageError(f"drift {text!r}: must be a positive number")
+    if not _MIN_DRIFT <= value <= _MAX_DRIFT:
+        raise UsageError(
+            f"drift {text!r}: must be a positive number between {_MIN_DRIFT:g} and {_MAX_DRIFT:g}"
+        )
     if kind == "ratio" and value > 1.0:
         # 2 for 2 % is the usual slip.
         hint = "" if unit else f"; a number without a unit is one, did you mean {words}%?"

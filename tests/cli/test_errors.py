@@ -1,11 +1,13 @@
 """From errors to lines on standard error and exit codes."""
 
 import logging
+import os
 import warnings
 
 import click
 import pytest
 
+from cli.conftest import STUDY
 from tdint import errors
 from tdint_cli import options
 from tdint_cli.main import LazyGroup
@@ -144,3 +146,49 @@ def test_the_librarys_log_is_notes(capsys):
 @pytest.mark.parametrize(("returned", "code"), [(7, 7), (None, 0)])
 def test_an_exit_code_is_passed_on(returned, code):
     assert exit_code_of(lambda: returned, Settings()) == code
+
+
+LONG = 300 * "a"  # characters; a name in a folder has 255 bytes at most
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (["campaign", "status", LONG], 2),
+        (["campaign", "export", LONG], 2),
+        (["campaign", "merge", LONG, "-o", "x"], 2),
+        (["campaign", "campaign.yaml", "-o", LONG], 6),
+        (["fragility", LONG, "-o", "x.csv"], 3),
+        (["sensitivity", LONG], 2),
+        (["run", "shaken.yaml", "--plugin", f"{LONG}.py"], 2),
+        (["check", LONG], 3),
+        (["check", "/proc/self/mem"], 3),
+    ],
+    ids=lambda value: " ".join(value[:2])[:20] if isinstance(value, list) else "",
+)
+def test_names_that_no_file_can_have(folder, tdint, words, code):
+    """One line each, and no traceback; /proc/self/mem is there and cannot be read."""
+    (folder / "campaign.yaml").write_text(STUDY)
+    said = tdint(*words, code=code).stderr
+    assert "internal error" not in said
+    assert said.startswith("Error: ")
+
+
+def test_style_sheets_that_never_end(folder, tdint):
+    os.mkfifo(folder / "pipe.mplstyle")
+    with (folder / "large.mplstyle").open("wb") as stream:
+        stream.truncate(10**9)
+    for name, words in (("pipe", "is a named pipe"), ("large", "is larger than 1 MB")):
+        sheet = f"{name}.mplstyle"
+        tdint.refused(words, "modes", "forced.yaml", "--plot", "a.png", "--style", sheet)
+
+
+def test_the_mean_of_one_motion(folder, tdint):
+    """It has no scatter."""
+    words = ["--units", "m/s^2", "--component", "HNE", "--range", "0.1:1", "-o", "matched"]
+    target = ["--target", "ec8:type=1,soil=B,ag=0.25g", "--suite", "mean"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        said = tdint("match", "motion.mseed", *words, *target, code=0).stderr
+    assert "The mean of 1 is off the target" in said
+    assert "scatter" not in said

@@ -512,3 +512,14 @@ def test_a_command_that_fails_is_a_failure(folder, tdint, rerun):
     said = rerun("study", code=2).stderr
     assert "the command failed, with exit code 2" in said
     assert "simcenter.csv: not comparable: it was written then" in said
+
+
+def test_a_plugin_that_is_missing(folder, tdint, rerun):
+    (folder / "trusted.py").write_text("METHODS = ()\n")
+    tdint(*ONE_RUN, "--plugin", "trusted.py", code=0)
+    told = json.loads((folder / "out/summary.json").read_text())
+    told["inputs"] = [one for one in told["inputs"] if one["file"] != "trusted.py"]
+    (folder / "out/summary.json").write_text(json.dumps(told))
+    (folder / "trusted.py").unlink()
+    assert "trusted.py: a plug-in of" in rerun("out", "--trust", code=2).stderr
+    assert "trusted.py: a plug-in of" in rerun("out", code=2).stderr

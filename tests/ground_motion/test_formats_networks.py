@@ -93,6 +93,14 @@ def test_rows_that_repeat_the_last_one():
     assert found.notes == ("beyond the rows announced the last one is repeated: 2 rows left out",)
 
 
+def test_a_row_that_is_missing_before_repeated_rows():
+    """A repeated row takes the place of the last row announced, so the count alone is met."""
+    lines = files.unam(repeated=2).splitlines()
+    del lines[60]
+    (missing, _) = contents("\n".join(lines) + "\n").notes
+    assert "a row may be missing" in missing
+
+
 def test_a_row_with_another_number_of_numbers():
     lines = files.afad().splitlines()
     lines[20] += " 0.1"

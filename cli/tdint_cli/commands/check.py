@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -165,7 +164,11 @@ def _named_by(file: str) -> tuple[str, ...] | None:
     ModelError
         All that is wrong with the campaign file.
     """
-    if file == "-" or not is_file(file) or not _CAMPAIGN.search(Path(file).read_bytes()):
+    if file == "-" or not is_file(file):
+        return None
+    from tdint.model.keys.document import read_source
+
+    if not _CAMPAIGN.search(read_source(file).data):
         return None
     from tdint.campaign.definition import ModelFiles
     from tdint.campaign.reader import load_campaign

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.analysis.defaults import BETAS
-from tdint.files import check_outputs, write_files
+from tdint.files import check_outputs, is_there, write_files
 from tdint.output import figures, tables
 from tdint.units import SI
 from tdint.written_numbers import Grid
@@ -160,7 +160,7 @@ def command(request: Request) -> None:
             *(
                 f"{file}: of an earlier call, left as it is"
                 for file in outputs
-                if file not in files and file.exists()
+                if file not in files and is_there(file)
             )
         )
     emit_table(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tdint.errors import UsageError
-from tdint.files import check_outputs, write_files
+from tdint.files import check_outputs, is_file, write_files
 from tdint.output import figures, tables
 from tdint.written_numbers import how_many
 from tdint_cli import options
@@ -154,7 +154,7 @@ def command(request: Request) -> None:
     """
     several = bool(request.im and len(request.im) > 1)
     refuse_idle(_COMPARE if several else _FIT, MODES)
-    if (Path(request.table) / "campaign.sqlite").is_file():
+    if is_file(Path(request.table) / "campaign.sqlite"):
         from tdint.campaign.store import open_existing
         from tdint_cli.campaigns import warn_unfinished
 

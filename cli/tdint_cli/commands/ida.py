@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import UsageError
-from tdint.files import check_outputs, write_files
+from tdint.files import check_outputs, is_there, write_files
 from tdint.output import figures, tables
 from tdint.system import processors
 from tdint.units import GROUND_MOTION
@@ -256,7 +256,7 @@ def _folder(request: IdaRequest) -> Path | None:
     files = [folder / name for name in (RUNS, CAPACITIES, SUMMARY)] if folder else []
     outputs = list(dict.fromkeys([*files, *([picture] if picture else [])]))
     # What an earlier call of this study has written is its own, and may be replaced.
-    begun = folder / STORE if folder and (folder / STORE).exists() else None
+    begun = folder / STORE if folder and is_there(folder / STORE) else None
     check_outputs(outputs, overwrite=request.overwrite or begun is not None)
     if begun and request.overwrite:
         with locked(begun.parent):

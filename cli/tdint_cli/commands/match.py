@@ -179,12 +179,15 @@ def _of_mean(matches: Sequence[Match], target: TargetSpectrum) -> str:
         np.array([getattr(matched, name) for matched in matches]) for name in ("psa", "seed_psa")
     )
     off = np.mean(after, axis=0) / target.at(matches[0].periods) - 1.0
-    scatter = [float(np.mean(np.std(np.log(psa), axis=0, ddof=1))) for psa in (before, after)]
-    return (
+    text = (
         f"The mean of {len(matches)} is off the target by {100.0 * np.max(np.abs(off)):.2g} % at "
-        f"most, {100.0 * np.mean(np.abs(off)):.2g} % in the mean; scatter of ln Sa "
-        f"{scatter[0]:.3f} before, {scatter[1]:.3f} after."
+        f"most, {100.0 * np.mean(np.abs(off)):.2g} % in the mean"
     )
+    # A single motion has no scatter.
+    if len(matches) < 2:
+        return f"{text}."
+    scatter = [float(np.mean(np.std(np.log(psa), axis=0, ddof=1))) for psa in (before, after)]
+    return f"{text}; scatter of ln Sa {scatter[0]:.3f} before, {scatter[1]:.3f} after."
 
 
 def _doubts(matched: Match, within: float) -> list[str]:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tdint.errors import AnalysisError, OutputError, UsageError
-from tdint.files import STDIN, digest_of, is_file, is_folder
+from tdint.files import STDIN, digest_of, is_file, is_folder, is_there
 from tdint.output import tables
 from tdint.output.printed import TRUSTED
 from tdint.written_numbers import how_many
@@ -129,6 +129,12 @@ def command(request: Request) -> None:
         ):
             others[name] = _otherwise(name, None, file)
     _judge_inputs(others, request.changed)
+    missing = [name for name in told.code if not is_file(folder / name)]
+    if missing:
+        raise UsageError(
+            f"{', '.join(missing)}: a plug-in of {told.file}, not found from {folder}; call `tdint "
+            "rerun` in the folder that has it"
+        )
     if told.code and not request.trust:
         named = ", ".join(f"{name} (SHA-256 {digest_of(folder / name)})" for name in told.code)
         raise UsageError(
@@ -140,18 +146,18 @@ def command(request: Request) -> None:
             place = Path(stack.enter_context(TemporaryDirectory(prefix="tdint-rerun-")))
         else:
             place = Path(request.output).absolute()
-            if place.exists() and (not place.is_dir() or any(place.iterdir())):
+            if is_there(place) and (not is_folder(place) or any(place.iterdir())):
                 raise OutputError(
                     f"{request.output}: is there and not an empty folder; name a new one"
                 )
         moved = _Elsewhere(place, told, folder)
         stack.callback(TRUSTED.reset, TRUSTED.set(request.trust))
         code = _carry_out(told.arguments, folder, moved)
-        if told.export and moved.summary.is_file():
+        if told.export and is_file(moved.summary):
             at = _place_of_folder(told)
             again_there = [*told.export[:at], str(moved.now), *told.export[at + 1 :]]
             code = code or _carry_out(again_there, folder, moved)
-        if not moved.summary.is_file():
+        if not is_file(moved.summary):
             if not code:
                 raise UsageError(
                     f"{told.file}: the command writes no file of this name; give it back the one "
@@ -531,7 +537,7 @@ def _compare(told: _Told, now: _Told, moved: _Elsewhere) -> bool:
     written = list(moved.files())
     results = [before for _, before, _ in written if before != told.file.absolute()]
     for name, before, file in written:
-        if not before.is_file():
+        if not is_file(before):
             say(f"{name}: is written now, and not there where it was then ({before})")
             same = False
             continue

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from tdint import system
 from tdint.errors import AnalysisError, UsageError
-from tdint.files import check_room, is_folder, write_files
+from tdint.files import check_room, is_folder, is_there, write_files
 from tdint.output import figures, tables
 from tdint.units import OutputUnits
 from tdint.written_numbers import how_many
@@ -388,7 +388,7 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
     }
     write_files(files, overwrite=request.overwrite, stale=earlier, last=(folder / SUMMARY, summary))
     if left := [
-        file.name for file in every if file not in files and file.name != SUMMARY and file.exists()
+        file.name for file in every if file not in files and file.name != SUMMARY and is_there(file)
     ]:
         note(f"{folder}: {', '.join(left)}: not as an earlier run wrote it; left as it is")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from tdint.errors import UsageError
-from tdint.files import digest_of, note_input
+from tdint.files import digest_of, is_folder, note_input
 from tdint.output import figures
 from tdint.system import processors
 from tdint.written_numbers import how_many, parse_ratio
@@ -84,7 +84,7 @@ def command(request: Request) -> None:
     (Spearman) of what was varied with the medians of the peaks.
     """
     # A campaign has done its runs: their ranks are looked at, and nothing is run.
-    if Path(request.building).is_dir():
+    if is_folder(request.building):
         refuse_idle(_CAMPAIGN, MODES)
         from tdint.campaign.sensitivity import rank_correlations
         from tdint.campaign.store import check_chunks, open_existing

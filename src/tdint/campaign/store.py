@@ -35,7 +35,7 @@ from tdint.campaign.store_schema import (
     transaction,
 )
 from tdint.errors import OutputError, UsageError
-from tdint.files import digest_of, is_file, keep_input, refuse_kept
+from tdint.files import digest_of, is_file, is_there, keep_input, refuse_kept
 from tdint.ground_motion.measures import measure
 from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.system import __version__
@@ -672,7 +672,7 @@ def open_existing(folder: Path, *, write: bool = False) -> Store:
     OutputError
         It cannot be used, or not be trusted.
     """
-    if not (folder / FILE).exists():
+    if not is_there(folder / FILE):
         raise UsageError(
             f"{folder}: holds no campaign ({FILE}); give the folder of -o of `tdint campaign`"
         )

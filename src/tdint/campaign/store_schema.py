@@ -21,7 +21,7 @@ from tdint.analysis.run.demands import DEMANDED, HIDDEN, RUN, RUN_WITH_ERROR
 from tdint.analysis.run.outcome import STORY
 from tdint.campaign.batch import RunRow
 from tdint.errors import OutputError
-from tdint.files import is_file, remove_abandoned
+from tdint.files import is_file, is_there, remove_abandoned
 from tdint.system import file_system
 from tdint.units import Quantity
 
@@ -99,7 +99,7 @@ def _guard(connection: sqlite3.Connection) -> None:
 
 def _refuse_what_is_no_file(name: str) -> None:
     """A named pipe, say, would be waited for without end."""
-    if name != ":memory:" and Path(name).exists() and not is_file(name):
+    if name != ":memory:" and is_there(name) and not is_file(name):
         raise OutputError(
             f"{name}: is not a regular file; remove it, or give another folder with -o"
         )
@@ -226,13 +226,13 @@ def locked(folder: Path) -> Iterator[None]:
     OutputError
         It cannot be made; another process has it.
     """
-    is_new = not folder.exists()
+    is_new = not is_there(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
     # A named pipe in its place would be waited for without end.
-    if (folder / LOCK).exists() and not is_file(folder / LOCK):
+    if is_there(folder / LOCK) and not is_file(folder / LOCK):
         raise OutputError(f"{folder / LOCK}: is not a regular file; remove it, or write elsewhere")
     try:
         connection = sqlite3.connect(folder / LOCK, timeout=0.0, isolation_level=None)

@@ -21,7 +21,7 @@ from types import ModuleType
 from typing import Any
 
 from tdint.errors import TdintError, UsageError
-from tdint.files import digest_of
+from tdint.files import digest_of, is_file
 
 LOG = logging.getLogger("tdint")
 
@@ -86,7 +86,7 @@ def module_of(file: str) -> ModuleType:
         name.
     """
     path = Path(file)
-    if path.suffix != ".py" or not path.is_file():
+    if path.suffix != ".py" or not is_file(path):
         raise UsageError(f"{file}: a plug-in is a Python file, NAME.py; there is none of this name")
     name = _module_name(path)
     # Executed once in a process: another file, or another state of it, would be a second truth.

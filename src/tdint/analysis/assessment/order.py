@@ -180,7 +180,7 @@ def order(
         The method is for linear buildings and the law is not linear, or it failed.
     """
     return observed_order(
-        parse(method) if isinstance(method, str) else method,
+        method if isinstance(method, Integrator) else parse(method),
         order_problem(load, law, frequency_ratio, stride),
     )
 

@@ -149,7 +149,7 @@ def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) 
 def _checked(method: Integrator | str, damping: float) -> Integrator:
     """The method; UsageError for an unknown one, and for a damping ratio that is none."""
     between(damping, "a damping ratio")
-    return parse(method) if isinstance(method, str) else method
+    return method if isinstance(method, Integrator) else parse(method)
 
 
 def _followed(

@@ -57,7 +57,7 @@ from tdint.campaign.pairs import PairRule
 from tdint.campaign.store import check_chunks, open_existing
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError
-from tdint.files import is_folder
+from tdint.files import is_file, is_folder
 from tdint.model.damage_states import DONE, FALLEN, DamageStates
 from tdint.tabular import Tabular
 from tdint.units import ACCELERATION, suffix
@@ -201,7 +201,7 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
     # stripes.
     folder, file = Path(source), source
     if source != "-" and is_folder(folder):
-        has_ida = request.fit == CLOUD and (folder / "ida.csv").is_file()
+        has_ida = request.fit == CLOUD and is_file(folder / "ida.csv")
         names = (
             ["runs.csv"]
             if request.fit == STRIPES
@@ -209,7 +209,7 @@ def fit_table(source: str, request: FragilityRequest) -> FragilityResult:
             if has_ida
             else ["capacities.csv", "runs.csv"]
         )
-        path = next((folder / name for name in names if (folder / name).is_file()), None)
+        path = next((folder / name for name in names if is_file(folder / name)), None)
         if path is None:
             raise ModelError(
                 f"{source}: this folder has no {' and no '.join(names)}, as tdint ida and tdint "

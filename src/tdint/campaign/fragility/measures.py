@@ -26,6 +26,7 @@ from tdint.campaign.plan import Plan
 from tdint.campaign.store import FILE, Store, open_existing
 from tdint.csv_table import CsvTable, read_table
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
+from tdint.files import is_file
 from tdint.ground_motion.horizontals import motion_names
 from tdint.ground_motion.measures import MEASURES as MEASURES_OF_MOTION
 from tdint.ground_motion.record import Record
@@ -310,7 +311,7 @@ class RunIntensities:
         if not (self._levels or column):
             # Only what `tdint campaign --im` has written is left; it is read along, a building at a
             # time.
-            if not self._file.is_file():
+            if not is_file(self._file):
                 raise UsageError(no_measure(str(self._file.parent), measure.column))
             table = read_table(str(self._file), "the measures of a campaign are a table")
             column_name, unit = column_of(table, measure.column)
@@ -709,11 +710,7 @@ def period_beside(table: CsvTable) -> float | None:
 def _store_beside(table: CsvTable) -> Iterator[Store | None]:
     """The store that a table of runs was made of; None where there is none."""
     folder = Path(table.source).parent
-    if (
-        table.source == "-"
-        or Path(table.source).name != "runs.csv"
-        or not (folder / FILE).is_file()
-    ):
+    if table.source == "-" or Path(table.source).name != "runs.csv" or not is_file(folder / FILE):
         yield None
         return
     with open_existing(folder) as store:
@@ -729,7 +726,7 @@ def with_measures(table: CsvTable) -> CsvTable:
         They are not of these runs.
     """
     file = Path(table.source).with_name(MEASURES)
-    if table.source == "-" or not file.is_file():
+    if table.source == "-" or not is_file(file):
         return table
     others = read_table(str(file), "the measures of a campaign are a table")
     # By the names of the runs: the table may have been sorted since.

@@ -97,6 +97,13 @@ def read_unam(lines: Lines) -> list[Series]:
         lines.take()
         repeated += 1
     lines.expect_end()
+    # If a row is missing, a repeated row takes the place of the last row announced.
+    if repeated and all(column.size > 1 and column[-2] == column[-1] for column in columns):
+        warnings.warn(
+            f"of the {counts[0]} rows announced the last one repeats the one before it, as the "
+            f"{how_many(repeated, 'row')} beyond do: a row may be missing from the file",
+            stacklevel=2,
+        )
     if repeated:
         warnings.warn(
             f"beyond the rows announced the last one is repeated: {how_many(repeated, 'row')} left "

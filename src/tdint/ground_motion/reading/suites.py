@@ -11,7 +11,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from tdint.errors import RecordError, UsageError
-from tdint.files import STDIN, is_folder, keep_input
+from tdint.files import STDIN, is_file, is_folder, keep_input
 from tdint.ground_motion.choice import RecordChoice, TextLayout
 from tdint.ground_motion.horizontals import (
     USUAL,
@@ -111,9 +111,9 @@ def _contents(folder: str, layout: TextLayout) -> tuple[list[str], list[str]]:
     records, others = [], []
     for name in names:
         file = os.path.join(folder, name)  # noqa: PTH118  Path would shorten what the user wrote
-        if Path(file).is_dir():
+        if is_folder(file):
             others.append(f"{name}/")
-        elif Path(file).is_file() and is_record(file, layout):  # A pipe would never end.
+        elif is_file(file) and is_record(file, layout):  # A pipe would never end.
             records.append(file)
         else:
             others.append(name)
