@@ -629,3 +629,52 @@ def test_a_campaign_writes_in_the_units_of_its_models(study: Path, tdint: Comman
     change("stiff.yaml", ("output_units: kip, in, g", "output_units: kN"))
     assert "different units" in tdint("campaign", "study.yaml", "-o", "new").stderr
     assert list(rows("new/runs.csv")[0]) == COLUMNS
+
+
+REGION_STUDY = """\
+buildings: {inventory: region.csv, units: {length: m}}
+records: {files: [motion.mseed], component: HNE, units: m/s^2}
+intensity: {scales: [1]}
+analysis: {method: newmark-average}
+"""
+REGION = """\
+id,StructureType,NumberOfStories,YearBuilt,PlanArea
+1,C1,3,1990,500
+2,C1,4,1990,500
+ROW
+4,W1,2,1990,500
+"""
+
+
+@pytest.fixture
+def shards(folder: Path, tdint: Command) -> Callable[..., None]:
+    """Do the shards of a region, each with its third row, which end with an exit code."""
+    (folder / "region.yaml").write_text(REGION_STUDY)
+
+    def run(*rows_of_shards: str, code: int) -> None:
+        for number, row in enumerate(rows_of_shards, start=1):
+            (folder / "region.csv").write_text(REGION.replace("ROW", row))
+            shard = ["-o", f"p{number}", "--shard", f"{number}/2"]
+            tdint("campaign", "region.yaml", *shard, code=code)
+
+    return run
+
+
+def test_shards_of_an_inventory_that_is_not_sound(
+    shards: Callable[..., None], tdint: Command
+) -> None:
+    """An id that two rows have costs the exit code of every call, of merge as of the shards."""
+    shards("2,C1,5,1990,500", "2,C1,5,1990,500", code=3)
+    merged = tdint("campaign", "merge", "p1", "p2", "-o", "all", code=3)
+    assert "1 building could not be used, such as region.csv:4:1: id: '2'" in merged.stderr
+    tdint("campaign", "region.yaml", "-o", "whole", code=3)
+    assert Path("all/runs.csv").read_bytes() == Path("whole/runs.csv").read_bytes()
+
+
+def test_an_inventory_that_changes_between_shards(
+    shards: Callable[..., None], tdint: Command
+) -> None:
+    """The row that differs belongs to one shard alone: no building of both can be compared."""
+    shards("3,C1,5,1990,500", "3,C1,5,1990,600", code=0)
+    refused = tdint("campaign", "merge", "p1", "p2", "-o", "all", code=2).stderr
+    assert "the inventory has changed between the calls for the shards" in refused

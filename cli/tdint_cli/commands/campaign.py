@@ -6,10 +6,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from tdint.errors import UsageError
+from tdint.errors import ModelError, RecordError, TdintError, UsageError
 from tdint.system import processors
 from tdint.units import OutputUnits
 from tdint.written_numbers import how_many, parse_head
@@ -30,6 +31,9 @@ from tdint_cli.campaigns import (
 from tdint_cli.drawing import emit_table
 from tdint_cli.options.grammar import FileName, ListOf, Mode, Name, Written, refuse_idle
 from tdint_cli.terminal import Failures, say, warn
+
+if TYPE_CHECKING:
+    from tdint.campaign.store import Store
 
 
 @options.request
@@ -280,8 +284,31 @@ def _merge(request: CampaignRequest) -> None:
             if done < every:
                 rest = f"`tdint campaign FILE -o {target}` does the rest"
                 warn(f"{every - done} of {every} runs are in none of them; {rest}")
-            if unmet := profiles.tell():
-                raise Failures(unmet)
+            failures = [*_unused_inputs(store), *profiles.tell()]
+            if failures:
+                raise Failures(failures)
+
+
+def _unused_inputs(store: Store) -> list[TdintError]:
+    """Return an error for the records, and one for the buildings, that a campaign could not use.
+
+    The calls for the shards end with the same errors. A campaign that lacks some of its inputs is
+    not complete, although all runs of the others are done.
+    """
+    kinds: tuple[tuple[str, type[TdintError]], ...] = (
+        ("building", ModelError),
+        ("record", RecordError),
+    )
+    errors = []
+    for kind, error in kinds:
+        reasons = store.unused()[kind]
+        # A building without a ground motion is reported as a record is that cannot be read.
+        if kind == "building" and all("max_distance is " in reason for reason in reasons):
+            error = RecordError
+        if reasons:
+            text = f"{store.name}: {how_many(len(reasons), kind)} could not be used"
+            errors.append(error(f"{text}, such as {reasons[0]}"))
+    return errors
 
 
 def _folder(request: CampaignRequest) -> Path:

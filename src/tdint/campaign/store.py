@@ -211,7 +211,8 @@ def all_differences(
         sides = ({name: side[name] for name in side if name in both} for side in (stored, other))
         lines += differences(*sides, kind=kind, store=store, given=given)
     rest = (
-        "buildings of other parts: differ"
+        "buildings: the inventory has changed between the calls for the shards; call `tdint "
+        "campaign` for every shard with the same inventory"
         if parts
         else "the order of buildings or records: differs"
     )
