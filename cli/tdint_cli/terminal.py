@@ -481,7 +481,13 @@ def end_in_time() -> Callable[..., None]:
         if code in [AFTER_SIGNAL + number for number in ENDING]:
             _end(int(str(code)) - AFTER_SIGNAL, said)
 
-    threading.Thread(target=watch, daemon=True).start()
+    try:
+        threading.Thread(target=watch, daemon=True).start()
+    except RuntimeError:
+        # No thread is left (ulimit -u, a container's limit): Python's own handlers remain.
+        os.close(source)
+        os.close(told)
+        return lambda code=None: None
     signal.set_wakeup_fd(told, warn_on_full_buffer=False)
     # Python's own handlers would show a traceback, once the command has ended; others were meant.
     for number in ENDING:

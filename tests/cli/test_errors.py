@@ -2,6 +2,8 @@
 
 import logging
 import os
+import subprocess
+import sys
 import warnings
 
 import click
@@ -192,3 +194,19 @@ def test_the_mean_of_one_motion(folder, tdint):
         said = tdint("match", "motion.mseed", *words, *target, code=0).stderr
     assert "The mean of 1 is off the target" in said
     assert "scatter" not in said
+
+
+def test_without_a_thread_for_signals_the_command_runs(folder):
+    """Where the system has no thread left, as under `ulimit -u`."""
+    program = (
+        "import sys, threading\n"
+        'def refused(*_): raise RuntimeError("can\'t start new thread")\n'
+        "threading._start_new_thread = refused\n"
+        "from tdint_cli.main import main\n"
+        "sys.argv = ['tdint', 'modes', 'forced.yaml', '-q']\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout.startswith("mode,")

@@ -144,6 +144,19 @@ def test_one_process_at_a_time_compiles_and_none_where_nobody_wants_it(
     assert [line.count("TDINT_COMPILE=wait") for line in caplog.messages] == [0, 1, 1]
 
 
+def test_where_no_process_can_be_started_the_run_goes_on(of_user, monkeypatch, caplog):
+    """Under `ulimit -u` and in containers with a limit; the note does not promise what fails."""
+    caplog.set_level("INFO", "tdint")
+
+    def refused(*_):
+        raise BlockingIOError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(obtaining, "start_apart", refused)
+    assert begun()
+    assert "no process can be started" in caplog.text
+    assert "beside it" not in caplog.text
+
+
 @pytest.mark.slow
 def test_the_second_run_is_compiled(tmp_path):
     shutil.copy(CONFIGS / "hardening.yaml", model := tmp_path / "model.yaml")

@@ -240,23 +240,37 @@ def begin_as_written(
         for kernel, variant in [*pairs[0], *_not_found(pairs[1])]:
             kernel.take(variant, as_views(kernel.function), interpreted=True)
     folder = store.writable() if how != "never" else None
-    LOG.info(
-        "no compiled time loops for this run yet: it goes as they are written%s",
-        ", and they are compiled beside it for the next ones (TDINT_COMPILE=wait compiles first)"
-        if folder
-        else "",
-    )
+    beside = ""
     if folder:
-        # What a march calls comes last: where it is there, so is the rest.
-        names = [
-            [(kernel.name, variant.text) for kernel, variant in group] for group in reversed(pairs)
-        ]
-        with suppress(OSError), (folder / _BESIDE).open("a") as stream:
-            # One at a time: several models one after the other would fill the memory with
-            # compilers.
-            if lock(stream.fileno()):
-                start_apart([sys.executable, "-P", "-c", _COMPILE, json.dumps(names)], folder)
+        try:
+            _compile_beside(pairs, folder)
+        except OSError as error:
+            # No process is left (ulimit -u, a container's limit), or the folder cannot be written.
+            beside = f"; no process can be started that compiles them ({error.strerror or error})"
+        else:
+            beside = ", and they are compiled beside it for the next ones"
+            beside += " (TDINT_COMPILE=wait compiles first)"
+    LOG.info("no compiled time loops for this run yet: it goes as they are written%s", beside)
     return True
+
+
+def _compile_beside(groups: Sequence[Sequence[tuple[Compilable, Variant]]], folder: Path) -> None:
+    """Start a process that compiles groups of kernels into a folder and outlives this one, unless
+    another process is at that.
+
+    Raises
+    ------
+    OSError
+        The process cannot be started.
+    """
+    # What a march calls comes last: where it is there, so is the rest.
+    names = [
+        [(kernel.name, variant.text) for kernel, variant in group] for group in reversed(groups)
+    ]
+    with (folder / _BESIDE).open("a") as stream:
+        # One at a time: several models one after the other would fill the memory with compilers.
+        if lock(stream.fileno()):
+            start_apart([sys.executable, "-P", "-c", _COMPILE, json.dumps(names)], folder)
 
 
 def compile_named() -> None:
