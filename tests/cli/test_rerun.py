@@ -6,8 +6,10 @@ import hashlib
 import json
 import os
 import socket
+import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import click
@@ -515,11 +517,38 @@ def test_a_command_that_fails_is_a_failure(folder, tdint, rerun):
 
 
 def test_a_plugin_that_is_missing(folder, tdint, rerun):
-    (folder / "trusted.py").write_text("METHODS = ()\n")
-    tdint(*ONE_RUN, "--plugin", "trusted.py", code=0)
+    (folder / "absent.py").write_text("METHODS = ()\n")
+    tdint(*ONE_RUN, "--plugin", "absent.py", code=0)
     told = json.loads((folder / "out/summary.json").read_text())
-    told["inputs"] = [one for one in told["inputs"] if one["file"] != "trusted.py"]
+    told["inputs"] = [one for one in told["inputs"] if one["file"] != "absent.py"]
     (folder / "out/summary.json").write_text(json.dumps(told))
-    (folder / "trusted.py").unlink()
-    assert "trusted.py: a plug-in of" in rerun("out", "--trust", code=2).stderr
-    assert "trusted.py: a plug-in of" in rerun("out", code=2).stderr
+    (folder / "absent.py").unlink()
+    assert "absent.py: a plug-in of" in rerun("out", "--trust", code=2).stderr
+    assert "absent.py: a plug-in of" in rerun("out", code=2).stderr
+
+
+@pytest.mark.parametrize(
+    "forged",
+    [
+        {"files": 5, "motions": 5},
+        {"files": [5, {"file": 5}], "motions": {"a": 1}},
+        {"peaks": 10**400},
+        {"peaks": {"drift_m": 10**400}},
+        {"peaks": float("nan")},
+    ],
+)
+def test_forged_json_files_end_in_one_line(folder, tdint, rerun, forged):
+    tdint(*ONE_RUN, code=0)
+    file = folder / "out/summary.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | forged))
+    assert "internal error" not in rerun("out", code=5 if "peaks" in forged else 0).stderr
+
+
+def test_a_forged_store_is_not_read(folder, tdint, rerun):
+    """A view in place of a table could give rows without end."""
+    (folder / "campaign.yaml").write_text(CAMPAIGN)
+    tdint("campaign", "campaign.yaml", "-o", "study", code=0)
+    with closing(sqlite3.connect(folder / "study/campaign.sqlite")) as store:
+        store.execute("ALTER TABLE shock_rows RENAME TO hidden")
+        store.execute("CREATE VIEW shock_rows AS SELECT * FROM hidden")
+    assert "internal error" not in rerun("study", code=6).stderr

@@ -636,14 +636,15 @@ def _judge(
 
 def _store_differences(before: Path, now: Path) -> Iterator[Difference]:
     """Yield the differences of the rows in two stores: of runs, stories and events."""
-    from tdint.campaign.store_schema import ROW_TABLES, connect_to_read, in_words
+    from tdint.campaign.store_schema import ROW_TABLES, check_store, connect_to_read, in_words
 
     with TemporaryDirectory(prefix="tdint-rerun-") as folder, ExitStack() as stack:
         stores = []
         for file in (before, now):
             with in_words(str(file)):
                 stores.append(connect_to_read(file))
-            stack.callback(stores[-1].close)
+                stack.callback(stores[-1].close)
+                check_store(stores[-1], str(file))
         for table in ROW_TABLES:
             files = [Path(folder, f"{table.name}-{place}.csv") for place in ("before", "now")]
             for file, store in zip(files, stores, strict=True):
@@ -659,8 +660,12 @@ def _recorded_files(told: _Told) -> Iterator[Path]:
     """Yield the files that the command is known to have written into its folder, if they are there:
     its JSON file and the store of a campaign list them."""
     here = told.file.absolute().parent
-    names = [file.get("file") for file in told.content.get("files") or () if isinstance(file, dict)]
-    names += told.content.get("motions") or []
+    files, motions = (
+        value if isinstance(value := told.content.get(key), list) else []
+        for key in ("files", "motions")
+    )
+    names = [file.get("file") for file in files if isinstance(file, dict)]
+    names += motions
     if is_file(here / STORE):
         from tdint.campaign.store import open_existing
 

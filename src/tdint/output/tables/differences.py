@@ -267,6 +267,11 @@ _NOT_RESULTS = frozenset(
 they may differ where the results are the same. Inputs and versions are compared by themselves."""
 
 
+_MAX_NUMBER = 1e300
+"""Largest number of a JSON file that is compared as a number; whole numbers of Python have no
+limit."""
+
+
 def json_differences(before: Path, now: Path) -> Iterator[Difference]:
     """Yield the results that differ between two JSON files: numbers, words and lengths of lists.
 
@@ -283,7 +288,8 @@ def json_differences(before: Path, now: Path) -> Iterator[Difference]:
             why = getattr(error, "strerror", None) or error
             raise OutputError(f"{file}: cannot be read as JSON: {why}") from None
     sizes: dict[str, float] = {}
-    _collect_sizes(contents[0], sizes)
+    # The file that is written now is not nested deeply: of the two alone this one is looked at.
+    _collect_sizes(contents[1], sizes)
     yield from _json_differences(now.name, "", contents[0], contents[1], sizes)
 
 
@@ -349,5 +355,7 @@ def _json_size(key: str, sizes: Mapping[str, float]) -> float:
 
 
 def _is_number(value: object) -> bool:
-    """Return True for a number; True and False are none."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    """Return True for a number to compute with; True and False, nan and 10**400 are none."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return abs(value) <= _MAX_NUMBER
