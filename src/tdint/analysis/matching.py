@@ -74,6 +74,16 @@ _OF_MEAN = 4.0
 """Weight of the mean misfit beside the largest one, which is about four times as large, where the
 best is chosen."""
 
+_DECAYED = 1e-6
+"""Amplitude of a free vibration, relative to its start, after which it is not stored. The rows are
+in single precision, 6e-8."""
+
+_TOGETHER = 16
+"""Number of oscillators whose free vibrations are filtered at a time: 60 MB at 60 000 samples."""
+
+_BLOCK = 4096
+"""Samples over which the products of rows are summed at a time: 16 MB for 1000 rows."""
+
 _TRIES = 6
 """Times that a step is damped more, fourfold each."""
 
@@ -380,6 +390,65 @@ def _with_samples(motion: GroundMotion, samples: Array, *words: str) -> GroundMo
     )
 
 
+@dataclass(frozen=True)
+class _Rows:
+    """Rows of a matrix over the samples of all components, each stored where it is not zero.
+
+    Attributes
+    ----------
+    size : int
+        Number of samples of a component.
+    starts : ndarray of int, shape (rows,)
+        The first sample of each line.
+    lines : list of ndarray
+        The values of each row over the samples, before the factors of the components.
+    directions : ndarray, shape (rows, components)
+        The factor of each row for each component.
+    """
+
+    size: int
+    starts: NDArray[np.int64]
+    lines: list[NDArray[np.float32]]
+    directions: Array
+
+    def products(self) -> Array:
+        """Return the scalar products of all rows, shape (rows, rows), summed over blocks of
+        samples."""
+        from scipy.linalg.blas import ssyrk
+
+        stops = self.starts + np.array([line.size for line in self.lines])
+        result = np.zeros((len(self.lines), len(self.lines)))
+        for first in range(0, self.size, _BLOCK):
+            last = min(first + _BLOCK, self.size)
+            places = np.flatnonzero((self.starts < last) & (stops > first))
+            block = np.zeros((places.size, last - first), np.float32)
+            for row, place in zip(block, places, strict=True):
+                start = self.starts[place]
+                begin, end = max(start, first), min(stops[place], last)
+                row[begin - first : end - first] = self.lines[place][begin - start : end - start]
+            half = ssyrk(1.0, block.T, trans=True)
+            result[np.ix_(places, places)] += np.triu(half).astype(float) + np.triu(half, 1).T
+        return np.asarray(result * (self.directions @ self.directions.T))
+
+    def times(self, samples: NDArray[np.float32]) -> Array:
+        """Return the scalar product of each row with a change, shape (rows,)."""
+        changes = samples.reshape(-1, self.size)
+        result = np.empty(len(self.lines))
+        for place, (start, line) in enumerate(zip(self.starts, self.lines, strict=True)):
+            part = changes[:, start : start + line.size] @ line
+            result[place] = self.directions[place] @ part
+        return result
+
+    def sum(self, multipliers: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the sum of the rows times multipliers, shape (components * size,)."""
+        result = np.zeros((self.directions.shape[1], self.size), np.float32)
+        factors = (multipliers[:, None] * self.directions).astype(np.float32)
+        for start, line, factor in zip(self.starts, self.lines, factors, strict=True):
+            for component, value in zip(result, factor, strict=True):
+                component[start : start + line.size] += value * line
+        return result.ravel()
+
+
 @dataclass
 class _Problem:
     """A motion's components, the periods at which they are matched, and what a change may be made
@@ -396,8 +465,9 @@ class _Problem:
     band: Array
     size: int
     ends: Array
-    free: NDArray[np.float32]
+    free: list[NDArray[np.float32]]
     impulse: NDArray[np.float32]
+    reach: int
 
     @classmethod
     def of(
@@ -428,15 +498,24 @@ class _Problem:
         ends = np.stack([np.full(n, dt), dt * dt * left])
         # Free vibrations, cosine and sine, over the samples since, from the latest back to `reach`
         # before the moment.
+        # Only the part before it has decayed is kept, and few oscillators are computed at a time:
+        # at 60 000 samples all of them would need a gigabyte.
         rate = omega * complex(-damping, math.sqrt(1.0 - damping**2))
-        vibrations = np.exp(rate[:, None] * dt * np.arange(n))
-        vibrations[:, 0] = 0.0  # the two samples about the moment are dealt with by themselves
-        lines = np.stack([vibrations.real, vibrations.imag], axis=1).astype(np.float32)
+        lasting = np.minimum(np.log(1.0 / _DECAYED) / (damping * omega * dt), n - 1).astype(int)
         band32, after = (
             band.astype(np.float32),
             np.concatenate([np.arange(n - 1, -1, -1), -np.arange(1, reach + 1)]),
         )
-        free = irfft(rfft(lines, size) * band32, size)[..., after]
+        free: list[NDArray[np.float32]] = []
+        for first in range(0, omega.size, _TOGETHER):
+            vibrations = np.exp(rate[first : first + _TOGETHER, None] * dt * np.arange(n))
+            vibrations[:, 0] = 0.0  # the two samples about the moment are dealt with by themselves
+            lines = np.stack([vibrations.real, vibrations.imag], axis=1).astype(np.float32)
+            filtered = irfft(rfft(lines, size) * band32, size)[..., after]
+            free += [
+                line[:, max(n - 1 - reach - last, 0) :].copy()
+                for line, last in zip(filtered, lasting[first : first + _TOGETHER], strict=True)
+            ]
         impulse = irfft(band32, size)[after]
         envelope /= envelope.max()
         return cls(
@@ -453,6 +532,7 @@ class _Problem:
             ends,
             free,
             impulse,
+            reach,
         )
 
     def filtered(self, rows: Array) -> Array:
@@ -478,9 +558,9 @@ class _Problem:
         )  # of what does not move: ln of nothing is none
         return found[:, :count], largest
 
-    def rows(self, who: NDArray[np.int64], when: Array, directions: Array) -> NDArray[np.float32]:
+    def rows(self, who: NDArray[np.int64], when: Array, directions: Array) -> _Rows:
         """Derivatives of sizes of extremes with respect to the samples of all components, through
-        band and envelope.
+        band and envelope, and below them those of the last velocity and displacement.
 
         A sample changes the ground by a hat, the second difference of a ramp. Once the hat is over,
         the oscillator vibrates freely: what an earlier sample does to a moment is one vibration, by
@@ -502,17 +582,31 @@ class _Problem:
         )
         about = w * w * np.stack([ramps[0] - 2.0 * ramps[1], ramps[1]])
         parts = np.stack([after.real, -after.imag, *about], axis=1).astype(np.float32)
-        reach = self.impulse.size - n
-        result = np.zeros((who.size, len(directions), n), np.float32)
-        for row, k, part, moment in zip(result, who, parts, before, strict=True):
-            first, stop = n - 1 - moment, min(n, moment + 1 + reach)
-            inside = slice(first, first + stop)
-            line = part[:2] @ self.free[k, :, inside] + part[2] * self.impulse[inside]
-            line += part[3] * self.impulse[first - 1 : first - 1 + stop]
-            row[:, :stop] = line
-        result *= (directions.T / self.wanted[who, None]).astype(np.float32)[:, :, None]
-        result *= self.envelope.astype(np.float32)
-        return result.reshape(who.size, -1)
+        starts, lines = [], list[NDArray[np.float32]]()
+        envelope = self.envelope.astype(np.float32)
+        for k, part, moment in zip(who, parts, before, strict=True):
+            # Samples from the decay of the vibration before the moment to the reach of the band
+            # after it; `free` ends there.
+            free = self.free[k]
+            start = max(moment + 1 + self.reach - free.shape[1], 0)
+            stop = min(n, moment + 1 + self.reach)
+            place = free.shape[1] - self.reach - 1 - moment + start
+            size = stop - start
+            line = part[:2] @ free[:, place : place + size]
+            first = n - 1 - moment + start
+            line += part[2] * self.impulse[first : first + size]
+            line += part[3] * self.impulse[first - 1 : first - 1 + size]
+            line *= envelope[start:stop]
+            starts.append(start)
+            lines.append(line)
+        scaled = directions / self.wanted[who]
+        count = len(directions)
+        for component in range(count):
+            for end in self.filtered(self.ends) * self.envelope:
+                starts.append(0)
+                lines.append(end.astype(np.float32))
+            scaled = np.hstack([scaled, np.repeat(np.eye(count)[:, component, None], 2, axis=1)])
+        return _Rows(n, np.array(starts), lines, scaled.T)
 
     def asked(
         self, found: Array, largest: Array
@@ -540,13 +634,8 @@ class _Problem:
     ) -> tuple[Array, NDArray[np.float32]]:
         """The samples after some rounds, and what the band and the envelope make their change
         of."""
-        from scipy.linalg.blas import ssyrk
-
         damped, stepwise = _DAMPED if first else _POLISHED, not first
         ends = np.kron(np.eye(len(samples)), self.ends)
-        weighted = np.kron(np.eye(len(samples)), self.filtered(self.ends) * self.envelope).astype(
-            np.float32
-        )
         found, largest = self.extremes(samples, _NEAR * self.wanted)
         merit, misfit = self.merits(largest, stepwise)
         best, least = (samples, multiplied), misfit
@@ -560,17 +649,16 @@ class _Problem:
             # The quadratic program: each row's derivatives, how much it is short of, all rows'
             # products
             who, when, directions, short, equal = self.asked(found, largest)
-            table = np.vstack([self.rows(who, when, directions), weighted])
+            table = self.rows(who, when, directions)
             short = np.concatenate([short, -ends @ (samples - self.start).ravel()])
             equal = np.concatenate([equal, np.ones(len(ends), bool)])
-            half = ssyrk(1.0, table.T, trans=True)
-            gram = np.triu(half).astype(float) + np.triu(half, 1).T
+            gram = table.products()
             scales = 1.0 / np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
             gram *= scales[:, None] * scales
             if not stepwise and (misfit < _STEPWISE or 2 * number > most):
                 stepwise, damped = True, min(damped, _POLISHED)
                 merit, _ = self.merits(largest, stepwise)
-            toward = short if stepwise else short + table @ multiplied
+            toward = short if stepwise else short + table.times(multiplied)
             uneven = np.ones(short.size)
             if stepwise:
                 far = np.abs(short) + 1e-4  # closer than a hundredth of a percent nobody asks
@@ -581,7 +669,7 @@ class _Problem:
                 multipliers = (
                     scales * program(gram, toward * scales, equal, damped * uneven)
                 ).astype(np.float32)
-                update = multipliers @ table - (0.0 if stepwise else 1.0) * multiplied
+                update = table.sum(multipliers) - (0.0 if stepwise else 1.0) * multiplied
                 changed = samples + self.filtered(self.envelope * update.reshape(samples.shape))
                 found, largest = self.extremes(changed, _NEAR * self.wanted)
                 new_merit, misfit = self.merits(largest, stepwise)
