@@ -9,9 +9,10 @@ from scipy.optimize import LinearConstraint, minimize
 
 import tdint
 from building_cases import noise
-from tdint.analysis.matching import _judged, _Problem, program
+from tdint.analysis import matching
+from tdint.analysis.matching import _judged, _Problem, _Rows, program
 from tdint.analysis.spectra.target import read_target
-from tdint.errors import UsageError
+from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import components
 from tdint.kernels.oscillators.extremes import VALUE, WHEN, WHO
@@ -80,7 +81,7 @@ def test_derivatives_of_extremes_are_their_differences(request, of):
         problem.extremes(samples + part * problem.filtered(change), 0.9 * problem.wanted)[1][0]
         for part in (1.0, -1.0)
     )
-    told = problem.wanted * (rows @ change.ravel())
+    told = problem.wanted * rows.times(change.ravel())[: places.size]
     np.testing.assert_allclose(
         told, 0.5 * (after - before), rtol=2e-3, atol=1e-7
     )  # rows are of single precision
@@ -178,3 +179,60 @@ def test_the_mean_of_a_suite_is_matched_and_its_scatter_kept(motion, pair):
 def test_a_range_that_is_none_is_refused(motion, periods):
     with pytest.raises(UsageError, match="the range of periods must rise"):
         tdint.match(motion, TARGET, periods=periods)
+
+
+def test_rows_are_products_over_all_samples(monkeypatch):
+    """Rows of different places and lengths, over blocks: as with one dense matrix."""
+    monkeypatch.setattr(matching, "_BLOCK", 7)
+    rng = np.random.default_rng(0)
+    size, starts, lengths = 30, np.array([0, 3, 12, 25, 0]), [30, 5, 18, 5, 9]
+    lines = [rng.normal(size=length).astype(np.float32) for length in lengths]
+    directions = rng.normal(size=(5, 2))
+    dense = np.zeros((5, 2, size))
+    for row, start, line, direction in zip(dense, starts, lines, directions, strict=True):
+        row[:, start : start + line.size] = direction[:, None] * line
+    dense = dense.reshape(5, -1)
+    rows = _Rows(size, starts, lines, directions)
+    np.testing.assert_allclose(rows.products(), dense @ dense.T, rtol=1e-5, atol=1e-5)
+    change, multipliers = rng.normal(size=2 * size), rng.normal(size=5)
+    np.testing.assert_allclose(rows.times(change.astype(np.float32)), dense @ change, rtol=1e-5)
+    np.testing.assert_allclose(
+        rows.sum(multipliers.astype(np.float32)), multipliers @ dense, rtol=1e-5, atol=1e-6
+    )
+
+
+def test_memory_grows_with_what_lasts_and_not_with_the_record(motion):
+    """A free vibration is stored until it has decayed: ten times the record needs less than twice
+    the memory."""
+    periods = np.geomspace(0.1, 2.0, 20)
+    sizes = []
+    for times in (4, 40):
+        samples = np.tile(motion.acceleration, times)[None, :]
+        problem = _Problem.of(samples, 0.01, periods, wanted=np.ones(20), damping=0.05)
+        sizes.append(sum(line.nbytes for line in problem.free))
+    assert sizes[1] < 2.0 * sizes[0]
+
+
+@pytest.mark.parametrize("trend", ["ramp", "step"])
+def test_a_motion_without_peaks_is_refused(motion, trend):
+    samples = np.linspace(0.0, 3.0, 800)
+    if trend == "step":
+        samples = np.concatenate([np.full(40, 1e-3), samples**3])
+    ramp = replace(motion, acceleration=samples, source="ramp.csv")
+    with pytest.raises(RecordError, match=r"ramp\.csv HN1: cannot be matched: .*has no peak"):
+        tdint.match(ramp, TARGET, periods=(0.1, 2.0))
+
+
+def test_spectra_beyond_the_matched_range(matched, pair):
+    """From half of the shortest period to twice the longest; of a pair RotD100 and both
+    components."""
+    periods = matched.shown_periods
+    assert periods[0] == pytest.approx(0.05) and periods[-1] == pytest.approx(4.0)
+    ((after, before),) = matched.spectra_at(periods)
+    np.testing.assert_allclose(after, tdint.spectrum(matched.record, periods).psa)
+    np.testing.assert_allclose(before, matched.factor * tdint.spectrum(matched.seed, periods).psa)
+    both = replace(matched, record=pair, seed=pair)
+    of_both, *of_each = both.spectra_at(periods)
+    for (psa, _), record in zip(of_each, components(pair), strict=True):
+        np.testing.assert_allclose(psa, tdint.spectrum(record, periods).psa)
+        assert np.all(of_both[0] >= psa * (1.0 - 1e-3))

@@ -85,8 +85,9 @@ class MatchRequest(RecordsRequest):
     )
     require: bool = options.option(help="Exit with 5 where a misfit stays above --within.")
     plot: str | None = options.output.plot(
-        "Also draw spectra and histories of the first motion beside its scaled seed: to this file, "
-        f"or as {PICTURE} into the folder."
+        "Also draw spectra (from half of the shortest to twice the longest matched period; of a "
+        "pair also of both components) and histories of the first motion and of its scaled seed: "
+        f"to this file, or as {PICTURE} into the folder."
     )
     overwrite: bool = options.output.overwrite
 

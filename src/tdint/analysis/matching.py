@@ -27,7 +27,7 @@ from tdint.analysis.spectra.elastic import SA_DAMPING, recursion_table, spectrum
 from tdint.analysis.spectra.rotated import rotated_spectrum
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.arrays import Array
-from tdint.errors import UsageError
+from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.measures import Measures, Motion, integrate, measure
 from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.ground_motion.record import Record
@@ -44,6 +44,10 @@ CHECKED = 1000
 _FIRST, _STAGES, _ROUNDS = 130, 4, (12, 6, 6, 8, 8)
 """Periods matched at first, how often the worst of those judged join, and rounds of each stage at
 most."""
+
+_SHOWN, _RESOLVED = 200, 5.0
+"""Number of periods of a figure; shortest period of a figure in sampling intervals, below which the
+motion between samples determines the spectrum."""
 
 _ENOUGH = 0.008
 """Misfit up to which a period does not join, nor a stage begins."""
@@ -83,6 +87,10 @@ _TOGETHER = 16
 
 _BLOCK = 4096
 """Samples over which the products of rows are summed at a time: 16 MB for 1000 rows."""
+
+_GROWING = 0.5
+"""Part of the periods without a peak of the response above which a motion is refused; earthquakes
+have peaks at all periods up to about their duration."""
 
 _TRIES = 6
 """Times that a step is damped more, fourfold each."""
@@ -188,6 +196,28 @@ class Match(Tabular):
             correlation = np.corrcoef(first.acceleration, second.acceleration)[0, 1]
             result.append((float(np.mean(largest / middle)), float(correlation)))
         return result[0], result[1]
+
+    @property
+    def shown_periods(self) -> Array:
+        """Periods of a figure, s: from half of the shortest matched period to twice the longest,
+        as far as the sampling interval resolves them."""
+        dt = components(self.record)[0].dt
+        resolved = max(0.5 * self.periods[0], min(_RESOLVED * dt, self.periods[0]))
+        return np.geomspace(resolved, 2.0 * self.periods[-1], _SHOWN)
+
+    def spectra_at(self, periods: Array) -> list[tuple[Array, Array]]:
+        """Return pseudo-accelerations after the match and of the scaled seed, m/s^2: of the motion,
+        of a pair RotD100, and then of each component of a pair."""
+        motions = [(self.record, self.seed)]
+        if not isinstance(self.record, Record):
+            motions += zip(components(self.record), components(self.seed), strict=True)
+        return [
+            (
+                _judged(after, periods, self.damping),
+                self.factor * _judged(before, periods, self.damping),
+            )
+            for after, before in motions
+        ]
 
     def _headline(self) -> str:
         words = (
@@ -339,6 +369,8 @@ def _matched(
     samples, multiplied, best, least = start, np.zeros(start.size, np.float32), start, np.inf
     for stage in range(_STAGES + 1):
         problem = _Problem.of(start, records[0].dt, places, wanted=aim.at(places), damping=damping)
+        if stage == 0:
+            _check_peaks(problem, seed, start)
         samples, multiplied = problem.rounds(samples, multiplied, _ROUNDS[stage], first=stage == 0)
         off = np.abs(_judged(_with_samples(seed, samples), checked, damping) / wanted - 1.0)
         if (score := float(np.max(off) + _OF_MEAN * np.mean(off))) < least:
@@ -369,6 +401,28 @@ def _matched(
         factor * before,
         damping,
     )
+
+
+def _check_peaks(problem: _Problem, seed: GroundMotion, samples: Array) -> None:
+    """Refuse a motion under which most oscillators have no largest peak before its end.
+
+    Raises
+    ------
+    RecordError
+        The response grows until the end of the record at more than half of the periods, as under a
+        ramp. There is no peak then that a change could bring to the target.
+    """
+    largest = problem.extremes(samples, _NEAR * problem.wanted)[1]
+    level = np.minimum(_NEAR * problem.wanted, 0.9999 * largest[0])
+    largest = problem.extremes(samples, level)[1]
+    growing = int(np.sum(largest[1] < 0.0))
+    if growing > _GROWING * problem.omega.size:
+        raise RecordError(
+            f"{seed.source} {seed.component}: cannot be matched: at {growing} of "
+            f"{problem.omega.size} periods the response has no peak before the end of the record, "
+            "as under a ramp or an offset; remove the trend (--baseline linear), or use another "
+            "record"
+        )
 
 
 def _with_samples(motion: GroundMotion, samples: Array, *words: str) -> GroundMotion:

@@ -545,17 +545,26 @@ _MATCHED: dict[str, dict[str, Any]] = {
 
 
 def draw_match(axes: Any, matched: Match, units: OutputUnits) -> None:
-    """The spectra of a matched motion and of its scaled seed, and the target."""
-    target = units.of(matched.target.at(matched.periods), "m/s^2")
-    axes.plot(matched.periods, target, color=COLORS[1], linewidth=2.2, label="target")
-    for psa, (name, look) in zip((matched.seed_psa, matched.psa), _MATCHED.items(), strict=True):
-        axes.plot(matched.periods, units.of(psa, "m/s^2"), label=name, **look)
-    axes.set(
-        xscale="log",
-        yscale="log",
-        xlabel="period (s)",
-        xlim=(matched.periods[0], matched.periods[-1]),
-    )
+    """Draw the spectra of a matched motion, of its components and of its scaled seed, and the
+    target. The periods outside of the matched range have a gray background."""
+    shortest, longest = float(matched.periods[0]), float(matched.periods[-1])
+    periods = matched.shown_periods
+    inside = (periods >= matched.target.periods[0]) & (periods <= matched.target.periods[-1])
+    target = units.of(matched.target.at(periods[inside]), "m/s^2")
+    axes.plot(periods[inside], target, color=COLORS[1], linewidth=2.2, label="target")
+    # The motion of which the spectrum is matched; of a pair also each component
+    spectra = matched.spectra_at(periods)
+    for psa, (name, look) in zip(spectra[0][::-1], _MATCHED.items(), strict=True):
+        axes.plot(periods, units.of(psa, "m/s^2"), label=name, **look)
+    for part, (after, _), style in zip(matched.parts, spectra[1:], (":", "--"), strict=False):
+        name = f"matched, {part.after.component or 'component'}"
+        look = _MATCHED["matched"] | {"linestyle": style}
+        axes.plot(periods, units.of(after, "m/s^2"), label=name, **look)
+    # Outside of the matched range nothing is held
+    for first, last in ((periods[0], shortest), (longest, periods[-1])):
+        if first < last:
+            axes.axvspan(first, last, color="0.92", zorder=0)
+    axes.set(xscale="log", yscale="log", xlabel="period (s)", xlim=(periods[0], periods[-1]))
     axes.set_ylabel(f"Sa ({units.label('m/s^2')})")
     plain_logarithmic(axes)
     axes.legend(loc="lower left")
