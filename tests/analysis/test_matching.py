@@ -213,12 +213,8 @@ def test_memory_grows_with_what_lasts_and_not_with_the_record(motion):
     assert sizes[1] < 2.0 * sizes[0]
 
 
-@pytest.mark.parametrize("trend", ["ramp", "step"])
-def test_a_motion_without_peaks_is_refused(motion, trend):
-    samples = np.linspace(0.0, 3.0, 800)
-    if trend == "step":
-        samples = np.concatenate([np.full(40, 1e-3), samples**3])
-    ramp = replace(motion, acceleration=samples, source="ramp.csv")
+def test_a_motion_without_peaks_is_refused(motion):
+    ramp = replace(motion, acceleration=np.linspace(0.0, 3.0, 800), source="ramp.csv")
     with pytest.raises(RecordError, match=r"ramp\.csv HN1: cannot be matched: .*has no peak"):
         tdint.match(ramp, TARGET, periods=(0.1, 2.0))
 
