@@ -10,7 +10,7 @@ from scipy.optimize import LinearConstraint, minimize
 import tdint
 from building_cases import noise
 from tdint.analysis import matching
-from tdint.analysis.matching import _judged, _Problem, _Rows, program
+from tdint.analysis.matching import _judged, _Problem, _SparseRows, program
 from tdint.analysis.spectra.target import read_target
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
@@ -192,7 +192,7 @@ def test_rows_are_products_over_all_samples(monkeypatch):
     for row, start, line, direction in zip(dense, starts, lines, directions, strict=True):
         row[:, start : start + line.size] = direction[:, None] * line
     dense = dense.reshape(5, -1)
-    rows = _Rows(size, starts, lines, directions)
+    rows = _SparseRows(size, starts, lines, directions)
     np.testing.assert_allclose(rows.products(), dense @ dense.T, rtol=1e-5, atol=1e-5)
     change, multipliers = rng.normal(size=2 * size), rng.normal(size=5)
     np.testing.assert_allclose(rows.times(change.astype(np.float32)), dense @ change, rtol=1e-5)

@@ -445,7 +445,7 @@ def _with_samples(motion: GroundMotion, samples: Array, *words: str) -> GroundMo
 
 
 @dataclass(frozen=True)
-class _Rows:
+class _SparseRows:
     """Rows of a matrix over the samples of all components, each stored where it is not zero.
 
     Attributes
@@ -612,7 +612,7 @@ class _Problem:
         )  # of what does not move: ln of nothing is none
         return found[:, :count], largest
 
-    def rows(self, who: NDArray[np.int64], when: Array, directions: Array) -> _Rows:
+    def rows(self, who: NDArray[np.int64], when: Array, directions: Array) -> _SparseRows:
         """Derivatives of sizes of extremes with respect to the samples of all components, through
         band and envelope, and below them those of the last velocity and displacement.
 
@@ -660,7 +660,7 @@ class _Problem:
                 starts.append(0)
                 lines.append(end.astype(np.float32))
             scaled = np.hstack([scaled, np.repeat(np.eye(count)[:, component, None], 2, axis=1)])
-        return _Rows(n, np.array(starts), lines, scaled.T)
+        return _SparseRows(n, np.array(starts), lines, scaled.T)
 
     def asked(
         self, found: Array, largest: Array
