@@ -399,7 +399,7 @@ def check_room(file: Path, least: float) -> None:
     if least > free:
         raise OutputError(
             f"{file}: takes {least / 1e9:.3g} GB at least, {free / 1e9:.3g} GB are free; write "
-            "fewer rows (--every), or to another disk"
+            "fewer rows (--history-every), or to another disk"
         )
 
 

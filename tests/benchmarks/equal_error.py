@@ -2,10 +2,10 @@
 tests/benchmarks/equal_error.py
 
 Prints a table in Markdown: the time of the march for an error of the drifts (L2 of the history),
-read off the lines of `tdint chart --target drift` between their points (<: the largest step already
-errs less; ~: beyond the smallest step, with the slope of the last two); beside each time the ratio
-to impulse4's. OpenSeesPy is among the lines where it is installed. Least of several times, all
-marches of tdint taking turns, OpenSeesPy's behind them in the same sitting.
+read off the lines of `tdint chart --target-error drift` between their points (<: the largest step
+already errs less; ~: beyond the smallest step, with the slope of the last two); beside each time
+the ratio to impulse4's. OpenSeesPy is among the lines where it is installed. Least of several
+times, all marches of tdint taking turns, OpenSeesPy's behind them in the same sitting.
 """
 
 import math

@@ -119,7 +119,7 @@ def test_the_usual_choice_is_listed_only_if_it_meets_the_tolerance(folder, tdint
         "0.01,0.005,0.0025",
         "--repeat",
         "1",
-        "--target",
+        "--target-error",
         "acceleration",
     )
     lines = tdint("chart", "shaken.yaml", *words, code=0).stderr.splitlines()
@@ -179,7 +179,7 @@ def test_lines_by_tolerance(folder, tdint):
             ],
         ),
         (
-            ("--target", "drift", "--versus", "dt"),
+            ("--target-error", "drift", "--versus", "dt"),
             [
                 "error of the drifts (L2 of the history)",
                 "time step (s)",
@@ -202,7 +202,7 @@ def test_the_picture_names_what_it_shows(folder, tdint, options, words):
     ("words", "steps", "usual"),
     [
         (
-            ("--method", "exact", "--target", "displacement"),
+            ("--method", "exact", "--target-error", "displacement"),
             ["100", "200"] * 3,
             "with the model's dt 0.02 s",
         ),
@@ -263,7 +263,9 @@ def test_peaks_that_are_there_from_the_start_recommend_nothing(folder, tdint):
     )
     assert "For 1 %" not in result.stderr
     assert json.loads((folder / "x.json").read_text())["recommended"] == []
-    assert "For 1 % (drift)" in tdint("chart", "free.yaml", *QUICK, "--target", "drift").stderr
+    assert (
+        "For 1 % (drift)" in tdint("chart", "free.yaml", *QUICK, "--target-error", "drift").stderr
+    )
 
 
 def test_over_the_number_of_stories(folder, tdint, drawn):
@@ -352,7 +354,7 @@ def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch):
         (["--tolerance", "0"], 2, "Invalid value for '--tolerance'"),
         (["--halvings", "-1"], 2, "Invalid value for '--halvings'"),
         (["--repeat", "0"], 2, "Invalid value for '--repeat'"),
-        (["--target", "force"], 2, "Invalid value for '--target'"),
+        (["--target-error", "force"], 2, "Invalid value for '--target'"),
         (
             ["--highlight", "hht", "--plot", "y.png", *QUICK],
             2,
@@ -453,7 +455,7 @@ def test_a_file_of_problems_and_its_picture(folder, tdint):
         "1",
         "--plot",
         "x.svg",
-        "--target",
+        "--target-error",
     )
     result = tdint(*words, "peak-acceleration", "--peers", "--tolerance", "1%", code=0)
     assert re.search(
@@ -490,11 +492,15 @@ def test_a_file_of_problems_and_its_picture(folder, tdint):
             2,
             "--record has nothing to act on",
         ),
-        (("--problems", "standard", "--target", "drift"), 2, "--target drift is of one problem"),
         (
-            ("shaken.yaml", "--target", "peak-total-shear"),
+            ("--problems", "standard", "--target-error", "drift"),
             2,
-            "--target peak-total-shear is of many problems",
+            "--target-error drift is of one problem",
+        ),
+        (
+            ("shaken.yaml", "--target-error", "peak-total-shear"),
+            2,
+            "--target-error peak-total-shear is of many problems",
         ),
         (("--problems", "bad.yaml"), 3, "bad.yaml:7:23: problems[1].scales.far: unknown key"),
         (("--problems", "none.yaml"), 3, "none.yaml: no such file; give a file of problems"),

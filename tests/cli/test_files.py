@@ -34,7 +34,7 @@ GOES_ON = {"campaign", "ida", "runs", "merge"}
 WRITING = {
     "init": ("init new.yaml --period 0.5", "new.yaml"),
     "run": (
-        "run shaken.yaml MOTION -o out --history --plot --floor-spectra roof --period 1",
+        "run shaken.yaml MOTION -o out --history --plot --floor-spectra roof --floor-period 1",
         "out/stories.csv out/summary.json out/history.csv out/response.png out/floor-spectra.csv",
     ),
     "histories": ("run shaken.yaml MOTION --history=h.csv.gz --plot=p.svg", "h.csv.gz p.svg"),

@@ -26,7 +26,7 @@ def run(folder, tdint):
 def test_floor_spectra_are_those_of_the_exported_motion(run, tdint, drawn):
     """By the file, to 1e-9: the table's digits. A rigid oscillator feels the largest of the
     history's samples (peaks of stories.csv lie between them, too). Stations say the floors."""
-    options = ("--damping", "2%,5%", "--period", "0,0.05,0.5")
+    options = ("--floor-damping", "2%,5%", "--floor-period", "0,0.05,0.5")
     run(
         "--floor-spectra",
         "1,roof",
@@ -41,7 +41,9 @@ def test_floor_spectra_are_those_of_the_exported_motion(run, tdint, drawn):
     ours = written("floor-spectra.csv")
     cases = [("1", "0.02"), ("1", "0.05"), ("2", "0.02"), ("2", "0.05")]
     assert [(row["floor"], row["damping"]) for row in ours[::3]] == cases
-    exported = tdint("spectrum", "out/floors.mseed", *options)
+    exported = tdint(
+        "spectrum", "out/floors.mseed", *(word.replace("--floor-", "--") for word in options)
+    )
     assert "assumed" not in exported.stderr  # the file says its units
     theirs = rows(exported.stdout)
     assert [row["component"] for row in theirs] == ["F01"] * 6 + ["F02"] * 6 and len(ours) == 12
@@ -87,7 +89,7 @@ def test_wrong_use(folder, tdint, arguments, message):
 def test_floors_of_several_runs_have_their_mean_and_envelope(run, tdint, drawn):
     """Each run's spectra are those of a single call; of a pair the larger component counts at each
     period."""
-    options = ("--floor-spectra", "1,roof", "--period", "0.05,0.3", "--units", "m/s^2")
+    options = ("--floor-spectra", "1,roof", "--floor-period", "0.05,0.3", "--units", "m/s^2")
     run("other.mseed", "motion.mseed", *options, "--plot", code=0)
     every, means = written("floor-spectra.csv"), written("floor-spectra-mean.csv")
     assert (Path("out") / "floor-spectra.png").stat().st_size > 10_000

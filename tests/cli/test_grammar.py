@@ -307,7 +307,7 @@ def test_an_option_with_nothing_to_act_on_is_refused(here, tdint, name, paramete
     """Before any work: the files that are named do not exist. With what it needs the command goes
     on, and misses them.
 
-    `--damping 2%` of `tdint run` without --floor-spectra was passed over in silence.
+    `--floor-damping 2%` of `tdint run` without --floor-spectra was passed over in silence.
     """
     option = max(parameter.opts, key=len)
     inputs = [] if parameter.needs == "RECORD" else WORDS.get(name, ["x.csv"])
@@ -324,6 +324,7 @@ def test_an_option_with_nothing_to_act_on_is_refused(here, tdint, name, paramete
         "--rule": "mean",
         "--year": "1985",
         "--damping": "0.1",
+        "--floor-damping": "0.1",
         "--hardening": "0.1",
         "--style": "90mm",
         "--report-head": "Project: bridge",
@@ -343,9 +344,9 @@ def test_options_that_act_are_declared_so():
     `needs`."""
     found = {(name, max(parameter.opts, key=len)) for name, parameter in NEEDY}
     assert {
-        ("run", "--damping"),
-        ("run", "--periods"),
-        ("run", "--every"),
+        ("run", "--floor-damping"),
+        ("run", "--floor-periods"),
+        ("run", "--history-every"),
         ("law", "--units"),
         ("compare", "--blind"),
         ("compare", "--damping"),
@@ -423,6 +424,7 @@ ASKED = {
 VALUES = {
     "--axes": "periods --plot=p.png",
     "--damping": "2%",
+    "--floor-damping": "2%",
     "--maxima": "peer",
     "--interpolation": "linear",
     "--rotd": "50",
@@ -447,11 +449,11 @@ VALUES = {
     "--cache": "",
     "--plot": "--plot=p.png",
     "--output": "out",
-    "--every": "2 --history=h.csv",
+    "--history-every": "2 --history=h.csv",
     "--openquake": "f.xml",
     "--history": "--history=h.csv",
     "--tolerance": "1%",
-    "--corners": "2 --highpass 1",
+    "--filter-order": "2 --highpass 1",
 }
 
 

@@ -82,7 +82,7 @@ def test_a_table_and_back(folder: Path, tdint: Command, arguments: tuple[Any, ..
 
 
 def test_the_files_of_a_run_and_back(folder: Path, tdint: Command) -> None:
-    run = ("run", "shaken.yaml", "--history", "--floor-spectra", "roof", "--period", 0.5)
+    run = ("run", "shaken.yaml", "--history", "--floor-spectra", "roof", "--floor-period", 0.5)
     tdint(*run, "-o", "si", code=0)
     done = tdint(*run, "-o", "us", "--output-units", "kip,in,g", code=0)
     for name in ("stories.csv", "history.csv", "floor-spectra.csv"):
@@ -181,10 +181,10 @@ def test_a_history_under_any_name_packed_and_thinned(folder: Path, tdint: Comman
     tdint(*run, "--history", "-o", "out", code=0)
     whole = (folder / "out" / "history.csv").read_text().splitlines(keepends=True)
     assert len(whole) == 102
-    tdint(*run, "--history", "new/h.csv.gz", "--every", 7, code=0)
+    tdint(*run, "--history", "new/h.csv.gz", "--history-every", 7, code=0)
     packed = (folder / "new" / "h.csv.gz").read_bytes()
     assert gzip.decompress(packed).decode() == "".join([whole[0], *whole[1::7]])
-    tdint(*run, "--history=new/h.csv.gz", "--every", 7, "--overwrite", code=0)
+    tdint(*run, "--history=new/h.csv.gz", "--history-every", 7, "--overwrite", code=0)
     assert (
         folder / "new" / "h.csv.gz"
     ).read_bytes() == packed  # the same bytes, whenever they are written
@@ -202,7 +202,7 @@ def test_a_history_under_any_name_packed_and_thinned(folder: Path, tdint: Comman
         ),
         (("--history=h.txt",), "--history h.txt: a history is a table; name it .csv or .csv.gz"),
         (("--history=",), "--history is empty; give a name"),
-        (("--history=h.csv", "--every", 0), "--every"),
+        (("--history=h.csv", "--history-every", 0), "--history-every"),
         (("--output-units", "kips,in"), "unknown unit 'kips'; did you mean 'kip'?"),
     ],
 )

@@ -24,7 +24,7 @@ OPTIONS = (
     "0.5",
     "--lowpass",
     "30",
-    "--corners",
+    "--filter-order",
     "2",
     "--resample",
     "0.005",
@@ -35,7 +35,7 @@ STEPS = {
     "pad": (1.0, 2.0),
     "highpass": 0.5,
     "lowpass": 30.0,
-    "corners": 2,
+    "filter_order": 2,
     "resample": 0.005,
 }
 
@@ -124,8 +124,8 @@ def test_a_step_that_does_not_fit_one_record_does_not_stop_the_others(folder, td
         ("--highpass 0", "--highpass"),
         ("--lowpass nan", "--lowpass"),
         ("--highpass 2 --lowpass 1", "highpass (2 Hz) must be below lowpass (1 Hz)"),
-        ("--corners 3", "corners are those of a filter"),
-        ("--highpass 1 --corners 99", "--corners"),
+        ("--filter-order 3", "filter_order is that of a filter"),
+        ("--highpass 1 --filter-order 99", "--filter-order"),
         ("--resample -1", "--resample"),
     ],
 )
@@ -140,7 +140,7 @@ def test_model_command_line_and_library_agree(folder, tdint):
     """The record of a model is processed by its own entries, by options in their place, or before
     it is given."""
     entries = (
-        "trim: 0.5:2.5, baseline: linear, pad: 1:2, highpass: 0.5, lowpass: 30, corners: 2, "
+        "trim: 0.5:2.5, baseline: linear, pad: 1:2, highpass: 0.5, lowpass: 30, filter_order: 2, "
         "resample: 0.005"
     )
     text = (folder / "shaken.yaml").read_text()

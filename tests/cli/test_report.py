@@ -279,7 +279,7 @@ def test_the_page_of_a_campaign_says_why(folder: Path, tdint: Command) -> None:
         "--floor-spectra",
         "roof",
     )
-    asked = (*asked, "--period", "0.5")
+    asked = (*asked, "--floor-period", "0.5")
     tdint.refused(
         "NAME: TEXT", *asked, "-o", "out", "--report", "page.html", "--report-head", "no name"
     )

@@ -21,7 +21,7 @@ COMMANDS = {
     "history.csv of tdint run": "configs/hardening.yaml --duration 0.1 --history --method moment4 "
     "--check",
     "floor-spectra.csv of tdint run": "configs/hardening.yaml --duration 1 --floor-spectra roof "
-    "--period 1",
+    "--floor-period 1",
     "tdint check": "configs/ten-story.yaml",
     "tdint modes": "configs/ten-story.yaml",
     "tdint modes --target": "asce7:sds=0.2,sd1=0.1,tl=8 configs/ten-story.yaml",

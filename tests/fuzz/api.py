@@ -109,7 +109,7 @@ _PROCESSING = {
     "pad": lambda source: source.choice((0.1, (0.1, 0.2), (_number(source), 0.0), _number(source))),
     "highpass": _number,
     "lowpass": _number,
-    "corners": _number,
+    "filter_order": _number,
     "resample": _number,
 }
 

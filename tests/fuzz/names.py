@@ -95,7 +95,7 @@ def _memory(source: random.Random) -> str:
     ]
     tracemalloc.start()
     try:
-        found = run([*line, "--every", str(every)])
+        found = run([*line, "--history-every", str(every)])
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()

@@ -59,7 +59,7 @@ EVERYTHING = {
     "pad": (3.0, 5.0),
     "highpass": 0.2,
     "lowpass": 20.0,
-    "corners": 3,
+    "filter_order": 3,
     "resample": 0.02,
 }
 
@@ -71,8 +71,8 @@ def test_the_order_of_the_steps_is_fixed():
         ["trim"],
         ["baseline"],
         ["pad"],
-        ["highpass", "corners"],
-        ["lowpass", "corners"],
+        ["highpass", "filter_order"],
+        ["lowpass", "filter_order"],
         ["resample"],
     ):
         one_by_one = process(one_by_one, **{name: EVERYTHING[name] for name in step})
@@ -181,8 +181,8 @@ def test_pad_adds_zeros(pad, before, after):
 @pytest.mark.parametrize("frequency", [0.5, 2.0, 5.0, 12.0])
 def test_a_sine_loses_amplitude_and_no_phase(frequency, corners):
     before = sine(frequency, seconds=90.0)
-    low = process(before, lowpass=5.0, corners=corners).acceleration
-    high = process(before, highpass=5.0, corners=corners).acceleration
+    low = process(before, lowpass=5.0, filter_order=corners).acceleration
+    high = process(before, highpass=5.0, filter_order=corners).acceleration
     kept = gain(5.0, frequency, corners or 4)
     np.testing.assert_allclose(middle(low), kept * middle(before.acceleration), atol=1e-9)
     np.testing.assert_allclose(middle(high), (1.0 - kept) * middle(before.acceleration), atol=1e-9)
@@ -193,8 +193,10 @@ def test_a_sine_loses_amplitude_and_no_phase(frequency, corners):
 def test_zeros_around_the_record_change_nothing(kind, corner, corners):
     """The filter is that of the motion which is zero outside its samples, however much of that is
     written out."""
-    alone = process(noise(), **{kind: corner}, corners=corners).acceleration
-    padded = process(noise(), pad=(20.0, 500.0), **{kind: corner}, corners=corners).acceleration
+    alone = process(noise(), **{kind: corner}, filter_order=corners).acceleration
+    padded = process(
+        noise(), pad=(20.0, 500.0), **{kind: corner}, filter_order=corners
+    ).acceleration
     np.testing.assert_allclose(alone, padded[2000:4000], atol=1e-10 * np.max(np.abs(alone)))
 
 
@@ -281,18 +283,18 @@ def test_steps_that_do_not_fit_the_record(wanted, message):
         {"lowpass": -1.0},
         {"lowpass": math.inf},
         {"highpass": 5.0, "lowpass": 5.0},
-        {"highpass": 1.0, "corners": 0},
-        {"highpass": 1.0, "corners": 11},
-        {"corners": 4},
+        {"highpass": 1.0, "filter_order": 0},
+        {"highpass": 1.0, "filter_order": 11},
+        {"filter_order": 4},
         {"resample": 0.0},
         {"resample": math.nan},
     ],
 )
 def test_values_that_make_no_sense(wanted):
-    (name, *_), message = wanted, "(corners|trim|baseline|pad|highpass|lowpass|resample)"
+    (name, *_), message = wanted, "(filter_order|trim|baseline|pad|highpass|lowpass|resample)"
     with pytest.raises(UsageError, match=message) as error:
         process(noise(), **wanted)
-    assert name in str(error.value) or "corners" in str(error.value)
+    assert name in str(error.value) or "filter_order" in str(error.value)
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,7 @@ damping: {rayleigh: {ratio: [0.02, 0.05], modes: [1, 3]}}
 p_delta: true
 excitation:
   record: {file: ../records/x.mseed, units: cm/s^2, component: HNE, scale: -1.5, inventory: station.xml, trim: ":30",
-           baseline: linear, pad: 5, highpass: 0.1, lowpass: 25, corners: 3, resample: 0.005}
+           baseline: linear, pad: 5, highpass: 0.1, lowpass: 25, filter_order: 3, resample: 0.005}
   forces:
     - {floor: 1, amplitude: 500, omega: 25, phase: cos}
     - {floor: 4, amplitude: -2, omega: 0.5, phase: sin}

@@ -176,17 +176,17 @@ excitation: {record: {file: '', units: gels, scale: 0, component: [], inventory:
 excitation: {record: {file: "a\nb", scale: .inf}}
     2:29: excitation.record.file: must be one line without control characters, got 'a\nb'
     2:44: excitation.record.scale: must be a number, got '.inf'; it must be finite
-excitation: {record: {file: a, trim: 3, pad: x, baseline: linaer, corners: 2.5}}
+excitation: {record: {file: a, trim: 3, pad: x, baseline: linaer, filter_order: 2.5}}
     2:38: excitation.record.trim: trim must be START:END in seconds, got '3'
     2:46: excitation.record.pad: pad must be SECONDS or BEFORE:AFTER, got 'x'
     2:59: excitation.record.baseline: unknown baseline 'linaer'; did you mean 'linear'?
-    2:76: excitation.record.corners: must be a whole number from 1 to 10, got '2.5'
+    2:81: excitation.record.filter_order: must be a whole number from 1 to 10, got '2.5'
 excitation: {record: {file: a, trim: '3:2'}}
     2:22: excitation.record: trim must be START:END in seconds from the first sample with START below END
 excitation: {record: {file: a, highpass: 3, lowpass: 2}}
     2:22: excitation.record: highpass (3 Hz) must be below lowpass (2 Hz): nothing would be left
-excitation: {record: {file: a, corners: 3}}
-    2:22: excitation.record: corners are those of a filter: give highpass or lowpass, too
+excitation: {record: {file: a, filter_order: 3}}
+    2:22: excitation.record: filter_order is that of a filter: give highpass or lowpass, too
 excitation: {record: "\ud800"}
     2:22: excitation.record: must be one line without control characters, got '\ud800'
 excitation: {forces: [3, {}, {floor: 4, amplitude: x, omega: -1, phase: tan}, {floor: 1, amplitude: 1, freq: 3}]}

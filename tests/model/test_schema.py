@@ -23,7 +23,7 @@ stories:
 damping: {rayleigh: {ratio: [0.02, 5%], modes: [1, 2]}}
 p_delta: true
 excitation:
-  record: {file: a, units: g, component: HNE, scale: -2, baseline: linear, highpass: 0.1, corners: 2, trim: '0:3'}
+  record: {file: a, units: g, component: HNE, scale: -2, baseline: linear, highpass: 0.1, filter_order: 2, trim: '0:3'}
   forces: [{floor: 1, amplitude: -3, omega: 0, phase: sin}, {floor: 1, amplitude: -3, omega: 0, phase: 0.3}]
 initial: {displacement: [1, 2, 3], velocity: [0, 0, 0]}
 analysis: {method: impulse4, dt: 0.01, duration: 3}

@@ -101,7 +101,7 @@ class Request(options.record.RecordRequest):
         help="Also chart moment4 and impulse4 (of many problems those asked for) with the steps "
         "that `tdint run --tolerance` chooses for these errors of the peak drifts.",
     )
-    target: str = options.option(
+    target_error: str = options.option(
         type=click.Choice(TARGETS),
         default=TARGETS[0],
         help="The error that is drawn and, for one building, for which methods are recommended; "
@@ -218,7 +218,7 @@ def command(request: Request) -> None:
         say(
             f"{how_many(chart.stories, 'story')}: the reference is {reference.method} with dt "
             f"{reference.dt:.6g} s; {reference.confirmed_by} differs from it by "
-            f"{reference.gap.of(request.target):.1e} ({request.target})."
+            f"{reference.gap.of(request.target_error):.1e} ({request.target_error})."
         )
     if advice:
         _recommend(request, charts[0], advice)
@@ -246,9 +246,10 @@ def _check(request: Request) -> BuildingRequest:
     """The building and its motion, after what can be seen to fail was refused."""
     if not request.models:
         raise UsageError("give MODEL.yaml, or several, or --problems standard")
-    if request.target not in QUANTITIES:
+    if request.target_error not in QUANTITIES:
         raise UsageError(
-            f"--target {request.target} is of many problems; of one it is {', '.join(QUANTITIES)}"
+            f"--target-error {request.target_error} is of many problems; of one it is "
+            f"{', '.join(QUANTITIES)}"
         )
     if request.steps and request.halvings is not None:
         raise UsageError("--dt already gives the steps; leave out --halvings")
@@ -261,9 +262,10 @@ def _check(request: Request) -> BuildingRequest:
 
 def _chart_many(request: Request) -> None:
     """Performance profiles over many problems."""
-    if request.target not in PEAKS:
+    if request.target_error not in PEAKS:
         raise UsageError(
-            f"--target {request.target} is of one problem; of many it is {', '.join(PEAKS)}"
+            f"--target-error {request.target_error} is of one problem; of many it is "
+            f"{', '.join(PEAKS)}"
         )
     if peers():
         raise UsageError("PEERS of a plug-in are charted for one building")
@@ -297,7 +299,7 @@ def _chart_many(request: Request) -> None:
     request.outputs.deliver(
         table,
         lambda: figures.comparison.profile_picture(
-            chart, target=request.target, highlight=request.highlight
+            chart, target=request.target_error, highlight=request.highlight
         ),
         lambda: field_summary(chart, notes=notes, meanings=table.meanings),
     )
@@ -375,7 +377,7 @@ def _chart(
     of_ours = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
 
     def verdict(points: Sequence[Point]) -> list[tuple[str, float]]:
-        best = [cheapest(points, request.target, limit) for limit in LIMITS]
+        best = [cheapest(points, request.target_error, limit) for limit in LIMITS]
         return [(point.line, point.dt) for point in best if point]
 
     chart = measure(
@@ -416,11 +418,11 @@ def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:
     advice = []
     ours = [point for point in chart.points if not math.isnan(point.dt)]
     for limit in LIMITS:
-        best = cheapest(ours, request.target, limit)
+        best = cheapest(ours, request.target_error, limit)
         if best is None:
             advice.append(Advice(limit, None, None, math.nan))
             continue
-        other = alternative(ours, request.target, limit, best)
+        other = alternative(ours, request.target_error, limit, best)
         told = problem.told(parse(best.method), problem.steps(best.dt))
         advice.append(Advice(limit, best, other, told))
     return advice
@@ -431,7 +433,7 @@ def _peaks_at_start(request: Request, chart: Chart) -> bool:
     vibration."""
     motion = chart.reference.motion
     peaks, start = motion.peak_drift, abs(motion.drift[0])
-    return request.target == "peak-drift" and bool((peaks <= 1.001 * start).all())
+    return request.target_error == "peak-drift" and bool((peaks <= 1.001 * start).all())
 
 
 def _deliver(
@@ -446,7 +448,7 @@ def _deliver(
 
     looks: dict[str, Any] = {
         "name": model.name,
-        "target": request.target,
+        "target": request.target_error,
         "highlight": request.highlight,
     }
     table = (
@@ -461,7 +463,7 @@ def _deliver(
         return figures.assessment.chart_picture(charts[0], versus=request.versus, **looks)
 
     def summarize() -> dict[str, Any]:
-        told: dict[str, Any] = {"target": request.target, "advice": advice, "notes": notes}
+        told: dict[str, Any] = {"target": request.target_error, "advice": advice, "notes": notes}
         return chart_summary(charts, model=model, record=record, meanings=table.meanings, **told)
 
     request.outputs.deliver(table, draw, summarize)
@@ -476,7 +478,7 @@ _RULE = (
 
 def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
     def cost(point: Point) -> str:
-        error = point.error(request.target)
+        error = point.error(request.target_error)
         return (
             f"{1e3 * point.fastest:.3g} ms, error {100.0 * error:.2g} %"
             if point.errors
@@ -484,7 +486,7 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
         )
 
     for advised in advice:
-        goal = f"For {100.0 * advised.limit:g} % ({request.target}): "
+        goal = f"For {100.0 * advised.limit:g} % ({request.target_error}): "
         if best := advised.point:
             told = (
                 f", told {100.0 * advised.told:.2g} % of the peak drifts"
@@ -494,13 +496,15 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
             # Only alternatives that meet the tolerance and take at least as long
             others = [("next best: ", advised.next_best)]
             usual = chart.usual
-            meets = usual.error(request.target) <= advised.limit and usual.fastest >= best.fastest
+            meets = (
+                usual.error(request.target_error) <= advised.limit and usual.fastest >= best.fastest
+            )
             if meets and usual.line != (advised.next_best and advised.next_best.line):
                 others.append(("the usual choice: ", usual))
             words = [
                 f"; {word}{other.line} with dt {other.dt:.6g} s, "
                 f"{other.fastest / best.fastest:.2g} times as long, error "
-                f"{100.0 * other.error(request.target):.2g} %"
+                f"{100.0 * other.error(request.target_error):.2g} %"
                 for word, other in others
                 if other and other.errors and (other.line, other.dt) != (best.line, best.dt)
             ]
@@ -543,7 +547,7 @@ def _notes(request: Request, charts: list[Chart], record: Record | None) -> list
         )
         notes.append(f"{label}: {outcome} with dt {', '.join(steps)} s")
     for chart in charts:
-        gap = chart.reference.gap.of(request.target)
+        gap = chart.reference.gap.of(request.target_error)
         if _peaks_at_start(request, chart):
             notes.append(
                 "the largest drifts are those at the start, which no method misses: use --target "

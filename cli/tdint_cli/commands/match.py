@@ -77,13 +77,13 @@ class MatchRequest(RecordsRequest):
         "The records replace RECORD. With --suite mean the spectra of the suite are those with "
         "these factors; without it each motion is scaled to the target first."
     )
-    within: float = options.option(
+    max_misfit: float = options.option(
         type=Ratio(0.0, 1.0, min_open=True),
         metavar="5%",
         default="5%",
         help="The largest misfit that is not warned of; 5% by default.",
     )
-    require: bool = options.option(help="Exit with 5 where a misfit stays above --within.")
+    require: bool = options.option(help="Exit with 5 where a misfit stays above --max-misfit.")
     plot: str | None = options.output.plot(
         "Also draw spectra (from half of the shortest to twice the longest matched period; of a "
         "pair also of both components) and histories of the first motion and of its scaled seed: "
@@ -96,7 +96,7 @@ class MatchRequest(RecordsRequest):
     "match",
     "tdint match office-motion.txt --target ec8:type=1,soil=B,ag=0.25g --range 0.05:3 -o matched",
     "tdint match office-motion.txt --target asce7:sds=1,sd1=0.6,tl=8 -o asce7 --plot",
-    exits={5: "with --require a misfit is above --within"},
+    exits={5: "with --require a misfit is above --max-misfit"},
 )
 @options.record.of_records_if_any
 @options.of(MatchRequest)
@@ -139,7 +139,11 @@ def command(request: MatchRequest) -> None:
             "range_s": list(request.range),
             "damping": request.damping,
         }
-        settings |= {"format": request.format, "within": request.within, "suite": request.suite}
+        settings |= {
+            "format": request.format,
+            "max_misfit": request.max_misfit,
+            "suite": request.suite,
+        }
         settings |= {"pairs": PAIR if request.pairs else None}
         seeds = list(map(record_summary, suite.records))
         return table_summary("match", settings, seeds, table.meanings) | {
@@ -152,7 +156,7 @@ def command(request: MatchRequest) -> None:
     outputs.deliver(table, lambda: figures.comparison.match_picture(matches[0]), summarize)
     for matched in matches:
         say(repr(matched)[1:-1] + ".")
-        warn(*_doubts(matched, request.within))
+        warn(*_doubts(matched, request.max_misfit))
     note(
         "codes ask for more of a suite than a fit: numbers of motions, their sources, what "
         "near-fault pulses are"
@@ -162,13 +166,13 @@ def command(request: MatchRequest) -> None:
     beyond = [
         f"{one.seed.source} {one.seed.component}"
         for one in matches
-        if one.largest_misfit > request.within
+        if one.largest_misfit > request.max_misfit
     ]
     if suite.failures:
         raise Failures(suite.failures)
     if request.require and beyond:
         raise AnalysisError(
-            f"the misfit stays above {100.0 * request.within:g} %: {', '.join(beyond)}"
+            f"the misfit stays above {100.0 * request.max_misfit:g} %: {', '.join(beyond)}"
         )
 
 

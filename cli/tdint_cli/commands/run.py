@@ -273,7 +273,8 @@ def _check_room(request: Request, stories: int, steps: int) -> None:
     if file := request.history_file:
         columns = len(tables.responses.history_columns(stories, bool(request.check)))
         check_room(
-            file, (steps // request.every + 1) * columns * _LEAST_BYTES[file.suffix == ".gz"]
+            file,
+            (steps // request.history_every + 1) * columns * _LEAST_BYTES[file.suffix == ".gz"],
         )
 
 
@@ -299,7 +300,7 @@ def _files(
         # The error makes it half as large again: of one who asked for it.
         kept = (
             piece if request.check else replace(piece, error=None)
-            for piece in pieces(request.every)
+            for piece in pieces(request.history_every)
         )
         files[file] = lambda stream: tables.responses.write_pieces(kept, stream, units)
     if request.output:

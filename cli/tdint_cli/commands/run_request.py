@@ -21,7 +21,7 @@ STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png
 ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
 """The files of a run. The summary is written last: where it says `done`, all is there."""
 
-_OF_ONE = ("history", "every", "tolerance", "allow_unstable", "export_floors")
+_OF_ONE = ("history", "history_every", "tolerance", "allow_unstable", "export_floors")
 SINGLE = Mode("with a single run", frozenset((*_OF_ONE, "duration", "limit")))
 SEQUENCE = Mode(
     "with --sequence",
@@ -81,7 +81,7 @@ class Request(BuildingRequest, SuiteRequest):
         help="Also write every floor and story and the energies at every step: to this file "
         f"(.csv, .csv.gz), or alone as {HISTORY} into the folder of -o.",
     )
-    every: int = options.output.option(
+    history_every: int = options.output.option(
         needs="--history",
         type=Count(1),
         default=1,

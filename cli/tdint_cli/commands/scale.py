@@ -83,7 +83,7 @@ class ScaleRequest(RecordsRequest):
         type=Count(1),
         help="Choose so many, whose scaled spectra fit the target together; --rule acts on them.",
     )
-    factors: tuple[float, float] | None = options.option(
+    factor_range: tuple[float, float] | None = options.option(
         needs="--select",
         type=span,
         rare=True,
@@ -107,7 +107,7 @@ class ScaleRequest(RecordsRequest):
         help="The event of each record: a CSV file with the columns record (the file's name) "
         "and event; one row is enough for both components of a recording.",
     )
-    scatter: str | None = options.option(
+    target_std: str | None = options.option(
         needs="--select",
         metavar="0.35|FILE",
         rare=True,
@@ -354,12 +354,13 @@ def _selecting(
 
     # The scatter asked for: a number, or a table over the periods
     scatter: Any = None
-    if request.scatter is not None:
+    if request.target_std is not None:
         try:
-            scatter = float(request.scatter)
+            scatter = float(request.target_std)
         except ValueError:
             table = read_table(
-                request.scatter, "--scatter takes a number, or a CSV file of period_s and scatter"
+                request.target_std,
+                "--target-std takes a number, or a CSV file of period_s and scatter",
             )
             table.need("period_s", "scatter")
             of_periods = np.array(
@@ -386,7 +387,7 @@ def _selecting(
             "damping": request.damping,
             "pair": request.pair,
         }
-        limits = request.factors or BOUNDS
+        limits = request.factor_range or BOUNDS
         wishes |= {
             "factors": limits,
             "events": events,

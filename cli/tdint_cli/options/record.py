@@ -154,7 +154,7 @@ _PROCESSING = (
         help="The same from the other side.",
     ),
     _rare(
-        "--corners",
+        "--filter-order",
         type=click.IntRange(1, 10),
         metavar="N",
         help="Order of the filters; 4 by default.",

@@ -63,9 +63,9 @@ MOTIONS = "floors.mseed"
 
 
 def damping(needs: str = "") -> grammar.Declaration:
-    """The option --damping, of what it `needs`."""
+    """Declare the option --damping; --floor-damping if it `needs` --floor-spectra."""
     return option(
-        "--damping",
+        "--floor-damping" if needs == _NEEDS else "--damping",
         type=ListOf(damping_ratio),
         default=(0.05,),
         rare=bool(needs),
@@ -84,10 +84,14 @@ class _Periods(Number):
 
 
 def periods(default: str, zero: str = "", needs: str = "") -> grammar.Declaration:
-    """The option --period; `zero` says what a period of 0 gives, if it may be asked for."""
+    """Declare the option --period; --floor-period if it `needs` --floor-spectra.
+
+    `zero` states the meaning of a period of 0, if that is allowed.
+    """
+    prefix = "--floor-" if needs == _NEEDS else "--"
     return option(
-        "--period",
-        "--periods",
+        f"{prefix}period",
+        f"{prefix}periods",
         type=ListOf(_Periods(0.0, min_open=not zero)),
         rare=bool(needs),
         needs=needs,
@@ -137,8 +141,8 @@ class FloorRequest:
         f"--plot {SPECTRA_PICTURE}, too. Of several records those of every run, and in "
         f"{SPECTRA_MEAN} their mean and envelope.",
     )
-    damping: tuple[float, ...] = damping(_NEEDS)
-    periods: tuple[float | Grid, ...] | None = periods(
+    floor_damping: tuple[float, ...] = damping(_NEEDS)
+    floor_periods: tuple[float | Grid, ...] | None = periods(
         PERIODS, " 0 gives the largest acceleration of the floor at the steps.", _NEEDS
     )
 
@@ -159,7 +163,7 @@ class FloorRequest:
 
     def chosen_periods(self) -> NDArray[np.float64]:
         """The periods, s."""
-        return chosen_periods(self.periods, PERIODS)
+        return chosen_periods(self.floor_periods, PERIODS)
 
     def of_suite(
         self, plan: Plan, store: Store, jobs: int | None, units: OutputUnits, *, plot: bool
@@ -178,7 +182,7 @@ class FloorRequest:
         from tdint.campaign.profiles import FloorChoice, floor_suites, run_floors
 
         # Histories are not kept in a store: the runs are done again for what their floors do.
-        choice = FloorChoice(self.floors, self.chosen_periods(), self.damping)
+        choice = FloorChoice(self.floors, self.chosen_periods(), self.floor_damping)
         floors = run_floors(plan, store, choice, jobs or processors())
         suites = list(floor_suites(store, floors))
         contents: dict[str, Content] = {
@@ -197,7 +201,7 @@ class FloorRequest:
         from tdint.analysis.spectra.floors import floor_spectra as spectra_of
 
         floors = self.chosen_floors(len(response.model.stories))
-        return spectra_of(response, floors, self.chosen_periods(), self.damping)
+        return spectra_of(response, floors, self.chosen_periods(), self.floor_damping)
 
     def files(
         self,

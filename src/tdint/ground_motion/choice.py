@@ -127,7 +127,7 @@ class Processing(_Wishes):
     highpass, lowpass : float or None
         Corner frequencies, Hz, of Butterworth filters that are run forwards and backwards: no shift
         of phase, and half the amplitude at the corner.
-    corners : int or None
+    filter_order : int or None
         Order of the filters, 4 if None.
     resample : float or None
         New sampling interval, s; band-limited, with a filter against aliasing if it is longer.
@@ -143,7 +143,7 @@ class Processing(_Wishes):
     pad: tuple[float, float] | None = None
     highpass: float | None = None
     lowpass: float | None = None
-    corners: int | None = None
+    filter_order: int | None = None
     resample: float | None = None
 
     def __post_init__(self) -> None:
@@ -222,10 +222,13 @@ def _problems(steps: Processing) -> Iterator[str]:
             yield "trim must be START:END in seconds from the first sample with START below END"
     if steps.pad is not None and not (min(steps.pad) >= 0.0 < sum(steps.pad) < math.inf):
         yield f"pad must be a positive number of seconds, got {steps.pad[0]:g}:{steps.pad[1]:g}"
-    if steps.corners is not None and steps.corners not in range(1, MOST_CORNERS + 1):
-        yield f"corners must be a whole number from 1 to {MOST_CORNERS}, got {steps.corners}"
-    if steps.corners is not None and steps.highpass is None and steps.lowpass is None:
-        yield "corners are those of a filter: give highpass or lowpass, too"
+    if steps.filter_order is not None and steps.filter_order not in range(1, MOST_CORNERS + 1):
+        yield (
+            f"filter_order must be a whole number from 1 to {MOST_CORNERS}, "
+            f"got {steps.filter_order}"
+        )
+    if steps.filter_order is not None and steps.highpass is None and steps.lowpass is None:
+        yield "filter_order is that of a filter: give highpass or lowpass, too"
     if steps.highpass is not None and steps.lowpass is not None and steps.highpass >= steps.lowpass:
         yield (
             f"highpass ({steps.highpass:g} Hz) must be below lowpass ({steps.lowpass:g} Hz): "

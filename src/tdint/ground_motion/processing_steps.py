@@ -186,7 +186,7 @@ def process(
     pad: float | tuple[float, float] | None = None,
     highpass: float | None = None,
     lowpass: float | None = None,
-    corners: int | None = None,
+    filter_order: int | None = None,
     resample: float | None = None,
 ) -> Record:
     """Change a record in the steps asked for, in this order whatever that of the arguments.
@@ -195,7 +195,7 @@ def process(
     ----------
     record : Record
         Left as it is.
-    trim, baseline, pad, highpass, lowpass, corners, resample
+    trim, baseline, pad, highpass, lowpass, filter_order, resample
         As in `Processing`; a single number for `pad` stands for both ends.
 
     Returns
@@ -213,7 +213,9 @@ def process(
     if not isinstance(record, Record):
         raise UsageError(f"process takes a record, as read_record gives it, got {record!r:.60}")
     both = (float(pad), float(pad)) if isinstance(pad, int | float) else pad
-    return processed(record, Processing(trim, baseline, both, highpass, lowpass, corners, resample))
+    return processed(
+        record, Processing(trim, baseline, both, highpass, lowpass, filter_order, resample)
+    )
 
 
 def processed(record: Record, steps: Processing) -> Record:
@@ -232,7 +234,7 @@ def processed(record: Record, steps: Processing) -> Record:
         record = pad(record, *steps.pad)
     for kind, corner in (("highpass", steps.highpass), ("lowpass", steps.lowpass)):
         if corner is not None:
-            record = butterworth(record, kind, corner, steps.corners or CORNERS)
+            record = butterworth(record, kind, corner, steps.filter_order or CORNERS)
     if steps.resample is not None:
         record = resample(record, steps.resample)
     return record

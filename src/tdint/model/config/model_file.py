@@ -91,7 +91,7 @@ PROCESSING = (
     Key("pad", Words(parse_pad), "zeros before and after: SECONDS or BEFORE:AFTER"),
     Key("highpass", POSITIVE, "corner frequency, Hz"),
     Key("lowpass", POSITIVE, "corner frequency, Hz"),
-    Key("corners", Whole(1, MOST_CORNERS), "order of the filters"),
+    Key("filter_order", Whole(1, MOST_CORNERS), "order of the filters"),
     Key("resample", POSITIVE, "sampling interval, s"),
 )
 
