@@ -173,12 +173,12 @@ def test_what_is_unusual_is_as_meant(folder, tdint):
     text = Path("shaken.yaml").read_text()
     Path("odd.yaml").write_text(text + "collapse_drift: 0.5\n")
     Path("meant.yaml").write_text(
-        text + "collapse_drift: 0.5\nplausibility: off, a rig of the laboratory\n"
+        text + "collapse_drift: 0.5\nplausibility: off, test rig in the laboratory\n"
     )
     assert "collapse_drift 0.5, usual" in tdint("check", "odd.yaml").stderr
     for command in ("check", "run"):
         told = tdint(command, "meant.yaml").stderr
-        assert "usual:" not in told and "is not told: a rig of the laboratory" in told
+        assert "usual:" not in told and "are not shown: test rig in the laboratory" in told
     Path("bare.yaml").write_text(text + "plausibility: off\n")
     assert (
         "plausibility: must be off and the reason, such as"

@@ -150,9 +150,9 @@ def test_faults_of_a_mapping_have_no_line() -> None:
 def test_what_no_file_could_say() -> None:
     loop: dict[str, object] = {}
     loop["stories"] = loop
-    assert faults(loop) == ["model: nested more than 32 levels deep; this is no model"]
+    assert faults(loop) == ["model: more than 32 nested levels; this is not a model"]
     assert faults({"stories": {1, 2}}) == [
-        "model: a model holds mappings, lists, numbers and text, not set"
+        "model: a model contains mappings, lists, numbers and text, not set"
     ]
 
 

@@ -81,11 +81,11 @@ stories: [{mass: 1, stiffness: 1}]¶"a b\n": 3
 "\U00110000"
     1:4: not valid YAML: the number here is too large for a character or a version
 stories: &a¶  - *a
-    2:5: the alias *a stands inside its own anchor
+    2:5: the alias *a is used inside its own anchor
 stories: *x
     1:10: the alias *x has no anchor &x above it
 ---¶a: 1¶---¶b: 2
-    3:1: a second YAML document begins here; a model file holds one
+    3:1: a second YAML document starts here; a model file contains one
 stories: [{mass: 1, law: {}}]
     1:26: stories[1].law.type: is missing; give one of <laws>
 stories: [{mass: 1, weight: 1, stiffness: 1}]
@@ -93,9 +93,9 @@ stories: [{mass: 1, weight: 1, stiffness: 1}]
 stories:¶  - {repeat: 9, mass: 1, stiffness: 1}¶  - {mass: 0, stiffness: 1}
     3:12: stories[2].mass: must be a positive number, got '0'
 units: {mass: t}¶stories: [{mass: 1e308, stiffness: 1e999}, {mass: 1e-999, stiffness: 1}]
-    2:18: stories[1].mass: is out of all proportion: its size must lie between 1e-60 and 1e+60 in SI units, got
+    2:18: stories[1].mass: must have an absolute value between 1e-60 and 1e+60 in SI units, got
         '1e308'
-    2:36: stories[1].stiffness: is out of all proportion: its size must lie between 1e-60 and 1e+60 in SI units,
+    2:36: stories[1].stiffness: must have an absolute value between 1e-60 and 1e+60 in SI units,
         got '1e999'
     2:51: stories[2].mass: must be a positive number, got '1e-999'
 p_delta: true¶stories: [{mass: 1, stiffness: 1, height: 3}, {mass: 1, stiffness: 1}]
@@ -115,7 +115,7 @@ storeys:¶  - {mass: 0, stifness: x}¶analisys: {method: a, dt: -1}¶exitation: 
     3:1: analisys: unknown key; did you mean 'analysis'?
     3:27: analisys.dt: must be a positive number, got '-1'
     4:1: exitation: unknown key; did you mean 'excitation'?
-    4:38: exitation.record.scale: must not be zero; leave the record out for no ground motion
+    4:38: exitation.record.scale: must not be zero; omit the record to run without ground motion
 stories: [{mass: 1, stiffness: 1}]¶analysis: {dt: 1}¶analisys: {dt: 0}
     3:1: analisys: unknown key; did you mean 'analysis'?
 stories: [{mass: 1, stiffness: 1}]¶output_units: kip, inch, g
@@ -170,7 +170,7 @@ excitation: {record: {file: '', units: gels, scale: 0, component: [], inventory:
     2:29: excitation.record.file: must be text, got ''
     2:40: excitation.record.units: units 'gels': use one of m/s^2, cm/s^2, gal, mm/s^2, g, in/s^2, ft/s^2, with a
         factor before it for counts
-    2:53: excitation.record.scale: must not be zero; leave the record out for no ground motion
+    2:53: excitation.record.scale: must not be zero; omit the record to run without ground motion
     2:67: excitation.record.component: must be text, got a list
     2:82: excitation.record.inventory: must be text, got nothing
 excitation: {record: {file: "a\nb", scale: .inf}}
@@ -281,8 +281,8 @@ def test_faults_of_laws(law: str, expected: list[str]) -> None:
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        ("a: 1\nb: \x00", "2:4: the character U+0000 cannot stand in a YAML file; remove it"),
-        ("[" * 5000, "1:34: nested more than 32 levels deep; this is no model file"),
+        ("a: 1\nb: \x00", "2:4: invalid character U+0000 in a YAML file; remove it"),
+        ("[" * 5000, "1:34: more than 32 nested levels; this is not a model file"),
     ],
 )
 def test_other_faults_of_files(text: str, fault: str) -> None:
@@ -295,7 +295,7 @@ def test_coefficients_out_of_all_proportion_in_si() -> None:
         f"stories: [{{mass: 1, law: {{type: polynomial, coefficients: "
         f"[{', '.join(['1'] * 110)}]}}}}]"
     )
-    beyond = "is out of all proportion: its size must lie between 1e-60 and 1e+60 in SI units"
+    beyond = "must have an absolute value between 1e-60 and 1e+60 in SI units"
     assert found[0].endswith(f"stories[1].law.coefficients[21]: {beyond}, got '1'")
 
 
@@ -351,7 +351,7 @@ def test_alias_bomb_is_just_an_unknown_key() -> None:
     assert len(found) == 41
     assert found[0] == f"1:1: a0: unknown key; known: {WORDS['<keys>']}"
     assert (
-        "1:1: stories: is missing; give a list with one entry per story, or a building in its place"
+        "1:1: stories: is missing; give a list with one entry per story, or `building` instead"
         in found
     )
 
@@ -368,9 +368,9 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         refusal(missing)
         == f"{missing}: no such file; give a model file (YAML) or - for standard input"
     )
-    assert refusal(str(tmp_path)) == f"{tmp_path}: is a folder; give a model file (YAML) in it"
-    assert refusal("") == ".: is a folder; give a model file (YAML) in it"
-    assert refusal("a\0b") == "a\0b: cannot be read: no file has a null character in its name"
+    assert refusal(str(tmp_path)) == f"{tmp_path}: is a directory; give a model file (YAML)"
+    assert refusal("") == ".: is a directory; give a model file (YAML)"
+    assert refusal("a\0b") == "a\0b: cannot be read: the name contains a null character"
     assert refusal(f"{tmp_path}/{'x' * 300}").endswith("cannot be read: File name too long")
 
 
@@ -393,7 +393,7 @@ def test_file_that_is_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(config, "MAX_BYTES", 2 * 1024 * 1024)
     path = tmp_path / "m.yaml"
     path.write_text("#" * (2 * 1024 * 1024 + 1))
-    assert refusal(path) == f"{path}: larger than 2 MiB; this is no model file"
+    assert refusal(path) == f"{path}: larger than 2 MiB; this is not a model file"
 
 
 def test_closed_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:

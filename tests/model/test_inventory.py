@@ -169,7 +169,7 @@ def test_a_model_names_a_building_or_writes_it_out():
         (
             "stories: [{mass: 1, stiffness: 1}]\nbuilding: {rules: mdof-lu, type: C1, stories: 1, "
             "year: 1985, area: 1}",
-            "building: stands in place of `stories`; give one of the two",
+            "building: cannot be used with `stories`; give one of the two",
         ),
     ],
 )

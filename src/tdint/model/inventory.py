@@ -1,5 +1,8 @@
-"""The buildings of an inventory by a set of rules, with scatter if that is wanted, and their model
-files."""
+"""Derive the buildings of an inventory from a set of rules, and write their model files.
+
+An inventory is a CSV file with one building per row. Stiffness and damping can be sampled at random
+around the values of the rules.
+"""
 
 from __future__ import annotations
 
@@ -48,8 +51,7 @@ from tdint.tabular import ResultList
 from tdint.units import LENGTH
 from tdint.written_numbers import how_many
 
-# ---- Reading an inventory: a CSV file with a building per row, under the column names of
-# SimCenter's regional workflow
+# ---- Read an inventory. Column names are those of SimCenter's regional workflow.
 
 NEEDED = ("id", "NumberOfStories", "YearBuilt", "StructureType", "PlanArea")
 OPTIONAL = ("height", "seismicZone", "DampingRatio", "DesignLevel", "Latitude", "Longitude")
@@ -64,8 +66,8 @@ _NUMBERS = {
     "Latitude": Bounds(-90.0, 90.0),
     "Longitude": Bounds(-360.0, 360.0),
 }
-"""Columns in which each building may have a number of its own; in the others a few words come again
-and again."""
+"""Allowed range of the columns in which every building may have a different number. The other
+columns contain few distinct texts, which are checked once each."""
 
 _NEEDS = f"an inventory is a CSV file with a building per row and the columns {', '.join(NEEDED)}"
 _DESIGN_LEVELS = (
@@ -77,25 +79,24 @@ _DESIGN_LEVELS = (
 
 @dataclass(frozen=True, slots=True)
 class InventoryRow:
-    """A building of an inventory.
+    """Building of an inventory.
 
     Attributes
     ----------
     id : str
-        Its own.
+        Unique identifier.
     facts : BuildingFacts or CapacityFacts
-        What is said of it.
+        Properties of the building in the file.
     latitude, longitude : float or None
-        Where it is, degrees; None if that is not said.
+        Location, degrees; None if the file does not contain it.
     columns : tuple of str
-        Names of all columns but the id, as they are written; the same object in all rows.
+        Names of all columns except the id, as in the file; the same object for all rows.
     cells : str
-        What stands there, as a JSON list of texts: of millions of buildings one object each.
+        Texts of these columns as a JSON list, which needs one object for each of millions of rows.
     changes : tuple of (str, float)
-        What a sweep changes in the building that the rules make
-        (`tdint.model.definition.PARAMETERS`).
+        Parameters that a sweep changes, with their values (`tdint.model.definition.PARAMETERS`).
     label : str
-        What tells it from the building's other variations.
+        Name of this variation of the building.
     """
 
     id: str
@@ -116,26 +117,33 @@ def read_inventory(
     classes: Mapping[str, CapacityClass] | None = None,
     as_published: bool = False,
 ) -> tuple[InventoryRows, list[ModelFault]]:
-    """The buildings of a CSV file, and what is wrong with the rows that are left out.
+    """Read the buildings of a CSV file.
 
     Parameters
     ----------
     source : str
-        The file; `-` is standard input.
+        Path of the file; `-` is standard input.
     length : float
-        The unit of the file's lengths in m; areas are in its square.
+        Unit of lengths in the file, m. Areas are in its square.
     mass_only : bool
-        Leave out the stiffness-proportional damping of all buildings.
+        Omit the stiffness-proportional damping of all buildings.
     classes : mapping, optional
-        Classes by their names: the column `class` says which one a building is of, and no year,
-        type and area is asked.
+        Building classes by name. The column `class` specifies the class of a building; year, type
+        and area are not required in this case.
     as_published : bool
-        As of `CapacityFacts`, of all buildings.
+        Value of `CapacityFacts.as_published` for all buildings.
+
+    Returns
+    -------
+    rows : InventoryRows
+        Valid rows.
+    faults : list of ModelFault
+        Errors of all other rows, which are omitted.
 
     Raises
     ------
     ModelError
-        The file cannot be read, or lacks a column.
+        The file cannot be read, or a required column is missing.
     """
     columns, needed = (_COLUMNS, NEEDED) if classes is None else (_OF_CLASSES, OF_CLASSES)
     needs = _NEEDS.replace(", ".join(NEEDED), ", ".join(needed))
@@ -144,19 +152,19 @@ def read_inventory(
     of.read(rows)
     table.need(*needed)
     faults: list[ModelFault] = []
-    # Of a million rows almost all are sound; the others are read cell by cell, and tell what is
-    # wrong.
+    # Almost all of a million rows are valid. Only the others are read cell by cell to list their
+    # errors.
     sound, seen = of.sound(), dict[str, int]()
     for at in np.flatnonzero(~sound).tolist():
         row, width = _Row(of, at, faults), len(table.header)
-        # One cell too many shifts those behind it: nothing in the row can be trusted.
+        # A surplus cell shifts the cells after it, so no cell of the row can be trusted.
         if at in of.overfull:
             row.fault(
                 width, "", f"{how_many(of.overfull[at], 'cell')} under {how_many(width, 'column')}"
             )
             continue
         building = row.building()
-        # By its id a building is found again in tables, and draws are made.
+        # Tables refer to a building by its id, and the id determines its random samples.
         if building and building.id in seen:
             above = f"{building.id!r} is already on line {seen[building.id]}"
             row.fault(of.places["id"], "id", f"{above}; give each building its own")
@@ -172,11 +180,11 @@ Item = TypeVar("Item")
 
 
 class Made(Sequence[Item]):
-    """Items that are made each time they are asked for: of millions none is kept."""
+    """Sequence of items that are created on access. None of millions of items is stored."""
 
     @abstractmethod
     def make(self, number: int) -> Item:
-        """Make an item."""
+        """Create the item with index `number`."""
 
     @overload
     def __getitem__(self, at: int) -> Item: ...
@@ -193,8 +201,17 @@ class Made(Sequence[Item]):
 
 @dataclass(frozen=True)
 class _Table:
-    """An inventory as it is written, by columns, and how it is read: the arguments of
-    `read_inventory`."""
+    """Text of an inventory by columns, with the arguments of `read_inventory`.
+
+    Attributes
+    ----------
+    columns : list of tuple of str
+        Texts of each column.
+    lines : array of int
+        Line number of each row.
+    overfull : dict of int to int
+        Number of cells of each row that has more cells than the header, by the index of the row.
+    """
 
     table: CsvTable
     length: float
@@ -206,8 +223,7 @@ class _Table:
     overfull: dict[int, int] = field(default_factory=dict)
 
     def read(self, rows: Iterator[tuple[int, list[str]]]) -> None:
-        """Read its rows: the cells of each column, the lines, and how many cells rows have that
-        have too many."""
+        """Read all rows and fill `columns`, `lines` and `overfull`."""
         width = len(self.table.header)
         blocks: list[list[tuple[str, ...]]] = [[()] * width]
         while block := list(islice(rows, BLOCK)):
@@ -219,16 +235,16 @@ class _Table:
                 tuple(map(str.strip, of))
                 for of in zip_longest(*(cells for _, cells in block), fillvalue="")
             ]
-            # Cells that are missing at the end of all rows are empty ones.
+            # Missing cells at the end of rows are empty.
             blocks.append(texts[:width] + [("",) * len(block)] * (width - len(texts)))
-        # Tuples of texts, which the collector of cycles leaves alone.
+        # The garbage collector does not track tuples of texts.
         self.columns.extend(
             tuple(chain.from_iterable(column)) for column in zip(*blocks, strict=True)
         )
 
     @cached_property
     def places(self) -> dict[str, int]:
-        """The places of the columns that count."""
+        """Indices of the columns that tdint uses, by name."""
         names = _COLUMNS if self.classes is None else _OF_CLASSES
         return {
             name: self.table.header.index(name.lower()) for name in names if self.table.has(name)
@@ -236,18 +252,18 @@ class _Table:
 
     @cached_property
     def carried(self) -> dict[int, str]:
-        """Places and names of those that are carried along: all that have one, but the id."""
+        """Indices and names of the columns that are copied to results: all except the id."""
         named = enumerate(zip(self.table.titles, self.table.header, strict=True))
         return {place: title for place, (title, name) in named if title and name != "id"}
 
     @cached_property
     def numbers(self) -> dict[str, Array]:
-        """The columns of numbers; nan where none stands."""
+        """Numeric columns by name; nan for cells without a number."""
         named = (name for name in ("NumberOfStories", *_NUMBERS) if name in self.places)
         return {name: numbers_in(self.columns[self.places[name]]) for name in named}
 
     def sound(self) -> NDArray[np.bool_]:
-        """Of each row whether it is seen to have no fault."""
+        """Return a mask of the rows that contain no error."""
         ids = self.columns[self.places["id"]]
         sound = np.ones(len(ids), dtype=bool)
         if len(set(ids)) < len(ids) or "" in ids:
@@ -256,11 +272,12 @@ class _Table:
         sound[list(self.overfull)] = False
         for name in self.numbers.keys() & _NUMBERS.keys():
             right = _NUMBERS[name].allow(self.numbers[name])
-            # A number that may be left out is none where nothing stands.
+            # Cells of optional columns may be empty.
             if name not in NEEDED and not right.all():
                 right |= np.array([not text for text in self.columns[self.places[name]]])
             sound &= right
-        # A word is right if a row with it is read without a fault; each is tried once.
+        # A text is valid if a row that contains it is read without an error. Each distinct text is
+        # checked once, with the first row that contains it.
         tried: dict[int, bool] = {}
         for column in (
             self.columns[place]
@@ -278,25 +295,24 @@ class _Table:
 
 
 Changes = tuple[tuple[tuple[str, float], ...], str]
-"""What a sweep changes in a building, and the label, as of `InventoryRow`."""
+"""Parameters that a sweep changes, and the label (see `InventoryRow`)."""
 
 
 @dataclass(frozen=True, eq=False)
 class InventoryRows(Made[InventoryRow]):
-    """The buildings of a table, each made when it is asked for, and what is asked of all of them,
-    as arrays.
+    """Buildings of a table, created on access, and arrays of their properties.
 
     Attributes
     ----------
     of : _Table
-        The table.
+        Table that contains the rows.
     at : ndarray of int
-        Which of its rows.
+        Indices of the rows in the table.
     near : tuple of (sequence of str, ndarray of int, ndarray), or None
-        All sites, the number of that of each row, and how far away it is, m: carried along before
-        the other columns.
+        Names of all sites, index of the nearest site for each row, and its distance, m. Results
+        contain them before the other columns.
     changes : sequence of Changes
-        What a sweep makes of each building; as they are by default.
+        Variations of each building in a sweep. Default: the unchanged building.
     """
 
     of: _Table
@@ -322,54 +338,63 @@ class InventoryRows(Made[InventoryRow]):
 
     @cached_property
     def titles(self) -> tuple[str, ...]:
-        """Of the columns that are carried along."""
+        """Names of the columns that are copied to results."""
         return (*(("site", "distance_km") if self.near else ()), *self.of.carried.values())
 
     def only(self, kept: NDArray[np.bool_]) -> InventoryRows:
-        """Some of them, before they have sites and changes."""
+        """Return the selected rows. Sites and variations must not have been assigned yet."""
         return InventoryRows(self.of, self.at[kept])
 
     def texts(self, place: int | str) -> Sequence[str]:
-        """What stands in a column, by its place or its name without regard to case, for a row
-        once."""
+        """Return the texts of a column, by its index or by its name (case is ignored).
+
+        Each row is contained once, regardless of the number of variations.
+        """
         column = self.of.columns[
             self.of.table.header.index(place.lower()) if isinstance(place, str) else place
         ]
         return column if len(self.at) == len(column) else [column[at] for at in self.at.tolist()]
 
     def faults(self, name: str, message: Callable[[int, str], str]) -> list[ModelFault]:
-        """What is wrong with the cells of a column, by the number of a row and what stands there;
-        nothing to say of a cell is no fault."""
+        """Return the errors of a column.
+
+        `message` receives the index of a row and the text of its cell. It returns an error message,
+        or an empty string if the cell is valid.
+        """
         table, lines = self.of.table, self.of.lines
         table.need(name)
-        told = enumerate(zip(self.at.tolist(), self.texts(name), strict=True))
-        place = table.header.index(name.lower()) + 1
-        said = ((lines[at], message(number, text)) for number, (at, text) in told)
-        return [ModelFault(table.source, line, place, name, text) for line, text in said if text]
+        cells = enumerate(zip(self.at.tolist(), self.texts(name), strict=True))
+        column = table.header.index(name.lower()) + 1
+        checked = ((lines[at], message(number, text)) for number, (at, text) in cells)
+        return [
+            ModelFault(table.source, line, column, name, error) for line, error in checked if error
+        ]
 
     @property
     def is_varied(self) -> bool:
-        """Whether a sweep changes them."""
+        """True if a sweep changes the buildings."""
         return any(changes for changes, _ in self.changes)
 
     @property
     def stories(self) -> NDArray[np.int64]:
-        """How many stories each has."""
+        """Number of stories of each building."""
         return np.repeat(
             self.of.numbers["NumberOfStories"][self.at].astype(np.int64), len(self.changes)
         )
 
     @cached_property
     def places(self) -> Array:
-        """Longitude and latitude of each, degrees, shape (rows, 2); nan where they are not told."""
+        """Longitude and latitude of each building, degrees, shape (rows, 2); nan if unknown."""
         nowhere = np.full(len(self.of.lines), math.nan)
         degrees = [self.of.numbers.get(name, nowhere)[self.at] for name in reversed(_PLACES)]
         return np.repeat(np.column_stack(degrees), len(self.changes), axis=0)
 
     @cached_property
     def alike(self) -> Sequence[int]:
-        """Of each the first one that differs from it by id, place and size alone; itself in a
-        sweep."""
+        """Index of the first building that differs in id, location and size only, one per building.
+
+        In a sweep each building is listed with its own index.
+        """
         if self.is_varied:
             return range(len(self))
         first: dict[tuple[str, ...], int] = {}
@@ -382,7 +407,10 @@ class InventoryRows(Made[InventoryRow]):
         ]
 
     def digest(self, *, carried: bool) -> str:
-        """SHA-256 of what the buildings are, or of what is carried along, as it is written."""
+        """Return the SHA-256 of the text that defines the buildings.
+
+        With `carried`, return the SHA-256 of the columns that are copied to results instead.
+        """
         of = self.of
         about = (
             (self.titles,)
@@ -408,18 +436,18 @@ _OF_ONE = ("id", "PlanArea", "mass_kg", *_PLACES)
 
 
 class _Row:
-    """A row whose cells are read; what is wrong is noted."""
+    """Row of an inventory. Its methods convert cells and collect errors."""
 
     def __init__(self, of: _Table, at: int, faults: list[ModelFault]) -> None:
         self._of, self._places, self._faults, self._before = of, of.places, faults, len(faults)
         self._line, self._cells = of.lines[at], [column[at] for column in of.columns]
 
     def fault(self, place: int, name: str, message: str) -> None:
-        """Note what is wrong with a cell."""
+        """Report an error of a cell."""
         self._faults.append(ModelFault(self._of.table.source, self._line, place + 1, name, message))
 
     def building(self) -> InventoryRow | None:
-        """The building; None after a fault."""
+        """Return the building, or None after reporting an error."""
         classes, given = self._of.classes, self._cell
         facts = self._facts() if classes is None else self._facts_of_class(classes)
         name = self._cell("id")
@@ -431,7 +459,7 @@ class _Row:
         return InventoryRow(name, facts, latitude, longitude)
 
     def _facts_of_class(self, classes: Mapping[str, CapacityClass]) -> CapacityFacts | None:
-        """What is said of a building of a class; None after a fault."""
+        """Return the properties of a building of a class, or None after reporting an error."""
         name, given, length, published = (
             self._cell("class"),
             self._cell,
@@ -445,7 +473,7 @@ class _Row:
                 "class",
                 f"unknown {name!r}; known: {names}" if name else "is missing",
             )
-        # All cells are read before the first fault ends it, so that all are told.
+        # All cells are converted before the function returns, so that all errors are reported.
         stories = self._whole("NumberOfStories", 1, MOST_STORIES)
         height = self._number("height") * length if given("height") else None
         mass = self._number("mass_kg") if given("mass_kg") else UNIT_MASS
@@ -458,7 +486,7 @@ class _Row:
         )
 
     def _facts(self) -> BuildingFacts:
-        """What is said of a building by its type."""
+        """Return the properties of a building by its structural type."""
         given, length = self._cell, self._of.length
         zones = {zone.lower(): zone for zone in ZONES}
         return BuildingFacts(
@@ -514,7 +542,7 @@ class _Row:
 # ---- Derive
 
 CAPACITY = "capacity"
-"""The rules of buildings that have capacity curves by their classes."""
+"""Name of the rules for buildings with capacity curves of their classes."""
 
 RULES: Mapping[str, Callable[[Any, Scatter | None], DerivedBuilding | CapacityBuilding]] = {
     "mdof-lu": mdof_lu.derive,
@@ -522,12 +550,13 @@ RULES: Mapping[str, Callable[[Any, Scatter | None], DerivedBuilding | CapacityBu
 }
 
 
-_MOST_SCATTER = 0.5  # of a logarithm: three deviations are a factor of 4.5
+# Dimensionless. Maximum standard deviation of the factors; the mean of the factors is 1.
+_MOST_SCATTER = 0.5
 
 
 @dataclass(frozen=True)
 class InventoryBuilding:
-    """A row of the inventory and the building that follows from it."""
+    """Row of the inventory and the building derived from it."""
 
     row: InventoryRow
     building: DerivedBuilding | CapacityBuilding
@@ -541,21 +570,26 @@ def derive_all(
     damping: float = 0.0,
     seed: int = 0,
 ) -> list[InventoryBuilding]:
-    """The buildings of all rows.
+    """Derive the buildings of all rows.
 
     Parameters
     ----------
+    rows : sequence of InventoryRow
+        Rows of the inventory.
+    rules : str
+        Name of the rules, one of `RULES`.
     stiffness, damping : float
-        Standard deviations of factors with the mean 1 on the stiffness of a building, whose
-        strength stays, and on its damping ratio: normal, drawn again where they are not positive.
+        Standard deviations of the factors on the stiffness of a building (its strength does not
+        change) and on its damping ratio. The factors have a normal distribution with mean 1; values
+        that are not positive are sampled again.
     seed : int
-        What the factors are drawn from, with the id of the building: they do not depend on the
-        other rows.
+        Seed of the samples, combined with the id of the building. The samples of a building do not
+        depend on other rows.
 
     Raises
     ------
     UsageError
-        Unknown rules, or a scatter out of range.
+        The rules are unknown, or a standard deviation is out of range.
     """
     if rules not in RULES:
         raise UsageError(f"unknown rules {rules!r}; known: {', '.join(RULES)}")
@@ -573,7 +607,7 @@ def derive_all(
 def derive_row(
     row: InventoryRow, rules: str, *, stiffness: float = 0.0, damping: float = 0.0, seed: int = 0
 ) -> DerivedBuilding | CapacityBuilding:
-    """The building of one row; parameters are those of `derive_all`, which checks them."""
+    """Derive the building of one row. `derive_all` describes and checks the parameters."""
     scatter = None
     if stiffness or damping:
         random = np.random.default_rng([seed, *row.id.encode()])
@@ -582,6 +616,7 @@ def derive_row(
 
 
 def _factor(random: np.random.Generator, deviation: float) -> float:
+    """Sample a positive factor with a normal distribution of mean 1."""
     factor = 0.0
     while factor <= 0.0:
         factor = 1.0 + deviation * random.standard_normal()
@@ -589,8 +624,17 @@ def _factor(random: np.random.Generator, deviation: float) -> float:
 
 
 def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: str) -> str:
-    """A model file in SI units with everything written out: name, stories from the ground up,
-    damping, method."""
+    """Return a model file in SI units without defaults: name, stories, damping and method.
+
+    Parameters
+    ----------
+    name : str
+        Name of the model.
+    building : DerivedBuilding or CapacityBuilding
+        Building with its stories from the ground up.
+    rules : str
+        Name of the rules, for the comment at the top of the file.
+    """
     description = (
         f"{building.design_level}-code {building.type}"
         if isinstance(building, DerivedBuilding)
@@ -601,7 +645,7 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
         f"name: {json.dumps(name, ensure_ascii=False)}",
         "stories:",
     ]
-    # All numbers to the last digit: the file gives the same building as the rules.
+    # Numbers have all digits, so that the file defines exactly the building of the rules.
     for story in building.stories:
         if isinstance(building, DerivedBuilding):
             values = zip(LAWS[story.law.name].parameters, story.law.parameters, strict=True)
@@ -623,6 +667,7 @@ def model_text(name: str, building: DerivedBuilding | CapacityBuilding, rules: s
 
 
 def _multilinear(story: Story, degradation: bool) -> str:
+    """Return the hysteretic law `multilinear-pinching` of a story as text of a model file."""
     numbers = story.law.parameters
     points = ", ".join(
         f"[{d!r}, {f!r}]" for d, f in zip(numbers[0:8:2], numbers[1:8:2], strict=True)
@@ -632,14 +677,14 @@ def _multilinear(story: Story, degradation: bool) -> str:
         f"type: multilinear-pinching, backbone: [{points}], pinching: {{drift: {drift!r}, force: "
         f"{force!r}, unloading: {unloading!r}}}, ultimate_drift: {numbers[22]!r}"
     )
-    # Parameters that lose nothing are left out, as in files that people write.
+    # Parameters of degradation are omitted if the law does not degrade.
     if not degradation:
         return text
     names = ("peak", "work", "peak_exponent", "work_exponent", "limit")
     parts = []
-    for place, kind in enumerate(("stiffness", "drift", "strength")):
-        values = zip(names, numbers[23 + 5 * place : 28 + 5 * place], strict=True)
-        parts.append(f"{kind}: {{{', '.join(f'{name}: {value!r}' for name, value in values)}}}")
+    for i, quantity in enumerate(("stiffness", "drift", "strength")):
+        values = zip(names, numbers[23 + 5 * i : 28 + 5 * i], strict=True)
+        parts.append(f"{quantity}: {{{', '.join(f'{name}: {value!r}' for name, value in values)}}}")
     return f"{text}, degradation: {{{', '.join(parts)}, capacity: {numbers[38]!r}}}"
 
 
@@ -652,30 +697,33 @@ def inventory(
     damping: float = 0.0,
     seed: int = 0,
 ) -> ResultList[InventoryBuilding]:
-    """Shear buildings by rules from a table of buildings.
+    """Derive shear buildings from a table of buildings.
 
     Parameters
     ----------
     source : str or Path
-        The CSV file.
+        Path of the CSV file.
     units : str
-        Of its lengths, such as `m` or `ft`; areas are in its square.
+        Unit of lengths, such as `m` or `ft`. Areas are in its square.
     rules : str
-        One of `RULES` without classes.
-    stiffness, damping, seed
-        Scatter, as of `derive_all`.
+        Name of the rules, one of `RULES` that does not require classes.
+    stiffness, damping : float
+        Standard deviations of the random factors on stiffness and damping ratio (`derive_all`).
+    seed : int
+        Seed of the random factors.
 
     Returns
     -------
     ResultList of InventoryBuilding
-        One for each row of the table.
+        One building for each row of the table.
 
     Raises
     ------
     UsageError
-        Unknown units or rules, or a scatter out of range.
+        Units or rules are unknown, or a standard deviation is out of range.
     ModelError
-        The file cannot be read, lacks a column, or has rows that cannot be used: all of them.
+        The file cannot be read, a column is missing, or rows are invalid. All invalid rows are
+        listed.
     """
     if units not in LENGTH:
         raise UsageError(f"unknown unit of length {units!r:.60}; known: {', '.join(LENGTH)}")

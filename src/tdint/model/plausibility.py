@@ -220,7 +220,7 @@ def on_plausibility(models: Iterable[tuple[Model, Building]]) -> tuple[str, ...]
 def suppression_reason(model: Model) -> list[str]:
     """A note, where a model says that what is unusual of it is meant so."""
     return (
-        [f"what is unusual of the building is not told: {model.plausibility_off}"]
+        [f"plausibility warnings are not shown: {model.plausibility_off}"]
         if model.plausibility_off
         else []
     )

@@ -1,8 +1,8 @@
-"""Model files: YAML to a checked `Model` in SI units. This is the only place that knows the file's
-keys and units.
+"""Read model files: convert YAML to a validated `Model` in SI units.
 
-`tdint.model.keys` reads text, numbers and words with line and column; the modules around this one
-read one part of the file each. The JSON schema for editors is made of the same declarations.
+The keys of a model file and their units are declared in this package only. `tdint.model.keys` reads
+text and numbers with line and column; each other module of the package reads one section of the
+file. The JSON schema for editors is generated from the same declarations.
 """
 
 from __future__ import annotations
@@ -80,14 +80,12 @@ from tdint.model.keys.nodes import Faults
 from tdint.units import SI, parse_output_units
 from tdint.written_numbers import parse_head
 
-# ---- The `excitation` of a model file: forces, or a record, what of a text table it is, and what
-# is done to it
-#
-# Keys of `excitation.record` are named like the command's options.
+# ---- The section `excitation` of a model file: forces, or a record with the layout of its text
+# table and its processing. Keys of `excitation.record` have the names of the command-line options.
 
 PROCESSING = (
     Key("trim", Words(parse_trim), "START:END in s from the first sample"),
-    Key("baseline", Choice(tuple(BASELINES), "baseline"), "what is taken off the acceleration"),
+    Key("baseline", Choice(tuple(BASELINES), "baseline"), "baseline that is subtracted"),
     Key("pad", Words(parse_pad), "zeros before and after: SECONDS or BEFORE:AFTER"),
     Key("highpass", POSITIVE, "corner frequency, Hz"),
     Key("lowpass", POSITIVE, "corner frequency, Hz"),
@@ -96,16 +94,30 @@ PROCESSING = (
 )
 
 LAYOUT = (
-    Key("step", POSITIVE, "sampling interval of a text table that does not tell it, s"),
+    Key("step", POSITIVE, "sampling interval of a text table that does not contain it, s"),
     Key("column", Words(), "column of a text table: its name, or its number from 1"),
     Key("skip_lines", Whole(0, MOST_LINES), "lines before the numbers"),
 )
 
 
 def read_choice(section: Section, *, stdin: bool, many: bool = False) -> RecordChoice:
-    """What the entries of a section say of a file of records, or of `many`; station metadata may
-    come from standard input. Of the layout, and of the processing, there is nothing if one of its
-    entries is faulty."""
+    """Read how the entries of a section select and process a record.
+
+    Parameters
+    ----------
+    section : Section
+        Section with the keys of `PROCESSING` and `LAYOUT`, units, component and inventory.
+    stdin : bool
+        Station metadata may be read from standard input.
+    many : bool
+        The section describes several files.
+
+    Returns
+    -------
+    RecordChoice
+        Choice with default layout (or processing) if an entry of the layout (or processing) is
+        invalid.
+    """
     layout, steps = (section.given(*(key.name for key in keys)) for keys in (LAYOUT, PROCESSING))
     processing = Processing()
     if None not in steps.values():
@@ -125,10 +137,10 @@ def read_choice(section: Section, *, stdin: bool, many: bool = False) -> RecordC
 _RECORD = Keys(
     (
         Key("file", Words(), "the record's file, relative to the model file", needed=True),
-        Key("units", Words(), "units of its samples, where it does not say them: m/s^2, g, ..."),
-        Key("component", Words(), "component, where the file holds several"),
+        Key("units", Words(), "units of its samples if it does not state them: m/s^2, g, ..."),
+        Key("component", Words(), "component, if the file contains several"),
         Key("scale", ANY, "factor on the acceleration, not zero"),
-        Key("inventory", Words(), "station metadata, to remove the instrument's response"),
+        Key("inventory", Words(), "station metadata, to remove the instrument response"),
         *LAYOUT,
         *PROCESSING,
     )
@@ -136,7 +148,7 @@ _RECORD = Keys(
 _FORCE = Keys(
     (
         Key("floor", Whole(1, MAX_STORIES), "floor, from 1 at the bottom", needed=True),
-        Key("amplitude", ANY, "largest force", needed=True),
+        Key("amplitude", ANY, "maximum force", needed=True),
         Key("omega", NOT_NEGATIVE, "circular frequency, rad/s", needed=True),
         Key(
             "phase",
@@ -147,19 +159,19 @@ _FORCE = Keys(
 )
 EXCITATION = Keys(
     (
-        Key("record", Either((Words(), _RECORD)), "ground motion: a file, or what to take of it"),
+        Key("record", Either((Words(), _RECORD)), "ground motion: a file, or file and options"),
         Key("forces", EntriesOf(_FORCE), "harmonic forces on floors"),
     )
 )
 
 
 def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) -> Excitation:
-    """Record and forces; `count` is the number of stories."""
+    """Read the record and the forces. `count` is the number of stories, None if unknown."""
     section = value.section(EXCITATION) if value else None
     if section is None:
         return Excitation(None, ())
     record, forces = section.get("record"), section.get("forces")
-    # Forces are read beside a record: a building may have both.
+    # A building may have both a record and forces.
     items = forces.items("a list of forces") if forces else None
     return Excitation(
         record_within(record) if record else None,
@@ -168,8 +180,7 @@ def read_excitation(value: Value | None, unit: ModelUnits, count: int | None) ->
 
 
 def record_within(value: Value) -> RecordSource | None:
-    """A ground motion, as `excitation: record` of a model or another file says it; None after a
-    fault."""
+    """Read the ground motion of `excitation: record`, or return None after an error."""
     if not value.is_list and not value.is_mapping:
         file = value.file(stdin=True)
         return RecordSource(file) if file else None
@@ -180,7 +191,7 @@ def record_within(value: Value) -> RecordSource | None:
     factor = section.get("scale")
     scale = factor.number() if factor else 1.0
     if factor and scale == 0.0:
-        factor.fault("must not be zero; leave the record out for no ground motion")
+        factor.fault("must not be zero; omit the record to run without ground motion")
     return RecordSource(
         section.file("file", stdin=True) or "", read_choice(section, stdin=True), scale
     )
@@ -193,8 +204,8 @@ def _read_force(value: Value, unit: ModelUnits, count: int | None) -> Force:
     floor = section.need("floor", "give the floor, counted from 1 at the bottom")
     amplitude = section.number("amplitude", scale=unit.force)
 
-    # Shares of cos(omega t) and sin(omega t): one of them alone, or both by phi in cos(omega t +
-    # phi).
+    # Coefficients of cos(omega t) and sin(omega t): one of them is 1, or cos(omega t + phi) =
+    # cos(phi) cos(omega t) - sin(phi) sin(omega t).
     cosine, sine = 1.0, 0.0
     phase = section.get("phase")
     if phase and phase.is_word("sin"):
@@ -233,22 +244,21 @@ _ANALYSIS = Keys(
 )
 
 
-def _as_meant(text: str) -> str:
-    """The reason in `off, a rig of the laboratory`."""
-    word, _, reason = text.partition(",")
-    if word.strip() != "off" or not reason.strip():
-        raise UsageError("must be off and the reason, such as `off, a rig of the laboratory`")
+def _suppression_reason(text: str) -> str:
+    """Return the reason in `off, test rig in the laboratory`."""
+    state, _, reason = text.partition(",")
+    if state.strip() != "off" or not reason.strip():
+        raise UsageError("must be off and the reason, such as `off, test rig in the laboratory`")
     return reason.strip()
 
 
-_OFF, _HEAD = Words(_as_meant), Words(parse_head)
+_OFF, _HEAD = Words(_suppression_reason), Words(parse_head)
 
 
 def model_keys() -> Keys:
-    """The keys of a model file, and what may stand under them."""
-    from tdint.model.config.building_facts import (
-        BUILDING,
-    )  # needs numpy, which most models are read without
+    """Return the keys of a model file with the types of their values."""
+    # Imported here because it loads numpy, which is not needed to read most models.
+    from tdint.model.config.building_facts import BUILDING
 
     kinds = {"building": BUILDING}
     return Keys(
@@ -259,32 +269,32 @@ def model_keys() -> Keys:
 
 _MODEL = Keys(
     (
-        Key("name", Words(), "the building's name; that of the file where it is left out"),
-        Key("units", UNITS, "units of the numbers in this file; SI where they are left out"),
-        Key("stories", STORIES, "the stories, from the ground up; `repeat` for equal ones"),
-        Key("building", Keys(()), "a few facts in place of stories, which rules derive from them"),
+        Key("name", Words(), "name of the building; default: name of the file"),
+        Key("units", UNITS, "units of the numbers in this file; default: SI"),
+        Key("stories", STORIES, "stories from the ground up; `repeat` for equal stories"),
+        Key("building", Keys(()), "properties from which rules derive the stories"),
         Key(
             "damping",
             DAMPING,
-            "damping besides the dashpots; 5% is Rayleigh damping in modes 1 and 3",
+            "damping in addition to dashpots; 5% is Rayleigh damping in modes 1 and 3",
         ),
-        Key("p_delta", Flag(), "whether gravity acts on the displaced building"),
+        Key("p_delta", Flag(), "true if gravity acts on the displaced building"),
         Key("excitation", EXCITATION, "ground motion and forces"),
-        Key("initial", _INITIAL, "state at the start; at rest where it is left out"),
+        Key("initial", _INITIAL, "initial state; default: at rest"),
         Key(
             "analysis",
             _ANALYSIS,
-            "method, time step and duration; the command line comes before it",
+            "method, time step and duration; options of the command line take precedence",
         ),
         Key(
             "collapse_drift",
             POSITIVE_RATIO,
-            "drift ratio beyond which a run counts as collapsed; 10% by default",
+            "drift ratio above which a run is reported as collapsed; default: 10%",
         ),
         Key(
             "plausibility",
             _OFF,
-            "`off, REASON`: what is unusual of the building is not told, but the reason is",
+            "`off, REASON`: plausibility warnings are not shown; the reason is reported instead",
         ),
         Key("damage", DAMAGE, "damage states of the building"),
         Key(
@@ -300,20 +310,19 @@ _MODEL = Keys(
     ),
     one_of=(("stories", "building"),),
 )
-_DEFAULT_COLLAPSE_DRIFT = (
-    0.10  # drift ratio at which codes and IDA studies take a frame for collapsed
-)
+# Drift ratio. Codes and incremental dynamic analyses use this value as the collapse of a frame.
+_DEFAULT_COLLAPSE_DRIFT = 0.10
 
 
 def load_model(source: str | Path | TextIO | Mapping[str, Any]) -> Model:
-    """Read a model file, or a mapping that says the same.
+    """Read a model file, or a mapping with the same content.
 
     Parameters
     ----------
     source : str, Path, text stream or mapping
-        The YAML file; `-` is standard input. Or its content as Python has it: mappings, lists,
-        arrays, numbers, text. Relative paths in the file start from its folder, those of a stream
-        without a file and of a mapping from the working directory.
+        YAML file; `-` is standard input. Alternatively its content as Python objects: mappings,
+        lists, arrays, numbers and text. Relative paths refer to the directory of the file; for
+        streams and mappings they refer to the working directory.
 
     Returns
     -------
@@ -323,9 +332,9 @@ def load_model(source: str | Path | TextIO | Mapping[str, Any]) -> Model:
     Raises
     ------
     ModelError
-        If the file cannot be read, is not YAML or has faults; all faults are reported in one error,
-        in file order. Its keys count list entries from 1 as they stand in the file: `stories[2]` is
-        the second entry of `stories`, whatever `repeat` the first one has.
+        The file cannot be read, is not YAML, or contains errors. One exception reports all errors
+        in the order of the file. Keys in messages count list entries of the file from 1:
+        `stories[2]` is the second entry of `stories`, regardless of `repeat` in the first entry.
     """
     return load_judged(source, {})
 
@@ -334,23 +343,25 @@ def load_judged(
     source: str | Path | TextIO | Mapping[str, Any],
     judges: Mapping[str, Callable[[str, Path], object]],
 ) -> Model:
-    """Read a model as `load_model` does, and let others judge words in it that mean nothing here.
+    """Read a model like `load_model`, with additional checks of texts by the caller.
 
     Parameters
     ----------
+    source : str, Path, text stream or mapping
+        As for `load_model`.
     judges : mapping of str to callable
-        By the path of a key (`analysis.method`): takes the text under it and the folder that the
-        file's paths start from, and raises UsageError if it is wrong, which becomes a fault at its
-        place.
+        Checks by the full key of a value (`analysis.method`). Each receives the text and the
+        directory of the file, and raises UsageError if the text is invalid. The error is reported
+        with the line and column of the value.
     """
     origin, root = read_document(source)
     model = model_within(root, origin)
-    # Words such as a method mean nothing here: who knows them judges, at their place.
+    # This layer cannot check texts such as the name of a method; the caller provides the check.
     for path, judge in judges.items():
         value: Value | None = root
         for name in path.split("."):
             value = value.peek(name) if value else None
-        # What is no word at all the reader has told already.
+        # Values that are not text have already been reported.
         if value is None or value.is_list or value.is_mapping or not value.word:
             continue
         try:
@@ -363,21 +374,23 @@ def load_judged(
 
 
 def model_within(value: Value, origin: SourceText) -> Model | None:
-    """The model that a mapping says, all of a file or a part of another one, with its `origin`;
-    None after a fault."""
+    """Return the model of a mapping, or None after reporting an error.
+
+    The mapping is a complete model file or a part of another file, `origin`.
+    """
     section = value.section(_MODEL)
     return _read_model(section, origin) if section else None
 
 
 def _read_model(section: Section, origin: SourceText) -> Model:
-    """The model; faults are noted, and leave nan or None behind."""
+    """Return the model. Invalid values are reported and replaced by nan or None."""
     unit = read_units(section.inner("units"))
     p_delta = section.read("p_delta", False)
     stories, count, damping = _read_stories(section, unit, p_delta)
     excitation = section.get("excitation")
 
-    # Units of tables, and those of pages for people: of the file where it names none for the
-    # output.
+    # Units of tables, and units of reports and figures. Without `output_units`, tables are in SI
+    # units, and reports in the units of the file.
     output_units, page_units = SI, unit.named
     stated = section.get("output_units")
     items = () if stated is None else stated.items("units") if stated.is_list else (stated,)
@@ -391,15 +404,15 @@ def _read_model(section: Section, origin: SourceText) -> Model:
         except UsageError as error:
             stated.fault(str(error))
 
-    # The state at the start: a number for each story, zeros where nothing is said.
+    # Initial state: one number per story. The default is zero.
     initial, states = section.inner("initial"), []
     for name in _INITIAL:
         entry = initial.get(name)
         items = entry.items("a list with one number per story") if entry else None
         if entry and items is not None and count is not None and len(items) != count:
             entry.fault(f"must have one number per story ({count}), got {len(items)}")
-        given = tuple(item.number(scale=unit.length) for item in items or ())
-        states.append(given if entry else (0.0,) * (count or 0))
+        values = tuple(item.number(scale=unit.length) for item in items or ())
+        states.append(values if entry else (0.0,) * (count or 0))
     model = Model(
         name=section.read("name") or origin.name,
         source=origin.label,
@@ -420,18 +433,17 @@ def _read_model(section: Section, origin: SourceText) -> Model:
     # A stream can be read once.
     record = model.excitation.record
     if origin.label == "-" and record and record.file == "-" and excitation:
-        excitation.fault("standard input already holds the model; give the record as a file")
+        excitation.fault("standard input already contains the model; give the record as a file")
     return model
 
 
 def _read_stories(
     section: Section, unit: ModelUnits, p_delta: bool
 ) -> tuple[tuple[Story, ...], int | None, Damping]:
-    """Stories, their number and the damping: as they are written out, or as rules derive them of a
-    `building`."""
+    """Return stories, number of stories and damping, from `stories` or derived from `building`."""
     building, damping = section.get("building"), section.get("damping")
     if building is None:
-        advice = "give a list with one entry per story, or a building in its place"
+        advice = "give a list with one entry per story, or `building` instead"
         entries = (
             section.get("stories")
             if section.mentions("building")
@@ -439,15 +451,14 @@ def _read_stories(
         )
         stories, count = read_stories(entries, unit, p_delta)
         return stories, count, read_damping(damping, count)
-    from tdint.model.config.building_facts import (
-        read_building,
-    )  # needs numpy, which other models are read without
+    # Imported here because it loads numpy, which is not needed to read other models.
+    from tdint.model.config.building_facts import read_building
 
-    # Rules bring their own damping, which the file may replace.
+    # The rules include damping, which the file may replace.
     derived = read_building(building, unit)
     if section.has("stories"):
-        building.fault("stands in place of `stories`; give one of the two")
-    # Damping is looked at all the same, for its own faults.
+        building.fault("cannot be used with `stories`; give one of the two")
+    # Damping is read even if the building is invalid, so that errors in it are reported.
     if derived is None:
         read_damping(damping, None)
         return (), None, None
@@ -456,10 +467,10 @@ def _read_stories(
 
 
 def model_schema() -> Schema:
-    """The JSON schema (draft 7) of model files.
+    """Return the JSON schema (draft 7) of model files.
 
-    What it refuses, the reader refuses, too. The reader refuses more: what several keys say
-    together, such as a list with an entry for each story.
+    The reader refuses everything that the schema refuses. In addition, it checks combinations of
+    keys, for example that a list has one entry per story.
     """
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
@@ -469,16 +480,29 @@ def model_schema() -> Schema:
     }
 
 
-# ---- A model file with other stiffnesses and damping, comments kept
+# ---- Replace stiffnesses and damping in the text of a model file, and keep its comments
 
 
 def rewritten(before: Model, after: Model, place: Path) -> str | None:
-    """The text of a model's file with the stiffnesses and the damping of another model, for a file
-    at `place`.
+    """Return the text of a model file with the stiffnesses and the damping of another model.
 
-    All else stays as it is written, comments, too; entries with `repeat` are written out where
-    their stories differ, and paths lead where they led. None where that text would not say what it
-    should, as of a file with aliases.
+    All other text is kept, including comments. Entries with `repeat` are written separately if
+    their stories differ, and paths refer to the same files.
+
+    Parameters
+    ----------
+    before : Model
+        Model read from the file.
+    after : Model
+        Same model with other stiffnesses and damping.
+    place : Path
+        Path of the new file, to which relative paths in the text refer.
+
+    Returns
+    -------
+    str or None
+        None if the new text would not define the model `after`, for example if the file contains
+        aliases.
     """
     faults = Faults(before.source)
     text = decode(before.text, faults)
@@ -487,7 +511,7 @@ def rewritten(before: Model, after: Model, place: Path) -> str | None:
     edits: list[tuple[int, int, str]] = []
     if stories is None:
         return None
-    # Entries stand for several stories: each is written out if its stories differ by now.
+    # An entry with `repeat` describes several stories.
     first = 0
     for entry in stories.value:
         count = int(repeat.value) if (repeat := _entry(entry, "repeat")) else 1
@@ -499,15 +523,15 @@ def rewritten(before: Model, after: Model, place: Path) -> str | None:
             )
         )
     if damping is not None and after.damping != before.damping:
-        edits.append((damping.start_mark.index, _end(damping), _damping_words(after.damping)))
-    # Paths in the file start from its folder, which is another one now.
+        edits.append((damping.start_mark.index, _end(damping), _damping_text(after.damping)))
+    # Relative paths refer to the directory of the file, which may have changed.
     record = _entry(_entry(root, "excitation"), "record")
     source = after.excitation.record
     if record is not None and source is not None:
-        of_station = _entry(record, "inventory")
+        station_metadata = _entry(record, "inventory")
         for node, file in (
             (_entry(record, "file") or record, source.file),
-            (of_station, source.choice.inventory),
+            (station_metadata, source.choice.inventory),
         ):
             if (
                 node is not None
@@ -518,19 +542,19 @@ def rewritten(before: Model, after: Model, place: Path) -> str | None:
                 edits.append(
                     (node.start_mark.index, _end(node), json.dumps(path, ensure_ascii=False))
                 )
-    # The new text is read as any file: what it does not say so, nobody should get.
+    # Read the new text, and return it only if it defines the intended model. The separate context
+    # prevents that the text is recorded as an input file of the command.
     text = _edited(text, edits)
-    apart = copy_context()  # it is no input of the command
-    apart.run(READ.set, None)
+    context = copy_context()
+    context.run(READ.set, None)
     try:
-        said = apart.run(load_model, io.StringIO(text))
+        reread = context.run(load_model, io.StringIO(text))
     except ModelError:
         return None
 
-    # The text must say what it should: stiffnesses, and the numbers of the damping one after the
-    # other.
+    # Compare stiffnesses and the numbers of the damping.
     numbers = []
-    for model in (said, after):
+    for model in (reread, after):
         damping_numbers = astuple(model.damping) if model.damping is not None else ()
         listed = [value if isinstance(value, tuple) else (value,) for value in damping_numbers]
         numbers.append(
@@ -539,15 +563,15 @@ def rewritten(before: Model, after: Model, place: Path) -> str | None:
     same = len(numbers[0]) == len(numbers[1]) and all(
         math.isclose(value, other, rel_tol=_WRITTEN) for value, other in zip(*numbers, strict=True)
     )
-    return text if same and type(said.damping) is type(after.damping) else None
+    return text if same and type(reread.damping) is type(after.damping) else None
 
 
 _WRITTEN = 1e-11
-"""To which numbers of twelve digits are what they were."""
+"""Relative tolerance of numbers that were written with twelve digits."""
 
 
 def _entry(node: Any, name: str) -> Any:
-    """The node under a key of a mapping; None where there is none."""
+    """Return the node of a key of a mapping, or None if the mapping does not contain the key."""
     pairs = node.value if node is not None and isinstance(node.value, list) else ()
     return next(
         (pair[1] for pair in pairs if isinstance(pair, tuple) and pair[0].value == name), None
@@ -555,8 +579,10 @@ def _entry(node: Any, name: str) -> Any:
 
 
 def _end(node: Any) -> int:
-    """Where a node ends: that of a block collection with its last scalar, before what stands behind
-    it."""
+    """Return the index of the character after a node.
+
+    A block collection ends with its last scalar; PyYAML would include the comments after it.
+    """
     if isinstance(node.value, str) or node.flow_style:
         return int(node.end_mark.index)
     last = node.value[-1]
@@ -564,37 +590,57 @@ def _end(node: Any) -> int:
 
 
 def _edited(text: str, edits: Sequence[tuple[int, int, str]], first: int = 0) -> str:
-    """A text with some parts of it replaced; their places count from `first`."""
-    for start, end, words in sorted(edits, reverse=True):
-        text = text[: start - first] + words + text[end - first :]
+    """Return a text with replacements.
+
+    Parameters
+    ----------
+    text : str
+        Original text.
+    edits : sequence of (int, int, str)
+        Start and end of each replaced part, and its new text.
+    first : int
+        Index of the first character of `text` in the file to which the indices refer.
+    """
+    for start, end, replacement in sorted(edits, reverse=True):
+        text = text[: start - first] + replacement + text[end - first :]
     return text
 
 
 def _with_stiffnesses(
     text: str, entry: Any, factors: Sequence[float], stories: Any
 ) -> tuple[int, int, str]:
-    """An entry of `stories` with its stiffness times factors: once where all are the same, else
-    once for each."""
+    """Return the replacement of an entry of `stories` with scaled stiffnesses.
+
+    Parameters
+    ----------
+    text : str
+        Text of the file.
+    entry, stories : yaml.Node
+        Entry, and the list that contains it.
+    factors : sequence of float
+        Factor on the stiffness of each story of the entry. If all are equal, the entry is written
+        once, otherwise once per story.
+    """
     start, end = entry.start_mark.index, _end(entry)
-    alike = all(factor == factors[0] for factor in factors)
+    is_uniform = all(factor == factors[0] for factor in factors)
     stiffness, repeat = _entry(entry, "stiffness"), _entry(entry, "repeat")
     copies = []
-    # Where all stories change alike, the entry and its `repeat` stay as they are.
-    for factor in factors[:1] if alike else factors:
+    # If all factors are equal, the entry keeps its `repeat`.
+    for factor in factors[:1] if is_uniform else factors:
         edits = []
         if stiffness is not None and factor != 1.0:
             number = f"{float(stiffness.value) * factor:.12g}"
             edits.append((stiffness.start_mark.index, stiffness.end_mark.index, number))
-        if not alike:
+        if not is_uniform:
             edits.append((repeat.start_mark.index, repeat.end_mark.index, "1"))
         copies.append(_edited(text[start:end], edits, start))
-    # Lists in brackets or with dashes: copies stand as the entry does.
-    between = ", " if stories.flow_style else "\n" + " " * stories.start_mark.column + "- "
-    return start, end, between.join(copies)
+    # Copies are written in the style of the list, in brackets or with dashes.
+    separator = ", " if stories.flow_style else "\n" + " " * stories.start_mark.column + "- "
+    return start, end, separator.join(copies)
 
 
-def _damping_words(damping: Damping) -> str:
-    """The value of `damping` in a model file."""
+def _damping_text(damping: Damping) -> str:
+    """Return the value of `damping` as text of a model file."""
 
     def numbers(values: Sequence[float]) -> str:
         return (

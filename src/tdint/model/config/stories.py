@@ -1,5 +1,7 @@
-"""The `stories` of a model file, and the `law` of each: a name, or a mapping with `type` and the
-parameters that `LAWS` lists for it.
+"""Read the `stories` of a model file and their hysteretic laws.
+
+The value of `law` is the name of a law, or a mapping with `type` and the parameters of the law in
+`LAWS`.
 """
 
 from __future__ import annotations
@@ -39,21 +41,21 @@ from tdint.model.keys.fields import (
 from tdint.units import MASS, STANDARD_GRAVITY
 
 Group = Section | float | None
-"""Where the parameters of a group stand: a section; a number in SI for all of them; None where it
-is left out."""
+"""Values of a group of parameters: a section, one number in SI units for all of them, or None if
+the group is omitted."""
 
 Earlier = Mapping[str, tuple[float, ...]]
-"""The parameters read before, by their names."""
+"""Parameters that have already been read, by name."""
 
 _LIST = "a list of numbers"
 _POINTS = "two to four points [drift, force]"
 
 
 def _keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
-    """The keys of a law's mapping, or of one of its groups."""
+    """Return the keys in the mapping of a law, or in one of its groups."""
     keys: dict[str, Key] = {}
     for parameter in law.parameters:
-        # A parameter with a default, or a value for when its group is missing, may be left out.
+        # A parameter is optional if it has a default, or a value for the case without its group.
         needed = parameter.default is None and parameter.without is None
         inner, bounds = _inner(parameter, group), _bounds(parameter)
         if parameter.group == group:
@@ -69,14 +71,14 @@ def _keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
 
 
 def _inner(parameter: LawParameter, group: str) -> str:
-    """The key in `group` under which a parameter of a group inside it stands, else nothing."""
+    """Return the key in `group` of the inner group that contains a parameter, or an empty string."""
     start = f"{group}." if group else ""
     return parameter.group[len(start) :].split(".")[0] if parameter.group.startswith(start) else ""
 
 
 @dataclass(frozen=True)
 class _LawKind:
-    """The name of a law, or a mapping with its type and parameters."""
+    """Name of a law, or mapping with its type and parameters."""
 
     def schema(self) -> Schema:
         bare = [name for name, law in laws().items() if not law.parameters]
@@ -91,8 +93,10 @@ LAW = _LawKind()
 
 
 def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
-    """The law and its own initial stiffness, N/m: None where the story gives it, nan where a fault
-    leaves it open."""
+    """Read a law and the initial stiffness that follows from its parameters, N/m.
+
+    The stiffness is None if the story specifies it, and nan after an error.
+    """
     if value is None:
         return LINEAR, None
     law, section = _read_type(value)
@@ -103,8 +107,8 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
     if law.initial_stiffness is None:
         return read, None
 
-    # The initial stiffness follows from the parameters; it may not be one even if each of them is
-    # right.
+    # The initial stiffness follows from the parameters. It may be invalid although each parameter
+    # is valid.
     stiffness = law.initial_stiffness(parameters) if parameters else math.nan
     if stiffness <= 0.0 or stiffness == math.inf:
         shown = f"{stiffness / unit.factor(force=1, length=-1):.10g}"
@@ -116,9 +120,11 @@ def read_law(value: Value | None, unit: ModelUnits) -> tuple[Law, float | None]:
 
 
 def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
-    """The law, None after a fault, and the section that holds its parameters, None if it was only
-    named."""
-    # A bare name is enough for a law without parameters only.
+    """Return the law and the section with its parameters.
+
+    The law is None after an error. The section is None if the value is the name of the law only.
+    """
+    # A name without parameters is sufficient only if the law has no parameters.
     if not value.is_mapping:
         name = value.choice(_known(value), "law")
         if name and LAWS[name].parameters:
@@ -128,11 +134,12 @@ def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
                 if item.default is None and item.without is None
             )
             names = ", ".join(f"{item}: ..." for item in needed)
-            value.fault(f"the {name} law needs its parameters; write {{type: {name}, {names}}}")
+            value.fault(f"the {name} law requires parameters; write {{type: {name}, {names}}}")
         return (LAWS[name] if name else None), None
     kind = value.peek("type")
     name = kind.choice(_known(kind), "law") if kind else None
-    # After a fault in the name all keys of all laws are admitted, so that no fault follows from it.
+    # After an error in the name, the keys of all laws are allowed, so that it causes no more
+    # errors.
     possible = [LAWS[name]] if name else LAWS.values()
     admitted = dict.fromkeys(
         ["type", *(_inner(item, "") or item.name for law in possible for item in law.parameters)]
@@ -144,14 +151,13 @@ def _read_type(value: Value) -> tuple[DriftLaw | None, Section | None]:
 
 
 def _known(name: Value) -> Mapping[str, DriftLaw]:
-    """The laws by name; those of installed packages are looked for where it is none of the
-    others."""
+    """Return the laws by name. Installed packages are searched only if the name is not built in."""
     return LAWS if any(map(name.is_word, LAWS)) else laws()
 
 
 def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple[float, ...]:
-    """The parameters in SI in the order of the law, lists flattened."""
-    # Groups from the outside in: where one stands hangs on the one around it.
+    """Return the parameters in SI units in the order of the law, with lists flattened."""
+    # Outer groups are read before inner groups, because they contain them.
     names = sorted(
         dict.fromkeys(member.group for member in law.parameters), key=lambda name: name.count(".")
     )
@@ -165,7 +171,7 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
             entry = section.need(parameter.name, f"give {_LIST}")
             items = entry.items(_LIST, "must hold at least one number") if entry else None
             bounds, numbers = _bounds(parameter), enumerate(items or (), start=1)
-            # The j-th is force over length to the power j.
+            # The unit of the j-th number is force divided by length to the power j.
             read = tuple(
                 item.number(bounds, unit.factor(force=1, length=-j)) for j, item in numbers
             ) or (math.nan,)
@@ -174,20 +180,38 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
         else:
             read = (_read_number(groups[parameter.group], parameter, unit, earlier),)
         values += read
-        # The default of a parameter may be another one before it.
+        # The default of a parameter may be an earlier parameter.
         earlier.setdefault(parameter.name, read)
     return tuple(values)
 
 
 def _read_group(groups: Mapping[str, Group], law: DriftLaw, group: str, unit: ModelUnits) -> Group:
-    """Where the parameters of a group stand, for those without one the law's own section; None as
-    well where the group around it is left out."""
+    """Return the values of a group of parameters.
+
+    Parameters
+    ----------
+    groups : mapping of str to Group
+        Outer groups that have been read; "" is the section of the law.
+    law : DriftLaw
+        Law that declares the group.
+    group : str
+        Name of the group with the names of its outer groups, separated by dots; "" for parameters
+        without a group.
+    unit : ModelUnits
+        Units of the model file.
+
+    Returns
+    -------
+    Section, float or None
+        Section of the group, one number for all parameters, nan after an error, or None if the
+        group or its outer group is omitted.
+    """
     outer, _, name = group.rpartition(".")
     around = groups.get(outer)
     if not group or not isinstance(around, Section):
         return around
     members = [parameter for parameter in law.parameters if parameter.group == group]
-    # A group whose parameters have no default cannot be left out.
+    # A group is required if its parameters have no default.
     if members[0].default is None and members[0].without is None:
         value = around.need(
             name,
@@ -199,7 +223,7 @@ def _read_group(groups: Mapping[str, Group], law: DriftLaw, group: str, unit: Mo
     if value is None or (members[0].shared and value.is_word("none")):
         return None
     names = [key.name for key in _keys(law, group)]
-    # One number may stand for all of a group.
+    # A single number sets all parameters of a shared group.
     if members[0].shared and not value.is_mapping:
         expected = (
             f"{_bounds(members[0])} for all of {', '.join(names)}, a mapping of them, or none"
@@ -213,19 +237,22 @@ def _read_group(groups: Mapping[str, Group], law: DriftLaw, group: str, unit: Mo
 def _read_points(
     group: Group, parameter: LawParameter, unit: ModelUnits, earlier: Earlier
 ) -> tuple[float, ...]:
-    """Four points in SI, flattened; between two or three of them the others lie on the last line
-    but one."""
+    """Return four points [drift (m), force (N)] as eight numbers.
+
+    If the file contains two or three points, `four_points` adds points on the line before the last
+    point.
+    """
     nothing = (math.nan,) * 8
     if isinstance(group, float):
         return nothing
-    # The other direction is that of the first one, where nothing is said of it.
+    # The default of the negative direction is the positive direction.
     if isinstance(parameter.default, str) and (group is None or not group.has(parameter.name)):
         return earlier[parameter.default]
     value = group.need(parameter.name, f"give {_POINTS}") if group else None
     items = value.items(_POINTS) if value else None
     if value is None or items is None:
         return nothing
-    # All pairs are looked at before their number, so that all faults are told.
+    # All points are read before their number is checked, so that all errors are reported.
     pairs = [item.items("a point [drift, force]") for item in items]
     if not 2 <= len(pairs) <= 4 or any(pair is not None and len(pair) != 2 for pair in pairs):
         value.fault(f"must be {_POINTS}")
@@ -241,7 +268,7 @@ def _read_points(
 def _read_number(
     group: Group, parameter: LawParameter, unit: ModelUnits, earlier: Earlier
 ) -> float:
-    """A parameter in SI, its default where it is left out."""
+    """Return a parameter in SI units, or its default if it is omitted."""
     bounds, factor = _bounds(parameter), unit.factor(parameter.force, parameter.length)
     default = (
         earlier[parameter.default][0] if isinstance(parameter.default, str) else parameter.default
@@ -280,10 +307,10 @@ _DASHPOT = Keys(
 _STORY = Keys(
     (
         Key("mass", POSITIVE, "mass of the floor above"),
-        Key("weight", POSITIVE, "weight of the floor above, in place of its mass"),
+        Key("weight", POSITIVE, "weight of the floor above, instead of its mass"),
         Key("height", POSITIVE, "story height, for drift ratios and P-delta"),
         Key("stiffness", POSITIVE, "initial stiffness: story shear over drift"),
-        Key("law", LAW, "drift law; linear where it is left out"),
+        Key("law", LAW, "hysteretic law; default: linear"),
         Key(
             "dashpot",
             Either((NOT_NEGATIVE, _DASHPOT)),
@@ -292,31 +319,31 @@ _STORY = Keys(
         Key(
             "isolator",
             Either((Flag(), Choice((_DAMPED,)))),
-            "whether the drift is a displacement by design, no drift ratio; with Rayleigh damping "
-            "if `rayleigh`",
+            "true for an isolator: its displacement is reported instead of a drift ratio; "
+            "`rayleigh` for an isolator with Rayleigh damping",
         ),
         Key("repeat", Whole(1, MAX_STORIES), "number of equal stories"),
     ),
     one_of=(("mass", "weight"),),
 )
 STORIES = EntriesOf(_STORY, least=1)
-_AGREEMENT = 1e-9  # a stiffness that is stated twice may differ by rounding alone
+_AGREEMENT = 1e-9  # relative; a stiffness that is specified twice may differ by rounding only
 
 
 def read_stories(
     value: Value | None, unit: ModelUnits, p_delta: bool
 ) -> tuple[tuple[Story, ...], int | None]:
-    """The stories from the ground up, and their number: None where a fault leaves it open."""
-    entries = value.items("a list of stories", "must hold at least one story") if value else None
+    """Return the stories from the ground up and their number, which is None after an error."""
+    entries = value.items("a list of stories", "must contain at least one story") if value else None
     if entries is None:
         return (), None
     stories: list[Story] = []
     count: int | None = 0
     for entry in entries:
         story, repeat = _read_entry(entry, unit, p_delta)
-        # Told before they are made: a `repeat` of a billion would fill the memory.
+        # Checked before the stories are created: a `repeat` of a billion would fill the memory.
         if len(stories) + (repeat or 1) > MAX_STORIES:
-            entry.fault(f"brings the model over {MAX_STORIES} stories; check `repeat`")
+            entry.fault(f"the model has more than {MAX_STORIES} stories; check `repeat`")
             return (), None
         stories += [story] * (repeat or 1)
         count = count + repeat if count is not None and repeat is not None else None
@@ -324,7 +351,7 @@ def read_stories(
 
 
 def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, int | None]:
-    """One entry of `stories` and how often it stands; None where a fault leaves that open."""
+    """Return the story of one entry and its number of repetitions, which is None after an error."""
     section = entry.section(_STORY)
     if section is None:
         return Story(math.nan, None, math.nan, LINEAR, math.nan), None
@@ -341,22 +368,21 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         height.number(scale=unit.length) if height else None,
     )
 
-    # The initial stiffness is that of the law, where this has one: another beside it must say the
-    # same.
-    factor, given = unit.factor(force=1, length=-1), section.get("stiffness")
+    # If the law defines the initial stiffness, the key `stiffness` must agree with it.
+    factor, entry_stiffness = unit.factor(force=1, length=-1), section.get("stiffness")
     if stiffness_of_law is None:
         stiffness = section.number("stiffness", scale=factor)
     else:
-        stated = given.number(scale=factor) if given else stiffness_of_law
-        if given and abs(stated - stiffness_of_law) > _AGREEMENT * stiffness_of_law:
+        stated = entry_stiffness.number(scale=factor) if entry_stiffness else stiffness_of_law
+        if entry_stiffness and abs(stated - stiffness_of_law) > _AGREEMENT * stiffness_of_law:
             initial = (
                 f"the initial stiffness {stiffness_of_law / factor:.10g} of its {law.name} law"
             )
-            given.fault(
-                f"must agree with {initial}, got {stated / factor:.10g}; correct it or leave it out"
+            entry_stiffness.fault(
+                f"must agree with {initial}, got {stated / factor:.10g}; correct it or omit it"
             )
         stiffness = stiffness_of_law
-    # Isolators have no damping of the building's kind, unless that is said.
+    # The damping of the building does not apply to isolators unless the file requests it.
     isolator = section.get("isolator")
     is_damped = bool(isolator and isolator.is_word(_DAMPED))
     isolates = is_damped or bool(isolator and isolator.boolean())
@@ -370,7 +396,7 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
         isolates,
         is_damped or not isolates,
     )
-    # What is wrong with parameters and stiffness together, where each of them is right.
+    # Errors of the combination of parameters and stiffness, each of which is valid.
     is_known = not any(map(math.isnan, (stiffness, *law.parameters)))
     if (
         stated_law
@@ -383,28 +409,29 @@ def _read_entry(entry: Value, unit: ModelUnits, p_delta: bool) -> tuple[Story, i
 
 
 def _read_mass(section: Section, unit: ModelUnits) -> float:
-    """The mass of the floor, kg, from the key `mass` or `weight`."""
+    """Return the mass of the floor, kg, from the key `mass` or `weight`."""
     if section.has("weight"):
         if section.has("mass"):
             section.value.fault("give either mass or weight, not both")
         return section.number("weight", scale=unit.force / STANDARD_GRAVITY)
-    # One of the two is needed; which of them is the user's.
     if not section.mentions("mass", "weight"):
-        section.need("mass", "give a positive number, or the weight in its place")
+        section.need("mass", "give a positive number, or `weight` instead")
         return math.nan
     mass = section.get("mass")
-    # With kN or mm a bare mass could be kg or t: it is not guessed.
+    # If units are kN or mm, a mass without unit could be in kg or t, so the unit is required.
     if mass and unit.mass_is_open:
         mass.fault(
-            "its unit is not said, and the file's units are not m and N: add mass to `units` "
-            f"({', '.join(MASS)}), or give the story's `weight`"
+            "the unit of mass is required, because the units of the file are not m and N: add mass "
+            f"to `units` ({', '.join(MASS)}), or give the `weight` of the story"
         )
     return section.number("mass", scale=unit.mass, default=math.nan)
 
 
 def _read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDashpot | None]:
-    """The coefficient of a viscous dashpot, N s/m, and the power-law dashpot: a number, or a
-    mapping."""
+    """Return the coefficient of a linear dashpot, N s/m, and the power-law dashpot, if any.
+
+    A number is the coefficient of a linear dashpot; a mapping defines a power-law dashpot.
+    """
     if value is None:
         return 0.0, None
     if not value.is_mapping:
@@ -413,15 +440,15 @@ def _read_dashpot(value: Value | None, unit: ModelUnits) -> tuple[float, PowerDa
     if section is None:
         return math.nan, None
     exponent = section.number("exponent")
-    # Below 1 force over velocity grows without end towards rest.
-    soft = exponent < 1.0
-    if soft and not section.mentions("linear_below"):
+    # For exponents below 1 the tangent damping is infinite at zero velocity.
+    needs_linear_part = exponent < 1.0
+    if needs_linear_part and not section.mentions("linear_below"):
         section.need(
             "linear_below",
-            "an exponent below 1 needs the drift rate under which the dashpot is linear",
+            "an exponent below 1 requires the drift rate below which the dashpot is linear",
         )
     below = section.number(
-        "linear_below", POSITIVE if soft else NOT_NEGATIVE, unit.length, default=0.0
+        "linear_below", POSITIVE if needs_linear_part else NOT_NEGATIVE, unit.length, default=0.0
     )
     coefficient = section.number("coefficient", scale=unit.factor(force=1, length=-exponent))
     return 0.0, PowerDashpot(coefficient, exponent, below)

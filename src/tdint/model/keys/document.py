@@ -1,7 +1,7 @@
-"""A file of keys from its text to its root: what reading one begins with, whatever its keys are.
+"""Read the text of a YAML file and build its nodes, independently of its keys.
 
-The text comes from a file, standard input or a stream; paths in it start from its folder. Nodes are
-built from PyYAML's events; no Python object is ever constructed from a tag.
+The text is read from a file, standard input or a stream. Nodes are built from the events of
+PyYAML's parser; tags never create Python objects.
 """
 
 from __future__ import annotations
@@ -30,14 +30,25 @@ from tdint.model.keys.nodes import (
 )
 
 MAX_BYTES = 16 * 1024 * 1024
-"""Size of the largest model file that is read; it keeps a wrong path, such as a device, from
-filling the memory."""
+"""Maximum size of a model file, bytes. Without it, a wrong path such as a device would fill the
+memory."""
 
 
 @dataclass(frozen=True)
 class SourceText:
-    """A model file as read: how messages call it, its default name, the folder its paths start
-    from, its content."""
+    """Content of a model file.
+
+    Attributes
+    ----------
+    label : str
+        Name in messages.
+    name : str
+        Default name of the model.
+    folder : Path
+        Directory to which relative paths in the file refer.
+    data : bytes
+        Content.
+    """
 
     label: str
     name: str
@@ -46,12 +57,12 @@ class SourceText:
 
 
 def read_source(source: str | Path | TextIO, kind: str = "model file") -> SourceText:
-    """The content of a file of some kind; `-` is standard input.
+    """Return the content of a file; `-` is standard input. `kind` names its type in messages.
 
     Raises
     ------
     ModelError
-        It cannot be read.
+        The file cannot be read.
     """
     stream: Any = source
     label, path = "<stream>", None
@@ -61,16 +72,18 @@ def read_source(source: str | Path | TextIO, kind: str = "model file") -> Source
         label, stream = "-", getattr(sys.stdin, "buffer", sys.stdin)
     elif isinstance(source, str | Path):
         path, label = Path(source), str(source) or "."
-        told: dict[type[Exception], str] = {
+        messages: dict[type[Exception], str] = {
             FileNotFoundError: f"no such file; give a {kind} (YAML) or - for standard input",
-            IsADirectoryError: f"is a folder; give a {kind} (YAML) in it",
-            ValueError: "cannot be read: no file has a null character in its name",
+            IsADirectoryError: f"is a directory; give a {kind} (YAML)",
+            ValueError: "cannot be read: the name contains a null character",
         }
-        data = read_whole(label, ModelError, told, _too_large(kind), MAX_BYTES)
+        data = read_whole(label, ModelError, messages, _too_large(kind), MAX_BYTES)
         note_input(label, data)
         return SourceText(label, path.stem, path.parent, data)
     elif not hasattr(source, "read"):
-        raise ModelError(f"a model is a file's name or a text stream, not {type(source).__name__}")
+        raise ModelError(
+            f"a model must be the name of a file or a text stream, not {type(source).__name__}"
+        )
     elif isinstance(name := getattr(source, "name", None), str) and not name.startswith("<"):
         label, path = name, Path(name)
     data = _read_stream(stream, label, kind)
@@ -88,14 +101,14 @@ def _read_stream(stream: TextIO | BinaryIO, label: str, kind: str) -> bytes:
         ) from None
     if len(content) > MAX_BYTES:
         raise ModelError(f"{label}: {_too_large(kind)}")
-    # Surrogates stand for bytes that the stream could not decode; passed on, `decode` finds them.
+    # Surrogates represent bytes that the stream could not decode. `decode` reports them.
     encoded = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
     note_input(label, encoded)
     return encoded
 
 
 def _too_large(kind: str) -> str:
-    return f"larger than {MAX_BYTES // 1024**2} MiB; this is no {kind}"
+    return f"larger than {MAX_BYTES // 1024**2} MiB; this is not a {kind}"
 
 
 def read_document(
@@ -103,19 +116,24 @@ def read_document(
     kind: str = "model file",
     needs: str = "`stories`",
 ) -> tuple[SourceText, Value]:
-    """Where a document comes from, and its root, whose `faults` collect what is wrong in it.
+    """Read a document and return its source and its root.
 
     Parameters
     ----------
     source : str, Path, text stream or mapping
-        A YAML file, `-` for standard input; or what such a file would say.
+        YAML file, `-` for standard input, or the content of such a file as Python objects.
     kind, needs : str
-        What the file is and what it must hold, for messages.
+        Type of the file and its required content, for messages.
+
+    Returns
+    -------
+    SourceText, Value
+        Source of the document, and its root. `Value.faults` of the root collects errors.
 
     Raises
     ------
     ModelError
-        It cannot be read or is not YAML.
+        The document cannot be read or is not YAML.
     """
     if isinstance(source, Mapping):
         faults = Faults("model")
@@ -129,26 +147,22 @@ def read_document(
 def parse(text: str, faults: Faults) -> Node:
     """Return the root node of the only document in `text`.
 
-    Tags are collected in `faults`. Everything else that is not the YAML of a model file stops the
-    reading.
+    Tags are reported in `faults`, and reading continues. Other syntax errors raise an exception.
 
     Raises
     ------
     ModelError
-        If `text` is not YAML, is empty, holds several documents, nests too deeply or has an alias
-        without an anchor.
+        `text` is not YAML, is empty, contains several documents or too many nested levels, or has
+        an alias without an anchor.
     """
     try:
         return _Composer(text, faults).document()
     except yaml.reader.ReaderError as error:
         line, column = _line_and_column(text[: error.position])
-        message = (
-            f"the character U+{ord(text[error.position]):04X} cannot stand in a YAML file; remove "
-            "it"
-        )
+        message = f"invalid character U+{ord(text[error.position]):04X} in a YAML file; remove it"
         faults.add(Place(line, column), "", message)
     except yaml.MarkedYAMLError as error:
-        # PyYAML's several lines as one, and what to do about a tab.
+        # Join the lines of PyYAML's message, and add a remedy for tabs.
         mark, problem = error.problem_mark or error.context_mark, error.problem_mark
         parts = [str(part) for part in (error.context, error.problem) if part]
         message = " ".join(f"not valid YAML: {', '.join(parts)}".split())
@@ -180,13 +194,12 @@ def decode(data: bytes, faults: Faults) -> str:
 
 
 def composed(text: str) -> Any:
-    """The root of a document that `parse` has taken, as PyYAML has it: nodes know where they begin
-    and end."""
+    """Return the root of a valid document as a PyYAML node, which contains start and end marks."""
     return yaml.compose(text, Loader=yaml.SafeLoader)
 
 
 class _Composer:
-    """Builds nodes from the events of PyYAML's parser."""
+    """Builder of nodes from the events of PyYAML's parser."""
 
     def __init__(self, text: str, faults: Faults) -> None:
         self._loader = yaml.SafeLoader(text)
@@ -194,7 +207,7 @@ class _Composer:
         self._anchors: dict[str, Node | None] = {}
 
     def document(self) -> Node:
-        """The root of the only document."""
+        """Return the root of the only document."""
         self._next()  # the start of the stream
         start = self._next()
         if isinstance(start, yaml.StreamEndEvent):
@@ -206,7 +219,8 @@ class _Composer:
         following = self._next()
         if not isinstance(following, yaml.StreamEndEvent):
             raise self._refusal(
-                following, f"a second YAML document begins here; a {self._faults.kind} holds one"
+                following,
+                f"a second YAML document starts here; a {self._faults.kind} contains one",
             )
         return root
 
@@ -214,8 +228,8 @@ class _Composer:
         try:
             event: yaml.Event = self._loader.get_event()  # type: ignore[no-untyped-call]
         except (ValueError, OverflowError):
-            # PyYAML lets the errors of chr() and int() through: "\UFFFFFFFF", a %YAML version of a
-            # thousand digits. Which of them, and in which words, is a matter of Python's version.
+            # PyYAML does not catch errors of chr() and int(), for example for "\UFFFFFFFF" or a
+            # %YAML version of a thousand digits. Their text depends on the version of Python.
             problem = "the number here is too large for a character or a version"
             raise yaml.MarkedYAMLError(
                 problem=problem, problem_mark=self._loader.get_mark()
@@ -234,12 +248,13 @@ class _Composer:
                 )
             if (shared := self._anchors[event.anchor]) is None:
                 raise self._refusal(
-                    event, f"the alias *{event.anchor} stands inside its own anchor"
+                    event, f"the alias *{event.anchor} is used inside its own anchor"
                 )
             return shared
         if depth > MAX_DEPTH:
             raise self._refusal(
-                event, f"nested more than {MAX_DEPTH} levels deep; this is no {self._faults.kind}"
+                event,
+                f"more than {MAX_DEPTH} nested levels; this is not a {self._faults.kind}",
             )
         assert isinstance(event, yaml.ScalarEvent | yaml.CollectionStartEvent)
         place = _event_place(event)
@@ -248,9 +263,8 @@ class _Composer:
                 place, "", f"the tag {_short(event.tag)} is not allowed; write the value without it"
             )
         if event.anchor is not None:
-            self._anchors[event.anchor] = (
-                None  # not complete yet: an alias inside it would never end
-            )
+            # The node is incomplete. An alias inside it would be an infinite recursion.
+            self._anchors[event.anchor] = None
         node: Node
         if isinstance(event, yaml.ScalarEvent):
             node = ScalarNode(place.line, place.column, event.value, plain=not event.style)
@@ -260,7 +274,7 @@ class _Composer:
             )
         else:
             children = self._children(yaml.MappingEndEvent, depth)
-            # zip draws key and value in turn from the one iterator.
+            # Both arguments of zip are the same iterator, so keys and values alternate.
             node = MappingNode(
                 place.line, place.column, tuple(zip(children, children, strict=True))
             )
@@ -274,7 +288,7 @@ class _Composer:
 
 
 def _short(text: str) -> str:
-    """Text from the file for a message: one line, not long."""
+    """Return text of the file for a message, on one line and with at most 60 characters."""
     return (
         text
         if len(text) <= 60 and text.isprintable()
@@ -283,7 +297,7 @@ def _short(text: str) -> str:
 
 
 def _line_and_column(text: str) -> tuple[int, int]:
-    """The place right after `text`, counted from 1."""
+    """Return line and column of the character after `text`, counted from 1."""
     return text.count("\n") + 1, len(text) - text.rfind("\n")
 
 

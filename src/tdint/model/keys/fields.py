@@ -1,8 +1,8 @@
-"""Reading nodes as numbers, words and sections: what is wrong is noted with its place, and reading
-goes on.
+"""Convert the nodes of a model file to numbers, text and sections, and collect all errors.
 
-A faulty number is noted and read as nan. Comparisons with nan are false, so later checks that ask
-"is it wrong?" stay silent about it: one fault gives one line.
+Reading continues after an error, so that one call reports all errors of a file with their lines and
+columns. An invalid number is reported and read as nan. Comparisons with nan are false, so later
+checks do not report the same number again.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from tdint.model.definition import MAX_STORIES
 from tdint.model.keys.nodes import Faults, ListNode, MappingNode, Node, ScalarNode
 from tdint.written_numbers import LARGEST, SMALLEST
 
-# ---- What a file may say under a key, declared once: the reader takes names and bounds from here,
-# and so does the JSON schema that editors check a file against while it is written
+# ---- Declarations of keys. Both the reader and the JSON schema (with which editors check a file
+# during writing) use the names and bounds that are declared here.
 
 Schema = dict[str, Any]
 
@@ -31,15 +31,15 @@ _PERCENTAGE = r"^[0-9.]+([eE][+-]?[0-9]+)?%$"
 
 
 class ValueKind(Protocol):
-    """What the value of a key is."""
+    """Type of the value of a key."""
 
     def schema(self) -> Schema:
-        """The JSON schema (draft 7) of such values."""
+        """Return the JSON schema (draft 7) of these values."""
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """Numbers that a key allows; a `ratio` may be written 0.05 or 5%."""
+    """Range of allowed numbers. A `ratio` can be written as 0.05 or as 5%."""
 
     low: float = -math.inf
     high: float = math.inf
@@ -48,7 +48,7 @@ class Bounds:
     ratio: bool = False
 
     def allow(self, number: Any) -> Any:
-        """Whether `number`, or each of an array, lies in the bounds."""
+        """Return True if `number` is within the bounds; for an array, a mask of its elements."""
         above = number >= self.low if self.low_allowed else number > self.low
         below = number <= self.high if self.high_allowed else number < self.high
         return above & below
@@ -64,7 +64,7 @@ class Bounds:
         return " ".join(["a number", " and ".join(limits)]).rstrip()
 
     def schema(self) -> Schema:
-        """A number within the bounds; a percentage is checked for its form alone."""
+        """Return the schema of a number within the bounds; percentages are checked by form only."""
         result: Schema = {"type": "number"}
         if self.low > -math.inf:
             result["minimum" if self.low_allowed else "exclusiveMinimum"] = self.low
@@ -86,7 +86,7 @@ POSITIVE_RATIO = Bounds(low=0.0, low_allowed=False, ratio=True)
 
 @dataclass(frozen=True)
 class Whole:
-    """A whole number within bounds; `what` says what these stand for."""
+    """Whole number within bounds; `what` explains the bounds in messages."""
 
     low: int
     high: int
@@ -97,14 +97,16 @@ class Whole:
 
 
 def numbered(count: int | None) -> Whole:
-    """The number of a floor or mode of a model with `count` stories, None where a fault leaves that
-    open."""
+    """Return the declaration of a floor or mode number.
+
+    `count` is the number of stories of the model, or None if it is unknown because of an error.
+    """
     return Whole(1, count or MAX_STORIES, " (the number of stories)" if count else "")
 
 
 @dataclass(frozen=True)
 class Flag:
-    """True or false."""
+    """Boolean value, true or false."""
 
     def schema(self) -> Schema:
         return {"type": "boolean"}
@@ -112,8 +114,10 @@ class Flag:
 
 @dataclass(frozen=True)
 class Words:
-    """A line of text; a number without quotes is one, too. `parse` makes of it what is meant, and
-    raises UsageError."""
+    """One line of text, which may also be a number without quotation marks.
+
+    `parse` converts the text and raises UsageError if the text is invalid.
+    """
 
     parse: Callable[[str], Any] | None = None
 
@@ -123,7 +127,7 @@ class Words:
 
 @dataclass(frozen=True)
 class PathOf:
-    """The path of a file, relative to the one that it stands in; `-` is standard input."""
+    """Path relative to the file that contains it; `-` is standard input."""
 
     def schema(self) -> Schema:
         return {"type": "string"}
@@ -131,7 +135,7 @@ class PathOf:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of some names; `what` says what they name."""
+    """One of several names; `what` is the noun for them in messages."""
 
     names: tuple[str, ...]
     what: str = "value"
@@ -142,8 +146,23 @@ class Choice:
 
 @dataclass(frozen=True)
 class EntriesOf:
-    """A list whose entries are of one kind; `what` says it in words, `short` what to do where there
-    are too few, and `distinct` what entries are none of which stands twice."""
+    """List with entries of one type.
+
+    Attributes
+    ----------
+    kind : ValueKind
+        Type of the entries.
+    least, most : int or None
+        Minimum and maximum number of entries.
+    what : str
+        Description of the list in messages.
+    short : str
+        Message if there are fewer than `least` entries.
+    growing : bool
+        Each entry must be larger than the entry before.
+    distinct : str
+        If not empty, entries must differ; the text describes the list in messages.
+    """
 
     kind: ValueKind
     least: int = 0
@@ -161,8 +180,18 @@ class EntriesOf:
 
 @dataclass(frozen=True)
 class ByName:
-    """A mapping with names of its own choice; `make` takes the value and what stands under each
-    name."""
+    """Mapping with names that the user chooses.
+
+    Attributes
+    ----------
+    kind : ValueKind
+        Type of the value of each name.
+    what, none : str
+        Description of the mapping in messages; message if it is empty.
+    make : callable
+        Receives the `Value` of the mapping and a dictionary from names to pairs of `Value` and
+        converted value.
+    """
 
     kind: ValueKind
     what: str
@@ -175,7 +204,7 @@ class ByName:
 
 @dataclass(frozen=True)
 class Either:
-    """One of several kinds; `what` says it in words."""
+    """One of several types; `what` describes them in messages."""
 
     kinds: tuple[ValueKind, ...]
     what: str = ""
@@ -186,8 +215,21 @@ class Either:
 
 @dataclass(frozen=True)
 class Key:
-    """A key of a mapping: its name, what stands under it, what it means, and whether it must be
-    there."""
+    """Key of a mapping.
+
+    Attributes
+    ----------
+    name : str
+        Name in the file.
+    kind : ValueKind
+        Type of its value.
+    meaning : str
+        Description in the JSON schema.
+    needed : bool
+        The key is required.
+    advice : str
+        Remedy in the message if the key is missing.
+    """
 
     name: str
     kind: ValueKind
@@ -198,14 +240,20 @@ class Key:
 
 @dataclass(frozen=True)
 class Keys(Sequence[str]):
-    """The keys of a mapping, as a sequence of their names.
+    """Keys of a mapping, as a sequence of their names.
 
     Attributes
     ----------
     declared : tuple of Key
-        In the order in which messages name them.
+        Keys in the order in which messages list them.
     one_of : tuple of tuple of str
-        Of each of these groups of keys one, and only one, must be there.
+        Groups of keys. Exactly one key of each group is required.
+    ways : tuple of tuple of str
+        Alternative groups of keys. Keys of two groups cannot be combined.
+    what : str
+        Description of the mapping in messages.
+    make : callable, optional
+        Receives the `Value` of the mapping and the converted values as keyword arguments.
     """
 
     declared: tuple[Key, ...]
@@ -224,7 +272,7 @@ class Keys(Sequence[str]):
         return (key.name for key in self.declared)
 
     def kinds(self) -> Mapping[str, ValueKind]:
-        """The kind of each key."""
+        """Return the type of each key by its name."""
         return {key.name: key.kind for key in self.declared}
 
     def schema(self) -> Schema:
@@ -259,16 +307,25 @@ _NUMBER_HINTS = (
 _NOTHING = ("", "~", "null")
 _NOTHING_THERE = MappingNode(0, 0, ())
 
-_MEANT = 0.75
-"""How alike an unknown key must be to a known one that is not there for its value to be read as
-that of the other."""
+_MIN_SIMILARITY = 0.75
+"""Dimensionless (difflib ratio). An unknown key that is at least this similar to a missing known
+key is treated as a misspelling of it: its value is checked as the value of the known key."""
 
 
 @dataclass(frozen=True, eq=False)
 class Value:
-    """A node under its key, such as `stories[2].mass`; entries of a list count from 1.
+    """Node of a model file with its full key, such as `stories[2].mass` (lists start at 1).
 
-    `kind` is what its key declares: bounds that are not given otherwise are those of it.
+    Attributes
+    ----------
+    node : Node
+        Text with its line and column.
+    key : str
+        Full key for messages.
+    faults : Faults
+        Collection that receives errors.
+    kind : ValueKind, optional
+        Declared type of the value. Its bounds apply if a method is called without bounds.
     """
 
     node: Node
@@ -278,56 +335,61 @@ class Value:
 
     @property
     def is_list(self) -> bool:
-        """Whether the value is a list."""
+        """True if the value is a list."""
         return isinstance(self.node, ListNode)
 
     @property
     def is_mapping(self) -> bool:
-        """Whether the value is a mapping."""
+        """True if the value is a mapping."""
         return isinstance(self.node, MappingNode)
 
     @property
     def word(self) -> str:
-        """The text of a single value, as it stands; empty for anything else and for nothing."""
+        """Text of a scalar value; empty for lists, mappings and missing values."""
         return (
             self.node.text if isinstance(self.node, ScalarNode) and not self._is_nothing() else ""
         )
 
     @property
     def place(self) -> ModelFault:
-        """Where it stands."""
+        """Source, line, column and key of the value, as a `ModelFault` without a message."""
         return ModelFault(self.faults.source, self.node.line, self.node.column, self.key, "")
 
     def fault(self, message: str) -> None:
-        """Note what is wrong with this value."""
+        """Report an error of this value."""
         self.faults.add(self.node, self.key, message)
 
     def is_word(self, word: str) -> bool:
-        """Whether the value is the word, quoted or not."""
+        """Return True if the value is `word`, with or without quotation marks."""
         return isinstance(self.node, ScalarNode) and self.node.text == word
 
     def number(self, bounds: Bounds | None = None, scale: float = 1.0, expected: str = "") -> float:
-        """The number times `scale`, its factor to SI; nan if there is a fault.
+        """Return the number in SI units, or nan after reporting an error.
 
-        `bounds` hold for the number in the file; `expected` says what it must be where they do not.
+        Parameters
+        ----------
+        bounds : Bounds, optional
+            Allowed range of the number in the file, before conversion. Default: declared bounds.
+        scale : float
+            Factor from the unit of the file to SI units.
+        expected : str
+            Description of the allowed numbers in the message. Default: the bounds.
         """
         bounds = bounds or (self.kind if isinstance(self.kind, Bounds) else ANY)
         number = self._bare_number(bounds)
         if not bounds.allow(number):
             self.fault(f"must be {expected or bounds}, got {self._shown_unquoted(_NUMBER, bounds)}")
             return math.nan
-        # Zero is zero in any unit; other sizes must be such as buildings have.
+        # Numbers far outside the range of building properties indicate a wrong unit or exponent.
         converted = number * scale if number else 0.0
         if number != 0.0 and not SMALLEST <= abs(converted) <= LARGEST:
             limits = f"{SMALLEST:g} and {LARGEST:g} in SI units"
-            self.fault(
-                f"is out of all proportion: its size must lie between {limits}, got {self._shown()}"
-            )
+            self.fault(f"must have an absolute value between {limits}, got {self._shown()}")
             return math.nan
         return converted
 
     def whole(self, bounds: Whole) -> int | None:
-        """The whole number within bounds; None if there is a fault."""
+        """Return the whole number, or None after reporting an error."""
         text, low, high = self._plain_text(), bounds.low, bounds.high
         if _WHOLE.fullmatch(text) and low <= int(text) <= high:
             return int(text)
@@ -336,13 +398,13 @@ class Value:
         return None
 
     def boolean(self) -> bool:
-        """True or false; false if there is a fault."""
+        """Return the boolean value, or False after reporting an error."""
         if self._plain_text() not in ("true", "false"):
             self.fault(f"must be true or false, got {self._shown_unquoted('true|false')}")
         return self._plain_text() == "true"
 
     def text(self) -> str | None:
-        """A line of text, quoted or not; None if there is a fault."""
+        """Return one line of text, or None after reporting an error."""
         if (
             not isinstance(self.node, ScalarNode)
             or not self.node.text.strip()
@@ -356,8 +418,10 @@ class Value:
         return self.node.text
 
     def file(self, *, stdin: bool = False) -> str | None:
-        """The path of a file, which starts from the folder of the one that it stands in, as seen
-        from the working directory; None if there is a fault. With `stdin`, `-` stays what it is.
+        """Return the path of a file relative to the working directory, or None after an error.
+
+        In the model file, the path is relative to the directory of the model file. With `stdin`,
+        `-` is returned unchanged.
         """
         text = self.text()
         return (
@@ -365,8 +429,7 @@ class Value:
         )
 
     def read(self) -> Any:
-        """The value as its key declares it, a number, a word, true or false; None if there is a
-        fault."""
+        """Return the value converted to its declared type, or None after reporting an error."""
         match self.kind:
             case Bounds():
                 number = self.number()
@@ -399,7 +462,7 @@ class Value:
             if self.is_list
             else (Bounds, Whole, Choice, PathOf)
         )
-        # By its shape one kind is meant: messages are then of that one alone.
+        # The form of the value (mapping, list or scalar) selects the type that messages refer to.
         for kind in either.kinds:
             if isinstance(kind, shape) and not (
                 isinstance(kind, Choice) and self.word not in kind.names
@@ -415,7 +478,7 @@ class Value:
         items = self.items(kind.what)
         if items is None:
             return None
-        # The members first, so that all that is wrong with them is told beside their number.
+        # All entries are converted before their number is checked, so that all errors are reported.
         values = tuple(item.read() for item in items)
         if not kind.least <= len(items) <= (kind.most or math.inf):
             self.fault(
@@ -449,20 +512,20 @@ class Value:
         )
 
     def _made(self, kind: Keys) -> Any:
-        """What the mapping's own `make` gives of its entries; by one of its ways, where it has
-        several."""
+        """Return the object that `kind.make` builds from the entries of the mapping."""
         section = self.section(kind, kind.what)
         if section is None:
             return None
-        # One way of several: keys of two of them contradict each other.
-        given = [way for way in kind.ways if section.has(*way)]
-        if len(given) > 1:
-            self.fault(f"give either {' or '.join(map(' and '.join, given))}, not both")
+        # Keys of two alternatives contradict each other.
+        alternatives = [keys for keys in kind.ways if section.has(*keys)]
+        if len(alternatives) > 1:
+            self.fault(f"give either {' or '.join(map(' and '.join, alternatives))}, not both")
             return None
-        if kind.ways and not any(section.mentions(*way) for way in kind.ways):
+        if kind.ways and not any(section.mentions(*keys) for keys in kind.ways):
             self.fault(f"must be {kind.what}, got a mapping without either")
-        # All entries are read, those of a mapping that is not complete, too, for their faults.
-        needed = {*given[0]} if given else {key.name for key in kind.declared if key.needed}
+        # Entries of an incomplete mapping are also converted, so that their errors are reported.
+        required = (key.name for key in kind.declared if key.needed)
+        needed = {*alternatives[0]} if alternatives else {*required}
         values = {}
         for key in kind.declared:
             advice = key.advice or (f"give {key.kind}" if isinstance(key.kind, Bounds) else "")
@@ -476,8 +539,10 @@ class Value:
         return kind.make(self, **values) if kind.make and complete else None
 
     def parsed(self, parse: Callable[[str], Parsed]) -> Parsed | None:
-        """What `parse` makes of the text; None if there is a fault, as where it raises
-        UsageError."""
+        """Return the result of `parse` for the text, or None after reporting an error.
+
+        A UsageError that `parse` raises is reported as an error of this value.
+        """
         text = self.text()
         if text is None:
             return None
@@ -488,7 +553,10 @@ class Value:
             return None
 
     def choice(self, names: Collection[str], kind: str) -> str | None:
-        """One of the `names`; None if there is a fault. `kind` says what they name."""
+        """Return the name if it is in `names`, or None after reporting an error.
+
+        `kind` is the noun for the names in messages.
+        """
         if not isinstance(self.node, ScalarNode) or self._is_nothing():
             self.fault(f"must be the name of a {kind}, got {self._shown()}")
         elif self.node.text not in names:
@@ -498,8 +566,15 @@ class Value:
         return None
 
     def items(self, expected: str, empty: str = "") -> tuple[Value, ...] | None:
-        """The entries of a list; None if there is a fault. `expected`: what the list must be, and
-        `empty`, if it must have entries, what is wrong without."""
+        """Return the entries of a list, or None after reporting an error.
+
+        Parameters
+        ----------
+        expected : str
+            Description of the list in messages.
+        empty : str
+            Message for an empty list. Default: an empty list is allowed.
+        """
         if not isinstance(self.node, ListNode):
             self.fault(f"must be {expected}, got {self._shown()}")
             return None
@@ -510,8 +585,15 @@ class Value:
         return tuple(Value(item, f"{self.key}[{i}]", self.faults, kind) for i, item in entries)
 
     def section(self, keys: Collection[str] | None = None, expected: str = "") -> Section | None:
-        """The entries of a mapping, by default those that its key declares; None if there is a
-        fault. `expected` says what the value must be if not just that."""
+        """Return the entries of a mapping, or None after reporting an error.
+
+        Parameters
+        ----------
+        keys : collection of str, optional
+            Allowed keys. Default: the declared keys.
+        expected : str
+            Description of the value in messages. Default: a list of the allowed keys.
+        """
         if keys is None:
             assert isinstance(self.kind, Keys)
             keys = self.kind
@@ -524,7 +606,10 @@ class Value:
         return Section(self, self.node, keys)
 
     def peek(self, name: str) -> Value | None:
-        """The entry `name` of a mapping whose known keys depend on it; nothing is noted."""
+        """Return the entry `name` of a mapping without checking the other keys.
+
+        Use this method if the allowed keys of the mapping depend on this entry.
+        """
         for key, entry in self.node.entries if isinstance(self.node, MappingNode) else ():
             if isinstance(key, ScalarNode) and key.text == name:
                 return Value(entry, f"{self.key}.{name}", self.faults)
@@ -532,14 +617,20 @@ class Value:
 
     @property
     def names(self) -> list[str]:
-        """The keys of a mapping, as far as they are texts."""
+        """Keys of a mapping that are text."""
         entries = self.node.entries if isinstance(self.node, MappingNode) else ()
         return [key.text for key, _ in entries if isinstance(key, ScalarNode)]
 
     def named(self, expected: str, empty: str = "") -> dict[str, Value] | None:
-        """The entries of a mapping with names of its own choice; None if there is a fault.
-        `expected`: what the mapping must be, and `empty`, if it must have entries, what is wrong
-        without."""
+        """Return the entries of a mapping with user-defined names, or None after an error.
+
+        Parameters
+        ----------
+        expected : str
+            Description of the mapping in messages.
+        empty : str
+            Message for an empty mapping. Default: an empty mapping is allowed.
+        """
         section = self.section(self.names, expected)
         if section is None:
             return None
@@ -549,8 +640,7 @@ class Value:
         return {name: entry for name in dict.fromkeys(self.names) if (entry := section.get(name))}
 
     def _bare_number(self, bounds: Bounds) -> float:
-        """The number as it stands in the file, of a ratio also as a percentage; nan if it is
-        none."""
+        """Return the number in the file without conversion of units, or nan if it is no number."""
         text, unit = self._plain_text(), 1.0
         if bounds.ratio and isinstance(self.node, ScalarNode) and self.node.text.endswith("%"):
             text, unit = self.node.text[:-1].rstrip(), 100.0
@@ -563,7 +653,7 @@ class Value:
         return isinstance(self.node, ScalarNode) and self.node.plain and self.node.text in _NOTHING
 
     def _shown(self) -> str:
-        """The value as messages show it."""
+        """Return the value as text for messages."""
         if isinstance(self.node, ListNode):
             return "a list"
         if isinstance(self.node, MappingNode):
@@ -573,8 +663,15 @@ class Value:
         return quoted(self.node.text)
 
     def _shown_unquoted(self, pattern: str | re.Pattern[str], bounds: Bounds = ANY) -> str:
-        """The same where quotes are out of place, with what to do about the value as far as that
-        can be told."""
+        """Return the value as text for messages, with a remedy if its form suggests one.
+
+        Parameters
+        ----------
+        pattern : str or Pattern
+            Form of a valid value. Quotation marks around such a value must be removed.
+        bounds : Bounds
+            Declared bounds, which state if percentages are allowed.
+        """
         if not isinstance(self.node, ScalarNode) or not math.isnan(self._bare_number(bounds)):
             return self._shown()
         if re.fullmatch(pattern, self.node.text):
@@ -585,19 +682,19 @@ class Value:
 
 
 class Section:
-    """The entries of a mapping. Unknown, repeated and merge keys are noted when it is made.
+    """Entries of a mapping. The constructor reports unknown keys, duplicate keys and merge keys.
 
     Attributes
     ----------
     value : Value
-        The mapping itself, for faults that concern it as a whole.
+        The mapping, for errors that concern all of it.
     """
 
     def __init__(self, value: Value, node: MappingNode, keys: Collection[str]) -> None:
         self.value = value
         self._entries: dict[str, Value] = {}
         self._kinds = keys.kinds() if isinstance(keys, Keys) else {}
-        self._excused: set[str] = set()  # keys whose absence follows from a fault already noted
+        self._excused: set[str] = set()  # keys that are missing because of a reported error
         lines: dict[str, int] = {}
         for key, entry in node.entries:
             if not isinstance(key, ScalarNode):
@@ -619,36 +716,36 @@ class Section:
                 value.faults.add(key, path, "unknown key" + _advice(key.text, keys))
                 self._excused.update(filter(None, [nearest(key.text, keys)]))
 
-        # What stands under a misspelled key is read as that of the key that was meant, for the
-        # faults in it.
+        # The value of a misspelled key is assigned to the intended key, so that errors in the value
+        # are also reported.
         for key, entry in node.entries:
             if not isinstance(key, ScalarNode) or key.text in keys:
                 continue
-            meant = nearest(key.text, keys, cutoff=_MEANT)
-            if meant and meant not in self._entries:
-                self._entries[meant] = Value(
-                    entry, self.path(key.text), value.faults, self._kinds.get(meant)
+            intended = nearest(key.text, keys, cutoff=_MIN_SIMILARITY)
+            if intended and intended not in self._entries:
+                self._entries[intended] = Value(
+                    entry, self.path(key.text), value.faults, self._kinds.get(intended)
                 )
 
     def has(self, *names: str) -> bool:
-        """Whether one of the entries is there."""
+        """Return True if the mapping contains one of the entries."""
         return any(name in self._entries for name in names)
 
     def mentions(self, *names: str) -> bool:
-        """Whether one of the entries is there or was meant by a key already noted as wrong."""
+        """Return True if the mapping contains one of the entries or a misspelling of its key."""
         return any(name in self._entries or name in self._excused for name in names)
 
     def path(self, name: str) -> str:
-        """The full key of the entry `name`."""
+        """Return the full key of the entry `name`."""
         shown = name if re.fullmatch(r"[\w<.-]{1,40}", name) else quoted(name)
         return f"{self.value.key}.{shown}" if self.value.key else shown
 
     def get(self, name: str) -> Value | None:
-        """The entry, or None if the section lacks it."""
+        """Return the entry, or None if the section does not contain it."""
         return self._entries.get(name)
 
     def need(self, name: str, advice: str = "") -> Value | None:
-        """The entry; its absence is a fault, to which `advice` adds what to give."""
+        """Return the entry, or report that it is missing; `advice` is the remedy in the message."""
         if not self.mentions(name):
             message = f"is missing; {advice}" if advice else "is missing"
             self.value.faults.add(self.value.node, self.path(name), message)
@@ -661,10 +758,18 @@ class Section:
         scale: float = 1.0,
         default: float | None = None,
     ) -> float:
-        """The number of the entry; without a `default` the entry must be there, and nan stands for
-        a fault.
+        """Return the number of the entry in SI units, or nan after reporting an error.
 
-        The bounds are those that the key declares, unless others are given.
+        Parameters
+        ----------
+        name : str
+            Key of the entry.
+        bounds : Bounds, optional
+            Allowed range of the number in the file. Default: declared bounds.
+        scale : float
+            Factor from the unit of the file to SI units.
+        default : float, optional
+            Number if the entry is missing. Without a default the entry is required.
         """
         declared = self._kinds.get(name)
         bounds = bounds or (declared if isinstance(declared, Bounds) else ANY)
@@ -674,17 +779,16 @@ class Section:
         return math.nan if default is None else default
 
     def read(self, name: str, default: Any = None) -> Any:
-        """The entry as its key declares it (`Value.read`); the default if the section lacks it."""
+        """Return the entry converted to its declared type, or `default` if it is missing."""
         value = self.get(name)
         return value.read() if value else default
 
     def given(self, *names: str) -> dict[str, Any]:
-        """The entries that are there, as their keys declare them."""
+        """Return the converted values of the entries that the section contains."""
         return {name: value.read() for name in names if (value := self.get(name))}
 
     def inner(self, name: str) -> Section:
-        """The section under a key, as that declares it: an empty one if there is none, or after a
-        fault."""
+        """Return the section of a key; an empty section if it is missing or invalid."""
         value = self.get(name)
         section = value.section() if value else None
         return section or Section(
@@ -692,28 +796,29 @@ class Section:
         )
 
     def refuse(self, names: Collection[str], reason: str) -> None:
-        """Note that some entries, where they are there, have no place in this section."""
+        """Report an error for each of the entries that the section contains."""
         for name in names:
             if entry := self.get(name):
                 entry.fault(reason)
 
     def file(self, name: str, *, stdin: bool = False) -> str | None:
-        """The path of the entry, as `Value.file` has it; None if the section lacks it or it is
-        faulty."""
+        """Return the path of the entry (see `Value.file`), or None if it is missing or invalid."""
         value = self.get(name)
         return value.file(stdin=stdin) if value else None
 
 
 def resolve(file: str, folder: Path) -> str:
-    """The path as seen from the working directory, without `folder/..` where that means the
-    same."""
+    """Return the path relative to the working directory.
+
+    `directory/..` is removed unless a symbolic link gives it a different meaning.
+    """
     path = os.fspath(folder / file)
     plain = os.path.normpath(path)
     return plain if os.path.realpath(plain) == os.path.realpath(path) else path
 
 
 def quoted(text: str) -> str:
-    """Text of the file in quotes, on one line and not too long."""
+    """Return text of the file in quotation marks, on one line and with at most 40 characters."""
     return repr(text if len(text) <= 40 else text[:37] + "...")
 
 

@@ -17,13 +17,13 @@ from typing import Any
 from tdint.errors import ModelError, ModelFault
 
 MAX_DEPTH = 32
-"""Nesting that a file may have; a model needs six levels. It keeps the recursion below Python's
-limit."""
+"""Maximum number of nested levels in a file. A model needs six levels; the limit keeps the
+recursion below the limit of Python."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a node begins, both counted from 1."""
+    """Line and column of the start of a node, counted from 1."""
 
     line: int
     column: int
@@ -31,15 +31,14 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class ScalarNode(Place):
-    """A single value: its text, and whether it was written plain, without quotes or a block
-    sign."""
+    """Scalar value with its text. `plain` is True without quotation marks and block indicators."""
 
     text: str
     plain: bool
 
 
-# An alias shares its node, so a few lines can hold a tree of astronomical size: it is never
-# compared or printed.
+# Aliases share nodes, so a few lines can define an astronomically large tree. Nodes are therefore
+# not compared or printed.
 @dataclass(frozen=True, eq=False)
 class ListNode(Place):
     """A list."""
@@ -59,8 +58,17 @@ Node = ScalarNode | ListNode | MappingNode
 
 @dataclass
 class Faults:
-    """The problems of one file, collected so that they are reported together; `kind` is what the
-    file is, `needs` what it must hold, `folder` where paths in it start from."""
+    """Collection of the errors of one file, which are reported together.
+
+    Attributes
+    ----------
+    source : str
+        Name of the file in messages.
+    kind, needs : str
+        Type of the file and its required content, for messages.
+    folder : Path
+        Directory to which relative paths in the file refer.
+    """
 
     source: str
     kind: str = "model file"
@@ -69,15 +77,15 @@ class Faults:
     _faults: list[ModelFault] = field(default_factory=list)
 
     def add(self, place: Place, key: str, message: str) -> None:
-        """Note a problem of `key` at `place`."""
+        """Add an error of `key` at a line and column."""
         self._faults.append(ModelFault(self.source, place.line, place.column, key, message))
 
     def error(self) -> ModelError:
-        """The error that holds all problems in file order."""
+        """Return the exception with all errors in the order of the file."""
         return ModelError(sorted(self._faults, key=lambda problem: (problem.line, problem.column)))
 
     def raise_if_any(self) -> None:
-        """Raise `error()` if there is a problem."""
+        """Raise the exception if an error has been added."""
         if self._faults:
             raise self.error()
 
@@ -86,18 +94,17 @@ _NOWHERE = Place(0, 0)
 
 
 def nodes_of(value: object, faults: Faults, depth: int = 0) -> Node:
-    """The nodes of mappings, lists, numbers and text; what has no place in a file has line and
-    column 0.
+    """Return the nodes of mappings, lists, numbers and text, with line and column 0.
 
     Raises
     ------
     ModelError
-        Something that a file could not say, or a mapping inside itself.
+        A value has a type that a file cannot contain, or a mapping contains itself.
     """
     if hasattr(value, "tolist"):  # an array or a number of numpy
         value = value.tolist()
     if depth > MAX_DEPTH:
-        faults.add(_NOWHERE, "", f"nested more than {MAX_DEPTH} levels deep; this is no model")
+        faults.add(_NOWHERE, "", f"more than {MAX_DEPTH} nested levels; this is not a model")
         raise faults.error()
     if isinstance(value, Mapping):
         entries = tuple(
@@ -110,11 +117,12 @@ def nodes_of(value: object, faults: Faults, depth: int = 0) -> Node:
 
 
 def text_of(node: Node) -> bytes:
-    """The nodes as JSON, for the SHA-256 of a model without a file."""
+    """Return the nodes as JSON, for the SHA-256 of a model without a file."""
     return json.dumps(_tree(node), ensure_ascii=True).encode()
 
 
 def _scalar(value: object, faults: Faults) -> ScalarNode:
+    """Return the node of a number, text, path, boolean or None."""
     if value is None or isinstance(value, bool):
         return ScalarNode(0, 0, "null" if value is None else str(value).lower(), plain=True)
     if isinstance(value, int | float):
@@ -122,7 +130,9 @@ def _scalar(value: object, faults: Faults) -> ScalarNode:
     if isinstance(value, str | os.PathLike):
         return ScalarNode(0, 0, os.fspath(value), plain=False)
     faults.add(
-        _NOWHERE, "", f"a model holds mappings, lists, numbers and text, not {type(value).__name__}"
+        _NOWHERE,
+        "",
+        f"a model contains mappings, lists, numbers and text, not {type(value).__name__}",
     )
     raise faults.error()
 
