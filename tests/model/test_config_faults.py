@@ -34,11 +34,11 @@ stories: 3
 stories:
     1:9: stories: must be a list of stories, got nothing
 stories: []
-    1:10: stories: must hold at least one story
+    1:10: stories: must contain at least one story
 stories: [3]
     1:11: stories[1]: must be a mapping with the keys <story keys>, got '3'
 stories: [{}]
-    1:11: stories[1].mass: is missing; give a positive number, or the weight in its place
+    1:11: stories[1].mass: is missing; give a positive number, or `weight` instead
     1:11: stories[1].stiffness: is missing; give a positive number
 stories: [{mass: 1, stiffness: -1, height: 0, dashpot: -2}]
     1:32: stories[1].stiffness: must be a positive number, got '-1'
@@ -48,7 +48,7 @@ stories: [{mass: 1, stiffness: 1, dashpot: {coefficient: 0, exponent: 2.5}}]
     1:58: stories[1].dashpot.coefficient: must be a positive number, got '0'
     1:71: stories[1].dashpot.exponent: must be a number above 0 and of at most 2, got '2.5'
 stories: [{mass: 1, stiffness: 1, dashpot: {coefficient: 1, exponent: 0.5}}]
-    1:44: stories[1].dashpot.linear_below: is missing; an exponent below 1 needs the drift rate under which the
+    1:44: stories[1].dashpot.linear_below: is missing; an exponent below 1 requires the drift rate below which the
         dashpot is linear
 stories: [{mass: 1, stiffness: 1, dashpot: {coefficient: 1, exponent: 0.5, linear_below: 0, power: 2}}]
     1:90: stories[1].dashpot.linear_below: must be a positive number, got '0'
@@ -57,7 +57,7 @@ stories: [{repeat: 0, mass: 1, stiffness: 1}, {repeat: 2.0, mass: 1, stiffness: 
     1:20: stories[1].repeat: must be a whole number from 1 to 100000, got '0'
     1:56: stories[2].repeat: must be a whole number from 1 to 100000, got '2.0'
 stories: [{repeat: 60000, mass: 1, stiffness: 1}, {repeat: 60000, mass: 1, stiffness: 1}]
-    1:51: stories[2]: brings the model over 100000 stories; check `repeat`
+    1:51: stories[2]: the model has more than 100000 stories; check `repeat`
 stories: !!python/object:os.x [ls]
     1:10: the tag tag:yaml.org,2002:python/object:os.x is not allowed; write the value without it
     1:32: stories[1]: must be a mapping with the keys <story keys>, got 'ls'
@@ -221,7 +221,7 @@ bilinar
     stories[1].law: must be the name of a law, got a list
 bilinear
     stories[1].stiffness: is missing; give a positive number
-    stories[1].law: the bilinear law needs its parameters; write {type: bilinear, yield_force: ..., hardening:
+    stories[1].law: the bilinear law requires parameters; write {type: bilinear, yield_force: ..., hardening:
         ...}
 {type: bilinear, yield_forc: 3, hardening: 1}, stiffness: 1
     stories[1].law.yield_forc: unknown key; did you mean 'yield_force'?

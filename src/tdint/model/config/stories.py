@@ -71,7 +71,7 @@ def _keys(law: DriftLaw, group: str = "") -> tuple[Key, ...]:
 
 
 def _inner(parameter: LawParameter, group: str) -> str:
-    """Return the key in `group` of the inner group that contains a parameter, or an empty string."""
+    """Return the key in `group` of the inner group of a parameter, or an empty string."""
     start = f"{group}." if group else ""
     return parameter.group[len(start) :].split(".")[0] if parameter.group.startswith(start) else ""
 
@@ -169,7 +169,7 @@ def _read_parameters(section: Section, law: DriftLaw, unit: ModelUnits) -> tuple
     for parameter in law.parameters:
         if parameter.many:
             entry = section.need(parameter.name, f"give {_LIST}")
-            items = entry.items(_LIST, "must hold at least one number") if entry else None
+            items = entry.items(_LIST, "must contain at least one number") if entry else None
             bounds, numbers = _bounds(parameter), enumerate(items or (), start=1)
             # The unit of the j-th number is force divided by length to the power j.
             read = tuple(
