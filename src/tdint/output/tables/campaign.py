@@ -23,6 +23,7 @@ from tdint.output.tables.table import (
     FLOOR,
     METHOD_SPEC,
     OF_NAMED_RECORD,
+    PAIR_DEMAND,
     PERIOD,
     TEXT,
     Cell,
@@ -68,15 +69,6 @@ RUN_ERRORS = error_columns(_WITH_ERROR)
 
 STORIES = (*OF_BUILDING, *STORY)
 """Of stories.csv of a campaign."""
-
-PAIR_DEMAND = Column(
-    "pair_demand",
-    "text",
-    "pair_demand",
-    "how the two components of a recording count: larger or mean (one motion, with the larger or "
-    "the mean demand) or separate (two motions)",
-)
-"""Last column of tables over motions among which there are pairs."""
 
 LEVEL = Column(
     "level",

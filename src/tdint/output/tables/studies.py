@@ -16,10 +16,10 @@ from tdint.campaign.ida_curve import Capacity, IdaCurve, PairCurve
 from tdint.campaign.scaling import Scaling
 from tdint.ground_motion.reading.suites import components
 from tdint.ground_motion.record import component_names
-from tdint.output.tables.campaign import PAIR_DEMAND
 from tdint.output.tables.table import (
     OF_NAMED_RECORD,
     OF_RECORD,
+    PAIR_DEMAND,
     PERIOD,
     Cell,
     Column,

@@ -326,6 +326,15 @@ OF_RECORD = (
 """The first columns of tables over records; of several records the components' cells are found
 together."""
 
+PAIR_DEMAND = Column(
+    "pair_demand",
+    "text",
+    "pair_demand",
+    "how the two components of a recording count: larger or mean (one motion, with the larger or "
+    "the mean demand) or separate (two motions)",
+)
+"""Last column of tables over motions among which there are pairs."""
+
 OF_NAMED_RECORD = (
     Column("record", "text", "record", "file of the record"),
     Column("component", "text", "component", "component of the record"),
