@@ -527,3 +527,14 @@ def test_what_is_said_of_what_is_compiled(monkeypatch):
     assert obtaining.duration([(kernel("b"), EVERYTHING)]) == alone[0]
     assert obtaining.duration([(kernel("b", "laws"), two)] * 8) == 4 * alone[1]
     assert obtaining.duration([(kernel("b", "laws"), EVERYTHING), (kernel("b"), one)]) == alone[2]
+
+
+def test_loops_for_all_laws_do_not_serve_where_own_loops_are_requested(monkeypatch):
+    """Else methods whose own loops a cache has would be compared with others in slower loops."""
+    kernel, variant = SimpleNamespace(name="a:b"), Variant(laws=("tanh",))
+    monkeypatch.setattr(
+        store, "look_up", lambda name, text, _: ("file", b"", "b") if "all" in text else None
+    )
+    monkeypatch.setattr(obtaining, "_load", lambda *_: True)
+    assert obtaining._not_found([(kernel, variant)], own_loops=False) == []
+    assert obtaining._not_found([(kernel, variant)], own_loops=True) == [(kernel, variant)]

@@ -225,6 +225,7 @@ class PreparedBuilding:
         self,
         integrators: Iterable[Integrator],
         progress: Callable[[float], None] = lambda part: None,
+        own_loops: bool = False,
     ) -> None:
         """Load what marches with these methods call, compiled if it is not yet: before a clock
         starts.
@@ -233,6 +234,9 @@ class PreparedBuilding:
         ----------
         progress : callable
             Told how much is done, from 0 to 1.
+        own_loops : bool
+            True if loops that are compiled for all laws must not serve: times of methods are
+            compared.
 
         Raises
         ------
@@ -243,6 +247,7 @@ class PreparedBuilding:
         obtain(
             [kernel for integrator in integrators for kernel in kernels(integrator, self.variant)],
             progress,
+            own_loops,
         )
 
     def coefficients(self, integrator: Integrator, h: float) -> Array:

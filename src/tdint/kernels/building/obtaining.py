@@ -39,6 +39,7 @@ if hasattr(os, "register_at_fork"):  # a child would wait for a thread that it h
 def obtain(
     pairs: Sequence[tuple[Compilable, Variant]],
     progress: Callable[[float], None] = lambda done: None,
+    own_loops: bool = False,
 ) -> None:
     """Load kernels into this process; what no store has is compiled, in processes side by side, and
     kept.
@@ -49,6 +50,8 @@ def obtain(
     ----------
     progress : callable
         Told how much is done, from 0 to 1.
+    own_loops : bool
+        True if a kernel that is compiled for all laws must not serve for the laws of a building.
 
     Raises
     ------
@@ -58,10 +61,14 @@ def obtain(
     if all(kernel.loaded(variant) for kernel, variant in pairs):
         return
     with _ONE_AT_A_TIME:
-        _obtain(pairs, progress)
+        _obtain(pairs, progress, own_loops)
 
 
-def _obtain(pairs: Sequence[tuple[Compilable, Variant]], progress: Callable[[float], None]) -> None:
+def _obtain(
+    pairs: Sequence[tuple[Compilable, Variant]],
+    progress: Callable[[float], None],
+    own_loops: bool,
+) -> None:
     missing = [
         (kernel, kernel.needs(variant)) for kernel, variant in pairs if not kernel.loaded(variant)
     ]
@@ -76,7 +83,7 @@ def _obtain(pairs: Sequence[tuple[Compilable, Variant]], progress: Callable[[flo
         return
     from tdint.kernels.building import store
 
-    if not (absent := _not_found(dict.fromkeys(missing))):
+    if not (absent := _not_found(dict.fromkeys(missing), own_loops)):
         return
     folder = store.writable()
     # Who wants the same waits; who wants something else mostly does not.
@@ -84,7 +91,7 @@ def _obtain(pairs: Sequence[tuple[Compilable, Variant]], progress: Callable[[flo
     file = folder and folder / f".lock-{crc32(word.encode()) % 16}"
     with locked(file, lambda: LOG.info("waiting for another tdint that compiles time loops")):
         # What another process has compiled meanwhile is there now.
-        if absent := _not_found(absent):
+        if absent := _not_found(absent, own_loops):
             _compile(absent, progress, folder)
 
 
@@ -94,14 +101,16 @@ def _serving(variant: Variant) -> tuple[Variant, ...]:
     return (variant,) if variant.outside else (variant, EVERYTHING)
 
 
-def _not_found(pairs: Iterable[tuple[Compilable, Variant]]) -> list[tuple[Compilable, Variant]]:
+def _not_found(
+    pairs: Iterable[tuple[Compilable, Variant]], own_loops: bool
+) -> list[tuple[Compilable, Variant]]:
     """Load what a store has; the rest."""
     from tdint.kernels.building import store
     from tdint.kernels.building.target import runnable
 
     absent = []
     for kernel, variant in pairs:
-        for serving in _serving(variant):
+        for serving in (variant,) if own_loops else _serving(variant):
             stored = store.look_up(kernel.name, serving.text, runnable())
             if stored and _load(kernel, variant, *stored[1:]):
                 break
@@ -235,9 +244,9 @@ def begin_as_written(
             [(kernel, kernel.needs(variant)) for kernel, variant in group]
             for group in (called, others)
         ]
-        if not _not_found(pairs[0]):
+        if not _not_found(pairs[0], False):
             return False
-        for kernel, variant in [*pairs[0], *_not_found(pairs[1])]:
+        for kernel, variant in [*pairs[0], *_not_found(pairs[1], False)]:
             kernel.take(variant, as_views(kernel.function), interpreted=True)
     folder = store.writable() if how != "never" else None
     beside = ""
