@@ -467,8 +467,10 @@ class Response(Tabular):
     status : str
         `done`; `collapsed` where a drift ratio exceeded the model's collapse drift, `failed-story`
         where a story had lost all its force before.
+    model, record : Model, Record or None
+        The building and its ground motion, scaled.
     method : str
-        The method with all its parameters.
+        The method's specification as given: its name, and the parameters that were specified.
     dt, steps : float, int
         Time step (s) and number of steps.
     iterations, substeps, branch_changes : int
@@ -476,8 +478,12 @@ class Response(Tabular):
     solver_time : float
         Time that the compiled time loop alone took, s, by `tdint.system.clock`: of the processor,
         where that is told.
+    stories : StoryPeaks
+        Peak responses of each story and floor, SI units, arrays of shape (n,).
+    energy : Energy
+        Energy balance at the end of the run, J.
     history : History or None
-        Only if it was asked for.
+        Response history, if it was requested.
     collapse : Collapse or None
         When and where, if the status is `collapsed` or `failed-story`.
     interstep_bound : StoryErrors
@@ -556,7 +562,7 @@ class FailedRun(AnalysisError):
     status : str
         `diverged`, `not-converged`, `unstable-step` or `not-within-tolerance`.
     method, dt : str, float
-        The method with all its parameters and the time step, s.
+        The method's specification as given, and the time step, s.
     time : float
         Last time reached, s.
     story : int or None

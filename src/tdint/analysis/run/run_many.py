@@ -70,7 +70,7 @@ class Runs(Tabular):
     models, records : tuple
         The buildings and ground motions, each once.
     methods : tuple of str
-        The method of each building, with all its parameters.
+        The method's specification for each building, as given.
     model, record : ndarray of int, shape (runs,)
         Which of them each run has.
     scale, dt : ndarray, shape (runs,)
@@ -91,9 +91,9 @@ class Runs(Tabular):
     failures : mapping of int to str
         What there is to say of the runs without a result, by their numbers.
     errors, corrected : StoryErrors and StoryPeaks, or None
-        Estimated errors of the peaks, and the peaks by the error that the run carried along, if
-        they were asked for: those of `ErrorEstimate`, of shape (runs, stories), nan where there is
-        none.
+        Estimated errors of the peaks, and the peaks of the additional runs that they are estimated
+        with, if errors were requested; as in `ErrorEstimate`, of shape (runs, stories), nan where
+        there is no estimate.
     varied : mapping of str to ndarray, shape (runs,)
         What was varied, by name; `models` has the buildings as they were given.
     gradient : Gradient or None
@@ -221,8 +221,8 @@ def run_many(
     jobs : int, optional
         Threads; one for each processor by default. The result does not depend on it.
     check : bool
-        Estimate the errors of the peaks, as by `run`: moment4 carries them along, other methods run
-        again twice.
+        Estimate the errors of the peaks as `run` does: by one additional run of `impulse4` with
+        half the time step for each run (of `exact` itself where the method is `exact`).
     vary : mapping of str to array, optional
         Numbers of the buildings that are changed, in SI units, a value for each draw, arrays of one
         length: `damping`, `mass_factor`, `stiffness_factor`, `strength_factor`; of story 3

@@ -33,8 +33,8 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
     Parameters
     ----------
     result : object
-        What `run`, `spectrum`, `modes`, `law`, `pushover`, `stability`, ... give; also a response's
-        history, a record, and several results of one kind.
+        A result of `run`, `spectrum`, `modes`, `cyclic_test`, `pushover`, `stability` and the
+        other functions; also the history of a response, a record, and several results of one kind.
     units : str
         Units in place of SI, such as `kip,in,g`; the names change with them.
 
