@@ -30,8 +30,8 @@ def follow(law_parameters, path):
     law_state.follow.compiled(law_parameters, 0, drifts, spring_table(law_parameters), result)
     return (
         result[1:, law_state.SHEAR],
-        result[-1, law_state.RECOVERABLE],
-        result[-1, law_state.DISSIPATION],
+        result[-1, law_state.STRAIN_ENERGY],
+        result[-1, law_state.HYSTERETIC_ENERGY],
     )
 
 

@@ -1,19 +1,19 @@
 """A kernel that goes along one stretch after the other from the same state, as moment4 goes: a
 law's force at any number of drifts behind a turning point."""
 
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.compiling import F8, TABLE, VECTOR, kernel
 from tdint.kernels.stories import path
 
 
 @kernel(F8(TABLE, TABLE, TABLE, VECTOR, TABLE, VECTOR), parts=("laws",))
-def forces_behind(law_parameters, begun, springs, rises, work, forces):
+def forces_behind(law_parameters, begun, law_state, rises, scratch, forces):
     """The force of the first story after each rise of its drift from the state `begun`; `springs`
     and `work` are room, and `springs` has the last state."""
     for j in range(rises.shape[0]):
-        for row in range(springs.shape[0]):
-            springs[row, 0] = begun[row, 0]
-        path.follow(law_parameters, springs, 0, rises[j], 0.0, False, work, 0)
-        path.arrive(law_parameters, springs, 0, rises[j])
-        forces[j] = springs[at.FORCE, 0]
+        for row in range(law_state.shape[0]):
+            law_state[row, 0] = begun[row, 0]
+        path.follow(law_parameters, law_state, 0, rises[j], 0.0, False, scratch, 0)
+        path.arrive(law_parameters, law_state, 0, rises[j])
+        forces[j] = law_state[rows.FORCE, 0]
     return 0.0

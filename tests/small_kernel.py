@@ -1,11 +1,11 @@
 """A kernel of a line that is compiled in no time, with a function of its own and one of another
 file in it."""
 
-from tdint.kernels.compiling import F8, VECTOR, inlined, kernel
+from tdint.kernels.compiling import F8, VECTOR, inline, kernel
 from tdint.kernels.march.march import ground_at
 
 
-@inlined
+@inline
 def twice(x):
     return 2.0 * x
 

@@ -11,7 +11,7 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.run import run
 from tdint.analysis.run.workspace import workspace
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.stepping import Scene
 from tdint.kernels.stories.branches import enter
 from tdint.methods.catalogue import parse
@@ -130,11 +130,11 @@ class SingleSteps:
         self.building = assemble(model([story(1.0, 100.0, law), story(1.0, 100.0, law)]))
         self.space = workspace(self.building, self.integrator)
         for i in range(2):
-            enter(self.building.law_parameters, self.space.springs, i)
+            enter(self.building.law_parameters, self.space.law_state, i)
 
     def take(self, ground_0, ground_1):
         """Take one step; returns its code."""
-        no_forces = np.zeros((0, at.FORCE_COLUMNS))
+        no_forces = np.zeros((0, rows.FORCE_COLUMNS))
         building, space = self.building, self.space
         scene = Scene(
             building.linear_terms, building.modal, building.law_parameters, no_forces, space.flags
@@ -147,12 +147,12 @@ class SingleSteps:
             *space.memory,
         )
         if code >= 0:
-            self.space.report[at.STEPS_DONE] += 1.0
+            self.space.step_status[rows.STEPS_DONE] += 1.0
         return code
 
     def memory(self):
         """State and committed drift laws."""
-        return np.vstack([self.space.state, self.space.springs[: at.SPRING_ROWS]])
+        return np.vstack([self.space.state, self.space.law_state[: rows.LAW_STATE_ROWS]])
 
 
 def broken(threshold):

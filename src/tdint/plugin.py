@@ -18,19 +18,19 @@ from tdint.errors import did_you_mean
 
 _STANDS = {
     "kernels.layout": "chained",
-    "kernels.compiling": "F8 I8 TABLE VECTOR called inlined kernel local local_table specialized",
-    "kernels.stepping": "STEP Factors Memory Scene Weights",
+    "kernels.compiling": "F8 I8 TABLE VECTOR inline kernel local local_table outlined specialized",
+    "kernels.stepping": "STEP EffectiveCoefficients Factors Memory Scene",
     "kernels.linear_terms": "add_modal_force finite floor_impulse floor_load force_impulse "
     "force_moment force_rate force_value internal_forces power_damper",
-    "kernels.stories.law_state": "adopt commit dissipated reach recoverable restoring resume "
-    "settle",
-    "kernels.equations.newton": "BALANCE_ROWS ROW balance factor_rows forget",
+    "kernels.stories.law_state": "accumulate_dissipation commit commit_without_dissipation "
+    "hysteretic_energy restoring_force restoring_force_outlined resume strain_energy",
+    "kernels.equations.newton": "EQUILIBRIUM_ROWS ROW factor_rows invalidate solve_equilibrium",
     "kernels.equations.tridiagonal": "COUPLING_ROWS Combination ModalBlocks assemble_blocks "
     "assemble_combination factor factor_blocks factor_combination factor_damped link_blocks solve "
     "solve_blocks solve_blocks_damped solve_damped",
     "kernels.laws.law": "DriftLaw LawFunctions LawParameter yields_at_its_strength",
-    "kernels.laws.walking": "add_work branch_first copy_extra_rows extra_rows fail nothing "
-    "put_on_branch walker walking",
+    "kernels.laws.walking": "add_work branch_first branch_follower copy_extra_rows "
+    "extra_rows fail follow_branches no_operation set_branch",
     "methods.method": "Family Method Parameter",
     "analysis.chart.problem": "Problem",
     "ground_motion.formats.lines": "NUMBER Lines recognizes",
@@ -44,7 +44,7 @@ _STANDS = {
 HOMES = {name: f"tdint.{module}" for module, names in _STANDS.items() for name in names.split()}
 """The modules in which the names stand."""
 
-HOMES["at"] = "tdint.kernels.layout"  # the module itself
+HOMES["rows"] = "tdint.kernels.layout"  # the module itself
 
 
 def __getattr__(name: str) -> Any:
@@ -53,7 +53,7 @@ def __getattr__(name: str) -> Any:
             f"module 'tdint.plugin' has no attribute {name!r}{did_you_mean(name, HOMES)}"
         )
     module = import_module(HOMES[name])
-    return module if name == "at" else getattr(module, name)
+    return module if name == "rows" else getattr(module, name)
 
 
 def __dir__() -> list[str]:

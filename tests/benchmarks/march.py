@@ -28,7 +28,7 @@ from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import model_record
 from tdint.analysis.run.workspace import choose_steps
 from tdint.errors import TdintError
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import Building, assemble
 from tdint.model.definition import LAWS
@@ -106,12 +106,12 @@ def timed_plain_loop(model, record):
     ground = record.acceleration.copy()
     roof = np.zeros(ground.size)
     arguments = (
-        building.linear_terms[at.MASS, :n].copy(),
-        building.law_parameters[at.STIFFNESS, :n].copy(),
+        building.linear_terms[rows.MASS, :n].copy(),
+        building.law_parameters[rows.STIFFNESS, :n].copy(),
         (1.0 - hardening) * yields,
         hardening[0],
-        building.linear_terms[at.FLOOR_DAMPER, :n].copy(),
-        building.linear_terms[at.STORY_DAMPER, :n].copy(),
+        building.linear_terms[rows.FLOOR_DAMPER, :n].copy(),
+        building.linear_terms[rows.STORY_DAMPER, :n].copy(),
         ground,
         record.dt,
         roof,
@@ -168,8 +168,8 @@ class March:
         self.seconds = (
             min(self.seconds, marched.seconds / steps.count) if marched.code == 0 else np.nan
         )
-        self.events = int(marched.space.report[at.EVENTS])
-        self.solves = marched.space.totals[at.ITERATIONS] / steps.count
+        self.events = int(marched.space.step_status[rows.BRANCH_CHANGES])
+        self.solves = marched.space.totals[rows.ITERATIONS] / steps.count
 
 
 def law_marches(model, record):
@@ -205,7 +205,7 @@ def guard(model, record):
     names = [
         name
         for name, law in LAWS.items()
-        if law.kinked and (own := law.functions()).keep and not own.settle
+        if law.kinked and (own := law.functions()).keep and not own.accumulate_dissipation
     ]
     families = {}
     for text in catalogue():

@@ -91,10 +91,10 @@ def gone_along(law_parameters, turn, drifts, go=forces_behind.function):
     """The same, as moment4 goes there; by the kernel as it is written."""
     begun = spring_table(law_parameters)
     start(law_parameters, begun, 0, 0.0)
-    work, forces = np.zeros((path.PATH_ROWS, 2)), np.zeros(len(drifts))
+    scratch, forces = np.zeros((path.PATH_ROWS, 2)), np.zeros(len(drifts))
     turned = np.zeros_like(begun)
-    go(law_parameters, begun, turned, np.array([turn]), work, forces[:1])
-    go(law_parameters, turned, np.zeros_like(begun), np.asarray(drifts) - turn, work, forces)
+    go(law_parameters, begun, turned, np.array([turn]), scratch, forces[:1])
+    go(law_parameters, turned, np.zeros_like(begun), np.asarray(drifts) - turn, scratch, forces)
     return forces
 
 

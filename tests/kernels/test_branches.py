@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
-from tdint.kernels import layout as at
-from tdint.kernels.laws import walking as walks
+from tdint.kernels import layout as rows
+from tdint.kernels.laws import branch_following
+from tdint.kernels.laws.branch_following import branch_follower
 from tdint.kernels.laws.compiled_separately import CALLING, spring_table
 from tdint.kernels.laws.law import DriftLaw
-from tdint.kernels.laws.walking import walker
 from tdint.kernels.stories.branches import NONE, _crossing, turning
-from tdint.kernels.stories.law_state import restoring, start
+from tdint.kernels.stories.law_state import restoring_force, start
 from tdint.model.definition import LAWS
 from tdint.model.law_checks import path_faults
 
@@ -43,7 +43,7 @@ def test_what_a_law_says_of_itself_is_what_its_functions_do(name):
     law_parameters = law_table(name, *LAW_CASES[name])
     state = spring_table(law_parameters)
     start(law_parameters, state, 0, 0.0)
-    assert math.isinf(state[at.SLOPE, 0]) == LAWS[name].curved
+    assert math.isinf(state[rows.SLOPE, 0]) == LAWS[name].curved
     # Force, tangent and branches agree along paths from elastic to far beyond yielding.
     numbers, values = law_parameters[:, 0], list(LAW_CASES[name])
     assert path_faults(LAWS[name], numbers, LAWS[name].yield_drift(K, values)) == []
@@ -56,10 +56,10 @@ def test_the_tangent_is_the_slope(name):
     state = spring_table(law_parameters)
     start(law_parameters, state, 0, 0.01)
     for drift in (-0.05, 0.004, 0.015, 0.07):
-        tangent = restoring(law_parameters, state, 0, 0, at.FIRST_TRIAL, drift)
-        force = state[at.FIRST_TRIAL + at.FORCE, 0]
-        restoring(law_parameters, state, 0, 0, at.FIRST_TRIAL, drift + 1e-7)
-        assert (state[at.FIRST_TRIAL + at.FORCE, 0] - force) / 1e-7 == pytest.approx(
+        tangent = restoring_force(law_parameters, state, 0, 0, rows.FIRST_TRIAL, drift)
+        force = state[rows.FIRST_TRIAL + rows.FORCE, 0]
+        restoring_force(law_parameters, state, 0, 0, rows.FIRST_TRIAL, drift + 1e-7)
+        assert (state[rows.FIRST_TRIAL + rows.FORCE, 0] - force) / 1e-7 == pytest.approx(
             tangent, rel=1e-5
         )
 
@@ -78,22 +78,22 @@ def test_bilinear_loop_by_hand():
 def test_branch_by_branch_is_the_closed_form(name):
     law_parameters = law_table(name, *LAW_CASES[name])
     functions = LAWS[name].functions()
-    walk = walker(functions.switch, *([functions.advance] if name == "bilinear" else []))
+    walk = branch_follower(functions.switch, *([functions.advance] if name == "bilinear" else []))
     by_branches = spring_table(law_parameters)
     start(law_parameters, by_branches, 0, 0.0)
-    forces, _, dissipated = follow(law_parameters, CYCLE)
+    forces, _, hysteretic_energy = follow(law_parameters, CYCLE)
     for drift, force in zip(CYCLE, forces, strict=True):
-        walk(law_parameters, by_branches, 0, 0, at.SECOND_TRIAL, drift)
-        by_branches[: at.SPRING_ROWS] = by_branches[
-            at.SECOND_TRIAL : at.SECOND_TRIAL + at.SPRING_ROWS
+        walk(law_parameters, by_branches, 0, 0, rows.SECOND_TRIAL, drift)
+        by_branches[: rows.LAW_STATE_ROWS] = by_branches[
+            rows.SECOND_TRIAL : rows.SECOND_TRIAL + rows.LAW_STATE_ROWS
         ]
-        assert by_branches[at.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
+        assert by_branches[rows.FORCE, 0] == pytest.approx(force, rel=1e-12, abs=1e-10)
         if name == "gap":
             beyond = max(abs(drift) - 0.05, 0.0)
             assert force == pytest.approx(
                 K * drift + 4.0 * K * np.copysign(beyond, drift), rel=1e-12
             )
-    assert by_branches[at.DISSIPATED, 0] == pytest.approx(dissipated, rel=1e-12)
+    assert by_branches[rows.DISSIPATED, 0] == pytest.approx(hysteretic_energy, rel=1e-12)
 
 
 def test_peak_oriented_loop_by_hand():
@@ -116,21 +116,23 @@ def _origin_oriented():
     """Straight to and from the origin up to the farthest drift, where it goes on with a tenth of
     the stiffness; one row of its own: how often it has turned there."""
 
-    def recoverable(law_parameters, springs, i):
-        return 0.5 * springs[at.FORCE, i] * springs[at.DRIFT, i]
+    def strain_energy(law_parameters, law_state, i):
+        return 0.5 * law_state[rows.FORCE, i] * law_state[rows.DRIFT, i]
 
-    def enter(law_parameters, springs, i):
-        springs[at.UPPER, i], springs[at.LOWER, i] = FY / K, -FY / K
+    def enter(law_parameters, law_state, i):
+        law_state[rows.UPPER, i], law_state[rows.LOWER, i] = FY / K, -FY / K
 
-    def switch(law_parameters, springs, i, block, event):
-        drift = springs[block + at.DRIFT, i]
-        springs[block + at.TURN, i] = event
-        springs[block + at.UPPER, i] = math.inf if event else abs(drift)
-        springs[block + at.LOWER, i] = -math.inf if event else -abs(drift)
-        springs[block + at.SLOPE, i] = 0.1 * K if event else springs[block + at.FORCE, i] / drift
-        springs[walks.extra_rows(springs, block), i] += event == at.TURNED
+    def switch(law_parameters, law_state, i, block, event):
+        drift = law_state[block + rows.DRIFT, i]
+        law_state[block + rows.RATE_SIGN, i] = event
+        law_state[block + rows.UPPER, i] = math.inf if event else abs(drift)
+        law_state[block + rows.LOWER, i] = -math.inf if event else -abs(drift)
+        law_state[block + rows.SLOPE, i] = (
+            0.1 * K if event else law_state[block + rows.FORCE, i] / drift
+        )
+        law_state[branch_following.extra_rows(law_state, block), i] += event == rows.REVERSED
 
-    return walks.branch_first(walks.walking(switch, recoverable, enter))
+    return branch_following.branch_first(branch_following.follow_branches(switch, strain_energy, enter))
 
 
 PLUGINS = {
@@ -139,19 +141,21 @@ PLUGINS = {
 KNOWING = [
     name
     for name, law in LAWS.items()
-    if law.kinked and law.functions().keep and not law.functions().settle
+    if law.kinked and law.functions().keep and not law.functions().accumulate_dissipation
 ]
 
 
-def _along(functions, law_parameters, springs, drifts):
+def _along(functions, law_parameters, law_state, drifts):
     """Tangent, force and work at each of the drifts, one reached from the other, each in a trial
     block of its own."""
     results = []
-    for past, drift in enumerate(drifts):
-        trial = (past + 1) * at.SPRING_ROWS
-        springs[trial + at.DRIFT, 0] = drift
-        tangent = functions.force(law_parameters, springs, 0, past * at.SPRING_ROWS, trial, drift)
-        results.append((tangent, springs[trial + at.FORCE, 0], springs[trial + at.WORK, 0]))
+    for previous, drift in enumerate(drifts):
+        trial = (previous + 1) * rows.LAW_STATE_ROWS
+        law_state[trial + rows.DRIFT, 0] = drift
+        tangent = functions.force(
+            law_parameters, law_state, 0, previous * rows.LAW_STATE_ROWS, trial, drift
+        )
+        results.append((tangent, law_state[trial + rows.FORCE, 0], law_state[trial + rows.WORK, 0]))
     return results
 
 
@@ -166,16 +170,22 @@ def test_a_look_at_the_branch_first_changes_no_bit(name, monkeypatch):
         plain = law.functions()
     code = name if name in LAWS else "linear"
     law_parameters = law_table(code, *LAW_CASES.get(name, ()))
-    tables = [np.zeros((at.EXTRA_ROWS + at.SPRING_BLOCKS * law.extra_rows, 2)) for _ in range(2)]
-    for springs in tables:
-        springs[at.SLOPE, 0], springs[at.UPPER, 0], springs[at.LOWER, 0] = K, math.inf, -math.inf
-        plain.enter(law_parameters, springs, 0)
+    tables = [
+        np.zeros((rows.EXTRA_ROWS + rows.LAW_STATE_BLOCKS * law.extra_rows, 2)) for _ in range(2)
+    ]
+    for law_state in tables:
+        law_state[rows.SLOPE, 0], law_state[rows.UPPER, 0], law_state[rows.LOWER, 0] = (
+            K,
+            math.inf,
+            -math.inf,
+        )
+        plain.enter(law_parameters, law_state, 0)
     looking_at, walked = tables
-    looking_at[at.SPRING_ROWS : at.ADDRESS] = 1e3  # whatever stood there
+    looking_at[rows.LAW_STATE_ROWS : rows.ADDRESS] = 1e3  # whatever stood there
     generator = np.random.default_rng(len(name))
     drift, borrowed, of_a_block, of_its_own = 0.0, 0, 0, 0
     for part in np.linspace(0.0, 1.0, 500):
-        reach = (0.5 + 8.0 * part) * FY / K
+        restoring_force_outlined = (0.5 + 8.0 * part) * FY / K
         for _ in range(generator.integers(1, 4)):
             steps = (
                 FY
@@ -183,26 +193,29 @@ def test_a_look_at_the_branch_first_changes_no_bit(name, monkeypatch):
                 * 10.0 ** generator.uniform(-2.0, 0.5)
                 * generator.normal(size=generator.integers(1, 4))
             )
-            drifts = np.clip(drift + np.cumsum(steps), -reach, reach)
+            drifts = np.clip(
+                drift + np.cumsum(steps), -restoring_force_outlined, restoring_force_outlined
+            )
             assert _along(looking, law_parameters, looking_at, drifts) == _along(
                 plain, law_parameters, walked, drifts
             )
-        loans = looking_at[at.FIRST_TRIAL + at.BORROWED : at.ADDRESS : at.SPRING_ROWS, 0][
-            : drifts.size
-        ]
+        loans = looking_at[
+            rows.FIRST_TRIAL + rows.BRANCH_OFFSET : rows.ADDRESS : rows.LAW_STATE_ROWS, 0
+        ][: drifts.size]
         borrowed += np.count_nonzero(loans)
         of_its_own += np.count_nonzero(loans == 0.0)
-        of_a_block += np.count_nonzero(loans[1:] == -at.SPRING_ROWS)
-        for functions, springs in ((looking, looking_at), (plain, walked)):
-            trial = drifts.size * at.SPRING_ROWS
-            functions.keep(law_parameters, springs, 0, trial - at.SPRING_ROWS, trial)
-            springs[[at.DRIFT, at.FORCE, at.INTERNAL], 0] = springs[
-                trial + np.array([at.DRIFT, at.FORCE, at.INTERNAL]), 0
+        of_a_block += np.count_nonzero(loans[1:] == -rows.LAW_STATE_ROWS)
+        for functions, law_state in ((looking, looking_at), (plain, walked)):
+            trial = drifts.size * rows.LAW_STATE_ROWS
+            functions.keep(law_parameters, law_state, 0, trial - rows.LAW_STATE_ROWS, trial)
+            law_state[[rows.DRIFT, rows.FORCE, rows.INTERNAL], 0] = law_state[
+                trial + np.array([rows.DRIFT, rows.FORCE, rows.INTERNAL]), 0
             ]
-        drift = walked[at.DRIFT, 0]
-        assert np.array_equal(looking_at[: at.SPRING_ROWS], walked[: at.SPRING_ROWS])
+        drift = walked[rows.DRIFT, 0]
+        assert np.array_equal(looking_at[: rows.LAW_STATE_ROWS], walked[: rows.LAW_STATE_ROWS])
         assert np.array_equal(
-            looking_at[at.EXTRA_ROWS :][: law.extra_rows], walked[at.EXTRA_ROWS :][: law.extra_rows]
+            looking_at[rows.EXTRA_ROWS :][: law.extra_rows],
+            walked[rows.EXTRA_ROWS :][: law.extra_rows],
         )
     assert min(borrowed, of_its_own) > 50 and of_a_block > 10
 

@@ -17,7 +17,7 @@ from tdint.analysis.run.prepared import of_model
 from tdint.errors import AnalysisError, OutputError
 from tdint.kernels.building import compilable, obtaining, store
 from tdint.kernels.building.compilable import EVERYTHING, Variant, parse
-from tdint.kernels.building.compiler import called, objects_of, specialized
+from tdint.kernels.building.compiler import objects_of, outlined, specialized
 from tdint.kernels.building.loading import Loaded, pack, unpack
 from tdint.kernels.building.obtaining import compile_ahead, obtain
 from tdint.kernels.building.process import Compilation
@@ -386,7 +386,7 @@ def test_a_kernel_that_allocates_is_refused():
         objects_of(allocates, F8(VECTOR), [native()])
 
 
-@pytest.mark.parametrize(("decorate", "times"), [(called, 1), (specialized, 2)])
+@pytest.mark.parametrize(("decorate", "times"), [(outlined, 1), (specialized, 2)])
 def test_constants_make_another_function_only_where_that_is_wanted(decorate, times):
     @decorate
     def power(x, n):

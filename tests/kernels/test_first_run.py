@@ -93,7 +93,7 @@ def of_user(tmp_path, monkeypatch):
     for name in ("CI", "TDINT_KERNELS", "TDINT_COMPILE", "TDINT_KERNELS_DIR"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("TDINT_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(store, "look_up", lambda *arguments, **how: None)
+    monkeypatch.setattr(store, "find_object", lambda *arguments, **how: None)
     # Kernels of this process stay as they are.
     monkeypatch.setattr(
         "tdint.kernels.building.compilable.Compilable.take", lambda *arguments, **how: None

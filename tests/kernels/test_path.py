@@ -11,10 +11,16 @@ from scipy.integrate import simpson
 
 from law_examples import example
 from law_paths import FY, K, law_table
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.laws import LAWS as COMPILED
 from tdint.kernels.laws.compiled_separately import spring_table
-from tdint.kernels.stories.law_state import commit, dissipated, recoverable, restoring, start
+from tdint.kernels.stories.law_state import (
+    commit,
+    hysteretic_energy,
+    restoring_force,
+    start,
+    strain_energy,
+)
 from tdint.kernels.stories.path import (
     MOST_POINTS,
     NODES,
@@ -67,7 +73,9 @@ dissipates."""
 
 
 def stored_and_dissipated(law_parameters, state):
-    return np.array([energy(law_parameters, state, 0) for energy in (recoverable, dissipated)])
+    return np.array(
+        [energy(law_parameters, state, 0) for energy in (strain_energy, hysteretic_energy)]
+    )
 
 
 def results(law_parameters, state, rise, bend, steady=False):
@@ -82,10 +90,10 @@ def by_simpsons_rule(law_parameters, state, rise, bend, parts=160):
     """Mean and moment from point to point, each a drift that the law goes to straight."""
     t = np.linspace(0.0, 1.0, 2 * parts + 1)
     forces = []
-    for drift in state[at.DRIFT, 0] + t * rise + 0.5 * bend * (t * t - t):
-        restoring(law_parameters, state, 0, at.COMMITTED, at.FIRST_TRIAL, drift)
-        commit(law_parameters, state, 0, at.COMMITTED, at.FIRST_TRIAL)
-        forces.append(state[at.FORCE, 0])
+    for drift in state[rows.DRIFT, 0] + t * rise + 0.5 * bend * (t * t - t):
+        restoring_force(law_parameters, state, 0, rows.COMMITTED, rows.FIRST_TRIAL, drift)
+        commit(law_parameters, state, 0, rows.COMMITTED, rows.FIRST_TRIAL)
+        forces.append(state[rows.FORCE, 0])
     return simpson([forces, 12.0 * (t - 0.5) * forces], x=t)
 
 
@@ -115,7 +123,7 @@ def journey_of(name, steady):
     start(law_parameters, state, 0, 0.0)
     visited = []
     for rise, bend in random_paths():
-        if abs(state[at.DRIFT, 0] + rise) > 8.0 * DY:  # not ever farther
+        if abs(state[rows.DRIFT, 0] + rise) > 8.0 * DY:  # not ever farther
             rise, bend = -rise, -bend
         visited.append((state.copy(), rise, bend))
         results(law_parameters, state, rise, bend, steady)
@@ -128,10 +136,10 @@ def test_the_work_is_what_is_stored_and_dissipated(any_journey):
         before = stored_and_dissipated(law_parameters, state)
         mean, moment, *_ = results(law_parameters, state, rise, bend, steady)
         after = stored_and_dissipated(law_parameters, state)
-        work = rise * mean + bend * moment / 12.0
+        scratch = rise * mean + bend * moment / 12.0
         way = abs(rise) + abs(bend) + 1e-3 * DY
         allowed = TOLERANCE.get(name, 1e-12) * 10.0 * FY * way + 1e-14 * sum(map(abs, after))
-        assert work == pytest.approx(sum(after) - sum(before), rel=1e-12, abs=allowed)
+        assert scratch == pytest.approx(sum(after) - sum(before), rel=1e-12, abs=allowed)
 
 
 def test_the_integrals_are_those_of_the_force(journey):
@@ -139,7 +147,7 @@ def test_the_integrals_are_those_of_the_force(journey):
     for state, rise, bend in (*visited[:4], *visited[4::7]):
         got = results(law_parameters, state.copy(), rise, bend)
         expected = by_simpsons_rule(law_parameters, state.copy(), rise, bend)
-        size = abs(state[at.FORCE, 0]) + abs(got[0]) + K * (abs(rise) + abs(bend))
+        size = abs(state[rows.FORCE, 0]) + abs(got[0]) + K * (abs(rise) + abs(bend))
         assert got[:2] == pytest.approx(expected, abs=INTEGRALS.get(name, 1e-4) * size)
 
 
@@ -177,7 +185,7 @@ def test_a_story_on_its_branch_needs_no_walk(journey):
             kept += 1
             keep_to_branch(state, 0, rise, bend, out, 0)
             walked = results(law_parameters, state.copy(), rise, bend)
-            scale = K * (abs(rise) + abs(bend)) + abs(state[at.FORCE, 0]) + K
+            scale = K * (abs(rise) + abs(bend)) + abs(state[rows.FORCE, 0]) + K
             assert out[:6, 0] == pytest.approx(walked, abs=1e-11 * scale)
     assert (kept > 0) == (not LAWS[name].curved)
     assert (kept == PATHS) == (name == "linear")
@@ -188,11 +196,11 @@ def test_rows_beyond_the_committed_state_do_not_matter(journey):
     _, law_parameters, visited, _ = journey
     for state, rise, bend in visited[::7]:
         clean, dirty = state.copy(), state.copy()
-        clean[at.SPRING_ROWS : at.ADDRESS] = 0.0
-        dirty[at.SPRING_ROWS : at.ADDRESS] = 1e3
+        clean[rows.LAW_STATE_ROWS : rows.ADDRESS] = 0.0
+        dirty[rows.LAW_STATE_ROWS : rows.ADDRESS] = 1e3
         one, other = (results(law_parameters, table, rise, bend) for table in (clean, dirty))
         assert np.array_equal(one, other)
-        for row in (at.DRIFT, at.FORCE, at.DISSIPATED):
+        for row in (rows.DRIFT, rows.FORCE, rows.DISSIPATED):
             assert clean[row, 0] == dirty[row, 0]
 
 
@@ -203,8 +211,8 @@ def test_a_story_that_does_not_turn_is_where_a_straight_way_ends(steady_journey)
         straight = state.copy()
         results(law_parameters, state, rise, bend, steady=True)
         results(law_parameters, straight, rise, 0.0)
-        size = FY + abs(straight[at.WORK, 0]) + abs(straight[at.DISSIPATED, 0])
-        for row in (at.DRIFT, at.FORCE, at.WORK, at.DISSIPATED):
+        size = FY + abs(straight[rows.WORK, 0]) + abs(straight[rows.DISSIPATED, 0])
+        for row in (rows.DRIFT, rows.FORCE, rows.WORK, rows.DISSIPATED):
             assert state[row, 0] == pytest.approx(straight[row, 0], abs=1e-12 * size)
 
 
@@ -248,18 +256,18 @@ def test_a_short_turn_changes_little_unless_the_law_degrades_by_turns(steady_jou
     if (
         name == "multilinear-pinching"
     ):  # the example does not degrade: 30 % of the strength at the last drift
-        law_parameters[at.FIRST_PARAMETER + 33 : at.FIRST_PARAMETER + 38, 0] = 0.3, 0, 1, 1, 0.5
+        law_parameters[rows.FIRST_PARAMETER + 33 : rows.FIRST_PARAMETER + 38, 0] = 0.3, 0, 1, 1, 0.5
     largest = 0.0
     for state, _, _ in visited:
         ways = [DY, -3.0 * DY, 4.0 * DY, -3.0 * DY]
-        side = np.sign(state[at.TURN, 0]) or 1.0
+        side = np.sign(state[rows.RATE_SIGN, 0]) or 1.0
         straight = state.copy()
         for way in (-1e-6 * DY, 1e-6 * DY):
             results(law_parameters, state, side * way, 0.0)
         for way in ways:
             results(law_parameters, state, side * way, 0.0)
             results(law_parameters, straight, side * way, 0.0)
-            largest = max(largest, abs(state[at.FORCE, 0] - straight[at.FORCE, 0]) / FY)
+            largest = max(largest, abs(state[rows.FORCE, 0] - straight[rows.FORCE, 0]) / FY)
     counts = name in ("imk", "multilinear-pinching")  # they degrade at each turn
     assert (largest > 1e-3) == counts, largest
     assert counts or largest < 1e-5

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.march.observing import _raise_ends, look_between, observe
 from tdint.kernels.peaks_between_steps import _cubic_extremum, find_interstep_peaks
 from tdint.kernels.stepping import Memory, Passage, Scene, Seen, Span
@@ -23,16 +23,16 @@ def scene(seed):
     scale = np.array([[1.0], [1.0 / h], [1.0 / h**2]]) * 10.0 ** generator.uniform(
         -1.0, 1.0, (3, 1)
     )
-    linear_terms = np.zeros((at.LINEAR_TERM_ROWS, STORIES + 1))
-    linear_terms[at.LINK, 1:STORIES] = 1.0
-    linear_terms[at.MASS, :STORIES] = np.linspace(1.0, 2.0, STORIES)
-    linear_terms[at.INVERSE_MASS, :STORIES] = 1.0 / linear_terms[at.MASS, :STORIES]
+    linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, STORIES + 1))
+    linear_terms[rows.LINK, 1:STORIES] = 1.0
+    linear_terms[rows.MASS, :STORIES] = np.linspace(1.0, 2.0, STORIES)
+    linear_terms[rows.INVERSE_MASS, :STORIES] = 1.0 / linear_terms[rows.MASS, :STORIES]
     law_parameters = np.zeros((3, STORIES + 1))
-    law_parameters[at.STIFFNESS, :STORIES] = K
-    old, state, springs = (
+    law_parameters[rows.STIFFNESS, :STORIES] = K
+    old, state, law_state = (
         np.zeros((5, STORIES + 1)),
         np.zeros((3, STORIES + 1)),
-        np.zeros((at.SPRING_ROWS, STORIES + 1)),
+        np.zeros((rows.LAW_STATE_ROWS, STORIES + 1)),
     )
     old[:3, :STORIES] = scale * generator.normal(size=(3, STORIES))
     old[3:, :STORIES] = scale[1:] * generator.normal(size=(2, STORIES))
@@ -42,31 +42,31 @@ def scene(seed):
         # displacements that fit velocities and accelerations: else they tell nothing of what lies
         # between
     ):
-        rise = 0.5 * h * (old[1] + state[at.VELOCITY]) - h**2 / 12.0 * (
-            state[at.ACCELERATION] - old[2]
+        rise = 0.5 * h * (old[1] + state[rows.VELOCITY]) - h**2 / 12.0 * (
+            state[rows.ACCELERATION] - old[2]
         )
-        state[at.DISPLACEMENT] = old[0] + rise
-    springs[at.DRIFT, :STORIES] = np.diff(state[at.DISPLACEMENT, :STORIES], prepend=0.0)
-    springs[at.FORCE, :STORIES] = (
-        K * generator.uniform(-1.0, 1.0, STORIES) * springs[at.DRIFT, :STORIES]
+        state[rows.DISPLACEMENT] = old[0] + rise
+    law_state[rows.DRIFT, :STORIES] = np.diff(state[rows.DISPLACEMENT, :STORIES], prepend=0.0)
+    law_state[rows.FORCE, :STORIES] = (
+        K * generator.uniform(-1.0, 1.0, STORIES) * law_state[rows.DRIFT, :STORIES]
     )
     ground = scale[2, 0] * generator.normal(size=2)
-    ends = np.zeros((at.PEAK_ROWS, STORIES))
-    ends[at.PEAK_DRIFT] = abs(springs[at.DRIFT, :STORIES])
-    ends[at.PEAK_SHEAR] = abs(springs[at.FORCE, :STORIES])
-    ends[at.PEAK_DISPLACEMENT] = np.maximum(abs(state[at.DISPLACEMENT]), abs(old[0]))[:STORIES]
-    ends[at.PEAK_VELOCITY] = np.maximum(abs(state[at.VELOCITY]), abs(old[1]))[:STORIES]
-    ends[at.PEAK_ACCELERATION] = np.maximum(
-        abs(state[at.ACCELERATION] + ground[1]), abs(old[2] + ground[0])
+    ends = np.zeros((rows.PEAK_ROWS, STORIES))
+    ends[rows.PEAK_DRIFT] = abs(law_state[rows.DRIFT, :STORIES])
+    ends[rows.PEAK_SHEAR] = abs(law_state[rows.FORCE, :STORIES])
+    ends[rows.PEAK_DISPLACEMENT] = np.maximum(abs(state[rows.DISPLACEMENT]), abs(old[0]))[:STORIES]
+    ends[rows.PEAK_VELOCITY] = np.maximum(abs(state[rows.VELOCITY]), abs(old[1]))[:STORIES]
+    ends[rows.PEAK_ACCELERATION] = np.maximum(
+        abs(state[rows.ACCELERATION] + ground[1]), abs(old[2] + ground[0])
     )[:STORIES]
     for a, rate, one in (
         (old[2], old[1], ground[0]),
-        (state[at.ACCELERATION], state[at.VELOCITY], ground[1]),
+        (state[rows.ACCELERATION], state[rows.VELOCITY], ground[1]),
     ):
-        moved = np.cumsum((linear_terms[at.MASS] * (a + one))[:STORIES][::-1])[::-1]
-        ends[at.PEAK_TOTAL_SHEAR] = np.maximum(ends[at.PEAK_TOTAL_SHEAR], abs(moved))
+        moved = np.cumsum((linear_terms[rows.MASS] * (a + one))[:STORIES][::-1])[::-1]
+        ends[rows.PEAK_TOTAL_SHEAR] = np.maximum(ends[rows.PEAK_TOTAL_SHEAR], abs(moved))
         rates = abs(np.diff(rate[:STORIES], prepend=0.0))
-        ends[at.PEAK_DRIFT_RATE] = np.maximum(ends[at.PEAK_DRIFT_RATE], rates)
+        ends[rows.PEAK_DRIFT_RATE] = np.maximum(ends[rows.PEAK_DRIFT_RATE], rates)
     peaks = np.vstack([ends * generator.uniform(1.0, 1.5, ends.shape), np.zeros_like(ends)])
     on_path, fast = (bool(one) for one in generator.integers(0, 2, 2))
     turns = np.zeros((1, STORIES + 1))
@@ -76,23 +76,25 @@ def scene(seed):
         law_parameters,
         old,
         state,
-        springs,
+        law_state,
         turns,
         peaks,
     )
 
 
-def arguments(span, linear_terms, law_parameters, old, state, springs, turns, peaks):
+def arguments(span, linear_terms, law_parameters, old, state, law_state, turns, peaks):
     """Arguments of `find_interstep_peaks`."""
     nothing = np.zeros((0, linear_terms.shape[1]))
-    flags = np.zeros(at.FLAGS_SIZE)
-    flags[at.DEVICES] = 1.0
-    building = Scene(linear_terms, nothing, law_parameters, np.zeros((0, at.FORCE_COLUMNS)), flags)
+    flags = np.zeros(rows.FLAGS_SIZE)
+    flags[rows.HAS_DASHPOTS] = 1.0
+    building = Scene(
+        linear_terms, nothing, law_parameters, np.zeros((0, rows.FORCE_COLUMNS)), flags
+    )
     return [
         span,
         building,
-        Passage(old, 0, state, state, at.ACCELERATION),
-        springs,
+        Passage(old, 0, state, state, rows.ACCELERATION),
+        law_state,
         turns,
         0,
         peaks,
@@ -106,24 +108,26 @@ def observed(seed, everything):
     beyond them in a third of the scenes. With `everything` it is looked at closely whether a peak
     may be passed or not.
     """
-    span, building, passage, springs, _, _, peaks, _ = scene(seed)
-    absolute = passage.state[at.ACCELERATION, :STORIES] + span.ground_1
-    springs[at.FORCE, :STORIES] = -np.cumsum(
-        (building.linear_terms[at.MASS, :STORIES] * absolute)[::-1]
+    span, building, passage, law_state, _, _, peaks, _ = scene(seed)
+    absolute = passage.state[rows.ACCELERATION, :STORIES] + span.ground_1
+    law_state[rows.FORCE, :STORIES] = -np.cumsum(
+        (building.linear_terms[rows.MASS, :STORIES] * absolute)[::-1]
     )[::-1]
     factors = np.random.default_rng(seed).uniform(1.0, 1.5, STORIES)
-    peaks[at.PEAK_SHEAR] = factors * abs(springs[at.FORCE, :STORIES])
-    others = np.arange(at.PEAK_ROWS) != seed % at.PEAK_ROWS  # whose peaks are far
-    peaks[: at.PEAK_ROWS][others] *= 100.0
+    peaks[rows.PEAK_SHEAR] = factors * abs(law_state[rows.FORCE, :STORIES])
+    others = np.arange(rows.PEAK_ROWS) != seed % rows.PEAK_ROWS  # whose peaks are far
+    peaks[: rows.PEAK_ROWS][others] *= 100.0
     peaks *= 0.8 if seed % 3 == 0 else 1.0
-    watch = np.zeros((at.WATCH_ROWS, STORIES + 1))
-    watch[at.U_BEFORE : at.A_EARLIER + 1] = passage.old
-    memory = Memory(passage.state, springs, np.zeros((0, 0)), np.zeros(at.REPORT_SIZE))
-    seen = Seen(watch, peaks, np.zeros((3, STORIES)), np.zeros(at.TOTALS_SIZE), np.zeros((0, 0)))
+    observer_state = np.zeros((rows.OBSERVER_ROWS, STORIES + 1))
+    observer_state[rows.U_PREVIOUS : rows.A_EARLIER + 1] = passage.old
+    memory = Memory(passage.state, law_state, np.zeros((0, 0)), np.zeros(rows.REPORT_SIZE))
+    seen = Seen(
+        observer_state, peaks, np.zeros((3, STORIES)), np.zeros(rows.TOTALS_SIZE), np.zeros((0, 0))
+    )
     before = peaks.copy()
     passing = observe(building, span, 0.0, memory, seen)
     if everything:
-        _raise_ends(span.ground_1, passage.state, springs, seen)
+        _raise_ends(span.ground_1, passage.state, law_state, seen)
     turned = look_between(passing or everything, building, span, memory, seen)
     return peaks, before, turned
 
@@ -140,13 +144,13 @@ def test_nothing_is_passed_where_it_is_not_looked_closely():
 
 
 def test_some_of_these_motions_pass_each_peak():
-    raised = np.zeros(2 * at.PEAK_ROWS, dtype=bool)
+    raised = np.zeros(2 * rows.PEAK_ROWS, dtype=bool)
     for seed in range(300):
         before, after = scene(seed), scene(seed)
         find_interstep_peaks(*after)
         raised |= np.any(after[-2] > before[-2], axis=1)
     of_stories = [
-        row for row in range(2 * at.PEAK_ROWS) if row % at.PEAK_ROWS != at.PEAK_SHEAR
+        row for row in range(2 * rows.PEAK_ROWS) if row % rows.PEAK_ROWS != rows.PEAK_SHEAR
     ]  # that is raised by the laws
     assert raised[of_stories].all()
 
@@ -163,23 +167,23 @@ def errors(h):
             start = middle / omega - part * h
             times = omega * np.array([start, start + h])
             u, v, a = np.sin(times), omega * np.cos(times), -(omega**2) * np.sin(times)
-            linear_terms = np.zeros((at.LINEAR_TERM_ROWS, 2))
-            law_parameters, springs, turns = (
+            linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, 2))
+            law_parameters, law_state, turns = (
                 np.full((3, 2), K),
-                np.zeros((at.SPRING_ROWS, 2)),
+                np.zeros((rows.LAW_STATE_ROWS, 2)),
                 np.zeros((1, 2)),
             )
-            springs[at.DRIFT, 0] = u[1]
+            law_state[rows.DRIFT, 0] = u[1]
             old, state = np.zeros((5, 2)), np.zeros((3, 2))
             old[:3, 0], state[:, 0] = (u[0], v[0], a[0]), (u[1], v[1], a[1])
             ends = [max(abs(u)), 0.0, max(abs(u)), max(abs(v)), max(abs(a - 1.0))]
             peaks = np.array([[*ends, 0.0, 0.0, 0.0, 0.0, 0.0]]).T
             span = Span(0.0, h, -1.0, -1.0, False, False, False)
             find_interstep_peaks(
-                *arguments(span, linear_terms, law_parameters, old, state, springs, turns, peaks)
+                *arguments(span, linear_terms, law_parameters, old, state, law_state, turns, peaks)
             )
             found = peaks[
-                (at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY, at.PEAK_ACCELERATION)[quantity], 0
+                (rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY, rows.PEAK_ACCELERATION)[quantity], 0
             ]
             exact = (1.0, omega, omega**2 + 1.0)[quantity]
             missed[quantity] = max(missed[quantity], abs(found / exact - 1.0))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse4 import FACTORS, factor_rows, newton, solve_linear
 from tdint.kernels.equations.tridiagonal import (
@@ -25,9 +25,9 @@ from tdint.methods.impulse4 import coefficients
 def test_tridiagonal_with_low_rank(n, modes):
     modes = min(modes, n)
     generator = np.random.default_rng(n * 10 + modes)
-    springs = generator.uniform(1.0, 2.0, n)
-    coupling = np.append(0.0, -springs[1:])
-    diagonal = springs + np.append(springs[1:], 0.0) + generator.uniform(0.1, 1.0, n)
+    law_state = generator.uniform(1.0, 2.0, n)
+    coupling = np.append(0.0, -law_state[1:])
+    diagonal = law_state + np.append(law_state[1:], 0.0) + generator.uniform(0.1, 1.0, n)
     w = np.hstack([generator.normal(size=(modes, n)), np.zeros((modes, 1))])
     right = generator.normal(size=n)
     scale = 0.3
@@ -37,12 +37,12 @@ def test_tridiagonal_with_low_rank(n, modes):
         + np.diag(coupling[1:], -1)
         + scale * w[:, :n].T @ w[:, :n]
     )
-    work = np.zeros((3 + 2 * modes + 1, max(n, 2 * modes) + 1))
-    work[0, :n], work[1, :n], work[2, :n] = diagonal, coupling, right
-    factors = Factors(work, 0, 1, 3)
+    scratch = np.zeros((3 + 2 * modes + 1, max(n, 2 * modes) + 1))
+    scratch[0, :n], scratch[1, :n], scratch[2, :n] = diagonal, coupling, right
+    factors = Factors(scratch, 0, 1, 3)
     factor_damped(factors, w, scale, n)
     solve_damped(factors, w, 2, n)
-    assert work[2, :n] == pytest.approx(np.linalg.solve(dense, right), rel=1e-12, abs=1e-13)
+    assert scratch[2, :n] == pytest.approx(np.linalg.solve(dense, right), rel=1e-12, abs=1e-13)
 
 
 @pytest.mark.parametrize("modes", [0, 1, 5])
@@ -64,35 +64,35 @@ def test_blocks_with_low_rank(n, modes):
     dense += np.einsum("pq,ij->ipjq", s.reshape(2, 2), w[:, :n].T @ w[:, :n])
     expected = np.linalg.solve(dense.reshape(2 * n, 2 * n), right.T.ravel()).reshape(n, 2).T
     x = 4 + COUPLING_ROWS
-    work = np.zeros((x + 2 + 6 * modes + 1, max(n, 2 * modes) + 1))
-    work[:4, :n], work[4:8, :n], work[x : x + 2, :n] = blocks, b, right
-    factors, damping = Factors(work, 0, 4, x + 2), ModalBlocks(w, *s)
+    scratch = np.zeros((x + 2 + 6 * modes + 1, max(n, 2 * modes) + 1))
+    scratch[:4, :n], scratch[4:8, :n], scratch[x : x + 2, :n] = blocks, b, right
+    factors, damping = Factors(scratch, 0, 4, x + 2), ModalBlocks(w, *s)
     factor_blocks(factors, damping, n)
     solve_blocks_damped(factors, damping, x, x + 1, n)
-    assert work[x : x + 2, :n] == pytest.approx(expected, rel=1e-11, abs=1e-12)
+    assert scratch[x : x + 2, :n] == pytest.approx(expected, rel=1e-11, abs=1e-12)
 
 
 def chain(n, modes, generator):
     """Masses, dampers, a softening story among stiff ones, one that stands on the ground beside the
     others; the columns of the solver, and the dense M, C and K."""
-    linear_terms, springs = np.zeros((at.LINEAR_TERM_ROWS, n + 1)), np.zeros((at.EXTRA_ROWS, n + 1))
-    linear_terms[[at.MASS, at.FLOOR_DAMPER, at.STORY_DAMPER], :n] = generator.uniform(
+    linear_terms, law_state = np.zeros((rows.LINEAR_TERM_ROWS, n + 1)), np.zeros((rows.EXTRA_ROWS, n + 1))
+    linear_terms[[rows.MASS, rows.FLOOR_DAMPER, rows.STORY_DAMPER], :n] = generator.uniform(
         0.1, 1.0, (3, n)
     )
-    linear_terms[at.INVERSE_MASS, :n] = 1.0 / linear_terms[at.MASS, :n]
-    linear_terms[at.GEOMETRIC, :n] = -generator.uniform(0.0, 0.5, n)
-    linear_terms[at.LINK, 1:n] = 1.0
-    linear_terms[at.LINK, 3:4] = 0.0
-    springs[at.SLOPE, :n] = 10.0 ** generator.uniform(0.0, 2.0, n)
-    springs[at.SLOPE, n // 2] *= -0.2
+    linear_terms[rows.INVERSE_MASS, :n] = 1.0 / linear_terms[rows.MASS, :n]
+    linear_terms[rows.GEOMETRIC, :n] = -generator.uniform(0.0, 0.5, n)
+    linear_terms[rows.LINK, 1:n] = 1.0
+    linear_terms[rows.LINK, 3:4] = 0.0
+    law_state[rows.SLOPE, :n] = 10.0 ** generator.uniform(0.0, 2.0, n)
+    law_state[rows.SLOPE, n // 2] *= -0.2
     modal = np.hstack([generator.normal(size=(modes, n)), np.zeros((modes, 1))])
-    differences = np.eye(n) - np.diag(linear_terms[at.LINK, 1:n], -1)
-    stiffness = springs[at.SLOPE, :n] + linear_terms[at.GEOMETRIC, :n]
-    damping = np.diag(linear_terms[at.FLOOR_DAMPER, :n]) + modal[:, :n].T @ modal[:, :n]
+    differences = np.eye(n) - np.diag(linear_terms[rows.LINK, 1:n], -1)
+    stiffness = law_state[rows.SLOPE, :n] + linear_terms[rows.GEOMETRIC, :n]
+    damping = np.diag(linear_terms[rows.FLOOR_DAMPER, :n]) + modal[:, :n].T @ modal[:, :n]
     return (
-        (linear_terms, springs, modal),
-        np.diag(linear_terms[at.MASS, :n]),
-        damping + differences.T @ np.diag(linear_terms[at.STORY_DAMPER, :n]) @ differences,
+        (linear_terms, law_state, modal),
+        np.diag(linear_terms[rows.MASS, :n]),
+        damping + differences.T @ np.diag(linear_terms[rows.STORY_DAMPER, :n]) @ differences,
         differences.T @ np.diag(stiffness) @ differences,
     )
 
@@ -105,19 +105,19 @@ def test_pairs_with_low_rank(n, modes):
     modes = min(modes, n)
     generator = np.random.default_rng(n * 10 + modes)
     for size in (1e-3, 1.0, 1e3):
-        (linear_terms, springs, modal), mass, damping, stiffness = chain(n, modes, generator)
+        (linear_terms, law_state, modal), mass, damping, stiffness = chain(n, modes, generator)
         root = size * complex(generator.uniform(0.2, 1.0), generator.uniform(0.2, 1.0))
         right = generator.normal(size=n) + 1j * generator.normal(size=n)
         dense = mass + root * damping + root**2 * stiffness
-        work = np.zeros((6 + 6 * modes + 1, max(n, 2 * modes) + 1))
-        work[:2, :n] = right.real, right.imag
-        factors = Factors(work, 2, 4, 6)
+        scratch = np.zeros((6 + 6 * modes + 1, max(n, 2 * modes) + 1))
+        scratch[:2, :n] = right.real, right.imag
+        factors = Factors(scratch, 2, 4, 6)
         by_modes = ModalBlocks(modal, root.real, -root.imag, root.imag, root.real)
-        factor_pairs(linear_terms, springs, (root.real, root.imag), factors, by_modes, n)
+        factor_pairs(linear_terms, law_state, (root.real, root.imag), factors, by_modes, n)
         solve_pairs_damped(factors, by_modes, 0, 1, n)
-        out_of_balance = np.abs(dense @ (work[0, :n] + 1j * work[1, :n]) - right)
+        out_of_balance = np.abs(dense @ (scratch[0, :n] + 1j * scratch[1, :n]) - right)
         assert np.all(out_of_balance <= 1e-13 * np.linalg.cond(dense) * np.abs(right).max())
-        assert work[0, :n] + 1j * work[1, :n] == pytest.approx(
+        assert scratch[0, :n] + 1j * scratch[1, :n] == pytest.approx(
             np.linalg.solve(dense, right), rel=1e-9, abs=1e-13
         )
 
@@ -131,22 +131,22 @@ def test_a_straight_step_of_impulse4_is_newtons(rho_inf, omega_h):
     for modes in (0, 3):
         generator = np.random.default_rng(modes)
         n = 6
-        (linear_terms, springs, modal), mass, _, stiffness = chain(n, modes, generator)
+        (linear_terms, law_state, modal), mass, _, stiffness = chain(n, modes, generator)
         h = omega_h / np.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(mass, stiffness))).max())
         state = np.hstack([generator.normal(size=(3, n)), np.zeros((3, 1))])
-        springs[at.DRIFT] = state[0] - linear_terms[at.LINK] * np.roll(state[0], 1)
-        springs[at.FORCE] = generator.normal(size=n + 1)
-        laws = np.vstack([np.zeros(n + 1), np.abs(springs[at.SLOPE])])
+        law_state[rows.DRIFT] = state[0] - linear_terms[rows.LINK] * np.roll(state[0], 1)
+        law_state[rows.FORCE] = generator.normal(size=n + 1)
+        laws = np.vstack([np.zeros(n + 1), np.abs(law_state[rows.SLOPE])])
         scene = Scene(
-            linear_terms, modal, laws, np.zeros((0, at.FORCE_COLUMNS)), np.zeros(at.FLAGS_SIZE)
+            linear_terms, modal, laws, np.zeros((0, rows.FORCE_COLUMNS)), np.zeros(rows.FLAGS_SIZE)
         )
-        work = np.zeros((FACTORS + factor_rows(modes), n + 1))
-        work[[momentum.LOAD, momentum.IMPULSE], :n] = generator.normal(size=(2, n))
-        memory = Memory(state, springs, work, np.zeros(at.REPORT_SIZE))
+        scratch = np.zeros((FACTORS + factor_rows(modes), n + 1))
+        scratch[[momentum.LOAD, momentum.IMPULSE], :n] = generator.normal(size=(2, n))
+        memory = Memory(state, law_state, scratch, np.zeros(rows.REPORT_SIZE))
         motion = (momentum.DU, momentum.DV, momentum.A1)
         solve_linear(coefficients(rho_inf), scene, h, memory, FACTORS)
-        straight = work[motion, :n].copy()
+        straight = scratch[motion, :n].copy()
         assert newton(True, False, coefficients(rho_inf), scene, h, memory, FACTORS) > 0
-        difference = np.abs(straight - work[motion, :n]).max(axis=1) / np.abs(straight).max(axis=1)
+        difference = np.abs(straight - scratch[motion, :n]).max(axis=1) / np.abs(straight).max(axis=1)
         rounding = 32.0 * np.finfo(float).eps * (1.0 + omega_h)
         assert np.all(difference <= [rounding, rounding, rounding * (1.0 + omega_h)])

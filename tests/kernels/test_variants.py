@@ -10,7 +10,7 @@ from law_examples import example
 from tdint import load_model
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.workspace import choose_steps, kernels
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.building import compilable
 from tdint.kernels.building.compilable import EVERYTHING
 from tdint.kernels.building.obtaining import compile_ahead
@@ -20,8 +20,8 @@ from tdint.model.definition import LAWS, Law
 
 CONFIG = Path(__file__).parents[2] / "configs" / "ten-story-bilinear.yaml"
 RATES = [
-    at.PEAK_DRIFT_RATE,
-    at.PEAK_ROWS + at.PEAK_DRIFT_RATE,
+    rows.PEAK_DRIFT_RATE,
+    rows.PEAK_ROWS + rows.PEAK_DRIFT_RATE,
 ]  # of drift, for dashpots, of which there are none
 METHODS = ("newmark-average", "impulse4", "moment4")
 
@@ -63,7 +63,7 @@ def marched(prepared, method):
     """All that a march leaves."""
     ground = np.random.default_rng(1).normal(0.0, 4.0, 400)
     steps = choose_steps(None, None, 0.02, 0.02 * (ground.size - 1))
-    result = prepared.march(parse(method), steps, ground, rows=steps.count)
+    result = prepared.march(parse(method), steps, ground, history_rows=steps.count)
     assert result.code == 0
     return {one.name: getattr(result.space, one.name) for one in fields(result.space)}
 

@@ -10,7 +10,7 @@ from building_cases import Law, noise
 from step_checks import RAYLEIGH, TOO_LARGE, SingleSteps, building, load, matrices
 from tdint.analysis.run.run import run
 from tdint.errors import UsageError
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
 
 METHODS = (
@@ -103,9 +103,9 @@ def test_second_sub_step_without_solution_leaves_everything_as_it_was():
     small = 1.0
     steps = SingleSteps("bathe")
     before = steps.memory()
-    assert steps.take((small - gamma * TOO_LARGE) / (1.0 - gamma), TOO_LARGE) == at.NOT_CONVERGED
+    assert steps.take((small - gamma * TOO_LARGE) / (1.0 - gamma), TOO_LARGE) == rows.NOT_CONVERGED
     np.testing.assert_array_equal(steps.memory(), before)
-    assert np.all(steps.space.springs[at.FIRST_TRIAL + at.DRIFT, :2] != 0.0)
+    assert np.all(steps.space.law_state[rows.FIRST_TRIAL + rows.DRIFT, :2] != 0.0)
     assert steps.take((small - gamma * TOO_LARGE) / (1.0 - gamma), small) > 0
 
 
@@ -116,12 +116,14 @@ def test_drift_laws_pass_through_the_inner_point(gamma):
     steps = SingleSteps(f"bathe:gamma={gamma!r}", Law("bilinear", (strength, hardening)))
     inner, end = -20.0, 10.0  # ground acceleration there, m/s^2
     assert steps.take((inner - gamma * end) / (1.0 - gamma), end) > 0
-    springs = steps.space.springs[:, 0]
-    slip = springs[at.FIRST_TRIAL + at.DRIFT] - strength / stiffness
+    law_state = steps.space.law_state[:, 0]
+    slip = law_state[rows.FIRST_TRIAL + rows.DRIFT] - strength / stiffness
     force = strength + hardening * stiffness * slip
     assert slip > 0.0
-    assert springs[at.FIRST_TRIAL + at.FORCE] == pytest.approx(force, rel=1e-12)
-    way_back = springs[at.DRIFT] - springs[at.FIRST_TRIAL + at.DRIFT]
+    assert law_state[rows.FIRST_TRIAL + rows.FORCE] == pytest.approx(force, rel=1e-12)
+    way_back = law_state[rows.DRIFT] - law_state[rows.FIRST_TRIAL + rows.DRIFT]
     assert -2.0 * strength / stiffness < way_back < 0.0
-    assert springs[at.FORCE] == pytest.approx(force + stiffness * way_back, rel=1e-12)
-    assert springs[at.DISSIPATED] == pytest.approx((1.0 - hardening) * strength * slip, rel=1e-12)
+    assert law_state[rows.FORCE] == pytest.approx(force + stiffness * way_back, rel=1e-12)
+    assert law_state[rows.DISSIPATED] == pytest.approx(
+        (1.0 - hardening) * strength * slip, rel=1e-12
+    )

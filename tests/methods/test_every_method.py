@@ -10,7 +10,7 @@ import pytest
 from building_cases import ModalDamping, model, noise, ten_bilinear
 from step_checks import RAYLEIGH, TOO_LARGE, SingleSteps, building, superposed
 from tdint import run
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.methods.catalogue import catalogue
 
 METHODS = [
@@ -81,7 +81,7 @@ def test_a_step_without_solution_leaves_everything_as_it_was(method, done):
         assert steps.take(s, s + 1.0) > 0
         assert untried.take(s, s + 1.0) > 0
     before = steps.memory()
-    assert steps.take(TOO_LARGE, TOO_LARGE) == at.NOT_CONVERGED
+    assert steps.take(TOO_LARGE, TOO_LARGE) == rows.NOT_CONVERGED
     np.testing.assert_array_equal(steps.memory(), before)
     assert steps.take(done, done + 1.0) > 0
     assert untried.take(done, done + 1.0) > 0

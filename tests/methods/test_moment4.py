@@ -25,7 +25,7 @@ from step_checks import RAYLEIGH, building
 from tdint import load_model, run
 from tdint.analysis.assessment.failures import attempt, problems
 from tdint.analysis.run.workspace import amplification, spectral_radius
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.equations import moment4 as equations
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.linear_terms import force_moment
@@ -351,22 +351,22 @@ def turns_from_rest(monkeypatch, damping):
     is written."""
     given = model([story(1e5, 4e7, Law("peak-oriented", (1e-9, 0.9, 0.3)))] * 2, damping=damping)
     built = assemble(given)
-    springs = spring_table(built.law_parameters)
+    law_state = spring_table(built.law_parameters)
     for i in range(2):
-        enter(built.law_parameters, springs, i)
+        enter(built.law_parameters, law_state, i)
     turned, switch = [], path.switch
 
     def watched(law_parameters, table, i, block, event):
-        if event == at.TURNED:
+        if event == rows.REVERSED:
             turned.append(i)
         switch(law_parameters, table, i, block, event)
 
     monkeypatch.setattr(path, "switch", watched)
-    flags = np.zeros(at.FLAGS_SIZE)
-    flags[at.BRANCHES] = at.ALL_BRANCHES
-    work = np.zeros((equations.work_rows(len(built.modal)), 16))
-    state, report, h = np.zeros((3, 3)), np.zeros(at.REPORT_SIZE), 0.02
-    forces = np.zeros((0, at.FORCE_COLUMNS))
+    flags = np.zeros(rows.FLAGS_SIZE)
+    flags[rows.BRANCHES] = rows.ALL_BRANCHES
+    scratch = np.zeros((equations.scratch_rows(len(built.modal)), 16))
+    state, step_status, h = np.zeros((3, 3)), np.zeros(rows.REPORT_SIZE), 0.02
+    forces = np.zeros((0, rows.FORCE_COLUMNS))
     scene = (
         np.array(moment4.coefficients(1.0)),
         built.linear_terms,
@@ -377,7 +377,7 @@ def turns_from_rest(monkeypatch, damping):
     )
     for k in range(10):
         load = np.array([k * h, k * h, (k + 1) * h, 0.0, 0.0])
-        assert moment4.step.function(*scene, h, load, state, springs, work, report) >= 0
+        assert moment4.step.function(*scene, h, load, state, law_state, scratch, step_status) >= 0
     return turned
 
 

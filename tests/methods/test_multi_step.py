@@ -7,7 +7,7 @@ import pytest
 from building_cases import noise, oscillator
 from step_checks import RAYLEIGH, building, load, matrices
 from tdint.analysis.run.run import run
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
 
 METHODS = ("houbolt", "park")
@@ -71,6 +71,10 @@ def test_small_steps_do_not_lose_the_acceleration_in_differences():
 @pytest.mark.parametrize("method", METHODS)
 def test_memory_is_what_the_next_step_depends_on(method):
     integrator = parse(method)
-    rows = (at.DISPLACEMENT, at.VELOCITY, at.ACCELERATION)
-    assert [row in integrator.family.memory for row in rows] == [True, method == "park", False]
+    kinematic_rows = (rows.DISPLACEMENT, rows.VELOCITY, rows.ACCELERATION)
+    assert [row in integrator.family.memory for row in kinematic_rows] == [
+        True,
+        method == "park",
+        False,
+    ]
     assert len(integrator.family.derivatives) == integrator.family.state_rows

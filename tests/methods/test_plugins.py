@@ -81,19 +81,19 @@ def test_the_method_of_the_readme_is_what_it_declares(verlet, monkeypatch):
 
 MISTAKES = {
     "its laws are never committed": (
-        "        commit(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)\n",
+        "        commit(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)\n",
         "",
         "where 2 is due",
     ),
     "dissipation is not added up": (
-        "commit(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)",
-        "law_state.adopt(law_parameters, springs, i, at.FIRST_TRIAL)",
+        "commit(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)",
+        "stories.commit_without_dissipation(law_parameters, law_state, i, rows.FIRST_TRIAL)",
         "out of balance",
     ),
-    "too few rows of work": (
+    "too few scratch rows": (
         "lambda modes: ROWS",
         "lambda modes: 2",
-        "row 3 of work is used, 2 are declared",
+        "row 3 of scratch is used, 2 are declared",
     ),
     "too few rows of state": (
         "memory=(0, 1, 2)",
@@ -101,9 +101,9 @@ MISTAKES = {
         "row 2 of state is used, 2 are",
     ),
     "memory in scratch": (
-        "+ 0.5 * h * state[at.ACCELERATION, i]\n",
-        "+ 0.5 * h * work[A + 1, i]\n",
-        "goes on otherwise in fresh rows of work",
+        "+ 0.5 * h * state[rows.ACCELERATION, i]\n",
+        "+ 0.5 * h * scratch[A + 1, i]\n",
+        "the result changes if the scratch rows are cleared",
     ),
     "a name that is not there": (
         "u - linear_terms",
@@ -121,12 +121,12 @@ def test_the_usual_mistakes_of_a_method_are_found(tmp_path, verlet, mistake, mon
     before, after, told = MISTAKES[mistake]
     text = verlet.read_text().replace(
         "from tdint.plugin import (",
-        "from tdint.kernels.stories import law_state\nfrom tdint.plugin import (",
+        "from tdint.kernels.stories import law_state as stories\nfrom tdint.plugin import (",
     )
     assert before in text
     text = text.replace(before, after)
     if mistake == "memory in scratch":
-        text = text.replace("= a\n", "= work[A + 1, i] = a\n").replace(
+        text = text.replace("= a\n", "= scratch[A + 1, i] = a\n").replace(
             "ROWS = range(5)", "_, ROWS = range(6)"
         )
     tdint.load_plugin(str(outside(tmp_path, text)))
@@ -139,7 +139,7 @@ def test_the_usual_mistakes_of_a_method_are_found(tmp_path, verlet, mistake, mon
     except AnalysisError as error:
         faults = [str(error)]
     assert sum(told in fault for fault in faults) == 1, faults
-    if "of work is used" in told or "NameError" in told:
+    if "of scratch is used" in told or "NameError" in told:
         assert re.match(rf"{tmp_path}/outside_plugin\.py:\d+: ", faults[0])
 
 
@@ -156,17 +156,17 @@ def test_a_branch_that_is_set_in_part_is_told(tmp_path):
     silence."""
     text = Path(gap.__file__).read_text().replace('"gap",\n', '"half-gap",\n')
     text = (
-        text.replace("put_on_branch(springs, i, block, ", "half(springs, i, block, ")
+        text.replace("set_branch(law_state, i, block, ", "half(law_state, i, block, ")
         + """
-from tdint.kernels.compiling import inlined
+from tdint.kernels.compiling import inline
 
 LAWS = (LAW,)
 
 
-@inlined
-def half(springs, i, block, slope, lower, upper, turn):
-    springs[block + at.SLOPE, i] = slope
-    springs[block + at.UPPER, i] = upper
+@inline
+def half(law_state, i, block, slope, lower, upper, turn):
+    law_state[block + rows.SLOPE, i] = slope
+    law_state[block + rows.UPPER, i] = upper
 """
     )
     tdint.load_plugin(str(outside(tmp_path, text)))
@@ -176,9 +176,7 @@ def half(springs, i, block, slope, lower, upper, turn):
         "law": {"type": "half-gap", "gap": 0.003, "stop_stiffness": 1e8},
     }
     (fault,) = check_law(tdint.load_model({"stories": [story]}), 1)
-    assert (
-        "its branches (`enter`, `switch`, `advance`) lead to" in fault and "put_on_branch" in fault
-    )
+    assert "its branches (`enter`, `switch`, `advance`) lead to" in fault and "set_branch" in fault
     whole = tdint.load_model({"stories": [{**story, "law": {**story["law"], "type": "gap"}}]})
     assert check_law(whole, 1) == []
 
@@ -547,10 +545,10 @@ def test_a_result_and_its_case_are_read_by_a_new_process(workshop, verlet, hyper
 @pytest.mark.parametrize(
     ("name", "change", "fault"),
     [
-        ("few", ("FACTORS + factor_rows(modes)", "2"), "of work is used, 2 are declared"),
+        ("few", ("FACTORS + factor_rows(modes)", "2"), "of scratch is used, 2 are declared"),
         (
             "forgets",
-            ("        commit(law_parameters, springs, i, at.SECOND_TRIAL", "        abs("),
+            ("        commit(law_parameters, law_state, i, rows.SECOND_TRIAL", "        abs("),
             "is each story's state",
         ),
         ("sound", ("", ""), ""),
@@ -567,7 +565,7 @@ def test_a_plugin_is_executed_in_plain_python_before_its_first_compiled_run(
         .replace(change[0] or "\0", change[1])
     )
     text = (
-        text.replace("abs(, at.THIRD_TRIAL)", "abs(0)")
+        text.replace("abs(, rows.THIRD_TRIAL)", "abs(0)")
         .replace('"sdirk3"', f'"{name}"')
         .replace('"sdirk"', f'"{name}"')
     )

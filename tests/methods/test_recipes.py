@@ -36,9 +36,18 @@ STORIES = {
 
 
 def test_the_names_are_there_and_plugins_import_nothing_else():
-    assert {"at", "balance", "Family", "Measure", "Problem", "reader", "STEP"} < set(dir(plugin))
+    assert {
+        "EffectiveCoefficients",
+        "rows",
+        "solve_equilibrium",
+        "Family",
+        "Measure",
+        "Problem",
+        "reader",
+        "STEP",
+    } < set(dir(plugin))
     assert all(getattr(plugin, name) is not None for name in dir(plugin))
-    with pytest.raises(AttributeError, match="did you mean 'restoring'"):
+    with pytest.raises(AttributeError, match="did you mean 'restoring_force'"):
         plugin.restorin  # noqa: B018
     blocks = ("plugin-method", "plugin-peer", "plugin-measure", "law-file", "format-file")
     for text in (*map(readmes.block, blocks), *(file.read_text() for file in RECIPES.glob("*.py"))):
@@ -114,9 +123,9 @@ def test_the_flag_returns_to_zero_and_the_curve_to_its_asymptotes():
         2.0 * beta * fy * (largest + cut - 0.5 * cut - 0.5 * cut), rel=1e-9
     )
     path = tdint.cyclic_test(model_of(STORIES["menegotto_pinto"]), 1, ["1%"], points=400).path
-    at = path.drift.argmax()
-    x, b = path.drift[at] * k / fy, 0.03
-    assert path.shear[at] == pytest.approx(
+    rows = path.drift.argmax()
+    x, b = path.drift[rows] * k / fy, 0.03
+    assert path.shear[rows] == pytest.approx(
         fy * (b * x + (1.0 - b) * x / (1.0 + x**20) ** 0.05), rel=1e-12
     )
     assert np.all(
@@ -159,7 +168,7 @@ def test_check_names_the_public_name_of_what_is_imported(tmp_path):
     """And where such an import fails, the line says what to write."""
     file = tmp_path / "old.py"
     file.write_text(
-        "from tdint.kernels import layout as at\nfrom tdint.kernels.stepping import "
+        "from tdint.kernels import layout as rows\nfrom tdint.kernels.stepping import "
         "Memory\nMETHODS = ()\n"
     )
     said = CliRunner().invoke(cli, ["check", "--plugin", str(file)]).output

@@ -11,7 +11,7 @@ from building_cases import Law, noise
 from step_checks import RAYLEIGH, SingleSteps, building, load, matrices, restoring_of
 from tdint.analysis.run.run import run
 from tdint.analysis.run.workspace import amplification
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
 from tdint.methods.runge_kutta import imaginary_stability_limit
 
@@ -144,7 +144,7 @@ def test_limit_on_the_imaginary_axis(table, limit):
 
 
 @pytest.mark.parametrize(
-    ("method", "inner"), [("rk5", ()), ("gauss4", (at.FIRST_TRIAL, at.SECOND_TRIAL))]
+    ("method", "inner"), [("rk5", ()), ("gauss4", (rows.FIRST_TRIAL, rows.SECOND_TRIAL))]
 )
 def test_path_of_a_hysteretic_story(method, inner):
     """gauss4 loads a story from the start of the step through both stages to its end, rk5 straight
@@ -159,16 +159,16 @@ def test_path_of_a_hysteretic_story(method, inner):
     z, d = np.zeros(2), np.zeros(2)
     taken = turned = 0
     for ground in np.random.default_rng(3).uniform(-40.0, 40.0, (40, 2)):
-        if steps.take(*ground) == at.NOT_CONVERGED:  # far beyond what it is for: omega h is 16
+        if steps.take(*ground) == rows.NOT_CONVERGED:  # far beyond what it is for: omega h is 16
             continue
-        springs = steps.space.springs[:, :2]
-        straight = internal(z, d, springs[at.DRIFT])
-        for block in (*inner, at.COMMITTED):
-            drift = springs[block + at.DRIFT].copy()
+        law_state = steps.space.law_state[:, :2]
+        straight = internal(z, d, law_state[rows.DRIFT])
+        for block in (*inner, rows.COMMITTED):
+            drift = law_state[block + rows.DRIFT].copy()
             z, d = internal(z, d, drift), drift
-        np.testing.assert_allclose(springs[at.INTERNAL], z, rtol=0.0, atol=1e-9 * strength)
+        np.testing.assert_allclose(law_state[rows.INTERNAL], z, rtol=0.0, atol=1e-9 * strength)
         np.testing.assert_allclose(
-            springs[at.FORCE], hardening * stiffness * d + z, rtol=1e-9, atol=1e-9 * strength
+            law_state[rows.FORCE], hardening * stiffness * d + z, rtol=1e-9, atol=1e-9 * strength
         )
         taken += 1
         turned += bool(np.any(np.abs(straight - z) > 0.1))

@@ -73,11 +73,11 @@ def test_one_story_has_half_of_it_from_the_mass_and_half_from_the_stiffness() ->
     assert building.first_mode() == (pytest.approx(omega), pytest.approx(0.05))
     assert building.damping_matrix()[0, 0] == pytest.approx(0.05 * critical)
     chain = building.linear_terms
-    from tdint.kernels import layout as at
+    from tdint.kernels import layout as rows
 
     assert (
-        chain[at.FLOOR_DAMPER, 0]
-        == pytest.approx(chain[at.STORY_DAMPER, 0])
+        chain[rows.FLOOR_DAMPER, 0]
+        == pytest.approx(chain[rows.STORY_DAMPER, 0])
         == pytest.approx(0.5 * 0.05 * critical)
     )
 

@@ -21,13 +21,13 @@ from tdint.analysis.given import AnyModel, drift_of, model_of
 from tdint.arrays import Array, halved
 from tdint.csv_table import read_table
 from tdint.errors import AnalysisError, UsageError
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.stories.law_state import (
-    DISSIPATION,
-    RECOVERABLE,
+    HYSTERETIC_ENERGY,
     RESULT_COLUMNS,
     SHEAR,
+    STRAIN_ENERGY,
     TANGENT,
     follow,
 )
@@ -274,8 +274,8 @@ def _test(
         model=model,
         story=story,
         points=points,
-        initial_stiffness=float(building.law_parameters[at.STIFFNESS, story - 1]),
-        geometric_stiffness=float(building.linear_terms[at.GEOMETRIC, story - 1]),
+        initial_stiffness=float(building.law_parameters[rows.STIFFNESS, story - 1]),
+        geometric_stiffness=float(building.linear_terms[rows.GEOMETRIC, story - 1]),
         yield_drift=float(building.yield_drift[story - 1]),
         path=follow_path(building, story, drifts),
     )
@@ -340,7 +340,11 @@ def follow_path(building: Building, story: int, drifts: Array) -> LawPath:
             f"{drifts[wrong[0]]:.6g} m"
         )
     return LawPath(
-        drifts, result[:, SHEAR], result[:, TANGENT], result[:, RECOVERABLE], result[:, DISSIPATION]
+        drifts,
+        result[:, SHEAR],
+        result[:, TANGENT],
+        result[:, STRAIN_ENERGY],
+        result[:, HYSTERETIC_ENERGY],
     )
 
 
@@ -708,7 +712,7 @@ class _Story:
 
     def __init__(self, building: Building, i: int) -> None:
         self._building, self._number = building, i + 1
-        self._geometric = float(building.linear_terms[at.GEOMETRIC, i])
+        self._geometric = float(building.linear_terms[rows.GEOMETRIC, i])
         self._turns: list[float] = [0.0]
         self.drift = 0.0
         self.force = 0.0

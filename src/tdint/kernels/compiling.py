@@ -33,12 +33,12 @@ __all__ = [
     "VARIANT",
     "VECTOR",
     "Kernel",
-    "called",
-    "called_at",
-    "inlined",
+    "indirect_caller",
+    "inline",
     "kernel",
     "local",
     "local_table",
+    "outlined",
     "specialized",
 ]
 
@@ -94,21 +94,21 @@ def kernel(
 
 if COMPILES:
     from tdint.kernels.building.compiler import (
-        called,
-        called_at,
-        inlined,
+        indirect_caller,
+        inline,
         local,
         local_table,
+        outlined,
         specialized,
     )
 else:
     # Nothing is compiled: kernels are Python that a debugger can walk through.
 
-    def inlined(function: Callable[..., Any]) -> Any:
+    def inline(function: Callable[..., Any]) -> Any:
         """Mark a function of the inner loops: its code is put into each place that calls it."""
         return function
 
-    def called(function: Callable[..., Any]) -> Any:
+    def outlined(function: Callable[..., Any]) -> Any:
         """Mark a function that kernels call now and then: compiled once and called, it keeps
         compiling short."""
         return function
@@ -117,7 +117,7 @@ else:
         """The same, compiled anew for each constant argument: a block of springs, a truth."""
         return function
 
-    def called_at(signature: Signature) -> Any:
+    def indirect_caller(signature: Signature) -> Any:
         """A function (kernel, its arguments) that calls a kernel given to another one."""
         return lambda kernel, *arguments: kernel(*arguments)
 

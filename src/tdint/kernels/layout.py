@@ -56,11 +56,11 @@ DRIFT = 0
 FORCE = 1
 INTERNAL = 2
 DISSIPATED = 3
-PLAIN_ROWS = 4  # what every law has; the rest belongs to piecewise-linear laws
+COMMON_ROWS = 4  # what every law has; the rest belongs to piecewise-linear laws
 SLOPE = 4  # stiffness of the present branch; infinite if it is curved
 UPPER = 5  # drifts between which the branch holds
 LOWER = 6
-TURN = 7  # sign of the drift rate for which the branch holds; 0 for both
+RATE_SIGN = 7  # sign of the drift rate for which the branch holds; 0 for both
 HIGH_DRIFT = 8  # the farthest point reached on either side
 HIGH_FORCE = 9
 LOW_DRIFT = 10
@@ -68,15 +68,15 @@ LOW_FORCE = 11
 WORK = 12  # done on the story so far, J
 # rows from a trial block to the one that has its branch (INTERNAL, SLOPE to LOW_FORCE, more); 0:
 # its own
-BORROWED = 13
-SPRING_ROWS = 14
+BRANCH_OFFSET = 13
+LAW_STATE_ROWS = 14
 COMMITTED = 0
-FIRST_TRIAL = SPRING_ROWS
-SECOND_TRIAL = 2 * SPRING_ROWS
-THIRD_TRIAL = 3 * SPRING_ROWS
-SPRING_BLOCKS = 4
+FIRST_TRIAL = LAW_STATE_ROWS
+SECOND_TRIAL = 2 * LAW_STATE_ROWS
+THIRD_TRIAL = 3 * LAW_STATE_ROWS
+LAW_STATE_BLOCKS = 4
 ADDRESS = (
-    SPRING_BLOCKS * SPRING_ROWS
+    LAW_STATE_BLOCKS * LAW_STATE_ROWS
 )  # of the story's own compiled function, where its law is not part of the loops
 EXTRA_ROWS = (
     ADDRESS + 1
@@ -105,17 +105,17 @@ PEAK_DRIFT_RATE = 6  # of stories, in a building with dashpots
 PEAK_ROWS = 7
 
 # watch: what an observer of the motion keeps
-ACCELERATION_NOW = 0  # that of equilibrium, whatever the method carries
-OTHER_FORCE = 1  # forces on floors less modal damping
+OBSERVED_ACCELERATION = 0  # that of equilibrium, whatever the method carries
+FLOOR_FORCE = 1  # forces on floors less modal damping
 TOTAL_SHEAR = 2  # of stories
-U_BEFORE = 3  # at the last observed time
-V_BEFORE = 4
-A_BEFORE = 5
+U_PREVIOUS = 3  # at the last observed time
+V_PREVIOUS = 4
+A_PREVIOUS = 5
 V_EARLIER = 6  # one step before that
 A_EARLIER = 7
-TURNED_AT = 8  # drifts where stories turned
+REVERSAL_DRIFT = 8  # drifts where stories turned
 MODAL_FORCE = 9  # of modal damping on floors
-WATCH_ROWS = 10
+OBSERVER_ROWS = 10
 
 # forces: on floors, one row each with these columns
 FLOOR = 0
@@ -132,22 +132,22 @@ HISTORY_FIELDS = 4
 # stored time. Those at the end of the run, J
 ENERGY_INPUT = 0  # work of the load on the motion relative to the ground
 ENERGY_KINETIC = 1  # of the motion relative to the ground
-ENERGY_DAMPED = 2  # work of viscous damping, without dashpots
-ENERGY_DEVICES = 3  # work of the dashpots
-ENERGY_RECOVERABLE = 4  # stored in the stories
-ENERGY_DISSIPATED = 5  # by the drift laws since the start
+ENERGY_VISCOUS = 2  # work of viscous damping, without dashpots
+ENERGY_DASHPOTS = 3  # work of the dashpots
+ENERGY_STRAIN = 4  # stored in the stories
+ENERGY_HYSTERETIC = 5  # by the drift laws since the start
 ENERGY_TERMS = 6
-ENERGY_START = ENERGY_TERMS  # kinetic and stored energy at the start, J
-ENERGY_LARGEST = ENERGY_TERMS + 1  # largest ENERGY_START + ENERGY_INPUT on the way, J
+ENERGY_INITIAL = ENERGY_TERMS  # kinetic and stored energy at the start, J
+ENERGY_REFERENCE = ENERGY_TERMS + 1  # largest ENERGY_INITIAL + ENERGY_INPUT on the way, J
 ITERATIONS = ENERGY_TERMS + 2
 HALVINGS = ENERGY_TERMS + 3
 STEPS_REACHED = ENERGY_TERMS + 4
 POWER_INPUT = ENERGY_TERMS + 5  # powers and their rates at the last observed time
 RATE_INPUT = ENERGY_TERMS + 6  # without the ground's own rate
 MOMENTUM = ENERGY_TERMS + 7
-POWER_DAMPED = ENERGY_TERMS + 8  # of all dampers
-RATE_DAMPED = ENERGY_TERMS + 9
-DISSIPATED_BEFORE = ENERGY_TERMS + 10  # by the drift laws on the way to the initial drifts, J
+POWER_VISCOUS = ENERGY_TERMS + 8  # of all dampers
+RATE_VISCOUS = ENERGY_TERMS + 9
+INITIAL_DISSIPATION = ENERGY_TERMS + 10  # by the drift laws on the way to the initial drifts, J
 COLLAPSE_STEP = (
     ENERGY_TERMS + 11
 )  # whole steps after which a story was first beyond a limit; NO_COLLAPSE for none
@@ -157,16 +157,16 @@ COLLAPSE_STORY = (
 COLLAPSE_FAILED = ENERGY_TERMS + 13  # 1 if it failed
 COLLAPSE_ENERGIES = (
     ENERGY_TERMS + 14
-)  # the energies then, ENERGY_START and ENERGY_LARGEST after them
-ALL_FORCES = COLLAPSE_ENERGIES + ENERGY_TERMS + 2  # masses times accelerations at that time
-DAMPED_BY_ALL = (
-    ALL_FORCES + 1
+)  # the energies then, ENERGY_INITIAL and ENERGY_REFERENCE after them
+TOTAL_INERTIA = COLLAPSE_ENERGIES + ENERGY_TERMS + 2  # masses times accelerations at that time
+VISCOUS_PER_ACCELERATION = (
+    TOTAL_INERTIA + 1
 )  # half of what the damped power's rate gains where floors accelerate by 1 m/s^2 more
-ALL_MASSES = ALL_FORCES + 2
-POWER_DEVICES = ALL_FORCES + 3  # of the dashpots alone
-RATE_DEVICES = ALL_FORCES + 4
-DEVICES_BY_ALL = ALL_FORCES + 5
-TOTALS_SIZE = ALL_FORCES + 6
+TOTAL_MASS = TOTAL_INERTIA + 2
+POWER_DASHPOTS = TOTAL_INERTIA + 3  # of the dashpots alone
+RATE_DASHPOTS = TOTAL_INERTIA + 4
+DASHPOTS_PER_ACCELERATION = TOTAL_INERTIA + 5
+TOTALS_SIZE = TOTAL_INERTIA + 6
 
 # totals[COLLAPSE_STEP]
 NO_COLLAPSE = -1.0
@@ -183,9 +183,9 @@ LINEAR = 0  # 1 if every law is linear
 BRANCHES = 1  # which laws have branches, whose changes can be located
 POWER_DAMPERS = 2  # 1 if a story has a power-law dashpot
 OWN_WORK = 3  # 1 if the step tells what work it does
-FAST = 4  # 1 if the building has modes that the step does not follow
-ON_PATH = 5  # 1 if displacements follow parabolas within a step
-DEVICES = 6  # 1 if a story has a dashpot, linear or of a power law
+UNRESOLVED_MODES = 4  # 1 if the building has modes that the step does not follow
+PARABOLIC = 5  # 1 if displacements follow parabolas within a step
+HAS_DASHPOTS = 6  # 1 if a story has a dashpot, linear or of a power law
 FLAGS_SIZE = 7
 
 # flags[BRANCHES]
@@ -194,20 +194,20 @@ ALL_BRANCHES = 1  # every law is linear, or linear branch by branch
 SOME_BRANCHES = 2  # some laws have branches, some are curved
 
 # report: what a step leaves: for the next one, for the march, and for people
-CARRIED_GROUND = (
+STATE_GROUND = (
     0  # ground acceleration that the acceleration of the state stands with, where steps are long
 )
 STEPS_DONE = 1  # since the start, or since a step that was halved
 FACTORED_STEP = 2  # the step size of the factorization in work, 0 for none
 # row of work from which on the step has raised its own peaks between its ends; 0 if it has not
-WITHIN = 3
+STEP_PEAKS = 3
 # row of work from which on the step keeps peaks of the run beside those it has raised; 0 for none
-OWN_PEAKS = 4
+RUN_PEAKS = 4
 WORK_INPUT = 5  # of the load in the last step, J
-WORK_DAMPED = 6  # of the viscous dampers in the last step, J
+WORK_VISCOUS = 6  # of the viscous dampers in the last step, J
 WORST_STORY = 7  # where the equations are farthest from balance, if they are
 RESIDUAL = 8  # there: what is out of balance over the sizes of the terms
-EVENTS = 9  # changes of branch located so far
+BRANCH_CHANGES = 9  # changes of branch located so far
 REPORT_SIZE = 10
 
 # what a step returns instead of its number of iterations
@@ -217,4 +217,4 @@ NOT_FINITE = -2
 # ways in which a branch of a law ends
 ABOVE = 1.0  # the drift leaves it upwards
 BELOW = -1.0
-TURNED = 0.0  # the drift rate turns
+REVERSED = 0.0  # the drift rate turns

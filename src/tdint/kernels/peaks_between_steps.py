@@ -67,8 +67,8 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import called, inlined
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.linear_terms import DASHPOTS, FORCES, force_value
 from tdint.kernels.stepping import Ends
 
@@ -92,7 +92,7 @@ _ZERO_ENDS = Ends(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # there is no floor a
 _ZERO_FORCES = (0.0, 0.0, 0.0, 0.0)  # N; result of `_add_floor_forces` without forces on floors
 
 
-@inlined
+@inline
 def raise_peak(peaks, row, i, value):
     """Raise a recorded peak to the absolute value of a response.
 
@@ -110,8 +110,8 @@ def raise_peak(peaks, row, i, value):
         peaks[row, i] = size
 
 
-@inlined
-def raise_peak_at_nodes(work, first, column, count, row, i):
+@inline
+def raise_peak_at_nodes(scratch, first, column, count, row, i):
     """Raise a peak by values at successive times and by the parabolas through them.
 
     The parabolas interpolate the nodes (0, 1, 2), (2, 3, 4) and so on. The middle node of each
@@ -119,7 +119,7 @@ def raise_peak_at_nodes(work, first, column, count, row, i):
 
     Parameters
     ----------
-    work : ndarray
+    scratch : ndarray
         Table that contains both the values and the peaks.
     first : int
         Row of the value at the first node; later nodes follow in the next rows.
@@ -132,21 +132,21 @@ def raise_peak_at_nodes(work, first, column, count, row, i):
         Row and column of the peak.
     """
     if count == 1:
-        raise_peak(work, row, i, work[first, column])
+        raise_peak(scratch, row, i, scratch[first, column])
     for k in range(0, count - 2, 2):
-        p0, p1 = work[first + k, column], work[first + k + 1, column]
-        p2 = work[first + k + 2, column]
-        raise_peak(work, row, i, p1)
-        raise_peak(work, row, i, p2)
+        p0, p1 = scratch[first + k, column], scratch[first + k + 1, column]
+        p2 = scratch[first + k + 2, column]
+        raise_peak(scratch, row, i, p1)
+        raise_peak(scratch, row, i, p2)
         # Parabola p0 + linear x + quadratic x^2 with x = 0, 1, 2 at the nodes. Its extremum is at
         # x = -linear / (2 quadratic), which is inside if the distance from x = 1 is less than 1.
         linear = 0.5 * (4.0 * p1 - 3.0 * p0 - p2)
         quadratic = 0.5 * (p0 - 2.0 * p1 + p2)
         if abs(linear + 2.0 * quadratic) < 2.0 * abs(quadratic):
-            raise_peak(work, row, i, p0 - 0.25 * linear * linear / quadratic)
+            raise_peak(scratch, row, i, p0 - 0.25 * linear * linear / quadratic)
 
 
-@inlined
+@inline
 def may_exceed_peaks(span, floor, story, shear, stiffness, peaks, i):
     """Return True if a displacement, velocity, drift or shear may exceed its recorded peak.
 
@@ -172,20 +172,20 @@ def may_exceed_peaks(span, floor, story, shear, stiffness, peaks, i):
     """
     excursion_time = _PARABOLA_EXCURSION * span.h
     drift_excursion = excursion_time * (abs(story.v0) + abs(story.v1))
-    exceeds = abs(story.u1) + drift_excursion > peaks[at.PEAK_DRIFT, i]
-    exceeds |= abs(shear) + stiffness * drift_excursion > peaks[at.PEAK_SHEAR, i]
+    exceeds = abs(story.u1) + drift_excursion > peaks[rows.PEAK_DRIFT, i]
+    exceeds |= abs(shear) + stiffness * drift_excursion > peaks[rows.PEAK_SHEAR, i]
     displacement_excursion = excursion_time * (abs(floor.v0) + abs(floor.v1))
-    exceeds |= abs(floor.u1) + displacement_excursion > peaks[at.PEAK_DISPLACEMENT, i]
-    return exceeds | may_exceed_velocity_peak(span, floor, peaks[at.PEAK_VELOCITY, i])
+    exceeds |= abs(floor.u1) + displacement_excursion > peaks[rows.PEAK_DISPLACEMENT, i]
+    return exceeds | may_exceed_velocity_peak(span, floor, peaks[rows.PEAK_VELOCITY, i])
 
 
-@inlined
+@inline
 def may_exceed_velocity_peak(span, ends, peak):
     """Return True if a velocity or drift rate (m/s) may exceed the recorded `peak`."""
     return abs(ends.v1) + _PARABOLA_EXCURSION * span.h * (abs(ends.a0) + abs(ends.a1)) > peak
 
 
-@inlined
+@inline
 def may_exceed_acceleration_peak(absolute_0, absolute_1, bulge, peak):
     """Return True if an absolute acceleration or total shear may exceed its recorded peak.
 
@@ -207,8 +207,10 @@ def may_exceed_acceleration_peak(absolute_0, absolute_1, bulge, peak):
     return max(abs(absolute_0), abs(absolute_1)) + max(excess, 0.0) > peak
 
 
-@called
-def find_interstep_peaks(span, scene, passage, springs, reversals, reversal_row, peaks, first_peak):
+@outlined
+def find_interstep_peaks(
+    span, scene, passage, law_state, reversals, reversal_row, peaks, first_peak
+):
     """Raise the peaks of all floors and stories by the response inside a step or substep.
 
     The restoring force at an interior drift depends on the hysteretic law, so this function does
@@ -223,7 +225,7 @@ def find_interstep_peaks(span, scene, passage, springs, reversals, reversal_row,
         Building and forces on floors.
     passage : Passage
         Motion at both endpoints, relative to the ground.
-    springs : ndarray
+    law_state : ndarray
         State of the hysteretic laws at the end of the step: story drift (m) and shear (N).
     reversals : ndarray
         Table that receives the drifts, m. For each story, row `reversal_row` is set to the
@@ -244,7 +246,7 @@ def find_interstep_peaks(span, scene, passage, springs, reversals, reversal_row,
     """
     linear_terms = scene.linear_terms
     excursion_time = _PARABOLA_EXCURSION * span.h
-    has_dashpots = scene.flags[at.DEVICES] != 0.0
+    has_dashpots = scene.flags[rows.HAS_DASHPOTS] != 0.0
     reversal_count = 0
     n = linear_terms.shape[1] - 1
     # Sums over the floors from the roof down to floor i: mass times motion, mass, and forces.
@@ -254,29 +256,31 @@ def find_interstep_peaks(span, scene, passage, springs, reversals, reversal_row,
     for i in range(n - 1, -1, -1):
         # Story 0 has no floor below: its link is 0, so floor 0 is passed without effect.
         floor_below = _floor_ends(span.fast, passage, max(i - 1, 0))
-        story = _story_ends(floor, floor_below, linear_terms[at.LINK, i], springs[at.DRIFT, i])
+        story = _story_ends(
+            floor, floor_below, linear_terms[rows.LINK, i], law_state[rows.DRIFT, i]
+        )
         reversals[reversal_row, i] = story.u1
         if _has_extremum(span, story):
-            stiffness = scene.law_parameters[at.STIFFNESS, i]
-            drift_margin = peaks[first_peak + at.PEAK_DRIFT, i] - abs(story.u1)
-            shear_margin = peaks[first_peak + at.PEAK_SHEAR, i] - abs(springs[at.FORCE, i])
+            stiffness = scene.law_parameters[rows.STIFFNESS, i]
+            drift_margin = peaks[first_peak + rows.PEAK_DRIFT, i] - abs(story.u1)
+            shear_margin = peaks[first_peak + rows.PEAK_SHEAR, i] - abs(law_state[rows.FORCE, i])
             drift_excursion = excursion_time * (abs(story.v0) + abs(story.v1))
             if drift_excursion > drift_margin or stiffness * drift_excursion > shear_margin:
                 margin = min(drift_margin, shear_margin / stiffness)
-                row = first_peak + at.PEAK_DRIFT
+                row = first_peak + rows.PEAK_DRIFT
                 reversal = _raise_displacement_peak(span, story, margin, peaks, row, i)
                 # A stiffening story may have its peak shear at its largest drift.
                 if reversal != story.u1:
                     reversals[reversal_row, i] = reversal
                     reversal_count += 1
-        margin = peaks[first_peak + at.PEAK_DISPLACEMENT, i] - abs(floor.u1)
+        margin = peaks[first_peak + rows.PEAK_DISPLACEMENT, i] - abs(floor.u1)
         if _has_extremum(span, floor) and excursion_time * (abs(floor.v0) + abs(floor.v1)) > margin:
-            row = first_peak + at.PEAK_DISPLACEMENT
+            row = first_peak + rows.PEAK_DISPLACEMENT
             _raise_displacement_peak(span, floor, margin, peaks, row, i)
-        velocity_peak = peaks[first_peak + at.PEAK_VELOCITY, i]
+        velocity_peak = peaks[first_peak + rows.PEAK_VELOCITY, i]
         if floor.a0 * floor.a1 < 0.0 and may_exceed_velocity_peak(span, floor, velocity_peak):
-            _raise_velocity_peak(span, floor, peaks, first_peak + at.PEAK_VELOCITY, i)
-        rate_peak = peaks[first_peak + at.PEAK_DRIFT_RATE, i]
+            _raise_velocity_peak(span, floor, peaks, first_peak + rows.PEAK_VELOCITY, i)
+        rate_peak = peaks[first_peak + rows.PEAK_DRIFT_RATE, i]
         # DASHPOTS is a compile-time constant: without dashpots this search is not compiled.
         if (
             DASHPOTS
@@ -284,21 +288,21 @@ def find_interstep_peaks(span, scene, passage, springs, reversals, reversal_row,
             and story.a0 * story.a1 < 0.0
             and may_exceed_velocity_peak(span, story, rate_peak)
         ):
-            _raise_velocity_peak(span, story, peaks, first_peak + at.PEAK_DRIFT_RATE, i)
+            _raise_velocity_peak(span, story, peaks, first_peak + rows.PEAK_DRIFT_RATE, i)
         if not span.cornered:
-            row = first_peak + at.PEAK_ACCELERATION
+            row = first_peak + rows.PEAK_ACCELERATION
             _raise_acceleration_peak(span, floor, 1.0, peaks, row, i, _ZERO_FORCES)
             inertia, mass_sum = _add_floor_inertia(linear_terms, i, floor, inertia, mass_sum)
             if FORCES and scene.forces.shape[0] > 0:
-                link = linear_terms[at.LINK, i + 1]
+                link = linear_terms[rows.LINK, i + 1]
                 floor_forces = _add_floor_forces(span, scene.forces, link, i, floor_forces)
-            row = first_peak + at.PEAK_TOTAL_SHEAR
+            row = first_peak + rows.PEAK_TOTAL_SHEAR
             _raise_acceleration_peak(span, inertia, mass_sum, peaks, row, i, floor_forces)
         floor = floor_below
     return reversal_count
 
 
-@inlined
+@inline
 def _floor_ends(has_unresolved_modes, passage, i):
     """Return the motion of floor `i` at both endpoints as `Ends`, relative to the ground.
 
@@ -309,13 +313,13 @@ def _floor_ends(has_unresolved_modes, passage, i):
     old, first, state, accelerations, new = passage
     v0 = old[first + 1, i]
     a0 = old[first + 2, i]
-    u1, v1, a1 = state[at.DISPLACEMENT, i], state[at.VELOCITY, i], accelerations[new, i]
+    u1, v1, a1 = state[rows.DISPLACEMENT, i], state[rows.VELOCITY, i], accelerations[new, i]
     v_earlier = old[first + 3, i] if has_unresolved_modes else v0
     a_earlier = old[first + 4, i] if has_unresolved_modes else a0
     return Ends(old[first, i], v0, a0, u1, v1, a1, v_earlier, a_earlier)
 
 
-@inlined
+@inline
 def _story_ends(floor, floor_below, link, drift):
     """Return drift, drift rate and drift acceleration of a story at both endpoints as `Ends`.
 
@@ -340,7 +344,7 @@ def _story_ends(floor, floor_below, link, drift):
     )
 
 
-@inlined
+@inline
 def _add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
     """Add mass times motion of floor `i` to the sums over the floors above.
 
@@ -363,7 +367,7 @@ def _add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
         Both sums including floor `i`. The floors above are excluded if the story above is
         supported by the ground instead of floor `i` (link 0).
     """
-    link, mass = linear_terms[at.LINK, i + 1], linear_terms[at.MASS, i]
+    link, mass = linear_terms[rows.LINK, i + 1], linear_terms[rows.MASS, i]
     ends = Ends(
         u0=link * inertia_above.u0 + mass * floor.u0,
         v0=link * inertia_above.v0 + mass * floor.v0,
@@ -377,7 +381,7 @@ def _add_floor_inertia(linear_terms, i, floor, inertia_above, mass_above):
     return ends, link * mass_above + mass
 
 
-@inlined
+@inline
 def _has_extremum(span, ends):
     """Return True if a displacement or drift has an extremum inside the step.
 
@@ -388,7 +392,7 @@ def _has_extremum(span, ends):
     return (span.on_path & has_vertex) | (ends.v0 * ends.v1 < 0.0)
 
 
-@called
+@outlined
 def _raise_displacement_peak(span, ends, margin, peaks, row, i):
     """Raise the peak of a displacement or drift by its extremum inside the step.
 
@@ -448,7 +452,7 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
         rise = u1 - u0
         c2 = 3.0 * rise - h * (2.0 * v0 + v1)
         extremum = _cubic_extremum(u0, h * v0, c2, rise - h * v0 - c2)
-        raise_peak(peaks, row + at.PEAK_ROWS, i, extremum)
+        raise_peak(peaks, row + rows.PEAK_ROWS, i, extremum)
         return u1
     c3, c4, c5 = _quintic_coefficients(h, ends)
     # The zero of the velocity on the straight line between v0 and v1 is the first estimate.
@@ -457,7 +461,7 @@ def _raise_displacement_peak(span, ends, margin, peaks, row, i):
     return extremum
 
 
-@called
+@outlined
 def _raise_velocity_peak(span, ends, peaks, peak_row, i):
     """Raise the peak of a velocity or drift rate by the quartic derivative of the quintic.
 
@@ -479,7 +483,7 @@ def _raise_velocity_peak(span, ends, peaks, peak_row, i):
     c3, c4, c5 = _quintic_coefficients(h, ends)
     bulge, tilt = _bulge_and_tilt(h, ends)
     is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, abs(a0) + abs(a1))
-    row = peak_row + (0 if is_resolved else at.PEAK_ROWS)
+    row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
     # The velocity does not exceed its Bezier points v0, point_1, point_2, point_3, v1. Their
     # mean is the mean velocity (u1 - u0) / h; this condition determines point_2.
     point_1 = v0 + 0.25 * h * a0
@@ -490,7 +494,7 @@ def _raise_velocity_peak(span, ends, peaks, peak_row, i):
         raise_peak(peaks, row, i, _quintic_extremum(a0 / (a0 - a1), velocity))
 
 
-@inlined
+@inline
 def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     """Raise the peak of an absolute acceleration or of a total shear.
 
@@ -529,14 +533,14 @@ def _raise_acceleration_peak(span, ends, mass, peaks, peak_row, i, forces):
     if is_candidate and _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt) > peak:
         scale = abs(absolute_0) + abs(absolute_1)
         is_resolved = _is_resolved(span, ends) and _is_near_line(bulge, tilt, scale)
-        row = peak_row + (0 if is_resolved else at.PEAK_ROWS)
+        row = peak_row + (0 if is_resolved else rows.PEAK_ROWS)
         # Expand A0 + (A1 - A0) s + s (1 - s) (B + D (1 - 2 s)) in powers of s.
         c1 = absolute_1 - absolute_0 + bulge + tilt
         extremum = _cubic_extremum(absolute_0, c1, -bulge - 3.0 * tilt, 2.0 * tilt)
         raise_peak(peaks, row, i, extremum)
 
 
-@called
+@outlined
 def _add_floor_forces(span, forces, link, i, sums_above):
     """Add the forces on floor `i` to the sums over the floors above.
 
@@ -570,7 +574,7 @@ def _add_floor_forces(span, forces, link, i, sums_above):
     bulge = link * sums_above[2]
     tilt = link * sums_above[3]
     for j in range(forces.shape[0]):
-        if forces[j, at.FLOOR] == i:
+        if forces[j, rows.FLOOR] == i:
             force_0 = force_value(forces, j, t - h)
             force_1 = force_value(forces, j, t)
             # Deviations at s = 1/4 and s = 3/4
@@ -583,7 +587,7 @@ def _add_floor_forces(span, forces, link, i, sums_above):
     return sum_0, sum_1, bulge, tilt
 
 
-@inlined
+@inline
 def _bulge_and_tilt(h, ends):
     """Return bulge B and tilt D of the acceleration of the quintic (see the module docstring)."""
     u0, v0, a0, u1, v1, a1, _, _ = ends
@@ -592,7 +596,7 @@ def _bulge_and_tilt(h, ends):
     return acceleration_bulge(by_h, ends), tilt
 
 
-@inlined
+@inline
 def acceleration_bulge(by_h, ends):
     """Return the bulge B = 6 (v1 - v0) / h - 3 (a0 + a1), m/s^2.
 
@@ -601,7 +605,7 @@ def acceleration_bulge(by_h, ends):
     return 6.0 * by_h * (ends.v1 - ends.v0) - 3.0 * (ends.a0 + ends.a1)
 
 
-@inlined
+@inline
 def _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt):
     """Return the larger absolute value of the two interior Bezier points of the acceleration.
 
@@ -613,7 +617,7 @@ def _max_interior_bezier_point(absolute_0, absolute_1, bulge, tilt):
     return max(first, second) / 3.0
 
 
-@inlined
+@inline
 def _is_near_line(bulge, tilt, scale):
     """Return True if the acceleration is close to the straight line between its endpoints.
 
@@ -623,7 +627,7 @@ def _is_near_line(bulge, tilt, scale):
     return abs(bulge) + abs(tilt) <= 3.0 * _MAX_ACCELERATION_DEVIATION * scale
 
 
-@inlined
+@inline
 def _is_resolved(span, ends):
     """Return True if velocities and accelerations of two successive steps are nearly linear.
 
@@ -637,7 +641,7 @@ def _is_resolved(span, ends):
     return not span.fast or (velocities and accelerations)
 
 
-@inlined
+@inline
 def _quintic_coefficients(h, ends):
     """Return the coefficients c3, c4, c5 of the quintic Hermite interpolant, m.
 
@@ -655,7 +659,7 @@ def _quintic_coefficients(h, ends):
     return c3, c4, c5
 
 
-@inlined
+@inline
 def _quintic_extremum(s, coefficients):
     """Return the value of p(s) = p0 + p1 s + ... + p5 s^5 at an extremum in [0, 1].
 
@@ -677,7 +681,7 @@ def _quintic_extremum(s, coefficients):
     return p0 + s * (p1 + s * (p2 + s * (p3 + s * (p4 + s * p5))))
 
 
-@inlined
+@inline
 def _cubic_extremum(p0, p1, p2, p3):
     """Return the value of largest absolute size among p0 and the interior extrema of a cubic.
 

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called_at, inlined
+from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, indirect_caller, inline
 
 # ---- Arrays and numbers that go together, as kernels hand them on: tuples with names, which the
 # compiler takes apart
@@ -51,15 +51,15 @@ class Memory(NamedTuple):
     """What method and drift laws remember, before and after a step, and scratch."""
 
     state: Array  # of the method
-    springs: Array  # of the drift laws
-    work: Array  # scratch and kept factorizations
-    report: Array  # what a step leaves for the next one, for the march, and for people
+    law_state: Array  # of the drift laws
+    scratch: Array  # scratch and kept factorizations
+    step_status: Array  # what a step leaves for the next one, for the march, and for people
 
 
 class Seen(NamedTuple):
     """What is seen of the motion (`tdint.kernels.march.observing`)."""
 
-    watch: Array  # what the observer keeps
+    observer_state: Array  # what the observer keeps
     peaks: Array  # and their doubt
     limits: Array  # of the drifts
     totals: Array  # numbers of the whole run
@@ -133,7 +133,7 @@ class Factors(NamedTuple):
     store: int  # the modes'
 
 
-class Weights(NamedTuple):
+class EffectiveCoefficients(NamedTuple):
     """What one unknown of a floor moves: its displacement, velocity and acceleration."""
 
     by_u: float
@@ -164,14 +164,14 @@ class Stretch(NamedTuple):
 
 STEP = I8(VECTOR, *SCENE, F8, VECTOR, *MEMORY)
 
-_call_step = called_at(STEP)
+_call_step = indirect_caller(STEP)
 
 
-@inlined
+@inline
 def take_step(step, coefficients, scene, h, load, memory):
     """Take a step by the kernel that a march was given."""
     linear_terms, modal, law_parameters, forces, flags = scene
-    state, springs, work, report = memory
+    state, law_state, scratch, step_status = memory
     return _call_step(
         step,
         coefficients,
@@ -183,7 +183,7 @@ def take_step(step, coefficients, scene, h, load, memory):
         h,
         load,
         state,
-        springs,
-        work,
-        report,
+        law_state,
+        scratch,
+        step_status,
     )

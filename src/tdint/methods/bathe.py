@@ -14,12 +14,18 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import inlined, kernel
-from tdint.kernels.equations.newton import BALANCE_ROWS, ROW, balance, factor_rows, forget
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import inline, kernel
+from tdint.kernels.equations.newton import (
+    EQUILIBRIUM_ROWS,
+    ROW,
+    factor_rows,
+    invalidate,
+    solve_equilibrium,
+)
 from tdint.kernels.linear_terms import finite, floor_load
-from tdint.kernels.stepping import STEP, Memory, Scene, Weights
-from tdint.kernels.stories.law_state import commit, settle
+from tdint.kernels.stepping import STEP, EffectiveCoefficients, Memory, Scene
+from tdint.kernels.stories.law_state import accumulate_dissipation, commit
 from tdint.methods.method import Family, Method, Parameter
 
 # Coefficients
@@ -28,7 +34,7 @@ Q0 = 1
 Q1 = 2
 Q2 = 3
 
-_FACTORS = BALANCE_ROWS  # rows of work of the first sub-step, then of the second
+_FACTORS = EQUILIBRIUM_ROWS  # rows of work of the first sub-step, then of the second
 
 
 @kernel(STEP)
@@ -42,78 +48,80 @@ def step(
     h,
     load,
     state,
-    springs,
-    work,
-    report,
+    law_state,
+    scratch,
+    step_status,
 ):
     """One step: two sub-steps, each in equilibrium at its end."""
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
-    memory = Memory(state, springs, work, report)
+    memory = Memory(state, law_state, scratch, step_status)
     n = linear_terms.shape[1] - 1
     # Where both sub-steps weigh alike they share a matrix, which is factored once.
     one_matrix = coefficients[Q2] == 0.5 * coefficients[GAMMA]
-    second_factors = _FACTORS if one_matrix else (_FACTORS + work.shape[0]) // 2
-    if report[at.FACTORED_STEP] != h:
-        forget(work, _FACTORS, n)
-        forget(work, second_factors, n)
-        report[at.FACTORED_STEP] = h
+    second_factors = _FACTORS if one_matrix else (_FACTORS + scratch.shape[0]) // 2
+    if step_status[rows.FACTORED_STEP] != h:
+        invalidate(scratch, _FACTORS, n)
+        invalidate(scratch, second_factors, n)
+        step_status[rows.FACTORED_STEP] = h
     iterations = 0
     for second in range(2):
         if second == 0:
             part = coefficients[GAMMA]
             by_v = 0.5 * part * h
             factors = _FACTORS
-            past = at.COMMITTED
-            trial = at.FIRST_TRIAL
-            _guess_inner(by_v, state, work, n)
+            previous = rows.COMMITTED
+            trial = rows.FIRST_TRIAL
+            _guess_inner(by_v, state, scratch, n)
         else:
             part = 1.0
             by_v = coefficients[Q2] * h
             factors = second_factors
-            past = at.FIRST_TRIAL
-            trial = at.SECOND_TRIAL
-            _guess_end(coefficients, h, state, work, n)
-        ground = load[at.GROUND_0] + part * (load[at.GROUND_1] - load[at.GROUND_0])
-        floor_load(linear_terms, forces, load[at.TIME] + part * h, ground, work, ROW.LOAD)
-        code = balance(Weights(by_v * by_v, by_v, 1.0), factors, past, trial, scene, memory)
+            previous = rows.FIRST_TRIAL
+            trial = rows.SECOND_TRIAL
+            _guess_end(coefficients, h, state, scratch, n)
+        ground = load[rows.GROUND_0] + part * (load[rows.GROUND_1] - load[rows.GROUND_0])
+        floor_load(linear_terms, forces, load[rows.TIME] + part * h, ground, scratch, ROW.LOAD)
+        code = solve_equilibrium(
+            EffectiveCoefficients(by_v * by_v, by_v, 1.0), factors, previous, trial, scene, memory
+        )
         if code < 0:
             return code
         iterations += code
     for i in range(n):
-        state[at.DISPLACEMENT, i] = work[ROW.U, i]
-        state[at.VELOCITY, i] = work[ROW.V, i]
-        state[at.ACCELERATION, i] = work[ROW.A, i]
-        settle(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)
-        commit(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
-    return iterations if finite(state, n) else at.NOT_FINITE
+        state[rows.DISPLACEMENT, i] = scratch[ROW.U, i]
+        state[rows.VELOCITY, i] = scratch[ROW.V, i]
+        state[rows.ACCELERATION, i] = scratch[ROW.A, i]
+        accumulate_dissipation(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)
+        commit(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
+    return iterations if finite(state, n) else rows.NOT_FINITE
 
 
-@inlined
-def _guess_inner(half, state, work, n):
+@inline
+def _guess_inner(half, state, scratch, n):
     """First guess: the acceleration stays over the first sub-step, of length 2 `half`; x is its
     change."""
     for i in range(n):
-        v = state[at.VELOCITY, i] + 2.0 * half * state[at.ACCELERATION, i]
-        work[ROW.U, i] = state[at.DISPLACEMENT, i] + half * (state[at.VELOCITY, i] + v)
-        work[ROW.V, i] = v
-        work[ROW.A, i] = state[at.ACCELERATION, i]
+        v = state[rows.VELOCITY, i] + 2.0 * half * state[rows.ACCELERATION, i]
+        scratch[ROW.U, i] = state[rows.DISPLACEMENT, i] + half * (state[rows.VELOCITY, i] + v)
+        scratch[ROW.V, i] = v
+        scratch[ROW.A, i] = state[rows.ACCELERATION, i]
 
 
-@inlined
-def _guess_end(coefficients, h, state, work, n):
+@inline
+def _guess_end(coefficients, h, state, scratch, n):
     """First guess: the acceleration of the inner point, left in work, stays over the second
     sub-step."""
     q0 = coefficients[Q0]
     q1 = coefficients[Q1]
     q2 = coefficients[Q2]
     for i in range(n):
-        v = state[at.VELOCITY, i] + h * (
-            q0 * state[at.ACCELERATION, i] + (q1 + q2) * work[ROW.A, i]
+        v = state[rows.VELOCITY, i] + h * (
+            q0 * state[rows.ACCELERATION, i] + (q1 + q2) * scratch[ROW.A, i]
         )
-        work[ROW.U, i] = state[at.DISPLACEMENT, i] + h * (
-            q0 * state[at.VELOCITY, i] + q1 * work[ROW.V, i] + q2 * v
+        scratch[ROW.U, i] = state[rows.DISPLACEMENT, i] + h * (
+            q0 * state[rows.VELOCITY, i] + q1 * scratch[ROW.V, i] + q2 * v
         )
-        work[ROW.V, i] = v
+        scratch[ROW.V, i] = v
 
 
 def gamma_of_one_matrix(rho_inf: float) -> float:

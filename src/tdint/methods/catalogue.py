@@ -148,7 +148,7 @@ def register_method(method: Method, where: str | Origin = "") -> None:
                     )
             if integrator.family.prepare is None:
                 np.array(integrator.method.coefficients(*integrator.values), dtype=np.float64)
-            integrator.family.work_rows(0)
+            integrator.family.scratch_rows(0)
     except UsageError:
         del _known()[method.name]
         raise

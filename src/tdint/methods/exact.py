@@ -13,11 +13,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.compiling import kernel
 from tdint.kernels.linear_terms import finite, force_value
 from tdint.kernels.stepping import STEP
-from tdint.kernels.stories.law_state import commit, restoring
+from tdint.kernels.stories.law_state import commit, restoring_force
 from tdint.methods.method import Family, Method
 from tdint.model.building import Building
 
@@ -38,9 +38,9 @@ def step(
     h,
     load,
     state,
-    springs,
-    work,
-    report,
+    law_state,
+    scratch,
+    step_status,
 ):
     """One step: a matrix times (u0, v0, loads at the start, loads at the end), column by column.
 
@@ -50,38 +50,43 @@ def step(
     n = linear_terms.shape[1] - 1
     loads = 1 + forces.shape[0]
     for i in range(n):
-        work[0, i] = 0.0
-        work[1, i] = 0.0
+        scratch[0, i] = 0.0
+        scratch[1, i] = 0.0
     # What each number of the state and of the loads at both ends adds.
     for j in range(2 * n + 2 * loads):
         if j < n:
-            factor = state[at.DISPLACEMENT, j]
+            factor = state[rows.DISPLACEMENT, j]
         elif j < 2 * n:
-            factor = state[at.VELOCITY, j - n]
+            factor = state[rows.VELOCITY, j - n]
         elif j == 2 * n:
-            factor = load[at.GROUND_0]
+            factor = load[rows.GROUND_0]
         elif j < 2 * n + loads:
-            factor = force_value(forces, j - 2 * n - 1, load[at.TIME])
+            factor = force_value(forces, j - 2 * n - 1, load[rows.TIME])
         elif j == 2 * n + loads:
-            factor = load[at.GROUND_1]
+            factor = load[rows.GROUND_1]
         else:
-            factor = force_value(forces, j - 2 * n - loads - 1, load[at.TIME] + h)
+            factor = force_value(forces, j - 2 * n - loads - 1, load[rows.TIME] + h)
         start = 2 * n * j
         for i in range(n):
-            work[0, i] += factor * coefficients[start + i]
+            scratch[0, i] += factor * coefficients[start + i]
         for i in range(n):
-            work[1, i] += factor * coefficients[start + n + i]
+            scratch[1, i] += factor * coefficients[start + n + i]
     below = 0.0
     for i in range(n):
-        u = work[0, i]
-        state[at.DISPLACEMENT, i] = u
-        state[at.VELOCITY, i] = work[1, i]
-        restoring(
-            law_parameters, springs, i, 0, at.FIRST_TRIAL, u - linear_terms[at.LINK, i] * below
+        u = scratch[0, i]
+        state[rows.DISPLACEMENT, i] = u
+        state[rows.VELOCITY, i] = scratch[1, i]
+        restoring_force(
+            law_parameters,
+            law_state,
+            i,
+            0,
+            rows.FIRST_TRIAL,
+            u - linear_terms[rows.LINK, i] * below,
         )
-        commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
+        commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
         below = u
-    return 1 if finite(state, n) else at.NOT_FINITE
+    return 1 if finite(state, n) else rows.NOT_FINITE
 
 
 def oscillator(omega_h: Array, damping: Array) -> Array:
@@ -130,8 +135,8 @@ def oscillator(omega_h: Array, damping: Array) -> Array:
 
 
 def _fill(w: Array, g: Array, i1: Array, i2: Array, a11: Array, a22: Array) -> Array:
-    rows = np.array([[a11, g, i1 - i2, i2], [-w * w * g, a22, g - i1, i1]])
-    return np.moveaxis(rows, (0, 1), (-2, -1))
+    coefficient_rows = np.array([[a11, g, i1 - i2, i2], [-w * w * g, a22, g - i1, i1]])
+    return np.moveaxis(coefficient_rows, (0, 1), (-2, -1))
 
 
 def _van_loan(k: Array, c: Array, patterns: Array) -> Array:
@@ -158,7 +163,7 @@ def prepare(building: Building, forces: Array, h: float) -> Array:
     n = building.stories
     patterns = np.zeros((n, 1 + len(forces)))
     patterns[:, 0] = -1.0
-    for j, floor in enumerate(forces[:, at.FLOOR].astype(int)):
+    for j, floor in enumerate(forces[:, rows.FLOOR].astype(int)):
         patterns[floor, 1 + j] = 1.0 / building.mass[floor]
     modes = building.modes()
     classical = modes.damping_ratios(building.damping_matrix())
@@ -189,7 +194,7 @@ FAMILY = Family(
     "exact",
     step,
     lambda modes: 2,
-    memory=(at.DISPLACEMENT, at.VELOCITY),
+    memory=(rows.DISPLACEMENT, rows.VELOCITY),
     halvable=False,
     linear_only=True,
     prepare=prepare,

@@ -56,8 +56,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import called, inlined, kernel
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import outlined, inline, kernel
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse_momentum import correct, guess, in_balance, residuals
 from tdint.kernels.equations.iteration import (
@@ -74,7 +74,7 @@ from tdint.kernels.equations.tridiagonal import (
 )
 from tdint.kernels.linear_terms import finite, floor_load
 from tdint.kernels.stepping import STEP, Factors, Memory
-from tdint.kernels.stories.law_state import commit, restoring
+from tdint.kernels.stories.law_state import commit, restoring_force
 from tdint.methods.method import Family, Method, Parameter
 
 # Coefficients
@@ -93,7 +93,7 @@ class _TangentRows(NamedTuple):
     COUPLING: int = COUPLING_ROWS
 
 
-_ROW, _STORE = at.chained(_TangentRows, momentum.MOMENTUM_ROWS)
+_ROW, _STORE = rows.chained(_TangentRows, momentum.MOMENTUM_ROWS)
 
 
 @kernel(STEP)
@@ -107,24 +107,24 @@ def step(
     h,
     load,
     state,
-    springs,
-    work,
-    report,
+    law_state,
+    scratch,
+    step_status,
 ):
     """One step (eqs. 15-23, nonlinear 46-54); Newton with unknowns (u1 - u0, v1 - v0) per floor,
     the change of the tangent left out of the matrix."""
     n = linear_terms.shape[1] - 1
-    memory = Memory(state, springs, work, report)
-    factors = Factors(work, _ROW.BLOCKS, _ROW.COUPLING, _STORE)
-    _loads(linear_terms, forces, h, load, work)
-    guess(0.0 if flags[at.LINEAR] != 0.0 else 1.0, h, state, work, n)
+    memory = Memory(state, law_state, scratch, step_status)
+    factors = Factors(scratch, _ROW.BLOCKS, _ROW.COUPLING, _STORE)
+    _loads(linear_terms, forces, h, load, scratch)
+    guess(0.0 if flags[rows.LINEAR] != 0.0 else 1.0, h, state, scratch, n)
     iterations = 0
     last = False
     while True:
         stale = _end(coefficients, linear_terms, law_parameters, h, memory)  # eqs. 14 and 46
         # Eqs. 11, 12 (kinematics), 13 (momentum) and equilibrium at the end: what they are out of
         # balance
-        residuals(_THETA, _BY_A, _BY_A, linear_terms, modal, h, state, work)
+        residuals(_THETA, _BY_A, _BY_A, linear_terms, modal, h, state, scratch)
         balanced = in_balance(
             iterations == MAX_ITERATIONS,
             RESIDUAL_TOLERANCE,
@@ -132,62 +132,62 @@ def step(
             linear_terms,
             h,
             state,
-            work,
-            report,
+            scratch,
+            step_status,
         )
         if last or (balanced and iterations == MAX_ITERATIONS):
             break
         if iterations == MAX_ITERATIONS:
-            return at.NOT_CONVERGED
+            return rows.NOT_CONVERGED
         if stale:
             _factor(coefficients, linear_terms, modal, h, factors)
-            report[at.FACTORED_STEP] = h
+            step_status[rows.FACTORED_STEP] = h
         # One correction beyond balance: the published equations to rounding, where balance alone
         # leaves 1e-11.
-        last = correct(_BY_A, modal, h, factors, n) or balanced or flags[at.LINEAR] != 0.0
+        last = correct(_BY_A, modal, h, factors, n) or balanced or flags[rows.LINEAR] != 0.0
         iterations += 1
     for i in range(n):
-        state[at.DISPLACEMENT, i] += work[momentum.DU, i]
-        state[at.VELOCITY, i] += work[momentum.DV, i]
-        state[at.ACCELERATION, i] = work[momentum.A1, i]
-        commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
-    return max(iterations, 1) if finite(state, n) else at.NOT_FINITE
+        state[rows.DISPLACEMENT, i] += scratch[momentum.DU, i]
+        state[rows.VELOCITY, i] += scratch[momentum.DV, i]
+        state[rows.ACCELERATION, i] = scratch[momentum.A1, i]
+        commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
+    return max(iterations, 1) if finite(state, n) else rows.NOT_FINITE
 
 
-@inlined
-def _loads(linear_terms, forces, h, load, work):
+@inline
+def _loads(linear_terms, forces, h, load, scratch):
     """Load at the end of the step, and its impulse I by the trapezoidal rule, as published (eq.
     13)."""
-    floor_load(linear_terms, forces, load[at.TIME], load[at.GROUND_0], work, momentum.IMPULSE)
-    floor_load(linear_terms, forces, load[at.TIME] + h, load[at.GROUND_1], work, momentum.LOAD)
+    floor_load(linear_terms, forces, load[rows.TIME], load[rows.GROUND_0], scratch, momentum.IMPULSE)
+    floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, momentum.LOAD)
     for i in range(linear_terms.shape[1] - 1):
-        work[momentum.IMPULSE, i] = 0.5 * h * (work[momentum.IMPULSE, i] + work[momentum.LOAD, i])
+        scratch[momentum.IMPULSE, i] = 0.5 * h * (scratch[momentum.IMPULSE, i] + scratch[momentum.LOAD, i])
 
 
-@inlined
+@inline
 def _end(coefficients, linear_terms, law_parameters, h, memory):
     """Story forces at the end of the step and story impulses. True if the factorization does not
     fit the tangents."""
-    state, springs, work, report = memory
+    state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
     beta = coefficients[BETA]
-    stale = report[at.FACTORED_STEP] != h
+    stale = step_status[rows.FACTORED_STEP] != h
     u_below = 0.0
     v_below = 0.0
     du_below = 0.0
     q_below = 0.0
     for i in range(n):
-        du = work[momentum.DU, i]
-        u = state[at.DISPLACEMENT, i] + du
-        v = state[at.VELOCITY, i] + work[momentum.DV, i]
+        du = scratch[momentum.DU, i]
+        u = state[rows.DISPLACEMENT, i] + du
+        v = state[rows.VELOCITY, i] + scratch[momentum.DV, i]
         q = h * (  # eq. 14 less u0 h
             (1.0 - 72.0 * beta) * du
-            + h * ((48.0 * beta - 0.25) * state[at.VELOCITY, i] + (24.0 * beta - 0.25) * v)
-            + h * h * (12.0 * beta - 1.0 / 12.0) * state[at.ACCELERATION, i]
+            + h * ((48.0 * beta - 0.25) * state[rows.VELOCITY, i] + (24.0 * beta - 0.25) * v)
+            + h * h * (12.0 * beta - 1.0 / 12.0) * state[rows.ACCELERATION, i]
         )
-        work[momentum.U1, i] = u
-        work[momentum.V1, i] = v
-        link = linear_terms[at.LINK, i]
+        scratch[momentum.U1, i] = u
+        scratch[momentum.V1, i] = v
+        link = linear_terms[rows.LINK, i]
         drift = u - link * u_below
         rate = v - link * v_below
         increment = du - link * du_below
@@ -197,46 +197,46 @@ def _end(coefficients, linear_terms, law_parameters, h, memory):
         du_below = du
         q_below = q
         # Equilibrium has f(u1); the momentum f0 h + k_T (q - u0 h), eq. 46.
-        tangent = restoring(law_parameters, springs, i, 0, at.FIRST_TRIAL, drift)
-        work[_ROW.TANGENT, i] = tangent
+        tangent = restoring_force(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift)
+        scratch[_ROW.TANGENT, i] = tangent
         # A drift is a difference: what the displacements round is not out of balance.
-        rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[at.STIFFNESS, i]
-        work[momentum.SIZE, i] = rounding * (abs(u) + abs(u - drift))
+        rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[rows.STIFFNESS, i]
+        scratch[momentum.SIZE, i] = rounding * (abs(u) + abs(u - drift))
         stale = (
             stale
-            or abs(tangent - work[_ROW.FACTORED, i])
-            > TANGENT_TOLERANCE * law_parameters[at.STIFFNESS, i]
+            or abs(tangent - scratch[_ROW.FACTORED, i])
+            > TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         )
-        geometric = linear_terms[at.GEOMETRIC, i]
-        damper = linear_terms[at.STORY_DAMPER, i]
-        work[momentum.FORCE_1, i] = (
-            springs[at.FIRST_TRIAL + at.FORCE, i] + geometric * drift + damper * rate
+        geometric = linear_terms[rows.GEOMETRIC, i]
+        damper = linear_terms[rows.STORY_DAMPER, i]
+        scratch[momentum.FORCE_1, i] = (
+            law_state[rows.FIRST_TRIAL + rows.FORCE, i] + geometric * drift + damper * rate
         )
-        work[momentum.FORCE_S, i] = (
-            h * (springs[at.FORCE, i] + geometric * springs[at.DRIFT, i])
+        scratch[momentum.FORCE_S, i] = (
+            h * (law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i])
             + (tangent + geometric) * q_drift
             + damper * increment
         )
     return stale
 
 
-@called
+@outlined
 def _factor(coefficients, linear_terms, modal, h, factors):
     """Factor the Newton matrix for the present tangents."""
-    work = factors.table
+    scratch = factors.table
     n = linear_terms.shape[1] - 1
     beta = coefficients[BETA]
     by_a = _BY_A * h * h
     for i in range(n):
-        work[_ROW.FACTORED, i] = work[_ROW.TANGENT, i]
-        tangent = work[_ROW.TANGENT, i] + linear_terms[at.GEOMETRIC, i]
-        damper = linear_terms[at.STORY_DAMPER, i]
+        scratch[_ROW.FACTORED, i] = scratch[_ROW.TANGENT, i]
+        tangent = scratch[_ROW.TANGENT, i] + linear_terms[rows.GEOMETRIC, i]
+        damper = linear_terms[rows.STORY_DAMPER, i]
         # Kinematics by u1 and v1, with a1 from equilibrium (eqs. 11, 12)
-        work[_ROW.COUPLING, i] = -by_a * tangent
-        work[_ROW.COUPLING + 1, i] = -by_a * damper
+        scratch[_ROW.COUPLING, i] = -by_a * tangent
+        scratch[_ROW.COUPLING + 1, i] = -by_a * damper
         # Momentum by u1 and v1: C and k_T times the derivatives of q (eqs. 13, 14)
-        work[_ROW.COUPLING + 2, i] = damper + h * (1.0 - 72.0 * beta) * tangent
-        work[_ROW.COUPLING + 3, i] = h * h * (24.0 * beta - 0.25) * tangent
+        scratch[_ROW.COUPLING + 2, i] = damper + h * (1.0 - 72.0 * beta) * tangent
+        scratch[_ROW.COUPLING + 3, i] = h * h * (24.0 * beta - 0.25) * tangent
     assemble_blocks(linear_terms, factors, _THETA * h, by_a, n)
     factor_blocks(factors, ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n)
 
@@ -259,7 +259,7 @@ FAMILY = Family(
     "impulse",
     step,
     lambda modes: _STORE + 6 * modes + 1,
-    memory=(at.DISPLACEMENT, at.VELOCITY),
+    memory=(rows.DISPLACEMENT, rows.VELOCITY),
     power_dampers=False,
 )
 

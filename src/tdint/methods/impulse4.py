@@ -17,8 +17,8 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import called, inlined, kernel
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import outlined, inline, kernel
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse4 import (
     FACTORS,
@@ -31,12 +31,12 @@ from tdint.kernels.equations.impulse4 import (
 )
 from tdint.kernels.equations.iteration import add_rows, copy_rows
 from tdint.kernels.laws.choosing import BENDING, CURVES, CURVING
-from tdint.kernels.laws.walking import copy_extra_rows
+from tdint.kernels.laws.follow_branches import copy_extra_rows
 from tdint.kernels.linear_terms import FORCES, finite, force_value
 from tdint.kernels.peaks_between_steps import find_interstep_peaks, raise_peak
 from tdint.kernels.stepping import STEP, Memory, Passage, Scene, Span
 from tdint.kernels.stories.branches import NONE, advance, first_event, go_along, switch
-from tdint.kernels.stories.law_state import commit, reach, resume, settle
+from tdint.kernels.stories.law_state import commit, restoring_force_outlined, resume, accumulate_dissipation
 from tdint.methods.method import Family, Method, Parameter
 
 _STRAYED = 0.1  # over the way of the drift: an event that is missed by more was not located
@@ -60,35 +60,35 @@ def step(
     h,
     load,
     state,
-    springs,
-    work,
-    report,
+    law_state,
+    scratch,
+    step_status,
 ):
     """One step from kink to kink of the laws that have any; where kinks pile up, and without any,
     straight on."""
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
-    memory = Memory(state, springs, work, report)
+    memory = Memory(state, law_state, scratch, step_status)
     if not BENDING:
         return _by_branches(coefficients, scene, h, load, memory)
     n = linear_terms.shape[1] - 1
-    if flags[at.BRANCHES] != at.NO_BRANCHES:
+    if flags[rows.BRANCHES] != rows.NO_BRANCHES:
         code = _by_branches(coefficients, scene, h, load, memory)
-        if code != at.NOT_CONVERGED:
+        if code != rows.NOT_CONVERGED:
             return code
-    report[at.WITHIN] = 0.0
-    loads(linear_terms, forces, load[at.TIME], h, load[at.GROUND_0], load[at.GROUND_1], work)
+    step_status[rows.STEP_PEAKS] = 0.0
+    loads(linear_terms, forces, load[rows.TIME], h, load[rows.GROUND_0], load[rows.GROUND_1], scratch)
     code = newton(False, False, coefficients, scene, h, memory, FACTORS)
     if code < 0:
         return code
     join(scene, h, memory)
-    _arrive(False, linear_terms, law_parameters, state, springs, work)
-    if flags[at.BRANCHES] != at.NO_BRANCHES:
+    _arrive(False, linear_terms, law_parameters, state, law_state, scratch)
+    if flags[rows.BRANCHES] != rows.NO_BRANCHES:
         for i in range(n):
-            resume(law_parameters, springs, i)
-    return code if finite(state, n) else at.NOT_FINITE
+            resume(law_parameters, law_state, i)
+    return code if finite(state, n) else rows.NOT_FINITE
 
 
-@called
+@outlined
 def _by_branches(coefficients, scene, h, load, memory):
     """One step in which no law changes its branch, or one piece for each part of it between two
     such changes.
@@ -103,10 +103,10 @@ def _by_branches(coefficients, scene, h, load, memory):
     story, the state is left as it was.
     """
     linear_terms, modal, law_parameters, forces, flags = scene
-    state, springs, work, report = memory
+    state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
-    straight = flags[at.BRANCHES] == at.ALL_BRANCHES
-    slope = (load[at.GROUND_1] - load[at.GROUND_0]) / h
+    straight = flags[rows.BRANCHES] == rows.ALL_BRANCHES
+    slope = (load[rows.GROUND_1] - load[rows.GROUND_0]) / h
     most = 20 + 4 * n
     done = 0.0
     piece = h
@@ -117,12 +117,12 @@ def _by_branches(coefficients, scene, h, load, memory):
     is_shortened = False  # REMAINING contains the motion to the end of the step
     ending = False  # whether the piece ends with a change of branch
     story = -1
-    how = at.TURNED
+    how = rows.REVERSED
     while True:
         factors = FACTORS if piece == h else FACTORS + factor_rows(modal.shape[0])
-        ground = load[at.GROUND_0] + slope * done
+        ground = load[rows.GROUND_0] + slope * done
         loads(
-            linear_terms, forces, load[at.TIME] + done, piece, ground, ground + slope * piece, work
+            linear_terms, forces, load[rows.TIME] + done, piece, ground, ground + slope * piece, scratch
         )
         if not CURVING or straight:
             solve_linear(coefficients, scene, piece, memory, factors)
@@ -131,42 +131,42 @@ def _by_branches(coefficients, scene, h, load, memory):
             code = newton(True, has_guess, coefficients, scene, piece, memory, factors)
             if code < 0:
                 if pieces > 0:
-                    _restore(state, springs, work, n)
+                    _restore(state, law_state, scratch, n)
                 return code
             solves += code
             join(scene, piece, memory)
-            if CURVES and ending and how == at.TURNED:
-                work[ROW.KINK, story] = 0.0
-        if BENDING and flags[at.LINEAR] == 0.0:
+            if CURVES and ending and how == rows.REVERSED:
+                scratch[ROW.KINK, story] = 0.0
+        if BENDING and flags[rows.LINEAR] == 0.0:
             miss = (
-                _miss(linear_terms, piece, state, springs, work, story, how) if ending else _BEYOND
+                _miss(linear_terms, piece, state, law_state, scratch, story, how) if ending else _BEYOND
             )
             if miss == _BEYOND:
                 ending = False
                 fraction, story, how = first_event(
-                    linear_terms, piece, state, springs, work, momentum.U1, momentum.V1, ROW.KINK
+                    linear_terms, piece, state, law_state, scratch, momentum.U1, momentum.V1, ROW.KINK
                 )
                 if fraction != NONE:
                     if pieces == 0:
-                        _save(state, springs, work, n)
+                        _save(state, law_state, scratch, n)
                     pieces += 1
                     if pieces > most:
-                        _restore(state, springs, work, n)
-                        return at.NOT_CONVERGED
+                        _restore(state, law_state, scratch, n)
+                        return rows.NOT_CONVERGED
                     if fraction * piece > _AT_ONCE * h:
                         if CURVING and not straight:
                             if not is_shortened:
-                                copy_rows(work, momentum.DU, ROW.REMAINING, 2, n)
-                            _shorten(fraction, piece, state, work, n)
+                                copy_rows(scratch, momentum.DU, ROW.REMAINING, 2, n)
+                            _shorten(fraction, piece, state, scratch, n)
                             has_guess = is_shortened = True
                         piece *= fraction
                         ending = True
                     else:
-                        _change(linear_terms, law_parameters, state, springs, story, how)
+                        _change(linear_terms, law_parameters, state, law_state, story, how)
                         events += 1
                         piece = h - done
                         if CURVING and is_shortened:
-                            copy_rows(work, ROW.REMAINING, momentum.DU, 2, n)
+                            copy_rows(scratch, ROW.REMAINING, momentum.DU, 2, n)
                             is_shortened = False
                     continue
             elif miss == _SHORT:
@@ -174,39 +174,39 @@ def _by_branches(coefficients, scene, h, load, memory):
         if BENDING and pieces > 0:
             for row in range(3):
                 for i in range(n):
-                    work[ROW.PIECE + row, i] = state[row, i]
+                    scratch[ROW.PIECE + row, i] = state[row, i]
         if not CURVING or straight:
-            _advance(linear_terms, law_parameters, state, springs, work)
+            _advance(linear_terms, law_parameters, state, law_state, scratch)
         else:
-            _arrive(True, linear_terms, law_parameters, state, springs, work)
+            _arrive(True, linear_terms, law_parameters, state, law_state, scratch)
         if BENDING and pieces > 0:
-            t = load[at.TIME] + done + piece
+            t = load[rows.TIME] + done + piece
             _look(
                 scene,
-                Span(t, piece, ground, ground + slope * piece, False, flags[at.FAST] != 0.0, False),
+                Span(t, piece, ground, ground + slope * piece, False, flags[rows.UNRESOLVED_MODES] != 0.0, False),
                 memory,
             )
-            report[at.WITHIN] = ROW.PEAKS
-            report[at.OWN_PEAKS] = ROW.PEAKS
+            step_status[rows.STEP_PEAKS] = ROW.PEAKS
+            step_status[rows.RUN_PEAKS] = ROW.PEAKS
         if CURVING and is_shortened:
             # What is left of the motion is the first estimate of the next substep.
-            add_rows(-1.0, work, momentum.DU, ROW.REMAINING, 2, n)
-            copy_rows(work, ROW.REMAINING, momentum.DU, 2, n)
+            add_rows(-1.0, scratch, momentum.DU, ROW.REMAINING, 2, n)
+            copy_rows(scratch, ROW.REMAINING, momentum.DU, 2, n)
             is_shortened = False
         done += piece
         if BENDING and ending:
-            _change(linear_terms, law_parameters, state, springs, story, how)
+            _change(linear_terms, law_parameters, state, law_state, story, how)
             events += 1
             ending = False
         piece = h - done
         if not BENDING or piece <= _AT_ONCE * h:
             break
-    report[at.EVENTS] += events
-    return solves if finite(state, n) else at.NOT_FINITE
+    step_status[rows.BRANCH_CHANGES] += events
+    return solves if finite(state, n) else rows.NOT_FINITE
 
 
-@called
-def _shorten(fraction, h, state, work, n):
+@outlined
+def _shorten(fraction, h, state, scratch, n):
     """Replace the motion over a substep by the motion over its first part.
 
     The displacements between the ends are the cubic Hermite polynomials of displacement and
@@ -227,49 +227,49 @@ def _shorten(fraction, h, state, work, n):
     """
     rest = 1.0 - fraction
     for i in range(n):
-        du = work[momentum.DU, i]
-        v0 = state[at.VELOCITY, i]
-        v1 = v0 + work[momentum.DV, i]
-        work[momentum.DU, i] = fraction * fraction * (3.0 - 2.0 * fraction) * du
-        work[momentum.DU, i] += fraction * rest * h * (rest * v0 - fraction * v1)
-        work[momentum.DV, i] = 6.0 * fraction * rest * du / h
-        work[momentum.DV, i] += rest * (1.0 - 3.0 * fraction) * v0
-        work[momentum.DV, i] += fraction * (3.0 * fraction - 2.0) * v1 - v0
+        du = scratch[momentum.DU, i]
+        v0 = state[rows.VELOCITY, i]
+        v1 = v0 + scratch[momentum.DV, i]
+        scratch[momentum.DU, i] = fraction * fraction * (3.0 - 2.0 * fraction) * du
+        scratch[momentum.DU, i] += fraction * rest * h * (rest * v0 - fraction * v1)
+        scratch[momentum.DV, i] = 6.0 * fraction * rest * du / h
+        scratch[momentum.DV, i] += rest * (1.0 - 3.0 * fraction) * v0
+        scratch[momentum.DV, i] += fraction * (3.0 * fraction - 2.0) * v1 - v0
 
 
-@called
-def _change(linear_terms, law_parameters, state, springs, story, how):
+@outlined
+def _change(linear_terms, law_parameters, state, law_state, story, how):
     """Change the branch of a story.
 
     It does so at the end of its branch, which the motion may miss by rounding and by what the
     interpolant errs: from beside it a law might find the same end still ahead, over and over. A
     force that changes at once, as that of a story that fails, accelerates the floors.
     """
-    drift = springs[at.DRIFT, story]
-    force = springs[at.FORCE, story]
-    if how == at.TURNED or not springs[at.SLOPE, story] < math.inf:
-        switch(law_parameters, springs, story, 0, how)
+    drift = law_state[rows.DRIFT, story]
+    force = law_state[rows.FORCE, story]
+    if how == rows.REVERSED or not law_state[rows.SLOPE, story] < math.inf:
+        switch(law_parameters, law_state, story, 0, how)
     else:
         go_along(
             law_parameters,
-            springs,
+            law_state,
             story,
             0,
-            springs[at.UPPER, story] if how == at.ABOVE else springs[at.LOWER, story],
+            law_state[rows.UPPER, story] if how == rows.ABOVE else law_state[rows.LOWER, story],
         )
-        switch(law_parameters, springs, story, 0, how)
-        go_along(law_parameters, springs, story, 0, drift)
-    jump = springs[at.FORCE, story] - force
+        switch(law_parameters, law_state, story, 0, how)
+        go_along(law_parameters, law_state, story, 0, drift)
+    jump = law_state[rows.FORCE, story] - force
     if jump != 0.0:
-        state[at.ACCELERATION, story] -= jump * linear_terms[at.INVERSE_MASS, story]
+        state[rows.ACCELERATION, story] -= jump * linear_terms[rows.INVERSE_MASS, story]
         if story > 0:
-            state[at.ACCELERATION, story - 1] += (
-                linear_terms[at.LINK, story] * jump * linear_terms[at.INVERSE_MASS, story - 1]
+            state[rows.ACCELERATION, story - 1] += (
+                linear_terms[rows.LINK, story] * jump * linear_terms[rows.INVERSE_MASS, story - 1]
             )
 
 
-@called
-def _miss(linear_terms, h, state, springs, work, story, how):
+@outlined
+def _miss(linear_terms, h, state, law_state, scratch, story, how):
     """Whether a piece up to an event reaches it (0), falls short of it, or takes a story far off
     its branch."""
     miss = 0.0
@@ -277,47 +277,47 @@ def _miss(linear_terms, h, state, springs, work, story, how):
     v_below = 0.0
     v1_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
-        link = linear_terms[at.LINK, i]
-        drift = work[momentum.U1, i] - link * u_below
-        change = drift - springs[at.DRIFT, i]
+        link = linear_terms[rows.LINK, i]
+        drift = scratch[momentum.U1, i] - link * u_below
+        change = drift - law_state[rows.DRIFT, i]
         # The way is longer than the change where the drift comes back.
         way = h * max(
-            abs(state[at.VELOCITY, i] - link * v_below), abs(work[momentum.V1, i] - link * v1_below)
+            abs(state[rows.VELOCITY, i] - link * v_below), abs(scratch[momentum.V1, i] - link * v1_below)
         )
         allowed = _STRAYED * max(way, abs(change))
-        u_below = work[momentum.U1, i]
-        v_below = state[at.VELOCITY, i]
-        v1_below = work[momentum.V1, i]
-        backward = springs[at.TURN, i] * change < -_BACKWARD * (
-            abs(drift) + abs(springs[at.DRIFT, i])
+        u_below = scratch[momentum.U1, i]
+        v_below = state[rows.VELOCITY, i]
+        v1_below = scratch[momentum.V1, i]
+        backward = law_state[rows.RATE_SIGN, i] * change < -_BACKWARD * (
+            abs(drift) + abs(law_state[rows.DRIFT, i])
         )
-        if backward and work[ROW.KINK, i] == 0.0:
+        if backward and scratch[ROW.KINK, i] == 0.0:
             return _BEYOND
-        if drift > springs[at.UPPER, i] + allowed or drift < springs[at.LOWER, i] - allowed:
+        if drift > law_state[rows.UPPER, i] + allowed or drift < law_state[rows.LOWER, i] - allowed:
             return _BEYOND
         if i == story and (
-            (how == at.ABOVE and drift < springs[at.UPPER, i] - allowed)
-            or (how == at.BELOW and drift > springs[at.LOWER, i] + allowed)
+            (how == rows.ABOVE and drift < law_state[rows.UPPER, i] - allowed)
+            or (how == rows.BELOW and drift > law_state[rows.LOWER, i] + allowed)
         ):
             miss = _SHORT
     return miss
 
 
-@inlined
-def _advance(linear_terms, law_parameters, state, springs, work):
+@inline
+def _advance(linear_terms, law_parameters, state, law_state, scratch):
     """Update the state after a piece in which all stories go along their branches."""
     below = 0.0
     for i in range(linear_terms.shape[1] - 1):
-        u = state[at.DISPLACEMENT, i] + work[momentum.DU, i]
-        state[at.DISPLACEMENT, i] = u
-        state[at.VELOCITY, i] += work[momentum.DV, i]
-        state[at.ACCELERATION, i] = work[momentum.A1, i]
-        advance(law_parameters, springs, i, 0, u - linear_terms[at.LINK, i] * below)
+        u = state[rows.DISPLACEMENT, i] + scratch[momentum.DU, i]
+        state[rows.DISPLACEMENT, i] = u
+        state[rows.VELOCITY, i] += scratch[momentum.DV, i]
+        state[rows.ACCELERATION, i] = scratch[momentum.A1, i]
+        advance(law_parameters, law_state, i, 0, u - linear_terms[rows.LINK, i] * below)
         below = u
 
 
-@called
-def _arrive(frozen, linear_terms, law_parameters, state, springs, work):
+@outlined
+def _arrive(frozen, linear_terms, law_parameters, state, law_state, scratch):
     """Update the state after a step or a piece of one; with `frozen`, linear stories go along their
     branches.
 
@@ -326,84 +326,84 @@ def _arrive(frozen, linear_terms, law_parameters, state, springs, work):
     """
     below = 0.0
     for i in range(linear_terms.shape[1] - 1):
-        u = state[at.DISPLACEMENT, i] + work[momentum.DU, i]
-        state[at.DISPLACEMENT, i] = u
-        state[at.VELOCITY, i] += work[momentum.DV, i]
-        state[at.ACCELERATION, i] = work[momentum.A1, i]
-        if frozen and springs[at.SLOPE, i] < math.inf:
-            advance(law_parameters, springs, i, 0, u - linear_terms[at.LINK, i] * below)
-        elif CURVES and frozen and work[ROW.KINK, i] != 0.0:
+        u = state[rows.DISPLACEMENT, i] + scratch[momentum.DU, i]
+        state[rows.DISPLACEMENT, i] = u
+        state[rows.VELOCITY, i] += scratch[momentum.DV, i]
+        state[rows.ACCELERATION, i] = scratch[momentum.A1, i]
+        if frozen and law_state[rows.SLOPE, i] < math.inf:
+            advance(law_parameters, law_state, i, 0, u - linear_terms[rows.LINK, i] * below)
+        elif CURVES and frozen and scratch[ROW.KINK, i] != 0.0:
             # The inner point and the turn, in the order in which the motion comes to them
-            second = int(work[ROW.BEFORE, i])
-            first = at.THIRD_TRIAL if second == at.FIRST_TRIAL else at.FIRST_TRIAL
-            settle(law_parameters, springs, i, 0, first)
-            settle(law_parameters, springs, i, first, second)
-            commit(law_parameters, springs, i, second, at.SECOND_TRIAL)
+            second = int(scratch[ROW.BEFORE, i])
+            first = rows.THIRD_TRIAL if second == rows.FIRST_TRIAL else rows.FIRST_TRIAL
+            accumulate_dissipation(law_parameters, law_state, i, 0, first)
+            accumulate_dissipation(law_parameters, law_state, i, first, second)
+            commit(law_parameters, law_state, i, second, rows.SECOND_TRIAL)
         else:
-            settle(law_parameters, springs, i, 0, at.FIRST_TRIAL)
-            commit(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
+            accumulate_dissipation(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
+            commit(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
         below = u
 
 
-@called
+@outlined
 def _look(scene, span, memory):
     """Raise the peaks by what the motion has at the end of a piece, and, unless it is fast, within
     it."""
-    state, springs, work, _ = memory
+    state, law_state, scratch, _ = memory
     turned = 0
     if not span.fast:
-        passage = Passage(work, ROW.PIECE, state, state, at.ACCELERATION)
+        passage = Passage(scratch, ROW.PIECE, state, state, rows.ACCELERATION)
         turned = find_interstep_peaks(
-            span, scene, passage, springs, work, ROW.TURNS, work, ROW.PEAKS
+            span, scene, passage, law_state, scratch, ROW.TURNS, scratch, ROW.PEAKS
         )
     moved = 0.0
     for i in range(scene.linear_terms.shape[1] - 2, -1, -1):
-        drift = springs[at.DRIFT, i]
-        moved *= scene.linear_terms[at.LINK, i + 1]
-        moved += scene.linear_terms[at.MASS, i] * (state[at.ACCELERATION, i] + span.ground_1)
+        drift = law_state[rows.DRIFT, i]
+        moved *= scene.linear_terms[rows.LINK, i + 1]
+        moved += scene.linear_terms[rows.MASS, i] * (state[rows.ACCELERATION, i] + span.ground_1)
         if FORCES:
             for j in range(scene.forces.shape[0]):
-                if scene.forces[j, at.FLOOR] == i:
+                if scene.forces[j, rows.FLOOR] == i:
                     moved -= force_value(scene.forces, j, span.t)
-        raise_peak(work, ROW.PEAKS + at.PEAK_TOTAL_SHEAR, i, moved)
-        raise_peak(work, ROW.PEAKS + at.PEAK_DRIFT, i, drift)
-        raise_peak(work, ROW.PEAKS + at.PEAK_SHEAR, i, springs[at.FORCE, i])
-        raise_peak(work, ROW.PEAKS + at.PEAK_DISPLACEMENT, i, state[at.DISPLACEMENT, i])
-        raise_peak(work, ROW.PEAKS + at.PEAK_VELOCITY, i, state[at.VELOCITY, i])
+        raise_peak(scratch, ROW.PEAKS + rows.PEAK_TOTAL_SHEAR, i, moved)
+        raise_peak(scratch, ROW.PEAKS + rows.PEAK_DRIFT, i, drift)
+        raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, law_state[rows.FORCE, i])
+        raise_peak(scratch, ROW.PEAKS + rows.PEAK_DISPLACEMENT, i, state[rows.DISPLACEMENT, i])
+        raise_peak(scratch, ROW.PEAKS + rows.PEAK_VELOCITY, i, state[rows.VELOCITY, i])
         raise_peak(
-            work, ROW.PEAKS + at.PEAK_ACCELERATION, i, state[at.ACCELERATION, i] + span.ground_1
+            scratch, ROW.PEAKS + rows.PEAK_ACCELERATION, i, state[rows.ACCELERATION, i] + span.ground_1
         )
-        if turned > 0 and work[ROW.TURNS, i] != drift:
-            reach(scene.law_parameters, springs, i, 0, at.FIRST_TRIAL, work[ROW.TURNS, i])
-            raise_peak(work, ROW.PEAKS + at.PEAK_SHEAR, i, springs[at.FIRST_TRIAL + at.FORCE, i])
+        if turned > 0 and scratch[ROW.TURNS, i] != drift:
+            restoring_force_outlined(scene.law_parameters, law_state, i, 0, rows.FIRST_TRIAL, scratch[ROW.TURNS, i])
+            raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, law_state[rows.FIRST_TRIAL + rows.FORCE, i])
 
 
-@called
-def _save(state, springs, work, n):
+@outlined
+def _save(state, law_state, scratch, n):
     """Keep what a step begins with."""
     for i in range(n):
         for row in range(3):
-            work[ROW.SAVED + row, i] = state[row, i]
-        for row in range(at.SPRING_ROWS):
-            work[ROW.SAVED + 3 + row, i] = springs[row, i]
-    if springs.shape[0] > at.EXTRA_ROWS:
+            scratch[ROW.SAVED + row, i] = state[row, i]
+        for row in range(rows.LAW_STATE_ROWS):
+            scratch[ROW.SAVED + 3 + row, i] = law_state[row, i]
+    if law_state.shape[0] > rows.EXTRA_ROWS:
         for i in range(n):
-            copy_extra_rows(springs, i, 0, at.THIRD_TRIAL)
+            copy_extra_rows(law_state, i, 0, rows.THIRD_TRIAL)
 
 
-@called
-def _restore(state, springs, work, n):
+@outlined
+def _restore(state, law_state, scratch, n):
     """Give up a step: what peaks it had within its pieces are none."""
     for i in range(n):
-        for row in range(2 * at.PEAK_ROWS):
-            work[ROW.PEAKS + row, i] = 0.0
+        for row in range(2 * rows.PEAK_ROWS):
+            scratch[ROW.PEAKS + row, i] = 0.0
         for row in range(3):
-            state[row, i] = work[ROW.SAVED + row, i]
-        for row in range(at.SPRING_ROWS):
-            springs[row, i] = work[ROW.SAVED + 3 + row, i]
-    if springs.shape[0] > at.EXTRA_ROWS:
+            state[row, i] = scratch[ROW.SAVED + row, i]
+        for row in range(rows.LAW_STATE_ROWS):
+            law_state[row, i] = scratch[ROW.SAVED + 3 + row, i]
+    if law_state.shape[0] > rows.EXTRA_ROWS:
         for i in range(n):
-            copy_extra_rows(springs, i, at.THIRD_TRIAL, 0)
+            copy_extra_rows(law_state, i, rows.THIRD_TRIAL, 0)
 
 
 def coefficients(rho_inf: float) -> tuple[float, ...]:
@@ -448,7 +448,7 @@ FAMILY = Family(
     "impulse4",
     step,
     lambda modes: FACTORS + 2 * factor_rows(modes),
-    memory=(at.DISPLACEMENT, at.VELOCITY),
+    memory=(rows.DISPLACEMENT, rows.VELOCITY),
 )
 
 METHODS = (

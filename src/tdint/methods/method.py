@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 
 if TYPE_CHECKING:
     from tdint.kernels.compiling import Kernel
@@ -56,8 +56,8 @@ class Family:
         For people; the file is named alike.
     step : Kernel
         The compiled step, with the signature of `tdint.kernels.stepping`.
-    work_rows : callable
-        Number of modally damped modes -> rows of work that the step needs.
+    scratch_rows : callable
+        Number of modally damped modes -> number of scratch rows that the step needs.
     memory : tuple of int
         Rows of the state that are independent; the acceleration row follows from equilibrium where
         it is not one of them.
@@ -89,8 +89,8 @@ class Family:
 
     name: str
     step: Kernel
-    work_rows: Callable[[int], int]
-    memory: tuple[int, ...] = (at.DISPLACEMENT, at.VELOCITY, at.ACCELERATION)
+    scratch_rows: Callable[[int], int]
+    memory: tuple[int, ...] = (rows.DISPLACEMENT, rows.VELOCITY, rows.ACCELERATION)
     state_rows: int = 3
     derivatives: tuple[int, ...] = (0, 1, 2)
     halvable: bool = True

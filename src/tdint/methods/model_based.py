@@ -29,8 +29,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import inlined, kernel
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import inline, kernel
 from tdint.kernels.equations.tridiagonal import (
     Combination,
     assemble_combination,
@@ -41,7 +41,7 @@ from tdint.kernels.equations.tridiagonal import (
 )
 from tdint.kernels.linear_terms import add_modal_force, finite, floor_load, internal_forces
 from tdint.kernels.stepping import STEP, Factors, Memory
-from tdint.kernels.stories.law_state import commit, restoring
+from tdint.kernels.stories.law_state import commit, restoring_force
 from tdint.methods.method import Family, Method, Parameter
 
 # Coefficients of the KR-alpha step
@@ -65,7 +65,7 @@ class _StepRows(NamedTuple):
     SECOND_COUPLING: int = 1
 
 
-_ROW, _STORE = at.chained(_StepRows)
+_ROW, _STORE = rows.chained(_StepRows)
 
 
 @kernel(STEP)
@@ -79,99 +79,101 @@ def step(
     h,
     load,
     state,
-    springs,
-    work,
-    report,
+    law_state,
+    scratch,
+    step_status,
 ):
     """One step of KR-alpha or CR: one solve with (1 - alpha_m) M + (1 - alpha_f) X for the change
     of q."""
     n = linear_terms.shape[1] - 1
-    memory = Memory(state, springs, work, report)
-    factors = Factors(work, _ROW.PIVOT, _ROW.COUPLING, _STORE)
+    memory = Memory(state, law_state, scratch, step_status)
+    factors = Factors(scratch, _ROW.PIVOT, _ROW.COUPLING, _STORE)
     weight = 1.0 - coefficients[ALPHA_F]
     by_c = coefficients[GAMMA] * h
     by_k = coefficients[BETA] * h * h
-    if report[at.STEPS_DONE] == 0.0:
+    if step_status[rows.STEPS_DONE] == 0.0:
         _start(linear_terms, law_parameters, by_k, state, factors, n)
-        report[at.FACTORED_STEP] = 0.0
-    if report[at.FACTORED_STEP] != h:
+        step_status[rows.FACTORED_STEP] = 0.0
+    if step_status[rows.FACTORED_STEP] != h:
         combination = Combination(1.0 - coefficients[ALPHA_M], weight * by_c, weight * by_k)
         factor_combination(
-            linear_terms, modal, law_parameters, at.STIFFNESS, combination, factors, n
+            linear_terms, modal, law_parameters, rows.STIFFNESS, combination, factors, n
         )
-        report[at.FACTORED_STEP] = h
+        step_status[rows.FACTORED_STEP] = h
     # The weighted point for q1 = q0: what is out of balance there gives the change of q.
-    _weighted_load(linear_terms, forces, weight, h, load, work, n)
+    _weighted_load(linear_terms, forces, weight, h, load, scratch, n)
     _advance(linear_terms, law_parameters, weight, by_k, h, memory)
     for i in range(n):
-        inner = work[_ROW.SUM, i] - linear_terms[at.LINK, i + 1] * work[_ROW.SUM, i + 1]
-        work[_ROW.X, i] = (
-            work[_ROW.LOAD, i]
-            - linear_terms[at.MASS, i] * state[at.ACCELERATION, i]
-            - linear_terms[at.FLOOR_DAMPER, i] * work[_ROW.V, i]
+        inner = scratch[_ROW.SUM, i] - linear_terms[rows.LINK, i + 1] * scratch[_ROW.SUM, i + 1]
+        scratch[_ROW.X, i] = (
+            scratch[_ROW.LOAD, i]
+            - linear_terms[rows.MASS, i] * state[rows.ACCELERATION, i]
+            - linear_terms[rows.FLOOR_DAMPER, i] * scratch[_ROW.V, i]
             - inner
         )
-    add_modal_force(modal, work, _ROW.V, -1.0, work, _ROW.X, n)
+    add_modal_force(modal, scratch, _ROW.V, -1.0, scratch, _ROW.X, n)
     solve_damped(factors, modal, _ROW.X, n)
     for i in range(n):
-        q = state[at.ACCELERATION, i]
-        state[at.VELOCITY, i] += h * q + by_c * work[_ROW.X, i]
-        state[at.ACCELERATION, i] = q + work[_ROW.X, i]
-    return 1 if finite(state, n) else at.NOT_FINITE
+        q = state[rows.ACCELERATION, i]
+        state[rows.VELOCITY, i] += h * q + by_c * scratch[_ROW.X, i]
+        state[rows.ACCELERATION, i] = q + scratch[_ROW.X, i]
+    return 1 if finite(state, n) else rows.NOT_FINITE
 
 
-@inlined
+@inline
 def _start(linear_terms, law_parameters, by_k, state, factors, n):
     """q0 from the acceleration of equilibrium: (M + beta h^2 K0) q0 = M a0."""
-    work = factors.table
+    scratch = factors.table
     assemble_combination(
-        linear_terms, law_parameters, at.STIFFNESS, Combination(1.0, 0.0, by_k), factors, n
+        linear_terms, law_parameters, rows.STIFFNESS, Combination(1.0, 0.0, by_k), factors, n
     )
     factor(factors, n)
     for i in range(n):
-        work[_ROW.X, i] = linear_terms[at.MASS, i] * state[at.ACCELERATION, i]
+        scratch[_ROW.X, i] = linear_terms[rows.MASS, i] * state[rows.ACCELERATION, i]
     solve(factors, _ROW.X, n)
     for i in range(n):
-        state[at.ACCELERATION, i] = work[_ROW.X, i]
+        state[rows.ACCELERATION, i] = scratch[_ROW.X, i]
 
 
-@inlined
-def _weighted_load(linear_terms, forces, weight, h, load, work, n):
+@inline
+def _weighted_load(linear_terms, forces, weight, h, load, scratch, n):
     """Load at the weighted point, N."""
-    floor_load(linear_terms, forces, load[at.TIME] + h, load[at.GROUND_1], work, _ROW.LOAD)
+    floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, _ROW.LOAD)
     if weight != 1.0:
-        floor_load(linear_terms, forces, load[at.TIME], load[at.GROUND_0], work, _ROW.LOAD_0)
+        floor_load(linear_terms, forces, load[rows.TIME], load[rows.GROUND_0], scratch, _ROW.LOAD_0)
         for i in range(n):
-            work[_ROW.LOAD, i] = weight * work[_ROW.LOAD, i] + (1.0 - weight) * work[_ROW.LOAD_0, i]
+            scratch[_ROW.LOAD, i] = (
+                weight * scratch[_ROW.LOAD, i] + (1.0 - weight) * scratch[_ROW.LOAD_0, i]
+            )
 
 
-@inlined
+@inline
 def _advance(linear_terms, law_parameters, weight, by_k, h, memory):
     """Displacement and drift laws to the end of the step; weighted velocity and story forces for q1
     = q0."""
-    state, springs, work, _ = memory
+    state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
     u_below = 0.0
     v_below = 0.0
     q_below = 0.0
     for i in range(n):
-        q = state[at.ACCELERATION, i]
-        u = state[at.DISPLACEMENT, i] + h * state[at.VELOCITY, i] + 0.5 * h * h * q
-        v = state[at.VELOCITY, i] + weight * h * q
-        link = linear_terms[at.LINK, i]
-        geometric = linear_terms[at.GEOMETRIC, i]
-        force_0 = springs[at.FORCE, i] + geometric * springs[at.DRIFT, i]
-        restoring(law_parameters, springs, i, 0, at.FIRST_TRIAL, u - link * u_below)
-        commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
-        force_1 = springs[at.FORCE, i] + geometric * springs[at.DRIFT, i]
-        work[_ROW.SUM, i] = (
+        q = state[rows.ACCELERATION, i]
+        u = state[rows.DISPLACEMENT, i] + h * state[rows.VELOCITY, i] + 0.5 * h * h * q
+        v = state[rows.VELOCITY, i] + weight * h * q
+        link = linear_terms[rows.LINK, i]
+        geometric = linear_terms[rows.GEOMETRIC, i]
+        force_0 = law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i]
+        restoring_force(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, u - link * u_below)
+        commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
+        force_1 = law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i]
+        scratch[_ROW.SUM, i] = (
             weight * force_1
             + (1.0 - weight) * force_0
-            + by_k * (law_parameters[at.STIFFNESS, i] + geometric) * (q - link * q_below)
-            + linear_terms[at.STORY_DAMPER, i] * (v - link * v_below)
+            + by_k * (law_parameters[rows.STIFFNESS, i] + geometric) * (q - link * q_below)
+            + linear_terms[rows.STORY_DAMPER, i] * (v - link * v_below)
         )
-        state[at.DISPLACEMENT, i] = u
-        work[_ROW.V, i] = v
+        state[rows.DISPLACEMENT, i] = u
+        scratch[_ROW.V, i] = v
         u_below = u
         v_below = v
         q_below = q
@@ -188,23 +190,25 @@ def chang_step(
     h,
     load,
     state,
-    springs,
-    work,
-    report,
+    law_state,
+    scratch,
+    step_status,
 ):
     """One step of Chang (2002): u1 = u0 + h v0 + h^2/2 D^-1 (M a0 - h/2 K0 v0) with D = M + h/2 C +
     h^2/4 K0, which is the published line without the matrix C on its right; then average
     acceleration with equilibrium at u1."""
     n = linear_terms.shape[1] - 1
     half = 0.5 * h
-    first = Factors(work, _ROW.PIVOT, _ROW.COUPLING, _STORE)
-    second = Factors(work, _ROW.SECOND_PIVOT, _ROW.SECOND_COUPLING, _STORE + 2 * modal.shape[0] + 1)
-    if report[at.FACTORED_STEP] != h:
+    first = Factors(scratch, _ROW.PIVOT, _ROW.COUPLING, _STORE)
+    second = Factors(
+        scratch, _ROW.SECOND_PIVOT, _ROW.SECOND_COUPLING, _STORE + 2 * modal.shape[0] + 1
+    )
+    if step_status[rows.FACTORED_STEP] != h:
         factor_combination(
             linear_terms,
             modal,
             law_parameters,
-            at.STIFFNESS,
+            rows.STIFFNESS,
             Combination(1.0, half, half * half),
             first,
             n,
@@ -213,46 +217,51 @@ def chang_step(
             linear_terms,
             modal,
             law_parameters,
-            at.STIFFNESS,
+            rows.STIFFNESS,
             Combination(1.0, half, 0.0),
             second,
             n,
         )
-        report[at.FACTORED_STEP] = h
+        step_status[rows.FACTORED_STEP] = h
     v_below = 0.0
     for i in range(n):
-        v = state[at.VELOCITY, i]
-        work[_ROW.SUM, i] = (
+        v = state[rows.VELOCITY, i]
+        scratch[_ROW.SUM, i] = (
             half
-            * (law_parameters[at.STIFFNESS, i] + linear_terms[at.GEOMETRIC, i])
-            * (v - linear_terms[at.LINK, i] * v_below)
+            * (law_parameters[rows.STIFFNESS, i] + linear_terms[rows.GEOMETRIC, i])
+            * (v - linear_terms[rows.LINK, i] * v_below)
         )
         v_below = v
     for i in range(n):
-        inner = work[_ROW.SUM, i] - linear_terms[at.LINK, i + 1] * work[_ROW.SUM, i + 1]
-        work[_ROW.X, i] = linear_terms[at.MASS, i] * state[at.ACCELERATION, i] - inner
+        inner = scratch[_ROW.SUM, i] - linear_terms[rows.LINK, i + 1] * scratch[_ROW.SUM, i + 1]
+        scratch[_ROW.X, i] = linear_terms[rows.MASS, i] * state[rows.ACCELERATION, i] - inner
     # The displacement at the end follows from the start alone.
     solve_damped(first, modal, _ROW.X, n)
     below = 0.0
     for i in range(n):
-        v = state[at.VELOCITY, i]
-        u = state[at.DISPLACEMENT, i] + h * v + half * h * work[_ROW.X, i]
-        restoring(
-            law_parameters, springs, i, 0, at.FIRST_TRIAL, u - linear_terms[at.LINK, i] * below
+        v = state[rows.VELOCITY, i]
+        u = state[rows.DISPLACEMENT, i] + h * v + half * h * scratch[_ROW.X, i]
+        restoring_force(
+            law_parameters,
+            law_state,
+            i,
+            0,
+            rows.FIRST_TRIAL,
+            u - linear_terms[rows.LINK, i] * below,
         )
-        commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
+        commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
         below = u
-        state[at.DISPLACEMENT, i] = u
-        work[_ROW.V, i] = v + half * state[at.ACCELERATION, i]
-    floor_load(linear_terms, forces, load[at.TIME] + h, load[at.GROUND_1], work, _ROW.LOAD)
-    internal_forces(linear_terms, modal, springs, 0, work, _ROW.V, _ROW.X, _ROW.SUM)
+        state[rows.DISPLACEMENT, i] = u
+        scratch[_ROW.V, i] = v + half * state[rows.ACCELERATION, i]
+    floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, _ROW.LOAD)
+    internal_forces(linear_terms, modal, law_state, 0, scratch, _ROW.V, _ROW.X, _ROW.SUM)
     for i in range(n):
-        work[_ROW.X, i] = work[_ROW.LOAD, i] - work[_ROW.X, i]
+        scratch[_ROW.X, i] = scratch[_ROW.LOAD, i] - scratch[_ROW.X, i]
     solve_damped(second, modal, _ROW.X, n)
     for i in range(n):
-        state[at.VELOCITY, i] = work[_ROW.V, i] + half * work[_ROW.X, i]
-        state[at.ACCELERATION, i] = work[_ROW.X, i]
-    return 1 if finite(state, n) else at.NOT_FINITE
+        state[rows.VELOCITY, i] = scratch[_ROW.V, i] + half * scratch[_ROW.X, i]
+        state[rows.ACCELERATION, i] = scratch[_ROW.X, i]
+    return 1 if finite(state, n) else rows.NOT_FINITE
 
 
 FAMILY = Family(
@@ -267,8 +276,8 @@ FAMILY = Family(
 CHANG = replace(
     FAMILY,
     step=chang_step,
-    work_rows=lambda modes: _STORE + 2 * (2 * modes + 1),
-    memory=(at.DISPLACEMENT, at.VELOCITY),
+    scratch_rows=lambda modes: _STORE + 2 * (2 * modes + 1),
+    memory=(rows.DISPLACEMENT, rows.VELOCITY),
 )
 
 

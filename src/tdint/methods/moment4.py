@@ -40,10 +40,10 @@ linear in it. For rho_inf = 1 it is the energy-preserving collocation method of 
 
 from __future__ import annotations
 
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.compiling import kernel
 from tdint.kernels.equations.corners import look_at_corners
-from tdint.kernels.equations.moment4 import ROW, R, finish, move, work_rows
+from tdint.kernels.equations.moment4 import ROW, R, finish, move, scratch_rows
 from tdint.kernels.laws.choosing import BENDING
 from tdint.kernels.linear_terms import finite, mean_load
 from tdint.kernels.stepping import STEP, Memory, Scene
@@ -61,21 +61,21 @@ def step(
     h,
     load,
     state,
-    springs,
-    work,
-    report,
+    law_state,
+    scratch,
+    step_status,
 ):
     """One step. State row ACCELERATION is the next one's first guess, where it needs one."""
-    mean_load(linear_terms, forces, load, h, coefficients[R], work, ROW.LOAD)
+    mean_load(linear_terms, forces, load, h, coefficients[R], scratch, ROW.LOAD)
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
-    memory = Memory(state, springs, work, report)
+    memory = Memory(state, law_state, scratch, step_status)
     code = move(coefficients, scene, h, memory)
     if code < 0:
         return code
     if BENDING:
         look_at_corners(scene, h, load, memory)
     finish(coefficients, scene, h, memory)
-    return code if finite(state, linear_terms.shape[1] - 1) else at.NOT_FINITE
+    return code if finite(state, linear_terms.shape[1] - 1) else rows.NOT_FINITE
 
 
 def coefficients(rho_inf: float) -> tuple[float, ...]:
@@ -85,7 +85,12 @@ def coefficients(rho_inf: float) -> tuple[float, ...]:
 
 
 FAMILY = Family(
-    "moment4", step, work_rows, memory=(at.DISPLACEMENT, at.VELOCITY), own_work=True, parabolic=True
+    "moment4",
+    step,
+    scratch_rows,
+    memory=(rows.DISPLACEMENT, rows.VELOCITY),
+    own_work=True,
+    parabolic=True,
 )
 METHODS = (
     Method(

@@ -20,11 +20,17 @@ it.
 
 from __future__ import annotations
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import inlined, kernel
-from tdint.kernels.equations.newton import BALANCE_ROWS, ROW, balance, factor_rows, forget
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import inline, kernel
+from tdint.kernels.equations.newton import (
+    EQUILIBRIUM_ROWS,
+    ROW,
+    factor_rows,
+    invalidate,
+    solve_equilibrium,
+)
 from tdint.kernels.linear_terms import finite, floor_load
-from tdint.kernels.stepping import STEP, Memory, Scene, Weights
+from tdint.kernels.stepping import STEP, EffectiveCoefficients, Memory, Scene
 from tdint.kernels.stories.law_state import commit
 from tdint.methods.method import Family, Method
 
@@ -34,13 +40,13 @@ A_BY_W = 3
 A_BY_B = 6
 
 # Rows of the state beyond u, v, a: means over the last step and over the one before it
-MEAN_VELOCITY = at.FIRST_OLDER
-OLDER_MEAN_VELOCITY = at.FIRST_OLDER + 1
-MEAN_ACCELERATION = at.FIRST_OLDER + 2
-OLDER_MEAN_ACCELERATION = at.FIRST_OLDER + 3
+MEAN_VELOCITY = rows.FIRST_OLDER
+OLDER_MEAN_VELOCITY = rows.FIRST_OLDER + 1
+MEAN_ACCELERATION = rows.FIRST_OLDER + 2
+OLDER_MEAN_ACCELERATION = rows.FIRST_OLDER + 3
 
 # Rows of work behind those of the balance
-_W = BALANCE_ROWS  # first guess of the mean velocity
+_W = EQUILIBRIUM_ROWS  # first guess of the mean velocity
 _FACTORS = _W + 1
 
 START = 2
@@ -58,69 +64,71 @@ def step(
     h,
     load,
     state,
-    springs,
-    work,
-    report,
+    law_state,
+    scratch,
+    step_status,
 ):
     """One step of the family, of average acceleration for the first two."""
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
-    memory = Memory(state, springs, work, report)
+    memory = Memory(state, law_state, scratch, step_status)
     n = linear_terms.shape[1] - 1
     c = coefficients
-    if report[at.STEPS_DONE] < START:
+    if step_status[rows.STEPS_DONE] < START:
         by_w = 0.25 * h
         by_v = 0.5 * h
         by_a = 1.0
-        _guess_start(h, state, work, n)
+        _guess_start(h, state, scratch, n)
     else:
         by_w = h
         by_v = c[V_BY_W] * h
         by_a = c[A_BY_W] + c[A_BY_B] * c[V_BY_W]
-        _guess(c, h, state, work, n)
-    if report[at.FACTORED_STEP] != by_v:  # tells h, and the start from what follows
-        forget(work, _FACTORS, n)
-        report[at.FACTORED_STEP] = by_v
-    floor_load(linear_terms, forces, load[at.TIME] + h, load[at.GROUND_1], work, ROW.LOAD)
-    code = balance(Weights(h * by_w, by_v, by_a), _FACTORS, 0, at.FIRST_TRIAL, scene, memory)
+        _guess(c, h, state, scratch, n)
+    if step_status[rows.FACTORED_STEP] != by_v:  # tells h, and the start from what follows
+        invalidate(scratch, _FACTORS, n)
+        step_status[rows.FACTORED_STEP] = by_v
+    floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, ROW.LOAD)
+    code = solve_equilibrium(
+        EffectiveCoefficients(h * by_w, by_v, by_a), _FACTORS, 0, rows.FIRST_TRIAL, scene, memory
+    )
     if code < 0:
         return code
     for i in range(n):
         state[OLDER_MEAN_VELOCITY, i] = state[MEAN_VELOCITY, i]
         state[OLDER_MEAN_ACCELERATION, i] = state[MEAN_ACCELERATION, i]
-        state[MEAN_VELOCITY, i] = work[_W, i] + by_w * work[ROW.X, i]
-        state[MEAN_ACCELERATION, i] = (work[ROW.V, i] - state[at.VELOCITY, i]) / h
-        state[at.DISPLACEMENT, i] = work[ROW.U, i]
-        state[at.VELOCITY, i] = work[ROW.V, i]
-        state[at.ACCELERATION, i] = work[ROW.A, i]
-        commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
-    return code if finite(state, n) else at.NOT_FINITE
+        state[MEAN_VELOCITY, i] = scratch[_W, i] + by_w * scratch[ROW.X, i]
+        state[MEAN_ACCELERATION, i] = (scratch[ROW.V, i] - state[rows.VELOCITY, i]) / h
+        state[rows.DISPLACEMENT, i] = scratch[ROW.U, i]
+        state[rows.VELOCITY, i] = scratch[ROW.V, i]
+        state[rows.ACCELERATION, i] = scratch[ROW.A, i]
+        commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
+    return code if finite(state, n) else rows.NOT_FINITE
 
 
-@inlined
-def _guess_start(h, state, work, n):
+@inline
+def _guess_start(h, state, scratch, n):
     """First guess of average acceleration: the acceleration stays; x is its change."""
     for i in range(n):
-        v = state[at.VELOCITY, i]
-        a = state[at.ACCELERATION, i]
-        work[_W, i] = v + 0.5 * h * a
-        work[ROW.U, i] = state[at.DISPLACEMENT, i] + h * work[_W, i]
-        work[ROW.V, i] = v + h * a
-        work[ROW.A, i] = a
+        v = state[rows.VELOCITY, i]
+        a = state[rows.ACCELERATION, i]
+        scratch[_W, i] = v + 0.5 * h * a
+        scratch[ROW.U, i] = state[rows.DISPLACEMENT, i] + h * scratch[_W, i]
+        scratch[ROW.V, i] = v + h * a
+        scratch[ROW.A, i] = a
 
 
-@inlined
-def _guess(c, h, state, work, n):
+@inline
+def _guess(c, h, state, scratch, n):
     """First guess: the mean velocity goes on changing as it did; x is its further change over h."""
     for i in range(n):
         w0 = state[MEAN_VELOCITY, i]
         older = state[OLDER_MEAN_VELOCITY, i]
         w = 2.0 * w0 - older
         v = c[V_BY_W] * w + c[V_BY_W + 1] * w0 + c[V_BY_W + 2] * older
-        b = (v - state[at.VELOCITY, i]) / h
-        work[_W, i] = w
-        work[ROW.U, i] = state[at.DISPLACEMENT, i] + h * w
-        work[ROW.V, i] = v
-        work[ROW.A, i] = (
+        b = (v - state[rows.VELOCITY, i]) / h
+        scratch[_W, i] = w
+        scratch[ROW.U, i] = state[rows.DISPLACEMENT, i] + h * w
+        scratch[ROW.V, i] = v
+        scratch[ROW.A, i] = (
             (c[A_BY_W] * w + c[A_BY_W + 1] * w0 + c[A_BY_W + 2] * older) / h
             + c[A_BY_B] * b
             + c[A_BY_B + 1] * state[MEAN_ACCELERATION, i]
@@ -154,14 +162,14 @@ _OF_ACCELERATION = (MEAN_ACCELERATION, OLDER_MEAN_ACCELERATION)
 METHODS = (
     Method(
         name="houbolt",
-        family=_family(at.DISPLACEMENT, *_OF_VELOCITY),
+        family=_family(rows.DISPLACEMENT, *_OF_VELOCITY),
         coefficients=lambda: (*_BACKWARD, *_SECOND, *_NONE),
         rho_inf=lambda: 0.0,
         source="Houbolt (1950), started by two steps of average acceleration",
     ),
     Method(
         name="park",
-        family=_family(at.DISPLACEMENT, *_OF_VELOCITY, at.VELOCITY, *_OF_ACCELERATION),
+        family=_family(rows.DISPLACEMENT, *_OF_VELOCITY, rows.VELOCITY, *_OF_ACCELERATION),
         coefficients=lambda: (*_PARK, *_NONE, *_PARK),
         rho_inf=lambda: 0.0,
         source="Park (1975), started by two steps of average acceleration",

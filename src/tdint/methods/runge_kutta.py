@@ -36,8 +36,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import inlined, kernel
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import inline, kernel
 from tdint.kernels.equations.iteration import (
     MAX_ITERATIONS,
     RESIDUAL_TOLERANCE,
@@ -65,7 +65,7 @@ from tdint.kernels.linear_terms import (
     power_damper,
 )
 from tdint.kernels.stepping import STEP, Factors, Memory, Scene
-from tdint.kernels.stories.law_state import commit, restoring, settle
+from tdint.kernels.stories.law_state import accumulate_dissipation, commit, restoring_force
 from tdint.methods.method import Family, Method
 
 Table = tuple[tuple[float, ...], ...]
@@ -76,7 +76,7 @@ _MAX_STAGES = 6  # number of stages of rk5, the only explicit method in this mod
 
 
 class _ExplicitRows(NamedTuple):
-    """Number of rows of the work array for each quantity; the columns are floors or stories."""
+    """Number of rows of the scratch array for each quantity; the columns are floors or stories."""
 
     LOAD: int = 1  # load p at the time of the current stage, N
     STORY_FORCE: int = 1  # story force including P-delta and dashpots, N
@@ -85,7 +85,7 @@ class _ExplicitRows(NamedTuple):
     A: int = _MAX_STAGES + 1  # accelerations of all stages and of the end of the step, m/s^2
 
 
-_EXPLICIT, _EXPLICIT_ROWS = at.chained(_ExplicitRows)
+_EXPLICIT, _EXPLICIT_ROWS = rows.chained(_ExplicitRows)
 
 
 @kernel(STEP)
@@ -99,9 +99,9 @@ def explicit_step(
     h,
     load,
     state,
-    springs,
-    work,
-    report,
+    law_state,
+    scratch,
+    step_status,
 ):
     """Advance the state by one step of an explicit Runge-Kutta method.
 
@@ -122,11 +122,11 @@ def explicit_step(
     state : ndarray
         Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
         the ground; updated in place.
-    springs : ndarray
+    law_state : ndarray
         State of the hysteretic laws; updated in place.
-    work : ndarray
+    scratch : ndarray
         Scratch rows `_ExplicitRows`.
-    report : ndarray
+    step_status : ndarray
         Not used.
 
     Returns
@@ -136,41 +136,43 @@ def explicit_step(
     """
     n = linear_terms.shape[1] - 1
     for i in range(n):
-        work[_EXPLICIT.V, i] = state[at.VELOCITY, i]
-        work[_EXPLICIT.A, i] = state[at.ACCELERATION, i]
+        scratch[_EXPLICIT.V, i] = state[rows.VELOCITY, i]
+        scratch[_EXPLICIT.A, i] = state[rows.ACCELERATION, i]
     stages = int(coefficients[0])
     node_index = 1  # index of the node c of the current stage in `coefficients`
     for stage in range(1, stages + 1):
         for i in range(n):
-            work[_EXPLICIT.U, i] = state[at.DISPLACEMENT, i]
-            work[_EXPLICIT.V + stage, i] = state[at.VELOCITY, i]
+            scratch[_EXPLICIT.U, i] = state[rows.DISPLACEMENT, i]
+            scratch[_EXPLICIT.V + stage, i] = state[rows.VELOCITY, i]
         for earlier in range(stage):
             weight = h * coefficients[node_index + 1 + earlier]
             for i in range(n):
-                work[_EXPLICIT.U, i] += weight * work[_EXPLICIT.V + earlier, i]
-                work[_EXPLICIT.V + stage, i] += weight * work[_EXPLICIT.A + earlier, i]
+                scratch[_EXPLICIT.U, i] += weight * scratch[_EXPLICIT.V + earlier, i]
+                scratch[_EXPLICIT.V + stage, i] += weight * scratch[_EXPLICIT.A + earlier, i]
         u_below = 0.0
         for i in range(n):
-            drift = work[_EXPLICIT.U, i] - linear_terms[at.LINK, i] * u_below
-            restoring(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL, drift)
-            u_below = work[_EXPLICIT.U, i]
+            drift = scratch[_EXPLICIT.U, i] - linear_terms[rows.LINK, i] * u_below
+            restoring_force(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, drift)
+            u_below = scratch[_EXPLICIT.U, i]
         c = coefficients[node_index]
-        ground = load[at.GROUND_0] + c * (load[at.GROUND_1] - load[at.GROUND_0])
-        floor_load(linear_terms, forces, load[at.TIME] + c * h, ground, work, _EXPLICIT.LOAD)
+        ground = load[rows.GROUND_0] + c * (load[rows.GROUND_1] - load[rows.GROUND_0])
+        floor_load(linear_terms, forces, load[rows.TIME] + c * h, ground, scratch, _EXPLICIT.LOAD)
         # The row of the acceleration first receives the internal forces C v + f(u).
         velocity, acceleration = _EXPLICIT.V + stage, _EXPLICIT.A + stage
-        trial, sums = at.FIRST_TRIAL, _EXPLICIT.STORY_FORCE
-        internal_forces(linear_terms, modal, springs, trial, work, velocity, acceleration, sums)
+        trial, sums = rows.FIRST_TRIAL, _EXPLICIT.STORY_FORCE
+        internal_forces(
+            linear_terms, modal, law_state, trial, scratch, velocity, acceleration, sums
+        )
         for i in range(n):
-            unbalanced = work[_EXPLICIT.LOAD, i] - work[acceleration, i]
-            work[acceleration, i] = linear_terms[at.INVERSE_MASS, i] * unbalanced
+            unbalanced = scratch[_EXPLICIT.LOAD, i] - scratch[acceleration, i]
+            scratch[acceleration, i] = linear_terms[rows.INVERSE_MASS, i] * unbalanced
         node_index += stage + 1
     for i in range(n):
-        state[at.DISPLACEMENT, i] = work[_EXPLICIT.U, i]
-        state[at.VELOCITY, i] = work[_EXPLICIT.V + stages, i]
-        state[at.ACCELERATION, i] = work[_EXPLICIT.A + stages, i]
-        commit(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)
-    return 1 if finite(state, n) else at.NOT_FINITE
+        state[rows.DISPLACEMENT, i] = scratch[_EXPLICIT.U, i]
+        state[rows.VELOCITY, i] = scratch[_EXPLICIT.V + stages, i]
+        state[rows.ACCELERATION, i] = scratch[_EXPLICIT.A + stages, i]
+        commit(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)
+    return 1 if finite(state, n) else rows.NOT_FINITE
 
 
 def explicit_coefficients(table: Table) -> tuple[float, ...]:
@@ -265,7 +267,7 @@ _B_A = 12  # row vector b A, the weights of the displacement
 
 
 class _ImplicitRows(NamedTuple):
-    """Number of rows of the work array for each quantity; the columns are floors or stories.
+    """Number of rows of the scratch array for each quantity; the columns are floors or stories.
 
     Quantities with two rows have one row per stage.
     """
@@ -286,7 +288,7 @@ class _ImplicitRows(NamedTuple):
     COUPLING: int = COUPLING_ROWS  # off-diagonal blocks of the factorization
 
 
-_IMPLICIT, _MODAL_STORE = at.chained(_ImplicitRows)
+_IMPLICIT, _MODAL_STORE = rows.chained(_ImplicitRows)
 
 
 @kernel(STEP)
@@ -300,9 +302,9 @@ def implicit_step(
     h,
     load,
     state,
-    springs,
-    work,
-    report,
+    law_state,
+    scratch,
+    step_status,
 ):
     """Advance the state by one step of an implicit Runge-Kutta method with two stages.
 
@@ -325,12 +327,12 @@ def implicit_step(
     state : ndarray
         Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
         the ground; updated in place. ACCELERATION is only the first estimate of the next step.
-    springs : ndarray
+    law_state : ndarray
         State of the hysteretic laws; updated in place.
-    work : ndarray
+    scratch : ndarray
         Scratch rows and factorization, `_ImplicitRows` and the rows of `factor_blocks` for modal
         damping.
-    report : ndarray
+    step_status : ndarray
         Receives FACTORED_STEP and, if the iteration does not converge, RESIDUAL and WORST_STORY.
 
     Returns
@@ -341,8 +343,8 @@ def implicit_step(
     """
     n = linear_terms.shape[1] - 1
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
-    memory = Memory(state, springs, work, report)
-    factors = Factors(work, _IMPLICIT.BLOCKS, _IMPLICIT.COUPLING, _MODAL_STORE)
+    memory = Memory(state, law_state, scratch, step_status)
+    factors = Factors(scratch, _IMPLICIT.BLOCKS, _IMPLICIT.COUPLING, _MODAL_STORE)
     a_11, a_12 = h * coefficients[_A], h * coefficients[_A + 1]
     damping = ModalBlocks(modal, a_11, a_12, h * coefficients[_A + 2], h * coefficients[_A + 3])
     _predict_stages(coefficients, scene, h, load, memory)
@@ -352,38 +354,38 @@ def implicit_step(
     while True:
         is_stale = _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory)
         is_last = iterations == MAX_ITERATIONS
-        if _compute_residuals(is_last, linear_terms, modal, work, report):
+        if _compute_residuals(is_last, linear_terms, modal, scratch, step_status):
             break
         if iterations >= UNDAMPED_ITERATIONS:
-            norm = squared_norm(linear_terms, work, _IMPLICIT.RESIDUAL, n) + squared_norm(
-                linear_terms, work, _IMPLICIT.RESIDUAL + 1, n
+            norm = squared_norm(linear_terms, scratch, _IMPLICIT.RESIDUAL, n) + squared_norm(
+                linear_terms, scratch, _IMPLICIT.RESIDUAL + 1, n
             )
             if must_halve(norm, previous_norm, fraction):
                 # Subtract half of the part of the correction that is currently applied.
                 fraction *= 0.5
-                add_rows(-fraction, work, _IMPLICIT.CORRECTION, _IMPLICIT.STAGE_A, 2, n)
+                add_rows(-fraction, scratch, _IMPLICIT.CORRECTION, _IMPLICIT.STAGE_A, 2, n)
                 continue
             previous_norm = norm
             fraction = 1.0
         if iterations == MAX_ITERATIONS:
-            return at.NOT_CONVERGED
+            return rows.NOT_CONVERGED
         if is_stale:
             _factor_jacobian(coefficients, linear_terms, h, factors, damping)
-            report[at.FACTORED_STEP] = h
+            step_status[rows.FACTORED_STEP] = h
         solve_blocks_damped(factors, damping, _IMPLICIT.RESIDUAL, _IMPLICIT.RESIDUAL + 1, n)
         iterations += 1
         for stage in range(2):
             for i in range(n):
-                work[_IMPLICIT.STAGE_A + stage, i] += work[_IMPLICIT.RESIDUAL + stage, i]
+                scratch[_IMPLICIT.STAGE_A + stage, i] += scratch[_IMPLICIT.RESIDUAL + stage, i]
         if iterations > UNDAMPED_ITERATIONS:
-            copy_rows(work, _IMPLICIT.RESIDUAL, _IMPLICIT.CORRECTION, 2, n)
-        if flags[at.LINEAR] != 0.0:
+            copy_rows(scratch, _IMPLICIT.RESIDUAL, _IMPLICIT.CORRECTION, 2, n)
+        if flags[rows.LINEAR] != 0.0:
             break  # one solve is exact in a linear building
     _commit_step(coefficients, linear_terms, law_parameters, h, memory)
-    return max(iterations, 1) if finite(state, n) else at.NOT_FINITE
+    return max(iterations, 1) if finite(state, n) else rows.NOT_FINITE
 
 
-@inlined
+@inline
 def _predict_stages(coefficients, scene, h, load, memory):
     """Compute the loads at both stages and the first estimate of the stage accelerations.
 
@@ -401,21 +403,21 @@ def _predict_stages(coefficients, scene, h, load, memory):
     load : ndarray
         Time at the start of the step (s) and ground acceleration at both endpoints (m/s^2).
     memory : Memory
-        Rows STAGE_LOAD and STAGE_A of the work array are set.
+        Rows STAGE_LOAD and STAGE_A of the scratch array are set.
     """
     linear_terms, _, _, forces, flags = scene
-    state, _, work, _ = memory
-    use_acceleration = 0.0 if flags[at.LINEAR] != 0.0 else 1.0
+    state, _, scratch, _ = memory
+    use_acceleration = 0.0 if flags[rows.LINEAR] != 0.0 else 1.0
     for stage in range(2):
         c = coefficients[_C + stage]
         load_row = _IMPLICIT.STAGE_LOAD + stage
-        ground = load[at.GROUND_0] + c * (load[at.GROUND_1] - load[at.GROUND_0])
-        floor_load(linear_terms, forces, load[at.TIME] + c * h, ground, work, load_row)
+        ground = load[rows.GROUND_0] + c * (load[rows.GROUND_1] - load[rows.GROUND_0])
+        floor_load(linear_terms, forces, load[rows.TIME] + c * h, ground, scratch, load_row)
         for i in range(linear_terms.shape[1] - 1):
-            work[_IMPLICIT.STAGE_A + stage, i] = use_acceleration * state[at.ACCELERATION, i]
+            scratch[_IMPLICIT.STAGE_A + stage, i] = use_acceleration * state[rows.ACCELERATION, i]
 
 
-@inlined
+@inline
 def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
     """Compute motion, story forces and tangents at both stages from the stage accelerations.
 
@@ -431,8 +433,9 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
     h : float
         Time step, s.
     memory : Memory
-        State, law states, work array and report. Rows STAGE_U, STAGE_V, STORY_FORCE, FORCE_SCALE,
-        TANGENT and DAMPER_TANGENT of the work array are set.
+        State, law states, scratch array and report. Rows STAGE_U, STAGE_V, STORY_FORCE,
+        FORCE_SCALE,
+        TANGENT and DAMPER_TANGENT of the scratch array are set.
 
     Returns
     -------
@@ -440,12 +443,12 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
         True if the factorization must be computed again: the time step differs, or a tangent
         differs by more than TANGENT_TOLERANCE from its value in the factorization.
     """
-    state, springs, work, report = memory
+    state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
-    is_stale = report[at.FACTORED_STEP] != h
+    is_stale = step_status[rows.FACTORED_STEP] != h
     for stage in range(2):
-        previous = at.COMMITTED + stage * at.FIRST_TRIAL
-        trial = previous + at.FIRST_TRIAL
+        previous = rows.COMMITTED + stage * rows.FIRST_TRIAL
+        trial = previous + rows.FIRST_TRIAL
         elapsed = h * coefficients[_C + stage]
         v_by_a1 = h * coefficients[_A + 2 * stage]
         v_by_a2 = h * coefficients[_A + 2 * stage + 1]
@@ -454,47 +457,47 @@ def _evaluate_stages(coefficients, linear_terms, law_parameters, h, memory):
         u_below = 0.0
         v_below = 0.0
         for i in range(n):
-            a1 = work[_IMPLICIT.STAGE_A, i]
-            a2 = work[_IMPLICIT.STAGE_A + 1, i]
-            v0 = state[at.VELOCITY, i]
-            u = state[at.DISPLACEMENT, i] + elapsed * v0 + (u_by_a1 * a1 + u_by_a2 * a2)
+            a1 = scratch[_IMPLICIT.STAGE_A, i]
+            a2 = scratch[_IMPLICIT.STAGE_A + 1, i]
+            v0 = state[rows.VELOCITY, i]
+            u = state[rows.DISPLACEMENT, i] + elapsed * v0 + (u_by_a1 * a1 + u_by_a2 * a2)
             v = v0 + (v_by_a1 * a1 + v_by_a2 * a2)
-            drift = u - linear_terms[at.LINK, i] * u_below
-            drift_rate = v - linear_terms[at.LINK, i] * v_below
+            drift = u - linear_terms[rows.LINK, i] * u_below
+            drift_rate = v - linear_terms[rows.LINK, i] * v_below
             u_below = u
             v_below = v
-            work[_IMPLICIT.STAGE_U + stage, i] = u
-            work[_IMPLICIT.STAGE_V + stage, i] = v
-            stiffness = law_parameters[at.STIFFNESS, i]
-            tangent = restoring(law_parameters, springs, i, previous, trial, drift)
-            work[_IMPLICIT.TANGENT + stage, i] = tangent
-            tangent_change = abs(tangent - work[_IMPLICIT.FACTORED_TANGENT + stage, i])
+            scratch[_IMPLICIT.STAGE_U + stage, i] = u
+            scratch[_IMPLICIT.STAGE_V + stage, i] = v
+            stiffness = law_parameters[rows.STIFFNESS, i]
+            tangent = restoring_force(law_parameters, law_state, i, previous, trial, drift)
+            scratch[_IMPLICIT.TANGENT + stage, i] = tangent
+            tangent_change = abs(tangent - scratch[_IMPLICIT.FACTORED_TANGENT + stage, i])
             is_stale = is_stale or tangent_change > TANGENT_TOLERANCE * stiffness
             damper_force, damper_tangent = power_damper(linear_terms, i, drift_rate)
-            work[_IMPLICIT.DAMPER_TANGENT + stage, i] = damper_tangent
+            scratch[_IMPLICIT.DAMPER_TANGENT + stage, i] = damper_tangent
             # In the matrix, damping coefficients are multiplied by h A_ij and added to masses.
-            change = abs(damper_tangent - work[_IMPLICIT.FACTORED_DAMPER_TANGENT + stage, i])
+            change = abs(damper_tangent - scratch[_IMPLICIT.FACTORED_DAMPER_TANGENT + stage, i])
             is_stale = is_stale or (
-                change * h * abs(coefficients[_A]) > TANGENT_TOLERANCE * linear_terms[at.MASS, i]
+                change * h * abs(coefficients[_A]) > TANGENT_TOLERANCE * linear_terms[rows.MASS, i]
             )
             story_force = (
-                springs[trial + at.FORCE, i]
-                + linear_terms[at.GEOMETRIC, i] * drift
-                + linear_terms[at.STORY_DAMPER, i] * drift_rate
+                law_state[trial + rows.FORCE, i]
+                + linear_terms[rows.GEOMETRIC, i] * drift
+                + linear_terms[rows.STORY_DAMPER, i] * drift_rate
                 + damper_force
             )
-            work[_IMPLICIT.STORY_FORCE + stage, i] = story_force
+            scratch[_IMPLICIT.STORY_FORCE + stage, i] = story_force
             # The drift is a difference of displacements, so their rounding errors appear as story
             # forces. They must not prevent convergence: after multiplication by
             # RESIDUAL_TOLERANCE, this term is the stiffness times these rounding errors.
             rounding = ROUNDING / RESIDUAL_TOLERANCE * stiffness
             scale = abs(story_force) + rounding * (abs(u) + abs(u - drift))
-            work[_IMPLICIT.FORCE_SCALE + stage, i] = scale
+            scratch[_IMPLICIT.FORCE_SCALE + stage, i] = scale
     return is_stale
 
 
-@inlined
-def _compute_residuals(is_last, linear_terms, modal, work, report):
+@inline
+def _compute_residuals(is_last, linear_terms, modal, scratch, step_status):
     """Compute the residuals p - M a - C v - f(u) at both stages and check convergence.
 
     Parameters
@@ -504,9 +507,9 @@ def _compute_residuals(is_last, linear_terms, modal, work, report):
         then stored in `report`.
     linear_terms, modal : ndarray
         Linear terms and modal damping of the building.
-    work : ndarray
-        Work array; the rows RESIDUAL receive the residuals, N.
-    report : ndarray
+    scratch : ndarray
+        Scratch array; the rows RESIDUAL receive the residuals, N.
+    step_status : ndarray
         RESIDUAL is reset to 0; RESIDUAL and WORST_STORY are set if `is_last`.
 
     Returns
@@ -515,7 +518,7 @@ def _compute_residuals(is_last, linear_terms, modal, work, report):
         True if the residuals of all floors at both stages are within the tolerance.
     """
     n = linear_terms.shape[1] - 1
-    report[at.RESIDUAL] = 0.0
+    step_status[rows.RESIDUAL] = 0.0
     has_converged = True
     for stage in range(2):
         velocity = _IMPLICIT.STAGE_V + stage
@@ -524,24 +527,32 @@ def _compute_residuals(is_last, linear_terms, modal, work, report):
         force_scale = _IMPLICIT.FORCE_SCALE + stage
         # The row first receives the modal damping forces.
         for i in range(n):
-            work[residuals, i] = 0.0
-        add_modal_force(modal, work, velocity, 1.0, work, residuals, n)
+            scratch[residuals, i] = 0.0
+        add_modal_force(modal, scratch, velocity, 1.0, scratch, residuals, n)
         for i in range(n):
-            link = linear_terms[at.LINK, i + 1]
-            load = work[_IMPLICIT.STAGE_LOAD + stage, i]
-            inertia = linear_terms[at.MASS, i] * work[_IMPLICIT.STAGE_A + stage, i]
-            damping = linear_terms[at.FLOOR_DAMPER, i] * work[velocity, i] + work[residuals, i]
-            residual = (
-                load - inertia - damping - work[story_force, i] + link * work[story_force, i + 1]
+            link = linear_terms[rows.LINK, i + 1]
+            load = scratch[_IMPLICIT.STAGE_LOAD + stage, i]
+            inertia = linear_terms[rows.MASS, i] * scratch[_IMPLICIT.STAGE_A + stage, i]
+            damping = (
+                linear_terms[rows.FLOOR_DAMPER, i] * scratch[velocity, i] + scratch[residuals, i]
             )
-            work[residuals, i] = residual
+            residual = (
+                load
+                - inertia
+                - damping
+                - scratch[story_force, i]
+                + link * scratch[story_force, i + 1]
+            )
+            scratch[residuals, i] = residual
             scale = abs(load) + abs(inertia) + abs(damping)
-            scale += work[force_scale, i] + link * work[force_scale, i + 1]
-            has_converged &= is_balanced(is_last, RESIDUAL_TOLERANCE, report, i, residual, scale)
+            scale += scratch[force_scale, i] + link * scratch[force_scale, i + 1]
+            has_converged &= is_balanced(
+                is_last, RESIDUAL_TOLERANCE, step_status, i, residual, scale
+            )
     return has_converged
 
 
-@inlined
+@inline
 def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
     """Factor the matrix of Newton's method for the stage accelerations.
 
@@ -557,11 +568,11 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
     h : float
         Time step, s.
     factors : Factors
-        Work array and the rows of the factorization.
+        Scratch array and the rows of the factorization.
     damping : ModalBlocks
         Modal part of h A (x) C.
     """
-    work = factors.table
+    scratch = factors.table
     n = linear_terms.shape[1] - 1
     for entry in range(4):  # entries of a 2 x 2 block, row by row; the row is the stage
         stage = entry // 2
@@ -569,26 +580,28 @@ def _factor_jacobian(coefficients, linear_terms, h, factors, damping):
         c_factor = h * coefficients[_A + entry]
         k_factor = h * h * coefficients[_A_SQUARED + entry]
         for i in range(n):
-            damper = linear_terms[at.STORY_DAMPER, i] + work[_IMPLICIT.DAMPER_TANGENT + stage, i]
-            stiffness = work[_IMPLICIT.TANGENT + stage, i] + linear_terms[at.GEOMETRIC, i]
+            damper = (
+                linear_terms[rows.STORY_DAMPER, i] + scratch[_IMPLICIT.DAMPER_TANGENT + stage, i]
+            )
+            stiffness = scratch[_IMPLICIT.TANGENT + stage, i] + linear_terms[rows.GEOMETRIC, i]
             story = k_factor * stiffness + c_factor * damper
-            work[_IMPLICIT.COUPLING + entry, i] = story
-            work[_IMPLICIT.BLOCKS + entry, i] = (
-                m_factor * linear_terms[at.MASS, i]
-                + c_factor * linear_terms[at.FLOOR_DAMPER, i]
+            scratch[_IMPLICIT.COUPLING + entry, i] = story
+            scratch[_IMPLICIT.BLOCKS + entry, i] = (
+                m_factor * linear_terms[rows.MASS, i]
+                + c_factor * linear_terms[rows.FLOOR_DAMPER, i]
                 + story
             )
     for stage in range(2):
         for i in range(n):
-            tangent = work[_IMPLICIT.TANGENT + stage, i]
-            damper_tangent = work[_IMPLICIT.DAMPER_TANGENT + stage, i]
-            work[_IMPLICIT.FACTORED_TANGENT + stage, i] = tangent
-            work[_IMPLICIT.FACTORED_DAMPER_TANGENT + stage, i] = damper_tangent
+            tangent = scratch[_IMPLICIT.TANGENT + stage, i]
+            damper_tangent = scratch[_IMPLICIT.DAMPER_TANGENT + stage, i]
+            scratch[_IMPLICIT.FACTORED_TANGENT + stage, i] = tangent
+            scratch[_IMPLICIT.FACTORED_DAMPER_TANGENT + stage, i] = damper_tangent
     link_blocks(linear_terms, factors, n)
     factor_blocks(factors, damping, n)
 
 
-@inlined
+@inline
 def _commit_step(coefficients, linear_terms, law_parameters, h, memory):
     """Update the state and commit the hysteretic laws at the end of the step.
 
@@ -605,28 +618,28 @@ def _commit_step(coefficients, linear_terms, law_parameters, h, memory):
     h : float
         Time step, s.
     memory : Memory
-        State and law states, which are updated, and the work array with the stage accelerations.
+        State and law states, which are updated, and the scratch array with the stage accelerations.
     """
-    state, springs, work, _ = memory
+    state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
     # Extrapolation from the second stage to the end, relative to the distance of the stages
     extrapolation = (1.0 - coefficients[_C + 1]) / (coefficients[_C + 1] - coefficients[_C])
     u_below = 0.0
     for i in range(n):
-        a1 = work[_IMPLICIT.STAGE_A, i]
-        a2 = work[_IMPLICIT.STAGE_A + 1, i]
-        u0 = state[at.DISPLACEMENT, i]
-        v0 = state[at.VELOCITY, i]
+        a1 = scratch[_IMPLICIT.STAGE_A, i]
+        a2 = scratch[_IMPLICIT.STAGE_A + 1, i]
+        u0 = state[rows.DISPLACEMENT, i]
+        v0 = state[rows.VELOCITY, i]
         u1 = u0 + h * v0 + h * h * (coefficients[_B_A] * a1 + coefficients[_B_A + 1] * a2)
-        state[at.DISPLACEMENT, i] = u1
-        state[at.VELOCITY, i] = v0 + h * (coefficients[_B] * a1 + coefficients[_B + 1] * a2)
-        state[at.ACCELERATION, i] = a2 + extrapolation * (a2 - a1)
+        state[rows.DISPLACEMENT, i] = u1
+        state[rows.VELOCITY, i] = v0 + h * (coefficients[_B] * a1 + coefficients[_B + 1] * a2)
+        state[rows.ACCELERATION, i] = a2 + extrapolation * (a2 - a1)
         # Dissipated energy of each part of the path
-        settle(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)
-        settle(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
-        drift = u1 - linear_terms[at.LINK, i] * u_below
-        restoring(law_parameters, springs, i, at.SECOND_TRIAL, at.THIRD_TRIAL, drift)
-        commit(law_parameters, springs, i, at.SECOND_TRIAL, at.THIRD_TRIAL)
+        accumulate_dissipation(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)
+        accumulate_dissipation(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
+        drift = u1 - linear_terms[rows.LINK, i] * u_below
+        restoring_force(law_parameters, law_state, i, rows.SECOND_TRIAL, rows.THIRD_TRIAL, drift)
+        commit(law_parameters, law_state, i, rows.SECOND_TRIAL, rows.THIRD_TRIAL)
         u_below = u1
 
 
@@ -660,14 +673,14 @@ EXPLICIT = Family(
     "runge-kutta",
     explicit_step,
     lambda modes: _EXPLICIT_ROWS,
-    memory=(at.DISPLACEMENT, at.VELOCITY),
+    memory=(rows.DISPLACEMENT, rows.VELOCITY),
     halvable=False,  # an explicit step never returns NOT_CONVERGED
 )
 IMPLICIT = Family(
     "runge-kutta",
     implicit_step,
     lambda modes: _MODAL_STORE + 6 * modes + 1,  # rows for modal damping: see `factor_blocks`
-    memory=(at.DISPLACEMENT, at.VELOCITY),
+    memory=(rows.DISPLACEMENT, rows.VELOCITY),
 )
 
 METHODS = (

@@ -19,12 +19,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import inlined, kernel
-from tdint.kernels.equations.newton import BALANCE_ROWS, ROW, balance, factor_rows, forget
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import inline, kernel
+from tdint.kernels.equations.newton import (
+    EQUILIBRIUM_ROWS,
+    ROW,
+    factor_rows,
+    invalidate,
+    solve_equilibrium,
+)
 from tdint.kernels.linear_terms import finite, floor_load
-from tdint.kernels.stepping import STEP, Memory, Scene, Weights
-from tdint.kernels.stories.law_state import commit, restoring
+from tdint.kernels.stepping import STEP, EffectiveCoefficients, Memory, Scene
+from tdint.kernels.stories.law_state import commit, restoring_force
 from tdint.methods.method import Family, Method, Parameter
 
 # Coefficients
@@ -37,7 +43,7 @@ L3 = 5
 L5 = 6
 
 # Rows of work behind those of the balance
-_LOAD_0 = BALANCE_ROWS  # at the start of the step
+_LOAD_0 = EQUILIBRIUM_ROWS  # at the start of the step
 _FACTORS = _LOAD_0 + 1
 
 
@@ -52,56 +58,65 @@ def step(
     h,
     load,
     state,
-    springs,
-    work,
-    report,
+    law_state,
+    scratch,
+    step_status,
 ):
     """One step of the family; the unknown of the balance is da."""
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
-    memory = Memory(state, springs, work, report)
+    memory = Memory(state, law_state, scratch, step_status)
     n = linear_terms.shape[1] - 1
-    if report[at.FACTORED_STEP] != h:
-        forget(work, _FACTORS, n)
-        report[at.FACTORED_STEP] = h
-    _predict(coefficients, linear_terms, forces, h, load, state, work)
+    if step_status[rows.FACTORED_STEP] != h:
+        invalidate(scratch, _FACTORS, n)
+        step_status[rows.FACTORED_STEP] = h
+    _predict(coefficients, linear_terms, forces, h, load, state, scratch)
     # What brings the weighted point into balance: the state at the end follows from it.
-    weights = Weights(coefficients[L3W3] * h * h, coefficients[L5W2] * h, coefficients[L6W1])
-    code = balance(weights, _FACTORS, 0, at.FIRST_TRIAL, scene, memory)
+    weights = EffectiveCoefficients(
+        coefficients[L3W3] * h * h, coefficients[L5W2] * h, coefficients[L6W1]
+    )
+    code = solve_equilibrium(weights, _FACTORS, 0, rows.FIRST_TRIAL, scene, memory)
     if code < 0:
         return code
     below = 0.0
     for i in range(n):
-        da = work[ROW.X, i]
-        v = state[at.VELOCITY, i]
-        a = state[at.ACCELERATION, i]
-        u = state[at.DISPLACEMENT, i] + h * v + h * h * (0.5 * a + coefficients[L3] * da)
-        state[at.DISPLACEMENT, i] = u
-        state[at.VELOCITY, i] = v + h * (a + coefficients[L5] * da)
-        state[at.ACCELERATION, i] = a + da
-        restoring(
-            law_parameters, springs, i, 0, at.FIRST_TRIAL, u - linear_terms[at.LINK, i] * below
+        da = scratch[ROW.X, i]
+        v = state[rows.VELOCITY, i]
+        a = state[rows.ACCELERATION, i]
+        u = state[rows.DISPLACEMENT, i] + h * v + h * h * (0.5 * a + coefficients[L3] * da)
+        state[rows.DISPLACEMENT, i] = u
+        state[rows.VELOCITY, i] = v + h * (a + coefficients[L5] * da)
+        state[rows.ACCELERATION, i] = a + da
+        restoring_force(
+            law_parameters,
+            law_state,
+            i,
+            0,
+            rows.FIRST_TRIAL,
+            u - linear_terms[rows.LINK, i] * below,
         )
-        commit(law_parameters, springs, i, 0, at.FIRST_TRIAL)
+        commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
         below = u
-    return code if finite(state, n) else at.NOT_FINITE
+    return code if finite(state, n) else rows.NOT_FINITE
 
 
-@inlined
-def _predict(coefficients, linear_terms, forces, h, load, state, work):
+@inline
+def _predict(coefficients, linear_terms, forces, h, load, state, scratch):
     """Weighted load, and the weighted point for da = 0."""
     n = linear_terms.shape[1] - 1
     w1 = coefficients[W1]
     if w1 != 1.0:
-        floor_load(linear_terms, forces, load[at.TIME], load[at.GROUND_0], work, _LOAD_0)
-    floor_load(linear_terms, forces, load[at.TIME] + h, load[at.GROUND_1], work, ROW.LOAD)
+        floor_load(linear_terms, forces, load[rows.TIME], load[rows.GROUND_0], scratch, _LOAD_0)
+    floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, ROW.LOAD)
     for i in range(n):
         if w1 != 1.0:
-            work[ROW.LOAD, i] = (1.0 - w1) * work[_LOAD_0, i] + w1 * work[ROW.LOAD, i]
-        v = state[at.VELOCITY, i]
-        a = state[at.ACCELERATION, i]
-        work[ROW.U, i] = state[at.DISPLACEMENT, i] + w1 * h * v + coefficients[L2W2] * h * h * a
-        work[ROW.V, i] = v + w1 * h * a
-        work[ROW.A, i] = a
+            scratch[ROW.LOAD, i] = (1.0 - w1) * scratch[_LOAD_0, i] + w1 * scratch[ROW.LOAD, i]
+        v = state[rows.VELOCITY, i]
+        a = state[rows.ACCELERATION, i]
+        scratch[ROW.U, i] = (
+            state[rows.DISPLACEMENT, i] + w1 * h * v + coefficients[L2W2] * h * h * a
+        )
+        scratch[ROW.V, i] = v + w1 * h * a
+        scratch[ROW.A, i] = a
 
 
 FAMILY = Family("single-step", step, lambda modes: _FACTORS + factor_rows(modes))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tdint.arrays import Array, cached_property
 from tdint.errors import ModelError, UsageError
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import Variant
 from tdint.kernels.laws import OURS
 from tdint.model.definition import (
@@ -88,52 +88,52 @@ class Building:
     @property
     def mass(self) -> Array:
         """Masses of the floors, kg, shape (n,)."""
-        return self.linear_terms[at.MASS, ..., :-1]
+        return self.linear_terms[rows.MASS, ..., :-1]
 
     @property
     def initial_stiffness(self) -> Array:
         """Initial stiffness of the stories, P-delta included, N/m, shape (n,)."""
-        return self.law_parameters[at.STIFFNESS, :-1] + self.linear_terms[at.GEOMETRIC, :-1]
+        return self.law_parameters[rows.STIFFNESS, :-1] + self.linear_terms[rows.GEOMETRIC, :-1]
 
     @cached_property
     def linear(self) -> bool:
         """Whether every story has a linear law, and none a power-law dashpot."""
         return not self.power_damped and bool(
-            np.all(self.law_parameters[at.CODE, :-1] == CODES["linear"])
+            np.all(self.law_parameters[rows.CODE, :-1] == CODES["linear"])
         )
 
     @cached_property
     def power_damped(self) -> bool:
         """Whether some story has a power-law dashpot."""
-        return bool(np.any(self.linear_terms[at.POWER_DAMPER, ..., :-1] != 0.0))
+        return bool(np.any(self.linear_terms[rows.POWER_DAMPER, ..., :-1] != 0.0))
 
     @cached_property
     def damped_by_devices(self) -> bool:
         """Whether some story has a dashpot."""
-        return self.power_damped or bool(np.any(self.linear_terms[at.DASHPOT, ..., :-1] != 0.0))
+        return self.power_damped or bool(np.any(self.linear_terms[rows.DASHPOT, ..., :-1] != 0.0))
 
     def device_force(self, rate: Array) -> Array:
         """Force of the stories' dashpots at drift rates, m/s, shape (..., n); N."""
         if not self.damped_by_devices:
             return np.zeros_like(rate)
-        secant = self.linear_terms[at.DASHPOT, ..., :-1] * np.ones_like(rate)
-        size = rate**2 + self.linear_terms[at.THRESHOLD, ..., :-1]
-        power = self.linear_terms[at.POWER, ..., :-1] * np.ones_like(rate)
-        moving = (size > 0.0) & (self.linear_terms[at.POWER_DAMPER, ..., :-1] != 0.0)
+        secant = self.linear_terms[rows.DASHPOT, ..., :-1] * np.ones_like(rate)
+        size = rate**2 + self.linear_terms[rows.THRESHOLD, ..., :-1]
+        power = self.linear_terms[rows.POWER, ..., :-1] * np.ones_like(rate)
+        moving = (size > 0.0) & (self.linear_terms[rows.POWER_DAMPER, ..., :-1] != 0.0)
         grown = np.power(size, power, out=np.zeros_like(size), where=moving)
-        return np.asarray((secant + self.linear_terms[at.POWER_DAMPER, ..., :-1] * grown) * rate)
+        return np.asarray((secant + self.linear_terms[rows.POWER_DAMPER, ..., :-1] * grown) * rate)
 
     @cached_property
     def piecewise_linear(self) -> bool:
         """Whether every story has a law that is linear branch by branch."""
         codes = [CODES[name] for name, law in LAWS.items() if not law.curved]
-        return bool(np.all(np.isin(self.law_parameters[at.CODE, :-1], codes)))
+        return bool(np.all(np.isin(self.law_parameters[rows.CODE, :-1], codes)))
 
     @cached_property
     def kinked(self) -> bool:
         """Whether some story has a law whose tangent jumps."""
         codes = [CODES[name] for name, law in LAWS.items() if law.kinked]
-        return bool(np.any(np.isin(self.law_parameters[at.CODE, :-1], codes)))
+        return bool(np.any(np.isin(self.law_parameters[rows.CODE, :-1], codes)))
 
     @cached_property
     def fastest(self) -> float:
@@ -144,20 +144,20 @@ class Building:
         frequencies; for any positive x the largest is at most the largest (M^-1 K x) / x (Collatz
         1942), and the closer the nearer x is to the mode.
         """
-        return float(_fastest(self.initial_stiffness, self.linear_terms[at.LINK], self.mass))
+        return float(_fastest(self.initial_stiffness, self.linear_terms[rows.LINK], self.mass))
 
     def stiffness_matrix(self) -> Array:
         """Initial stiffness matrix, N/m, shape (n, n)."""
-        return _tridiagonal(self.initial_stiffness, self.linear_terms[at.LINK, :-1])
+        return _tridiagonal(self.initial_stiffness, self.linear_terms[rows.LINK, :-1])
 
     def damping_matrix(self) -> Array:
         """Damping matrix without power-law dashpots, N s/m, shape (n, n)."""
         stories = _tridiagonal(
-            self.linear_terms[at.STORY_DAMPER, :-1], self.linear_terms[at.LINK, :-1]
+            self.linear_terms[rows.STORY_DAMPER, :-1], self.linear_terms[rows.LINK, :-1]
         )
         return (
             stories
-            + np.diag(self.linear_terms[at.FLOOR_DAMPER, :-1])
+            + np.diag(self.linear_terms[rows.FLOOR_DAMPER, :-1])
             + self.modal[:, :-1].T @ self.modal[:, :-1]
         )
 
@@ -169,8 +169,8 @@ class Building:
         """
         omega, shape = self.vibration.first
         drift = np.diff(shape, prepend=0.0)
-        work = np.sum(self.linear_terms[at.STORY_DAMPER, :-1] * drift**2) + np.sum(
-            self.linear_terms[at.FLOOR_DAMPER, :-1] * shape**2
+        work = np.sum(self.linear_terms[rows.STORY_DAMPER, :-1] * drift**2) + np.sum(
+            self.linear_terms[rows.FLOOR_DAMPER, :-1] * shape**2
         )
         work += np.sum((self.modal[:, :-1] @ shape) ** 2)
         return omega, float(work / (2.0 * omega))
@@ -217,45 +217,45 @@ def assemble(model: Model) -> Building:
     stories = model.stories
     n = len(stories)
     # The last column, of a story above the roof that is not there, stays zero.
-    linear_terms = np.zeros((at.LINEAR_TERM_ROWS, n + 1))
-    linear_terms[at.MASS, :n] = [story.mass for story in stories]
-    linear_terms[at.INVERSE_MASS, :n] = 1.0 / linear_terms[at.MASS, :n]
-    linear_terms[at.STORY_DAMPER, :n] = linear_terms[at.DASHPOT, :n] = [
+    linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, n + 1))
+    linear_terms[rows.MASS, :n] = [story.mass for story in stories]
+    linear_terms[rows.INVERSE_MASS, :n] = 1.0 / linear_terms[rows.MASS, :n]
+    linear_terms[rows.STORY_DAMPER, :n] = linear_terms[rows.DASHPOT, :n] = [
         story.dashpot for story in stories
     ]
     for i, story in enumerate(stories):
         # Exponents of the squared drift rate, which has no sign.
         if (dashpot := story.power_dashpot) is not None:
-            linear_terms[at.POWER_DAMPER, i] = dashpot.coefficient
-            linear_terms[at.POWER, i] = 0.5 * (dashpot.exponent - 1.0)
-            linear_terms[at.THRESHOLD, i] = dashpot.linear_below**2
+            linear_terms[rows.POWER_DAMPER, i] = dashpot.coefficient
+            linear_terms[rows.POWER, i] = 0.5 * (dashpot.exponent - 1.0)
+            linear_terms[rows.THRESHOLD, i] = dashpot.linear_below**2
     # The first story stands on the ground: nothing of it acts on a floor below.
-    linear_terms[at.LINK, 1:n] = 1.0
+    linear_terms[rows.LINK, 1:n] = 1.0
     heights = np.array(
         [math.nan if story.drift_height is None else story.drift_height for story in stories]
     )
     if model.p_delta:
-        linear_terms[at.GEOMETRIC, :n] = -weight_over_height(model)
+        linear_terms[rows.GEOMETRIC, :n] = -weight_over_height(model)
     # As many rows as the law with the most parameters needs.
-    rows = max(len(story.law.parameters) for story in stories)
-    law_parameters = np.zeros((at.FIRST_PARAMETER + rows, n + 1))
+    table_rows = max(len(story.law.parameters) for story in stories)
+    law_parameters = np.zeros((rows.FIRST_PARAMETER + table_rows, n + 1))
     yield_drift = np.empty(n)
     for i, story in enumerate(stories):
         values = story.law.parameters
         law = LAWS[story.law.name]
-        law_parameters[at.CODE, i] = CODES[story.law.name]
-        law_parameters[at.STIFFNESS, i] = story.stiffness
-        law_parameters[at.FIRST_PARAMETER : at.FIRST_PARAMETER + len(values), i] = values
+        law_parameters[rows.CODE, i] = CODES[story.law.name]
+        law_parameters[rows.STIFFNESS, i] = story.stiffness
+        law_parameters[rows.FIRST_PARAMETER : rows.FIRST_PARAMETER + len(values), i] = values
         yield_drift[i] = law.yield_drift(story.stiffness, values)
     # Vibration is that about the displaced building: P-delta takes its part of the stiffness.
     vibration = FreeVibration(
-        linear_terms[at.MASS, :n],
-        law_parameters[at.STIFFNESS, :n] + linear_terms[at.GEOMETRIC, :n],
-        linear_terms[at.LINK, :n],
-        linear_terms[at.GEOMETRIC, :n],
+        linear_terms[rows.MASS, :n],
+        law_parameters[rows.STIFFNESS, :n] + linear_terms[rows.GEOMETRIC, :n],
+        linear_terms[rows.LINK, :n],
+        linear_terms[rows.GEOMETRIC, :n],
     )
     isolators = tuple(i for i, story in enumerate(stories) if story.isolator)
-    modal = add_damping(linear_terms, law_parameters[at.STIFFNESS, :n], model, vibration)
+    modal = add_damping(linear_terms, law_parameters[rows.STIFFNESS, :n], model, vibration)
     return Building(linear_terms, law_parameters, modal, heights, yield_drift, vibration, isolators)
 
 
@@ -286,15 +286,15 @@ class DrawnBuildings:
     @property
     def mass(self) -> Array:
         """Masses of the floors, kg, shape (draws, n)."""
-        return self.linear_terms[:, at.MASS, :-1]
+        return self.linear_terms[:, rows.MASS, :-1]
 
     @property
     def fastest(self) -> Array:
         """`Building.fastest` of each, shape (draws,)."""
         stiffness = (
-            self.law_parameters[:, at.STIFFNESS, :-1] + self.linear_terms[:, at.GEOMETRIC, :-1]
+            self.law_parameters[:, rows.STIFFNESS, :-1] + self.linear_terms[:, rows.GEOMETRIC, :-1]
         )
-        return _fastest(stiffness, self.base.linear_terms[at.LINK], self.mass)
+        return _fastest(stiffness, self.base.linear_terms[rows.LINK], self.mass)
 
     def of_runs(self, draws: Sequence[int]) -> Building:
         """What quantities of stories are taken from, of runs by their draws: arrays have the runs
@@ -310,7 +310,7 @@ class DrawnBuildings:
     @property
     def with_devices(self) -> NDArray[np.bool_]:
         """`Building.damped_by_devices` of each, shape (draws,)."""
-        both = self.linear_terms[:, [at.DASHPOT, at.POWER_DAMPER], :-1]
+        both = self.linear_terms[:, [rows.DASHPOT, rows.POWER_DAMPER], :-1]
         return np.asarray(np.any(both != 0.0, axis=(1, 2)))
 
 
@@ -350,8 +350,8 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
     for i in set_laws:
         if stiffness_of := LAWS[model.stories[i].law.name].initial_stiffness:
             columns = [drawn.get((i, c), numbers[i][c]) for c in range(OF_LAW, len(numbers[i]))]
-            rows = np.stack([np.broadcast_to(column, draws) for column in columns], axis=1)
-            drawn[i, STIFFNESS] = np.array([stiffness_of(row) for row in rows.tolist()])
+            table_rows = np.stack([np.broadcast_to(column, draws) for column in columns], axis=1)
+            drawn[i, STIFFNESS] = np.array([stiffness_of(row) for row in table_rows.tolist()])
 
     # The tables of the base, with what changes put into them.
     linear_terms = np.repeat(base.linear_terms[None], draws, axis=0)
@@ -360,36 +360,36 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
     yield_drift = np.repeat(base.yield_drift[None], draws, axis=0)
     for (i, column), row in drawn.items():
         if column >= OF_LAW:
-            law_parameters[:, at.FIRST_PARAMETER + column - OF_LAW, i] = row
+            law_parameters[:, rows.FIRST_PARAMETER + column - OF_LAW, i] = row
         elif column == STIFFNESS:
-            law_parameters[:, at.STIFFNESS, i] = row
+            law_parameters[:, rows.STIFFNESS, i] = row
         elif column == HEIGHT and not model.stories[i].isolator:
             heights[:, i] = row
         elif column in _TERMS:
             linear_terms[:, _TERMS[column], i] = row
         elif column == POWER.start + 1:
-            linear_terms[:, at.POWER, i] = 0.5 * (row - 1.0)
+            linear_terms[:, rows.POWER, i] = 0.5 * (row - 1.0)
         elif column == POWER.start + 2:
-            linear_terms[:, at.THRESHOLD, i] = [
+            linear_terms[:, rows.THRESHOLD, i] = [
                 speed**2 for speed in row.tolist()
             ]  # numpy's square is another
-    linear_terms[:, at.INVERSE_MASS, :n] = 1.0 / linear_terms[:, at.MASS, :n]
-    linear_terms[:, at.STORY_DAMPER, :n] = linear_terms[:, at.DASHPOT, :n]
-    linear_terms[:, at.FLOOR_DAMPER, :n] = 0.0
+    linear_terms[:, rows.INVERSE_MASS, :n] = 1.0 / linear_terms[:, rows.MASS, :n]
+    linear_terms[:, rows.STORY_DAMPER, :n] = linear_terms[:, rows.DASHPOT, :n]
+    linear_terms[:, rows.FLOOR_DAMPER, :n] = 0.0
     if model.p_delta:
         tall = [
             np.broadcast_to(drawn.get((i, HEIGHT), numbers[i][HEIGHT]), draws) for i in range(n)
         ]
         weight = (
-            STANDARD_GRAVITY * np.cumsum(linear_terms[:, at.MASS, :n][:, ::-1], axis=1)[:, ::-1]
+            STANDARD_GRAVITY * np.cumsum(linear_terms[:, rows.MASS, :n][:, ::-1], axis=1)[:, ::-1]
         )
-        linear_terms[:, at.GEOMETRIC, :n] = -(weight / np.stack(tall, axis=1))
+        linear_terms[:, rows.GEOMETRIC, :n] = -(weight / np.stack(tall, axis=1))
     for i in {i for i, column in drawn if column == STIFFNESS or column >= OF_LAW}:
         law, parameters = LAWS[model.stories[i].law.name], len(model.stories[i].law.parameters)
-        rows = law_parameters[
-            :, [at.STIFFNESS, *range(at.FIRST_PARAMETER, at.FIRST_PARAMETER + parameters)], i
+        table_rows = law_parameters[
+            :, [rows.STIFFNESS, *range(rows.FIRST_PARAMETER, rows.FIRST_PARAMETER + parameters)], i
         ]
-        for d, (stiffness, *of_law) in enumerate(rows.tolist()):
+        for d, (stiffness, *of_law) in enumerate(table_rows.tolist()):
             if fault := law.fault(stiffness, of_law):
                 raise UsageError(
                     f"{model.name}: story {i + 1} cannot be varied so: {fault} (draw {d + 1})"
@@ -410,17 +410,17 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
     modal, vibration = [], base.vibration
     for d in range(draws):
         if moved:
-            springs = law_parameters[d, at.STIFFNESS, :n] + linear_terms[d, at.GEOMETRIC, :n]
+            springs = law_parameters[d, rows.STIFFNESS, :n] + linear_terms[d, rows.GEOMETRIC, :n]
             vibration = FreeVibration(
-                linear_terms[d, at.MASS, :n], springs, linear_terms[d, at.LINK, :n]
+                linear_terms[d, rows.MASS, :n], springs, linear_terms[d, rows.LINK, :n]
             )
-        stiffness = law_parameters[d, at.STIFFNESS, :n]
+        stiffness = law_parameters[d, rows.STIFFNESS, :n]
         of_draw = replace(model, damping=damped[d]) if "damping" in values else model
         modal.append(add_damping(linear_terms[d], stiffness, of_draw, vibration))
     return DrawnBuildings(base, linear_terms, law_parameters, modal, heights, yield_drift)
 
 
-_TERMS = {MASS: at.MASS, DASHPOT: at.DASHPOT, POWER.start: at.POWER_DAMPER}
+_TERMS = {MASS: rows.MASS, DASHPOT: rows.DASHPOT, POWER.start: rows.POWER_DAMPER}
 """Rows of the linear terms by the columns of a story's numbers."""
 
 
@@ -504,23 +504,23 @@ def oscillators(omega: Array, damping: Array) -> Building:
     """
     omega, damping = np.broadcast_arrays(np.asarray(omega, float), np.asarray(damping, float))
     k = omega.size
-    linear_terms = np.zeros((at.LINEAR_TERM_ROWS, k + 1))
-    linear_terms[at.MASS, :k] = 1.0
-    linear_terms[at.INVERSE_MASS, :k] = 1.0
-    linear_terms[at.STORY_DAMPER, :k] = 2.0 * damping * omega
-    law_parameters = np.zeros((at.FIRST_PARAMETER, k + 1))
-    law_parameters[at.CODE, :k] = CODES["linear"]
-    law_parameters[at.STIFFNESS, :k] = omega**2
+    linear_terms = np.zeros((rows.LINEAR_TERM_ROWS, k + 1))
+    linear_terms[rows.MASS, :k] = 1.0
+    linear_terms[rows.INVERSE_MASS, :k] = 1.0
+    linear_terms[rows.STORY_DAMPER, :k] = 2.0 * damping * omega
+    law_parameters = np.zeros((rows.FIRST_PARAMETER, k + 1))
+    law_parameters[rows.CODE, :k] = CODES["linear"]
+    law_parameters[rows.STIFFNESS, :k] = omega**2
     unknown = np.full(k, math.nan)
     vibration = FreeVibration(
-        linear_terms[at.MASS, :k], law_parameters[at.STIFFNESS, :k], linear_terms[at.LINK, :k]
+        linear_terms[rows.MASS, :k], law_parameters[rows.STIFFNESS, :k], linear_terms[rows.LINK, :k]
     )
     return Building(linear_terms, law_parameters, np.zeros((0, k + 1)), unknown, unknown, vibration)
 
 
 def force_table(forces: Sequence[Force]) -> NDArray[np.float64]:
     """One row per force: floor (counted from 0), cosine and sine amplitude (N), omega (rad/s)."""
-    table = np.zeros((len(forces), at.FORCE_COLUMNS))
+    table = np.zeros((len(forces), rows.FORCE_COLUMNS))
     for row, force in zip(table, forces, strict=True):
         row[:] = force.floor - 1, force.cosine, force.sine, force.omega
     return table
@@ -528,7 +528,7 @@ def force_table(forces: Sequence[Force]) -> NDArray[np.float64]:
 
 def variant(building: Building, forces: Array | None = None) -> Variant:
     """What the kernels need for a building under forces; none by default."""
-    codes = {CODES["linear"], *building.law_parameters[at.CODE, :-1].tolist()}
+    codes = {CODES["linear"], *building.law_parameters[rows.CODE, :-1].tolist()}
     names = (
         name if code < OURS else f"{name}@{code}" for name, code in CODES.items() if code in codes
     )
@@ -574,17 +574,19 @@ def add_damping(
             ratios = np.full(n, ratios[0])
         damped = np.flatnonzero(ratios)
         factors = np.sqrt(2.0 * ratios[damped] * modes.omega[damped])
-        rows = np.zeros((damped.size, n + 1))
-        rows[:, :-1] = (linear_terms[at.MASS, :n, None] * modes.shapes[:, damped] * factors).T
-        return rows
+        table_rows = np.zeros((damped.size, n + 1))
+        table_rows[:, :-1] = (
+            linear_terms[rows.MASS, :n, None] * modes.shapes[:, damped] * factors
+        ).T
+        return table_rows
     # Ratios become coefficients by the frequencies of this building.
     if isinstance(damping, RayleighRatio):
         damping = rayleigh(damping, *(vibration.frequency(mode) for mode in damping.modes))
     if damping is not None and not all(story.rayleigh for story in model.stories):
         return _without_isolators(linear_terms, stiffness, model, damping)
     if damping is not None:
-        linear_terms[at.FLOOR_DAMPER, :n] += damping.mass * linear_terms[at.MASS, :n]
-        linear_terms[at.STORY_DAMPER, :n] += damping.stiffness * stiffness
+        linear_terms[rows.FLOOR_DAMPER, :n] += damping.mass * linear_terms[rows.MASS, :n]
+        linear_terms[rows.STORY_DAMPER, :n] += damping.stiffness * stiffness
     return np.zeros((0, n + 1))
 
 
@@ -600,11 +602,11 @@ def _without_isolators(
     """
     n = linear_terms.shape[1] - 1
     reached = np.array([story.rayleigh for story in model.stories])
-    linear_terms[at.STORY_DAMPER, :n] += np.where(reached, damping.stiffness * stiffness, 0.0)
-    mass = linear_terms[at.MASS, :n]
+    linear_terms[rows.STORY_DAMPER, :n] += np.where(reached, damping.stiffness * stiffness, 0.0)
+    mass = linear_terms[rows.MASS, :n]
     on_ground = np.cumsum(~reached) == 0
-    linear_terms[at.FLOOR_DAMPER, :n] += np.where(on_ground, damping.mass * mass, 0.0)
-    rows = []
+    linear_terms[rows.FLOOR_DAMPER, :n] += np.where(on_ground, damping.mass * mass, 0.0)
+    table_rows = []
     base = 0
     for floor in range(n):
         if not reached[floor]:
@@ -612,8 +614,8 @@ def _without_isolators(
         elif not on_ground[floor] and damping.mass > 0.0:
             row = np.zeros(n + 1)
             row[floor], row[base] = 1.0, -1.0
-            rows.append(np.sqrt(damping.mass * mass[floor]) * row)
-    return np.array(rows).reshape(len(rows), n + 1)
+            table_rows.append(np.sqrt(damping.mass * mass[floor]) * row)
+    return np.array(table_rows).reshape(len(table_rows), n + 1)
 
 
 def rayleigh(ratio: RayleighRatio, omega_1: float, omega_2: float) -> RayleighCoefficients:

@@ -135,7 +135,7 @@ def private_imports(file: str) -> list[str]:
             and module.startswith("tdint.")
             and module != "tdint.plugin"
         ):
-            names = ["at" if alias.name == "layout" else alias.name for alias in node.names]
+            names = ["rows" if alias.name == "layout" else alias.name for alias in node.names]
             public = ", ".join(name for name in names if name in HOMES)
             write = (
                 f"write from tdint.plugin import {public}"

@@ -9,7 +9,7 @@ import pytest
 from tdint.analysis.assessment.stability import critical_step, false_limit, stability
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.workspace import Steps, amplification, workspace
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import oscillators
 
@@ -167,11 +167,11 @@ def test_k_steps_are_the_kth_power_of_the_matrix(method, damping):
     space.state[memory, :-1] = units * np.random.default_rng(3).standard_normal(
         (len(memory), omega.size)
     )
-    space.report[at.STEPS_DONE] = 100.0
-    if at.ACCELERATION in memory:  # the march starts it from equilibrium
-        u, v = space.state[0, :-1], space.state[at.VELOCITY, :-1]
-        space.state[at.ACCELERATION, :-1] = (
-            -(omega**2) * u - building.linear_terms[at.STORY_DAMPER, :-1] * v
+    space.step_status[rows.STEPS_DONE] = 100.0
+    if rows.ACCELERATION in memory:  # the march starts it from equilibrium
+        u, v = space.state[0, :-1], space.state[rows.VELOCITY, :-1]
+        space.state[rows.ACCELERATION, :-1] = (
+            -(omega**2) * u - building.linear_terms[rows.STORY_DAMPER, :-1] * v
         )
     matrices = amplification(integrator, omega, np.full_like(omega, damping), h)
     powers = np.linalg.matrix_power(matrices, k)

@@ -288,10 +288,10 @@ def test_errors_are_those_of_a_run():
 @pytest.mark.parametrize("name", ["diverged", "not-converged"])
 def test_a_march_that_fails_stays_among_the_points(name, monkeypatch):
     from tdint.analysis.run.prepared import PreparedBuilding
-    from tdint.kernels import layout as at
+    from tdint.kernels import layout as rows
 
     loop = PreparedBuilding.loop
-    code = at.NOT_FINITE if name == "diverged" else at.NOT_CONVERGED
+    code = rows.NOT_FINITE if name == "diverged" else rows.NOT_CONVERGED
 
     def fail(self, integrator, *rest):
         return (lambda *_: code) if integrator.label == "houbolt" else loop(self, integrator, *rest)

@@ -12,7 +12,7 @@ from tdint.analysis.run import prepared
 from tdint.analysis.run.case import _runaway_story
 from tdint.analysis.run.outcome import FailedRun
 from tdint.analysis.run.workspace import largest_stable
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.units import STANDARD_GRAVITY
 
 TIMES = np.linspace(0.0, 2.0, 201)
@@ -217,7 +217,7 @@ def test_the_story_that_runs_away_is_that_with_the_largest_drift():
         ([0.0, 0.0, -np.inf], 3),
     ):
         state = np.zeros((5, 4))
-        state[at.DISPLACEMENT] = [*displacements, 1e99]
+        state[rows.DISPLACEMENT] = [*displacements, 1e99]
         assert _runaway_story(SimpleNamespace(state=state)) == number
 
 

@@ -29,7 +29,7 @@ def counted(monkeypatch):
     """How often a building was assembled, its modes solved, its step measured for stability."""
     count = {"assemble": 0, "solve_modes": 0, "find_instability": 0}
 
-    def watch(home, name):
+    def observer_state(home, name):
         function = getattr(home, name)
 
         def counting(*arguments):
@@ -38,9 +38,9 @@ def counted(monkeypatch):
 
         monkeypatch.setattr(home, name, counting)
 
-    watch(prepared, "assemble")
-    watch(modes, "solve_modes")
-    watch(prepared, "find_instability")
+    observer_state(prepared, "assemble")
+    observer_state(modes, "solve_modes")
+    observer_state(prepared, "find_instability")
     return count
 
 

@@ -10,7 +10,7 @@ import building_cases
 from building_cases import Law, story
 from tdint import load_model
 from tdint.analysis.run.run import run
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.model.building import assemble
 from tdint.model.definition import Force, ModalDamping
 
@@ -23,10 +23,12 @@ def by_parts(model, history):
     building = assemble(model)
     chain = building.linear_terms[:, :-1]
     rate = np.diff(history.velocity, axis=1, prepend=0.0)
-    own = history.shear + chain[at.GEOMETRIC] * history.drift + history.damper_force
-    own += (chain[at.STORY_DAMPER] - chain[at.DASHPOT]) * rate
-    rows = building.modal[:, :-1]
-    floors = chain[at.FLOOR_DAMPER] * history.velocity + history.velocity @ rows.T @ rows
+    own = history.shear + chain[rows.GEOMETRIC] * history.drift + history.damper_force
+    own += (chain[rows.STORY_DAMPER] - chain[rows.DASHPOT]) * rate
+    mode_rows = building.modal[:, :-1]
+    floors = (
+        chain[rows.FLOOR_DAMPER] * history.velocity + history.velocity @ mode_rows.T @ mode_rows
+    )
     return own + np.cumsum(floors[:, ::-1], axis=1)[:, ::-1]
 
 

@@ -98,7 +98,9 @@ def test_the_bound_on_the_frequencies(n):
 
 def test_a_history_whose_rows_do_not_divide_the_steps_is_refused():
     with pytest.raises(ValueError, match="200 steps do not fit into a history of 30"):
-        PreparedBuilding.of(ten_linear()).march(parse("newmark-average"), Steps(0.01, 200), rows=30)
+        PreparedBuilding.of(ten_linear()).march(
+            parse("newmark-average"), Steps(0.01, 200), history_rows=30
+        )
 
 
 @pytest.mark.parametrize("method", ["gauss4", "impulse4", "impulse", "newmark-average"])

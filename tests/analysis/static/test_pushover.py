@@ -10,7 +10,7 @@ from building_cases import Law, model, story
 from tdint import load_model
 from tdint.analysis.static import PATTERNS, _Story, _target, follow_path, pushover
 from tdint.errors import UsageError
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.model.building import assemble
 from tdint.units import STANDARD_GRAVITY, parse_drift
 
@@ -138,13 +138,13 @@ def test_every_story_carries_its_share_at_every_row(name):
     share = np.cumsum(result.forces[::-1])[::-1]
     for i in range(building.stories):
         path = follow_path(building, i + 1, result.drift[:, i].copy())
-        carried = path.shear + building.linear_terms[at.GEOMETRIC, i] * path.drift
+        carried = path.shear + building.linear_terms[rows.GEOMETRIC, i] * path.drift
         assert carried == pytest.approx(
             share[i] * result.base_shear, abs=2e-5 * np.max(result.base_shear)
         )
     goals = np.arange(13) / 12 * _target(parse_drift(drift), building)
-    rows = result.base_shear.size - bool(result.ended)  # a fall to nothing ends where it does
-    assert result.roof_displacement[:rows] == pytest.approx(goals[:rows], rel=1e-8)
+    table_rows = result.base_shear.size - bool(result.ended)  # a fall to nothing ends where it does
+    assert result.roof_displacement[:table_rows] == pytest.approx(goals[:table_rows], rel=1e-8)
 
 
 class Staircase(_Story):
@@ -160,7 +160,7 @@ class Staircase(_Story):
             100.0,
         )
 
-    def at(self, drift):
+    def rows(self, drift):
         return drift + 0.99 * math.sin(drift), 1.0 + 0.99 * math.cos(drift)
 
 

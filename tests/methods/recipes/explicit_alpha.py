@@ -13,13 +13,13 @@ from tdint.plugin import (
     Family,
     Method,
     Parameter,
-    at,
     commit,
     finite,
     floor_load,
     internal_forces,
     kernel,
-    restoring,
+    restoring_force,
+    rows,
 )
 
 ALPHA, BETA, GAMMA = range(3)  # coefficients
@@ -37,37 +37,37 @@ def step(
     h,
     load,
     state,
-    springs,
-    work,
-    report,
+    law_state,
+    scratch,
+    step_status,
 ):
     """One step; row ACCELERATION of the state is the method's own, which lags behind that of
     equilibrium."""
     n = linear_terms.shape[1] - 1
     alpha, beta, gamma = coefficients[ALPHA], coefficients[BETA], coefficients[GAMMA]
     for i in range(n):
-        work[V, i] = state[at.VELOCITY, i]
-    floor_load(linear_terms, forces, load[at.TIME], load[at.GROUND_0], work, LOAD)
-    internal_forces(linear_terms, modal, springs, at.COMMITTED, work, V, INNER, SUMS)
+        scratch[V, i] = state[rows.VELOCITY, i]
+    floor_load(linear_terms, forces, load[rows.TIME], load[rows.GROUND_0], scratch, LOAD)
+    internal_forces(linear_terms, modal, law_state, rows.COMMITTED, scratch, V, INNER, SUMS)
     below = 0.0
     for i in range(n):
-        a0 = state[at.ACCELERATION, i]
-        balanced = linear_terms[at.INVERSE_MASS, i] * (work[LOAD, i] - work[INNER, i])
+        a0 = state[rows.ACCELERATION, i]
+        balanced = linear_terms[rows.INVERSE_MASS, i] * (scratch[LOAD, i] - scratch[INNER, i])
         a1 = (balanced - alpha * a0) / (1.0 - alpha)
-        u = state[at.DISPLACEMENT, i] + h * (work[V, i] + h * ((0.5 - beta) * a0 + beta * a1))
-        restoring(
+        u = state[rows.DISPLACEMENT, i] + h * (scratch[V, i] + h * ((0.5 - beta) * a0 + beta * a1))
+        restoring_force(
             law_parameters,
-            springs,
+            law_state,
             i,
-            at.COMMITTED,
-            at.FIRST_TRIAL,
-            u - linear_terms[at.LINK, i] * below,
+            rows.COMMITTED,
+            rows.FIRST_TRIAL,
+            u - linear_terms[rows.LINK, i] * below,
         )
-        commit(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)
-        state[at.DISPLACEMENT, i] = below = u
-        state[at.VELOCITY, i] = work[V, i] + h * ((1.0 - gamma) * a0 + gamma * a1)
-        state[at.ACCELERATION, i] = a1
-    return 1 if finite(state, n) else at.NOT_FINITE
+        commit(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)
+        state[rows.DISPLACEMENT, i] = below = u
+        state[rows.VELOCITY, i] = scratch[V, i] + h * ((1.0 - gamma) * a0 + gamma * a1)
+        state[rows.ACCELERATION, i] = a1
+    return 1 if finite(state, n) else rows.NOT_FINITE
 
 
 def coefficients(rho_b):

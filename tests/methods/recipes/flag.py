@@ -5,9 +5,9 @@ It slides along f = Fy + a k (d - dy), goes back by k until beta Fy below that, 
 from the elastic line f = k d to zero: no drift stays.
 """
 
-from tdint.plugin import DriftLaw, LawParameter, at, yields_at_its_strength
+from tdint.plugin import DriftLaw, LawParameter, rows, yields_at_its_strength
 
-STRENGTH, HARDENING, LOSS = range(at.FIRST_PARAMETER, at.FIRST_PARAMETER + 3)
+STRENGTH, HARDENING, LOSS = range(rows.FIRST_PARAMETER, rows.FIRST_PARAMETER + 3)
 ELASTIC, SLIDING, BETWEEN, RETURNING = (
     0.0,
     1.0,
@@ -19,55 +19,59 @@ ELASTIC, SLIDING, BETWEEN, RETURNING = (
 def _functions():
     import math
 
-    from tdint.plugin import called, inlined, put_on_branch, walking
+    from tdint.plugin import follow_branches, inline, outlined, set_branch
 
-    @inlined
+    @inline
     def way_between(law_parameters, i):
         """Drift between the two sloping lines along k."""
-        soft = (1.0 - law_parameters[HARDENING, i]) * law_parameters[at.STIFFNESS, i]
+        soft = (1.0 - law_parameters[HARDENING, i]) * law_parameters[rows.STIFFNESS, i]
         return law_parameters[LOSS, i] * law_parameters[STRENGTH, i] / soft
 
-    @called
-    def enter(law_parameters, springs, i):
+    @outlined
+    def enter(law_parameters, law_state, i):
         """At rest, or as it was left."""
-        if springs[at.INTERNAL, i] == ELASTIC:
-            dy = law_parameters[STRENGTH, i] / law_parameters[at.STIFFNESS, i]
-            put_on_branch(springs, i, at.COMMITTED, law_parameters[at.STIFFNESS, i], -dy, dy, 0.0)
+        if law_state[rows.INTERNAL, i] == ELASTIC:
+            dy = law_parameters[STRENGTH, i] / law_parameters[rows.STIFFNESS, i]
+            set_branch(
+                law_state, i, rows.COMMITTED, law_parameters[rows.STIFFNESS, i], -dy, dy, 0.0
+            )
 
-    @called
-    def switch(law_parameters, springs, i, block, event):
-        k = law_parameters[at.STIFFNESS, i]
+    @outlined
+    def switch(law_parameters, law_state, i, block, event):
+        k = law_parameters[rows.STIFFNESS, i]
         dy = law_parameters[STRENGTH, i] / k
         between = way_between(law_parameters, i)
-        drift = springs[block + at.DRIFT, i]
-        branch = abs(springs[block + at.INTERNAL, i])
-        side = math.copysign(1.0, springs[block + at.INTERNAL, i]) if branch != ELASTIC else event
+        drift = law_state[block + rows.DRIFT, i]
+        branch = abs(law_state[block + rows.INTERNAL, i])
+        side = (
+            math.copysign(1.0, law_state[block + rows.INTERNAL, i]) if branch != ELASTIC else event
+        )
         sloping = law_parameters[HARDENING, i] * k
         if branch == ELASTIC or (branch == BETWEEN and event == side):
-            springs[block + at.INTERNAL, i] = side * SLIDING
-            put_on_branch(springs, i, block, sloping, -math.inf, math.inf, side)
+            law_state[block + rows.INTERNAL, i] = side * SLIDING
+            set_branch(law_state, i, block, sloping, -math.inf, math.inf, side)
         elif branch == BETWEEN:
-            springs[block + at.INTERNAL, i] = side * RETURNING
+            law_state[block + rows.INTERNAL, i] = side * RETURNING
             end = side * (dy - between)
             lower = end if side > 0.0 else -math.inf
-            put_on_branch(springs, i, block, sloping, lower, math.inf if side > 0.0 else end, -side)
-        elif event == at.TURNED:
-            springs[block + at.INTERNAL, i] = side * BETWEEN
+            set_branch(law_state, i, block, sloping, lower, math.inf if side > 0.0 else end, -side)
+        elif event == rows.REVERSED:
+            law_state[block + rows.INTERNAL, i] = side * BETWEEN
             other = drift + side * between * (1.0 if branch == RETURNING else -1.0)
-            put_on_branch(springs, i, block, k, min(drift, other), max(drift, other), 0.0)
+            set_branch(law_state, i, block, k, min(drift, other), max(drift, other), 0.0)
         else:
-            springs[block + at.INTERNAL, i] = ELASTIC
-            put_on_branch(springs, i, block, k, -dy, dy, 0.0)
+            law_state[block + rows.INTERNAL, i] = ELASTIC
+            set_branch(law_state, i, block, k, -dy, dy, 0.0)
 
-    @inlined
-    def recoverable(law_parameters, springs, i):
+    @inline
+    def strain_energy(law_parameters, law_state, i):
         """By the way back: to the lower line, along it, along the elastic line."""
-        k = law_parameters[at.STIFFNESS, i]
-        f = abs(springs[at.FORCE, i])
-        if springs[at.INTERNAL, i] == ELASTIC:
+        k = law_parameters[rows.STIFFNESS, i]
+        f = abs(law_state[rows.FORCE, i])
+        if law_state[rows.INTERNAL, i] == ELASTIC:
             return 0.5 * f * f / k
         end = law_parameters[STRENGTH, i] / k - way_between(law_parameters, i)
-        d = abs(springs[at.DRIFT, i])
+        d = abs(law_state[rows.DRIFT, i])
         line = k * end + law_parameters[HARDENING, i] * k * (
             d - end
         )  # the lower line below the story's point
@@ -75,7 +79,7 @@ def _functions():
         met = f - k * back
         return 0.5 * ((f + met) * back + (met + k * end) * (d - back - end) + k * end * end)
 
-    return walking(switch, recoverable, enter)
+    return follow_branches(switch, strain_energy, enter)
 
 
 LAWS = (

@@ -8,9 +8,9 @@ at dm:
     R = R0 - a1 e / (a2 + e),   e = |farthest drift of that side - dm| / (Fy / k)
 """  # noqa: E501
 
-from tdint.plugin import DriftLaw, LawFunctions, LawParameter, at, yields_at_its_strength
+from tdint.plugin import DriftLaw, LawFunctions, LawParameter, rows, yields_at_its_strength
 
-STRENGTH, HARDENING, CURVATURE, FADING, HALF = range(at.FIRST_PARAMETER, at.FIRST_PARAMETER + 5)
+STRENGTH, HARDENING, CURVATURE, FADING, HALF = range(rows.FIRST_PARAMETER, rows.FIRST_PARAMETER + 5)
 SIDE, FROM_DRIFT, FROM_FORCE, REACH, POWER, HIGH, LOW, DONE, ROWS = range(
     9
 )  # rows of the story's own
@@ -19,76 +19,80 @@ SIDE, FROM_DRIFT, FROM_FORCE, REACH, POWER, HIGH, LOW, DONE, ROWS = range(
 def _functions():
     import math
 
-    from tdint.plugin import called, copy_extra_rows, extra_rows, inlined
+    from tdint.plugin import copy_extra_rows, extra_rows, inline, outlined
 
-    @inlined
-    def on_curve(law_parameters, springs, i, own, drift):
+    @inline
+    def on_curve(law_parameters, law_state, i, own, drift):
         """Force and tangent at a drift on the present curve."""
-        k = law_parameters[at.STIFFNESS, i]
+        k = law_parameters[rows.STIFFNESS, i]
         b = law_parameters[HARDENING, i]
-        reach = springs[own + REACH, i]
+        reach = law_state[own + REACH, i]
         if reach == 0.0:  # nothing has moved yet
             return k * drift, k
-        power = springs[own + POWER, i]
-        x = (drift - springs[own + FROM_DRIFT, i]) / reach
+        power = law_state[own + POWER, i]
+        x = (drift - law_state[own + FROM_DRIFT, i]) / reach
         base = 1.0 + abs(x) ** power
         bent = base ** (-1.0 / power)
-        force = springs[own + FROM_FORCE, i] + k * reach * x * (b + (1.0 - b) * bent)
+        force = law_state[own + FROM_FORCE, i] + k * reach * x * (b + (1.0 - b) * bent)
         return force, k * (b + (1.0 - b) * bent / base)
 
-    @called
-    def force(law_parameters, springs, i, past, trial, drift):
-        k = law_parameters[at.STIFFNESS, i]
+    @outlined
+    def force(law_parameters, law_state, i, previous, trial, drift):
+        k = law_parameters[rows.STIFFNESS, i]
         b = law_parameters[HARDENING, i]
-        own = extra_rows(springs, trial)
-        copy_extra_rows(springs, i, past, trial)
-        before = springs[past + at.DRIFT, i]
+        own = extra_rows(law_state, trial)
+        copy_extra_rows(law_state, i, previous, trial)
+        before = law_state[previous + rows.DRIFT, i]
         way = drift - before
-        if way * springs[own + SIDE, i] < 0.0 or (springs[own + SIDE, i] == 0.0 and way != 0.0):
+        if way * law_state[own + SIDE, i] < 0.0 or (law_state[own + SIDE, i] == 0.0 and way != 0.0):
             # A turn: a new curve begins where the story stands.
             side = math.copysign(1.0, way)
-            springs[own + SIDE, i] = side
-            springs[own + FROM_DRIFT, i] = before
-            springs[own + FROM_FORCE, i] = springs[past + at.FORCE, i]
-            springs[own + HIGH, i] = max(springs[own + HIGH, i], before)
-            springs[own + LOW, i] = min(springs[own + LOW, i], before)
+            law_state[own + SIDE, i] = side
+            law_state[own + FROM_DRIFT, i] = before
+            law_state[own + FROM_FORCE, i] = law_state[previous + rows.FORCE, i]
+            law_state[own + HIGH, i] = max(law_state[own + HIGH, i], before)
+            law_state[own + LOW, i] = min(law_state[own + LOW, i], before)
             strength = side * (1.0 - b) * law_parameters[STRENGTH, i]
-            meets = (strength - springs[past + at.FORCE, i] + k * before) / (k * (1.0 - b))
-            springs[own + REACH, i] = meets - before
-            farthest = springs[own + HIGH, i] if side > 0.0 else springs[own + LOW, i]
+            meets = (strength - law_state[previous + rows.FORCE, i] + k * before) / (k * (1.0 - b))
+            law_state[own + REACH, i] = meets - before
+            farthest = law_state[own + HIGH, i] if side > 0.0 else law_state[own + LOW, i]
             excess = max(0.0, side * (farthest - meets)) * k / law_parameters[STRENGTH, i]
             faded = law_parameters[FADING, i] * excess / (law_parameters[HALF, i] + excess)
-            springs[own + POWER, i] = law_parameters[CURVATURE, i] - faded
-        f, tangent = on_curve(law_parameters, springs, i, own, drift)
-        middle = on_curve(law_parameters, springs, i, own, before + 0.5 * way)[0]
-        springs[own + DONE, i] += (
-            way / 6.0 * (springs[past + at.FORCE, i] + 4.0 * middle + f)
+            law_state[own + POWER, i] = law_parameters[CURVATURE, i] - faded
+        f, tangent = on_curve(law_parameters, law_state, i, own, drift)
+        middle = on_curve(law_parameters, law_state, i, own, before + 0.5 * way)[0]
+        law_state[own + DONE, i] += (
+            way / 6.0 * (law_state[previous + rows.FORCE, i] + 4.0 * middle + f)
         )  # Simpson
-        springs[trial + at.FORCE, i] = f
+        law_state[trial + rows.FORCE, i] = f
         return tangent
 
-    @inlined
-    def recoverable(law_parameters, springs, i):
-        return 0.5 * springs[at.FORCE, i] ** 2 / law_parameters[at.STIFFNESS, i]
+    @inline
+    def strain_energy(law_parameters, law_state, i):
+        return 0.5 * law_state[rows.FORCE, i] ** 2 / law_parameters[rows.STIFFNESS, i]
 
-    @inlined
-    def dissipated(law_parameters, springs, i):
-        return springs[extra_rows(springs, at.COMMITTED) + DONE, i] - recoverable(
-            law_parameters, springs, i
+    @inline
+    def hysteretic_energy(law_parameters, law_state, i):
+        return law_state[extra_rows(law_state, rows.COMMITTED) + DONE, i] - strain_energy(
+            law_parameters, law_state, i
         )
 
-    @inlined
-    def keep(law_parameters, springs, i, past, trial):
-        copy_extra_rows(springs, i, trial, at.COMMITTED)
-        springs[at.TURN, i] = springs[extra_rows(springs, trial) + SIDE, i]
+    @inline
+    def keep(law_parameters, law_state, i, previous, trial):
+        copy_extra_rows(law_state, i, trial, rows.COMMITTED)
+        law_state[rows.RATE_SIGN, i] = law_state[extra_rows(law_state, trial) + SIDE, i]
 
-    @inlined
-    def switch(law_parameters, springs, i, block, event):
+    @inline
+    def switch(law_parameters, law_state, i, block, event):
         """The drift rate has turned: `force` sees that by itself."""
-        springs[block + at.TURN, i] = -springs[block + at.TURN, i]
+        law_state[block + rows.RATE_SIGN, i] = -law_state[block + rows.RATE_SIGN, i]
 
     return LawFunctions(
-        force=force, recoverable=recoverable, dissipated=dissipated, keep=keep, switch=switch
+        force=force,
+        strain_energy=strain_energy,
+        hysteretic_energy=hysteretic_energy,
+        keep=keep,
+        switch=switch,
     )
 
 

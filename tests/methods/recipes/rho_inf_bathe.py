@@ -7,29 +7,29 @@ To t + gamma h by average acceleration, then over three points, each in equilibr
 """
 
 from tdint.plugin import (
-    BALANCE_ROWS,
+    EQUILIBRIUM_ROWS,
     ROW,
     STEP,
+    EffectiveCoefficients,
     Family,
     Memory,
     Method,
     Parameter,
     Scene,
-    Weights,
-    at,
-    balance,
+    accumulate_dissipation,
     commit,
     factor_rows,
     finite,
     floor_load,
-    forget,
+    invalidate,
     kernel,
-    settle,
+    rows,
+    solve_equilibrium,
 )
 
 GAMMA, Q0, Q1, Q2 = range(4)  # coefficients
 # rows of work: of the first part; those of the second begin in the middle of what is left
-FACTORS = BALANCE_ROWS
+FACTORS = EQUILIBRIUM_ROWS
 
 
 @kernel(STEP)
@@ -43,60 +43,70 @@ def step(
     h,
     load,
     state,
-    springs,
-    work,
-    report,
+    law_state,
+    scratch,
+    step_status,
 ):
     """One step; the unknown of each balance is the acceleration at its end."""
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
-    memory = Memory(state, springs, work, report)
+    memory = Memory(state, law_state, scratch, step_status)
     n = linear_terms.shape[1] - 1
-    second = (FACTORS + work.shape[0]) // 2
-    if report[at.FACTORED_STEP] != h:
-        forget(work, FACTORS, n)
-        forget(work, second, n)
-        report[at.FACTORED_STEP] = h
+    second = (FACTORS + scratch.shape[0]) // 2
+    if step_status[rows.FACTORED_STEP] != h:
+        invalidate(scratch, FACTORS, n)
+        invalidate(scratch, second, n)
+        step_status[rows.FACTORED_STEP] = h
     # To the inner point, from a guess of its acceleration: that of the start
     gamma = coefficients[GAMMA]
     half = 0.5 * gamma * h
     for i in range(n):
-        v = state[at.VELOCITY, i]
-        a = state[at.ACCELERATION, i]
-        work[ROW.A, i] = a
-        work[ROW.V, i] = v + 2.0 * half * a
-        work[ROW.U, i] = state[at.DISPLACEMENT, i] + half * (v + work[ROW.V, i])
-    ground = load[at.GROUND_0] + gamma * (load[at.GROUND_1] - load[at.GROUND_0])
-    floor_load(linear_terms, forces, load[at.TIME] + gamma * h, ground, work, ROW.LOAD)
-    first = balance(
-        Weights(half * half, half, 1.0), FACTORS, at.COMMITTED, at.FIRST_TRIAL, scene, memory
+        v = state[rows.VELOCITY, i]
+        a = state[rows.ACCELERATION, i]
+        scratch[ROW.A, i] = a
+        scratch[ROW.V, i] = v + 2.0 * half * a
+        scratch[ROW.U, i] = state[rows.DISPLACEMENT, i] + half * (v + scratch[ROW.V, i])
+    ground = load[rows.GROUND_0] + gamma * (load[rows.GROUND_1] - load[rows.GROUND_0])
+    floor_load(linear_terms, forces, load[rows.TIME] + gamma * h, ground, scratch, ROW.LOAD)
+    first = solve_equilibrium(
+        EffectiveCoefficients(half * half, half, 1.0),
+        FACTORS,
+        rows.COMMITTED,
+        rows.FIRST_TRIAL,
+        scene,
+        memory,
     )
     if first < 0:
         return first
     # To the end, from a guess of its acceleration: that of the inner point
     q0, q1, q2 = coefficients[Q0], coefficients[Q1], coefficients[Q2]
     for i in range(n):
-        inner = work[ROW.V, i]
-        v = state[at.VELOCITY, i] + h * (
-            q0 * state[at.ACCELERATION, i] + (q1 + q2) * work[ROW.A, i]
+        inner = scratch[ROW.V, i]
+        v = state[rows.VELOCITY, i] + h * (
+            q0 * state[rows.ACCELERATION, i] + (q1 + q2) * scratch[ROW.A, i]
         )
-        work[ROW.U, i] = state[at.DISPLACEMENT, i] + h * (
-            q0 * state[at.VELOCITY, i] + q1 * inner + q2 * v
+        scratch[ROW.U, i] = state[rows.DISPLACEMENT, i] + h * (
+            q0 * state[rows.VELOCITY, i] + q1 * inner + q2 * v
         )
-        work[ROW.V, i] = v
+        scratch[ROW.V, i] = v
     by_v = q2 * h
-    floor_load(linear_terms, forces, load[at.TIME] + h, load[at.GROUND_1], work, ROW.LOAD)
-    last = balance(
-        Weights(by_v * by_v, by_v, 1.0), second, at.FIRST_TRIAL, at.SECOND_TRIAL, scene, memory
+    floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, ROW.LOAD)
+    last = solve_equilibrium(
+        EffectiveCoefficients(by_v * by_v, by_v, 1.0),
+        second,
+        rows.FIRST_TRIAL,
+        rows.SECOND_TRIAL,
+        scene,
+        memory,
     )
     if last < 0:
         return last
     for i in range(n):
-        state[at.DISPLACEMENT, i] = work[ROW.U, i]
-        state[at.VELOCITY, i] = work[ROW.V, i]
-        state[at.ACCELERATION, i] = work[ROW.A, i]
-        settle(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)
-        commit(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
-    return first + last if finite(state, n) else at.NOT_FINITE
+        state[rows.DISPLACEMENT, i] = scratch[ROW.U, i]
+        state[rows.VELOCITY, i] = scratch[ROW.V, i]
+        state[rows.ACCELERATION, i] = scratch[ROW.A, i]
+        accumulate_dissipation(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)
+        commit(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
+    return first + last if finite(state, n) else rows.NOT_FINITE
 
 
 def coefficients(rho_inf, gamma):

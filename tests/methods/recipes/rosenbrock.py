@@ -21,16 +21,16 @@ from tdint.plugin import (
     Factors,
     Family,
     Method,
-    at,
     chained,
     commit,
     factor_combination,
     finite,
     floor_load,
-    inlined,
+    inline,
     internal_forces,
     kernel,
-    restoring,
+    restoring_force,
+    rows,
     solve_damped,
 )
 
@@ -65,88 +65,98 @@ def step(
     h,
     load,
     state,
-    springs,
-    work,
-    report,
+    law_state,
+    scratch,
+    step_status,
 ):
     """One step: one factorization, two solves."""
     n = linear_terms.shape[1] - 1
     by = G * h
-    factors = Factors(work, ROW.PIVOT, ROW.COUPLING, STORE)
-    floor_load(linear_terms, forces, load[at.TIME], load[at.GROUND_0], work, ROW.LOAD)
-    floor_load(linear_terms, forces, load[at.TIME] + h, load[at.GROUND_1], work, ROW.LOAD + 1)
+    factors = Factors(scratch, ROW.PIVOT, ROW.COUPLING, STORE)
+    floor_load(linear_terms, forces, load[rows.TIME], load[rows.GROUND_0], scratch, ROW.LOAD)
+    floor_load(
+        linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, ROW.LOAD + 1
+    )
     # The matrix, by the tangents at the start
     for i in range(n):
-        drift = springs[at.DRIFT, i]
-        work[ROW.TANGENT, i] = restoring(
-            law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL, drift
+        drift = law_state[rows.DRIFT, i]
+        scratch[ROW.TANGENT, i] = restoring_force(
+            law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, drift
         )
     factor_combination(
-        linear_terms, modal, work, ROW.TANGENT, Combination(1.0, by, by * by), factors, n
+        linear_terms, modal, scratch, ROW.TANGENT, Combination(1.0, by, by * by), factors, n
     )
     # The first stage, from the start
     for i in range(n):
-        work[ROW.V, i] = state[at.VELOCITY, i]
-        work[ROW.KU, i] = h * work[ROW.V, i]
-    internal_forces(linear_terms, modal, springs, at.COMMITTED, work, ROW.V, ROW.INNER, ROW.SUMS)
+        scratch[ROW.V, i] = state[rows.VELOCITY, i]
+        scratch[ROW.KU, i] = h * scratch[ROW.V, i]
+    internal_forces(
+        linear_terms, modal, law_state, rows.COMMITTED, scratch, ROW.V, ROW.INNER, ROW.SUMS
+    )
     for i in range(n):
-        change = by * (work[ROW.LOAD + 1, i] - work[ROW.LOAD, i])
-        work[ROW.KV, i] = h * (work[ROW.LOAD, i] - work[ROW.INNER, i]) + change
+        change = by * (scratch[ROW.LOAD + 1, i] - scratch[ROW.LOAD, i])
+        scratch[ROW.KV, i] = h * (scratch[ROW.LOAD, i] - scratch[ROW.INNER, i]) + change
     _stage(linear_terms, modal, by, factors, ROW.KU, ROW.KV, n)
     # The second, from the end of the first
     below = 0.0
     for i in range(n):
-        u = state[at.DISPLACEMENT, i] + work[ROW.KU, i]
-        restoring(
+        u = state[rows.DISPLACEMENT, i] + scratch[ROW.KU, i]
+        restoring_force(
             law_parameters,
-            springs,
+            law_state,
             i,
-            at.COMMITTED,
-            at.FIRST_TRIAL,
-            u - linear_terms[at.LINK, i] * below,
+            rows.COMMITTED,
+            rows.FIRST_TRIAL,
+            u - linear_terms[rows.LINK, i] * below,
         )
         below = u
-        work[ROW.V, i] = state[at.VELOCITY, i] + work[ROW.KV, i]
-        work[ROW.KU + 1, i] = h * work[ROW.V, i] - 2.0 * work[ROW.KU, i]
-    internal_forces(linear_terms, modal, springs, at.FIRST_TRIAL, work, ROW.V, ROW.INNER, ROW.SUMS)
+        scratch[ROW.V, i] = state[rows.VELOCITY, i] + scratch[ROW.KV, i]
+        scratch[ROW.KU + 1, i] = h * scratch[ROW.V, i] - 2.0 * scratch[ROW.KU, i]
+    internal_forces(
+        linear_terms, modal, law_state, rows.FIRST_TRIAL, scratch, ROW.V, ROW.INNER, ROW.SUMS
+    )
     for i in range(n):
-        change = by * (work[ROW.LOAD + 1, i] - work[ROW.LOAD, i])
-        taken = 2.0 * linear_terms[at.MASS, i] * work[ROW.KV, i]
-        work[ROW.KV + 1, i] = h * (work[ROW.LOAD + 1, i] - work[ROW.INNER, i]) - taken - change
+        change = by * (scratch[ROW.LOAD + 1, i] - scratch[ROW.LOAD, i])
+        taken = 2.0 * linear_terms[rows.MASS, i] * scratch[ROW.KV, i]
+        scratch[ROW.KV + 1, i] = (
+            h * (scratch[ROW.LOAD + 1, i] - scratch[ROW.INNER, i]) - taken - change
+        )
     _stage(linear_terms, modal, by, factors, ROW.KU + 1, ROW.KV + 1, n)
     below = 0.0
     for i in range(n):
-        u = state[at.DISPLACEMENT, i] + 1.5 * work[ROW.KU, i] + 0.5 * work[ROW.KU + 1, i]
-        state[at.DISPLACEMENT, i] = u
-        state[at.VELOCITY, i] += 1.5 * work[ROW.KV, i] + 0.5 * work[ROW.KV + 1, i]
-        restoring(
+        u = state[rows.DISPLACEMENT, i] + 1.5 * scratch[ROW.KU, i] + 0.5 * scratch[ROW.KU + 1, i]
+        state[rows.DISPLACEMENT, i] = u
+        state[rows.VELOCITY, i] += 1.5 * scratch[ROW.KV, i] + 0.5 * scratch[ROW.KV + 1, i]
+        restoring_force(
             law_parameters,
-            springs,
+            law_state,
             i,
-            at.COMMITTED,
-            at.FIRST_TRIAL,
-            u - linear_terms[at.LINK, i] * below,
+            rows.COMMITTED,
+            rows.FIRST_TRIAL,
+            u - linear_terms[rows.LINK, i] * below,
         )
-        commit(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)
+        commit(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)
         below = u
-    return 1 if finite(state, n) else at.NOT_FINITE
+    return 1 if finite(state, n) else rows.NOT_FINITE
 
 
-@inlined
+@inline
 def _stage(linear_terms, modal, by, factors, ku, kv, n):
     """Rows `ku` and `kv` of work hold s and r, and become the stage."""
-    work = factors.table
+    scratch = factors.table
     below = 0.0
     for i in range(n):
-        story = work[ROW.TANGENT, i] + linear_terms[at.GEOMETRIC, i]
-        work[ROW.SUMS, i] = by * story * (work[ku, i] - linear_terms[at.LINK, i] * below)
-        below = work[ku, i]
-    work[ROW.SUMS, n] = 0.0
+        story = scratch[ROW.TANGENT, i] + linear_terms[rows.GEOMETRIC, i]
+        scratch[ROW.SUMS, i] = by * story * (scratch[ku, i] - linear_terms[rows.LINK, i] * below)
+        below = scratch[ku, i]
+    scratch[ROW.SUMS, n] = 0.0
     for i in range(n):
-        work[kv, i] -= work[ROW.SUMS, i] - linear_terms[at.LINK, i + 1] * work[ROW.SUMS, i + 1]
+        scratch[kv, i] -= (
+            scratch[ROW.SUMS, i] - linear_terms[rows.LINK, i + 1] * scratch[ROW.SUMS, i + 1]
+        )
     solve_damped(factors, modal, kv, n)
     for i in range(n):
-        work[ku, i] += by * work[kv, i]
+        scratch[ku, i] += by * scratch[kv, i]
 
 
 METHODS = (
@@ -156,7 +166,7 @@ METHODS = (
             "rosenbrock",
             step,
             lambda modes: STORE + 2 * modes + 1,
-            memory=(at.DISPLACEMENT, at.VELOCITY),
+            memory=(rows.DISPLACEMENT, rows.VELOCITY),
         ),
         coefficients=lambda: (),
         rho_inf=lambda: 0.0,

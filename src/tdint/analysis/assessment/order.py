@@ -30,9 +30,9 @@ from tdint.analysis.run.workspace import (
 from tdint.analysis.static import cyclic_test
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, TdintError, UsageError
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.march.march import march
-from tdint.kernels.march.observing import begin, raise_shears, take_stock
+from tdint.kernels.march.observing import begin, sum_law_energies, update_shear_peaks
 from tdint.kernels.stepping import Scene
 from tdint.methods.catalogue import parse
 from tdint.methods.exact import oscillator
@@ -264,7 +264,7 @@ def observed_order(
     largest = np.max(np.abs(exact), axis=1)
     # The method's own acceleration is compared where it has one; over several samples it is that
     # under another motion.
-    carries = at.ACCELERATION in integrator.family.memory and problem.stride == 1
+    carries = rows.ACCELERATION in integrator.family.memory and problem.stride == 1
     all_parts = 2 ** np.arange(halvings + 1)
     errors = []
     for parts in map(int, all_parts):
@@ -296,10 +296,10 @@ def _march(
     """The method's own acceleration at the end, and the history."""
     within = math.gcd(parts, problem.stride)
     steps = Steps(COARSEST / parts, parts * count, parts // within, problem.stride // within)
-    marched = problem.prepared.march(integrator, steps, problem.ground, rows=parts * count)
+    marched = problem.prepared.march(integrator, steps, problem.ground, history_rows=parts * count)
     if marched.code < 0:
         raise AnalysisError(f"{integrator.label} failed with dt {steps.h:.6g} s")
-    return float(marched.space.state[at.ACCELERATION, 0]), marched.space.history
+    return float(marched.space.state[rows.ACCELERATION, 0]), marched.space.history
 
 
 def _sampled_motion(stride: int) -> Array:
@@ -325,11 +325,11 @@ def _by_dop853(load: str, law: str, ratio: float, ground: Array, stride: int) ->
     times = COARSEST / stride * np.arange(_SAMPLES * stride + 1)
 
     def acceleration(t: float, u: float, v: float) -> float:
-        restoring = u * sum(c * u**j for j, c in enumerate(coefficients))
+        resistance = u * sum(c * u**j for j, c in enumerate(coefficients))
         driving = _AMPLITUDE * math.cos(ratio * _OMEGA * t) if load == "harmonic" else 0.0
         if load == "record":
             driving = -float(np.interp(t, times, ground))
-        return driving - 2.0 * _XI * _OMEGA * v - restoring
+        return driving - 2.0 * _XI * _OMEGA * v - resistance
 
     # A record has a kink at each sample, at which the order of DOP853 would be lost.
     states = [np.array(_START)]
@@ -566,7 +566,7 @@ def _plain_march(
     ground = 9.0 * np.sin(14.0 * np.arange(round(_SECONDS / _H) + 1) * _H)
     guarded = {
         name: _Guarded.of(getattr(space, name), name)
-        for name in ("state", "springs", "work", "report")
+        for name in ("state", "law_state", "scratch", "step_status")
     }
     scene = Scene(
         building.linear_terms, building.modal, building.law_parameters, prepared.forces, space.flags
@@ -579,7 +579,7 @@ def _plain_march(
         nonlocal calls
         calls += 1
         if calls == halve_at:
-            return at.NOT_CONVERGED
+            return rows.NOT_CONVERGED
         return int(integrator.family.step.function(*arguments))
 
     # A march that goes on elsewhere takes along the state, and of the report what counts steps and
@@ -587,12 +587,12 @@ def _plain_march(
     pieces = [(0, fresh_at), (fresh_at, count)] if fresh_at > 0 else [(0, count)]
     for first, last in pieces:
         if first:
-            done = space.report[at.STEPS_DONE], space.report[at.CARRIED_GROUND]
-            space.report[:], space.work[:] = 0.0, 0.0
-            space.report[[at.STEPS_DONE, at.CARRIED_GROUND]] = done
+            done = space.step_status[rows.STEPS_DONE], space.step_status[rows.STATE_GROUND]
+            space.step_status[:], space.scratch[:] = 0.0, 0.0
+            space.step_status[[rows.STEPS_DONE, rows.STATE_GROUND]] = done
         with np.errstate(all="ignore"), _faults_in(home, integrator.label):
             code = march.function(
-                *(step, begin.function, take_stock.function, raise_shears.function),
+                *(step, begin.function, sum_law_energies.function, update_shear_peaks.function),
                 *(
                     count,
                     first,
@@ -611,10 +611,10 @@ def _plain_march(
                     *scene,
                     *guarded.values(),
                 ),
-                *(np.zeros(at.LOAD_SIZE), *space.seen),
+                *(np.zeros(rows.LOAD_SIZE), *space.seen),
             )
         if code < 0:
-            words = "does not converge" if code == at.NOT_CONVERGED else "gives no finite numbers"
+            words = "does not converge" if code == rows.NOT_CONVERGED else "gives no finite numbers"
             raise AnalysisError(
                 f"{integrator.label}: {words} with dt {h:.4g} s, stories of law {law}"
             )
@@ -686,16 +686,17 @@ def _yielding_faults(integrator: Integrator, laws: Iterable[str] = _YIELDING) ->
                 "energy",
                 f"{label}: with stories of law {law} the energies are {100.0 * balance:.2g} % of "
                 f"the largest input out of balance at dt {_H / 4:g} s: is dissipation added up "
-                "(`commit`, or `settle` before `adopt`)?",
+                "(`commit`, or `accumulate_dissipation` before "
+                "`commit_without_dissipation`)?",
             )
         # The state is all that a method remembers: other scratch, and halved steps, change nothing
         # but rounding.
         fresh = _displacements(_plain_march(law, integrator, 1, fresh_at=60), 1)
         if not _distance(fresh, _displacements(spaces[1], 1)) <= _NOTHING * size:
             faults.setdefault(
-                "work",
-                f"{label}: goes on otherwise in fresh rows of work: what a step needs of the one "
-                "before is state",
+                "scratch",
+                f"{label}: the result changes if the scratch rows are cleared between steps: "
+                "values that a later step needs must be stored in the state",
             )
         if integrator.family.halvable:
             halved = (

@@ -344,7 +344,7 @@ def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotio
             ]
             forces = force_table(constant + ramp)
             marched = PreparedBuilding(building, forces, *state).march(
-                integrator, Steps(dt, 1), rows=1
+                integrator, Steps(dt, 1), history_rows=1
             )
             if marched.code < 0:
                 raise AnalysisError(f"{integrator.label} ran away with dt {dt:.6g} s")

@@ -422,7 +422,7 @@ def _nonlinear_overshoot(
 def _marched(prepared: PreparedBuilding, method: Integrator, steps: Steps) -> Array:
     """Displacements and velocities of the floors at the steps, shape (2, steps + 1, n); nan after a
     response that ran away."""
-    marched = prepared.march(method, steps, rows=steps.count)
+    marched = prepared.march(method, steps, history_rows=steps.count)
     n = prepared.building.stories
     history = marched.space.history
     if marched.code < 0:

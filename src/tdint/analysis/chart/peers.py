@@ -24,7 +24,7 @@ from tdint.analysis.chart.work_precision import NOT_RUN, Chart, Peer, Point, Pro
 from tdint.analysis.run.outcome import DIVERGED, NOT_CONVERGED
 from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.damage_states import DONE
@@ -184,7 +184,7 @@ def opensees_gap(problem: Problem, reference: Reference, goal: float) -> tuple[f
     if reason := _unsupported(problem):
         return math.nan, reason
     average = parse("newmark-average")
-    codes = problem.building.law_parameters[at.CODE, :-1]
+    codes = problem.building.law_parameters[rows.CODE, :-1]
     powers = (2.0, 4.0) if np.isin(codes, [CODES[name] for name in _OF_ORDER_1]).any() else (4.0,)
     gap, said, before = math.nan, "", list[Array]()
     for parts in _CHECKED:
@@ -214,14 +214,14 @@ def _unsupported(problem: Problem) -> str:
     """Why OpenSees is not given this building; nothing if it can do it."""
     building = problem.building
     if not np.all(
-        np.isin(building.law_parameters[at.CODE, :-1], [CODES[name] for name in _MATERIALS])
+        np.isin(building.law_parameters[rows.CODE, :-1], [CODES[name] for name in _MATERIALS])
     ):
         return f"a story's law is none of {', '.join(_MATERIALS)}"
     if building.power_damped:
         return "the model has power-law dashpots"
     if len(building.modal):
         return "the model has modal damping"
-    if _proportion(building.linear_terms[at.FLOOR_DAMPER, :-1], building.mass) is None:
+    if _proportion(building.linear_terms[rows.FLOOR_DAMPER, :-1], building.mass) is None:
         return "dampers from the floors to the ground are not in proportion to the masses"
     return ""
 
@@ -237,8 +237,8 @@ def _one_solve(problem: Problem) -> bool:
     single one does not do."""
     building = problem.building
     dampers, stiffness = (
-        building.linear_terms[at.STORY_DAMPER, :-1],
-        building.law_parameters[at.STIFFNESS, :-1],
+        building.linear_terms[rows.STORY_DAMPER, :-1],
+        building.law_parameters[rows.STIFFNESS, :-1],
     )
     return building.linear and _proportion(dampers, stiffness) is not None
 
@@ -293,15 +293,17 @@ def _ask(
 
 def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
     building = problem.building
-    stiffness = building.law_parameters[at.STIFFNESS, :-1]
+    stiffness = building.law_parameters[rows.STIFFNESS, :-1]
     names = {CODES[name]: name for name in _MATERIALS}
     stories = building.law_parameters[:, :-1].T.tolist()
     reaches = _REACH * reference.motion.peak_drift
     materials = [
-        _MATERIALS[names[story[at.CODE]]](story[at.STIFFNESS], reach, *story[at.FIRST_PARAMETER :])
+        _MATERIALS[names[story[rows.CODE]]](
+            story[rows.STIFFNESS], reach, *story[rows.FIRST_PARAMETER :]
+        )
         for story, reach in zip(stories, reaches.tolist(), strict=True)
     ]
-    dampers = building.linear_terms[at.STORY_DAMPER, :-1]
+    dampers = building.linear_terms[rows.STORY_DAMPER, :-1]
     beta = _proportion(dampers, stiffness)
     # The start is that of equilibrium, which OpenSees does not look for.
     start_force = (
@@ -309,17 +311,17 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
         - building.stiffness_matrix() @ problem.displacement
     )
     for row in problem.forces:
-        start_force[int(row[at.FLOOR])] += row[at.COSINE]
+        start_force[int(row[rows.FLOOR])] += row[rows.COSINE]
     return {
         "mass": building.mass,
         "materials": np.array(json.dumps(materials)),
         "alpha_mass": np.array(
-            _proportion(building.linear_terms[at.FLOOR_DAMPER, :-1], building.mass)
+            _proportion(building.linear_terms[rows.FLOOR_DAMPER, :-1], building.mass)
         ),
         "beta_stiffness": np.array(0.0 if beta is None else beta),
         "dashpot": dampers if beta is None else np.zeros_like(dampers),
         "story_damper": dampers,
-        "geometric": building.linear_terms[at.GEOMETRIC, :-1],
+        "geometric": building.linear_terms[rows.GEOMETRIC, :-1],
         "forces": problem.forces,
         "ground": problem.ground,
         "interval": np.array(problem.interval),
@@ -331,14 +333,16 @@ def _arrays(problem: Problem, reference: Reference) -> dict[str, Any]:
     }
 
 
-def _motion(problem: Problem, steps: Steps, rows: Array, peak_drift: Array) -> FloorMotion:
+def _motion(problem: Problem, steps: Steps, motion_rows: Array, peak_drift: Array) -> FloorMotion:
     """The worker's rows (u, v, a relative to the ground) as a motion."""
     ground = np.interp(
-        problem.interval * steps.stride * np.arange(rows.shape[1]),
+        problem.interval * steps.stride * np.arange(motion_rows.shape[1]),
         problem.interval * np.arange(problem.ground.size + 1),
         np.append(problem.ground, 0.0),
     )
-    return FloorMotion(steps.stride, rows[0], rows[1], rows[2] + ground[:, None], peak_drift)
+    return FloorMotion(
+        steps.stride, motion_rows[0], motion_rows[1], motion_rows[2] + ground[:, None], peak_drift
+    )
 
 
 _OPENSEES_SETTINGS = (
@@ -400,17 +404,17 @@ def _stories(problem: Problem) -> tuple[Array, Array, Array] | None:
     The first is that of the whole story where it is linear, after yield where it is bilinear.
     """
     laws = problem.building.law_parameters
-    bilinear = laws[at.CODE, :-1] == CODES["bilinear"]
-    if not np.all(bilinear | (laws[at.CODE, :-1] == CODES["linear"])):
+    bilinear = laws[rows.CODE, :-1] == CODES["bilinear"]
+    if not np.all(bilinear | (laws[rows.CODE, :-1] == CODES["linear"])):
         return None
     yields, after = (
-        laws[at.FIRST_PARAMETER : at.FIRST_PARAMETER + 2, :-1] if bilinear.any() else (0.0, 1.0)
+        laws[rows.FIRST_PARAMETER : rows.FIRST_PARAMETER + 2, :-1] if bilinear.any() else (0.0, 1.0)
     )
     hardening = np.where(bilinear, after, 1.0)
-    stiffness, soft = laws[at.STIFFNESS, :-1], 1.0 - hardening
+    stiffness, soft = laws[rows.STIFFNESS, :-1], 1.0 - hardening
     strength = np.where(bilinear, soft * yields, math.inf)
     return (
-        hardening * stiffness + problem.building.linear_terms[at.GEOMETRIC, :-1],
+        hardening * stiffness + problem.building.linear_terms[rows.GEOMETRIC, :-1],
         soft * stiffness,
         strength,
     )
@@ -425,11 +429,11 @@ def _rate(problem: Problem, law: tuple[Array, Array, Array], deadline: float) ->
     damping = building.damping_matrix()
     times = problem.interval * np.arange(problem.ground.size + 1)
     ground = np.append(problem.ground, 0.0)
-    floors = problem.forces[:, at.FLOOR].astype(int)
+    floors = problem.forces[:, rows.FLOOR].astype(int)
     cosine, sine, omega = (
-        problem.forces[:, at.COSINE],
-        problem.forces[:, at.SINE],
-        problem.forces[:, at.OMEGA],
+        problem.forces[:, rows.COSINE],
+        problem.forces[:, rows.SINE],
+        problem.forces[:, rows.OMEGA],
     )
 
     def rate(t: float, state: Array) -> Array:
@@ -559,11 +563,11 @@ def _called(
         np.max(np.abs(times - dt * np.arange(times.size))) > 1e-6 * dt
     ):  # a clock that was summed up is no nearer
         raise ValueError("gives times that do not begin with 0 or are not equally spaced")
-    rows = steps.count // steps.per_sample + 1
+    motion_rows = steps.count // steps.per_sample + 1
     if times.size <= steps.count:
         raise ValueError(f"ends at {times[-1]:.6g} s, before the last sample")
     peaks = np.max(np.abs(np.diff(u[: steps.count + 1], axis=1, prepend=0.0)), axis=0)
-    u = u[:: steps.per_sample][:rows]
+    u = u[:: steps.per_sample][:motion_rows]
     unknown = np.full_like(u, math.nan)
     motion = FloorMotion(steps.stride, u, unknown, unknown, peaks)
     return Point(

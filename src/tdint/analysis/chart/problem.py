@@ -25,7 +25,7 @@ from tdint.arrays import Array, cached_property
 from tdint.errors import AnalysisError, OutputError, UsageError
 from tdint.files import is_file, write_file
 from tdint.ground_motion.record import Record
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.building.sources import code_of, digest_of_all
 from tdint.kernels.building.store import folder_name
 from tdint.kernels.laws import OURS
@@ -66,9 +66,9 @@ class FloorMotion:
         """Drifts of the stories, m, shape (rows, n)."""
         return np.diff(self.displacement, axis=1, prepend=0.0)
 
-    def every(self, stride: int, rows: int) -> FloorMotion:
-        """The first `rows` rows of this motion `stride` samples apart."""
-        part = slice(0, (rows - 1) * stride + 1, stride)
+    def every(self, stride: int, row_count: int) -> FloorMotion:
+        """The first `row_count` rows of this motion `stride` samples apart."""
+        part = slice(0, (row_count - 1) * stride + 1, stride)
         return FloorMotion(
             stride,
             self.displacement[part],
@@ -172,13 +172,13 @@ class Problem:
         """The motion at the samples (or at the steps, if these are longer); None where the march
         does not reach its end."""
         marched = self.prepared.march(
-            integrator, steps, self.ground, rows=steps.count // steps.per_sample
+            integrator, steps, self.ground, history_rows=steps.count // steps.per_sample
         )
         if marched.code < 0:
             return None
         space, n = marched.space, self.building.stories
         u, v, a = (space.history[:, 1 + j * n : 1 + (j + 1) * n].copy() for j in range(3))
-        return FloorMotion(steps.stride, u, v, a, space.peaks[at.PEAK_DRIFT])
+        return FloorMotion(steps.stride, u, v, a, space.peaks[rows.PEAK_DRIFT])
 
 
 def pose(
@@ -253,10 +253,10 @@ def stretched(model: Model, count: int) -> Model:
         first = model.stories[0]
         damping = RayleighCoefficients(
             mass=float(
-                building.linear_terms[at.FLOOR_DAMPER, 0] / building.linear_terms[at.MASS, 0]
+                building.linear_terms[rows.FLOOR_DAMPER, 0] / building.linear_terms[rows.MASS, 0]
             ),
             stiffness=float(
-                (building.linear_terms[at.STORY_DAMPER, 0] - first.dashpot) / first.stiffness
+                (building.linear_terms[rows.STORY_DAMPER, 0] - first.dashpot) / first.stiffness
             ),
         )
     elif isinstance(damping, ModalDamping):
@@ -470,7 +470,7 @@ def _cache_file(problem: Problem, samples: int) -> Path | None:
     laws = {
         name
         for name, code in CODES.items()
-        if code >= OURS and code in building.law_parameters[at.CODE]
+        if code >= OURS and code in building.law_parameters[rows.CODE]
     }
     digest.update(repr((sorted(laws), code_of(f"law {name}" for name in laws))).encode())
     tables = (

@@ -36,7 +36,7 @@ from tdint.arrays import Array, cached_property
 from tdint.errors import UsageError
 from tdint.ground_motion.measures import cut_off
 from tdint.ground_motion.record import Record
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.march.march import CODE
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
@@ -60,7 +60,7 @@ times of the rows."""
 def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
     """The peaks of all stories."""
     return peaks_of(
-        building, space.peaks.copy(), space.springs[at.DRIFT, : building.stories].copy()
+        building, space.peaks.copy(), space.law_state[rows.DRIFT, : building.stories].copy()
     )
 
 
@@ -78,14 +78,14 @@ def residual_oscillation(building: Building, space: Workspace) -> Array:
     longer as it is softer than at first.
     """
     drift, force, slope = (
-        space.springs[row, : building.stories] for row in (at.DRIFT, at.FORCE, at.SLOPE)
+        space.law_state[row, : building.stories] for row in (rows.DRIFT, rows.FORCE, rows.SLOPE)
     )
     stiffness = building.initial_stiffness
     softer = np.where((slope > 0.0) & (slope < stiffness), slope, stiffness)
-    away = (force + building.linear_terms[at.GEOMETRIC, :-1] * drift) / softer
-    rate = _of_drifts(building, space.state[at.VELOCITY])
+    away = (force + building.linear_terms[rows.GEOMETRIC, :-1] * drift) / softer
+    rate = _of_drifts(building, space.state[rows.VELOCITY])
     displacement, velocity = (
-        np.max(space.peaks[row]) for row in (at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY)
+        np.max(space.peaks[row]) for row in (rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY)
     )
     swing = displacement / velocity if velocity > 0.0 else 0.0
     return np.asarray(np.hypot(away, rate * swing * np.sqrt(stiffness / softer)))
@@ -93,30 +93,30 @@ def residual_oscillation(building: Building, space: Workspace) -> Array:
 
 def _of_drifts(building: Building, floors: Array) -> Array:
     """Rates of the drifts from those of the floors, a row of a table."""
-    return np.asarray(floors[:-1] - building.linear_terms[at.LINK, :-1] * np.roll(floors, 1)[:-1])
+    return np.asarray(floors[:-1] - building.linear_terms[rows.LINK, :-1] * np.roll(floors, 1)[:-1])
 
 
 def interstep_peak_errors(building: Building, space: Workspace, late: float) -> StoryErrors:
     """How much larger the peaks may be between steps that do not resolve the motion; and by how
     much, about, the drifts have changed since the time that was asked for, which was `late` (s)
     before the end."""
-    peaks, rest = space.peaks[: at.PEAK_ROWS], np.zeros(building.stories)
+    peaks, rest = space.peaks[: rows.PEAK_ROWS], np.zeros(building.stories)
     rate, bend = (
         _of_drifts(building, row)
-        for row in (space.state[at.VELOCITY], space.watch[at.ACCELERATION_NOW])
+        for row in (space.state[rows.VELOCITY], space.observer_state[rows.OBSERVED_ACCELERATION])
     )
     changed = late * np.abs(rate) + 0.5 * late**2 * np.abs(bend)
     told = story_values(building, peaks, rest)
-    doubt = story_values(building, np.maximum(space.peaks[at.PEAK_ROWS :], peaks), changed)
+    doubt = story_values(building, np.maximum(space.peaks[rows.PEAK_ROWS :], peaks), changed)
     return StoryErrors(**{name: doubt[name] - values for name, values in told.items()})
 
 
 def energy_errors(totals: Array) -> Array:
     """`Energy.error` at the end of each run, from rows of `Workspace.totals`; shape (runs,)."""
-    terms = dict(zip(ENERGY_TERMS, totals.T[: at.ENERGY_TERMS], strict=True))
+    terms = dict(zip(ENERGY_TERMS, totals.T[: rows.ENERGY_TERMS], strict=True))
     spent = reduce(add, [term for name, term in terms.items() if name != "input"])
-    largest = totals[:, at.ENERGY_LARGEST]
-    imbalance = totals[:, at.ENERGY_START] + terms["input"] - spent
+    largest = totals[:, rows.ENERGY_REFERENCE]
+    imbalance = totals[:, rows.ENERGY_INITIAL] + terms["input"] - spent
     return np.asarray(
         np.divide(imbalance, largest, out=np.zeros_like(largest), where=largest > 0.0)
     )
@@ -124,8 +124,8 @@ def energy_errors(totals: Array) -> Array:
 
 def energy_of(numbers: Array) -> Energy:
     """The energies that stand at the beginning of some numbers."""
-    terms = dict(zip(ENERGY_TERMS, numbers[: at.ENERGY_TERMS].tolist(), strict=True))
-    start, largest = float(numbers[at.ENERGY_START]), float(numbers[at.ENERGY_LARGEST])
+    terms = dict(zip(ENERGY_TERMS, numbers[: rows.ENERGY_TERMS].tolist(), strict=True))
+    start, largest = float(numbers[rows.ENERGY_INITIAL]), float(numbers[rows.ENERGY_REFERENCE])
     return Energy(**terms, initial=start, reference=largest)
 
 
@@ -138,11 +138,11 @@ def history_of(
     table = space.history
     time = h * (space.every * np.arange(space.before, space.before + len(table), dtype=np.float64))
     # Energies stand behind the motion: what is put in is somewhere, or missing.
-    behind = 1 + at.HISTORY_FIELDS * n
-    terms = list(table[:, behind : behind + at.ENERGY_TERMS].T)
+    behind = 1 + rows.HISTORY_FIELDS * n
+    terms = list(table[:, behind : behind + rows.ENERGY_TERMS].T)
     start, largest = (
-        space.totals[at.ENERGY_START],
-        space.totals[at.ENERGY_LARGEST] if largest is None else largest,
+        space.totals[rows.ENERGY_INITIAL],
+        space.totals[rows.ENERGY_REFERENCE] if largest is None else largest,
     )
     imbalance = reduce(sub, terms[1:], start + terms[0])
     missing = imbalance / largest if largest > 0.0 else np.zeros_like(imbalance)
@@ -176,11 +176,11 @@ def _over_story(place: int) -> Telling:
 def _total_shear(building: Building, forces: Array, time: Array, table: Array) -> Array:
     """What moves the floors above each story: forces on them less masses times absolute
     accelerations."""
-    moved = -building.linear_terms[at.MASS, :-1] * _ACCELERATION(building, forces, time, table)
+    moved = -building.linear_terms[rows.MASS, :-1] * _ACCELERATION(building, forces, time, table)
     for force in forces:
-        angle = force[at.OMEGA] * time
-        moved[:, int(force[at.FLOOR])] += force[at.COSINE] * np.cos(angle) + force[
-            at.SINE
+        angle = force[rows.OMEGA] * time
+        moved[:, int(force[rows.FLOOR])] += force[rows.COSINE] * np.cos(angle) + force[
+            rows.SINE
         ] * np.sin(angle)
     return np.asarray(np.cumsum(moved[:, ::-1], axis=1)[:, ::-1])
 
@@ -379,15 +379,15 @@ class Case:
 
     def _integrate(self, steps: Steps, history: bool = False) -> Marched:
         return self.prepared.march(
-            self.method, steps, self.ground, rows=steps.count if history else 0
+            self.method, steps, self.ground, history_rows=steps.count if history else 0
         )
 
     def _failure(self, steps: Steps, space: Workspace, code: int) -> FailedRun:
-        residual = float(space.report[at.RESIDUAL])
-        if code == at.NOT_FINITE or not residual < _OVERFLOW:
+        residual = float(space.step_status[rows.RESIDUAL])
+        if code == rows.NOT_FINITE or not residual < _OVERFLOW:
             return self._ran_away(steps, space)
-        reached = float(space.totals[at.STEPS_REACHED]) * steps.h
-        story = int(space.report[at.WORST_STORY]) + 1
+        reached = float(space.totals[rows.STEPS_REACHED]) * steps.h
+        story = int(space.step_status[rows.WORST_STORY]) + 1
         event = (
             f"did not converge after {reached:.6g} s, with the step halved {HALVINGS} times: story "
             f"{story} is out of balance by {residual:.1e} of its forces"
@@ -401,8 +401,8 @@ class Case:
         largest."""
         # The kinetic energy of the motion relative to the ground, if it is a finite number
         with np.errstate(over="ignore", invalid="ignore"):
-            energy = float(0.5 * np.sum(self.building.mass * space.state[at.VELOCITY, :-1] ** 2))
-        reached, story = float(space.totals[at.STEPS_REACHED]) * steps.h, _runaway_story(space)
+            energy = float(0.5 * np.sum(self.building.mass * space.state[rows.VELOCITY, :-1] ** 2))
+        reached, story = float(space.totals[rows.STEPS_REACHED]) * steps.h, _runaway_story(space)
         reason = reason or f"the drift of story {story} ran away"
         return self._diverged(
             steps, reached, energy if math.isfinite(energy) else None, reason, story
@@ -438,12 +438,12 @@ class Case:
         FailedRun
             The run came to its end, but on energy that the method made.
         """
-        if numbers[at.COLLAPSE_STEP] == at.NO_COLLAPSE:
+        if numbers[rows.COLLAPSE_STEP] == rows.NO_COLLAPSE:
             return None
-        taken, story = int(numbers[at.COLLAPSE_STEP]), int(numbers[at.COLLAPSE_STORY]) + 1
+        taken, story = int(numbers[rows.COLLAPSE_STEP]), int(numbers[rows.COLLAPSE_STORY]) + 1
         failed, energy = (
-            bool(numbers[at.COLLAPSE_FAILED]),
-            energy_of(numbers[at.COLLAPSE_ENERGIES :]),
+            bool(numbers[rows.COLLAPSE_FAILED]),
+            energy_of(numbers[rows.COLLAPSE_ENERGIES :]),
         )
         time, made = taken * steps.h, -energy.error
         its_own = made < _MADE and taken > 0
@@ -478,7 +478,7 @@ class Case:
         at_its_end = code == 0 and -energy_of(totals).error < RUNAWAY
         if at_its_end and (collapse := self.judge(steps, code, totals)):
             return collapse
-        reached = max(taken, int(totals[at.STEPS_REACHED]) + 1)
+        reached = max(taken, int(totals[rows.STEPS_REACHED]) + 1)
         return self.march(replace(steps, count=max(reached, steps.count)), history)
 
     def _response(self, steps: Steps, marched: Marched, collapse: Collapse | None) -> Response:
@@ -506,9 +506,9 @@ class Case:
             method=self.method.label,
             dt=steps.h,
             steps=steps.count,
-            iterations=int(space.totals[at.ITERATIONS]),
-            substeps=int(space.totals[at.HALVINGS]),
-            branch_changes=int(space.report[at.EVENTS]),
+            iterations=int(space.totals[rows.ITERATIONS]),
+            substeps=int(space.totals[rows.HALVINGS]),
+            branch_changes=int(space.step_status[rows.BRANCH_CHANGES]),
             solver_time=marched.seconds,
             stories=stories,
             energy=energy,
@@ -613,14 +613,14 @@ def doubtful(marched: MarchedRuns) -> NDArray[np.bool_]:
     shape (runs,)."""
     numbers = marched.totals
     made = ~(-energy_errors(numbers) < RUNAWAY)
-    collapsed = numbers[:, at.COLLAPSE_STEP] != at.NO_COLLAPSE
+    collapsed = numbers[:, rows.COLLAPSE_STEP] != rows.NO_COLLAPSE
     return np.asarray((marched.ends[:, CODE] < 0) | collapsed | made)
 
 
 def _runaway_story(space: Workspace) -> int:
     """The story with the largest drift, from 1; the first one that is no number before all
     others."""
-    u = space.state[at.DISPLACEMENT, :-1]
+    u = space.state[rows.DISPLACEMENT, :-1]
     finite = np.isfinite(u)
     if not finite.all():
         return int(np.argmin(finite)) + 1

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tdint.arrays import Array
 from tdint.errors import AnalysisError
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.tabular import Tabular
 from tdint.units import Quantity, quantities
 from tdint.written_numbers import how_many, warned_first
@@ -45,7 +45,7 @@ class StoryValues:
         Quantity(
             "m",
             "largest drift to either side: displacement relative to the floor below",
-            _peak(at.PEAK_DRIFT),
+            _peak(rows.PEAK_DRIFT),
         ),
     ]
     peak_drift_ratio: Annotated[
@@ -53,7 +53,7 @@ class StoryValues:
         Quantity(
             "1",
             "peak drift over story height; empty without one, as of isolators: awk takes it for 0",
-            lambda building, peaks, end: peaks[..., at.PEAK_DRIFT, :] / building.heights,
+            lambda building, peaks, end: peaks[..., rows.PEAK_DRIFT, :] / building.heights,
         ),
     ]
     residual_drift: Annotated[
@@ -64,7 +64,7 @@ class StoryValues:
         Quantity(
             "N",
             "largest restoring force of the story to either side, without viscous forces",
-            _peak(at.PEAK_SHEAR),
+            _peak(rows.PEAK_SHEAR),
         ),
     ]
     peak_damper_force: Annotated[
@@ -72,7 +72,7 @@ class StoryValues:
         Quantity(
             "N",
             "largest force of the story's dashpots to either side; 0 without",
-            lambda building, peaks, end: building.device_force(peaks[..., at.PEAK_DRIFT_RATE, :]),
+            lambda building, peaks, end: building.device_force(peaks[..., rows.PEAK_DRIFT_RATE, :]),
         ),
     ]
     peak_total_shear: Annotated[
@@ -81,7 +81,7 @@ class StoryValues:
             "N",
             "largest force that moves all floors above, to either side: restoring, P-delta and all "
             "viscous forces",
-            _peak(at.PEAK_TOTAL_SHEAR),
+            _peak(rows.PEAK_TOTAL_SHEAR),
         ),
     ]
     ductility: Annotated[
@@ -89,7 +89,7 @@ class StoryValues:
         Quantity(
             "1",
             "peak drift over drift at first yield",
-            lambda building, peaks, end: peaks[..., at.PEAK_DRIFT, :] / building.yield_drift,
+            lambda building, peaks, end: peaks[..., rows.PEAK_DRIFT, :] / building.yield_drift,
         ),
     ]
     peak_displacement: Annotated[
@@ -97,13 +97,15 @@ class StoryValues:
         Quantity(
             "m",
             "largest displacement of the floor, relative to the ground",
-            _peak(at.PEAK_DISPLACEMENT),
+            _peak(rows.PEAK_DISPLACEMENT),
         ),
     ]
     peak_velocity: Annotated[
         Array,
         Quantity(
-            "m/s", "largest velocity of the floor, relative to the ground", _peak(at.PEAK_VELOCITY)
+            "m/s",
+            "largest velocity of the floor, relative to the ground",
+            _peak(rows.PEAK_VELOCITY),
         ),
     ]
     peak_absolute_acceleration: Annotated[
@@ -111,7 +113,7 @@ class StoryValues:
         Quantity(
             "m/s^2",
             "largest absolute acceleration of the floor",
-            _peak(at.PEAK_ACCELERATION),
+            _peak(rows.PEAK_ACCELERATION),
         ),
     ]
 
@@ -385,8 +387,8 @@ class History(Tabular):
 
     def every(self, steps: int) -> History:
         """Every so many steps, from the first one; nothing is copied."""
-        rows: History = _joined([self], lambda arrays: arrays[0][::steps])
-        return rows
+        thinned: History = _joined([self], lambda arrays: arrays[0][::steps])
+        return thinned
 
 
 def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.concatenate) -> Any:

@@ -31,14 +31,14 @@ from tdint.analysis.run.workspace import (
 from tdint.arrays import Array, cached_property
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import Record
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import EVERYTHING, Variant
 from tdint.kernels.building.obtaining import begin_as_written, compile_ahead, obtain
 from tdint.kernels.building.sources import CODE
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws.compiled_separately import kernels_apart
 from tdint.kernels.march.march import END_COLUMNS, many, march
-from tdint.kernels.march.observing import begin, raise_shears, take_stock
+from tdint.kernels.march.observing import begin, sum_law_energies, update_shear_peaks
 from tdint.kernels.oscillators.elastic import peaks
 from tdint.kernels.stepping import Memory, Scene
 from tdint.kernels.stories.law_state import follow
@@ -136,7 +136,7 @@ class MarchedRuns:
     @classmethod
     def empty(cls, runs: int, stories: int) -> MarchedRuns:
         """Room for so many runs."""
-        shapes = (2 * at.PEAK_ROWS, stories), (stories,), (at.TOTALS_SIZE,), (END_COLUMNS,)
+        shapes = (2 * rows.PEAK_ROWS, stories), (stories,), (rows.TOTALS_SIZE,), (END_COLUMNS,)
         return cls(*(np.zeros((runs, *shape)) for shape in shapes))
 
 
@@ -183,7 +183,7 @@ class PreparedBuilding:
     """
 
     building: Building
-    forces: Array = field(default_factory=lambda: np.zeros((0, at.FORCE_COLUMNS)))
+    forces: Array = field(default_factory=lambda: np.zeros((0, rows.FORCE_COLUMNS)))
     displacement: Array | float = 0.0
     velocity: Array | float = 0.0
     collapse_drift: float = math.inf
@@ -284,7 +284,12 @@ class PreparedBuilding:
         return self._instability[key]
 
     def march(
-        self, integrator: Integrator, steps: Steps, ground: Array | None = None, *, rows: int = 0
+        self,
+        integrator: Integrator,
+        steps: Steps,
+        ground: Array | None = None,
+        *,
+        history_rows: int = 0,
     ) -> Marched:
         """Integrate from the initial state over the steps.
 
@@ -293,7 +298,7 @@ class PreparedBuilding:
         ground : ndarray, shape (samples,), optional
             Ground acceleration at the samples, m/s^2; linear between them and zero after the last
             one. None is ground at rest.
-        rows : int
+        history_rows : int
             Steps of the history that is kept, of which `steps` are a whole multiple; 0 for none.
 
         Raises
@@ -303,10 +308,10 @@ class PreparedBuilding:
         ValueError
             The steps are no whole multiple of those of the history.
         """
-        if rows and steps.count % rows:
-            raise ValueError(f"{steps.count} steps do not fit into a history of {rows}")
-        space = self._ready(integrator, steps.h, rows + 1 if rows else 0)
-        space.every = steps.count // rows if rows else 1
+        if history_rows and steps.count % history_rows:
+            raise ValueError(f"{steps.count} steps do not fit into a history of {history_rows}")
+        space = self._ready(integrator, steps.h, history_rows + 1 if history_rows else 0)
+        space.every = steps.count // history_rows if history_rows else 1
         go = self.loop(integrator, steps.h, np.zeros(1) if ground is None else ground, space)
         began, wall = system.seconds(), time.perf_counter()
         code = self._in_pieces(go, steps)
@@ -330,14 +335,14 @@ class PreparedBuilding:
         """
         # A piece has as many rows as a bounded memory holds, and begins where the last one ended.
         width = history_width(self.building)
-        rows = max(2, _PIECE_BYTES // (8 * width))
+        row_count = max(2, _PIECE_BYTES // (8 * width))
         space = self._ready(integrator, steps.h)
         done, total = 0, steps.count // every + 1
         while done < steps.count:
             before = done // every + 1 if done else 0
-            last = min((before + rows) * every - 1, steps.count)
+            last = min((before + row_count) * every - 1, steps.count)
             space.every, space.before = every, before
-            space.history = np.zeros((min(rows, total - before), width))
+            space.history = np.zeros((min(row_count, total - before), width))
             go = self.loop(integrator, steps.h, ground, space)
             if self._in_pieces(go, replace(steps, count=last, done=done)) < 0:
                 return
@@ -376,8 +381,8 @@ class PreparedBuilding:
             yield space
             # Peaks are looked for anew, also where the method keeps some of its own.
             space.peaks[:] = 0.0
-            if own := int(space.report[at.OWN_PEAKS]):
-                space.work[own : own + 2 * at.PEAK_ROWS] = 0.0
+            if own := int(space.step_status[rows.RUN_PEAKS]):
+                space.scratch[own : own + 2 * rows.PEAK_ROWS] = 0.0
 
     def march_many(
         self,
@@ -456,7 +461,7 @@ class PreparedBuilding:
             prepared, space, go = shared[kind]
             for name in drawn_arrays:
                 getattr(prepared.building, name)[...] = getattr(drawn, name)[d]
-            space.flags[at.FAST] = fast[d]
+            space.flags[rows.UNRESOLVED_MODES] = fast[d]
             space.limits[1] = drawn.heights[d]
             go([lane], marched.part(r, r + 1))
         return marched
@@ -471,7 +476,7 @@ class PreparedBuilding:
     ) -> Callable[..., None]:
         """The compiled loop over some of the runs with all its arrays: takes those, where to leave
         what, and a rest."""
-        called = (march, integrator.family.step, begin, take_stock, raise_shears)
+        called = (march, integrator.family.step, begin, sum_law_energies, update_shear_peaks)
         # A run begins in the arrays as they are now: copies of state and springs are its start.
         before = (
             *(kernel.variant(self.variant) for kernel in called),
@@ -491,10 +496,12 @@ class PreparedBuilding:
             ),
             *space.memory,
             space.totals,
-            *Memory(space.state.copy(), space.springs.copy(), space.work, space.report.copy()),
-            np.zeros(at.LOAD_SIZE),
+            *Memory(
+                space.state.copy(), space.law_state.copy(), space.scratch, space.step_status.copy()
+            ),
+            np.zeros(rows.LOAD_SIZE),
             np.zeros(max(run.size for run in runs)),
-            space.watch,
+            space.observer_state,
             space.limits,
             np.zeros(building.stories),
             space.history,
@@ -544,12 +551,12 @@ class PreparedBuilding:
         AnalysisError
             The method does not integrate this building; the memory does not hold the history.
         """
-        rows = max(steps.count for _, _, steps in motions) // every + 1
-        space = self._ready(integrator, h, rows)
+        row_count = max(steps.count for _, _, steps in motions) // every + 1
+        space = self._ready(integrator, h, row_count)
         # What a run changes is put back before the next one.
         begun = [
             (array, array.copy())
-            for array in (*space.memory, space.watch, space.peaks, space.totals)
+            for array in (*space.memory, space.observer_state, space.peaks, space.totals)
         ]
         ground = np.zeros(max(len(acceleration) for acceleration, _, _ in motions))
         space.every = every
@@ -563,27 +570,27 @@ class PreparedBuilding:
             # In one piece: a run of many is short, and no other thread waits for Python meanwhile.
             code = go(steps, 0, steps.count)
             marched.peaks[r], marched.totals[r] = space.peaks, space.totals
-            marched.drifts[r] = space.springs[at.DRIFT, : self.building.stories]
-            reached = int(space.totals[at.STEPS_REACHED])
+            marched.drifts[r] = space.law_state[rows.DRIFT, : self.building.stories]
+            reached = int(space.totals[rows.STEPS_REACHED])
             marched.ends[r] = code, reached, 1.0
             see(r, space.history[: reached // every + 1])
         return marched
 
-    def _ready(self, integrator: Integrator, h: float, rows: int = 0) -> Workspace:
+    def _ready(self, integrator: Integrator, h: float, row_count: int = 0) -> Workspace:
         """The arrays of a march with steps h (s) in the initial state, and what it calls loaded."""
         if reason := unsuited(integrator, self.building):
             raise AnalysisError(reason)
         self.compile([integrator])
-        return self.arrays(integrator, h, rows)
+        return self.arrays(integrator, h, row_count)
 
-    def arrays(self, integrator: Integrator, h: float, rows: int) -> Workspace:
+    def arrays(self, integrator: Integrator, h: float, row_count: int) -> Workspace:
         """The arrays of a march with steps h (s) in the initial state, with so many rows of its
         history."""
         verify_laws(self.building.law_parameters)
-        space = workspace(self.building, integrator, rows, self.collapse_drift)
-        space.state[at.DISPLACEMENT, :-1] = self.displacement
-        space.state[at.VELOCITY, :-1] = self.velocity
-        space.flags[at.FAST] = self.building.fastest * h > _RESOLVED
+        space = workspace(self.building, integrator, row_count, self.collapse_drift)
+        space.state[rows.DISPLACEMENT, :-1] = self.displacement
+        space.state[rows.VELOCITY, :-1] = self.velocity
+        space.flags[rows.UNRESOLVED_MODES] = self.building.fastest * h > _RESOLVED
         return space
 
     def loop(self, integrator: Integrator, h: float, ground: Array, space: Workspace) -> Loop:
@@ -600,12 +607,12 @@ class PreparedBuilding:
                 space.flags,
             ),
             *space.memory,
-            np.zeros(at.LOAD_SIZE),
+            np.zeros(rows.LOAD_SIZE),
             *space.seen,
         )
         called = [
             kernel.variant(self.variant)
-            for kernel in (integrator.family.step, begin, take_stock, raise_shears)
+            for kernel in (integrator.family.step, begin, sum_law_energies, update_shear_peaks)
         ]
         halvings = HALVINGS if integrator.family.halvable else 0
 

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from tdint.arrays import Array, cached_property, halved
 from tdint.errors import AnalysisError, UsageError
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import Variant
 from tdint.kernels.building.sources import digest
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.march.march import march
-from tdint.kernels.march.observing import begin, raise_shears, take_stock
+from tdint.kernels.march.observing import begin, sum_law_energies, update_shear_peaks
 from tdint.kernels.stepping import Memory, Scene, Seen
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, oscillators
@@ -43,11 +43,11 @@ class Workspace:
     """
 
     state: Array
-    springs: Array
-    work: Array
+    law_state: Array
+    scratch: Array
     flags: Array
-    report: Array
-    watch: Array
+    step_status: Array
+    observer_state: Array
     peaks: Array
     limits: Array
     totals: Array
@@ -58,16 +58,16 @@ class Workspace:
     @property
     def memory(self) -> Memory:
         """What method and drift laws remember."""
-        return Memory(self.state, self.springs, self.work, self.report)
+        return Memory(self.state, self.law_state, self.scratch, self.step_status)
 
     @property
     def seen(self) -> Seen:
         """What is seen of the motion."""
-        return Seen(self.watch, self.peaks, self.limits, self.totals, self.history)
+        return Seen(self.observer_state, self.peaks, self.limits, self.totals, self.history)
 
 
 def workspace(
-    building: Building, integrator: Integrator, rows: int = 0, collapse_drift: float = math.inf
+    building: Building, integrator: Integrator, row_count: int = 0, collapse_drift: float = math.inf
 ) -> Workspace:
     """Fresh arrays for one run, with so many rows of its history.
 
@@ -80,50 +80,50 @@ def workspace(
     n = building.stories
     modes = building.modal.shape[0]
     family = integrator.family
-    flags = np.zeros(at.FLAGS_SIZE)
-    flags[at.LINEAR] = building.linear
+    flags = np.zeros(rows.FLAGS_SIZE)
+    flags[rows.LINEAR] = building.linear
     # With dashpots of powers no step is linear branch by branch.
-    flags[at.BRANCHES] = at.SOME_BRANCHES if building.kinked else at.NO_BRANCHES
+    flags[rows.BRANCHES] = rows.SOME_BRANCHES if building.kinked else rows.NO_BRANCHES
     if building.piecewise_linear and not building.power_damped:
-        flags[at.BRANCHES] = at.ALL_BRANCHES
-    flags[at.POWER_DAMPERS] = building.power_damped
-    flags[at.OWN_WORK] = family.own_work
-    flags[at.ON_PATH] = family.parabolic
-    flags[at.DEVICES] = building.damped_by_devices
+        flags[rows.BRANCHES] = rows.ALL_BRANCHES
+    flags[rows.POWER_DAMPERS] = building.power_damped
+    flags[rows.OWN_WORK] = family.own_work
+    flags[rows.PARABOLIC] = family.parabolic
+    flags[rows.HAS_DASHPOTS] = building.damped_by_devices
     width = history_width(building)
-    if rows:
+    if row_count:
         # All of it is held in memory, and its results beside it.
-        needed, free = _WITH_RESULTS * 8.0 * rows * width, available_memory()
+        needed, free = _WITH_RESULTS * 8.0 * row_count * width, available_memory()
         if needed > free:
             raise AnalysisError(
-                f"a history of {rows} rows takes {needed / 1e9:.3g} GB of memory, {free / 1e9:.3g} "
-                "GB are free; take fewer steps, or write the history to a file, which takes it in "
-                "pieces"
+                f"a history of {row_count} rows takes {needed / 1e9:.3g} GB of memory, "
+                f"{free / 1e9:.3g} GB are free; take fewer steps, or write the history to a "
+                "file, which takes it in pieces"
             )
     # What a story's row INTERNAL is once it has failed: nan of laws that do not fail.
     failed = np.full(max(CODES.values()) + 1, math.nan)
     for name, code in CODES.items():
         failed[code] = LAWS[name].failed
-    failed = failed[building.law_parameters[at.CODE, :-1].astype(int)]
-    totals = np.zeros(at.TOTALS_SIZE)
-    totals[at.COLLAPSE_STEP] = at.NO_COLLAPSE
+    failed = failed[building.law_parameters[rows.CODE, :-1].astype(int)]
+    totals = np.zeros(rows.TOTALS_SIZE)
+    totals[rows.COLLAPSE_STEP] = rows.NO_COLLAPSE
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
-        springs=spring_table(building.law_parameters),
-        work=np.zeros((family.work_rows(modes), max(n + 1, 2 * modes + 1))),
+        law_state=spring_table(building.law_parameters),
+        scratch=np.zeros((family.scratch_rows(modes), max(n + 1, 2 * modes + 1))),
         flags=flags,
-        report=np.zeros(at.REPORT_SIZE),
-        watch=np.zeros((at.WATCH_ROWS, n + 1)),
-        peaks=np.zeros((2 * at.PEAK_ROWS, n)),
+        step_status=np.zeros(rows.REPORT_SIZE),
+        observer_state=np.zeros((rows.OBSERVER_ROWS, n + 1)),
+        peaks=np.zeros((2 * rows.PEAK_ROWS, n)),
         limits=np.array([np.full(n, collapse_drift), building.heights, failed]),
         totals=totals,
-        history=np.zeros((rows, width)),
+        history=np.zeros((row_count, width)),
     )
 
 
 def history_width(building: Building) -> int:
     """Numbers in a row of the history."""
-    return 1 + at.HISTORY_FIELDS * building.stories + at.ENERGY_TERMS
+    return 1 + rows.HISTORY_FIELDS * building.stories + rows.ENERGY_TERMS
 
 
 LOOKED_AT: set[Kernel] = set()
@@ -174,7 +174,7 @@ def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Vari
     look_at_once(integrator)
     return [
         (kernel, variant)
-        for kernel in (integrator.family.step, march, begin, take_stock, raise_shears)
+        for kernel in (integrator.family.step, march, begin, sum_law_energies, update_shear_peaks)
     ]
 
 
@@ -246,25 +246,25 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
         building.linear_terms, building.modal, building.law_parameters, forces, space.flags
     )
     result = np.empty((k, len(memory), len(memory)))
-    state, springs, stiffness = space.state, space.springs, building.initial_stiffness
+    state, law_state, stiffness = space.state, space.law_state, building.initial_stiffness
     for column, row in enumerate(memory):
-        state[:], springs[:] = 0.0, 0.0
+        state[:], law_state[:] = 0.0, 0.0
         state[row, :k] = 1.0
         # Committed springs, and the acceleration of equilibrium where the method does not carry its
         # own.
-        u, v = state[at.DISPLACEMENT, :-1], state[at.VELOCITY, :-1]
-        springs[at.DRIFT, :-1], springs[at.FORCE, :-1], springs[at.SLOPE, :-1] = (
+        u, v = state[rows.DISPLACEMENT, :-1], state[rows.VELOCITY, :-1]
+        law_state[rows.DRIFT, :-1], law_state[rows.FORCE, :-1], law_state[rows.SLOPE, :-1] = (
             u,
             stiffness * u,
             stiffness,
         )
-        springs[at.UPPER, :-1], springs[at.LOWER, :-1] = math.inf, -math.inf
-        if at.ACCELERATION not in memory:
-            state[at.ACCELERATION, :-1] = (
-                -stiffness * u - building.linear_terms[at.STORY_DAMPER, :-1] * v
+        law_state[rows.UPPER, :-1], law_state[rows.LOWER, :-1] = math.inf, -math.inf
+        if rows.ACCELERATION not in memory:
+            state[rows.ACCELERATION, :-1] = (
+                -stiffness * u - building.linear_terms[rows.STORY_DAMPER, :-1] * v
             )
-        space.report[at.STEPS_DONE] = _SETTLED
-        code = step(coefficients, *scene, h, np.zeros(at.LOAD_SIZE), *space.memory)
+        space.step_status[rows.STEPS_DONE] = _SETTLED
+        code = step(coefficients, *scene, h, np.zeros(rows.LOAD_SIZE), *space.memory)
         if code < 0:
             raise AnalysisError(f"{integrator.label}: a step of an oscillator failed")
         result[:, :, column] = state[list(memory), :k].T

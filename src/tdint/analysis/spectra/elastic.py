@@ -454,7 +454,7 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
     # Late: they load every method, and most spectra need none.
     from tdint.analysis.run.prepared import PreparedBuilding
     from tdint.analysis.run.workspace import Steps, find_instability
-    from tdint.kernels import layout as at
+    from tdint.kernels import layout as rows
     from tdint.model.building import oscillators
 
     integrator = _parse(method)
@@ -476,8 +476,8 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
             f"{integrator.label} diverged at the record's step {record.dt:.6g} s; use another "
             "method"
         )
-    rows = [at.PEAK_DISPLACEMENT, at.PEAK_VELOCITY, at.PEAK_ACCELERATION]
-    return integrator.label, marched.space.peaks[rows]
+    peak_rows = [rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY, rows.PEAK_ACCELERATION]
+    return integrator.label, marched.space.peaks[peak_rows]
 
 
 SA_DAMPING = 0.05

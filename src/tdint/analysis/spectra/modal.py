@@ -19,7 +19,7 @@ from tdint.analysis.given import AnyModel, model_of
 from tdint.analysis.spectra.target import TargetSpectrum, read_target
 from tdint.arrays import Array
 from tdint.errors import UsageError
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.model.building import assemble
 from tdint.model.definition import Model
 from tdint.tabular import Tabular
@@ -130,7 +130,7 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     forces = (modes.mass[:, None] * modes.shapes * (factor * acceleration)).T
     peaks = {
         "drift": displacement
-        - building.linear_terms[at.LINK, :-1] * np.roll(displacement, 1, axis=1),
+        - building.linear_terms[rows.LINK, :-1] * np.roll(displacement, 1, axis=1),
         "shear": np.cumsum(forces[:, ::-1], axis=1)[:, ::-1],
         "displacement": displacement,
         "force": forces,
@@ -143,8 +143,10 @@ def response_spectrum_analysis(model: AnyModel, target: TargetSpectrum | str) ->
     combined = {f"{name}_srss": np.sqrt(np.sum(peaks[name] ** 2, axis=0)) for name in by_both}
     # Rounding may leave a sum of cancelling modes below zero.
     combined |= {
-        f"{name}_cqc": np.sqrt(np.maximum(np.einsum("ij,ik,kj->j", rows, correlation, rows), 0.0))
-        for name, rows in peaks.items()
+        f"{name}_cqc": np.sqrt(
+            np.maximum(np.einsum("ij,ik,kj->j", values, correlation, values), 0.0)
+        )
+        for name, values in peaks.items()
     }
     rigid, left_out = (int(short.sum()), 0) if demand.zero is not None else (0, int(short.sum()))
     ratios, base = modes.mass_ratio, peaks["shear"][:, 0]

@@ -111,8 +111,8 @@ for the system adds them one by one. `rax` has the size, and no register changes
 library that a process is sure to have."""
 
 
-def inlined(function: Callable[..., Any]) -> Any:
-    """`tdint.kernels.compiling.inlined`, compiled."""
+def inline(function: Callable[..., Any]) -> Any:
+    """`tdint.kernels.compiling.inline`, compiled."""
     return numba.njit(inline="always", **_OPTIONS)(function)
 
 
@@ -122,7 +122,7 @@ def specialized(function: Callable[..., Any]) -> Any:
     return numba.njit(**_OPTIONS)(function)
 
 
-def called(function: Callable[..., Any]) -> Any:
+def outlined(function: Callable[..., Any]) -> Any:
     """`tdint.kernels.compiling.called`, compiled: constants are told to it as any other number."""
     once = specialized(function)
     template = once.get_call_template
@@ -132,8 +132,8 @@ def called(function: Callable[..., Any]) -> Any:
     return once
 
 
-def called_at(signature: Signature) -> Any:
-    """`tdint.kernels.compiling.called_at`, compiled: the kernel is its address."""
+def indirect_caller(signature: Signature) -> Any:
+    """`tdint.kernels.compiling.indirect_caller`, compiled: the kernel is its address."""
     returns, arguments = _type(signature.returns), tuple(map(_type, signature.arguments))
 
     @intrinsic
@@ -153,10 +153,10 @@ def called_at(signature: Signature) -> Any:
         return returns(address, given), generate
 
     @numba.njit(**_OPTIONS)
-    def called(address, *given):
+    def outlined(address, *given):
         return call(address, given)
 
-    return called
+    return outlined
 
 
 @intrinsic

@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import called, inlined
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import outlined, inline
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse_momentum import correct, guess, in_balance, residuals
 from tdint.kernels.equations.iteration import (
@@ -44,7 +44,7 @@ from tdint.kernels.linear_terms import (
 )
 from tdint.kernels.stepping import Factors
 from tdint.kernels.stories.branches import turning
-from tdint.kernels.stories.law_state import reach
+from tdint.kernels.stories.law_state import restoring_force_outlined
 
 # Coefficients
 THETA = 0
@@ -80,12 +80,12 @@ class _Rows(NamedTuple):
     )
     PAIR: int = 2  # r1 + l r2, which becomes w: real and imaginary part
     SAVED: int = (
-        3 + at.SPRING_ROWS
+        3 + rows.LAW_STATE_ROWS
     )  # state and springs at the start of a step that is done in pieces
     PIECE: int = 3  # motion at the start of a piece
     WORST: int = 1  # maxima over the run of `missed` and `size` in `join`: columns 0 and 1
     TURNS: int = 1  # drifts where stories turned in it
-    PEAKS: int = 2 * at.PEAK_ROWS  # within such pieces
+    PEAKS: int = 2 * rows.PEAK_ROWS  # within such pieces
     REMAINING: int = 2  # DU and DV from the start of the substep to the end of the step, as solved
 
 
@@ -125,25 +125,25 @@ _TOLERANCE_PER_MISS = 1e-2
 # peak drifts to about 5e-5.
 _MAX_TOLERANCE = 1e-4
 
-ROW, FACTORS = at.chained(_Rows, momentum.MOMENTUM_ROWS)
-_BLOCK, _STORE = at.chained(_Block)
+ROW, FACTORS = rows.chained(_Rows, momentum.MOMENTUM_ROWS)
+_BLOCK, _STORE = rows.chained(_Block)
 
 
-@inlined
+@inline
 def factor_rows(modes):
     """Rows of a block of factors for a building with `modes` modally damped modes: behind those of
     `_Block` come what each of both matrices keeps of the modes."""
     return _STORE + 2 * (6 * modes + 1)
 
 
-@inlined
-def loads(linear_terms, forces, t, h, ground_0, ground_1, work):
+@inline
+def loads(linear_terms, forces, t, h, ground_0, ground_1, scratch):
     """Load at the end and exact impulse over [t, t + h]."""
-    floor_load(linear_terms, forces, t + h, ground_1, work, momentum.LOAD)
-    floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, work, momentum.IMPULSE)
+    floor_load(linear_terms, forces, t + h, ground_1, scratch, momentum.LOAD)
+    floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, momentum.IMPULSE)
 
 
-@inlined
+@inline
 def solve_linear(coefficients, scene, h, memory, factors):
     """Motion over a step in which no story leaves its branch: linear, so one solve, from no motion
     at all.
@@ -160,12 +160,12 @@ def solve_linear(coefficients, scene, h, memory, factors):
     whose matrix is symmetric and tridiagonal.
     """
     linear_terms, modal, _, _, _ = scene
-    state, springs, work, _ = memory
+    state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
     re = coefficients[ROOT_RE] * h
     im = coefficients[ROOT_IM] * h
     kept = Factors(
-        work,
+        scratch,
         factors + _BLOCK.PIVOT,
         factors + _BLOCK.MULTIPLIER,
         factors + _STORE + 6 * modal.shape[0] + 1,
@@ -174,20 +174,20 @@ def solve_linear(coefficients, scene, h, memory, factors):
     straight = factors + _BLOCK.STRAIGHT
     if _right_side(coefficients, scene, h, memory, straight):
         for i in range(n):
-            work[straight, i] = springs[at.SLOPE, i]
-        work[straight, n] = h
-        factor_pairs(linear_terms, springs, (re, im), kept, damping, n)
+            scratch[straight, i] = law_state[rows.SLOPE, i]
+        scratch[straight, n] = h
+        factor_pairs(linear_terms, law_state, (re, im), kept, damping, n)
     solve_pairs_damped(kept, damping, ROW.PAIR, ROW.PAIR + 1, n)
-    _motion(linear_terms, modal, (re, im), state, springs, work)
+    _motion(linear_terms, modal, (re, im), state, law_state, scratch)
 
 
-@inlined
+@inline
 def _right_side(coefficients, scene, h, memory, straight):
     """What is out of balance without any motion, r1 + l r2, into the rows PAIR. True if the slopes
     in row `straight` of work, for which the matrix was factored, are not those of the present
     branches, or the step is another one."""
     linear_terms, modal, _, _, _ = scene
-    state, springs, work, _ = memory
+    state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
     re = coefficients[ROOT_RE] * h
     im = coefficients[ROOT_IM] * h
@@ -196,78 +196,78 @@ def _right_side(coefficients, scene, h, memory, straight):
     )
     by_a0 = coefficients[ALPHA] * h * h
     by_a1 = coefficients[BETA] * h * h
-    stale = work[straight, n] != h
+    stale = scratch[straight, n] != h
     force_above = 0.0
     impulse_above = 0.0
     for i in range(n - 1, -1, -1):
-        stale |= springs[at.SLOPE, i] != work[straight, i]
-        link = linear_terms[at.LINK, i]
-        mass = linear_terms[at.MASS, i]
-        geometric = linear_terms[at.GEOMETRIC, i]
-        v = state[at.VELOCITY, i]
-        rate = v - link * state[at.VELOCITY, max(i - 1, 0)]
-        spring = springs[at.FORCE, i] + geometric * springs[at.DRIFT, i]
-        force = spring + linear_terms[at.STORY_DAMPER, i] * rate
-        impulse = h * (spring + by_rate * (springs[at.SLOPE, i] + geometric) * rate)
+        stale |= law_state[rows.SLOPE, i] != scratch[straight, i]
+        link = linear_terms[rows.LINK, i]
+        mass = linear_terms[rows.MASS, i]
+        geometric = linear_terms[rows.GEOMETRIC, i]
+        v = state[rows.VELOCITY, i]
+        rate = v - link * state[rows.VELOCITY, max(i - 1, 0)]
+        spring = law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i]
+        force = spring + linear_terms[rows.STORY_DAMPER, i] * rate
+        impulse = h * (spring + by_rate * (law_state[rows.SLOPE, i] + geometric) * rate)
         inertia = (
-            work[momentum.LOAD, i] - linear_terms[at.FLOOR_DAMPER, i] * v - (force - force_above)
+            scratch[momentum.LOAD, i] - linear_terms[rows.FLOOR_DAMPER, i] * v - (force - force_above)
         )
-        balance = work[momentum.IMPULSE, i] - (impulse - impulse_above)
-        work[ROW.PAIR, i] = (
-            mass * (h * v + by_a0 * state[at.ACCELERATION, i]) - by_a1 * inertia + re * balance
+        balance = scratch[momentum.IMPULSE, i] - (impulse - impulse_above)
+        scratch[ROW.PAIR, i] = (
+            mass * (h * v + by_a0 * state[rows.ACCELERATION, i]) - by_a1 * inertia + re * balance
         )
-        work[ROW.PAIR + 1, i] = im * balance
+        scratch[ROW.PAIR + 1, i] = im * balance
         force_above = link * force
         impulse_above = link * impulse
-    add_modal_force(modal, state, at.VELOCITY, by_a1, work, ROW.PAIR, n)
+    add_modal_force(modal, state, rows.VELOCITY, by_a1, scratch, ROW.PAIR, n)
     return stale
 
 
-@inlined
-def _motion(linear_terms, modal, root, state, springs, work):
+@inline
+def _motion(linear_terms, modal, root, state, law_state, scratch):
     """Motion at the end of the step from w in the rows PAIR: dv = im(w) / im(l), du = re(w) + re(l)
     dv."""
     n = linear_terms.shape[1] - 1
     re, im = root
     by_im = 1.0 / im
     force_above = 0.0
-    dv_below = work[ROW.PAIR + 1, n - 1] * by_im
-    du_below = work[ROW.PAIR, n - 1] + re * dv_below
+    dv_below = scratch[ROW.PAIR + 1, n - 1] * by_im
+    du_below = scratch[ROW.PAIR, n - 1] + re * dv_below
     for i in range(n - 1, -1, -1):
-        link = linear_terms[at.LINK, i]
+        link = linear_terms[rows.LINK, i]
         below = max(i - 1, 0)
         du = du_below
         dv = dv_below
-        dv_below = work[ROW.PAIR + 1, below] * by_im
-        du_below = work[ROW.PAIR, below] + re * dv_below
-        v = state[at.VELOCITY, i] + dv
-        work[momentum.DU, i] = du
-        work[momentum.DV, i] = dv
-        work[momentum.U1, i] = state[at.DISPLACEMENT, i] + du
-        work[momentum.V1, i] = v
-        geometric = linear_terms[at.GEOMETRIC, i]
-        force = springs[at.FORCE, i] + geometric * springs[at.DRIFT, i]
-        force += (springs[at.SLOPE, i] + geometric) * (du - link * du_below)
-        force += linear_terms[at.STORY_DAMPER, i] * (
-            v - link * (state[at.VELOCITY, below] + dv_below)
+        dv_below = scratch[ROW.PAIR + 1, below] * by_im
+        du_below = scratch[ROW.PAIR, below] + re * dv_below
+        v = state[rows.VELOCITY, i] + dv
+        scratch[momentum.DU, i] = du
+        scratch[momentum.DV, i] = dv
+        scratch[momentum.U1, i] = state[rows.DISPLACEMENT, i] + du
+        scratch[momentum.V1, i] = v
+        geometric = linear_terms[rows.GEOMETRIC, i]
+        force = law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i]
+        force += (law_state[rows.SLOPE, i] + geometric) * (du - link * du_below)
+        force += linear_terms[rows.STORY_DAMPER, i] * (
+            v - link * (state[rows.VELOCITY, below] + dv_below)
         )
-        outer = work[momentum.LOAD, i] - linear_terms[at.FLOOR_DAMPER, i] * v
-        work[momentum.A1, i] = linear_terms[at.INVERSE_MASS, i] * (outer - (force - force_above))
+        outer = scratch[momentum.LOAD, i] - linear_terms[rows.FLOOR_DAMPER, i] * v
+        scratch[momentum.A1, i] = linear_terms[rows.INVERSE_MASS, i] * (outer - (force - force_above))
         force_above = link * force
     if MODAL and modal.shape[0] > 0:
-        _add_modal_acceleration(linear_terms, modal, work, n)
+        _add_modal_acceleration(linear_terms, modal, scratch, n)
 
 
-@called
-def _add_modal_acceleration(linear_terms, modal, work, n):
+@outlined
+def _add_modal_acceleration(linear_terms, modal, scratch, n):
     for i in range(n):
-        work[momentum.FORCE_1, i] = 0.0
-    add_modal_force(modal, work, momentum.V1, -1.0, work, momentum.FORCE_1, n)
+        scratch[momentum.FORCE_1, i] = 0.0
+    add_modal_force(modal, scratch, momentum.V1, -1.0, scratch, momentum.FORCE_1, n)
     for i in range(n):
-        work[momentum.A1, i] += linear_terms[at.INVERSE_MASS, i] * work[momentum.FORCE_1, i]
+        scratch[momentum.A1, i] += linear_terms[rows.INVERSE_MASS, i] * scratch[momentum.FORCE_1, i]
 
 
-@called
+@outlined
 def newton(frozen, has_guess, coefficients, scene, h, memory, factors):
     """Find the motion over a step by Newton's method for all stories together.
 
@@ -302,13 +302,13 @@ def newton(frozen, has_guess, coefficients, scene, h, memory, factors):
         Number of linear solves, at least 1, or NOT_CONVERGED.
     """
     linear_terms, modal, _, _, _ = scene
-    state, _, work, report = memory
+    state, _, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
     if not has_guess:
-        guess(1.0, h, state, work, n)
+        guess(1.0, h, state, scratch, n)
     tolerance = RESIDUAL_TOLERANCE
-    if work[ROW.WORST, 1] > 0.0:
-        missed = work[ROW.WORST, 0] / work[ROW.WORST, 1]
+    if scratch[ROW.WORST, 1] > 0.0:
+        missed = scratch[ROW.WORST, 0] / scratch[ROW.WORST, 1]
         tolerance = min(_MAX_TOLERANCE, max(RESIDUAL_TOLERANCE, _TOLERANCE_PER_MISS * missed))
     iterations = 0
     part = 1.0
@@ -324,7 +324,7 @@ def newton(frozen, has_guess, coefficients, scene, h, memory, factors):
             modal,
             h,
             state,
-            work,
+            scratch,
         )
         if (
             in_balance(
@@ -334,34 +334,34 @@ def newton(frozen, has_guess, coefficients, scene, h, memory, factors):
                 linear_terms,
                 h,
                 state,
-                work,
-                report,
+                scratch,
+                step_status,
             )
             or last
         ):
             break
         if iterations >= UNDAMPED_ITERATIONS:
-            size = squared_norm(linear_terms, work, momentum.R1, n) / (h * h) + squared_norm(
-                linear_terms, work, momentum.R2, n
+            size = squared_norm(linear_terms, scratch, momentum.R1, n) / (h * h) + squared_norm(
+                linear_terms, scratch, momentum.R2, n
             )
             if must_halve(size, before, part):
                 part *= 0.5
-                add_rows(-part, work, ROW.LAST_CORRECTION, momentum.DU, 2, n)
+                add_rows(-part, scratch, ROW.LAST_CORRECTION, momentum.DU, 2, n)
                 continue
             before = size
             part = 1.0
         if iterations == MAX_ITERATIONS:
-            return at.NOT_CONVERGED
+            return rows.NOT_CONVERGED
         if stale:
-            _factor(coefficients, linear_terms, modal, h, work, factors)
-        last = correct(coefficients[BETA], modal, h, _kept(work, factors), n)
+            _factor(coefficients, linear_terms, modal, h, scratch, factors)
+        last = correct(coefficients[BETA], modal, h, _kept(scratch, factors), n)
         iterations += 1
         if iterations > UNDAMPED_ITERATIONS:
-            copy_rows(work, momentum.R1, ROW.LAST_CORRECTION, 2, n)
+            copy_rows(scratch, momentum.R1, ROW.LAST_CORRECTION, 2, n)
     return max(iterations, 1)
 
 
-@inlined
+@inline
 def _path(frozen, coefficients, scene, h, memory, factors):
     """Drift laws along the step: at the inner point and from there to the end.
 
@@ -369,38 +369,38 @@ def _path(frozen, coefficients, scene, h, memory, factors):
     at the end and the story impulses. True if the factorization does not fit the tangents.
     """
     linear_terms, _, law_parameters, _, _ = scene
-    state, springs, work, _ = memory
+    state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    stale = work[factors + _BLOCK.FACTORED_1, n] != h
+    stale = scratch[factors + _BLOCK.FACTORED_1, n] != h
     uc_below = 0.0
     u_below = 0.0
     v_below = 0.0
     du_below = 0.0
     for i in range(n):
-        du = work[momentum.DU, i]
-        u = state[at.DISPLACEMENT, i] + du
-        v = state[at.VELOCITY, i] + work[momentum.DV, i]
+        du = scratch[momentum.DU, i]
+        u = state[rows.DISPLACEMENT, i] + du
+        v = state[rows.VELOCITY, i] + scratch[momentum.DV, i]
         uc = (
-            state[at.DISPLACEMENT, i]
+            state[rows.DISPLACEMENT, i]
             + coefficients[BY_INCREMENT] * du
             + h
             * (
-                coefficients[BY_VELOCITY_0] * state[at.VELOCITY, i]
+                coefficients[BY_VELOCITY_0] * state[rows.VELOCITY, i]
                 + coefficients[BY_VELOCITY_1] * v
             )
         )
-        work[momentum.U1, i] = u
-        work[momentum.V1, i] = v
-        link = linear_terms[at.LINK, i]
+        scratch[momentum.U1, i] = u
+        scratch[momentum.V1, i] = v
+        link = linear_terms[rows.LINK, i]
         drift_c = uc - link * uc_below
         drift = u - link * u_below
         increment = du - link * du_below
         rate = v - link * v_below
-        if frozen and springs[at.SLOPE, i] < math.inf:
-            tangent_c = tangent = springs[at.SLOPE, i]
-            work[ROW.KINK, i] = 0.0
-            force_c = springs[at.FORCE, i] + tangent * (drift_c - springs[at.DRIFT, i])
-            force = springs[at.FORCE, i] + tangent * (drift - springs[at.DRIFT, i])
+        if frozen and law_state[rows.SLOPE, i] < math.inf:
+            tangent_c = tangent = law_state[rows.SLOPE, i]
+            scratch[ROW.KINK, i] = 0.0
+            force_c = law_state[rows.FORCE, i] + tangent * (drift_c - law_state[rows.DRIFT, i])
+            force = law_state[rows.FORCE, i] + tangent * (drift - law_state[rows.DRIFT, i])
         else:
             turned = False
             if CURVES and frozen:
@@ -408,28 +408,28 @@ def _path(frozen, coefficients, scene, h, memory, factors):
                     coefficients, scene, h, i, (drift_c, drift), memory
                 )
             if not turned:
-                tangent_c = reach(law_parameters, springs, i, 0, at.FIRST_TRIAL, drift_c)
-                tangent = reach(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL, drift)
-            force_c = springs[at.FIRST_TRIAL + at.FORCE, i]
-            force = springs[at.SECOND_TRIAL + at.FORCE, i]
-        same = TANGENT_TOLERANCE * law_parameters[at.STIFFNESS, i]
-        stale = stale or abs(tangent_c - work[factors + _BLOCK.FACTORED_C, i]) > same
-        stale = stale or abs(tangent - work[factors + _BLOCK.FACTORED_1, i]) > same
+                tangent_c = restoring_force_outlined(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c)
+                tangent = restoring_force_outlined(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift)
+            force_c = law_state[rows.FIRST_TRIAL + rows.FORCE, i]
+            force = law_state[rows.SECOND_TRIAL + rows.FORCE, i]
+        same = TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
+        stale = stale or abs(tangent_c - scratch[factors + _BLOCK.FACTORED_C, i]) > same
+        stale = stale or abs(tangent - scratch[factors + _BLOCK.FACTORED_1, i]) > same
         # A drift is a difference: what the displacements round is not out of balance.
-        rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[at.STIFFNESS, i]
-        work[momentum.SIZE, i] = rounding * (abs(u) + abs(link * u_below))
-        work[ROW.TANGENT_C, i] = tangent_c
-        work[ROW.TANGENT_1, i] = tangent
-        geometric = linear_terms[at.GEOMETRIC, i]
+        rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[rows.STIFFNESS, i]
+        scratch[momentum.SIZE, i] = rounding * (abs(u) + abs(link * u_below))
+        scratch[ROW.TANGENT_C, i] = tangent_c
+        scratch[ROW.TANGENT_1, i] = tangent
+        geometric = linear_terms[rows.GEOMETRIC, i]
         mean = (
-            coefficients[WEIGHT_0] * (springs[at.FORCE, i] + geometric * springs[at.DRIFT, i])
+            coefficients[WEIGHT_0] * (law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i])
             + coefficients[WEIGHT_C] * (force_c + geometric * drift_c)
             + coefficients[WEIGHT_1] * (force + geometric * drift)
         )
-        damper = linear_terms[at.STORY_DAMPER, i]
-        work[momentum.FORCE_1, i] = force + geometric * drift + damper * rate
-        work[momentum.FORCE_S, i] = h * mean + damper * increment
-        if linear_terms[at.POWER_DAMPER, i] != 0.0:
+        damper = linear_terms[rows.STORY_DAMPER, i]
+        scratch[momentum.FORCE_1, i] = force + geometric * drift + damper * rate
+        scratch[momentum.FORCE_S, i] = h * mean + damper * increment
+        if linear_terms[rows.POWER_DAMPER, i] != 0.0:
             stale = (
                 _add_damper(coefficients, linear_terms, i, h, increment, memory, factors) or stale
             )
@@ -440,7 +440,7 @@ def _path(frozen, coefficients, scene, h, memory, factors):
     return stale
 
 
-@called
+@outlined
 def _over_turn(coefficients, scene, h, i, drifts, memory):
     """Go with story `i`, whose law is curved, over the drift at which it turns: to the inner point
     and to the end.
@@ -450,17 +450,17 @@ def _over_turn(coefficients, scene, h, i, drifts, memory):
     done.
     """
     linear_terms, _, law_parameters, _, _ = scene
-    state, springs, work, _ = memory
+    state, law_state, scratch, _ = memory
     drift_c, drift = drifts
-    link = linear_terms[at.LINK, i]
+    link = linear_terms[rows.LINK, i]
     below = max(i - 1, 0)
-    turn = springs[at.TURN, i]
-    before = turn * h * (state[at.VELOCITY, i] - link * state[at.VELOCITY, below])
-    after = turn * h * (work[momentum.V1, i] - link * work[momentum.V1, below])
-    work[ROW.KINK, i] = 0.0
-    if not (before > 0.0 and after < 0.0) or springs.shape[0] > at.EXTRA_ROWS:
+    turn = law_state[rows.RATE_SIGN, i]
+    before = turn * h * (state[rows.VELOCITY, i] - link * state[rows.VELOCITY, below])
+    after = turn * h * (scratch[momentum.V1, i] - link * scratch[momentum.V1, below])
+    scratch[ROW.KINK, i] = 0.0
+    if not (before > 0.0 and after < 0.0) or law_state.shape[0] > rows.EXTRA_ROWS:
         return 0.0, 0.0, False
-    start = springs[at.DRIFT, i]
+    start = law_state[rows.DRIFT, i]
     change = turn * (drift - start)
     s = min(turning(before, 3.0 * change - before - after, after), 1.0)
     r = 1.0 - s
@@ -468,27 +468,27 @@ def _over_turn(coefficients, scene, h, i, drifts, memory):
     top = start + turn * peak
     c = (0.5 - coefficients[WEIGHT_1]) / coefficients[WEIGHT_C]
     if s < c:
-        loading = reach(law_parameters, springs, i, 0, at.THIRD_TRIAL, top)
-        tangent_c = reach(law_parameters, springs, i, at.THIRD_TRIAL, at.FIRST_TRIAL, drift_c)
-        tangent = reach(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL, drift)
-        work[ROW.BEFORE, i] = at.FIRST_TRIAL
+        loading = restoring_force_outlined(law_parameters, law_state, i, 0, rows.THIRD_TRIAL, top)
+        tangent_c = restoring_force_outlined(law_parameters, law_state, i, rows.THIRD_TRIAL, rows.FIRST_TRIAL, drift_c)
+        tangent = restoring_force_outlined(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift)
+        scratch[ROW.BEFORE, i] = rows.FIRST_TRIAL
     else:
-        tangent_c = reach(law_parameters, springs, i, 0, at.FIRST_TRIAL, drift_c)
-        loading = reach(law_parameters, springs, i, at.FIRST_TRIAL, at.THIRD_TRIAL, top)
-        tangent = reach(law_parameters, springs, i, at.THIRD_TRIAL, at.SECOND_TRIAL, drift)
-        work[ROW.BEFORE, i] = at.THIRD_TRIAL
+        tangent_c = restoring_force_outlined(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c)
+        loading = restoring_force_outlined(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.THIRD_TRIAL, top)
+        tangent = restoring_force_outlined(law_parameters, law_state, i, rows.THIRD_TRIAL, rows.SECOND_TRIAL, drift)
+        scratch[ROW.BEFORE, i] = rows.THIRD_TRIAL
     bend = abs(tangent - loading) * min(peak, peak - change)
-    if linear_terms[at.POWER_DAMPER, i] != 0.0:
+    if linear_terms[rows.POWER_DAMPER, i] != 0.0:
         force_0, _ = power_damper(linear_terms, i, before / h)
         force_1, _ = power_damper(linear_terms, i, after / h)
         bend += _BY_DASHPOT * min(abs(force_0), abs(force_1))
-    work[ROW.KINK, i] = bend / abs(springs[at.THIRD_TRIAL + at.FORCE, i])
+    scratch[ROW.KINK, i] = bend / abs(law_state[rows.THIRD_TRIAL + rows.FORCE, i])
     # The drift at the turn takes a part of the change of that at the end, and its force with it.
     part = s * s * (3.0 - 2.0 * s)
     return tangent_c, tangent + part * (loading - tangent), True
 
 
-@called
+@outlined
 def join(scene, h, memory):
     """Keep in the row KINK the stories that go over their turn within the motion that has been
     found; of the others the turn is to be located.
@@ -499,37 +499,37 @@ def join(scene, h, memory):
     small steps locate all of them. Dashpots are left out: their forces jump where a story turns.
     """
     linear_terms = scene.linear_terms
-    state, springs, work, _ = memory
+    state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
     missed = size = 0.0
     for i in range(n):
-        a0, a1 = state[at.ACCELERATION, i], work[momentum.A1, i]
-        dashpots = work[ROW.MISSED, i] - linear_terms[at.LINK, i + 1] * work[ROW.MISSED, i + 1]
+        a0, a1 = state[rows.ACCELERATION, i], scratch[momentum.A1, i]
+        dashpots = scratch[ROW.MISSED, i] - linear_terms[rows.LINK, i + 1] * scratch[ROW.MISSED, i + 1]
         miss = (
-            0.5 * (a0 + a1) - work[momentum.DV, i] / h + linear_terms[at.INVERSE_MASS, i] * dashpots
+            0.5 * (a0 + a1) - scratch[momentum.DV, i] / h + linear_terms[rows.INVERSE_MASS, i] * dashpots
         )
-        missed += linear_terms[at.MASS, i] * miss * miss
-        size += 0.5 * linear_terms[at.MASS, i] * (a0 * a0 + a1 * a1)
-    missed = max(missed, work[ROW.WORST, 0])
-    work[ROW.WORST, 0] = missed
-    work[ROW.WORST, 1] = max(size, work[ROW.WORST, 1])
+        missed += linear_terms[rows.MASS, i] * miss * miss
+        size += 0.5 * linear_terms[rows.MASS, i] * (a0 * a0 + a1 * a1)
+    missed = max(missed, scratch[ROW.WORST, 0])
+    scratch[ROW.WORST, 0] = missed
+    scratch[ROW.WORST, 1] = max(size, scratch[ROW.WORST, 1])
     for i in range(n):
         near = (
-            abs(springs[at.THIRD_TRIAL + at.DRIFT, i]) >= _FAR * work[ROW.PEAKS + at.PEAK_DRIFT, i]
+            abs(law_state[rows.THIRD_TRIAL + rows.DRIFT, i]) >= _FAR * scratch[ROW.PEAKS + rows.PEAK_DRIFT, i]
         )
-        tells = linear_terms[at.POWER_DAMPER, i] == 0.0 or not near
-        if not (tells and work[ROW.KINK, i] * size <= _WEAK * missed):
-            work[ROW.KINK, i] = 0.0
+        tells = linear_terms[rows.POWER_DAMPER, i] == 0.0 or not near
+        if not (tells and scratch[ROW.KINK, i] * size <= _WEAK * missed):
+            scratch[ROW.KINK, i] = 0.0
 
 
-@called
+@outlined
 def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     """Add the power-law dashpot of story `i` to its force and impulse. True if the factorization
     does not fit its slope."""
-    state, _, work, _ = memory
-    link = linear_terms[at.LINK, i]
-    rate_0 = state[at.VELOCITY, i] - link * state[at.VELOCITY, i - 1]
-    rate_1 = work[momentum.V1, i] - link * work[momentum.V1, i - 1]
+    state, _, scratch, _ = memory
+    link = linear_terms[rows.LINK, i]
+    rate_0 = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, i - 1]
+    rate_1 = scratch[momentum.V1, i] - link * scratch[momentum.V1, i - 1]
     rate_c = (
         coefficients[RATE_BY_INCREMENT] / h * increment
         + coefficients[RATE_BY_VELOCITY_0] * rate_0
@@ -538,54 +538,54 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
     force_0, _ = power_damper(linear_terms, i, rate_0)
     force_c, slope_c = power_damper(linear_terms, i, rate_c)
     force_1, slope_1 = power_damper(linear_terms, i, rate_1)
-    work[momentum.FORCE_1, i] += force_1
+    scratch[momentum.FORCE_1, i] += force_1
     mean = (
         coefficients[WEIGHT_0] * force_0
         + coefficients[WEIGHT_C] * force_c
         + coefficients[WEIGHT_1] * force_1
     )
-    work[momentum.FORCE_S, i] += h * mean
-    work[ROW.MISSED, i] = 0.5 * (force_0 + force_1) - mean
-    work[ROW.SLOPE_C, i] = slope_c
-    work[ROW.SLOPE_1, i] = slope_1
+    scratch[momentum.FORCE_S, i] += h * mean
+    scratch[ROW.MISSED, i] = 0.5 * (force_0 + force_1) - mean
+    scratch[ROW.SLOPE_C, i] = slope_c
+    scratch[ROW.SLOPE_1, i] = slope_1
     return (
-        h * abs(slope_1 - work[factors + _BLOCK.FACTORED_SLOPE, i])
-        > TANGENT_TOLERANCE * linear_terms[at.MASS, i]
+        h * abs(slope_1 - scratch[factors + _BLOCK.FACTORED_SLOPE, i])
+        > TANGENT_TOLERANCE * linear_terms[rows.MASS, i]
     )
 
 
-@inlined
-def _kept(work, factors):
+@inline
+def _kept(scratch, factors):
     """The factorization in a block of rows."""
-    return Factors(work, factors + _BLOCK.BLOCKS, factors + _BLOCK.COUPLING, factors + _STORE)
+    return Factors(scratch, factors + _BLOCK.BLOCKS, factors + _BLOCK.COUPLING, factors + _STORE)
 
 
-@called
-def _factor(coefficients, linear_terms, modal, h, work, factors):
+@outlined
+def _factor(coefficients, linear_terms, modal, h, scratch, factors):
     """Factor the Newton matrix for the present tangents."""
     n = linear_terms.shape[1] - 1
     by_a = coefficients[BETA] * h * h
     inner = h * (coefficients[THETA] - coefficients[WEIGHT_1])  # = h wc gd
     coupling = factors + _BLOCK.COUPLING
     for i in range(n):
-        tangent_c = work[ROW.TANGENT_C, i]
-        tangent_1 = work[ROW.TANGENT_1, i]
-        work[factors + _BLOCK.FACTORED_C, i] = tangent_c
-        work[factors + _BLOCK.FACTORED_1, i] = tangent_1
-        tangent_c += linear_terms[at.GEOMETRIC, i]
-        tangent_1 += linear_terms[at.GEOMETRIC, i]
-        damper = linear_terms[at.STORY_DAMPER, i]
-        slope_c = coefficients[WEIGHT_C] * work[ROW.SLOPE_C, i]
-        slope_1 = work[ROW.SLOPE_1, i]
-        work[factors + _BLOCK.FACTORED_SLOPE, i] = slope_1
-        work[coupling, i] = -by_a * tangent_1
-        work[coupling + 1, i] = -by_a * (damper + slope_1)
-        work[coupling + 2, i] = damper + inner * tangent_c + h * coefficients[WEIGHT_1] * tangent_1
-        work[coupling + 2, i] += coefficients[RATE_BY_INCREMENT] * slope_c
-        work[coupling + 3, i] = -by_a * tangent_c
-        work[coupling + 3, i] += h * (
+        tangent_c = scratch[ROW.TANGENT_C, i]
+        tangent_1 = scratch[ROW.TANGENT_1, i]
+        scratch[factors + _BLOCK.FACTORED_C, i] = tangent_c
+        scratch[factors + _BLOCK.FACTORED_1, i] = tangent_1
+        tangent_c += linear_terms[rows.GEOMETRIC, i]
+        tangent_1 += linear_terms[rows.GEOMETRIC, i]
+        damper = linear_terms[rows.STORY_DAMPER, i]
+        slope_c = coefficients[WEIGHT_C] * scratch[ROW.SLOPE_C, i]
+        slope_1 = scratch[ROW.SLOPE_1, i]
+        scratch[factors + _BLOCK.FACTORED_SLOPE, i] = slope_1
+        scratch[coupling, i] = -by_a * tangent_1
+        scratch[coupling + 1, i] = -by_a * (damper + slope_1)
+        scratch[coupling + 2, i] = damper + inner * tangent_c + h * coefficients[WEIGHT_1] * tangent_1
+        scratch[coupling + 2, i] += coefficients[RATE_BY_INCREMENT] * slope_c
+        scratch[coupling + 3, i] = -by_a * tangent_c
+        scratch[coupling + 3, i] += h * (
             coefficients[RATE_BY_VELOCITY_1] * slope_c + coefficients[WEIGHT_1] * slope_1
         )
-    work[factors + _BLOCK.FACTORED_1, n] = h
-    assemble_blocks(linear_terms, _kept(work, factors), h * coefficients[THETA], by_a, n)
-    factor_blocks(_kept(work, factors), ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n)
+    scratch[factors + _BLOCK.FACTORED_1, n] = h
+    assemble_blocks(linear_terms, _kept(scratch, factors), h * coefficients[THETA], by_a, n)
+    factor_blocks(_kept(scratch, factors), ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n)

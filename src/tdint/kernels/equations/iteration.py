@@ -14,8 +14,8 @@ moment4 applies the condition to every correction and has a separate norm and re
 
 from __future__ import annotations
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import called, inlined
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import inline, outlined
 
 # Corrections of a step before it counts as not converged. Halving a correction is not counted.
 MAX_ITERATIONS = 30
@@ -46,18 +46,18 @@ TANGENT_TOLERANCE = 1e-3
 _REQUIRED_DECREASE = 1e-4
 
 
-@called
-def squared_norm(linear_terms, work, row, n):
+@outlined
+def squared_norm(linear_terms, scratch, row, n):
     """Return the sum of the squared residuals of `n` floors, divided by the floor masses.
 
     Parameters
     ----------
     linear_terms : ndarray
         Linear terms of the building; row INVERSE_MASS is used, 1/kg.
-    work : ndarray
-        Work array.
+    scratch : ndarray
+        Scratch array.
     row : int
-        Row of the residuals in `work`.
+        Row of the residuals in `scratch`.
     n : int
         Number of floors.
 
@@ -68,11 +68,11 @@ def squared_norm(linear_terms, work, row, n):
     """
     total = 0.0
     for i in range(n):
-        total += linear_terms[at.INVERSE_MASS, i] * work[row, i] * work[row, i]
+        total += linear_terms[rows.INVERSE_MASS, i] * scratch[row, i] * scratch[row, i]
     return total
 
 
-@inlined
+@inline
 def must_halve(norm, previous_norm, fraction):
     """Return True if the line search must halve the applied fraction of a correction.
 
@@ -88,14 +88,14 @@ def must_halve(norm, previous_norm, fraction):
     return norm > limit and fraction > MIN_STEP_FRACTION
 
 
-@called
-def copy_rows(work, source, target, rows, n):
-    """Copy the first `n` columns of consecutive rows within the work array.
+@outlined
+def copy_rows(scratch, source, target, row_count, n):
+    """Copy the first `n` columns of consecutive rows within the scratch array.
 
     Parameters
     ----------
-    work : ndarray
-        Work array.
+    scratch : ndarray
+        Scratch array.
     source, target : int
         First row of the source and of the target.
     rows : int
@@ -103,14 +103,14 @@ def copy_rows(work, source, target, rows, n):
     n : int
         Number of columns (floors).
     """
-    for row in range(rows):
+    for row in range(row_count):
         for i in range(n):
-            work[target + row, i] = work[source + row, i]
+            scratch[target + row, i] = scratch[source + row, i]
 
 
-@called
-def add_rows(factor, work, source, target, rows, n):
-    """Add `factor` times consecutive rows to other rows of the work array.
+@outlined
+def add_rows(factor, scratch, source, target, row_count, n):
+    """Add `factor` times consecutive rows to other rows of the scratch array.
 
     The line search uses this function to apply or remove a fraction of a correction.
 
@@ -118,8 +118,8 @@ def add_rows(factor, work, source, target, rows, n):
     ----------
     factor : float
         Factor of the source rows, of either sign.
-    work : ndarray
-        Work array.
+    scratch : ndarray
+        Scratch array.
     source, target : int
         First row of the source and of the target.
     rows : int
@@ -127,13 +127,13 @@ def add_rows(factor, work, source, target, rows, n):
     n : int
         Number of columns (floors).
     """
-    for row in range(rows):
+    for row in range(row_count):
         for i in range(n):
-            work[target + row, i] += factor * work[source + row, i]
+            scratch[target + row, i] += factor * scratch[source + row, i]
 
 
-@inlined
-def is_balanced(is_last, tolerance, report, i, residual, scale):
+@inline
+def is_balanced(is_last, tolerance, step_status, i, residual, scale):
     """Return True if the residual of an equation is within the tolerance.
 
     Parameters
@@ -143,7 +143,7 @@ def is_balanced(is_last, tolerance, report, i, residual, scale):
         then stored in `report` for the error message.
     tolerance : float
         Maximum residual relative to `scale`, usually RESIDUAL_TOLERANCE.
-    report : ndarray
+    step_status : ndarray
         Rows RESIDUAL and WORST_STORY are updated. The caller sets RESIDUAL to 0 before the first
         equation.
     i : int
@@ -155,7 +155,7 @@ def is_balanced(is_last, tolerance, report, i, residual, scale):
     """
     is_small = abs(residual) <= tolerance * scale + RESIDUAL_FLOOR
     # "not ... <=" is also True for nan, so an equation with invalid values is reported.
-    if is_last and not is_small and not abs(residual) / scale <= report[at.RESIDUAL]:
-        report[at.RESIDUAL] = abs(residual) / scale
-        report[at.WORST_STORY] = i
+    if is_last and not is_small and not abs(residual) / scale <= step_status[rows.RESIDUAL]:
+        step_status[rows.RESIDUAL] = abs(residual) / scale
+        step_status[rows.WORST_STORY] = i
     return is_small

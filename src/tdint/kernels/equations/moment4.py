@@ -15,8 +15,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import called, inlined
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.equations.iteration import (
     MAX_ITERATIONS,
     ROUNDING,
@@ -74,10 +74,10 @@ class _Rows(NamedTuple):
     WAYS: int = _NODES  # of the floors from the start of the step
     RATES: int = _NODES  # h times their velocities
     OTHER: int = 1  # modal damping
-    PEAKS: int = 2 * at.PEAK_ROWS  # of the run, beside which those at corners are looked for
+    PEAKS: int = 2 * rows.PEAK_ROWS  # of the run, beside which those at corners are looked for
 
 
-ROW, STORE = at.chained(_Rows)
+ROW, STORE = rows.chained(_Rows)
 
 _BY_SLOPE = (
     0.5,
@@ -93,12 +93,12 @@ CLOSE = 1e-13
 """Out of balance over the sum of the sizes of the terms: the energy balance is to close."""
 
 
-def work_rows(modes: int) -> int:
+def scratch_rows(modes: int) -> int:
     """Rows of work that the step needs for a building with `modes` modally damped modes."""
     return STORE + 6 * modes + 1
 
 
-@inlined
+@inline
 def move(coefficients, scene, h, memory):
     """Motion over the step; returns the number of solves, or NOT_CONVERGED.
 
@@ -107,170 +107,181 @@ def move(coefficients, scene, h, memory):
     complete tangents. A correction that does not bring the equations closer to balance is halved.
     """
     linear_terms, modal, law_parameters, _, flags = scene
-    state, _, work, report = memory
+    state, _, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
     iterations = 0
     part = 1.0
     before = math.inf
     last = False
-    if flags[at.BRANCHES] == at.ALL_BRANCHES:
+    if flags[rows.BRANCHES] == rows.ALL_BRANCHES:
         before = _keep_to_branches(coefficients, scene, h, memory)
         iterations = 1
-        if not BENDING or flags[at.LINEAR] != 0.0:
+        if not BENDING or flags[rows.LINEAR] != 0.0:
             return iterations
     else:
-        _guess(h, state, work, n)
+        _guess(h, state, scratch, n)
     while BENDING:
         stale = _stories(coefficients, scene, h, memory, iterations <= _DECIDING)
-        size = _residuals(coefficients, linear_terms, modal, h, state, work)
+        size = _residuals(coefficients, linear_terms, modal, h, state, scratch)
         failing = iterations == MAX_ITERATIONS or not size < math.inf
-        if last or _in_balance(failing, coefficients, linear_terms, h, state, work, report):
+        if last or _in_balance(failing, coefficients, linear_terms, h, state, scratch, step_status):
             break
         if must_halve(size, before, part):
             part *= 0.5
-            add_rows(-part, work, ROW.CORRECTION, ROW.RISE, 2, n)
+            add_rows(-part, scratch, ROW.CORRECTION, ROW.RISE, 2, n)
             continue
         if failing:
-            return at.NOT_CONVERGED
+            return rows.NOT_CONVERGED
         if stale:
-            _factor(coefficients, linear_terms, modal, law_parameters, h, work)
-        solve(modal, h, work, ROW.X, n)
-        last = _correct(state, work, n)
+            _factor(coefficients, linear_terms, modal, law_parameters, h, scratch)
+        solve(modal, h, scratch, ROW.X, n)
+        last = _correct(state, scratch, n)
         iterations += 1
         before = size
         part = 1.0
     return iterations
 
 
-@inlined
+@inline
 def _keep_to_branches(coefficients, scene, h, memory):
     """Motion with all stories on their present linear branches: one solve, from no motion at all,
     which is also the correction. Returns the size of what that left out of balance."""
     linear_terms, modal, law_parameters, _, _ = scene
-    state, springs, work, _ = memory
+    state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    stale = work[ROW.FACTORED, n] != h
+    stale = scratch[ROW.FACTORED, n] != h
     for i in range(n):
-        slope = springs[at.SLOPE, i]
-        same = TANGENT_TOLERANCE * law_parameters[at.STIFFNESS, i]
+        slope = law_state[rows.SLOPE, i]
+        same = TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         for row in range(4):
-            stale |= abs(work[ROW.FACTORED + row, i] - _BY_SLOPE[row] * slope) > same
-        work[ROW.PATH + path.MEAN, i] = (
-            springs[at.FORCE, i] + linear_terms[at.GEOMETRIC, i] * springs[at.DRIFT, i]
+            stale |= abs(scratch[ROW.FACTORED + row, i] - _BY_SLOPE[row] * slope) > same
+        scratch[ROW.PATH + path.MEAN, i] = (
+            law_state[rows.FORCE, i] + linear_terms[rows.GEOMETRIC, i] * law_state[rows.DRIFT, i]
         )
-        work[ROW.LEFT, i] = 0.0
+        scratch[ROW.LEFT, i] = 0.0
     size = 0.0
     for i in range(n):
         mean = (
-            work[ROW.PATH + path.MEAN, i]
-            - linear_terms[at.LINK, i + 1] * work[ROW.PATH + path.MEAN, i + 1]
-            - work[ROW.LOAD, i]
+            scratch[ROW.PATH + path.MEAN, i]
+            - linear_terms[rows.LINK, i + 1] * scratch[ROW.PATH + path.MEAN, i + 1]
+            - scratch[ROW.LOAD, i]
         )
-        inertia = linear_terms[at.MASS, i] * coefficients[BY_RISE] * h * state[at.VELOCITY, i]
+        inertia = linear_terms[rows.MASS, i] * coefficients[BY_RISE] * h * state[rows.VELOCITY, i]
         by_rise = coefficients[R] * inertia - h * h * mean
-        by_bend = h * h * work[ROW.LOAD + 1, i] - inertia
-        work[ROW.X, i] = by_rise
-        work[ROW.X + 1, i] = by_bend
+        by_bend = h * h * scratch[ROW.LOAD + 1, i] - inertia
+        scratch[ROW.X, i] = by_rise
+        scratch[ROW.X + 1, i] = by_bend
         if BENDING:
-            size += linear_terms[at.INVERSE_MASS, i] * (
+            size += linear_terms[rows.INVERSE_MASS, i] * (
                 by_rise * by_rise + by_bend * by_bend / 12.0
             )
     if stale:
         for i in range(n):
             for row in range(4):
-                work[ROW.PATH + path.MEAN_BY_RISE + row, i] = _BY_SLOPE[row] * springs[at.SLOPE, i]
-        _factor(coefficients, linear_terms, modal, law_parameters, h, work)
-    solve(modal, h, work, ROW.X, n)
+                scratch[ROW.PATH + path.MEAN_BY_RISE + row, i] = (
+                    _BY_SLOPE[row] * law_state[rows.SLOPE, i]
+                )
+        _factor(coefficients, linear_terms, modal, law_parameters, h, scratch)
+    solve(modal, h, scratch, ROW.X, n)
     for row in range(2):
         for i in range(n):
-            work[ROW.CORRECTION + row, i] = work[ROW.X + row, i]
-            work[ROW.RISE + row, i] = work[ROW.X + row, i]
+            scratch[ROW.CORRECTION + row, i] = scratch[ROW.X + row, i]
+            scratch[ROW.RISE + row, i] = scratch[ROW.X + row, i]
     return size
 
 
-@inlined
-def _guess(h, state, work, n):
+@inline
+def _guess(h, state, scratch, n):
     """Constant acceleration, that of the end of the step before."""
     for i in range(n):
-        work[ROW.BEND, i] = h * h * state[at.ACCELERATION, i]
-        work[ROW.RISE, i] = h * state[at.VELOCITY, i] + 0.5 * work[ROW.BEND, i]
+        scratch[ROW.BEND, i] = h * h * state[rows.ACCELERATION, i]
+        scratch[ROW.RISE, i] = h * state[rows.VELOCITY, i] + 0.5 * scratch[ROW.BEND, i]
 
 
-@inlined
+@inline
 def _stories(coefficients, scene, h, memory, deciding):
     """Means, moments and tangents of the stories, dampers included, for the present motion. True if
     the factorization does not fit the tangents. Whether a story turns is decided anew only if
     `deciding`."""
     linear_terms, _, law_parameters, _, _ = scene
-    state, springs, work, _ = memory
+    state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    stale = work[ROW.FACTORED, n] != h
+    stale = scratch[ROW.FACTORED, n] != h
     rise_below = 0.0
     bend_below = 0.0
     size_below = 0.0
-    work[ROW.LEFT, n] = 0.0
+    scratch[ROW.LEFT, n] = 0.0
     for i in range(n):
-        link = linear_terms[at.LINK, i]
-        rise = work[ROW.RISE, i] - link * rise_below
-        bend = work[ROW.BEND, i] - link * bend_below
-        rise_below = work[ROW.RISE, i]
-        bend_below = work[ROW.BEND, i]
-        if stays(springs, i, rise, bend):
-            work[ROW.LEFT, i] = 0.0
-            work[ROW.STEADY, i] = 0.0
-            keep_to_branch(springs, i, rise, bend, work, ROW.PATH)
+        link = linear_terms[rows.LINK, i]
+        rise = scratch[ROW.RISE, i] - link * rise_below
+        bend = scratch[ROW.BEND, i] - link * bend_below
+        rise_below = scratch[ROW.RISE, i]
+        bend_below = scratch[ROW.BEND, i]
+        if stays(law_state, i, rise, bend):
+            scratch[ROW.LEFT, i] = 0.0
+            scratch[ROW.STEADY, i] = 0.0
+            keep_to_branch(law_state, i, rise, bend, scratch, ROW.PATH)
         else:
-            work[ROW.LEFT, i] = 1.0
-            work[ROW.LEFT, n] = 1.0
+            scratch[ROW.LEFT, i] = 1.0
+            scratch[ROW.LEFT, n] = 1.0
             if deciding:
-                doubtful = 2.0 * abs(rise) < abs(bend) and springs[at.SLOPE, i] < math.inf
-                work[ROW.STEADY, i] = (
+                doubtful = 2.0 * abs(rise) < abs(bend) and law_state[rows.SLOPE, i] < math.inf
+                scratch[ROW.STEADY, i] = (
                     1.0 if doubtful and _steady(coefficients, scene, h, memory, i) else 0.0
                 )
             follow(
-                law_parameters, springs, i, rise, bend, work[ROW.STEADY, i] != 0.0, work, ROW.PATH
+                law_parameters,
+                law_state,
+                i,
+                rise,
+                bend,
+                scratch[ROW.STEADY, i] != 0.0,
+                scratch,
+                ROW.PATH,
             )
-        if DASHPOTS and linear_terms[at.POWER_DAMPER, i] != 0.0:
-            follow_dashpot(linear_terms, i, h, rise, bend, work, ROW.PATH, ROW.DASHPOT)
-        same = TANGENT_TOLERANCE * law_parameters[at.STIFFNESS, i]
+        if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
+            follow_dashpot(linear_terms, i, h, rise, bend, scratch, ROW.PATH, ROW.DASHPOT)
+        same = TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         for row in range(4):
-            change = abs(work[ROW.PATH + path.MEAN_BY_RISE + row, i] - work[ROW.FACTORED + row, i])
+            change = abs(
+                scratch[ROW.PATH + path.MEAN_BY_RISE + row, i] - scratch[ROW.FACTORED + row, i]
+            )
             stale |= change > same
-        geometric = linear_terms[at.GEOMETRIC, i]
-        damper = linear_terms[at.STORY_DAMPER, i] / h
-        drift = springs[at.DRIFT, i]
-        stiffness = coefficients[R] * (law_parameters[at.STIFFNESS, i] + geometric)
-        work[ROW.PATH + path.MEAN, i] += (
+        geometric = linear_terms[rows.GEOMETRIC, i]
+        damper = linear_terms[rows.STORY_DAMPER, i] / h
+        drift = law_state[rows.DRIFT, i]
+        stiffness = coefficients[R] * (law_parameters[rows.STIFFNESS, i] + geometric)
+        scratch[ROW.PATH + path.MEAN, i] += (
             geometric * (drift + 0.5 * rise - bend / 12.0) + damper * rise
         )
-        work[ROW.PATH + path.MOMENT, i] += geometric * rise + (damper + stiffness) * bend
+        scratch[ROW.PATH + path.MOMENT, i] += geometric * rise + (damper + stiffness) * bend
         # A drift is a difference: what the displacements round is not out of balance.
-        size = abs(state[at.DISPLACEMENT, i]) + abs(rise_below)
-        work[ROW.SIZE, i] = (
-            ROUNDING / CLOSE * law_parameters[at.STIFFNESS, i] * (size + link * size_below)
+        size = abs(state[rows.DISPLACEMENT, i]) + abs(rise_below)
+        scratch[ROW.SIZE, i] = (
+            ROUNDING / CLOSE * law_parameters[rows.STIFFNESS, i] * (size + link * size_below)
         )
         size_below = size
     return stale
 
 
-@called
+@outlined
 def _steady(coefficients, scene, h, memory, i):
     """Whether story `i`, whose parabola turns, does not by its rate: that of the state at both
     ends, and what the equations of motion tell it to gain at the start. Without that the upper
     stories of a building at rest, whose rates grow with the third power of time, would seem to set
     out backwards."""
     linear_terms = scene.linear_terms
-    state, _, work, _ = memory
+    state, _, scratch, _ = memory
     rise = first = last = 0.0
-    floors = 2 if i > 0 and linear_terms[at.LINK, i] != 0.0 else 1
+    floors = 2 if i > 0 and linear_terms[rows.LINK, i] != 0.0 else 1
     for below in range(floors):
         j = i - below
         sign = 1.0 - 2.0 * below
-        rate = h * state[at.VELOCITY, j]
-        a1 = coefficients[BY_RISE] * (0.5 * work[ROW.BEND, j] - work[ROW.RISE, j] + rate)
-        rise += sign * work[ROW.RISE, j]
+        rate = h * state[rows.VELOCITY, j]
+        a1 = coefficients[BY_RISE] * (0.5 * scratch[ROW.BEND, j] - scratch[ROW.RISE, j] + rate)
+        rise += sign * scratch[ROW.RISE, j]
         first += sign * rate
-        last += sign * (rate + work[ROW.BEND, j] - coefficients[R] * a1)
+        last += sign * (rate + scratch[ROW.BEND, j] - coefficients[R] * a1)
     if turns_surely(rise, first, last):
         return False
     start = (
@@ -285,159 +296,183 @@ def _steady(coefficients, scene, h, memory, i):
     return turn == 1.0 and rise * side > 0.0
 
 
-@inlined
+@inline
 def _acceleration(scene, memory, i):
     """Acceleration of floor `i` at the start of the step, relative to the ground."""
     linear_terms, modal, _, _, _ = scene
-    state, springs, work, _ = memory
+    state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    force = work[ROW.LOAD, i] - 0.5 * work[ROW.LOAD + 1, i]
-    force -= linear_terms[at.FLOOR_DAMPER, i] * state[at.VELOCITY, i]
+    force = scratch[ROW.LOAD, i] - 0.5 * scratch[ROW.LOAD + 1, i]
+    force -= linear_terms[rows.FLOOR_DAMPER, i] * state[rows.VELOCITY, i]
     for j in range(modal.shape[0] if MODAL else 0):
         amplitude = 0.0
         for k in range(n):
-            amplitude += modal[j, k] * state[at.VELOCITY, k]
+            amplitude += modal[j, k] * state[rows.VELOCITY, k]
         force -= amplitude * modal[j, i]
     for above in range(2):
         j = i + above
         if j < n:
-            link = linear_terms[at.LINK, j]
-            rate = state[at.VELOCITY, j] - link * state[at.VELOCITY, max(j - 1, 0)]
-            story = springs[at.FORCE, j] + linear_terms[at.GEOMETRIC, j] * springs[at.DRIFT, j]
+            link = linear_terms[rows.LINK, j]
+            rate = state[rows.VELOCITY, j] - link * state[rows.VELOCITY, max(j - 1, 0)]
+            story = (
+                law_state[rows.FORCE, j]
+                + linear_terms[rows.GEOMETRIC, j] * law_state[rows.DRIFT, j]
+            )
             story += (
-                linear_terms[at.STORY_DAMPER, j] * rate + power_damper(linear_terms, j, rate)[0]
+                linear_terms[rows.STORY_DAMPER, j] * rate + power_damper(linear_terms, j, rate)[0]
             )
             force += story * link if above else -story
-    return linear_terms[at.INVERSE_MASS, i] * force
+    return linear_terms[rows.INVERSE_MASS, i] * force
 
 
-@inlined
-def _residuals(coefficients, linear_terms, modal, h, state, work):
+@inline
+def _residuals(coefficients, linear_terms, modal, h, state, scratch):
     """Minus the residuals of both equations into their rows; returns their size."""
     n = linear_terms.shape[1] - 1
     for i in range(n):
-        work[ROW.X, i] = 0.0
-        work[ROW.X + 1, i] = 0.0
-    add_modal_force(modal, work, ROW.RISE, -h, work, ROW.X, n)
-    add_modal_force(modal, work, ROW.BEND, -h, work, ROW.X + 1, n)
+        scratch[ROW.X, i] = 0.0
+        scratch[ROW.X + 1, i] = 0.0
+    add_modal_force(modal, scratch, ROW.RISE, -h, scratch, ROW.X, n)
+    add_modal_force(modal, scratch, ROW.BEND, -h, scratch, ROW.X + 1, n)
     total = 0.0
     for i in range(n):
-        link = linear_terms[at.LINK, i + 1]
-        rise = work[ROW.RISE, i]
-        bend = work[ROW.BEND, i]
-        a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[at.VELOCITY, i])
+        link = linear_terms[rows.LINK, i + 1]
+        rise = scratch[ROW.RISE, i]
+        bend = scratch[ROW.BEND, i]
+        a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[rows.VELOCITY, i])
         a0 = bend - coefficients[R] * a1
-        work[ROW.A0, i] = a0
-        work[ROW.A1, i] = a1
-        floor = h * linear_terms[at.FLOOR_DAMPER, i]
+        scratch[ROW.A0, i] = a0
+        scratch[ROW.A1, i] = a1
+        floor = h * linear_terms[rows.FLOOR_DAMPER, i]
         mean = (
-            work[ROW.PATH + path.MEAN, i]
-            - link * work[ROW.PATH + path.MEAN, i + 1]
-            - work[ROW.LOAD, i]
+            scratch[ROW.PATH + path.MEAN, i]
+            - link * scratch[ROW.PATH + path.MEAN, i + 1]
+            - scratch[ROW.LOAD, i]
         )
         moment = (
-            work[ROW.PATH + path.MOMENT, i]
-            - link * work[ROW.PATH + path.MOMENT, i + 1]
-            - work[ROW.LOAD + 1, i]
+            scratch[ROW.PATH + path.MOMENT, i]
+            - link * scratch[ROW.PATH + path.MOMENT, i + 1]
+            - scratch[ROW.LOAD + 1, i]
         )
-        work[ROW.X, i] -= linear_terms[at.MASS, i] * a0 + floor * rise + h * h * mean
-        work[ROW.X + 1, i] -= linear_terms[at.MASS, i] * a1 + floor * bend + h * h * moment
-        squares = work[ROW.X, i] * work[ROW.X, i] + work[ROW.X + 1, i] * work[ROW.X + 1, i] / 12.0
-        total += linear_terms[at.INVERSE_MASS, i] * squares
+        scratch[ROW.X, i] -= linear_terms[rows.MASS, i] * a0 + floor * rise + h * h * mean
+        scratch[ROW.X + 1, i] -= linear_terms[rows.MASS, i] * a1 + floor * bend + h * h * moment
+        squares = (
+            scratch[ROW.X, i] * scratch[ROW.X, i]
+            + scratch[ROW.X + 1, i] * scratch[ROW.X + 1, i] / 12.0
+        )
+        total += linear_terms[rows.INVERSE_MASS, i] * squares
     return total
 
 
-@inlined
-def _in_balance(last, coefficients, linear_terms, h, state, work, report):
+@inline
+def _in_balance(last, coefficients, linear_terms, h, state, scratch, step_status):
     """Whether the residuals are small beside the terms of their equations. At the last of them the
     worst is noted."""
-    report[at.RESIDUAL] = 0.0
+    step_status[rows.RESIDUAL] = 0.0
     small = True
     for i in range(linear_terms.shape[1] - 1):
-        link = linear_terms[at.LINK, i + 1]
-        mass = linear_terms[at.MASS, i]
-        rounding = work[ROW.SIZE, i] + link * work[ROW.SIZE, i + 1]
+        link = linear_terms[rows.LINK, i + 1]
+        mass = linear_terms[rows.MASS, i]
+        rounding = scratch[ROW.SIZE, i] + link * scratch[ROW.SIZE, i + 1]
         forces = (
-            abs(work[ROW.PATH + path.MEAN, i])
-            + link * abs(work[ROW.PATH + path.MEAN, i + 1])
-            + abs(work[ROW.LOAD, i])
+            abs(scratch[ROW.PATH + path.MEAN, i])
+            + link * abs(scratch[ROW.PATH + path.MEAN, i + 1])
+            + abs(scratch[ROW.LOAD, i])
         )
-        inner = abs(work[ROW.BEND, i]) + coefficients[R] * abs(work[ROW.A1, i])
+        inner = abs(scratch[ROW.BEND, i]) + coefficients[R] * abs(scratch[ROW.A1, i])
         small &= is_balanced(
-            last, CLOSE, report, i, work[ROW.X, i], mass * inner + h * h * (forces + rounding)
+            last,
+            CLOSE,
+            step_status,
+            i,
+            scratch[ROW.X, i],
+            mass * inner + h * h * (forces + rounding),
         )
         forces = (
-            abs(work[ROW.PATH + path.MOMENT, i])
-            + link * abs(work[ROW.PATH + path.MOMENT, i + 1])
-            + abs(work[ROW.LOAD + 1, i])
+            abs(scratch[ROW.PATH + path.MOMENT, i])
+            + link * abs(scratch[ROW.PATH + path.MOMENT, i + 1])
+            + abs(scratch[ROW.LOAD + 1, i])
         )
-        inner = abs(work[ROW.BEND, i]) + abs(work[ROW.RISE, i]) + h * abs(state[at.VELOCITY, i])
+        inner = (
+            abs(scratch[ROW.BEND, i]) + abs(scratch[ROW.RISE, i]) + h * abs(state[rows.VELOCITY, i])
+        )
         inner *= coefficients[BY_RISE]
         small &= is_balanced(
-            last, CLOSE, report, i, work[ROW.X + 1, i], mass * inner + h * h * (forces + rounding)
+            last,
+            CLOSE,
+            step_status,
+            i,
+            scratch[ROW.X + 1, i],
+            mass * inner + h * h * (forces + rounding),
         )
     return small
 
 
-@inlined
-def _correct(state, work, n):
+@inline
+def _correct(state, scratch, n):
     """Add the corrections. True if they are rounding."""
     small = True
     for i in range(n):
         for row in range(2):
-            work[ROW.CORRECTION + row, i] = work[ROW.X + row, i]
-            work[ROW.RISE + row, i] += work[ROW.X + row, i]
-        size = abs(state[at.DISPLACEMENT, i]) + abs(work[ROW.RISE, i]) + abs(work[ROW.BEND, i])
-        small = small and abs(work[ROW.X, i]) + abs(work[ROW.X + 1, i]) <= ROUNDING * size
+            scratch[ROW.CORRECTION + row, i] = scratch[ROW.X + row, i]
+            scratch[ROW.RISE + row, i] += scratch[ROW.X + row, i]
+        size = (
+            abs(state[rows.DISPLACEMENT, i]) + abs(scratch[ROW.RISE, i]) + abs(scratch[ROW.BEND, i])
+        )
+        small = small and abs(scratch[ROW.X, i]) + abs(scratch[ROW.X + 1, i]) <= ROUNDING * size
     return small
 
 
-@called
-def _factor(coefficients, linear_terms, modal, law_parameters, h, work):
+@outlined
+def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
     """Factor the Newton matrix for the present tangents."""
     n = linear_terms.shape[1] - 1
     square = h * h
     for i in range(n):
-        mass = linear_terms[at.MASS, i]
-        floor = h * linear_terms[at.FLOOR_DAMPER, i]
-        geometric = linear_terms[at.GEOMETRIC, i]
-        damper = h * linear_terms[at.STORY_DAMPER, i]
-        numerical = coefficients[R] * (law_parameters[at.STIFFNESS, i] + geometric)
+        mass = linear_terms[rows.MASS, i]
+        floor = h * linear_terms[rows.FLOOR_DAMPER, i]
+        geometric = linear_terms[rows.GEOMETRIC, i]
+        damper = h * linear_terms[rows.STORY_DAMPER, i]
+        numerical = coefficients[R] * (law_parameters[rows.STIFFNESS, i] + geometric)
         for row in range(4):
-            work[ROW.FACTORED + row, i] = work[ROW.PATH + path.MEAN_BY_RISE + row, i]
-        work[ROW.COUPLING, i] = (
-            square * (work[ROW.PATH + path.MEAN_BY_RISE, i] + 0.5 * geometric) + damper
+            scratch[ROW.FACTORED + row, i] = scratch[ROW.PATH + path.MEAN_BY_RISE + row, i]
+        scratch[ROW.COUPLING, i] = (
+            square * (scratch[ROW.PATH + path.MEAN_BY_RISE, i] + 0.5 * geometric) + damper
         )
-        work[ROW.COUPLING + 1, i] = square * (
-            work[ROW.PATH + path.MEAN_BY_BEND, i] - geometric / 12.0
+        scratch[ROW.COUPLING + 1, i] = square * (
+            scratch[ROW.PATH + path.MEAN_BY_BEND, i] - geometric / 12.0
         )
-        work[ROW.COUPLING + 2, i] = square * (work[ROW.PATH + path.MOMENT_BY_RISE, i] + geometric)
-        work[ROW.COUPLING + 3, i] = (
-            square * (work[ROW.PATH + path.MOMENT_BY_BEND, i] + numerical) + damper
+        scratch[ROW.COUPLING + 2, i] = square * (
+            scratch[ROW.PATH + path.MOMENT_BY_RISE, i] + geometric
+        )
+        scratch[ROW.COUPLING + 3, i] = (
+            square * (scratch[ROW.PATH + path.MOMENT_BY_BEND, i] + numerical) + damper
         )
         by_rise = mass * coefficients[BY_RISE]
-        work[ROW.BLOCKS, i] = coefficients[R] * by_rise + floor + work[ROW.COUPLING, i]
-        work[ROW.BLOCKS + 1, i] = mass - 0.5 * coefficients[R] * by_rise + work[ROW.COUPLING + 1, i]
-        work[ROW.BLOCKS + 2, i] = work[ROW.COUPLING + 2, i] - by_rise
-        work[ROW.BLOCKS + 3, i] = 0.5 * by_rise + floor + work[ROW.COUPLING + 3, i]
-    work[ROW.FACTORED, n] = h
-    factors = Factors(work, ROW.BLOCKS, ROW.COUPLING, STORE)
+        scratch[ROW.BLOCKS, i] = coefficients[R] * by_rise + floor + scratch[ROW.COUPLING, i]
+        scratch[ROW.BLOCKS + 1, i] = (
+            mass - 0.5 * coefficients[R] * by_rise + scratch[ROW.COUPLING + 1, i]
+        )
+        scratch[ROW.BLOCKS + 2, i] = scratch[ROW.COUPLING + 2, i] - by_rise
+        scratch[ROW.BLOCKS + 3, i] = 0.5 * by_rise + floor + scratch[ROW.COUPLING + 3, i]
+    scratch[ROW.FACTORED, n] = h
+    factors = Factors(scratch, ROW.BLOCKS, ROW.COUPLING, STORE)
     link_blocks(linear_terms, factors, n)
     factor_blocks(factors, ModalBlocks(modal, h, 0.0, 0.0, h), n)
 
 
-@inlined
-def solve(modal, h, work, x, n):
+@inline
+def solve(modal, h, scratch, x, n):
     """Corrections, or the motion, from the residuals, in their place: rows `x` and `x` + 1."""
-    factors = Factors(work, ROW.BLOCKS, ROW.COUPLING, STORE)
+    factors = Factors(scratch, ROW.BLOCKS, ROW.COUPLING, STORE)
     solve_blocks_damped(factors, ModalBlocks(modal, h, 0.0, 0.0, h), x, x + 1, n)
 
 
-@inlined
+@inline
 def finish(coefficients, scene, h, memory):
     """Update the state, and the work done by the load and the dampers along the paths."""
     linear_terms, modal, law_parameters, _, flags = scene
-    state, springs, work, report = memory
+    state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
     by_h = 1.0 / h
     by_rise = 0.0
@@ -447,61 +482,61 @@ def finish(coefficients, scene, h, memory):
     rise_below = 0.0
     bend_below = 0.0
     for i in range(n):
-        rise = work[ROW.RISE, i]
-        bend = work[ROW.BEND, i]
-        a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[at.VELOCITY, i])
+        rise = scratch[ROW.RISE, i]
+        bend = scratch[ROW.BEND, i]
+        a1 = coefficients[BY_RISE] * (0.5 * bend - rise + h * state[rows.VELOCITY, i])
         a0 = bend - coefficients[R] * a1
-        by_rise += rise * work[ROW.LOAD, i]
-        by_bend += bend * work[ROW.LOAD + 1, i]
-        damped_rise += linear_terms[at.FLOOR_DAMPER, i] * rise * rise
-        damped_bend += linear_terms[at.FLOOR_DAMPER, i] * bend * bend
-        state[at.DISPLACEMENT, i] += rise
-        state[at.VELOCITY, i] += by_h * a0
-        state[at.ACCELERATION, i] = by_h * by_h * (a0 + 0.5 * a1)
-        rise -= linear_terms[at.LINK, i] * rise_below
-        bend -= linear_terms[at.LINK, i] * bend_below
-        rise_below = work[ROW.RISE, i]
-        bend_below = work[ROW.BEND, i]
-        damped_rise += linear_terms[at.STORY_DAMPER, i] * rise * rise
-        damped_bend += linear_terms[at.STORY_DAMPER, i] * bend * bend
-        if not BENDING or work[ROW.LEFT, i] == 0.0:
-            advance(law_parameters, springs, i, 0, springs[at.DRIFT, i] + rise)
+        by_rise += rise * scratch[ROW.LOAD, i]
+        by_bend += bend * scratch[ROW.LOAD + 1, i]
+        damped_rise += linear_terms[rows.FLOOR_DAMPER, i] * rise * rise
+        damped_bend += linear_terms[rows.FLOOR_DAMPER, i] * bend * bend
+        state[rows.DISPLACEMENT, i] += rise
+        state[rows.VELOCITY, i] += by_h * a0
+        state[rows.ACCELERATION, i] = by_h * by_h * (a0 + 0.5 * a1)
+        rise -= linear_terms[rows.LINK, i] * rise_below
+        bend -= linear_terms[rows.LINK, i] * bend_below
+        rise_below = scratch[ROW.RISE, i]
+        bend_below = scratch[ROW.BEND, i]
+        damped_rise += linear_terms[rows.STORY_DAMPER, i] * rise * rise
+        damped_bend += linear_terms[rows.STORY_DAMPER, i] * bend * bend
+        if not BENDING or scratch[ROW.LEFT, i] == 0.0:
+            advance(law_parameters, law_state, i, 0, law_state[rows.DRIFT, i] + rise)
         else:
-            arrive(law_parameters, springs, i, rise)
+            arrive(law_parameters, law_state, i, rise)
     damped = by_h * (damped_rise + damped_bend / 12.0)
     if MODAL and modal.shape[0] > 0:
-        damped += _modal_work(modal, h, work, n)
-    if DASHPOTS and flags[at.POWER_DAMPERS] != 0.0:
-        damped += _dashpot_work(linear_terms, work, n)
-    report[at.WORK_INPUT] = by_rise + by_bend / 12.0
-    report[at.WORK_DAMPED] = damped
+        damped += _modal_work(modal, h, scratch, n)
+    if DASHPOTS and flags[rows.POWER_DAMPERS] != 0.0:
+        damped += _dashpot_work(linear_terms, scratch, n)
+    step_status[rows.WORK_INPUT] = by_rise + by_bend / 12.0
+    step_status[rows.WORK_VISCOUS] = damped
 
 
-@called
-def _modal_work(modal, h, work, n):
+@outlined
+def _modal_work(modal, h, scratch, n):
     """Work of modal damping along the paths."""
     total = 0.0
     for j in range(modal.shape[0]):
         rise = 0.0
         bend = 0.0
         for i in range(n):
-            rise += modal[j, i] * work[ROW.RISE, i]
-            bend += modal[j, i] * work[ROW.BEND, i]
+            rise += modal[j, i] * scratch[ROW.RISE, i]
+            bend += modal[j, i] * scratch[ROW.BEND, i]
         total += (rise * rise + bend * bend / 12.0) / h
     return total
 
 
-@called
-def _dashpot_work(linear_terms, work, n):
+@outlined
+def _dashpot_work(linear_terms, scratch, n):
     """Work of the power-law dashpots along the paths."""
     total = 0.0
     rise_below = 0.0
     bend_below = 0.0
     for i in range(n):
-        rise = work[ROW.RISE, i] - linear_terms[at.LINK, i] * rise_below
-        bend = work[ROW.BEND, i] - linear_terms[at.LINK, i] * bend_below
-        rise_below = work[ROW.RISE, i]
-        bend_below = work[ROW.BEND, i]
-        if linear_terms[at.POWER_DAMPER, i] != 0.0:
-            total += rise * work[ROW.DASHPOT, i] + bend * work[ROW.DASHPOT + 1, i] / 12.0
+        rise = scratch[ROW.RISE, i] - linear_terms[rows.LINK, i] * rise_below
+        bend = scratch[ROW.BEND, i] - linear_terms[rows.LINK, i] * bend_below
+        rise_below = scratch[ROW.RISE, i]
+        bend_below = scratch[ROW.BEND, i]
+        if linear_terms[rows.POWER_DAMPER, i] != 0.0:
+            total += rise * scratch[ROW.DASHPOT, i] + bend * scratch[ROW.DASHPOT + 1, i] / 12.0
     return total

@@ -15,8 +15,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import inlined
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import inline
 from tdint.kernels.equations.iteration import (
     MAX_ITERATIONS,
     RESIDUAL_TOLERANCE,
@@ -31,7 +31,7 @@ from tdint.kernels.equations.iteration import (
 from tdint.kernels.equations.tridiagonal import Combination, factor_combination, solve_damped
 from tdint.kernels.linear_terms import add_modal_force, power_damper
 from tdint.kernels.stepping import Factors
-from tdint.kernels.stories.law_state import restoring
+from tdint.kernels.stories.law_state import restoring_force
 
 
 class _Rows(NamedTuple):
@@ -57,8 +57,8 @@ class _Factors(NamedTuple):
     COUPLING: int = 1
 
 
-ROW, BALANCE_ROWS = at.chained(_Rows)
-_FACTOR, _STORE = at.chained(_Factors)
+ROW, EQUILIBRIUM_ROWS = rows.chained(_Rows)
+_FACTOR, _STORE = rows.chained(_Factors)
 
 
 def factor_rows(modes: int) -> int:
@@ -66,64 +66,65 @@ def factor_rows(modes: int) -> int:
     return _STORE + 2 * modes + 1
 
 
-@inlined
-def forget(work, factors, n):
+@inline
+def invalidate(scratch, factors, n):
     """Mark the factors in the block at row `factors` as fitting no tangent."""
     for i in range(n):
-        work[factors + _FACTOR.FACTORED, i] = math.inf
+        scratch[factors + _FACTOR.FACTORED, i] = math.inf
 
 
-@inlined
-def balance(weights, factors, past, trial, scene, memory):
+@inline
+def solve_equilibrium(weights, factors, previous, trial, scene, memory):
     """Bring the floors into equilibrium; returns the number of solves, or a negative code.
 
-    The drift laws go from the state in block `past` of springs to block `trial`. Rows `factors` and
+    The drift laws go from the state in block `previous` of springs to block `trial`. Rows
+    `factors` and
     following of work hold the factors of by_a M + by_v C + by_u K for the weights of this call, or
-    are marked by `forget`.
+    are marked by `invalidate`.
     """
     by_u, by_v, by_a = weights
     linear_terms, modal, _, _, flags = scene
-    work, report = memory.work, memory.report
+    scratch, step_status = memory.scratch, memory.step_status
     n = linear_terms.shape[1] - 1
     tangents = factors + _FACTOR.FACTORED
-    kept = Factors(work, factors + _FACTOR.PIVOT, factors + _FACTOR.COUPLING, factors + _STORE)
+    kept = Factors(scratch, factors + _FACTOR.PIVOT, factors + _FACTOR.COUPLING, factors + _STORE)
     combination = Combination(by_a, by_v, by_u if by_u != 0.0 else 1.0)
     for i in range(n):
-        work[ROW.X, i] = 0.0
+        scratch[ROW.X, i] = 0.0
     iterations = 0
     part = 1.0
     before = math.inf
     while True:
-        stale = _story_forces(weights, factors, past, trial, scene, memory)
-        if _in_balance(iterations == MAX_ITERATIONS, linear_terms, modal, work, report):
+        stale = _story_forces(weights, factors, previous, trial, scene, memory)
+        if _in_balance(iterations == MAX_ITERATIONS, linear_terms, modal, scratch, step_status):
             break
         if iterations >= UNDAMPED_ITERATIONS:
-            size = squared_norm(linear_terms, work, ROW.RESIDUAL, n)
+            size = squared_norm(linear_terms, scratch, ROW.RESIDUAL, n)
             if must_halve(size, before, part):
                 part *= 0.5
-                _correct(-part, ROW.CORRECTION, weights, work, n)
+                _correct(-part, ROW.CORRECTION, weights, scratch, n)
                 continue
             before = size
             part = 1.0
         if iterations == MAX_ITERATIONS:
-            return at.NOT_CONVERGED
+            return rows.NOT_CONVERGED
         if stale:
             for i in range(n):
-                work[tangents, i] = work[ROW.TANGENT, i]
-            factor_combination(linear_terms, modal, work, tangents, combination, kept, n)
+                scratch[tangents, i] = scratch[ROW.TANGENT, i]
+            factor_combination(linear_terms, modal, scratch, tangents, combination, kept, n)
         solve_damped(kept, modal, ROW.RESIDUAL, n)
         iterations += 1
         if iterations > UNDAMPED_ITERATIONS:
-            copy_rows(work, ROW.RESIDUAL, ROW.CORRECTION, 1, n)
-        done = flags[at.LINEAR] != 0.0 or (by_u == 0.0 and flags[at.POWER_DAMPERS] == 0.0)
-        if _correct(1.0, ROW.RESIDUAL, weights, work, n) or done:
-            _drift_laws(past, trial, scene, memory)
+            copy_rows(scratch, ROW.RESIDUAL, ROW.CORRECTION, 1, n)
+        done = flags[rows.LINEAR] != 0.0 or (by_u == 0.0 and flags[rows.POWER_DAMPERS] == 0.0)
+        if _correct(1.0, ROW.RESIDUAL, weights, scratch, n) or done:
+            _drift_laws(previous, trial, scene, memory)
             break
     return max(iterations, 1)
 
 
-@inlined
-def _story_forces(weights, factors, past, trial, scene, memory):
+@inline
+def _story_forces(weights, factors, previous, trial, scene, memory):
     """Story forces of the present motion. True if the factors do not fit its tangents.
 
     The tangent of a power-law dashpot is a stiffness by_v / by_u times as large. Where by_u is 0 no
@@ -131,99 +132,100 @@ def _story_forces(weights, factors, past, trial, scene, memory):
     """
     by_u, by_v, _ = weights
     linear_terms, _, law_parameters, _, _ = scene
-    _, springs, work, _ = memory
+    _, law_state, scratch, _ = memory
     stale = False
     u_below = 0.0
     v_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
-        drift = work[ROW.U, i] - linear_terms[at.LINK, i] * u_below
-        rate = work[ROW.V, i] - linear_terms[at.LINK, i] * v_below
-        u_below = work[ROW.U, i]
-        v_below = work[ROW.V, i]
-        tangent = restoring(law_parameters, springs, i, past, trial, drift)
+        drift = scratch[ROW.U, i] - linear_terms[rows.LINK, i] * u_below
+        rate = scratch[ROW.V, i] - linear_terms[rows.LINK, i] * v_below
+        u_below = scratch[ROW.U, i]
+        v_below = scratch[ROW.V, i]
+        tangent = restoring_force(law_parameters, law_state, i, previous, trial, drift)
         damper, slope = power_damper(linear_terms, i, rate)
-        scale = law_parameters[at.STIFFNESS, i]
+        scale = law_parameters[rows.STIFFNESS, i]
         if by_u == 0.0:
-            tangent = by_v * slope - linear_terms[at.GEOMETRIC, i]
-            scale = linear_terms[at.MASS, i]
+            tangent = by_v * slope - linear_terms[rows.GEOMETRIC, i]
+            scale = linear_terms[rows.MASS, i]
         elif slope != 0.0:
             tangent += by_v / by_u * slope
-        work[ROW.TANGENT, i] = tangent
+        scratch[ROW.TANGENT, i] = tangent
         stale = (
-            stale or abs(tangent - work[factors + _FACTOR.FACTORED, i]) > TANGENT_TOLERANCE * scale
+            stale
+            or abs(tangent - scratch[factors + _FACTOR.FACTORED, i]) > TANGENT_TOLERANCE * scale
         )
         total = (
-            springs[trial + at.FORCE, i]
-            + linear_terms[at.GEOMETRIC, i] * drift
-            + linear_terms[at.STORY_DAMPER, i] * rate
+            law_state[trial + rows.FORCE, i]
+            + linear_terms[rows.GEOMETRIC, i] * drift
+            + linear_terms[rows.STORY_DAMPER, i] * rate
             + damper
         )
-        work[ROW.SUM, i] = total
+        scratch[ROW.SUM, i] = total
         # A drift is a difference: what the displacements round is not out of balance.
-        rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[at.STIFFNESS, i]
-        work[ROW.SIZE, i] = abs(total) + rounding * (
-            abs(work[ROW.U, i]) + abs(work[ROW.U, i] - drift)
+        rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[rows.STIFFNESS, i]
+        scratch[ROW.SIZE, i] = abs(total) + rounding * (
+            abs(scratch[ROW.U, i]) + abs(scratch[ROW.U, i] - drift)
         )
     return stale
 
 
-@inlined
-def _in_balance(last, linear_terms, modal, work, report):
+@inline
+def _in_balance(last, linear_terms, modal, scratch, step_status):
     """Unbalanced forces into their row, N; whether all are small. At the last of them the worst is
     noted."""
     n = linear_terms.shape[1] - 1
     for i in range(n):
-        work[ROW.RESIDUAL, i] = linear_terms[at.FLOOR_DAMPER, i] * work[ROW.V, i]
-    add_modal_force(modal, work, ROW.V, 1.0, work, ROW.RESIDUAL, n)
-    report[at.RESIDUAL] = 0.0
+        scratch[ROW.RESIDUAL, i] = linear_terms[rows.FLOOR_DAMPER, i] * scratch[ROW.V, i]
+    add_modal_force(modal, scratch, ROW.V, 1.0, scratch, ROW.RESIDUAL, n)
+    step_status[rows.RESIDUAL] = 0.0
     small = True
     for i in range(n):
-        load = work[ROW.LOAD, i]
-        inertia = linear_terms[at.MASS, i] * work[ROW.A, i]
-        damping = work[ROW.RESIDUAL, i]
-        link = linear_terms[at.LINK, i + 1]
-        residual = load - inertia - damping - work[ROW.SUM, i] + link * work[ROW.SUM, i + 1]
-        work[ROW.RESIDUAL, i] = residual
+        load = scratch[ROW.LOAD, i]
+        inertia = linear_terms[rows.MASS, i] * scratch[ROW.A, i]
+        damping = scratch[ROW.RESIDUAL, i]
+        link = linear_terms[rows.LINK, i + 1]
+        residual = load - inertia - damping - scratch[ROW.SUM, i] + link * scratch[ROW.SUM, i + 1]
+        scratch[ROW.RESIDUAL, i] = residual
         scale = (
             abs(load)
             + abs(inertia)
             + abs(damping)
-            + work[ROW.SIZE, i]
-            + link * work[ROW.SIZE, i + 1]
+            + scratch[ROW.SIZE, i]
+            + link * scratch[ROW.SIZE, i + 1]
         )
-        small &= is_balanced(last, RESIDUAL_TOLERANCE, report, i, residual, scale)
+        small &= is_balanced(last, RESIDUAL_TOLERANCE, step_status, i, residual, scale)
     return small
 
 
-@inlined
-def _drift_laws(past, trial, scene, memory):
+@inline
+def _drift_laws(previous, trial, scene, memory):
     """Drift laws at the present displacements."""
     linear_terms, _, law_parameters, _, _ = scene
-    _, springs, work, _ = memory
+    _, law_state, scratch, _ = memory
     below = 0.0
     for i in range(linear_terms.shape[1] - 1):
-        restoring(
+        restoring_force(
             law_parameters,
-            springs,
+            law_state,
             i,
-            past,
+            previous,
             trial,
-            work[ROW.U, i] - linear_terms[at.LINK, i] * below,
+            scratch[ROW.U, i] - linear_terms[rows.LINK, i] * below,
         )
-        below = work[ROW.U, i]
+        below = scratch[ROW.U, i]
 
 
-@inlined
-def _correct(part, row, weights, work, n):
+@inline
+def _correct(part, row, weights, scratch, n):
     """Add a part of the correction of x in `row` to x and to the motion. True if it was
     rounding."""
     by_u, by_v, by_a = weights
     small = True
     for i in range(n):
-        dx = part * work[row, i]
-        work[ROW.X, i] += dx
-        work[ROW.V, i] += by_v * dx
-        work[ROW.A, i] += by_a * dx
-        work[ROW.U, i] += by_u * dx
-        small = small and abs(by_u * dx) <= ROUNDING * abs(work[ROW.U, i])
+        dx = part * scratch[row, i]
+        scratch[ROW.X, i] += dx
+        scratch[ROW.V, i] += by_v * dx
+        scratch[ROW.A, i] += by_a * dx
+        scratch[ROW.U, i] += by_u * dx
+        small = small and abs(by_u * dx) <= ROUNDING * abs(scratch[ROW.U, i])
     return small

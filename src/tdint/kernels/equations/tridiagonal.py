@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import VARIANT, called, inlined
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import VARIANT, inline, outlined
 from tdint.kernels.stepping import Array
 
 _MODAL = VARIANT.modal
@@ -40,59 +40,60 @@ class ModalBlocks(NamedTuple):
     yy: float
 
 
-@inlined
+@inline
 def factor(factors, n):
     """L D L^T of a symmetric tridiagonal matrix in place.
 
     The row of pivots, which holds the diagonal, becomes the inverse pivots; that of couplings,
     entry i the coupling of i with i - 1, the multipliers.
     """
-    work, diagonal, coupling, _ = factors
-    work[diagonal, 0] = 1.0 / work[diagonal, 0]
+    scratch, diagonal, coupling, _ = factors
+    scratch[diagonal, 0] = 1.0 / scratch[diagonal, 0]
     for i in range(1, n):
-        multiplier = work[coupling, i] * work[diagonal, i - 1]
-        work[diagonal, i] = 1.0 / (work[diagonal, i] - multiplier * work[coupling, i])
-        work[coupling, i] = multiplier
+        multiplier = scratch[coupling, i] * scratch[diagonal, i - 1]
+        scratch[diagonal, i] = 1.0 / (scratch[diagonal, i] - multiplier * scratch[coupling, i])
+        scratch[coupling, i] = multiplier
 
 
-@inlined
+@inline
 def solve(factors, x, n):
     """Solve with the factors of `factor`; row `x` of their table holds the right side and becomes
     the solution."""
-    work, diagonal, coupling, _ = factors
-    carried = work[x, 0]
+    scratch, diagonal, coupling, _ = factors
+    carried = scratch[x, 0]
     for i in range(1, n):
-        carried = work[x, i] - work[coupling, i] * carried
-        work[x, i] = carried
-    carried = work[x, n - 1] * work[diagonal, n - 1]
-    work[x, n - 1] = carried
+        carried = scratch[x, i] - scratch[coupling, i] * carried
+        scratch[x, i] = carried
+    carried = scratch[x, n - 1] * scratch[diagonal, n - 1]
+    scratch[x, n - 1] = carried
     for i in range(n - 2, -1, -1):
-        carried = work[x, i] * work[diagonal, i] - work[coupling, i + 1] * carried
-        work[x, i] = carried
+        carried = scratch[x, i] * scratch[diagonal, i] - scratch[coupling, i + 1] * carried
+        scratch[x, i] = carried
 
 
-@called
-def invert(work, first, size):
+@outlined
+def invert(scratch, first, size):
     """Invert a dense matrix in place by Gauss-Jordan elimination.
 
-    Rows `first` .. `first + size - 1` of `work` hold it in their first `size` columns. The matrices
+    Rows `first` .. `first + size - 1` of `scratch` hold it in their first `size` columns. The
+    matrices
     are those of Woodbury's formula, identity plus a damping matrix: well conditioned, so no
     pivoting is needed.
     """
     for p in range(size):
-        inverse = 1.0 / work[first + p, p]
-        work[first + p, p] = 1.0
+        inverse = 1.0 / scratch[first + p, p]
+        scratch[first + p, p] = 1.0
         for j in range(size):
-            work[first + p, j] *= inverse
+            scratch[first + p, j] *= inverse
         for i in range(size):
             if i != p:
-                multiplier = work[first + i, p]
-                work[first + i, p] = 0.0
+                multiplier = scratch[first + i, p]
+                scratch[first + i, p] = 0.0
                 for j in range(size):
-                    work[first + i, j] -= multiplier * work[first + p, j]
+                    scratch[first + i, j] -= multiplier * scratch[first + p, j]
 
 
-@called
+@outlined
 def factor_damped(factors, modal, scale, n):
     """Factor T + scale * W^T W, T as for `factor`.
 
@@ -104,29 +105,29 @@ def factor_damped(factors, modal, scale, n):
         _store_damped(factors, modal, scale, n)
 
 
-@called
+@outlined
 def _store_damped(factors, modal, scale, n):
     """What `factor_damped` keeps of the modes."""
-    work, _, _, store = factors
+    scratch, _, _, store = factors
     modes = modal.shape[0]
     small = store + modes
     for j in range(modes):
         for i in range(n):
-            work[store + j, i] = modal[j, i]
+            scratch[store + j, i] = modal[j, i]
         solve(factors, store + j, n)
     for j in range(modes):
         for k in range(modes):
             product = 0.0
             for i in range(n):
-                product += modal[j, i] * work[store + k, i]
-            work[small + j, k] = scale * product + (1.0 if j == k else 0.0)
-    invert(work, small, modes)
+                product += modal[j, i] * scratch[store + k, i]
+            scratch[small + j, k] = scale * product + (1.0 if j == k else 0.0)
+    invert(scratch, small, modes)
     for j in range(modes):
         for k in range(modes):
-            work[small + j, k] *= scale
+            scratch[small + j, k] *= scale
 
 
-@inlined
+@inline
 def solve_damped(factors, modal, x, n):
     """Solve with the factors of `factor_damped`; row `x` holds the right side and becomes the
     solution."""
@@ -135,8 +136,8 @@ def solve_damped(factors, modal, x, n):
         _correct_damped(factors.table, modal, factors.store, x, n)
 
 
-@called
-def _correct_damped(work, modal, store, x, n):
+@outlined
+def _correct_damped(scratch, modal, store, x, n):
     """Woodbury's correction of `solve_damped`."""
     modes = modal.shape[0]
     small = store + modes
@@ -144,44 +145,45 @@ def _correct_damped(work, modal, store, x, n):
     for j in range(modes):
         product = 0.0
         for i in range(n):
-            product += modal[j, i] * work[x, i]
-        work[scratch, j] = product
+            product += modal[j, i] * scratch[x, i]
+        scratch[scratch, j] = product
     for j in range(modes):
         amplitude = 0.0
         for k in range(modes):
-            amplitude += work[small + j, k] * work[scratch, k]
+            amplitude += scratch[small + j, k] * scratch[scratch, k]
         for i in range(n):
-            work[x, i] -= amplitude * work[store + j, i]
+            scratch[x, i] -= amplitude * scratch[store + j, i]
 
 
-@inlined
-def assemble_combination(linear_terms, springs, row, combination, factors, n):
-    """by_m M + by_c C + by_k K for `factor`, without the modal part of C; row `row` of `springs` is
+@inline
+def assemble_combination(linear_terms, law_state, row, combination, factors, n):
+    """by_m M + by_c C + by_k K for `factor`, without the modal part of C; row `row` of `law_state`
+    is
     the stiffness of each story, to which the geometric one is added."""
     by_m, by_c, by_k = combination
-    work, diagonal, coupling, _ = factors
+    scratch, diagonal, coupling, _ = factors
     for i in range(n):
         story = (
-            by_k * (springs[row, i] + linear_terms[at.GEOMETRIC, i])
-            + by_c * linear_terms[at.STORY_DAMPER, i]
+            by_k * (law_state[row, i] + linear_terms[rows.GEOMETRIC, i])
+            + by_c * linear_terms[rows.STORY_DAMPER, i]
         )
-        work[diagonal, i] = (
-            by_m * linear_terms[at.MASS, i] + by_c * linear_terms[at.FLOOR_DAMPER, i] + story
+        scratch[diagonal, i] = (
+            by_m * linear_terms[rows.MASS, i] + by_c * linear_terms[rows.FLOOR_DAMPER, i] + story
         )
-        work[coupling, i] = -linear_terms[at.LINK, i] * story
+        scratch[coupling, i] = -linear_terms[rows.LINK, i] * story
     for i in range(n - 1):
-        work[diagonal, i] -= work[coupling, i + 1]
+        scratch[diagonal, i] -= scratch[coupling, i + 1]
 
 
-@called
-def factor_combination(linear_terms, modal, springs, row, combination, factors, n):
-    """Factor by_m M + by_c C + by_k K as `factor_damped` does; `springs` as for
+@outlined
+def factor_combination(linear_terms, modal, law_state, row, combination, factors, n):
+    """Factor by_m M + by_c C + by_k K as `factor_damped` does; `law_state` as for
     `assemble_combination`."""
-    assemble_combination(linear_terms, springs, row, combination, factors, n)
+    assemble_combination(linear_terms, law_state, row, combination, factors, n)
     factor_damped(factors, modal, combination.by_c, n)
 
 
-@inlined
+@inline
 def assemble_blocks(linear_terms, factors, by_v, by_a, n):
     """Newton matrix of a step with the unknowns (u1 - u0, v1 - v0) per floor and a1 eliminated by
     equilibrium.
@@ -190,31 +192,31 @@ def assemble_blocks(linear_terms, factors, by_v, by_a, n):
     and by_a are the weights of v1 and -a1 in the kinematic line u1 - u0 = ... The couplings are cut
     where a story stands on the ground.
     """
-    work, blocks, coupling, _ = factors
+    scratch, blocks, coupling, _ = factors
     for i in range(n):
-        mass = linear_terms[at.MASS, i]
-        floor = linear_terms[at.FLOOR_DAMPER, i]
-        work[blocks, i] = mass + work[coupling, i]
-        work[blocks + 1, i] = work[coupling + 1, i] - by_v * mass - by_a * floor
-        work[blocks + 2, i] = floor + work[coupling + 2, i]
-        work[blocks + 3, i] = mass + work[coupling + 3, i]
+        mass = linear_terms[rows.MASS, i]
+        floor = linear_terms[rows.FLOOR_DAMPER, i]
+        scratch[blocks, i] = mass + scratch[coupling, i]
+        scratch[blocks + 1, i] = scratch[coupling + 1, i] - by_v * mass - by_a * floor
+        scratch[blocks + 2, i] = floor + scratch[coupling + 2, i]
+        scratch[blocks + 3, i] = mass + scratch[coupling + 3, i]
     link_blocks(linear_terms, factors, n)
 
 
-@called
+@outlined
 def link_blocks(linear_terms, factors, n):
     """Add what each story brings to the block of the floor below it, and cut the coupling where
     there is none."""
-    work, blocks, coupling, _ = factors
+    scratch, blocks, coupling, _ = factors
     for i in range(n):
         for entry in range(4):
-            work[coupling + entry, i] *= linear_terms[at.LINK, i]
+            scratch[coupling + entry, i] *= linear_terms[rows.LINK, i]
     for i in range(n - 1):
         for entry in range(4):
-            work[blocks + entry, i] += work[coupling + entry, i + 1]
+            scratch[blocks + entry, i] += scratch[coupling + entry, i + 1]
 
 
-@called
+@outlined
 def factor_blocks(factors, damping, n):
     """Factor a block tridiagonal matrix with 2 x 2 blocks, plus a `ModalBlocks`.
 
@@ -226,22 +228,22 @@ def factor_blocks(factors, damping, n):
     `factors.store` on, four rows for each mode (both columns of T^-1 (I2 (x) W^T), x then y), the
     small inverse in 2 modes rows, one row of scratch.
     """
-    work, blocks, coupling, _ = factors
+    scratch, blocks, coupling, _ = factors
     upper = coupling + COUPLING_ROWS // 2
     for i in range(n):
-        p = work[blocks, i]
-        q = work[blocks + 1, i]
-        r = work[blocks + 2, i]
-        s = work[blocks + 3, i]
+        p = scratch[blocks, i]
+        q = scratch[blocks + 1, i]
+        r = scratch[blocks + 2, i]
+        s = scratch[blocks + 3, i]
         if i > 0:
             b0, b1, b2, b3 = (
-                work[coupling, i],
-                work[coupling + 1, i],
-                work[coupling + 2, i],
-                work[coupling + 3, i],
+                scratch[coupling, i],
+                scratch[coupling + 1, i],
+                scratch[coupling + 2, i],
+                scratch[coupling + 3, i],
             )
-            i0, i1 = work[blocks, i - 1], work[blocks + 1, i - 1]
-            i2, i3 = work[blocks + 2, i - 1], work[blocks + 3, i - 1]
+            i0, i1 = scratch[blocks, i - 1], scratch[blocks + 1, i - 1]
+            i2, i3 = scratch[blocks + 2, i - 1], scratch[blocks + 3, i - 1]
             x0 = i0 * b0 + i1 * b2
             x1 = i0 * b1 + i1 * b3
             x2 = i2 * b0 + i3 * b2
@@ -250,63 +252,63 @@ def factor_blocks(factors, damping, n):
             q -= b0 * x1 + b1 * x3
             r -= b2 * x0 + b3 * x2
             s -= b2 * x1 + b3 * x3
-            work[upper, i - 1] = x0
-            work[upper + 1, i - 1] = x1
-            work[upper + 2, i - 1] = x2
-            work[upper + 3, i - 1] = x3
-            work[coupling, i] = b0 * i0 + b1 * i2
-            work[coupling + 1, i] = b0 * i1 + b1 * i3
-            work[coupling + 2, i] = b2 * i0 + b3 * i2
-            work[coupling + 3, i] = b2 * i1 + b3 * i3
+            scratch[upper, i - 1] = x0
+            scratch[upper + 1, i - 1] = x1
+            scratch[upper + 2, i - 1] = x2
+            scratch[upper + 3, i - 1] = x3
+            scratch[coupling, i] = b0 * i0 + b1 * i2
+            scratch[coupling + 1, i] = b0 * i1 + b1 * i3
+            scratch[coupling + 2, i] = b2 * i0 + b3 * i2
+            scratch[coupling + 3, i] = b2 * i1 + b3 * i3
         inverse = 1.0 / (p * s - q * r)
-        work[blocks, i] = s * inverse
-        work[blocks + 1, i] = -q * inverse
-        work[blocks + 2, i] = -r * inverse
-        work[blocks + 3, i] = p * inverse
+        scratch[blocks, i] = s * inverse
+        scratch[blocks + 1, i] = -q * inverse
+        scratch[blocks + 2, i] = -r * inverse
+        scratch[blocks + 3, i] = p * inverse
     for entry in range(4):
-        work[upper + entry, n - 1] = 0.0
+        scratch[upper + entry, n - 1] = 0.0
     if _MODAL:
         _store_blocks_damped(factors, damping, n)
 
 
-@inlined
+@inline
 def solve_blocks(factors, x, y, n):
     """Solve with the blocks of `factor_blocks`, without the modal part; rows `x` and `y` become the
     solution."""
-    work, blocks, coupling, _ = factors
+    scratch, blocks, coupling, _ = factors
     upper = coupling + COUPLING_ROWS // 2
-    x0 = work[x, 0]
-    y0 = work[y, 0]
+    x0 = scratch[x, 0]
+    y0 = scratch[y, 0]
     for i in range(1, n):
-        forward = work[x, i] + work[coupling, i] * x0 + work[coupling + 1, i] * y0
-        y0 = work[y, i] + work[coupling + 2, i] * x0 + work[coupling + 3, i] * y0
+        forward = scratch[x, i] + scratch[coupling, i] * x0 + scratch[coupling + 1, i] * y0
+        y0 = scratch[y, i] + scratch[coupling + 2, i] * x0 + scratch[coupling + 3, i] * y0
         x0 = forward
-        work[x, i] = x0
-        work[y, i] = y0
+        scratch[x, i] = x0
+        scratch[y, i] = y0
     p = 0.0
     q = 0.0
     for i in range(n - 1, -1, -1):
-        x0 = work[x, i]
-        y0 = work[y, i]
+        x0 = scratch[x, i]
+        y0 = scratch[y, i]
         backward = (
-            work[blocks, i] * x0
-            + work[blocks + 1, i] * y0
-            + work[upper, i] * p
-            + work[upper + 1, i] * q
+            scratch[blocks, i] * x0
+            + scratch[blocks + 1, i] * y0
+            + scratch[upper, i] * p
+            + scratch[upper + 1, i] * q
         )
         q = (
-            work[blocks + 2, i] * x0
-            + work[blocks + 3, i] * y0
-            + work[upper + 2, i] * p
-            + work[upper + 3, i] * q
+            scratch[blocks + 2, i] * x0
+            + scratch[blocks + 3, i] * y0
+            + scratch[upper + 2, i] * p
+            + scratch[upper + 3, i] * q
         )
         p = backward
-        work[x, i] = p
-        work[y, i] = q
+        scratch[x, i] = p
+        scratch[y, i] = q
 
 
-@called
-def factor_pairs(linear_terms, springs, root, factors, damping, n):
+@outlined
+def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     """Factor M + l C + l^2 K with a complex number l, real and imaginary part `root`, for the
     branches that the stories are on; `damping` is l C of the modes.
 
@@ -320,11 +322,11 @@ def factor_pairs(linear_terms, springs, root, factors, damping, n):
     it is real.
     """
     re, im = root
-    work, pivot, coupling, _ = factors
+    scratch, pivot, coupling, _ = factors
     square_re = re * re - im * im
     square_im = 2.0 * re * im
-    spring = springs[at.SLOPE, 0] + linear_terms[at.GEOMETRIC, 0]
-    damper = linear_terms[at.STORY_DAMPER, 0]
+    spring = law_state[rows.SLOPE, 0] + linear_terms[rows.GEOMETRIC, 0]
+    damper = linear_terms[rows.STORY_DAMPER, 0]
     story_re = re * damper + square_re * spring
     story_im = im * damper + square_im * spring
     link = 0.0  # of the story to what is eliminated
@@ -337,16 +339,16 @@ def factor_pairs(linear_terms, springs, root, factors, damping, n):
         b_im = link * story_im
         by_re = b_re * inverse_re - b_im * inverse_im
         by_im = b_re * inverse_im + b_im * inverse_re
-        p = linear_terms[at.MASS, i] + re * linear_terms[at.FLOOR_DAMPER, i] + story_re
-        q = im * linear_terms[at.FLOOR_DAMPER, i] + story_im
+        p = linear_terms[rows.MASS, i] + re * linear_terms[rows.FLOOR_DAMPER, i] + story_re
+        q = im * linear_terms[rows.FLOOR_DAMPER, i] + story_im
         p -= by_re * b_re - by_im * b_im
         q -= by_re * b_im + by_im * b_re
-        work[coupling, i] = -by_re
-        work[coupling + 1, i] = -by_im
+        scratch[coupling, i] = -by_re
+        scratch[coupling + 1, i] = -by_im
         # What the story above brings
-        link = linear_terms[at.LINK, i + 1]
-        spring = springs[at.SLOPE, i + 1] + linear_terms[at.GEOMETRIC, i + 1]
-        damper = linear_terms[at.STORY_DAMPER, i + 1]
+        link = linear_terms[rows.LINK, i + 1]
+        spring = law_state[rows.SLOPE, i + 1] + linear_terms[rows.GEOMETRIC, i + 1]
+        damper = linear_terms[rows.STORY_DAMPER, i + 1]
         story_re = re * damper + square_re * spring
         story_im = im * damper + square_im * spring
         p += link * story_re
@@ -354,73 +356,73 @@ def factor_pairs(linear_terms, springs, root, factors, damping, n):
         inverse = 1.0 / (p * p + q * q)
         inverse_re = p * inverse
         inverse_im = -q * inverse
-        work[pivot, i] = inverse_re
-        work[pivot + 1, i] = inverse_im
-    work[coupling, n] = 0.0
-    work[coupling + 1, n] = 0.0
+        scratch[pivot, i] = inverse_re
+        scratch[pivot + 1, i] = inverse_im
+    scratch[coupling, n] = 0.0
+    scratch[coupling + 1, n] = 0.0
     if _MODAL:
         _store_pairs_damped(factors, damping, n)
 
 
-@inlined
+@inline
 def solve_pairs(factors, x, y, n):
     """Solve with the factors of `factor_pairs`, without the modal part; rows `x` and `y`, real and
     imaginary part of the right side, become the solution."""
-    work, pivot, coupling, _ = factors
-    x0 = work[x, 0]
-    y0 = work[y, 0]
+    scratch, pivot, coupling, _ = factors
+    x0 = scratch[x, 0]
+    y0 = scratch[y, 0]
     for i in range(1, n):
-        by_re = work[coupling, i]
-        by_im = work[coupling + 1, i]
-        forward = work[x, i] - by_re * x0 + by_im * y0
-        y0 = work[y, i] - by_re * y0 - by_im * x0
+        by_re = scratch[coupling, i]
+        by_im = scratch[coupling + 1, i]
+        forward = scratch[x, i] - by_re * x0 + by_im * y0
+        y0 = scratch[y, i] - by_re * y0 - by_im * x0
         x0 = forward
-        work[x, i] = x0
-        work[y, i] = y0
+        scratch[x, i] = x0
+        scratch[y, i] = y0
     p = 0.0
     q = 0.0
     for i in range(n - 1, -1, -1):
-        by_re = work[coupling, i + 1]
-        by_im = work[coupling + 1, i + 1]
-        re = work[pivot, i]
-        im = work[pivot + 1, i]
-        x0 = work[x, i]
-        y0 = work[y, i]
+        by_re = scratch[coupling, i + 1]
+        by_im = scratch[coupling + 1, i + 1]
+        re = scratch[pivot, i]
+        im = scratch[pivot + 1, i]
+        x0 = scratch[x, i]
+        y0 = scratch[y, i]
         backward = re * x0 - im * y0 - by_re * p + by_im * q
         q = re * y0 + im * x0 - by_re * q - by_im * p
         p = backward
-        work[x, i] = p
-        work[y, i] = q
+        scratch[x, i] = p
+        scratch[y, i] = q
 
 
 def _storing(solve_undamped):
     """A function that keeps what Woodbury's formula needs of the modes, with `solve_blocks` or
     `solve_pairs`."""
 
-    @called
+    @outlined
     def store_damped(factors, damping, n):
-        work, _, _, store = factors
+        scratch, _, _, store = factors
         modal, xx, xy, yx, yy = damping
         modes = modal.shape[0]
         small = store + 4 * modes
         for j in range(2 * modes):
             x = store + 2 * j
             for i in range(n):
-                work[x, i] = modal[j, i] if j < modes else 0.0
-                work[x + 1, i] = 0.0 if j < modes else modal[j - modes, i]
+                scratch[x, i] = modal[j, i] if j < modes else 0.0
+                scratch[x + 1, i] = 0.0 if j < modes else modal[j - modes, i]
             solve_undamped(factors, x, x + 1, n)
         for j in range(modes):
             for k in range(2 * modes):
                 in_x = 0.0
                 in_y = 0.0
                 for i in range(n):
-                    in_x += modal[j, i] * work[store + 2 * k, i]
-                    in_y += modal[j, i] * work[store + 2 * k + 1, i]
-                work[small + j, k] = xx * in_x + xy * in_y + (1.0 if j == k else 0.0)
-                work[small + modes + j, k] = (
+                    in_x += modal[j, i] * scratch[store + 2 * k, i]
+                    in_y += modal[j, i] * scratch[store + 2 * k + 1, i]
+                scratch[small + j, k] = xx * in_x + xy * in_y + (1.0 if j == k else 0.0)
+                scratch[small + modes + j, k] = (
                     yx * in_x + yy * in_y + (1.0 if modes + j == k else 0.0)
                 )
-        invert(work, small, 2 * modes)
+        invert(scratch, small, 2 * modes)
 
     return store_damped
 
@@ -429,10 +431,10 @@ _store_blocks_damped = _storing(solve_blocks)
 _store_pairs_damped = _storing(solve_pairs)
 
 
-@called
+@outlined
 def _correct_pairs(factors, damping, x, y, n):
     """Woodbury's correction of what was solved without the modes."""
-    work, _, _, store = factors
+    scratch, _, _, store = factors
     modal, xx, xy, yx, yy = damping
     modes = modal.shape[0]
     small = store + 4 * modes
@@ -441,23 +443,23 @@ def _correct_pairs(factors, damping, x, y, n):
         in_x = 0.0
         in_y = 0.0
         for i in range(n):
-            in_x += modal[j, i] * work[x, i]
-            in_y += modal[j, i] * work[y, i]
-        work[scratch, j] = xx * in_x + xy * in_y
-        work[scratch, modes + j] = yx * in_x + yy * in_y
+            in_x += modal[j, i] * scratch[x, i]
+            in_y += modal[j, i] * scratch[y, i]
+        scratch[scratch, j] = xx * in_x + xy * in_y
+        scratch[scratch, modes + j] = yx * in_x + yy * in_y
     for j in range(2 * modes):
         amplitude = 0.0
         for k in range(2 * modes):
-            amplitude += work[small + j, k] * work[scratch, k]
+            amplitude += scratch[small + j, k] * scratch[scratch, k]
         for i in range(n):
-            work[x, i] -= amplitude * work[store + 2 * j, i]
-            work[y, i] -= amplitude * work[store + 2 * j + 1, i]
+            scratch[x, i] -= amplitude * scratch[store + 2 * j, i]
+            scratch[y, i] -= amplitude * scratch[store + 2 * j + 1, i]
 
 
 def _solving(solve_undamped):
     """A function that solves with `solve_blocks` or `solve_pairs` and adds the modal part."""
 
-    @inlined
+    @inline
     def solve_both(factors, damping, x, y, n):
         solve_undamped(factors, x, y, n)
         if _MODAL and damping.modal.shape[0] > 0:

@@ -10,24 +10,24 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
 # Parameters
-_YIELD_FORCE = at.FIRST_PARAMETER
-_HARDENING = at.FIRST_PARAMETER + 1
+_YIELD_FORCE = rows.FIRST_PARAMETER
+_HARDENING = rows.FIRST_PARAMETER + 1
 
 
 def _functions() -> LawFunctions:
-    from tdint.kernels.compiling import inlined
+    from tdint.kernels.compiling import inline
 
-    @inlined
-    def force(law_parameters, springs, i, past, trial, drift):
-        k = law_parameters[at.STIFFNESS, i]
+    @inline
+    def force(law_parameters, law_state, i, previous, trial, drift):
+        k = law_parameters[rows.STIFFNESS, i]
         hardening = law_parameters[_HARDENING, i]
         strength = (1.0 - hardening) * law_parameters[_YIELD_FORCE, i]
-        z = springs[past + at.INTERNAL, i] + (1.0 - hardening) * k * (
-            drift - springs[past + at.DRIFT, i]
+        z = law_state[previous + rows.INTERNAL, i] + (1.0 - hardening) * k * (
+            drift - law_state[previous + rows.DRIFT, i]
         )
         tangent = k
         if z > strength:
@@ -36,79 +36,79 @@ def _functions() -> LawFunctions:
         elif z < -strength:
             z = -strength
             tangent = hardening * k
-        springs[trial + at.INTERNAL, i] = z
-        springs[trial + at.FORCE, i] = hardening * k * drift + z
+        law_state[trial + rows.INTERNAL, i] = z
+        law_state[trial + rows.FORCE, i] = hardening * k * drift + z
         return tangent
 
-    @inlined
-    def recoverable(law_parameters, springs, i):
-        d = springs[at.DRIFT, i]
-        z = springs[at.INTERNAL, i]
-        k = law_parameters[at.STIFFNESS, i]
+    @inline
+    def strain_energy(law_parameters, law_state, i):
+        d = law_state[rows.DRIFT, i]
+        z = law_state[rows.INTERNAL, i]
+        k = law_parameters[rows.STIFFNESS, i]
         hardening = law_parameters[_HARDENING, i]
         return 0.5 * hardening * k * d * d + 0.5 * z * z / ((1.0 - hardening) * k)
 
-    @inlined
-    def settle(law_parameters, springs, i, past, trial):
-        springs[trial + at.DISSIPATED, i] = springs[past + at.DISSIPATED, i]
-        z = springs[trial + at.INTERNAL, i]
+    @inline
+    def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
+        law_state[trial + rows.DISSIPATED, i] = law_state[previous + rows.DISSIPATED, i]
+        z = law_state[trial + rows.INTERNAL, i]
         soft = 1.0 - law_parameters[_HARDENING, i]
         if abs(z) == soft * law_parameters[_YIELD_FORCE, i]:  # else the way was elastic
-            stretch = springs[trial + at.DRIFT, i] - springs[past + at.DRIFT, i]
-            slip = stretch - (z - springs[past + at.INTERNAL, i]) / (
-                soft * law_parameters[at.STIFFNESS, i]
+            stretch = law_state[trial + rows.DRIFT, i] - law_state[previous + rows.DRIFT, i]
+            slip = stretch - (z - law_state[previous + rows.INTERNAL, i]) / (
+                soft * law_parameters[rows.STIFFNESS, i]
             )
-            springs[trial + at.DISSIPATED, i] += abs(z * slip)
+            law_state[trial + rows.DISSIPATED, i] += abs(z * slip)
 
-    @inlined
-    def enter(law_parameters, springs, i):
+    @inline
+    def enter(law_parameters, law_state, i):
         soft = 1.0 - law_parameters[_HARDENING, i]
         strength = soft * law_parameters[_YIELD_FORCE, i]
-        k = law_parameters[at.STIFFNESS, i]
-        springs[at.UPPER, i] = springs[at.DRIFT, i] + (strength - springs[at.INTERNAL, i]) / (
-            soft * k
-        )
-        springs[at.LOWER, i] = springs[at.DRIFT, i] - (strength + springs[at.INTERNAL, i]) / (
-            soft * k
-        )
+        k = law_parameters[rows.STIFFNESS, i]
+        law_state[rows.UPPER, i] = law_state[rows.DRIFT, i] + (
+            strength - law_state[rows.INTERNAL, i]
+        ) / (soft * k)
+        law_state[rows.LOWER, i] = law_state[rows.DRIFT, i] - (
+            strength + law_state[rows.INTERNAL, i]
+        ) / (soft * k)
 
-    @inlined
-    def advance(law_parameters, springs, i, block, step, mean_force):
-        if springs[block + at.TURN, i] == 0.0:
+    @inline
+    def advance(law_parameters, law_state, i, block, step, mean_force):
+        if law_state[block + rows.RATE_SIGN, i] == 0.0:
             elastic = (
                 law_parameters[_HARDENING, i]
-                * law_parameters[at.STIFFNESS, i]
-                * springs[block + at.DRIFT, i]
+                * law_parameters[rows.STIFFNESS, i]
+                * law_state[block + rows.DRIFT, i]
             )
-            springs[block + at.INTERNAL, i] = springs[block + at.FORCE, i] - elastic
+            law_state[block + rows.INTERNAL, i] = law_state[block + rows.FORCE, i] - elastic
         else:
-            springs[block + at.DISSIPATED, i] += abs(springs[block + at.INTERNAL, i] * step)
+            law_state[block + rows.DISSIPATED, i] += abs(law_state[block + rows.INTERNAL, i] * step)
 
-    @inlined
-    def switch(law_parameters, springs, i, block, event):
-        k = law_parameters[at.STIFFNESS, i]
+    @inline
+    def switch(law_parameters, law_state, i, block, event):
+        k = law_parameters[rows.STIFFNESS, i]
         hardening = law_parameters[_HARDENING, i]
         strength = (1.0 - hardening) * law_parameters[_YIELD_FORCE, i]
-        drift = springs[block + at.DRIFT, i]
-        if event == at.TURNED:
-            side = springs[block + at.TURN, i]
+        drift = law_state[block + rows.DRIFT, i]
+        if event == rows.REVERSED:
+            side = law_state[block + rows.RATE_SIGN, i]
             back = drift - side * 2.0 * strength / ((1.0 - hardening) * k)
-            springs[block + at.SLOPE, i] = k
-            springs[block + at.TURN, i] = 0.0
-            springs[block + at.UPPER, i] = max(drift, back)
-            springs[block + at.LOWER, i] = min(drift, back)
+            law_state[block + rows.SLOPE, i] = k
+            law_state[block + rows.RATE_SIGN, i] = 0.0
+            law_state[block + rows.UPPER, i] = max(drift, back)
+            law_state[block + rows.LOWER, i] = min(drift, back)
         else:
-            springs[block + at.INTERNAL, i] = event * strength
-            springs[block + at.FORCE, i] = hardening * k * drift + event * strength
-            springs[block + at.SLOPE, i] = hardening * k
-            springs[block + at.TURN, i] = event
-            springs[block + at.UPPER, i] = math.inf
-            springs[block + at.LOWER, i] = -math.inf
+            law_state[block + rows.INTERNAL, i] = event * strength
+            law_state[block + rows.FORCE, i] = hardening * k * drift + event * strength
+            law_state[block + rows.SLOPE, i] = hardening * k
+            law_state[block + rows.RATE_SIGN, i] = event
+            law_state[block + rows.UPPER, i] = math.inf
+            law_state[block + rows.LOWER, i] = -math.inf
 
     return LawFunctions(
         force=force,
-        recoverable=recoverable,
-        settle=settle,
+        strain_energy=strain_energy,
+        accumulate_dissipation=accumulate_dissipation,
         enter=enter,
         advance=advance,
         switch=switch,

@@ -17,14 +17,14 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
 # Parameters
-_YIELD_FORCE = at.FIRST_PARAMETER
-_HARDENING = at.FIRST_PARAMETER + 1
-_EXPONENT = at.FIRST_PARAMETER + 2
-_BETA = at.FIRST_PARAMETER + 3
+_YIELD_FORCE = rows.FIRST_PARAMETER
+_HARDENING = rows.FIRST_PARAMETER + 1
+_EXPONENT = rows.FIRST_PARAMETER + 2
+_BETA = rows.FIRST_PARAMETER + 3
 
 _SUBSTEP = 0.125
 """Length of a substep times the exponent n, in yield drifts; classical Runge-Kutta then errs by
@@ -44,16 +44,16 @@ _WEIGHTS = (0.36268378337836166, 0.3137066458778869, 0.22238103445337443, 0.1012
 def _functions() -> LawFunctions:
     import numpy as np
 
-    from tdint.kernels.compiling import called, inlined
+    from tdint.kernels.compiling import inline, outlined
 
     nodes = 0.5 + 0.5 * np.array([*(-node for node in reversed(_NODES)), *_NODES])
     weights = 0.5 * np.array([*reversed(_WEIGHTS), *_WEIGHTS])
 
-    @inlined
+    @inline
     def power(x, n):
         return x if n == 1.0 else (x * x if n == 2.0 else x**n)
 
-    @inlined
+    @inline
     def unloading(u, q, n, r):
         """u' = -(1 + q u^n) over r, and the loss q u^(n + 1) summed up on the way, over Fy^2 /
         k."""
@@ -67,7 +67,7 @@ def _functions() -> LawFunctions:
         loss = r / 6.0 * (p1 * u + 2.0 * (p2 * u2 + p3 * u3) + p4 * u4)
         return u - r - r / 6.0 * (p1 + 2.0 * (p2 + p3) + p4), loss
 
-    @inlined
+    @inline
     def loading(w, n, r):
         """w' = 1 - w^n over r, and the loss w^(n + 1) summed up on the way, over Fy^2 / k."""
         p1 = power(w, n)
@@ -80,7 +80,7 @@ def _functions() -> LawFunctions:
         loss = r / 6.0 * (p1 * w + 2.0 * (p2 * w2 + p3 * w3) + p4 * w4)
         return w + r - r / 6.0 * (p1 + 2.0 * (p2 + p3) + p4), loss
 
-    @called
+    @outlined
     def series(w, n, p):
         """The way from 0 to w, over Fy / k, where w' = 1 - p w^n; and the loss p w^(n + 1) summed
         up on it."""
@@ -94,7 +94,7 @@ def _functions() -> LawFunctions:
             loss += term * w / (j * n + 2.0)
         return way, loss
 
-    @called
+    @outlined
     def at_way(x, n, p):
         """Where the way of `series` is x, by Newton's iteration."""
         w = x
@@ -107,16 +107,16 @@ def _functions() -> LawFunctions:
                 break
         return w
 
-    @called
-    def force(law_parameters, springs, i, past, trial, drift):
-        k = law_parameters[at.STIFFNESS, i]
+    @outlined
+    def force(law_parameters, law_state, i, previous, trial, drift):
+        k = law_parameters[rows.STIFFNESS, i]
         strength = law_parameters[_YIELD_FORCE, i]
         hardening = law_parameters[_HARDENING, i]
         n = law_parameters[_EXPONENT, i]
         q = 2.0 * law_parameters[_BETA, i] - 1.0
-        stretch = drift - springs[past + at.DRIFT, i]
+        stretch = drift - law_state[previous + rows.DRIFT, i]
         side = 1.0 if stretch >= 0.0 else -1.0
-        w = side * springs[past + at.INTERNAL, i]
+        w = side * law_state[previous + rows.INTERNAL, i]
         left = abs(stretch) * k / strength
         longest = _SUBSTEP / n
         loss = 0.0
@@ -175,32 +175,33 @@ def _functions() -> LawFunctions:
             rate = 1.0 - power(w, n)
         else:
             rate = 1.0 + q * power(-w, n)
-        springs[trial + at.INTERNAL, i] = side * w
-        springs[trial + at.FORCE, i] = (
+        law_state[trial + rows.INTERNAL, i] = side * w
+        law_state[trial + rows.FORCE, i] = (
             hardening * k * drift + (1.0 - hardening) * strength * side * w
         )
-        springs[trial + at.DISSIPATED, i] = (
-            springs[past + at.DISSIPATED, i] + (1.0 - hardening) * strength * strength / k * loss
+        law_state[trial + rows.DISSIPATED, i] = (
+            law_state[previous + rows.DISSIPATED, i]
+            + (1.0 - hardening) * strength * strength / k * loss
         )
         return k * (hardening + (1.0 - hardening) * rate)
 
-    @inlined
-    def recoverable(law_parameters, springs, i):
-        d = springs[at.DRIFT, i]
-        z = law_parameters[_YIELD_FORCE, i] * springs[at.INTERNAL, i]
-        k = law_parameters[at.STIFFNESS, i]
+    @inline
+    def strain_energy(law_parameters, law_state, i):
+        d = law_state[rows.DRIFT, i]
+        z = law_parameters[_YIELD_FORCE, i] * law_state[rows.INTERNAL, i]
+        k = law_parameters[rows.STIFFNESS, i]
         hardening = law_parameters[_HARDENING, i]
         return 0.5 * hardening * k * d * d + 0.5 * (1.0 - hardening) * z * z / k
 
-    @inlined
-    def settle(law_parameters, springs, i, past, trial):
+    @inline
+    def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
         pass  # summed up on the way
 
-    @called
-    def kink(law_parameters, springs, i, block, side):
+    @outlined
+    def kink(law_parameters, law_state, i, block, side):
         """How far ahead on that side w changes its sign, by Gauss points in the root of w: dx = du
         / (1 + q u^n)."""
-        u = -side * springs[block + at.INTERNAL, i]
+        u = -side * law_state[block + rows.INTERNAL, i]
         if not u > 0.0:
             return math.inf
         n = law_parameters[_EXPONENT, i]
@@ -209,43 +210,43 @@ def _functions() -> LawFunctions:
         for point in range(8):
             root = nodes[point]
             way += weights[point] * 2.0 * root / (1.0 + q * power(u * root * root, n))
-        return way * u * law_parameters[_YIELD_FORCE, i] / law_parameters[at.STIFFNESS, i]
+        return way * u * law_parameters[_YIELD_FORCE, i] / law_parameters[rows.STIFFNESS, i]
 
-    @called
-    def look_ahead(law_parameters, springs, i, past, block):
+    @outlined
+    def look_ahead(law_parameters, law_state, i, previous, block):
         """Let the branch in `block` end where w will change its sign, seen from the state in
-        `past`."""
-        side = springs[block + at.TURN, i]
-        springs[block + at.UPPER, i] = math.inf
-        springs[block + at.LOWER, i] = -math.inf
-        if side * springs[past + at.INTERNAL, i] < 0.0:
-            way = kink(law_parameters, springs, i, past, side)
-            if way * law_parameters[at.STIFFNESS, i] > _THERE * law_parameters[_YIELD_FORCE, i]:
-                springs[block + (at.UPPER if side > 0.0 else at.LOWER), i] = (
-                    springs[past + at.DRIFT, i] + side * way
+        `previous`."""
+        side = law_state[block + rows.RATE_SIGN, i]
+        law_state[block + rows.UPPER, i] = math.inf
+        law_state[block + rows.LOWER, i] = -math.inf
+        if side * law_state[previous + rows.INTERNAL, i] < 0.0:
+            way = kink(law_parameters, law_state, i, previous, side)
+            if way * law_parameters[rows.STIFFNESS, i] > _THERE * law_parameters[_YIELD_FORCE, i]:
+                law_state[block + (rows.UPPER if side > 0.0 else rows.LOWER), i] = (
+                    law_state[previous + rows.DRIFT, i] + side * way
                 )
 
-    @inlined
-    def keep(law_parameters, springs, i, past, trial):
-        stretch = springs[trial + at.DRIFT, i] - springs[past + at.DRIFT, i]
+    @inline
+    def keep(law_parameters, law_state, i, previous, trial):
+        stretch = law_state[trial + rows.DRIFT, i] - law_state[previous + rows.DRIFT, i]
         if stretch != 0.0:
-            springs[at.TURN, i] = math.copysign(1.0, stretch)
+            law_state[rows.RATE_SIGN, i] = math.copysign(1.0, stretch)
         if law_parameters[_EXPONENT, i] < _SMOOTH:
-            look_ahead(law_parameters, springs, i, trial, 0)
+            look_ahead(law_parameters, law_state, i, trial, 0)
 
-    @inlined
-    def switch(law_parameters, springs, i, block, event):
+    @inline
+    def switch(law_parameters, law_state, i, block, event):
         """The drift rate has turned, and the tangent jumps; or w changes its sign."""
-        if event == at.TURNED:
-            springs[block + at.TURN, i] = -springs[block + at.TURN, i]
+        if event == rows.REVERSED:
+            law_state[block + rows.RATE_SIGN, i] = -law_state[block + rows.RATE_SIGN, i]
             if law_parameters[_EXPONENT, i] < _SMOOTH:
-                look_ahead(law_parameters, springs, i, block, block)
+                look_ahead(law_parameters, law_state, i, block, block)
         else:
-            springs[block + at.UPPER, i] = math.inf
-            springs[block + at.LOWER, i] = -math.inf
+            law_state[block + rows.UPPER, i] = math.inf
+            law_state[block + rows.LOWER, i] = -math.inf
 
-    @inlined
-    def points(law_parameters, springs, i, way):
+    @inline
+    def points(law_parameters, law_state, i, way):
         """Good to about 1e-6 of the yield force."""
         n = law_parameters[_EXPONENT, i]
         return (
@@ -253,14 +254,14 @@ def _functions() -> LawFunctions:
             + 4.0
             * (n + 1.0)
             * way
-            * law_parameters[at.STIFFNESS, i]
+            * law_parameters[rows.STIFFNESS, i]
             / law_parameters[_YIELD_FORCE, i]
         )
 
     return LawFunctions(
         force=force,
-        recoverable=recoverable,
-        settle=settle,
+        strain_energy=strain_energy,
+        accumulate_dissipation=accumulate_dissipation,
         keep=keep,
         switch=switch,
         points=points,

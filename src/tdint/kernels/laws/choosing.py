@@ -6,8 +6,8 @@ from collections.abc import Callable, Container
 from functools import cache
 from typing import Any
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import COMPILES, VARIANT, inlined, specialized
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import COMPILES, VARIANT, inline, specialized
 from tdint.kernels.laws import LAWS
 from tdint.kernels.laws.compiled_separately import CALLING
 from tdint.kernels.laws.law import DriftLaw, LawFunctions
@@ -67,7 +67,7 @@ _APART = -1
 KNOWING = _codes(lambda law: _functions(law).keep is not None)
 
 # Laws with a memory
-DISSIPATING = _codes(lambda law: _functions(law).settle is not None)
+DISSIPATING = _codes(lambda law: _functions(law).accumulate_dissipation is not None)
 
 
 def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any = None) -> Any:
@@ -78,9 +78,9 @@ def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any 
     that stands apart, whether it has a function or not.
     """
     if not COMPILES:
-        return lambda law_parameters, springs, i, *more: (
-            getattr(_functions(LAWS[int(law_parameters[at.CODE, i])]), hook) or otherwise
-        )(law_parameters, springs, i, *more)
+        return lambda law_parameters, law_state, i, *more: (
+            getattr(_functions(LAWS[int(law_parameters[rows.CODE, i])]), hook) or otherwise
+        )(law_parameters, law_state, i, *more)
     places = _places()
     all_of_them = [
         (code, getattr(CALLING if code == _APART else _functions(LAWS[code]), hook))
@@ -92,7 +92,7 @@ def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any 
     # Where each has its own the last one is taken for any other number: there is none.
     function = otherwise if len(owns) < len(all_of_them) or not owns else None
     for code, own in reversed(owns):
-        decorate = specialized if code == rare else inlined
+        decorate = specialized if code == rare else inline
         function = own if function is None else case(decorate, _test(code), own, function)
     return function
 
@@ -106,32 +106,33 @@ def _places() -> list[int]:
     return [*frequent, *apart, *others[len(frequent) :]]
 
 
-@inlined
-def _stands_apart(law_parameters, springs, i):
-    return springs[at.ADDRESS, i] != 0.0
+@inline
+def _stands_apart(law_parameters, law_state, i):
+    return law_state[rows.ADDRESS, i] != 0.0
 
 
 def _test(code: int) -> Any:
-    """A function of (law_parameters, springs, i): whether the story has the law, or one that stands
+    """A function of (law_parameters, law_state, i): whether the story has the law, or one that
+    stands
     apart."""
     if code == _APART:
         return _stands_apart
 
-    @inlined
-    def has(law_parameters, springs, i):
-        return law_parameters[at.CODE, i] == code
+    @inline
+    def has(law_parameters, law_state, i):
+        return law_parameters[rows.CODE, i] == code
 
     return has
 
 
 def case_of_3(decorate: Any, has: Any, own: Any, other: Any) -> Any:
-    """`own` where `has` says so, else `other`: functions of (law_parameters, springs, i)."""
+    """`own` where `has` says so, else `other`: functions of (law_parameters, law_state, i)."""
 
     @decorate
-    def choose(law_parameters, springs, i):
-        if has(law_parameters, springs, i):
-            return own(law_parameters, springs, i)
-        return other(law_parameters, springs, i)
+    def choose(law_parameters, law_state, i):
+        if has(law_parameters, law_state, i):
+            return own(law_parameters, law_state, i)
+        return other(law_parameters, law_state, i)
 
     return choose
 
@@ -140,10 +141,10 @@ def case_of_4(decorate: Any, has: Any, own: Any, other: Any) -> Any:
     """The same for functions of four arguments."""
 
     @decorate
-    def choose(law_parameters, springs, i, more):
-        if has(law_parameters, springs, i):
-            return own(law_parameters, springs, i, more)
-        return other(law_parameters, springs, i, more)
+    def choose(law_parameters, law_state, i, more):
+        if has(law_parameters, law_state, i):
+            return own(law_parameters, law_state, i, more)
+        return other(law_parameters, law_state, i, more)
 
     return choose
 
@@ -152,10 +153,10 @@ def case_of_5(decorate: Any, has: Any, own: Any, other: Any) -> Any:
     """The same for functions of five arguments."""
 
     @decorate
-    def choose(law_parameters, springs, i, block, more):
-        if has(law_parameters, springs, i):
-            return own(law_parameters, springs, i, block, more)
-        return other(law_parameters, springs, i, block, more)
+    def choose(law_parameters, law_state, i, block, more):
+        if has(law_parameters, law_state, i):
+            return own(law_parameters, law_state, i, block, more)
+        return other(law_parameters, law_state, i, block, more)
 
     return choose
 
@@ -164,9 +165,9 @@ def case_of_6(decorate: Any, has: Any, own: Any, other: Any) -> Any:
     """The same for functions of six arguments."""
 
     @decorate
-    def choose(law_parameters, springs, i, block, more, last):
-        if has(law_parameters, springs, i):
-            return own(law_parameters, springs, i, block, more, last)
-        return other(law_parameters, springs, i, block, more, last)
+    def choose(law_parameters, law_state, i, block, more, last):
+        if has(law_parameters, law_state, i):
+            return own(law_parameters, law_state, i, block, more, last)
+        return other(law_parameters, law_state, i, block, more, last)
 
     return choose

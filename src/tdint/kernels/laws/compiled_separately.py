@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import COMPILES, F8, I8, TABLE, Kernel, called_at, inlined
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import COMPILES, F8, I8, TABLE, Kernel, indirect_caller, inline
 from tdint.kernels.laws import LAWS
+from tdint.kernels.laws.branch_following import branch_first
 from tdint.kernels.laws.law import LawFunctions
-from tdint.kernels.laws.walking import branch_first
 
 _SIGNATURE = F8(
     I8, TABLE, TABLE, I8, I8, I8, F8
@@ -26,70 +26,76 @@ _SIGNATURE = F8(
 
 # The functions of a law by number, as `_HOOKS` lists them
 _FORCE = 0
-_RECOVERABLE = 1
-_DISSIPATED = 2
+_STRAIN_ENERGY = 1
+_HYSTERETIC_ENERGY = 2
 _KEEP = 3
 _ENTER = 4
 _SWITCH = 5
 
 
 if COMPILES:
-    _call_at = called_at(_SIGNATURE)
+    _call_at = indirect_caller(_SIGNATURE)
 
-    @inlined
-    def _call(address, hook, law_parameters, springs, i, past, trial, x):
+    @inline
+    def _call(address, hook, law_parameters, law_state, i, previous, trial, x):
         """Call a kernel of `_SIGNATURE` at an address that a float64 holds (exactly: addresses have
         48 bits)."""
-        return _call_at(int(address), hook, law_parameters, springs, i, past, trial, x)
+        return _call_at(int(address), hook, law_parameters, law_state, i, previous, trial, x)
 
 else:
 
-    def _call(address, hook, law_parameters, springs, i, past, trial, x):
+    def _call(address, hook, law_parameters, law_state, i, previous, trial, x):
         """Where nothing is compiled no address is needed."""
-        return _kernel(int(law_parameters[at.CODE, i])).function(
-            hook, law_parameters, springs, i, past, trial, x
+        return _kernel(int(law_parameters[rows.CODE, i])).function(
+            hook, law_parameters, law_state, i, previous, trial, x
         )
 
 
-@inlined
-def _force(law_parameters, springs, i, past, trial, drift):
-    return _call(springs[at.ADDRESS, i], _FORCE, law_parameters, springs, i, past, trial, drift)
+@inline
+def _force(law_parameters, law_state, i, previous, trial, drift):
+    return _call(
+        law_state[rows.ADDRESS, i], _FORCE, law_parameters, law_state, i, previous, trial, drift
+    )
 
 
-@inlined
-def _recoverable(law_parameters, springs, i):
-    return _call(springs[at.ADDRESS, i], _RECOVERABLE, law_parameters, springs, i, 0, 0, 0.0)
+@inline
+def _strain_energy(law_parameters, law_state, i):
+    return _call(
+        law_state[rows.ADDRESS, i], _STRAIN_ENERGY, law_parameters, law_state, i, 0, 0, 0.0
+    )
 
 
-@inlined
-def _dissipated(law_parameters, springs, i):
-    return _call(springs[at.ADDRESS, i], _DISSIPATED, law_parameters, springs, i, 0, 0, 0.0)
+@inline
+def _hysteretic_energy(law_parameters, law_state, i):
+    return _call(
+        law_state[rows.ADDRESS, i], _HYSTERETIC_ENERGY, law_parameters, law_state, i, 0, 0, 0.0
+    )
 
 
-@inlined
-def _keep(law_parameters, springs, i, past, trial):
-    _call(springs[at.ADDRESS, i], _KEEP, law_parameters, springs, i, past, trial, 0.0)
+@inline
+def _keep(law_parameters, law_state, i, previous, trial):
+    _call(law_state[rows.ADDRESS, i], _KEEP, law_parameters, law_state, i, previous, trial, 0.0)
 
 
-@inlined
-def _enter(law_parameters, springs, i):
-    _call(springs[at.ADDRESS, i], _ENTER, law_parameters, springs, i, 0, 0, 0.0)
+@inline
+def _enter(law_parameters, law_state, i):
+    _call(law_state[rows.ADDRESS, i], _ENTER, law_parameters, law_state, i, 0, 0, 0.0)
 
 
-@inlined
-def _switch(law_parameters, springs, i, block, event):
-    _call(springs[at.ADDRESS, i], _SWITCH, law_parameters, springs, i, block, 0, event)
+@inline
+def _switch(law_parameters, law_state, i, block, event):
+    _call(law_state[rows.ADDRESS, i], _SWITCH, law_parameters, law_state, i, block, 0, event)
 
 
-_HOOKS = ("force", "recoverable", "dissipated", "keep", "enter", "switch")
+_HOOKS = ("force", "strain_energy", "hysteretic_energy", "keep", "enter", "switch")
 """The functions of `LawFunctions` that a law that stands apart has, all of them, by their
 number."""
 
 CALLING = branch_first(
     LawFunctions(
         force=_force,
-        recoverable=_recoverable,
-        dissipated=_dissipated,
+        strain_energy=_strain_energy,
+        hysteretic_energy=_hysteretic_energy,
         keep=_keep,
         enter=_enter,
         switch=_switch,
@@ -101,27 +107,27 @@ needs no law."""
 
 # The functions of one law, put in by `_kernel`
 force: Any = None
-recoverable: Any = None
-dissipated: Any = None
+strain_energy: Any = None
+hysteretic_energy: Any = None
 keep: Any = None
 enter: Any = None
 switch: Any = None
 
 
-def _all_hooks(hook, law_parameters, springs, i, past, trial, x):
+def _all_hooks(hook, law_parameters, law_state, i, previous, trial, x):
     """The functions of one law as one."""
     if hook == _FORCE:
-        return force(law_parameters, springs, i, past, trial, x)
-    if hook == _RECOVERABLE:
-        return recoverable(law_parameters, springs, i)
-    if hook == _DISSIPATED:
-        return dissipated(law_parameters, springs, i)
+        return force(law_parameters, law_state, i, previous, trial, x)
+    if hook == _STRAIN_ENERGY:
+        return strain_energy(law_parameters, law_state, i)
+    if hook == _HYSTERETIC_ENERGY:
+        return hysteretic_energy(law_parameters, law_state, i)
     if hook == _KEEP:
-        keep(law_parameters, springs, i, past, trial)
+        keep(law_parameters, law_state, i, previous, trial)
     elif hook == _ENTER:
-        enter(law_parameters, springs, i)
+        enter(law_parameters, law_state, i)
     else:
-        switch(law_parameters, springs, i, past, x)
+        switch(law_parameters, law_state, i, previous, x)
     return 0.0
 
 
@@ -149,7 +155,7 @@ def kernels_apart(law_parameters: NDArray[np.float64] | None = None) -> list[Ker
     codes = (
         range(len(LAWS))
         if law_parameters is None
-        else sorted(set(law_parameters[at.CODE, :-1].astype(int).tolist()))
+        else sorted(set(law_parameters[rows.CODE, :-1].astype(int).tolist()))
     )
     return [_kernel(code) for code in codes if LAWS[code].apart]
 
@@ -162,11 +168,13 @@ def _address(code: int) -> float:
 def spring_table(law_parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """A fresh table of the state of drift laws (`tdint.kernels.layout`); what they need is
     compiled."""
-    codes = law_parameters[at.CODE, :-1].astype(int)
+    codes = law_parameters[rows.CODE, :-1].astype(int)
     kinds = sorted(set(codes.tolist()))
     extra_rows = max((LAWS[code].extra_rows for code in kinds), default=0)
-    springs = np.zeros((at.EXTRA_ROWS + at.SPRING_BLOCKS * extra_rows, law_parameters.shape[1]))
+    law_state = np.zeros(
+        (rows.EXTRA_ROWS + rows.LAW_STATE_BLOCKS * extra_rows, law_parameters.shape[1])
+    )
     for code in kinds:
         if LAWS[code].apart:
-            springs[at.ADDRESS, :-1][codes == code] = _address(code)
-    return springs
+            law_state[rows.ADDRESS, :-1][codes == code] = _address(code)
+    return law_state

@@ -4,63 +4,63 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter
 
 # Parameters
-_GAP = at.FIRST_PARAMETER
-_STOP_STIFFNESS = at.FIRST_PARAMETER + 1
+_GAP = rows.FIRST_PARAMETER
+_STOP_STIFFNESS = rows.FIRST_PARAMETER + 1
 
 
 def _functions() -> LawFunctions:
-    from tdint.kernels.compiling import called, inlined
-    from tdint.kernels.laws.walking import put_on_branch
+    from tdint.kernels.compiling import inline, outlined
+    from tdint.kernels.laws.branch_following import set_branch
 
-    @inlined
-    def force(law_parameters, springs, i, past, trial, drift):
-        force = law_parameters[at.STIFFNESS, i] * drift
-        tangent = law_parameters[at.STIFFNESS, i]
+    @inline
+    def force(law_parameters, law_state, i, previous, trial, drift):
+        force = law_parameters[rows.STIFFNESS, i] * drift
+        tangent = law_parameters[rows.STIFFNESS, i]
         beyond = abs(drift) - law_parameters[_GAP, i]
         if beyond > 0.0:
             force += math.copysign(law_parameters[_STOP_STIFFNESS, i] * beyond, drift)
             tangent += law_parameters[_STOP_STIFFNESS, i]
-        springs[trial + at.FORCE, i] = force
+        law_state[trial + rows.FORCE, i] = force
         return tangent
 
-    @inlined
-    def recoverable(law_parameters, springs, i):
-        d = springs[at.DRIFT, i]
+    @inline
+    def strain_energy(law_parameters, law_state, i):
+        d = law_state[rows.DRIFT, i]
         beyond = max(abs(d) - law_parameters[_GAP, i], 0.0)
         return (
-            0.5 * law_parameters[at.STIFFNESS, i] * d * d
+            0.5 * law_parameters[rows.STIFFNESS, i] * d * d
             + 0.5 * law_parameters[_STOP_STIFFNESS, i] * beyond * beyond
         )
 
-    @called
-    def go_to(law_parameters, springs, i, block, side):
+    @outlined
+    def go_to(law_parameters, law_state, i, block, side):
         """Put story `i` into the gap (side 0) or against the stop on that side of it."""
         gap = law_parameters[_GAP, i]
-        drift = springs[block + at.DRIFT, i]
+        drift = law_state[block + rows.DRIFT, i]
         stop = abs(side) * law_parameters[_STOP_STIFFNESS, i]
-        springs[block + at.FORCE, i] = law_parameters[at.STIFFNESS, i] * drift + stop * (
+        law_state[block + rows.FORCE, i] = law_parameters[rows.STIFFNESS, i] * drift + stop * (
             drift - side * gap
         )
         lower = -math.inf if side < 0.0 else side * gap if side > 0.0 else -gap
         upper = math.inf if side > 0.0 else side * gap if side < 0.0 else gap
-        put_on_branch(springs, i, block, law_parameters[at.STIFFNESS, i] + stop, lower, upper, 0.0)
+        set_branch(law_state, i, block, law_parameters[rows.STIFFNESS, i] + stop, lower, upper, 0.0)
 
-    @inlined
-    def enter(law_parameters, springs, i):
-        drift = springs[at.DRIFT, i]
+    @inline
+    def enter(law_parameters, law_state, i):
+        drift = law_state[rows.DRIFT, i]
         inside = abs(drift) < law_parameters[_GAP, i]
-        go_to(law_parameters, springs, i, 0, 0.0 if inside else math.copysign(1.0, drift))
+        go_to(law_parameters, law_state, i, 0, 0.0 if inside else math.copysign(1.0, drift))
 
-    @inlined
-    def switch(law_parameters, springs, i, block, event):
-        inside = springs[block + at.UPPER, i] + springs[block + at.LOWER, i] == 0.0
-        go_to(law_parameters, springs, i, block, event if inside else 0.0)
+    @inline
+    def switch(law_parameters, law_state, i, block, event):
+        inside = law_state[block + rows.UPPER, i] + law_state[block + rows.LOWER, i] == 0.0
+        go_to(law_parameters, law_state, i, block, event if inside else 0.0)
 
-    return LawFunctions(force=force, recoverable=recoverable, enter=enter, switch=switch)
+    return LawFunctions(force=force, strain_energy=strain_energy, enter=enter, switch=switch)
 
 
 LAW = DriftLaw(

@@ -18,25 +18,25 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
 # Parameters: those of the positive side, of the negative one, of both
-_YIELD_FORCE = at.FIRST_PARAMETER
-_PLASTIC_DRIFT = at.FIRST_PARAMETER + 1
-_POST_CAPPING_DRIFT = at.FIRST_PARAMETER + 2
-_CAPPING_RATIO = at.FIRST_PARAMETER + 3
-_RESIDUAL_RATIO = at.FIRST_PARAMETER + 4
-_ULTIMATE_DRIFT = at.FIRST_PARAMETER + 5
-_RATE = at.FIRST_PARAMETER + 6
+_YIELD_FORCE = rows.FIRST_PARAMETER
+_PLASTIC_DRIFT = rows.FIRST_PARAMETER + 1
+_POST_CAPPING_DRIFT = rows.FIRST_PARAMETER + 2
+_CAPPING_RATIO = rows.FIRST_PARAMETER + 3
+_RESIDUAL_RATIO = rows.FIRST_PARAMETER + 4
+_ULTIMATE_DRIFT = rows.FIRST_PARAMETER + 5
+_RATE = rows.FIRST_PARAMETER + 6
 _SIDE = 7
-_OF_STRENGTH = at.FIRST_PARAMETER + 14
-_OF_CAPPING = at.FIRST_PARAMETER + 15
-_OF_RELOADING = at.FIRST_PARAMETER + 16
-_OF_UNLOADING = at.FIRST_PARAMETER + 17
-_EXPONENT = at.FIRST_PARAMETER + 18
-_PINCHING_FORCE = at.FIRST_PARAMETER + 19
-_PINCHING_DRIFT = at.FIRST_PARAMETER + 20
+_OF_STRENGTH = rows.FIRST_PARAMETER + 14
+_OF_CAPPING = rows.FIRST_PARAMETER + 15
+_OF_RELOADING = rows.FIRST_PARAMETER + 16
+_OF_UNLOADING = rows.FIRST_PARAMETER + 17
+_EXPONENT = rows.FIRST_PARAMETER + 18
+_PINCHING_FORCE = rows.FIRST_PARAMETER + 19
+_PINCHING_DRIFT = rows.FIRST_PARAMETER + 20
 
 # Further rows, from the block's first one
 _PEAK_DRIFT = 0  # the last turn point, of both sides
@@ -67,26 +67,26 @@ _AGAIN = 1e-6
 
 
 def _functions() -> LawFunctions:
-    from tdint.kernels.compiling import called, inlined
-    from tdint.kernels.laws.walking import extra_rows, fail, walking
+    from tdint.kernels.compiling import inline, outlined
+    from tdint.kernels.laws.branch_following import extra_rows, fail, follow_branches
 
-    @inlined
+    @inline
     def of(side, row):
         """The row of a pair that belongs to a side: the negative one's is two rows on, and
         positive, too."""
         return row if side > 0.0 else row + 2
 
-    @inlined
+    @inline
     def given(law_parameters, i, side, parameter):
         """A parameter that each side has."""
         return law_parameters[parameter if side > 0.0 else parameter + _SIDE, i]
 
-    @inlined
-    def plastic_line(law_parameters, springs, i, block, side):
+    @inline
+    def plastic_line(law_parameters, law_state, i, block, side):
         """Force at zero drift and slope of the present hardening line of a side."""
-        k = law_parameters[at.STIFFNESS, i]
+        k = law_parameters[rows.STIFFNESS, i]
         initial = given(law_parameters, i, side, _YIELD_FORCE)
-        left = springs[extra_rows(springs, block) + of(side, _STRENGTH), i]
+        left = law_state[extra_rows(law_state, block) + of(side, _STRENGTH), i]
         slope = (
             left
             * (given(law_parameters, i, side, _CAPPING_RATIO) - 1.0)
@@ -95,35 +95,35 @@ def _functions() -> LawFunctions:
         )
         return left * initial * (1.0 - slope / k), slope
 
-    @inlined
-    def capping_line(law_parameters, springs, i, block, side):
+    @inline
+    def capping_line(law_parameters, law_state, i, block, side):
         """The same of the capping line."""
         initial = given(law_parameters, i, side, _YIELD_FORCE)
         cap = given(law_parameters, i, side, _CAPPING_RATIO) * initial
         slope = -cap / given(law_parameters, i, side, _POST_CAPPING_DRIFT)
-        start = initial / law_parameters[at.STIFFNESS, i] + given(
+        start = initial / law_parameters[rows.STIFFNESS, i] + given(
             law_parameters, i, side, _PLASTIC_DRIFT
         )
-        return springs[extra_rows(springs, block) + of(side, _CAPPING), i] * (
+        return law_state[extra_rows(law_state, block) + of(side, _CAPPING), i] * (
             cap - slope * start
         ), slope
 
-    @inlined
+    @inline
     def residual(law_parameters, i, side):
         return given(law_parameters, i, side, _RESIDUAL_RATIO) * given(
             law_parameters, i, side, _YIELD_FORCE
         )
 
-    @inlined
-    def backbone(law_parameters, springs, i, block, side, drift):
+    @inline
+    def backbone(law_parameters, law_state, i, block, side, drift):
         """Force of the present backbone at a drift beyond the yield drift."""
-        plastic, rise = plastic_line(law_parameters, springs, i, block, side)
-        capping, fall = capping_line(law_parameters, springs, i, block, side)
+        plastic, rise = plastic_line(law_parameters, law_state, i, block, side)
+        capping, fall = capping_line(law_parameters, law_state, i, block, side)
         return max(
             min(plastic + rise * drift, capping + fall * drift), residual(law_parameters, i, side)
         )
 
-    @inlined
+    @inline
     def beta(law_parameters, i, capacity, work, before):
         """Deterioration by an energy `work` after the energy `before`; 2 for more than 1."""
         left = law_parameters[capacity, i] * law_parameters[_YIELD_FORCE, i] - before
@@ -135,175 +135,187 @@ def _functions() -> LawFunctions:
         exponent = law_parameters[_EXPONENT, i]
         return part if exponent == 1.0 else part**exponent
 
-    @called
-    def beta_of_turning(law_parameters, springs, i, block):
+    @outlined
+    def beta_of_turning(law_parameters, law_state, i, block):
         """Deterioration of the unloading stiffness if the story turned here."""
-        first = extra_rows(springs, block)
-        force = springs[block + at.FORCE, i]
-        stored = 0.5 * force * force / springs[first + _UNLOADING_STIFFNESS, i]
-        before = springs[block + at.WORK, i] - stored
+        first = extra_rows(law_state, block)
+        force = law_state[block + rows.FORCE, i]
+        stored = 0.5 * force * force / law_state[first + _UNLOADING_STIFFNESS, i]
+        before = law_state[block + rows.WORK, i] - stored
         return beta(
-            law_parameters, i, _OF_UNLOADING, before - springs[first + _WORK_AT_ZERO, i], before
+            law_parameters, i, _OF_UNLOADING, before - law_state[first + _WORK_AT_ZERO, i], before
         )
 
-    @called
-    def load(law_parameters, springs, i, block, side, kind, slope, end):
+    @outlined
+    def load(law_parameters, law_state, i, block, side, kind, slope, end):
         """Put the story on a loading branch of a side that goes up to the drift `end`."""
         ultimate = given(law_parameters, i, side, _ULTIMATE_DRIFT)
-        if side * springs[block + at.DRIFT, i] >= ultimate * (1.0 - _HERE):
-            fail(springs, i, block, _FAILED)
+        if side * law_state[block + rows.DRIFT, i] >= ultimate * (1.0 - _HERE):
+            fail(law_state, i, block, _FAILED)
             return
         end = min(end, ultimate)
-        springs[block + at.INTERNAL, i] = side * kind
-        springs[block + at.SLOPE, i] = slope
-        springs[block + at.TURN, i] = side
-        springs[block + at.UPPER, i] = end if side > 0.0 else math.inf
-        springs[block + at.LOWER, i] = -end if side < 0.0 else -math.inf
+        law_state[block + rows.INTERNAL, i] = side * kind
+        law_state[block + rows.SLOPE, i] = slope
+        law_state[block + rows.RATE_SIGN, i] = side
+        law_state[block + rows.UPPER, i] = end if side > 0.0 else math.inf
+        law_state[block + rows.LOWER, i] = -end if side < 0.0 else -math.inf
 
-    @called
-    def go_along_backbone(law_parameters, springs, i, block, side):
-        drift = side * springs[block + at.DRIFT, i]
-        plastic, rise = plastic_line(law_parameters, springs, i, block, side)
-        capping, fall = capping_line(law_parameters, springs, i, block, side)
+    @outlined
+    def go_along_backbone(law_parameters, law_state, i, block, side):
+        drift = side * law_state[block + rows.DRIFT, i]
+        plastic, rise = plastic_line(law_parameters, law_state, i, block, side)
+        capping, fall = capping_line(law_parameters, law_state, i, block, side)
         rest = residual(law_parameters, i, side)
         cap = (capping - plastic) / (rise - fall)
         near = _HERE * drift
         if drift < cap - near and plastic + rise * drift >= rest:
-            springs[block + at.FORCE, i] = side * (plastic + rise * drift)
-            load(law_parameters, springs, i, block, side, _PLASTIC, rise, cap)
+            law_state[block + rows.FORCE, i] = side * (plastic + rise * drift)
+            load(law_parameters, law_state, i, block, side, _PLASTIC, rise, cap)
         elif drift >= cap - near and drift < (rest - capping) / fall - near:
-            springs[block + at.FORCE, i] = side * (capping + fall * drift)
-            load(law_parameters, springs, i, block, side, _SOFTENING, fall, (rest - capping) / fall)
+            law_state[block + rows.FORCE, i] = side * (capping + fall * drift)
+            load(
+                law_parameters, law_state, i, block, side, _SOFTENING, fall, (rest - capping) / fall
+            )
         else:
-            springs[block + at.FORCE, i] = side * rest
+            law_state[block + rows.FORCE, i] = side * rest
             # A strength below the residual force may rise above it again before the capping point
             again = (rest - plastic) / rise if rise > 0.0 else math.inf
             end = again if drift < again - near and again < cap else math.inf
-            load(law_parameters, springs, i, block, side, _RESIDUAL, 0.0, end)
+            load(law_parameters, law_state, i, block, side, _RESIDUAL, 0.0, end)
 
-    @called
-    def go_to_farthest(law_parameters, springs, i, block, side):
-        drift = side * springs[block + at.DRIFT, i]
-        far = springs[block + of(side, at.HIGH_DRIFT), i]
+    @outlined
+    def go_to_farthest(law_parameters, law_state, i, block, side):
+        drift = side * law_state[block + rows.DRIFT, i]
+        far = law_state[block + of(side, rows.HIGH_DRIFT), i]
         if drift < far * (1.0 - _HERE):
-            rise = springs[block + of(side, at.HIGH_FORCE), i] - side * springs[block + at.FORCE, i]
-            load(law_parameters, springs, i, block, side, _TO_FARTHEST, rise / (far - drift), far)
+            rise = (
+                law_state[block + of(side, rows.HIGH_FORCE), i]
+                - side * law_state[block + rows.FORCE, i]
+            )
+            load(law_parameters, law_state, i, block, side, _TO_FARTHEST, rise / (far - drift), far)
         else:
-            go_along_backbone(law_parameters, springs, i, block, side)
+            go_along_backbone(law_parameters, law_state, i, block, side)
 
-    @called
-    def aim(law_parameters, springs, i, block, side):
+    @outlined
+    def aim(law_parameters, law_state, i, block, side):
         """Load towards the last peak if the way there is the steeper one, else towards the farthest
         point."""
-        first = extra_rows(springs, block)
-        drift = side * springs[block + at.DRIFT, i]
-        force = side * springs[block + at.FORCE, i]
-        far = springs[block + of(side, at.HIGH_DRIFT), i]
-        far_force = springs[block + of(side, at.HIGH_FORCE), i]
-        peak = springs[first + of(side, _PEAK_DRIFT), i]
-        peak_force = springs[first + of(side, _PEAK_FORCE), i]
+        first = extra_rows(law_state, block)
+        drift = side * law_state[block + rows.DRIFT, i]
+        force = side * law_state[block + rows.FORCE, i]
+        far = law_state[block + of(side, rows.HIGH_DRIFT), i]
+        far_force = law_state[block + of(side, rows.HIGH_FORCE), i]
+        peak = law_state[first + of(side, _PEAK_DRIFT), i]
+        peak_force = law_state[first + of(side, _PEAK_FORCE), i]
         if drift < peak - _HERE * far and force < peak_force and peak_force < far_force:
             slope = (peak_force - force) / (peak - drift)
             if slope * (far - drift) > far_force - force:
-                load(law_parameters, springs, i, block, side, _TO_PEAK, slope, peak)
+                load(law_parameters, law_state, i, block, side, _TO_PEAK, slope, peak)
                 return
-        go_to_farthest(law_parameters, springs, i, block, side)
+        go_to_farthest(law_parameters, law_state, i, block, side)
 
-    @called
-    def unload(law_parameters, springs, i, block, side):
+    @outlined
+    def unload(law_parameters, law_state, i, block, side):
         """Turn on a loading branch."""
-        first = extra_rows(springs, block)
-        drift = side * springs[block + at.DRIFT, i]
-        force = side * springs[block + at.FORCE, i]
-        springs[first + of(side, _PEAK_DRIFT), i] = drift
-        springs[first + of(side, _PEAK_FORCE), i] = force
-        if drift > springs[block + of(side, at.HIGH_DRIFT), i]:
-            springs[block + of(side, at.HIGH_DRIFT), i] = drift
-            springs[block + of(side, at.HIGH_FORCE), i] = force
-        lost = beta_of_turning(law_parameters, springs, i, block)
+        first = extra_rows(law_state, block)
+        drift = side * law_state[block + rows.DRIFT, i]
+        force = side * law_state[block + rows.FORCE, i]
+        law_state[first + of(side, _PEAK_DRIFT), i] = drift
+        law_state[first + of(side, _PEAK_FORCE), i] = force
+        if drift > law_state[block + of(side, rows.HIGH_DRIFT), i]:
+            law_state[block + of(side, rows.HIGH_DRIFT), i] = drift
+            law_state[block + of(side, rows.HIGH_FORCE), i] = force
+        lost = beta_of_turning(law_parameters, law_state, i, block)
         if (
-            abs(side * drift - springs[first + _TURNED_AT, i])
-            <= _AGAIN * springs[block + of(side, at.HIGH_DRIFT), i]
+            abs(side * drift - law_state[first + _TURNED_AT, i])
+            <= _AGAIN * law_state[block + of(side, rows.HIGH_DRIFT), i]
         ):
             lost = 0.0
-        springs[first + _TURNED_AT, i] = side * drift
+        law_state[first + _TURNED_AT, i] = side * drift
         if lost >= 1.0:
-            fail(springs, i, block, _FAILED)
+            fail(law_state, i, block, _FAILED)
             return
-        slope = springs[first + _UNLOADING_STIFFNESS, i] * (1.0 - lost)
-        springs[first + _UNLOADING_STIFFNESS, i] = slope
+        slope = law_state[first + _UNLOADING_STIFFNESS, i] * (1.0 - lost)
+        law_state[first + _UNLOADING_STIFFNESS, i] = slope
         zero = side * (drift - force / slope)
-        springs[block + at.INTERNAL, i] = side * _UNLOADING
-        springs[block + at.SLOPE, i] = slope
-        springs[block + at.TURN, i] = 0.0
-        springs[block + at.UPPER, i] = side * drift if side > 0.0 else zero
-        springs[block + at.LOWER, i] = zero if side > 0.0 else side * drift
+        law_state[block + rows.INTERNAL, i] = side * _UNLOADING
+        law_state[block + rows.SLOPE, i] = slope
+        law_state[block + rows.RATE_SIGN, i] = 0.0
+        law_state[block + rows.UPPER, i] = side * drift if side > 0.0 else zero
+        law_state[block + rows.LOWER, i] = zero if side > 0.0 else side * drift
 
-    @called
-    def deteriorate(law_parameters, springs, i, block, side):
+    @outlined
+    def deteriorate(law_parameters, law_state, i, block, side):
         """Deterioration of a side that is loaded after a passage of zero force; whether the story
         has failed."""
-        first = extra_rows(springs, block)
-        before = springs[block + at.WORK, i]
-        work = before - springs[first + _WORK_AT_ZERO, i]
+        first = extra_rows(law_state, block)
+        before = law_state[block + rows.WORK, i]
+        work = before - law_state[first + _WORK_AT_ZERO, i]
         rate = given(law_parameters, i, side, _RATE)
         strength = beta(law_parameters, i, _OF_STRENGTH, work, before)
         capping = beta(law_parameters, i, _OF_CAPPING, work, before)
         reloading = beta(law_parameters, i, _OF_RELOADING, work, before)
-        springs[first + _WORK_AT_ZERO, i] = before
-        springs[first + of(side, _STRENGTH), i] *= 1.0 - rate * strength
-        springs[first + of(side, _CAPPING), i] *= 1.0 - rate * capping
-        springs[block + of(side, at.HIGH_DRIFT), i] *= 1.0 + rate * reloading
+        law_state[first + _WORK_AT_ZERO, i] = before
+        law_state[first + of(side, _STRENGTH), i] *= 1.0 - rate * strength
+        law_state[first + of(side, _CAPPING), i] *= 1.0 - rate * capping
+        law_state[block + of(side, rows.HIGH_DRIFT), i] *= 1.0 + rate * reloading
         return max(strength, capping, reloading) > 1.0
 
-    @called
-    def cross(law_parameters, springs, i, block, side):
+    @outlined
+    def cross(law_parameters, law_state, i, block, side):
         """Zero force is passed towards a side."""
-        first = extra_rows(springs, block)
-        springs[block + at.FORCE, i] = 0.0
-        springs[first + _TURNED_AT, i] = math.inf
-        if deteriorate(law_parameters, springs, i, block, side):
-            fail(springs, i, block, _FAILED)
+        first = extra_rows(law_state, block)
+        law_state[block + rows.FORCE, i] = 0.0
+        law_state[first + _TURNED_AT, i] = math.inf
+        if deteriorate(law_parameters, law_state, i, block, side):
+            fail(law_state, i, block, _FAILED)
             return
-        stiffness = springs[first + _UNLOADING_STIFFNESS, i]
-        zero = side * springs[block + at.DRIFT, i]
-        far = springs[block + of(side, at.HIGH_DRIFT), i]
+        stiffness = law_state[first + _UNLOADING_STIFFNESS, i]
+        zero = side * law_state[block + rows.DRIFT, i]
+        far = law_state[block + of(side, rows.HIGH_DRIFT), i]
         if far <= zero * (1.0 + _HERE) and zero > 0.0:
             # The other side unloaded so softly that it passed this side's farthest point: that is
             # moved ahead.
             far = (
                 zero
                 + max(
-                    backbone(law_parameters, springs, i, block, side, far),
+                    backbone(law_parameters, law_state, i, block, side, far),
                     _HERE * law_parameters[_YIELD_FORCE, i],
                 )
                 / stiffness
             )
-            springs[block + of(side, at.HIGH_DRIFT), i] = far
-        far_force = backbone(law_parameters, springs, i, block, side, far)
-        springs[block + of(side, at.HIGH_FORCE), i] = far_force
+            law_state[block + of(side, rows.HIGH_DRIFT), i] = far
+        far_force = backbone(law_parameters, law_state, i, block, side, far)
+        law_state[block + of(side, rows.HIGH_FORCE), i] = far_force
         if law_parameters[_PINCHING_FORCE, i] != 1.0 or law_parameters[_PINCHING_DRIFT, i] != 1.0:
             drift = (1.0 - law_parameters[_PINCHING_DRIFT, i]) * (far - far_force / stiffness)
             force = law_parameters[_PINCHING_FORCE, i] * far_force * (drift - zero) / (far - zero)
-            springs[first + _PINCHED_DRIFT, i] = drift
-            springs[first + _PINCHED_FORCE, i] = force
+            law_state[first + _PINCHED_DRIFT, i] = drift
+            law_state[first + _PINCHED_FORCE, i] = force
             if zero < drift - _HERE * far:
                 load(
-                    law_parameters, springs, i, block, side, _PINCHED, force / (drift - zero), drift
+                    law_parameters,
+                    law_state,
+                    i,
+                    block,
+                    side,
+                    _PINCHED,
+                    force / (drift - zero),
+                    drift,
                 )
                 return
-        aim(law_parameters, springs, i, block, side)
+        aim(law_parameters, law_state, i, block, side)
 
-    @called
-    def reload(law_parameters, springs, i, block, side):
+    @outlined
+    def reload(law_parameters, law_state, i, block, side):
         """Go on from the last peak, to which the story came back while it unloaded."""
-        first = extra_rows(springs, block)
-        drift = side * springs[block + at.DRIFT, i]
-        force = side * springs[block + at.FORCE, i]
-        far = springs[block + of(side, at.HIGH_DRIFT), i]
-        far_force = springs[block + of(side, at.HIGH_FORCE), i]
-        pinched = springs[first + _PINCHED_DRIFT, i]
-        pinched_force = springs[first + _PINCHED_FORCE, i]
+        first = extra_rows(law_state, block)
+        drift = side * law_state[block + rows.DRIFT, i]
+        force = side * law_state[block + rows.FORCE, i]
+        far = law_state[block + of(side, rows.HIGH_DRIFT), i]
+        far_force = law_state[block + of(side, rows.HIGH_FORCE), i]
+        pinched = law_state[first + _PINCHED_DRIFT, i]
+        pinched_force = law_state[first + _PINCHED_FORCE, i]
         if (
             drift < pinched - _HERE * far
             and force < pinched_force
@@ -312,63 +324,65 @@ def _functions() -> LawFunctions:
         ):
             slope = (pinched_force - force) / (pinched - drift)
             if slope * (far - drift) < far_force - force:
-                load(law_parameters, springs, i, block, side, _PINCHED, slope, pinched)
+                load(law_parameters, law_state, i, block, side, _PINCHED, slope, pinched)
                 return
-        go_to_farthest(law_parameters, springs, i, block, side)
+        go_to_farthest(law_parameters, law_state, i, block, side)
 
-    @called
-    def switch(law_parameters, springs, i, block, event):
-        kind = abs(springs[block + at.INTERNAL, i])
-        if event == at.TURNED:
-            side = springs[block + at.TURN, i]
-            if side * springs[block + at.FORCE, i] > 0.0:
-                unload(law_parameters, springs, i, block, side)
+    @outlined
+    def switch(law_parameters, law_state, i, block, event):
+        kind = abs(law_state[block + rows.INTERNAL, i])
+        if event == rows.REVERSED:
+            side = law_state[block + rows.RATE_SIGN, i]
+            if side * law_state[block + rows.FORCE, i] > 0.0:
+                unload(law_parameters, law_state, i, block, side)
             else:
-                cross(law_parameters, springs, i, block, -side)
+                cross(law_parameters, law_state, i, block, -side)
         elif kind == _UNLOADING:
-            if event * springs[block + at.INTERNAL, i] < 0.0:
-                cross(law_parameters, springs, i, block, event)
+            if event * law_state[block + rows.INTERNAL, i] < 0.0:
+                cross(law_parameters, law_state, i, block, event)
             else:
-                reload(law_parameters, springs, i, block, event)
-        elif event * springs[block + at.DRIFT, i] >= given(
+                reload(law_parameters, law_state, i, block, event)
+        elif event * law_state[block + rows.DRIFT, i] >= given(
             law_parameters, i, event, _ULTIMATE_DRIFT
         ) * (1.0 - _HERE):
-            fail(springs, i, block, _FAILED)
+            fail(law_state, i, block, _FAILED)
         elif kind == _PINCHED:
-            aim(law_parameters, springs, i, block, event)
+            aim(law_parameters, law_state, i, block, event)
         elif kind == _TO_PEAK:
-            go_to_farthest(law_parameters, springs, i, block, event)
+            go_to_farthest(law_parameters, law_state, i, block, event)
         else:
-            go_along_backbone(law_parameters, springs, i, block, event)
+            go_along_backbone(law_parameters, law_state, i, block, event)
 
-    @inlined
-    def recoverable(law_parameters, springs, i):
+    @inline
+    def strain_energy(law_parameters, law_state, i):
         """What unloading gives back: on a loading branch with the stiffness that it would have."""
-        force = springs[at.FORCE, i]
-        energy = 0.5 * force * force / springs[extra_rows(springs, 0) + _UNLOADING_STIFFNESS, i]
-        if abs(springs[at.INTERNAL, i]) > _UNLOADING and force != 0.0:
-            energy /= 1.0 - min(beta_of_turning(law_parameters, springs, i, 0), 0.9)
+        force = law_state[rows.FORCE, i]
+        energy = 0.5 * force * force / law_state[extra_rows(law_state, 0) + _UNLOADING_STIFFNESS, i]
+        if abs(law_state[rows.INTERNAL, i]) > _UNLOADING and force != 0.0:
+            energy /= 1.0 - min(beta_of_turning(law_parameters, law_state, i, 0), 0.9)
         return energy
 
-    @inlined
-    def enter(law_parameters, springs, i):
-        k = law_parameters[at.STIFFNESS, i]
-        first = extra_rows(springs, 0)
-        springs[first + _UNLOADING_STIFFNESS, i] = k
-        springs[first + _TURNED_AT, i] = math.inf
+    @inline
+    def enter(law_parameters, law_state, i):
+        k = law_parameters[rows.STIFFNESS, i]
+        first = extra_rows(law_state, 0)
+        law_state[first + _UNLOADING_STIFFNESS, i] = k
+        law_state[first + _TURNED_AT, i] = math.inf
         for side in (1.0, -1.0):
             strength = given(law_parameters, i, side, _YIELD_FORCE)
-            springs[of(side, at.HIGH_DRIFT), i] = springs[first + of(side, _PEAK_DRIFT), i] = (
-                strength / k
+            law_state[of(side, rows.HIGH_DRIFT), i] = law_state[
+                first + of(side, _PEAK_DRIFT), i
+            ] = strength / k
+            law_state[of(side, rows.HIGH_FORCE), i] = law_state[
+                first + of(side, _PEAK_FORCE), i
+            ] = strength
+            law_state[first + of(side, _STRENGTH), i] = law_state[first + of(side, _CAPPING), i] = (
+                1.0
             )
-            springs[of(side, at.HIGH_FORCE), i] = springs[first + of(side, _PEAK_FORCE), i] = (
-                strength
-            )
-            springs[first + of(side, _STRENGTH), i] = springs[first + of(side, _CAPPING), i] = 1.0
-        springs[at.UPPER, i] = given(law_parameters, i, 1.0, _YIELD_FORCE) / k
-        springs[at.LOWER, i] = -given(law_parameters, i, -1.0, _YIELD_FORCE) / k
+        law_state[rows.UPPER, i] = given(law_parameters, i, 1.0, _YIELD_FORCE) / k
+        law_state[rows.LOWER, i] = -given(law_parameters, i, -1.0, _YIELD_FORCE) / k
 
-    return walking(switch, recoverable, enter)
+    return follow_branches(switch, strain_energy, enter)
 
 
 def _fault(stiffness: float, values: Sequence[float]) -> str | None:

@@ -46,48 +46,55 @@ class LawParameter:
 @dataclass(frozen=True)
 class LawFunctions:
     """The compiled functions of a law. They work on column i of the tables `law_parameters` and
-    `springs` (`tdint.kernels.layout`).
+    `law_state` (`tdint.kernels.layout`).
 
     Attributes
     ----------
     force : function
-        (law_parameters, springs, i, past, trial, drift) -> tangent, N/m: force of the story at
-        `drift`, reached straight from the state in block `past`; writes FORCE and what else the
+        (law_parameters, law_state, i, previous, trial, drift) -> tangent, N/m: force of the story
+        at
+        `drift`, reached straight from the state in block `previous`; writes FORCE and what else the
         state of the law is to block `trial`.
     recoverable : function
-        (law_parameters, springs, i) -> energy stored in the committed state, J.
+        (law_parameters, law_state, i) -> energy stored in the committed state, J.
     dissipated : function, optional
-        (law_parameters, springs, i) -> energy dissipated until the committed state, J, where that
+        (law_parameters, law_state, i) -> energy dissipated until the committed state, J, where that
         is not the row DISSIPATED.
     settle : function, optional
-        (law_parameters, springs, i, past, trial): adds up DISSIPATED in block `trial`. Without it
+        (law_parameters, law_state, i, previous, trial): adds up DISSIPATED in block `trial`.
+        Without it
         that stays as it is.
     keep : function, optional
-        (law_parameters, springs, i, past, trial): commits rows beyond the plain ones. A law that
-        has it always knows its branch; one that has no `settle` may look at that first
-        (`tdint.kernels.laws.walking.branch_first`).
+        (law_parameters, law_state, i, previous, trial): commits rows beyond the plain ones. A law
+        that
+        has it always knows its branch; one that has no `accumulate_dissipation` may look at that
+        first
+        (`tdint.kernels.laws.branch_following.branch_first`).
     enter : function, optional
-        (law_parameters, springs, i): branch of the committed state: SLOPE, UPPER, LOWER, where they
+        (law_parameters, law_state, i): branch of the committed state: SLOPE, UPPER, LOWER, where
+        they
         are not k and without end.
     advance : function, optional
-        (law_parameters, springs, i, block, step, mean_force): what else changes on the way along a
+        (law_parameters, law_state, i, block, step, mean_force): what else changes on the way along
+        a
         branch; without it the row WORK adds up.
     switch : function, optional
-        (law_parameters, springs, i, block, event): the branch that follows when the present one
+        (law_parameters, law_state, i, block, event): the branch that follows when the present one
         ends by `event` (ABOVE, BELOW, TURNED): sets SLOPE, LOWER, UPPER and TURN of the block
         (`walking.put_on_branch`), and FORCE and INTERNAL where they change.
     points : function, optional
-        (law_parameters, springs, i, way) -> Gauss points on a path of drift that is `way` long (m),
+        (law_parameters, law_state, i, way) -> Gauss points on a path of drift that is `way` long
+        (m),
         for a curved law. Without it many are taken.
     kink : function, optional
-        (law_parameters, springs, i, block, side) -> how far ahead of the state in `block`, on the
+        (law_parameters, law_state, i, block, side) -> how far ahead of the state in `block`, on the
         way to `side`, the force of a curved law bends sharply, m; infinite if it does not.
     """
 
     force: Any
-    recoverable: Any
-    dissipated: Any = None
-    settle: Any = None
+    strain_energy: Any
+    hysteretic_energy: Any = None
+    accumulate_dissipation: Any = None
     keep: Any = None
     enter: Any = None
     advance: Any = None
@@ -110,7 +117,7 @@ class DriftLaw:
         Whether the law is compiled on its own, when a model has it, and called at its address; else
         it is part of every loop.
     extra_rows : int
-        Rows of `springs` that the law needs beyond the common ones
+        Rows of `law_state` that the law needs beyond the common ones
         (`tdint.kernels.layout.EXTRA_ROWS`).
     parameters : tuple of LawParameter
         In the order of the rows of `law_parameters` from FIRST_PARAMETER on (a `many` parameter

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions
 
 
 def _functions() -> LawFunctions:
-    from tdint.kernels.compiling import inlined
-    from tdint.kernels.laws.walking import nothing
+    from tdint.kernels.compiling import inline
+    from tdint.kernels.laws.branch_following import no_operation
 
-    @inlined
-    def force(law_parameters, springs, i, past, trial, drift):
-        springs[trial + at.FORCE, i] = law_parameters[at.STIFFNESS, i] * drift
-        return law_parameters[at.STIFFNESS, i]
+    @inline
+    def force(law_parameters, law_state, i, previous, trial, drift):
+        law_state[trial + rows.FORCE, i] = law_parameters[rows.STIFFNESS, i] * drift
+        return law_parameters[rows.STIFFNESS, i]
 
-    @inlined
-    def recoverable(law_parameters, springs, i):
-        return 0.5 * law_parameters[at.STIFFNESS, i] * springs[at.DRIFT, i] * springs[at.DRIFT, i]
+    @inline
+    def strain_energy(law_parameters, law_state, i):
+        return (
+            0.5
+            * law_parameters[rows.STIFFNESS, i]
+            * law_state[rows.DRIFT, i]
+            * law_state[rows.DRIFT, i]
+        )
 
-    return LawFunctions(force=force, recoverable=recoverable, advance=nothing)
+    return LawFunctions(force=force, strain_energy=strain_energy, advance=no_operation)
 
 
 LAW = DriftLaw("linear", "f = k d", _functions)

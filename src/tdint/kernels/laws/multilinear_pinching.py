@@ -24,20 +24,20 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter
 
 # Parameters: drift and force of four points of the positive side, then of the negative one; the
 # pinching of both sides
-_POINTS = at.FIRST_PARAMETER
-_PINCHING = at.FIRST_PARAMETER + 16
+_POINTS = rows.FIRST_PARAMETER
+_PINCHING = rows.FIRST_PARAMETER + 16
 _SIDE = 8
 _PINCHING_SIDE = 3
-_ULTIMATE = at.FIRST_PARAMETER + 22
-_OF_STIFFNESS = at.FIRST_PARAMETER + 23
-_OF_DRIFT = at.FIRST_PARAMETER + 28
-_OF_STRENGTH = at.FIRST_PARAMETER + 33
-_CAPACITY = at.FIRST_PARAMETER + 38
+_ULTIMATE = rows.FIRST_PARAMETER + 22
+_OF_STIFFNESS = rows.FIRST_PARAMETER + 23
+_OF_DRIFT = rows.FIRST_PARAMETER + 28
+_OF_STRENGTH = rows.FIRST_PARAMETER + 33
+_CAPACITY = rows.FIRST_PARAMETER + 38
 
 # Extra rows, from the block's first one
 _KNOTS = 0  # drift and force of the three points of the path, on the side it leads to
@@ -65,39 +65,39 @@ _FLAT = 1e-8  # over the stiffness
 
 
 def _functions() -> LawFunctions:
-    from tdint.kernels.compiling import called, inlined
-    from tdint.kernels.laws.walking import extra_rows, fail, walking
+    from tdint.kernels.compiling import inline, outlined
+    from tdint.kernels.laws.branch_following import extra_rows, fail, follow_branches
 
-    @inlined
+    @inline
     def of(side, row):
         """The row of a pair that belongs to a side: the negative one's is two rows on, and
         positive, too."""
         return row if side > 0.0 else row + 2
 
-    @inlined
+    @inline
     def drift_of(law_parameters, i, side, point):
         return law_parameters[(_POINTS if side > 0.0 else _POINTS + _SIDE) + 2 * (point - 1), i]
 
-    @inlined
+    @inline
     def force_of(law_parameters, i, side, point):
         return law_parameters[(_POINTS if side > 0.0 else _POINTS + _SIDE) + 2 * point - 1, i]
 
-    @inlined
+    @inline
     def pinching(law_parameters, i, side, which):
         return law_parameters[(_PINCHING if side > 0.0 else _PINCHING + _PINCHING_SIDE) + which, i]
 
-    @inlined
+    @inline
     def stiffness(law_parameters, i, side):
         return force_of(law_parameters, i, side, 1) / drift_of(law_parameters, i, side, 1)
 
-    @inlined
+    @inline
     def last_slope(law_parameters, i, side):
         rise = force_of(law_parameters, i, side, 4) - force_of(law_parameters, i, side, 3)
         return max(rise, 0.0) / (
             drift_of(law_parameters, i, side, 4) - drift_of(law_parameters, i, side, 3)
         )
 
-    @called
+    @outlined
     def backbone(law_parameters, i, side, drift):
         """Force of the backbone that nothing has weakened."""
         x, y = 0.0, 0.0
@@ -111,7 +111,7 @@ def _functions() -> LawFunctions:
             x, y = end, force
         return y + last_slope(law_parameters, i, side) * (drift - x)
 
-    @inlined
+    @inline
     def area(law_parameters, i, side):
         """Under the backbone up to its last point."""
         x, y, sum_ = 0.0, 0.0, 0.0
@@ -124,18 +124,18 @@ def _functions() -> LawFunctions:
             x, y = end, force
         return sum_
 
-    @inlined
+    @inline
     def last_drift(law_parameters, i):
         return max(drift_of(law_parameters, i, 1.0, 4), drift_of(law_parameters, i, -1.0, 4))
 
-    @inlined
+    @inline
     def degrades(law_parameters, i):
         limits = 0.0
         for kind in (_OF_STIFFNESS, _OF_DRIFT, _OF_STRENGTH):
             limits += law_parameters[kind + 4, i]
         return limits > 0.0
 
-    @inlined
+    @inline
     def loss(law_parameters, i, kind, farthest, spent):
         """One loss before what bounds it from elsewhere; `spent` is a part of the capacity,
         negative where elastic."""
@@ -147,47 +147,50 @@ def _functions() -> LawFunctions:
             lost += law_parameters[kind + 1, i] * spent ** law_parameters[kind + 3, i]
         return min(lost, limit)
 
-    @inlined
-    def yielded(law_parameters, springs, i, block):
-        side = 1.0 if springs[block + at.INTERNAL, i] > 0.0 else -1.0
-        loading = abs(springs[block + at.INTERNAL, i]) == _ON_BACKBONE
-        if loading and side * springs[block + at.DRIFT, i] > drift_of(law_parameters, i, side, 1):
+    @inline
+    def yielded(law_parameters, law_state, i, block):
+        side = 1.0 if law_state[block + rows.INTERNAL, i] > 0.0 else -1.0
+        loading = abs(law_state[block + rows.INTERNAL, i]) == _ON_BACKBONE
+        if loading and side * law_state[block + rows.DRIFT, i] > drift_of(
+            law_parameters, i, side, 1
+        ):
             return True
-        above = springs[block + at.HIGH_DRIFT, i] > drift_of(law_parameters, i, 1.0, 1)
-        return above or springs[block + at.LOW_DRIFT, i] > drift_of(law_parameters, i, -1.0, 1)
+        above = law_state[block + rows.HIGH_DRIFT, i] > drift_of(law_parameters, i, 1.0, 1)
+        return above or law_state[block + rows.LOW_DRIFT, i] > drift_of(law_parameters, i, -1.0, 1)
 
-    @called
-    def losses(law_parameters, springs, i, block):
+    @outlined
+    def losses(law_parameters, law_state, i, block):
         """Losses of stiffness, drift and strength if the story turned here."""
-        first = extra_rows(springs, block)
-        drift = springs[block + at.DRIFT, i]
-        if not degrades(law_parameters, i) or not yielded(law_parameters, springs, i, block):
+        first = extra_rows(law_state, block)
+        drift = law_state[block + rows.DRIFT, i]
+        if not degrades(law_parameters, i) or not yielded(law_parameters, law_state, i, block):
             return 0.0, 0.0, 0.0
         ultimate = last_drift(law_parameters, i)
         if abs(drift) > ultimate * (1.0 + _HERE):
             return (
-                springs[first + _HELD, i],
-                springs[first + _HELD + 1, i],
-                springs[first + _HELD + 2, i],
+                law_state[first + _HELD, i],
+                law_state[first + _HELD + 1, i],
+                law_state[first + _HELD + 2, i],
             )
-        force, work = springs[block + at.FORCE, i], springs[block + at.WORK, i]
+        force, work = law_state[block + rows.FORCE, i], law_state[block + rows.WORK, i]
         capacity = law_parameters[_CAPACITY, i] * max(
             area(law_parameters, i, 1.0), area(law_parameters, i, -1.0)
         )
         k = stiffness(law_parameters, i, 1.0 if drift > 0.0 else -1.0) * (
-            1.0 - springs[first + _SOFTER, i]
+            1.0 - law_state[first + _SOFTER, i]
         )
         spent = 2.0 if work >= capacity else (work - 0.5 * force * force / k) / capacity
         secant = 0.0
         for side in (1.0, -1.0):
-            far = springs[block + of(side, at.HIGH_DRIFT), i]
+            far = law_state[block + of(side, rows.HIGH_DRIFT), i]
             secant = max(
                 secant,
                 backbone(law_parameters, i, side, far) / far / stiffness(law_parameters, i, side),
             )
-        room = max(0.0, 1.0 - secant * (1.0 - springs[first + _WEAKER, i]))
+        room = max(0.0, 1.0 - secant * (1.0 - law_state[first + _WEAKER, i]))
         farthest = (
-            max(springs[block + at.HIGH_DRIFT, i], springs[block + at.LOW_DRIFT, i]) / ultimate
+            max(law_state[block + rows.HIGH_DRIFT, i], law_state[block + rows.LOW_DRIFT, i])
+            / ultimate
         )
         return (
             min(loss(law_parameters, i, _OF_STIFFNESS, farthest, spent), room),
@@ -195,7 +198,7 @@ def _functions() -> LawFunctions:
             loss(law_parameters, i, _OF_STRENGTH, farthest, spent),
         )
 
-    @inlined
+    @inline
     def checked(u, f, knots, lowest, secant):
         """A path that goes back or falls is replaced by the straight line, or by the two lines
         through the origin."""
@@ -207,7 +210,7 @@ def _functions() -> LawFunctions:
             return 0.0, 0.0, 0.0, 0.0, d, fd
         return d, fd, d, fd, d, fd
 
-    @inlined
+    @inline
     def reloading_point(law_parameters, i, side, weak, k, far, force, late):
         """Where the pinched part of the way to the farthest point ends."""
         part, unloading = pinching(law_parameters, i, side, 1), pinching(law_parameters, i, side, 2)
@@ -221,7 +224,7 @@ def _functions() -> LawFunctions:
             drift = far - (force - pinched) / k
         return drift, pinched
 
-    @called
+    @outlined
     def path(law_parameters, i, side, u, f, demand, lost):
         """The three points of the path from a turn at (u, f), drift and force counted in the sense
         of the side it leads to, whose farthest drift is `demand`; `lost` are the losses that act
@@ -260,24 +263,24 @@ def _functions() -> LawFunctions:
                 b, c = u + (fb - f) / leave, d - (fd - fc) / arrive
         return checked(u, f, (b, fb, c, fc, d, fd), _FLAT * k, secant)
 
-    @called
-    def lead(law_parameters, springs, i, block, side, kind, slope, end):
+    @outlined
+    def lead(law_parameters, law_state, i, block, side, kind, slope, end):
         """Put the story on a branch that goes up to the drift `end` of a side."""
-        drift = side * springs[block + at.DRIFT, i]
+        drift = side * law_state[block + rows.DRIFT, i]
         end = min(end, law_parameters[_ULTIMATE, i])
         if degrades(law_parameters, i) and drift < last_drift(law_parameters, i) * (1.0 - _HERE):
             end = min(end, last_drift(law_parameters, i))
-        springs[block + at.INTERNAL, i] = side * kind
-        springs[block + at.SLOPE, i] = slope
-        springs[block + at.TURN, i] = side
-        springs[block + at.UPPER, i] = end if side > 0.0 else math.inf
-        springs[block + at.LOWER, i] = -end if side < 0.0 else -math.inf
+        law_state[block + rows.INTERNAL, i] = side * kind
+        law_state[block + rows.SLOPE, i] = slope
+        law_state[block + rows.RATE_SIGN, i] = side
+        law_state[block + rows.UPPER, i] = end if side > 0.0 else math.inf
+        law_state[block + rows.LOWER, i] = -end if side < 0.0 else -math.inf
 
-    @called
-    def go_along_backbone(law_parameters, springs, i, block, side):
-        drift = side * springs[block + at.DRIFT, i]
-        weak = 1.0 - springs[extra_rows(springs, block) + _WEAKER, i]
-        springs[block + at.FORCE, i] = side * weak * backbone(law_parameters, i, side, drift)
+    @outlined
+    def go_along_backbone(law_parameters, law_state, i, block, side):
+        drift = side * law_state[block + rows.DRIFT, i]
+        weak = 1.0 - law_state[extra_rows(law_state, block) + _WEAKER, i]
+        law_state[block + rows.FORCE, i] = side * weak * backbone(law_parameters, i, side, drift)
         x, y = 0.0, 0.0
         for point in range(1, 5):
             end, force = (
@@ -287,7 +290,7 @@ def _functions() -> LawFunctions:
             if drift < end * (1.0 - _HERE):
                 lead(
                     law_parameters,
-                    springs,
+                    law_state,
                     i,
                     block,
                     side,
@@ -299,7 +302,7 @@ def _functions() -> LawFunctions:
             x, y = end, force
         lead(
             law_parameters,
-            springs,
+            law_state,
             i,
             block,
             side,
@@ -308,63 +311,69 @@ def _functions() -> LawFunctions:
             math.inf,
         )
 
-    @called
-    def go_on(law_parameters, springs, i, block, side):
+    @outlined
+    def go_on(law_parameters, law_state, i, block, side):
         """Further along the path, or behind it along the backbone."""
-        first = extra_rows(springs, block)
-        drift = side * springs[block + at.DRIFT, i]
-        force = side * springs[block + at.FORCE, i]
-        far = springs[first + _KNOTS + 4, i]
+        first = extra_rows(law_state, block)
+        drift = side * law_state[block + rows.DRIFT, i]
+        force = side * law_state[block + rows.FORCE, i]
+        far = law_state[first + _KNOTS + 4, i]
         for knot in range(_KNOTS, _KNOTS + 6, 2):
-            end = springs[first + knot, i]
+            end = law_state[first + knot, i]
             if drift < end - _HERE * far:
-                slope = (springs[first + knot + 1, i] - force) / (end - drift)
-                lead(law_parameters, springs, i, block, side, _ON_PATH, slope, end)
+                slope = (law_state[first + knot + 1, i] - force) / (end - drift)
+                lead(law_parameters, law_state, i, block, side, _ON_PATH, slope, end)
                 return
-        go_along_backbone(law_parameters, springs, i, block, side)
+        go_along_backbone(law_parameters, law_state, i, block, side)
 
-    @called
-    def turn(law_parameters, springs, i, block, side):
+    @outlined
+    def turn(law_parameters, law_state, i, block, side):
         """Turn towards a side."""
-        first = extra_rows(springs, block)
-        drift = springs[block + at.DRIFT, i]
-        lost = losses(law_parameters, springs, i, block)
-        if abs(springs[block + at.INTERNAL, i]) == _ON_BACKBONE:
-            left = of(-side, at.HIGH_DRIFT)
-            reached = springs[block + left, i] * (1.0 + lost[1])
-            springs[block + left, i] = max(reached, -side * drift)
-        springs[first + _SOFTER, i], springs[first + _WEAKER, i] = lost[0], lost[2]
-        demand = springs[block + of(side, at.HIGH_DRIFT), i]
+        first = extra_rows(law_state, block)
+        drift = law_state[block + rows.DRIFT, i]
+        lost = losses(law_parameters, law_state, i, block)
+        if abs(law_state[block + rows.INTERNAL, i]) == _ON_BACKBONE:
+            left = of(-side, rows.HIGH_DRIFT)
+            reached = law_state[block + left, i] * (1.0 + lost[1])
+            law_state[block + left, i] = max(reached, -side * drift)
+        law_state[first + _SOFTER, i], law_state[first + _WEAKER, i] = lost[0], lost[2]
+        demand = law_state[block + of(side, rows.HIGH_DRIFT), i]
         knots = path(
-            law_parameters, i, side, side * drift, side * springs[block + at.FORCE, i], demand, lost
+            law_parameters,
+            i,
+            side,
+            side * drift,
+            side * law_state[block + rows.FORCE, i],
+            demand,
+            lost,
         )
         for row in range(6):
-            springs[first + _KNOTS + row, i] = knots[row]
-        go_on(law_parameters, springs, i, block, side)
+            law_state[first + _KNOTS + row, i] = knots[row]
+        go_on(law_parameters, law_state, i, block, side)
 
-    @called
-    def switch(law_parameters, springs, i, block, event):
-        kind = abs(springs[block + at.INTERNAL, i])
-        reached = event * springs[block + at.DRIFT, i]
-        if event == at.TURNED:
-            turn(law_parameters, springs, i, block, -springs[block + at.TURN, i])
+    @outlined
+    def switch(law_parameters, law_state, i, block, event):
+        kind = abs(law_state[block + rows.INTERNAL, i])
+        reached = event * law_state[block + rows.DRIFT, i]
+        if event == rows.REVERSED:
+            turn(law_parameters, law_state, i, block, -law_state[block + rows.RATE_SIGN, i])
             return
         if reached >= law_parameters[_ULTIMATE, i] * (1.0 - _HERE):
-            fail(springs, i, block, _FAILED)
+            fail(law_state, i, block, _FAILED)
             return
         if (
             degrades(law_parameters, i)
             and abs(reached / last_drift(law_parameters, i) - 1.0) <= _HERE
         ):
-            held = losses(law_parameters, springs, i, block)
+            held = losses(law_parameters, law_state, i, block)
             for row in range(3):
-                springs[extra_rows(springs, block) + _HELD + row, i] = held[row]
+                law_state[extra_rows(law_state, block) + _HELD + row, i] = held[row]
         if kind == _ON_PATH:
-            go_on(law_parameters, springs, i, block, event)
+            go_on(law_parameters, law_state, i, block, event)
         else:
-            go_along_backbone(law_parameters, springs, i, block, event)
+            go_along_backbone(law_parameters, law_state, i, block, event)
 
-    @inlined
+    @inline
     def until_zero(u, f, knots):
         """Energy that comes back on the way along a path from a negative force at `u` to where
         there is none."""
@@ -378,29 +387,29 @@ def _functions() -> LawFunctions:
                 u, f = end, force
         return energy
 
-    @called
-    def recoverable(law_parameters, springs, i):
+    @outlined
+    def strain_energy(law_parameters, law_state, i):
         """What comes back on the path that a turn here would start, or on the rest of the present
         one."""
-        drift, force = springs[at.DRIFT, i], springs[at.FORCE, i]
+        drift, force = law_state[rows.DRIFT, i], law_state[rows.FORCE, i]
         if force == 0.0:
             return 0.0
-        if springs[at.INTERNAL, i] == 0.0:
-            return 0.5 * force * force / law_parameters[at.STIFFNESS, i]
-        first = extra_rows(springs, 0)
-        side = springs[at.TURN, i]
+        if law_state[rows.INTERNAL, i] == 0.0:
+            return 0.5 * force * force / law_parameters[rows.STIFFNESS, i]
+        first = extra_rows(law_state, 0)
+        side = law_state[rows.RATE_SIGN, i]
         if side * force < 0.0:
             row = first + _KNOTS
             b, fb, c, fc = (
-                springs[row, i],
-                springs[row + 1, i],
-                springs[row + 2, i],
-                springs[row + 3, i],
+                law_state[row, i],
+                law_state[row + 1, i],
+                law_state[row + 2, i],
+                law_state[row + 3, i],
             )
-            knots = (b, fb, c, fc, springs[row + 4, i], springs[row + 5, i])
+            knots = (b, fb, c, fc, law_state[row + 4, i], law_state[row + 5, i])
         else:
             side = -side
-            demand = springs[of(side, at.HIGH_DRIFT), i]
+            demand = law_state[of(side, rows.HIGH_DRIFT), i]
             knots = path(
                 law_parameters,
                 i,
@@ -408,11 +417,11 @@ def _functions() -> LawFunctions:
                 side * drift,
                 side * force,
                 demand,
-                losses(law_parameters, springs, i, 0),
+                losses(law_parameters, law_state, i, 0),
             )
         return until_zero(side * drift, side * force, knots)
 
-    @inlined
+    @inline
     def elastic(law_parameters, i):
         """Whether every path before the first yielding lies on the one straight line."""
         if (
@@ -434,19 +443,19 @@ def _functions() -> LawFunctions:
                 return False
         return True
 
-    @inlined
-    def enter(law_parameters, springs, i):
+    @inline
+    def enter(law_parameters, law_state, i):
         part = 1.0 if elastic(law_parameters, i) else _AT_REST
-        springs[at.HIGH_DRIFT, i] = drift_of(law_parameters, i, 1.0, 1)
-        springs[at.LOW_DRIFT, i] = drift_of(law_parameters, i, -1.0, 1)
-        springs[at.UPPER, i] = min(
+        law_state[rows.HIGH_DRIFT, i] = drift_of(law_parameters, i, 1.0, 1)
+        law_state[rows.LOW_DRIFT, i] = drift_of(law_parameters, i, -1.0, 1)
+        law_state[rows.UPPER, i] = min(
             part * drift_of(law_parameters, i, 1.0, 1), law_parameters[_ULTIMATE, i]
         )
-        springs[at.LOWER, i] = -min(
+        law_state[rows.LOWER, i] = -min(
             part * drift_of(law_parameters, i, -1.0, 1), law_parameters[_ULTIMATE, i]
         )
 
-    return walking(switch, recoverable, enter)
+    return follow_branches(switch, strain_energy, enter)
 
 
 def _slopes(side: Sequence[float]) -> list[float]:

@@ -20,13 +20,13 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
 # Parameters
-_YIELD_FORCE = at.FIRST_PARAMETER
-_HARDENING = at.FIRST_PARAMETER + 1
-_EXPONENT = at.FIRST_PARAMETER + 2  # of unloading
+_YIELD_FORCE = rows.FIRST_PARAMETER
+_HARDENING = rows.FIRST_PARAMETER + 1
+_EXPONENT = rows.FIRST_PARAMETER + 2  # of unloading
 
 # Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first yielding
 _YIELDING = 1.0
@@ -35,84 +35,90 @@ _UNLOADING = 3.0
 
 
 def _functions() -> LawFunctions:
-    from tdint.kernels.compiling import called, inlined
-    from tdint.kernels.laws.walking import walking
+    from tdint.kernels.compiling import inline, outlined
+    from tdint.kernels.laws.branch_following import follow_branches
 
-    @inlined
-    def unloading_stiffness(law_parameters, springs, i, block, side):
+    @inline
+    def unloading_stiffness(law_parameters, law_state, i, block, side):
         """k (dy / |largest drift on that side|)^unloading, within its bounds."""
-        k = law_parameters[at.STIFFNESS, i]
+        k = law_parameters[rows.STIFFNESS, i]
         strength = law_parameters[_YIELD_FORCE, i]
         hardening = law_parameters[_HARDENING, i]
         unloading = law_parameters[_EXPONENT, i]
-        drift = springs[block + at.DRIFT, i]  # the farthest one where the story yields at present
+        drift = law_state[
+            block + rows.DRIFT, i
+        ]  # the farthest one where the story yields at present
         farthest = (
-            max(springs[block + at.HIGH_DRIFT, i], drift)
+            max(law_state[block + rows.HIGH_DRIFT, i], drift)
             if side > 0.0
-            else -min(springs[block + at.LOW_DRIFT, i], drift)
+            else -min(law_state[block + rows.LOW_DRIFT, i], drift)
         )
         part = strength / (k * farthest)
         to_origin = hardening + (1.0 - hardening) * part
         return k * max(part**unloading, to_origin, min(hardening / (1.0 - 0.5 * unloading), 1.0))
 
-    @inlined
-    def recoverable(law_parameters, springs, i):
-        force = springs[at.FORCE, i]
-        return 0.5 * force * force / unloading_stiffness(law_parameters, springs, i, 0, force)
+    @inline
+    def strain_energy(law_parameters, law_state, i):
+        force = law_state[rows.FORCE, i]
+        return 0.5 * force * force / unloading_stiffness(law_parameters, law_state, i, 0, force)
 
-    @inlined
-    def enter(law_parameters, springs, i):
+    @inline
+    def enter(law_parameters, law_state, i):
         strength = law_parameters[_YIELD_FORCE, i]
-        k = law_parameters[at.STIFFNESS, i]
-        springs[at.HIGH_DRIFT, i] = springs[at.UPPER, i] = strength / k
-        springs[at.LOW_DRIFT, i] = springs[at.LOWER, i] = -strength / k
-        springs[at.HIGH_FORCE, i] = strength
-        springs[at.LOW_FORCE, i] = -strength
+        k = law_parameters[rows.STIFFNESS, i]
+        law_state[rows.HIGH_DRIFT, i] = law_state[rows.UPPER, i] = strength / k
+        law_state[rows.LOW_DRIFT, i] = law_state[rows.LOWER, i] = -strength / k
+        law_state[rows.HIGH_FORCE, i] = strength
+        law_state[rows.LOW_FORCE, i] = -strength
 
-    @called
-    def switch(law_parameters, springs, i, block, event):
-        kind = springs[block + at.INTERNAL, i]
-        drift = springs[block + at.DRIFT, i]
-        force = springs[block + at.FORCE, i]
-        if event == at.TURNED:
-            side = springs[block + at.TURN, i]
+    @outlined
+    def switch(law_parameters, law_state, i, block, event):
+        kind = law_state[block + rows.INTERNAL, i]
+        drift = law_state[block + rows.DRIFT, i]
+        force = law_state[block + rows.FORCE, i]
+        if event == rows.REVERSED:
+            side = law_state[block + rows.RATE_SIGN, i]
             if abs(kind) == _YIELDING:
                 if side > 0.0:
-                    springs[block + at.HIGH_DRIFT, i] = drift
-                    springs[block + at.HIGH_FORCE, i] = force
+                    law_state[block + rows.HIGH_DRIFT, i] = drift
+                    law_state[block + rows.HIGH_FORCE, i] = force
                 else:
-                    springs[block + at.LOW_DRIFT, i] = drift
-                    springs[block + at.LOW_FORCE, i] = force
-            slope = unloading_stiffness(law_parameters, springs, i, block, side)
+                    law_state[block + rows.LOW_DRIFT, i] = drift
+                    law_state[block + rows.LOW_FORCE, i] = force
+            slope = unloading_stiffness(law_parameters, law_state, i, block, side)
             zero = drift - force / slope
-            springs[block + at.INTERNAL, i] = side * _UNLOADING
-            springs[block + at.SLOPE, i] = slope
-            springs[block + at.TURN, i] = 0.0
-            springs[block + at.UPPER, i] = max(drift, zero)
-            springs[block + at.LOWER, i] = min(drift, zero)
+            law_state[block + rows.INTERNAL, i] = side * _UNLOADING
+            law_state[block + rows.SLOPE, i] = slope
+            law_state[block + rows.RATE_SIGN, i] = 0.0
+            law_state[block + rows.UPPER, i] = max(drift, zero)
+            law_state[block + rows.LOWER, i] = min(drift, zero)
             return
         # The branch ended in the direction of `event`: load further on that side.
         target = (
-            springs[block + at.HIGH_DRIFT, i] if event > 0.0 else springs[block + at.LOW_DRIFT, i]
+            law_state[block + rows.HIGH_DRIFT, i]
+            if event > 0.0
+            else law_state[block + rows.LOW_DRIFT, i]
         )
         target_force = (
-            springs[block + at.HIGH_FORCE, i] if event > 0.0 else springs[block + at.LOW_FORCE, i]
+            law_state[block + rows.HIGH_FORCE, i]
+            if event > 0.0
+            else law_state[block + rows.LOW_FORCE, i]
         )
-        springs[block + at.TURN, i] = event
+        law_state[block + rows.RATE_SIGN, i] = event
         if event * (target - drift) > 1e-12 * abs(target):
-            springs[block + at.INTERNAL, i] = event * _RELOADING
-            springs[block + at.SLOPE, i] = (target_force - force) / (target - drift)
-            springs[block + at.UPPER, i] = target if event > 0.0 else math.inf
-            springs[block + at.LOWER, i] = target if event < 0.0 else -math.inf
+            law_state[block + rows.INTERNAL, i] = event * _RELOADING
+            law_state[block + rows.SLOPE, i] = (target_force - force) / (target - drift)
+            law_state[block + rows.UPPER, i] = target if event > 0.0 else math.inf
+            law_state[block + rows.LOWER, i] = target if event < 0.0 else -math.inf
         else:
-            springs[block + at.INTERNAL, i] = event * _YIELDING
-            springs[block + at.SLOPE, i] = (
-                law_parameters[_HARDENING, i] * law_parameters[at.STIFFNESS, i]
+            law_state[block + rows.INTERNAL, i] = event * _YIELDING
+            law_state[block + rows.SLOPE, i] = (
+                law_parameters[_HARDENING, i] * law_parameters[rows.STIFFNESS, i]
             )
-            springs[block + at.UPPER, i] = math.inf
-            springs[block + at.LOWER, i] = -math.inf
+            law_state[block + rows.UPPER, i] = math.inf
+            law_state[block + rows.LOWER, i] = -math.inf
 
-    return walking(switch, recoverable, enter)
+    return follow_branches(switch, strain_energy, enter)
 
 
 LAW = DriftLaw(

@@ -2,42 +2,42 @@
 
 from __future__ import annotations
 
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter
 
 
 def _functions() -> LawFunctions:
-    from tdint.kernels.compiling import inlined
+    from tdint.kernels.compiling import inline
 
-    @inlined
-    def force(law_parameters, springs, i, past, trial, drift):
+    @inline
+    def force(law_parameters, law_state, i, previous, trial, drift):
         """By Horner's rule; a sum of two products could be contracted in two ways, by the scene it
         is compiled for."""
         secant = 0.0
         slope = 0.0  # of the secant
-        for row in range(law_parameters.shape[0] - 1, at.FIRST_PARAMETER - 1, -1):
+        for row in range(law_parameters.shape[0] - 1, rows.FIRST_PARAMETER - 1, -1):
             slope = slope * drift + secant
             secant = secant * drift + law_parameters[row, i]
-        springs[trial + at.FORCE, i] = secant * drift
+        law_state[trial + rows.FORCE, i] = secant * drift
         return slope * drift + secant
 
-    @inlined
-    def recoverable(law_parameters, springs, i):
-        d = springs[at.DRIFT, i]
+    @inline
+    def strain_energy(law_parameters, law_state, i):
+        d = law_state[rows.DRIFT, i]
         energy = 0.0
-        for row in range(law_parameters.shape[0] - 1, at.FIRST_PARAMETER - 1, -1):
-            energy = energy * d + law_parameters[row, i] / (row - at.FIRST_PARAMETER + 2)
+        for row in range(law_parameters.shape[0] - 1, rows.FIRST_PARAMETER - 1, -1):
+            energy = energy * d + law_parameters[row, i] / (row - rows.FIRST_PARAMETER + 2)
         return energy * d * d
 
-    @inlined
-    def points(law_parameters, springs, i, way):
+    @inline
+    def points(law_parameters, law_state, i, way):
         """Exact: of degree q in the drift, the force times s is of degree 2 q + 1 in time."""
-        degree = law_parameters.shape[0] - at.FIRST_PARAMETER
-        while degree > 1 and law_parameters[at.FIRST_PARAMETER + degree - 1, i] == 0.0:
+        degree = law_parameters.shape[0] - rows.FIRST_PARAMETER
+        while degree > 1 and law_parameters[rows.FIRST_PARAMETER + degree - 1, i] == 0.0:
             degree -= 1
         return degree + 1.0
 
-    return LawFunctions(force=force, recoverable=recoverable, points=points)
+    return LawFunctions(force=force, strain_energy=strain_energy, points=points)
 
 
 LAW = DriftLaw(

@@ -12,18 +12,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
 # Parameters
-_YIELD_FORCE = at.FIRST_PARAMETER
-_ULTIMATE_FORCE = at.FIRST_PARAMETER + 1
-_ULTIMATE_DRIFT = at.FIRST_PARAMETER + 2
-_PINCHING = at.FIRST_PARAMETER + 3
-_UNLOADING = at.FIRST_PARAMETER + 4
+_YIELD_FORCE = rows.FIRST_PARAMETER
+_ULTIMATE_FORCE = rows.FIRST_PARAMETER + 1
+_ULTIMATE_DRIFT = rows.FIRST_PARAMETER + 2
+_PINCHING = rows.FIRST_PARAMETER + 3
+_UNLOADING = rows.FIRST_PARAMETER + 4
 
 # The drift at the last passage of zero force: the forces of the farthest points are the backbone's
-_ZERO = at.HIGH_FORCE
+_ZERO = rows.HIGH_FORCE
 
 # Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first yielding
 _YIELDING = 1.0  # on the backbone
@@ -35,90 +35,92 @@ _HERE = 1e-12  # over a drift: what lies no farther ahead is reached
 
 
 def _functions() -> LawFunctions:
-    from tdint.kernels.compiling import called, inlined
-    from tdint.kernels.laws.walking import walking
+    from tdint.kernels.compiling import inline, outlined
+    from tdint.kernels.laws.branch_following import follow_branches
 
-    @inlined
+    @inline
     def hardening(law_parameters, i):
         """Slope of the backbone between the yield and the ultimate point, N/m."""
         strength = law_parameters[_YIELD_FORCE, i]
         return (law_parameters[_ULTIMATE_FORCE, i] - strength) / (
-            law_parameters[_ULTIMATE_DRIFT, i] - strength / law_parameters[at.STIFFNESS, i]
+            law_parameters[_ULTIMATE_DRIFT, i] - strength / law_parameters[rows.STIFFNESS, i]
         )
 
-    @inlined
+    @inline
     def backbone(law_parameters, i, drift):
         """Force of the backbone at a drift beyond the yield drift."""
         strength = law_parameters[_YIELD_FORCE, i]
         if drift >= law_parameters[_ULTIMATE_DRIFT, i]:
             return law_parameters[_ULTIMATE_FORCE, i]
         return strength + hardening(law_parameters, i) * (
-            drift - strength / law_parameters[at.STIFFNESS, i]
+            drift - strength / law_parameters[rows.STIFFNESS, i]
         )
 
-    @inlined
-    def farthest(springs, i, block, side):
+    @inline
+    def farthest(law_state, i, block, side):
         """The farthest drift on a side, the present one included; positive on either side."""
         reached = (
-            springs[block + at.HIGH_DRIFT, i] if side > 0.0 else -springs[block + at.LOW_DRIFT, i]
+            law_state[block + rows.HIGH_DRIFT, i]
+            if side > 0.0
+            else -law_state[block + rows.LOW_DRIFT, i]
         )
-        if springs[block + at.INTERNAL, i] == side * _YIELDING:
-            reached = max(reached, side * springs[block + at.DRIFT, i])
+        if law_state[block + rows.INTERNAL, i] == side * _YIELDING:
+            reached = max(reached, side * law_state[block + rows.DRIFT, i])
         return reached
 
-    @called
-    def unloading_stiffness(law_parameters, springs, i, block, side):
-        k = law_parameters[at.STIFFNESS, i]
+    @outlined
+    def unloading_stiffness(law_parameters, law_state, i, block, side):
+        k = law_parameters[rows.STIFFNESS, i]
         return (
             k
-            * (law_parameters[_YIELD_FORCE, i] / (k * farthest(springs, i, block, side)))
+            * (law_parameters[_YIELD_FORCE, i] / (k * farthest(law_state, i, block, side)))
             ** law_parameters[_UNLOADING, i]
         )
 
-    @inlined
-    def lead(springs, i, block, side, kind, slope, end, turn):
+    @inline
+    def lead(law_state, i, block, side, kind, slope, end, turn):
         """Put the story on a branch that ends at `end` ahead on that side, and does not hold
         backwards where it turns."""
-        springs[block + at.INTERNAL, i] = side * kind
-        springs[block + at.SLOPE, i] = slope
-        springs[block + at.TURN, i] = turn
-        springs[block + at.UPPER, i] = end if side > 0.0 else math.inf
-        springs[block + at.LOWER, i] = -end if side < 0.0 else -math.inf
+        law_state[block + rows.INTERNAL, i] = side * kind
+        law_state[block + rows.SLOPE, i] = slope
+        law_state[block + rows.RATE_SIGN, i] = turn
+        law_state[block + rows.UPPER, i] = end if side > 0.0 else math.inf
+        law_state[block + rows.LOWER, i] = -end if side < 0.0 else -math.inf
 
-    @inlined
-    def glide(law_parameters, springs, i, block, side, slope, end):
+    @inline
+    def glide(law_parameters, law_state, i, block, side, slope, end):
         """The line of the unloading stiffness through the present point, from zero force up to
         `end`."""
-        zero = springs[block + at.DRIFT, i] - springs[block + at.FORCE, i] / slope
-        lead(springs, i, block, side, _GLIDING, slope, end, 0.0)
+        zero = law_state[block + rows.DRIFT, i] - law_state[block + rows.FORCE, i] / slope
+        lead(law_state, i, block, side, _GLIDING, slope, end, 0.0)
         if side > 0.0:
-            springs[block + at.LOWER, i] = zero
+            law_state[block + rows.LOWER, i] = zero
         else:
-            springs[block + at.UPPER, i] = zero
+            law_state[block + rows.UPPER, i] = zero
 
-    @inlined
-    def end_of_pinching(law_parameters, springs, i, block, side, target, force, slope):
+    @inline
+    def end_of_pinching(law_parameters, law_state, i, block, side, target, force, slope):
         """Drift at which the first part of the reloading ends, on that side."""
-        zero = side * springs[block + _ZERO, i]
+        zero = side * law_state[block + _ZERO, i]
         pinching = law_parameters[_PINCHING, i]
         return zero + pinching * (target - (1.0 - pinching) * force / slope - zero)
 
-    @called
-    def load(law_parameters, springs, i, block, side):
+    @outlined
+    def load(law_parameters, law_state, i, block, side):
         """Further on that side from a point of the reloading or of the backbone."""
-        drift = side * springs[block + at.DRIFT, i]
-        here = side * springs[block + at.FORCE, i]
-        target = farthest(springs, i, block, side)
+        drift = side * law_state[block + rows.DRIFT, i]
+        here = side * law_state[block + rows.FORCE, i]
+        target = farthest(law_state, i, block, side)
         if drift < target * (1.0 - _HERE):
             force = backbone(law_parameters, i, target)
-            slope = unloading_stiffness(law_parameters, springs, i, block, side)
-            bend = end_of_pinching(law_parameters, springs, i, block, side, target, force, slope)
+            slope = unloading_stiffness(law_parameters, law_state, i, block, side)
+            bend = end_of_pinching(law_parameters, law_state, i, block, side, target, force, slope)
             if drift < bend - _HERE * target:
                 to_bend = (law_parameters[_PINCHING, i] * force - here) / (bend - drift)
-                lead(springs, i, block, side, _PINCHED, to_bend, bend, side)
+                lead(law_state, i, block, side, _PINCHED, to_bend, bend, side)
             else:
                 lead(
-                    springs,
+                    law_state,
                     i,
                     block,
                     side,
@@ -128,29 +130,36 @@ def _functions() -> LawFunctions:
                     side,
                 )
         else:
-            springs[block + at.FORCE, i] = side * backbone(law_parameters, i, drift)
+            law_state[block + rows.FORCE, i] = side * backbone(law_parameters, i, drift)
             ultimate = law_parameters[_ULTIMATE_DRIFT, i]
             if drift < ultimate * (1.0 - _HERE):
                 lead(
-                    springs, i, block, side, _YIELDING, hardening(law_parameters, i), ultimate, side
+                    law_state,
+                    i,
+                    block,
+                    side,
+                    _YIELDING,
+                    hardening(law_parameters, i),
+                    ultimate,
+                    side,
                 )
             else:
-                lead(springs, i, block, side, _YIELDING, 0.0, math.inf, side)
+                lead(law_state, i, block, side, _YIELDING, 0.0, math.inf, side)
 
-    @called
-    def cross(law_parameters, springs, i, block, side):
+    @outlined
+    def cross(law_parameters, law_state, i, block, side):
         """Zero force is passed towards a side: load there, not stiffer than with its unloading
         stiffness."""
-        zero = side * springs[block + at.DRIFT, i]
-        springs[block + at.FORCE, i] = 0.0
-        springs[block + _ZERO, i] = springs[block + at.DRIFT, i]
-        target = farthest(springs, i, block, side)
+        zero = side * law_state[block + rows.DRIFT, i]
+        law_state[block + rows.FORCE, i] = 0.0
+        law_state[block + _ZERO, i] = law_state[block + rows.DRIFT, i]
+        target = farthest(law_state, i, block, side)
         force = backbone(law_parameters, i, target)
-        slope = unloading_stiffness(law_parameters, springs, i, block, side)
-        bend = end_of_pinching(law_parameters, springs, i, block, side, target, force, slope)
+        slope = unloading_stiffness(law_parameters, law_state, i, block, side)
+        bend = end_of_pinching(law_parameters, law_state, i, block, side, target, force, slope)
         part = law_parameters[_PINCHING, i] * force
         if bend > zero + _HERE * target and part <= slope * (bend - zero) and zero < target:
-            load(law_parameters, springs, i, block, side)
+            load(law_parameters, law_state, i, block, side)
             return
         # Up with the unloading stiffness to where that meets the second part, or behind that the
         # backbone
@@ -165,46 +174,52 @@ def _functions() -> LawFunctions:
             if slope > rise:
                 strength = law_parameters[_YIELD_FORCE, i]
                 bent = (
-                    strength - rise * strength / law_parameters[at.STIFFNESS, i] + slope * zero
+                    strength - rise * strength / law_parameters[rows.STIFFNESS, i] + slope * zero
                 ) / (slope - rise)
                 meeting = (
                     min(bent, meeting) if bent < law_parameters[_ULTIMATE_DRIFT, i] else meeting
                 )
-        glide(law_parameters, springs, i, block, side, slope, meeting)
+        glide(law_parameters, law_state, i, block, side, slope, meeting)
 
-    @called
-    def switch(law_parameters, springs, i, block, event):
-        kind = springs[block + at.INTERNAL, i]
+    @outlined
+    def switch(law_parameters, law_state, i, block, event):
+        kind = law_state[block + rows.INTERNAL, i]
         if kind == 0.0:
-            load(law_parameters, springs, i, block, event)
-        elif event == at.TURNED:
-            side = springs[block + at.TURN, i]
+            load(law_parameters, law_state, i, block, event)
+        elif event == rows.REVERSED:
+            side = law_state[block + rows.RATE_SIGN, i]
             if side > 0.0:
-                springs[block + at.HIGH_DRIFT, i] = farthest(springs, i, block, side)
+                law_state[block + rows.HIGH_DRIFT, i] = farthest(law_state, i, block, side)
             else:
-                springs[block + at.LOW_DRIFT, i] = -farthest(springs, i, block, side)
-            slope = unloading_stiffness(law_parameters, springs, i, block, side)
+                law_state[block + rows.LOW_DRIFT, i] = -farthest(law_state, i, block, side)
+            slope = unloading_stiffness(law_parameters, law_state, i, block, side)
             glide(
-                law_parameters, springs, i, block, side, slope, side * springs[block + at.DRIFT, i]
+                law_parameters,
+                law_state,
+                i,
+                block,
+                side,
+                slope,
+                side * law_state[block + rows.DRIFT, i],
             )
         elif abs(kind) == _GLIDING and event * kind < 0.0:
-            cross(law_parameters, springs, i, block, event)
+            cross(law_parameters, law_state, i, block, event)
         else:
-            load(law_parameters, springs, i, block, event)
+            load(law_parameters, law_state, i, block, event)
 
-    @inlined
-    def recoverable(law_parameters, springs, i):
-        force = springs[at.FORCE, i]
+    @inline
+    def strain_energy(law_parameters, law_state, i):
+        force = law_state[rows.FORCE, i]
         side = 1.0 if force > 0.0 else -1.0
-        return 0.5 * force * force / unloading_stiffness(law_parameters, springs, i, 0, side)
+        return 0.5 * force * force / unloading_stiffness(law_parameters, law_state, i, 0, side)
 
-    @inlined
-    def enter(law_parameters, springs, i):
-        drift = law_parameters[_YIELD_FORCE, i] / law_parameters[at.STIFFNESS, i]
-        springs[at.HIGH_DRIFT, i] = springs[at.UPPER, i] = drift
-        springs[at.LOW_DRIFT, i] = springs[at.LOWER, i] = -drift
+    @inline
+    def enter(law_parameters, law_state, i):
+        drift = law_parameters[_YIELD_FORCE, i] / law_parameters[rows.STIFFNESS, i]
+        law_state[rows.HIGH_DRIFT, i] = law_state[rows.UPPER, i] = drift
+        law_state[rows.LOW_DRIFT, i] = law_state[rows.LOWER, i] = -drift
 
-    return walking(switch, recoverable, enter)
+    return follow_branches(switch, strain_energy, enter)
 
 
 def _fault(stiffness: float, values: Sequence[float]) -> str | None:

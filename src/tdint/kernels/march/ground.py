@@ -3,15 +3,15 @@ after the last."""
 
 from __future__ import annotations
 
-from tdint.kernels.compiling import called, inlined
+from tdint.kernels.compiling import inline, outlined
 
 
-@inlined
+@inline
 def _sample(ground, position):
     return ground[position] if position < ground.shape[0] else 0.0
 
 
-@inlined
+@inline
 def ground_between(ground, position):
     """Ground acceleration at a position counted in samples."""
     sample = int(position)
@@ -19,7 +19,7 @@ def ground_between(ground, position):
     return value + (_sample(ground, sample + 1) - value) * (position - sample)
 
 
-@inlined
+@inline
 def ground_at(ground, step, per_sample, stride):
     """Ground acceleration at the start of a step of which `per_sample` take `stride` samples."""
     if per_sample == 1:
@@ -32,7 +32,7 @@ def ground_at(ground, step, per_sample, stride):
     return value + (_sample(ground, sample + 1) - value) * part
 
 
-@called
+@outlined
 def straightened(ground, begin, end):
     """Ends of the line that has the impulse and the first moment of the ground acceleration from
     position `begin` to `end`, counted in samples.
@@ -67,7 +67,7 @@ def straightened(ground, begin, end):
     return mean - half, mean + half
 
 
-@inlined
+@inline
 def straightened_samples(ground, first, last):
     """`straightened` between two samples."""
     middle = 0.5 * (first + last)

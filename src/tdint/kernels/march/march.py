@@ -5,13 +5,23 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import CUBE, F8, I8, TABLE, VECTOR, called, called_at, inlined, kernel
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import (
+    CUBE,
+    F8,
+    I8,
+    TABLE,
+    VECTOR,
+    indirect_caller,
+    inline,
+    kernel,
+    outlined,
+)
 from tdint.kernels.march.ground import ground_at, straightened, straightened_samples
 from tdint.kernels.march.observing import (
     BEGIN,
-    RAISE_SHEARS,
-    TAKE_STOCK,
+    SUM_LAW_ENERGIES,
+    UPDATE_SHEAR_PEAKS,
     begin_energies,
     begin_laws,
     beyond_limits,
@@ -40,8 +50,8 @@ from tdint.kernels.stepping import (
 MARCH = I8(
     STEP,  # step
     BEGIN,  # what brings the drift laws to the initial state
-    TAKE_STOCK,  # what sums up their energies
-    RAISE_SHEARS,  # what finds their forces where they turned
+    SUM_LAW_ENERGIES,  # what sums up their energies
+    UPDATE_SHEAR_PEAKS,  # what finds their forces where they turned
     I8,  # steps of the whole run
     I8,  # steps of it that are done
     I8,  # steps until which to go on
@@ -65,58 +75,60 @@ RUNAWAY = 1e6
 so far."""
 
 
-@inlined
-def start(begin, take_stock, scene, ground, memory, seen):
+@inline
+def start(begin, sum_law_energies, scene, ground, memory, seen):
     """Drift laws, acceleration and energy of the initial state, which may be beyond limits."""
     n = scene.linear_terms.shape[1] - 1
     state = memory.state
     begin_laws(begin, scene, memory)
     observe(scene, Span(0.0, 0.0, ground, ground, False, False, False), 0.0, memory, seen)
-    remember(state, seen.watch, n)
+    remember(state, seen.observer_state, n)
     for i in range(n):
-        state[at.ACCELERATION, i] = seen.watch[at.ACCELERATION_NOW, i]
-    memory.report[at.CARRIED_GROUND] = ground
-    sum_up(take_stock, scene, memory, seen)
+        state[rows.ACCELERATION, i] = seen.observer_state[rows.OBSERVED_ACCELERATION, i]
+    memory.step_status[rows.STATE_GROUND] = ground
+    sum_up(sum_law_energies, scene, memory, seen)
     begin_energies(scene.linear_terms, seen.totals)
-    watch_limits(take_stock, scene, memory, 0, seen)
+    watch_limits(sum_law_energies, scene, memory, 0, seen)
 
 
-@inlined
+@inline
 def ran_away(state, n):
     here = True
     for i in range(n):
-        here &= abs(state[at.DISPLACEMENT, i]) < RUNAWAY
+        here &= abs(state[rows.DISPLACEMENT, i]) < RUNAWAY
     return not here
 
 
-@inlined
-def see(raise_shears, scene, span, slope, memory, seen):
+@inline
+def see(update_shear_peaks, scene, span, slope, memory, seen):
     """Observe the motion at the end of a step or of a piece of one, and what it passed on the
     way."""
     near = observe(scene, span, slope, memory, seen)
     if look_between(near, scene, span, memory, seen) > 0:
-        take_shears(raise_shears, scene, memory, seen)
+        take_shears(update_shear_peaks, scene, memory, seen)
 
 
-@inlined
-def watch_limits(take_stock, scene, memory, steps, seen):
+@inline
+def watch_limits(sum_law_energies, scene, memory, steps, seen):
     """Note a collapse that has not been noted yet."""
-    if seen.totals[at.COLLAPSE_STEP] == at.NO_COLLAPSE and beyond_limits(memory.springs, seen):
-        _collapse(take_stock, scene, memory, steps, seen)
+    if seen.totals[rows.COLLAPSE_STEP] == rows.NO_COLLAPSE and beyond_limits(
+        memory.law_state, seen
+    ):
+        _collapse(sum_law_energies, scene, memory, steps, seen)
 
 
-@called
-def _collapse(take_stock, scene, memory, steps, seen):
-    sum_up(take_stock, scene, memory, seen)
-    note_collapse(memory.springs, steps, seen)
+@outlined
+def _collapse(sum_law_energies, scene, memory, steps, seen):
+    sum_up(sum_law_energies, scene, memory, seen)
+    note_collapse(memory.law_state, steps, seen)
 
 
 @kernel(MARCH, parts=())
 def march(
     step,
     begin,
-    take_stock,
-    raise_shears,
+    sum_law_energies,
+    update_shear_peaks,
     steps,
     first,
     last,
@@ -135,11 +147,11 @@ def march(
     forces,
     flags,
     state,
-    springs,
-    work,
-    report,
+    law_state,
+    scratch,
+    step_status,
     load,
-    watch,
+    observer_state,
     peaks,
     limits,
     totals,
@@ -160,13 +172,13 @@ def march(
     after such a step. `totals[STEPS_REACHED]` counts the whole steps done.
     """
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
-    memory = Memory(state, springs, work, report)
-    seen = Seen(watch, peaks, limits, totals, history)
-    on_path = flags[at.ON_PATH] != 0.0
-    fast = flags[at.FAST] != 0.0
+    memory = Memory(state, law_state, scratch, step_status)
+    seen = Seen(observer_state, peaks, limits, totals, history)
+    on_path = flags[rows.PARABOLIC] != 0.0
+    fast = flags[rows.UNRESOLVED_MODES] != 0.0
     ground_0 = ground_at(ground, first, per_sample, stride)
     if first == 0:
-        start(begin, take_stock, scene, ground_0, memory, seen)
+        start(begin, sum_law_energies, scene, ground_0, memory, seen)
         if history.shape[0] > 0:
             store(ground_0, ground_0, memory, seen, 0)
     smallest = 0.5**halvings
@@ -176,51 +188,53 @@ def march(
         done = 0.0  # of the step
         piece = 1.0
         while done < 1.0:
-            load[at.TIME] = (s + done) * h
+            load[rows.TIME] = (s + done) * h
             if stride > 1:
                 samples = stride / per_sample
                 begins, ends = (s + done) * samples, (s + done + piece) * samples
                 if per_sample == 1 and piece == 1.0:
-                    load[at.GROUND_0], load[at.GROUND_1] = straightened_samples(
+                    load[rows.GROUND_0], load[rows.GROUND_1] = straightened_samples(
                         ground, s * stride, (s + 1) * stride
                     )
                 else:
-                    load[at.GROUND_0], load[at.GROUND_1] = straightened(ground, begins, ends)
-                slope = (load[at.GROUND_1] - load[at.GROUND_0]) / (piece * h)
+                    load[rows.GROUND_0], load[rows.GROUND_1] = straightened(ground, begins, ends)
+                slope = (load[rows.GROUND_1] - load[rows.GROUND_0]) / (piece * h)
                 shift_ground(scene, load, shifts, memory, seen)
             else:
-                load[at.GROUND_0] = ground_0 + done * (ground_1 - ground_0)
-                load[at.GROUND_1] = (
+                load[rows.GROUND_0] = ground_0 + done * (ground_1 - ground_0)
+                load[rows.GROUND_1] = (
                     ground_1
                     if done + piece == 1.0
                     else ground_0 + (done + piece) * (ground_1 - ground_0)
                 )
             code = take_step(step, coefficients, scene, piece * h, load, memory)
             if code < 0:
-                if code == at.NOT_FINITE or piece <= smallest:
-                    watch_limits(take_stock, scene, memory, s, seen)
+                if code == rows.NOT_FINITE or piece <= smallest:
+                    watch_limits(sum_law_energies, scene, memory, s, seen)
                     return code
                 piece *= 0.5
-                totals[at.HALVINGS] += 1.0
-                report[at.STEPS_DONE] = 0.0
+                totals[rows.HALVINGS] += 1.0
+                step_status[rows.STEPS_DONE] = 0.0
                 continue
             done += piece
-            totals[at.ITERATIONS] += code
-            report[at.CARRIED_GROUND] = load[at.GROUND_1]
-            t, cornered = (s + done) * h, report[at.WITHIN] != 0.0
-            span = Span(t, piece * h, load[at.GROUND_0], load[at.GROUND_1], on_path, fast, cornered)
-            see(raise_shears, scene, span, slope, memory, seen)
-        report[at.STEPS_DONE] = report[at.STEPS_DONE] + 1.0 if piece == 1.0 else 0.0
-        totals[at.STEPS_REACHED] += 1.0
+            totals[rows.ITERATIONS] += code
+            step_status[rows.STATE_GROUND] = load[rows.GROUND_1]
+            t, cornered = (s + done) * h, step_status[rows.STEP_PEAKS] != 0.0
+            span = Span(
+                t, piece * h, load[rows.GROUND_0], load[rows.GROUND_1], on_path, fast, cornered
+            )
+            see(update_shear_peaks, scene, span, slope, memory, seen)
+        step_status[rows.STEPS_DONE] = step_status[rows.STEPS_DONE] + 1.0 if piece == 1.0 else 0.0
+        totals[rows.STEPS_REACHED] += 1.0
         if ran_away(state, linear_terms.shape[1] - 1):
-            return at.NOT_FINITE
-        watch_limits(take_stock, scene, memory, s + 1, seen)
+            return rows.NOT_FINITE
+        watch_limits(sum_law_energies, scene, memory, s + 1, seen)
         if history.shape[0] > 0 and (s + 1) % every == 0:
-            sum_up(take_stock, scene, memory, seen)
-            store(ground_1, load[at.GROUND_1], memory, seen, (s + 1) // every - before)
+            sum_up(sum_law_energies, scene, memory, seen)
+            store(ground_1, load[rows.GROUND_1], memory, seen, (s + 1) // every - before)
         ground_0 = ground_1
     if last == steps:
-        sum_up(take_stock, scene, memory, seen)
+        sum_up(sum_law_energies, scene, memory, seen)
     return 0
 
 
@@ -241,17 +255,17 @@ STEPS_TAKEN = 1
 AT_REST = 2  # 1 if the motion has died, or that was not asked for
 END_COLUMNS = 3
 
-_call_march = called_at(MARCH)
+_call_march = indirect_caller(MARCH)
 
 
-@inlined
+@inline
 def _copy(source, target):
     for i in range(source.shape[0]):
         for j in range(source.shape[1]):
             target[i, j] = source[i, j]
 
 
-@inlined
+@inline
 def _fill(target, value):
     for i in range(target.shape[0]):
         for j in range(target.shape[1]):
@@ -262,8 +276,8 @@ MANY = I8(
     MARCH,
     STEP,
     BEGIN,
-    TAKE_STOCK,
-    RAISE_SHEARS,
+    SUM_LAW_ENERGIES,
+    UPDATE_SHEAR_PEAKS,
     I8,  # how often a step may be halved
     F8,  # h
     VECTOR,  # samples of all ground motions
@@ -296,8 +310,8 @@ class _Called(NamedTuple):
     march: int
     step: int
     begin: int
-    take_stock: int
-    raise_shears: int
+    sum_law_energies: int
+    update_shear_peaks: int
 
 
 class _Motion(NamedTuple):
@@ -312,29 +326,30 @@ class _Motion(NamedTuple):
     ground: Array
 
 
-@inlined
+@inline
 def _go_on(kernels, motion, run, steps, done, scene, memory, seen):
     """March on from `done` steps to `steps` of them; `run` is the number of steps per sample and
     samples per step."""
     return _call_march(
-        kernels.march, kernels.step, kernels.begin, kernels.take_stock, kernels.raise_shears,
+        kernels.march, kernels.step, kernels.begin,
+        kernels.sum_law_energies, kernels.update_shear_peaks,
         steps, done, steps, 1, 0, run[0], run[1],
         motion.halvings, motion.h, motion.ground, motion.coefficients, motion.shifts,
         scene.linear_terms, scene.modal, scene.law_parameters, scene.forces, scene.flags,
-        memory.state, memory.springs, memory.work, memory.report, motion.load,
-        seen.watch, seen.peaks, seen.limits, seen.totals, seen.history,
+        memory.state, memory.law_state, memory.scratch, memory.step_status, motion.load,
+        seen.observer_state, seen.peaks, seen.limits, seen.totals, seen.history,
     )  # fmt: skip
 
 
-@inlined
-def _begin(initial, memory, watch):
+@inline
+def _begin(initial, memory, observer_state):
     """Bring all memory to what it is at the start."""
     _copy(initial.state, memory.state)
-    _copy(initial.springs, memory.springs)
-    _fill(memory.work, 0.0)
-    _fill(watch, 0.0)
-    for i in range(memory.report.size):
-        memory.report[i] = initial.report[i]
+    _copy(initial.law_state, memory.law_state)
+    _fill(memory.scratch, 0.0)
+    _fill(observer_state, 0.0)
+    for i in range(memory.step_status.size):
+        memory.step_status[i] = initial.step_status[i]
 
 
 @kernel(MANY, parts=())
@@ -342,8 +357,8 @@ def many(
     march,
     step,
     begin,
-    take_stock,
-    raise_shears,
+    sum_law_energies,
+    update_shear_peaks,
     halvings,
     h,
     samples,
@@ -361,12 +376,12 @@ def many(
     report_0,
     totals_0,
     state,
-    springs,
-    work,
-    report,
+    law_state,
+    scratch,
+    step_status,
     load,
     ground,
-    watch,
+    observer_state,
     limits,
     kept,
     history,
@@ -380,11 +395,11 @@ def many(
 ):
     """March through all runs; each begins as if it were alone. Returns how many of them did not get
     to their end."""
-    kernels = _Called(march, step, begin, take_stock, raise_shears)
+    kernels = _Called(march, step, begin, sum_law_energies, update_shear_peaks)
     motion = _Motion(halvings, h, coefficients, shifts, load, ground)
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     initial = Memory(state_0, springs_0, work_0, report_0)
-    memory = Memory(state, springs, work, report)
+    memory = Memory(state, law_state, scratch, step_status)
     failed = 0
     n = linear_terms.shape[1] - 1
     for r in range(runs.shape[0]):
@@ -392,10 +407,10 @@ def many(
         size = int(runs[r, GROUND_SIZE])
         for i in range(ground.size):
             ground[i] = samples[first + i] * runs[r, SCALE] if i < size else 0.0
-        _begin(initial, memory, watch)
-        for i in range(at.TOTALS_SIZE):
+        _begin(initial, memory, observer_state)
+        for i in range(rows.TOTALS_SIZE):
             totals[r, i] = totals_0[i]
-        seen = Seen(watch, peaks[r], limits, totals[r], history)
+        seen = Seen(observer_state, peaks[r], limits, totals[r], history)
         run = (int(runs[r, PER_SAMPLE]), int(runs[r, STRIDE]))
         done = 0
         last = int(runs[r, STEPS])
@@ -403,17 +418,17 @@ def many(
         at_rest = 1.0 if windows == 0 else 0.0
         for w in range(windows + 1):
             for i in range(n):  # velocities of this window alone
-                kept[i] = peaks[r, at.PEAK_VELOCITY, i]
-                peaks[r, at.PEAK_VELOCITY, i] = 0.0
-                if report[at.OWN_PEAKS] != 0.0:
-                    work[int(report[at.OWN_PEAKS]) + at.PEAK_VELOCITY, i] = 0.0
+                kept[i] = peaks[r, rows.PEAK_VELOCITY, i]
+                peaks[r, rows.PEAK_VELOCITY, i] = 0.0
+                if step_status[rows.RUN_PEAKS] != 0.0:
+                    scratch[int(step_status[rows.RUN_PEAKS]) + rows.PEAK_VELOCITY, i] = 0.0
             code = _go_on(kernels, motion, run, last, done, scene, memory, seen)
             fastest = 0.0
             farthest = 0.0
             for i in range(n):
-                fastest = max(fastest, peaks[r, at.PEAK_VELOCITY, i])
-                farthest = max(farthest, peaks[r, at.PEAK_DISPLACEMENT, i])
-                peaks[r, at.PEAK_VELOCITY, i] = max(kept[i], peaks[r, at.PEAK_VELOCITY, i])
+                fastest = max(fastest, peaks[r, rows.PEAK_VELOCITY, i])
+                farthest = max(farthest, peaks[r, rows.PEAK_DISPLACEMENT, i])
+                peaks[r, rows.PEAK_VELOCITY, i] = max(kept[i], peaks[r, rows.PEAK_VELOCITY, i])
             if code < 0:
                 break
             done = last
@@ -424,7 +439,7 @@ def many(
         if code < 0:
             failed += 1
         for i in range(n):
-            drifts[r, i] = springs[at.DRIFT, i]
+            drifts[r, i] = law_state[rows.DRIFT, i]
         ends[r, CODE] = code
         ends[r, STEPS_TAKEN] = done
         ends[r, AT_REST] = at_rest

@@ -6,8 +6,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import I8, TABLE, VECTOR, called, called_at, inlined, kernel
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import I8, TABLE, VECTOR, indirect_caller, inline, kernel, outlined
 from tdint.kernels.linear_terms import (
     DASHPOTS,
     FORCES,
@@ -26,7 +26,12 @@ from tdint.kernels.peaks_between_steps import (
     raise_peak,
 )
 from tdint.kernels.stepping import Ends, Passage
-from tdint.kernels.stories.law_state import dissipated, reach, recoverable, start
+from tdint.kernels.stories.law_state import (
+    hysteretic_energy,
+    restoring_force_outlined,
+    start,
+    strain_energy,
+)
 
 
 class _Powers(NamedTuple):
@@ -40,7 +45,7 @@ class _Powers(NamedTuple):
     damped_rate: float
 
 
-@inlined
+@inline
 def observe(scene, span, slope, memory, seen):
     """Take in the state at the end of a span, reached by a step in which the ground acceleration
     has the given slope.
@@ -50,12 +55,12 @@ def observe(scene, span, slope, memory, seen):
     where it then is raised: in most steps none comes near, which is found without a branch.
     """
     linear_terms, modal, law_parameters, forces, flags = scene
-    state, springs = memory.state, memory.springs
-    watch, peaks, _, totals, _ = seen
+    state, law_state = memory.state, memory.law_state
+    observer_state, peaks, _, totals, _ = seen
     ground = span.ground_1
     n = linear_terms.shape[1] - 1
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
-        _other_forces(modal, forces, span.t, state, watch, n)
+        _other_forces(modal, forces, span.t, state, observer_state, n)
     by_h = 1.0 / span.h if span.h > 0.0 else 0.0
     passing = FORCES and forces.shape[0] > 0  # total shears, whose forces are not looked at here
     momentum = 0.0
@@ -69,46 +74,46 @@ def observe(scene, span, slope, memory, seen):
     moved_above = 0.0
     bulge_above = 0.0
     rate_above = 0.0
-    v = state[at.VELOCITY, n - 1]
-    v_0 = watch[at.V_BEFORE, n - 1]
+    v = state[rows.VELOCITY, n - 1]
+    v_0 = observer_state[rows.V_PREVIOUS, n - 1]
     for i in range(n - 1, -1, -1):
         below = max(i - 1, 0)
-        v_below = state[at.VELOCITY, below]
-        v_0_below = watch[at.V_BEFORE, below]
-        link = linear_terms[at.LINK, i]
-        mass = linear_terms[at.MASS, i]
-        drift = springs[at.DRIFT, i]
-        shear = springs[at.FORCE, i]
+        v_below = state[rows.VELOCITY, below]
+        v_0_below = observer_state[rows.V_PREVIOUS, below]
+        link = linear_terms[rows.LINK, i]
+        mass = linear_terms[rows.MASS, i]
+        drift = law_state[rows.DRIFT, i]
+        shear = law_state[rows.FORCE, i]
         rate = v - link * v_below
         damper, tangent = power_damper(linear_terms, i, rate)
-        by_story = linear_terms[at.STORY_DAMPER, i] * rate
-        by_floor = linear_terms[at.FLOOR_DAMPER, i] * v
-        story = shear + linear_terms[at.GEOMETRIC, i] * drift + by_story + damper
+        by_story = linear_terms[rows.STORY_DAMPER, i] * rate
+        by_floor = linear_terms[rows.FLOOR_DAMPER, i] * v
+        story = shear + linear_terms[rows.GEOMETRIC, i] * drift + by_story + damper
         a = (
-            linear_terms[at.INVERSE_MASS, i]
-            * (watch[at.OTHER_FORCE, i] - by_floor - story + story_above)
+            linear_terms[rows.INVERSE_MASS, i]
+            * (observer_state[rows.FLOOR_FORCE, i] - by_floor - story + story_above)
             - ground
         )
-        watch[at.ACCELERATION_NOW, i] = a
+        observer_state[rows.OBSERVED_ACCELERATION, i] = a
         damped_above += by_floor
         if MODAL:
-            damped_above += watch[at.MODAL_FORCE, i]
+            damped_above += observer_state[rows.MODAL_FORCE, i]
         total = story + damped_above
-        watch[at.TOTAL_SHEAR, i] = total
-        a_0 = watch[at.A_BEFORE, i]
-        floor = Ends(0.0, v_0, a_0, state[at.DISPLACEMENT, i], v, a, v_0, a_0)
+        observer_state[rows.TOTAL_SHEAR, i] = total
+        a_0 = observer_state[rows.A_PREVIOUS, i]
+        floor = Ends(0.0, v_0, a_0, state[rows.DISPLACEMENT, i], v, a, v_0, a_0)
         moving = Ends(0.0, v_0 - link * v_0_below, 0.0, drift, rate, 0.0, 0.0, 0.0)
         passing |= may_exceed_peaks(
-            span, floor, moving, shear, law_parameters[at.STIFFNESS, i], peaks, i
+            span, floor, moving, shear, law_parameters[rows.STIFFNESS, i], peaks, i
         )
         inside = acceleration_bulge(by_h, floor)
         passing |= may_exceed_acceleration_peak(
-            a_0 + span.ground_0, a + ground, inside, peaks[at.PEAK_ACCELERATION, i]
+            a_0 + span.ground_0, a + ground, inside, peaks[rows.PEAK_ACCELERATION, i]
         )
         moved_above += mass * (a_0 + span.ground_0)
         bulge_above += mass * inside
         passing |= may_exceed_acceleration_peak(
-            moved_above, -total, bulge_above, peaks[at.PEAK_TOTAL_SHEAR, i]
+            moved_above, -total, bulge_above, peaks[rows.PEAK_TOTAL_SHEAR, i]
         )
         momentum += mass * v
         force += mass * a
@@ -123,51 +128,51 @@ def observe(scene, span, slope, memory, seen):
         rate_above = link * by_story
         v = v_below
         v_0 = v_0_below
-    if flags[at.OWN_WORK] == 0.0:
+    if flags[rows.OWN_WORK] == 0.0:
         power = -ground * momentum
         rate = -ground * force
-        totals[at.ALL_FORCES] = force
-        totals[at.DAMPED_BY_ALL] = by_all
+        totals[rows.TOTAL_INERTIA] = force
+        totals[rows.VISCOUS_PER_ACCELERATION] = by_all
         if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
-            others = _other_powers(modal, forces, span.t, state, watch, n)
+            others = _other_powers(modal, forces, span.t, state, observer_state, n)
             power += others[0]
             rate += others[1]
             damped += others[2]
             damped_rate += others[3]
         _add_work(span, slope, _Powers(power, rate, momentum, damped, 2.0 * damped_rate), totals)
     elif span.h > 0.0:
-        totals[at.ENERGY_INPUT] += memory.report[at.WORK_INPUT]
-        totals[at.ENERGY_DAMPED] += memory.report[at.WORK_DAMPED]
-    totals[at.ENERGY_LARGEST] = max(
-        totals[at.ENERGY_LARGEST], totals[at.ENERGY_START] + totals[at.ENERGY_INPUT]
+        totals[rows.ENERGY_INPUT] += memory.step_status[rows.WORK_INPUT]
+        totals[rows.ENERGY_VISCOUS] += memory.step_status[rows.WORK_VISCOUS]
+    totals[rows.ENERGY_REFERENCE] = max(
+        totals[rows.ENERGY_REFERENCE], totals[rows.ENERGY_INITIAL] + totals[rows.ENERGY_INPUT]
     )
-    if DASHPOTS and flags[at.DEVICES] != 0.0:
+    if DASHPOTS and flags[rows.HAS_DASHPOTS] != 0.0:
         passing |= _observe_devices(span, linear_terms, state, seen)
     if passing:
-        _raise_ends(ground, state, springs, seen)
+        _raise_ends(ground, state, law_state, seen)
     return passing
 
 
-@called
+@outlined
 def _observe_devices(span, linear_terms, state, seen):
     """Work of the dashpots, which is no longer counted as that of damping; whether a drift
     rate may pass its peak, and peaks of those at the end of the step."""
-    watch, peaks, _, totals, _ = seen
+    observer_state, peaks, _, totals, _ = seen
     h = span.h
     power = power_rate = by_all = 0.0
     v_below = a_below = a_0_below = 0.0
     passing = False
     for i in range(linear_terms.shape[1] - 1):
-        link = linear_terms[at.LINK, i]
-        v, a = state[at.VELOCITY, i], watch[at.ACCELERATION_NOW, i]
-        a_0 = watch[at.A_BEFORE, i]
+        link = linear_terms[rows.LINK, i]
+        v, a = state[rows.VELOCITY, i], observer_state[rows.OBSERVED_ACCELERATION, i]
+        a_0 = observer_state[rows.A_PREVIOUS, i]
         rate = v - link * v_below
         change = a - link * a_below
         ends = Ends(0.0, 0.0, a_0 - link * a_0_below, 0.0, rate, change, 0.0, 0.0)
-        passing |= may_exceed_velocity_peak(span, ends, peaks[at.PEAK_DRIFT_RATE, i])
-        raise_peak(peaks, at.PEAK_DRIFT_RATE, i, rate)
+        passing |= may_exceed_velocity_peak(span, ends, peaks[rows.PEAK_DRIFT_RATE, i])
+        raise_peak(peaks, rows.PEAK_DRIFT_RATE, i, rate)
         damper, tangent = power_damper(linear_terms, i, rate)
-        force = linear_terms[at.DASHPOT, i] * rate
+        force = linear_terms[rows.DASHPOT, i] * rate
         power += (force + damper) * rate
         force += 0.5 * (damper + tangent * rate)
         power_rate += 2.0 * force * change
@@ -176,55 +181,59 @@ def _observe_devices(span, linear_terms, state, seen):
         a_below = a
         a_0_below = a_0
     if h > 0.0:
-        work = _work(h, totals[at.POWER_DEVICES], power, totals[at.RATE_DEVICES] - power_rate)
-        totals[at.ENERGY_DEVICES] += work
-        totals[at.ENERGY_DAMPED] -= work
-    totals[at.POWER_DEVICES] = power
-    totals[at.RATE_DEVICES] = power_rate
-    totals[at.DEVICES_BY_ALL] = by_all
+        scratch = _work(
+            h, totals[rows.POWER_DASHPOTS], power, totals[rows.RATE_DASHPOTS] - power_rate
+        )
+        totals[rows.ENERGY_DASHPOTS] += scratch
+        totals[rows.ENERGY_VISCOUS] -= scratch
+    totals[rows.POWER_DASHPOTS] = power
+    totals[rows.RATE_DASHPOTS] = power_rate
+    totals[rows.DASHPOTS_PER_ACCELERATION] = by_all
     return passing
 
 
-@called
-def _raise_ends(ground, state, springs, seen):
+@outlined
+def _raise_ends(ground, state, law_state, seen):
     """Peaks of what has been observed."""
-    watch, peaks, _, _, _ = seen
-    for i in range(watch.shape[1] - 1):
-        raise_peak(peaks, at.PEAK_DRIFT, i, springs[at.DRIFT, i])
-        raise_peak(peaks, at.PEAK_SHEAR, i, springs[at.FORCE, i])
-        raise_peak(peaks, at.PEAK_DISPLACEMENT, i, state[at.DISPLACEMENT, i])
-        raise_peak(peaks, at.PEAK_VELOCITY, i, state[at.VELOCITY, i])
-        raise_peak(peaks, at.PEAK_ACCELERATION, i, watch[at.ACCELERATION_NOW, i] + ground)
-        raise_peak(peaks, at.PEAK_TOTAL_SHEAR, i, watch[at.TOTAL_SHEAR, i])
+    observer_state, peaks, _, _, _ = seen
+    for i in range(observer_state.shape[1] - 1):
+        raise_peak(peaks, rows.PEAK_DRIFT, i, law_state[rows.DRIFT, i])
+        raise_peak(peaks, rows.PEAK_SHEAR, i, law_state[rows.FORCE, i])
+        raise_peak(peaks, rows.PEAK_DISPLACEMENT, i, state[rows.DISPLACEMENT, i])
+        raise_peak(peaks, rows.PEAK_VELOCITY, i, state[rows.VELOCITY, i])
+        raise_peak(
+            peaks, rows.PEAK_ACCELERATION, i, observer_state[rows.OBSERVED_ACCELERATION, i] + ground
+        )
+        raise_peak(peaks, rows.PEAK_TOTAL_SHEAR, i, observer_state[rows.TOTAL_SHEAR, i])
 
 
-@called
-def _other_powers(modal, forces, t, state, watch, n):
+@outlined
+def _other_powers(modal, forces, t, state, observer_state, n):
     """Power of the floor forces and of modal damping, and half the rate of the latter."""
     power = 0.0
     rate = 0.0
     damped = 0.0
     damped_rate = 0.0
     for j in range(forces.shape[0]):
-        floor = int(forces[j, at.FLOOR])
+        floor = int(forces[j, rows.FLOOR])
         force = force_value(forces, j, t)
-        power += force * state[at.VELOCITY, floor]
+        power += force * state[rows.VELOCITY, floor]
         rate += (
-            force * watch[at.ACCELERATION_NOW, floor]
-            + force_rate(forces, j, t) * state[at.VELOCITY, floor]
+            force * observer_state[rows.OBSERVED_ACCELERATION, floor]
+            + force_rate(forces, j, t) * state[rows.VELOCITY, floor]
         )
     for j in range(modal.shape[0]):
         v_modal = 0.0
         a_modal = 0.0
         for i in range(n):
-            v_modal += modal[j, i] * state[at.VELOCITY, i]
-            a_modal += modal[j, i] * watch[at.ACCELERATION_NOW, i]
+            v_modal += modal[j, i] * state[rows.VELOCITY, i]
+            a_modal += modal[j, i] * observer_state[rows.OBSERVED_ACCELERATION, i]
         damped += v_modal * v_modal
         damped_rate += v_modal * a_modal
     return power, rate, damped, damped_rate
 
 
-@called
+@outlined
 def _by_all(modal, forces, t, state, n):
     """What the second and the fourth of `_other_powers` gain where all floors accelerate by 1 m/s^2
     more."""
@@ -236,55 +245,59 @@ def _by_all(modal, forces, t, state, n):
         v_modal = 0.0
         a_modal = 0.0
         for i in range(n):
-            v_modal += modal[j, i] * state[at.VELOCITY, i]
+            v_modal += modal[j, i] * state[rows.VELOCITY, i]
             a_modal += modal[j, i]
         damped_rate += v_modal * a_modal
     return rate, damped_rate
 
 
-@inlined
+@inline
 def look_between(passing, scene, span, memory, seen):
     """Peaks within the step that has been observed: those that the step itself has raised, all of
     them or, on a parabola, what has corners; else as far as its ends tell them, if one may be
     passed. Returns how many stories turned with what may be their largest shear, at the drifts in
     row TURNED_AT."""
-    state, springs, work, report = memory
-    watch, peaks, _, _, _ = seen
+    state, law_state, scratch, step_status = memory
+    observer_state, peaks, _, _, _ = seen
     n = scene.linear_terms.shape[1] - 1
     turned = 0
     if span.cornered:
-        _take_over(int(report[at.WITHIN]), work, peaks, n)
-        report[at.WITHIN] = 0.0
+        _take_over(int(step_status[rows.STEP_PEAKS]), scratch, peaks, n)
+        step_status[rows.STEP_PEAKS] = 0.0
     if passing and (span.on_path or not span.cornered):
-        passage = Passage(watch, at.U_BEFORE, state, watch, at.ACCELERATION_NOW)
-        turned = find_interstep_peaks(span, scene, passage, springs, watch, at.TURNED_AT, peaks, 0)
+        passage = Passage(
+            observer_state, rows.U_PREVIOUS, state, observer_state, rows.OBSERVED_ACCELERATION
+        )
+        turned = find_interstep_peaks(
+            span, scene, passage, law_state, observer_state, rows.REVERSAL_DRIFT, peaks, 0
+        )
     if span.fast:
         for i in range(n):
-            watch[at.V_EARLIER, i] = watch[at.V_BEFORE, i]
-            watch[at.A_EARLIER, i] = watch[at.A_BEFORE, i]
-    remember(state, watch, n)
+            observer_state[rows.V_EARLIER, i] = observer_state[rows.V_PREVIOUS, i]
+            observer_state[rows.A_EARLIER, i] = observer_state[rows.A_PREVIOUS, i]
+    remember(state, observer_state, n)
     return turned
 
 
-@called
-def _take_over(first, work, peaks, n):
+@outlined
+def _take_over(first, scratch, peaks, n):
     """The peaks that a step has raised; it learns those of the run, beside which it looks."""
     for row in range(peaks.shape[0]):
         for i in range(n):
-            raise_peak(peaks, row, i, work[first + row, i])
-            work[first + row, i] = peaks[row, i]
+            raise_peak(peaks, row, i, scratch[first + row, i])
+            scratch[first + row, i] = peaks[row, i]
 
 
-@inlined
-def remember(state, watch, n):
+@inline
+def remember(state, observer_state, n):
     """Keep the motion that has been observed for the next step."""
     for i in range(n):
-        watch[at.U_BEFORE, i] = state[at.DISPLACEMENT, i]
-        watch[at.V_BEFORE, i] = state[at.VELOCITY, i]
-        watch[at.A_BEFORE, i] = watch[at.ACCELERATION_NOW, i]
+        observer_state[rows.U_PREVIOUS, i] = state[rows.DISPLACEMENT, i]
+        observer_state[rows.V_PREVIOUS, i] = state[rows.VELOCITY, i]
+        observer_state[rows.A_PREVIOUS, i] = observer_state[rows.OBSERVED_ACCELERATION, i]
 
 
-@inlined
+@inline
 def shift_ground(scene, load, shifts, memory, seen):
     """The line that stands for the ground acceleration begins anew, beside where the one before
     ended.
@@ -293,122 +306,124 @@ def shift_ground(scene, load, shifts, memory, seen):
     `shifts` says what of it each row of the state takes.
     """
     linear_terms, modal, _, forces, _ = scene
-    state, watch, totals = memory.state, seen.watch, seen.totals
-    ground = load[at.GROUND_0]
-    shift = memory.report[at.CARRIED_GROUND] - ground
-    memory.report[at.CARRIED_GROUND] = ground
+    state, observer_state, totals = memory.state, seen.observer_state, seen.totals
+    ground = load[rows.GROUND_0]
+    shift = memory.step_status[rows.STATE_GROUND] - ground
+    memory.step_status[rows.STATE_GROUND] = ground
     n = linear_terms.shape[1] - 1
     for row in range(shifts.shape[0]):
         if shifts[row] != 0.0:
             for i in range(n):
                 state[row, i] += shifts[row] * shift
     for i in range(n):
-        a = watch[at.A_BEFORE, i] + shift
-        watch[at.ACCELERATION_NOW, i] = a
-        watch[at.A_BEFORE, i] = a
-    totals[at.POWER_INPUT] += shift * totals[at.MOMENTUM]
-    totals[at.RATE_INPUT] += shift * (totals[at.ALL_FORCES] - ground * totals[at.ALL_MASSES])
-    totals[at.RATE_DAMPED] += 2.0 * shift * totals[at.DAMPED_BY_ALL]
-    totals[at.RATE_DEVICES] += 2.0 * shift * totals[at.DEVICES_BY_ALL]
+        a = observer_state[rows.A_PREVIOUS, i] + shift
+        observer_state[rows.OBSERVED_ACCELERATION, i] = a
+        observer_state[rows.A_PREVIOUS, i] = a
+    totals[rows.POWER_INPUT] += shift * totals[rows.MOMENTUM]
+    totals[rows.RATE_INPUT] += shift * (
+        totals[rows.TOTAL_INERTIA] - ground * totals[rows.TOTAL_MASS]
+    )
+    totals[rows.RATE_VISCOUS] += 2.0 * shift * totals[rows.VISCOUS_PER_ACCELERATION]
+    totals[rows.RATE_DASHPOTS] += 2.0 * shift * totals[rows.DASHPOTS_PER_ACCELERATION]
     if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
-        rate, damped_rate = _by_all(modal, forces, load[at.TIME], state, n)
-        totals[at.RATE_INPUT] += shift * rate
-        totals[at.RATE_DAMPED] += 2.0 * shift * damped_rate
+        rate, damped_rate = _by_all(modal, forces, load[rows.TIME], state, n)
+        totals[rows.RATE_INPUT] += shift * rate
+        totals[rows.RATE_VISCOUS] += 2.0 * shift * damped_rate
 
 
-@called
-def _other_forces(modal, forces, t, state, watch, n):
+@outlined
+def _other_forces(modal, forces, t, state, observer_state, n):
     """Forces on floors less modal damping into their row; the row stays zero where a building has
     neither."""
     for i in range(n):
-        watch[at.OTHER_FORCE, i] = 0.0
-        watch[at.MODAL_FORCE, i] = 0.0
+        observer_state[rows.FLOOR_FORCE, i] = 0.0
+        observer_state[rows.MODAL_FORCE, i] = 0.0
     for j in range(forces.shape[0]):
-        watch[at.OTHER_FORCE, int(forces[j, at.FLOOR])] += force_value(forces, j, t)
-    add_modal_force(modal, state, at.VELOCITY, 1.0, watch, at.MODAL_FORCE, n)
+        observer_state[rows.FLOOR_FORCE, int(forces[j, rows.FLOOR])] += force_value(forces, j, t)
+    add_modal_force(modal, state, rows.VELOCITY, 1.0, observer_state, rows.MODAL_FORCE, n)
     for i in range(n):
-        watch[at.OTHER_FORCE, i] -= watch[at.MODAL_FORCE, i]
+        observer_state[rows.FLOOR_FORCE, i] -= observer_state[rows.MODAL_FORCE, i]
 
 
-@inlined
+@inline
 def _work(h, power_0, power_1, change):
     """Work over a step by the corrected trapezoidal (Hermite) rule, of order 4; `change` is the
     rate of the power at its start less that at its end."""
     return 0.5 * h * (power_0 + power_1) + h * h / 12.0 * change
 
 
-@inlined
+@inline
 def _add_work(span, slope, now, totals):
     """Work of load and dampers from their powers at both ends of the step."""
-    change = totals[at.RATE_INPUT] - now.rate - slope * (totals[at.MOMENTUM] - now.momentum)
-    totals[at.ENERGY_INPUT] += _work(span.h, totals[at.POWER_INPUT], now.power, change)
-    change = totals[at.RATE_DAMPED] - now.damped_rate
-    totals[at.ENERGY_DAMPED] += _work(span.h, totals[at.POWER_DAMPED], now.damped, change)
-    totals[at.POWER_INPUT] = now.power
-    totals[at.RATE_INPUT] = now.rate
-    totals[at.MOMENTUM] = now.momentum
-    totals[at.POWER_DAMPED] = now.damped
-    totals[at.RATE_DAMPED] = now.damped_rate
+    change = totals[rows.RATE_INPUT] - now.rate - slope * (totals[rows.MOMENTUM] - now.momentum)
+    totals[rows.ENERGY_INPUT] += _work(span.h, totals[rows.POWER_INPUT], now.power, change)
+    change = totals[rows.RATE_VISCOUS] - now.damped_rate
+    totals[rows.ENERGY_VISCOUS] += _work(span.h, totals[rows.POWER_VISCOUS], now.damped, change)
+    totals[rows.POWER_INPUT] = now.power
+    totals[rows.RATE_INPUT] = now.rate
+    totals[rows.MOMENTUM] = now.momentum
+    totals[rows.POWER_VISCOUS] = now.damped
+    totals[rows.RATE_VISCOUS] = now.damped_rate
 
 
-@inlined
+@inline
 def begin_energies(linear_terms, totals):
     """Energies of the initial state, of which stock has been taken."""
-    totals[at.ALL_MASSES] = 0.0
+    totals[rows.TOTAL_MASS] = 0.0
     for i in range(linear_terms.shape[1] - 1):
-        totals[at.ALL_MASSES] += linear_terms[at.MASS, i]
-    totals[at.DISSIPATED_BEFORE] = totals[at.ENERGY_DISSIPATED]
-    totals[at.ENERGY_DISSIPATED] = 0.0
-    totals[at.ENERGY_START] = totals[at.ENERGY_KINETIC] + totals[at.ENERGY_RECOVERABLE]
-    totals[at.ENERGY_LARGEST] = totals[at.ENERGY_START]
+        totals[rows.TOTAL_MASS] += linear_terms[rows.MASS, i]
+    totals[rows.INITIAL_DISSIPATION] = totals[rows.ENERGY_HYSTERETIC]
+    totals[rows.ENERGY_HYSTERETIC] = 0.0
+    totals[rows.ENERGY_INITIAL] = totals[rows.ENERGY_KINETIC] + totals[rows.ENERGY_STRAIN]
+    totals[rows.ENERGY_REFERENCE] = totals[rows.ENERGY_INITIAL]
 
 
-@called
+@outlined
 def store(ground, line, memory, seen, row):
     """Write one row of the history; stock has been taken. `line` is the ground acceleration of the
     observed motion."""
-    state, springs = memory.state, memory.springs
-    watch, _, _, totals, history = seen
-    n = watch.shape[1] - 1
+    state, law_state = memory.state, memory.law_state
+    observer_state, _, _, totals, history = seen
+    n = observer_state.shape[1] - 1
     history[row, 0] = ground
     for i in range(n):
-        history[row, 1 + i] = state[at.DISPLACEMENT, i]
-        history[row, 1 + n + i] = state[at.VELOCITY, i]
-        history[row, 1 + 2 * n + i] = watch[at.ACCELERATION_NOW, i] + line
-        history[row, 1 + 3 * n + i] = springs[at.FORCE, i]
-    energies = 1 + at.HISTORY_FIELDS * n
-    for j in range(at.ENERGY_TERMS):
+        history[row, 1 + i] = state[rows.DISPLACEMENT, i]
+        history[row, 1 + n + i] = state[rows.VELOCITY, i]
+        history[row, 1 + 2 * n + i] = observer_state[rows.OBSERVED_ACCELERATION, i] + line
+        history[row, 1 + 3 * n + i] = law_state[rows.FORCE, i]
+    energies = 1 + rows.HISTORY_FIELDS * n
+    for j in range(rows.ENERGY_TERMS):
         history[row, energies + j] = totals[j]
 
 
-@inlined
-def beyond_limits(springs, seen):
+@inline
+def beyond_limits(law_state, seen):
     """Whether the peak drift of some story is beyond its limit, or a story has failed."""
     limits = seen.limits
     beyond = False
     for i in range(limits.shape[1]):
-        beyond |= seen.peaks[at.PEAK_DRIFT, i] > limits[at.LIMIT, i] * limits[at.HEIGHT, i]
-        beyond |= springs[at.INTERNAL, i] == limits[at.FAILED, i]
+        beyond |= seen.peaks[rows.PEAK_DRIFT, i] > limits[rows.LIMIT, i] * limits[rows.HEIGHT, i]
+        beyond |= law_state[rows.INTERNAL, i] == limits[rows.FAILED, i]
     return beyond
 
 
-@called
-def note_collapse(springs, steps, seen):
+@outlined
+def note_collapse(law_state, steps, seen):
     """Note which story is beyond its limits after so many whole steps; the energies have been
     summed up."""
     _, peaks, limits, totals, _ = seen
     farthest = 0.0
     for i in range(limits.shape[1]):
-        excess = peaks[at.PEAK_DRIFT, i] / limits[at.HEIGHT, i] - limits[at.LIMIT, i]
-        if springs[at.INTERNAL, i] == limits[at.FAILED, i]:
+        excess = peaks[rows.PEAK_DRIFT, i] / limits[rows.HEIGHT, i] - limits[rows.LIMIT, i]
+        if law_state[rows.INTERNAL, i] == limits[rows.FAILED, i]:
             excess = math.inf
-            totals[at.COLLAPSE_FAILED] = 1.0
+            totals[rows.COLLAPSE_FAILED] = 1.0
         if excess > farthest:
             farthest = excess
-            totals[at.COLLAPSE_STEP] = steps
-            totals[at.COLLAPSE_STORY] = i
-    for j in range(at.ENERGY_TERMS + 2):
-        totals[at.COLLAPSE_ENERGIES + j] = totals[j]
+            totals[rows.COLLAPSE_STEP] = steps
+            totals[rows.COLLAPSE_STORY] = i
+    for j in range(rows.ENERGY_TERMS + 2):
+        totals[rows.COLLAPSE_ENERGIES + j] = totals[j]
 
 
 # ---- What a march asks of the drift laws beside the steps: a beginning, energies, and the forces
@@ -418,82 +433,94 @@ def note_collapse(springs, steps, seen):
 # once for all laws.
 
 BEGIN = I8(TABLE, TABLE, TABLE, TABLE)
-TAKE_STOCK = I8(TABLE, TABLE, TABLE, TABLE, VECTOR)
-RAISE_SHEARS = I8(TABLE, TABLE, TABLE, I8, TABLE)
+SUM_LAW_ENERGIES = I8(TABLE, TABLE, TABLE, TABLE, VECTOR)
+UPDATE_SHEAR_PEAKS = I8(TABLE, TABLE, TABLE, I8, TABLE)
 
-_call_begin = called_at(BEGIN)
-_call_take_stock = called_at(TAKE_STOCK)
-_call_raise_shears = called_at(RAISE_SHEARS)
+_call_begin = indirect_caller(BEGIN)
+_call_sum_law_energies = indirect_caller(SUM_LAW_ENERGIES)
+_call_update_shear_peaks = indirect_caller(UPDATE_SHEAR_PEAKS)
 
 
-@inlined
+@inline
 def begin_laws(begin, scene, memory):
     """Call the kernel `begin` that a march was given."""
-    _call_begin(begin, scene.linear_terms, scene.law_parameters, memory.state, memory.springs)
+    _call_begin(begin, scene.linear_terms, scene.law_parameters, memory.state, memory.law_state)
 
 
-@inlined
-def sum_up(take_stock, scene, memory, seen):
-    """Call the kernel `take_stock` that a march was given."""
-    _call_take_stock(
-        take_stock,
+@inline
+def sum_up(sum_law_energies, scene, memory, seen):
+    """Call the kernel `sum_law_energies` that a march was given."""
+    _call_sum_law_energies(
+        sum_law_energies,
         scene.linear_terms,
         scene.law_parameters,
         memory.state,
-        memory.springs,
+        memory.law_state,
         seen.totals,
     )
 
 
-@inlined
-def take_shears(raise_shears, scene, memory, seen):
-    """Call the kernel `raise_shears` that a march was given."""
-    _call_raise_shears(
-        raise_shears, scene.law_parameters, memory.springs, seen.watch, at.TURNED_AT, seen.peaks
+@inline
+def take_shears(update_shear_peaks, scene, memory, seen):
+    """Call the kernel `update_shear_peaks` that a march was given."""
+    _call_update_shear_peaks(
+        update_shear_peaks,
+        scene.law_parameters,
+        memory.law_state,
+        seen.observer_state,
+        rows.REVERSAL_DRIFT,
+        seen.peaks,
     )
 
 
 @kernel(BEGIN, parts=("laws",))
-def begin(linear_terms, law_parameters, state, springs):
+def begin(linear_terms, law_parameters, state, law_state):
     """Bring all stories from rest to their initial drifts."""
     below = 0.0
     for i in range(linear_terms.shape[1] - 1):
         start(
-            law_parameters, springs, i, state[at.DISPLACEMENT, i] - linear_terms[at.LINK, i] * below
+            law_parameters,
+            law_state,
+            i,
+            state[rows.DISPLACEMENT, i] - linear_terms[rows.LINK, i] * below,
         )
-        below = state[at.DISPLACEMENT, i]
+        below = state[rows.DISPLACEMENT, i]
     return 0
 
 
-@kernel(TAKE_STOCK, parts=("laws",))
-def take_stock(linear_terms, law_parameters, state, springs, totals):
+@kernel(SUM_LAW_ENERGIES, parts=("laws",))
+def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
     """Kinetic, recoverable and dissipated energy of the present state, J."""
     kinetic = 0.0
     stored = 0.0
     lost = 0.0
     for i in range(linear_terms.shape[1] - 1):
-        drift = springs[at.DRIFT, i]
-        kinetic += 0.5 * linear_terms[at.MASS, i] * state[at.VELOCITY, i] * state[at.VELOCITY, i]
-        stored += (
-            recoverable(law_parameters, springs, i)
-            + 0.5 * linear_terms[at.GEOMETRIC, i] * drift * drift
+        drift = law_state[rows.DRIFT, i]
+        kinetic += (
+            0.5 * linear_terms[rows.MASS, i] * state[rows.VELOCITY, i] * state[rows.VELOCITY, i]
         )
-        lost += dissipated(law_parameters, springs, i)
-    totals[at.ENERGY_KINETIC] = kinetic
-    totals[at.ENERGY_RECOVERABLE] = stored
-    totals[at.ENERGY_DISSIPATED] = lost - totals[at.DISSIPATED_BEFORE]
+        stored += (
+            strain_energy(law_parameters, law_state, i)
+            + 0.5 * linear_terms[rows.GEOMETRIC, i] * drift * drift
+        )
+        lost += hysteretic_energy(law_parameters, law_state, i)
+    totals[rows.ENERGY_KINETIC] = kinetic
+    totals[rows.ENERGY_STRAIN] = stored
+    totals[rows.ENERGY_HYSTERETIC] = lost - totals[rows.INITIAL_DISSIPATION]
     return 0
 
 
-@kernel(RAISE_SHEARS, parts=("laws",))
-def raise_shears(law_parameters, springs, turns, turn, peaks):
+@kernel(UPDATE_SHEAR_PEAKS, parts=("laws",))
+def update_shear_peaks(law_parameters, law_state, turns, turn, peaks):
     """Peak shears of the stories that turned within a step, at the drifts in row `turn` of `turns`.
 
     From the end of the step the way leads back to where the story turned: there it finds the force
     again that it had.
     """
     for i in range(peaks.shape[1]):
-        if turns[turn, i] != springs[at.DRIFT, i]:
-            reach(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL, turns[turn, i])
-            raise_peak(peaks, at.PEAK_SHEAR, i, springs[at.FIRST_TRIAL + at.FORCE, i])
+        if turns[turn, i] != law_state[rows.DRIFT, i]:
+            restoring_force_outlined(
+                law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, turns[turn, i]
+            )
+            raise_peak(peaks, rows.PEAK_SHEAR, i, law_state[rows.FIRST_TRIAL + rows.FORCE, i])
     return 0

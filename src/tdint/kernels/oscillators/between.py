@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tdint.kernels.compiling import called, inlined
+from tdint.kernels.compiling import inline, outlined
 
 # Rows of the tables of oscillators
 A11 = 0
@@ -46,7 +46,7 @@ class Vibration(NamedTuple):
     h: float
 
 
-@called
+@outlined
 def divide(samples, parts, ground):
     """Put points on the straight lines between the samples, `parts` steps to an interval."""
     for i in range(samples.size - 1):
@@ -56,7 +56,7 @@ def divide(samples, parts, ground):
     ground[ground.size - 1] = samples[samples.size - 1]
 
 
-@inlined
+@inline
 def rise(vibration):
     """By how much, at most, a quantity exceeds its values at both ends of a step, over the larger
     of its q'' there.
@@ -68,7 +68,7 @@ def rise(vibration):
     return 0.125 * h * h * math.exp(0.5 * by_v * h) / math.cos(0.5 * math.sqrt(by_u) * h)
 
 
-@inlined
+@inline
 def may_exceed(best, rise, q0, d0, e0, q1, d1, e1):
     """Whether q, with q' = d and q'' = e at both ends, may have an extreme between them that is
     larger than `best`.
@@ -80,7 +80,7 @@ def may_exceed(best, rise, q0, d0, e0, q1, d1, e1):
     return turns and max(abs(q0), abs(q1)) + rise * max(abs(e0), abs(e1)) > best
 
 
-@called
+@outlined
 def largest_between(q, rates, d1, vibration, n, series):
     """Largest absolute value at the extremes of q within a step; q and its `rates` q', q'', q'''
     are those at its start, d1 is q' at its end. n is the number of `terms`; `series`, shape (3,
@@ -113,7 +113,7 @@ def largest_between(q, rates, d1, vibration, n, series):
     return max(abs(_value(value, n, here)[0]), abs(_value(value, n, there)[0]))
 
 
-@called
+@outlined
 def terms(vibration):
     """Terms of the series of q that matter beside the cubic one.
 
@@ -129,7 +129,7 @@ def terms(vibration):
     return n
 
 
-@called
+@outlined
 def _root(coefficients, n, low, high, at_low, at_high):
     """The zero of a series of n terms whose signs differ at `low` and `high`: Newton's method, kept
     between them."""
@@ -152,7 +152,7 @@ def _root(coefficients, n, low, high, at_low, at_high):
     return x
 
 
-@inlined
+@inline
 def _value(coefficients, n, x):
     """A power series of n terms at x, and its slope (Horner)."""
     value = slope = 0.0
@@ -162,7 +162,7 @@ def _value(coefficients, n, x):
     return value, slope
 
 
-@inlined
+@inline
 def narrowed(left, at_left, right, at_right, side, t, value):
     """A root's bracket narrowed by false position with halved weights, the Illinois method (Dowell
     and Jarratt 1971): the bracket after a look at t, with its values; the value of an end that

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tdint.kernels.compiling import F8, I8, VECTOR, called, inlined, kernel, local
+from tdint.kernels.compiling import F8, I8, VECTOR, inline, kernel, local, outlined
 from tdint.kernels.oscillators.between import narrowed
 
 # Rows of the state of an oscillator
@@ -54,7 +54,7 @@ class _Hysteretic(NamedTuple):
     strength: float  # of the elastic-plastic part, (1 - hardening) times the yield force
 
 
-@called
+@outlined
 def _taylor(series, u, v, load, slope, k, c, t):
     """Coefficients of the solution of u'' + c u' + k u = load + slope t, as many as count up to the
     time t; their number."""
@@ -73,7 +73,7 @@ def _taylor(series, u, v, load, slope, k, c, t):
     return _ORDER
 
 
-@inlined
+@inline
 def _displacement(series, terms, t):
     value = 0.0
     for j in range(terms - 1, -1, -1):
@@ -81,7 +81,7 @@ def _displacement(series, terms, t):
     return value
 
 
-@inlined
+@inline
 def _velocity(series, terms, t):
     value = 0.0
     for j in range(terms - 1, 0, -1):
@@ -89,7 +89,7 @@ def _velocity(series, terms, t):
     return value
 
 
-@inlined
+@inline
 def _acceleration(series, terms, t):
     value = 0.0
     for j in range(terms - 1, 1, -1):
@@ -97,7 +97,7 @@ def _acceleration(series, terms, t):
     return value
 
 
-@called
+@outlined
 def _derivative(series, terms, order, t):
     if order == 0:
         return _displacement(series, terms, t)
@@ -106,7 +106,7 @@ def _derivative(series, terms, order, t):
     return _acceleration(series, terms, t)
 
 
-@called
+@outlined
 def _root(series, terms, order, level, left, right):
     """Where the derivative `order` of the series passes `level` between two times that bracket it.
 
@@ -132,7 +132,7 @@ def _root(series, terms, order, level, left, right):
     return left if side < 0 else right
 
 
-@called
+@outlined
 def _turn(series, terms, start, end):
     """When the velocity, monotone between two times, changes its sign; `end` if it does not."""
     if _velocity(series, terms, start) * _velocity(series, terms, end) < 0.0:
@@ -140,7 +140,7 @@ def _turn(series, terms, start, end):
     return end
 
 
-@called
+@outlined
 def _yielding_until(series, terms, side, middle, rest):
     """When the velocity turns against the yielding; NEVER if it does not before `rest`."""
     start = 0.0
@@ -155,7 +155,7 @@ def _yielding_until(series, terms, side, middle, rest):
     return NEVER
 
 
-@called
+@outlined
 def _elastic_until(series, terms, state, middle, rest):
     """When u passes an end of the elastic branch; NEVER if it does not before `rest`. Takes up the
     peaks before."""
@@ -177,7 +177,7 @@ def _elastic_until(series, terms, state, middle, rest):
     return NEVER
 
 
-@called
+@outlined
 def _unload(state, oscillator):
     """Elastic again, from where the yielding ended back by twice the yield displacement."""
     k, _, hardening, strength = oscillator
@@ -189,7 +189,7 @@ def _unload(state, oscillator):
     state[UPPER], state[LOWER] = max(u, back), min(u, back)
 
 
-@called
+@outlined
 def _yield(state, strength):
     """Yielding from that end of the elastic branch which was reached."""
     side = 1.0 if 2.0 * state[U] > state[UPPER] + state[LOWER] else -1.0
@@ -199,7 +199,7 @@ def _yield(state, strength):
     state[OFFSET] = side * strength
 
 
-@called
+@outlined
 def _within(state, series, oscillator, g, slope, h):
     """A step of length h, through all branches, under the ground acceleration g + slope t; number
     of events, or a negative code."""
@@ -234,7 +234,7 @@ def _within(state, series, oscillator, g, slope, h):
     return NO_END
 
 
-@called
+@outlined
 def _coefficients(steps, first, series, k, c, h):
     """The step of a branch as a matrix: u1, v1 from u0, v0 and minus the loads at both ends."""
     for column in range(4):
@@ -247,7 +247,7 @@ def _coefficients(steps, first, series, k, c, h):
         steps[first + 4 + column] = _velocity(series, terms, h)
 
 
-@called
+@outlined
 def _respond(ground, parts, h, oscillator, steps, series, state):
     """From rest over the whole motion; the number of events, or a negative code. The state's limits
     are set."""
@@ -305,7 +305,7 @@ def _respond(ground, parts, h, oscillator, steps, series, state):
     return events
 
 
-@called
+@outlined
 def _come_to_rest(state, series, oscillator):
     """Displacement after the free vibration that follows; where it vibrates for ever, its
     center."""

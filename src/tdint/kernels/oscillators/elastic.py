@@ -31,11 +31,11 @@ from tdint.kernels.compiling import (
     I8,
     TABLE,
     VECTOR,
-    called,
-    inlined,
+    inline,
     kernel,
     local,
     local_table,
+    outlined,
 )
 from tdint.kernels.oscillators.between import (
     A11,
@@ -163,7 +163,7 @@ def peaks(samples, dt, parts, oscillators, lanes, between, result, ground, start
     return 0
 
 
-@called
+@outlined
 def _measure_shaking(ground, h, stretch, shaking):
     """Largest acceleration and slope of the ground in a stretch."""
     begin = stretch * STRETCH
@@ -187,7 +187,7 @@ class _One(NamedTuple):
     best: Array  # largest values so far
 
 
-@inlined
+@inline
 def _vibration(oscillator):
     oscillators, column = oscillator.oscillators, oscillator.column
     return Vibration(
@@ -195,7 +195,7 @@ def _vibration(oscillator):
     )
 
 
-@called
+@outlined
 def _search(oscillator, tops, shaking):
     """Largest values of one oscillator, from its largest at the samples of each stretch."""
     best = oscillator.best
@@ -235,7 +235,7 @@ def _search(oscillator, tops, shaking):
             _march(oscillator, c)
 
 
-@called
+@outlined
 def _march(oscillator, stretch):
     """March one oscillator over a stretch (or the steps after the last whole one) and look between
     the samples."""

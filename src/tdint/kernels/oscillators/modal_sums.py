@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, called, inlined, kernel, local
+from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, inline, kernel, local, outlined
 from tdint.kernels.oscillators.between import (
     A11,
     A12,
@@ -68,7 +68,7 @@ class _Steps(NamedTuple):
     rows: int
 
 
-@called
+@outlined
 def _march(ground, parts, first, rows, modes, q, rate, motion):
     """Modes from row 0 of `q` and `rate` on to the rows after it; `motion` takes the ground
     acceleration."""
@@ -96,7 +96,7 @@ def _march(ground, parts, first, rows, modes, q, rate, motion):
             )
 
 
-@called
+@outlined
 def _superpose(q, shapes, static, motion, drift):
     """Rows of drifts from rows of modes, four rows and four modes at a time."""
     columns = shapes.shape[1]
@@ -136,7 +136,7 @@ def _superpose(q, shapes, static, motion, drift):
                 d3[c] += q30 * s0 + q31 * s1 + q32 * s2 + q33 * s3
 
 
-@called
+@outlined
 def _tops(drift, rows, top, bend):
     """Largest absolute value of each column, and of its second differences."""
     columns = drift.shape[1]
@@ -153,7 +153,7 @@ def _tops(drift, rows, top, bend):
             bend[c] = size if size > bend[c] else bend[c]
 
 
-@inlined
+@inline
 def _rate(sums, steps, row, slope, c):
     """Rate of a column at a step."""
     total = -sums.static[c] * slope
@@ -162,7 +162,7 @@ def _rate(sums, steps, row, slope, c):
     return total
 
 
-@called
+@outlined
 def _inside(sums, steps, row, slope, t, c):
     """A column and its rate at the time t after a step, from the closed form of every mode."""
     modes, shapes, static, _ = sums
@@ -189,7 +189,7 @@ def _inside(sums, steps, row, slope, t, c):
     return value, speed
 
 
-@called
+@outlined
 def _summit(sums, steps, row, c, size):
     """Largest absolute value of a column between a step and the next, `size` that at the step if it
     is not between."""
@@ -217,7 +217,7 @@ def _summit(sums, steps, row, c, size):
     return size
 
 
-@called
+@outlined
 def _refine(sums, steps, first, last, least, best):
     """Largest absolute value of the columns `first` to `last` in a chunk, between the steps too, if
     above `best`; at steps less than `least` there is none."""

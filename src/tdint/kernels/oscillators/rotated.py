@@ -23,11 +23,11 @@ from tdint.kernels.compiling import (
     I8,
     TABLE,
     VECTOR,
-    called,
-    inlined,
+    inline,
     kernel,
     local,
     local_table,
+    outlined,
 )
 from tdint.kernels.oscillators.between import (
     A11,
@@ -127,10 +127,10 @@ def rotated_peaks(
     divide(second, parts, ground[1])
     whole = (ground.shape[1] - 1) // STRETCH
     lane = local(_ROWS * LANES)
-    best, work = local(ANGLES), local_table(_WORK, _SECTORS + 1)
+    best, scratch = local(ANGLES), local_table(_WORK, _SECTORS + 1)
     for k in range(_SECTORS + 1):
-        work[_COSINES, k] = directions[0, k * _SECTOR % ANGLES]
-        work[_SINES, k] = directions[1, k * _SECTOR % ANGLES]
+        scratch[_COSINES, k] = directions[0, k * _SECTOR % ANGLES]
+        scratch[_SINES, k] = directions[1, k * _SECTOR % ANGLES]
     series = local_table(3, TERMS)
     for group in range(0, oscillators.shape[1], LANES):
         for k in range(COEFFICIENTS):
@@ -159,7 +159,7 @@ def rotated_peaks(
                 oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column], h
             )
             oscillator = _One(
-                ground, oscillators, column, vibration, directions, starts[i], work, series, best
+                ground, oscillators, column, vibration, directions, starts[i], scratch, series, best
             )
             _search(oscillator, tops[i], between * rise(vibration))
             for k in range(ANGLES):
@@ -167,7 +167,7 @@ def rotated_peaks(
     return 0
 
 
-@called
+@outlined
 def _advance(ground, s, lane):
     """March LANES oscillators over a block of steps; keep the largest values at their starts and
     ends."""
@@ -250,20 +250,20 @@ class _One(NamedTuple):
     vibration: Vibration
     directions: Array
     starts: Array  # displacements and velocities at the start of each stretch
-    work: Array
+    scratch: Array
     series: Array  # of q, q' and q''
     best: Array  # largest displacements so far
 
 
-@called
+@outlined
 def _search(oscillator, tops, margin):
     """Largest displacements of one oscillator in all directions, from those along the axes in each
     stretch.
 
     `margin` is its `rise`, 0 if nobody asks for what lies between the steps."""
-    work, best = oscillator.work, oscillator.best
+    scratch, best = oscillator.scratch, oscillator.best
     whole = tops.shape[0]
-    lows = work[_LOWS]
+    lows = scratch[_LOWS]
     # The stretches of the largest displacements along the axes come first: what they leave is hard
     # to exceed.
     _march(oscillator, whole, margin, True)
@@ -280,13 +280,13 @@ def _search(oscillator, tops, margin):
         lows[k] = _lowest(best, k)
     _march(oscillator, whole, margin, False)
     for c in range(whole):
-        _interpolate(tops[c], work)
-        if _count_higher(work, margin * tops[c, _BEND]) > 0:
+        _interpolate(tops[c], scratch)
+        if _count_higher(scratch, margin * tops[c, _BEND]) > 0:
             _march(oscillator, c, margin, False)
 
 
-@called
-def _interpolate(top, work):
+@outlined
+def _interpolate(top, scratch):
     """Bounds of the displacements of a stretch along the edges of the sectors, from those along the
     axes.
 
@@ -297,13 +297,13 @@ def _interpolate(top, work):
         first, other = top[k], top[(k + 1) % AXES]
         for j in range(_SECTORS_PER_WEDGE):
             bound = _FACTORS[_SECTORS_PER_WEDGE - j] * first + _FACTORS[j] * other
-            work[_BEFORE, k * _SECTORS_PER_WEDGE + j] = work[_AFTER, k * _SECTORS_PER_WEDGE + j] = (
-                bound
-            )
-    work[_BEFORE, _SECTORS] = work[_AFTER, _SECTORS] = top[0]
+            scratch[_BEFORE, k * _SECTORS_PER_WEDGE + j] = scratch[
+                _AFTER, k * _SECTORS_PER_WEDGE + j
+            ] = bound
+    scratch[_BEFORE, _SECTORS] = scratch[_AFTER, _SECTORS] = top[0]
 
 
-@called
+@outlined
 def _lowest(best, sector):
     """Smallest of the largest displacements in the directions of a sector."""
     low = best[sector * _SECTOR]
@@ -312,25 +312,25 @@ def _lowest(best, sector):
     return low
 
 
-@called
+@outlined
 def _march(oscillator, stretch, margin, coarse):
     """March one oscillator over a stretch (or the steps after the last whole one) and raise `best`.
 
     `coarse`: by the values at the steps' ends in all directions; else also by those between, where
     they may be larger.
     """
-    ground, oscillators, column, vibration, directions, starts, work, series, best = oscillator
+    ground, oscillators, column, vibration, directions, starts, scratch, series, best = oscillator
     a11, a12 = oscillators[A11, column], oscillators[A12, column]
     b10, b11 = oscillators[B10, column], oscillators[B11, column]
     a21, a22 = oscillators[A21, column], oscillators[A22, column]
     b20, b21 = oscillators[B20, column], oscillators[B21, column]
     by_u, by_v, h = vibration
     n = terms(vibration)
-    lows, before, after = work[_LOWS], work[_BEFORE], work[_AFTER]
+    lows, before, after = scratch[_LOWS], scratch[_BEFORE], scratch[_AFTER]
     x, v, y, w = starts[stretch, 0], starts[stretch, 1], starts[stretch, 2], starts[stretch, 3]
     f0, g0 = ground[0, stretch * STRETCH], ground[1, stretch * STRETCH]
     a, b = -(by_u * x + by_v * v) - f0, -(by_u * y + by_v * w) - g0
-    _project(x, y, work, before)
+    _project(x, y, scratch, before)
     for s in range(stretch * STRETCH, min((stretch + 1) * STRETCH, ground.shape[1] - 1)):
         f1, g1 = ground[0, s + 1], ground[1, s + 1]
         x1 = a11 * x + (a12 * v - (b10 * f0 + b11 * f1))
@@ -343,12 +343,12 @@ def _march(oscillator, stretch, margin, coarse):
                 size = abs(directions[0, k] * x1 + directions[1, k] * y1)
                 best[k] = size if size > best[k] else best[k]
         else:
-            _project(x1, y1, work, after)
+            _project(x1, y1, scratch, after)
             over = margin * math.sqrt(max(a * a + b * b, a1 * a1 + b1 * b1))
             p = -(by_u * v + by_v * a) - (f1 - f0) / h
             q = -(by_u * w + by_v * b) - (g1 - g0) / h
-            for sector in range(_SECTORS if _count_higher(work, over) > 0 else 0):
-                if _top(work, sector) * _SPREAD + over <= lows[sector]:
+            for sector in range(_SECTORS if _count_higher(scratch, over) > 0 else 0):
+                if _top(scratch, sector) * _SPREAD + over <= lows[sector]:
                     continue
                 for k in range(sector * _SECTOR, (sector + 1) * _SECTOR):
                     c, d = directions[0, k], directions[1, k]
@@ -366,26 +366,27 @@ def _march(oscillator, stretch, margin, coarse):
         x, v, y, w, a, b, f0, g0 = x1, v1, y1, w1, a1, b1, f1, g1
 
 
-@called
-def _project(x, y, work, sizes):
+@outlined
+def _project(x, y, scratch, sizes):
     """Absolute displacements along the edges of the sectors."""
     for k in range(_SECTORS + 1):
-        sizes[k] = abs(work[_COSINES, k] * x + work[_SINES, k] * y)
+        sizes[k] = abs(scratch[_COSINES, k] * x + scratch[_SINES, k] * y)
 
 
-@called
-def _count_higher(work, over):
+@outlined
+def _count_higher(scratch, over):
     """Number of sectors in which the displacement of a step may be larger than the smallest of the
     largest."""
     count = 0
     for k in range(_SECTORS):
-        count += 1 if _top(work, k) * _SPREAD + over > work[_LOWS, k] else 0
+        count += 1 if _top(scratch, k) * _SPREAD + over > scratch[_LOWS, k] else 0
     return count
 
 
-@inlined
-def _top(work, k):
+@inline
+def _top(scratch, k):
     """Largest displacement at both ends of a step along both edges of a sector."""
     return max(
-        max(work[_BEFORE, k], work[_AFTER, k]), max(work[_BEFORE, k + 1], work[_AFTER, k + 1])
+        max(scratch[_BEFORE, k], scratch[_AFTER, k]),
+        max(scratch[_BEFORE, k + 1], scratch[_AFTER, k + 1]),
     )

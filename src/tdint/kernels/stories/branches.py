@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import called, inlined
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import inline, outlined
+from tdint.kernels.laws.branch_following import add_work, advancing
 from tdint.kernels.laws.choosing import CURVED, case_of_3, case_of_5, case_of_6, chosen
-from tdint.kernels.laws.walking import add_work, advancing
 
 NONE = 2.0
 """The fraction of the step for no event."""
@@ -24,24 +24,24 @@ _SLACK = 1e-9
 _CLOSE = 1e-10
 _TURNED = 1e-12  # likewise: a drift that goes back by less has not turned
 
-advance = advancing(chosen("advance", case_of_6, called(add_work)))
-"""(law_parameters, springs, i, block, drift): go to `drift` on the present linear branch of the
+advance = advancing(chosen("advance", case_of_6, outlined(add_work)))
+"""(law_parameters, law_state, i, block, drift): go to `drift` on the present linear branch of the
 state in `block`."""
 
 
-@called
-def go_along(law_parameters, springs, i, block, drift):
+@outlined
+def go_along(law_parameters, law_state, i, block, drift):
     """`advance` for where it is one of few calls."""
-    advance(law_parameters, springs, i, block, drift)
+    advance(law_parameters, law_state, i, block, drift)
 
 
-@inlined
-def _without_end(law_parameters, springs, i):
+@inline
+def _without_end(law_parameters, law_state, i):
     pass
 
 
-@inlined
-def _without_branches(law_parameters, springs, i, block, event):
+@inline
+def _without_branches(law_parameters, law_state, i, block, event):
     pass
 
 
@@ -49,29 +49,29 @@ _enter = chosen("enter", case_of_3, _without_end)
 _switch = chosen("switch", case_of_5, _without_branches)
 
 
-@called
-def enter(law_parameters, springs, i):
+@outlined
+def enter(law_parameters, law_state, i):
     """Put the committed state of story `i` on the branch that it implies."""
-    springs[at.SLOPE, i] = (
-        math.inf if law_parameters[at.CODE, i] in CURVED else law_parameters[at.STIFFNESS, i]
+    law_state[rows.SLOPE, i] = (
+        math.inf if law_parameters[rows.CODE, i] in CURVED else law_parameters[rows.STIFFNESS, i]
     )
-    springs[at.TURN, i] = 0.0
-    springs[at.UPPER, i] = math.inf
-    springs[at.LOWER, i] = -math.inf
-    _enter(law_parameters, springs, i)
+    law_state[rows.RATE_SIGN, i] = 0.0
+    law_state[rows.UPPER, i] = math.inf
+    law_state[rows.LOWER, i] = -math.inf
+    _enter(law_parameters, law_state, i)
 
 
-@called
-def switch(law_parameters, springs, i, block, event):
+@outlined
+def switch(law_parameters, law_state, i, block, event):
     """Change to the branch that follows the present one in `block` after it ended by `event`."""
-    _switch(law_parameters, springs, i, block, event)
+    _switch(law_parameters, law_state, i, block, event)
 
 
 # ---- Where a branch ends within a step
 
 
-@called
-def first_event(linear_terms, h, state, springs, work, u1, v1, joined):
+@outlined
+def first_event(linear_terms, h, state, law_state, scratch, u1, v1, joined):
     """Fraction of the step h at which the first story leaves its branch, the story, and how; NONE
     if none does.
 
@@ -80,54 +80,54 @@ def first_event(linear_terms, h, state, springs, work, u1, v1, joined):
     """
     first = NONE
     story = -1
-    how = at.TURNED
+    how = rows.REVERSED
     v_below = 0.0
     u1_below = 0.0
     v1_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
-        link = linear_terms[at.LINK, i]
-        d0 = springs[at.DRIFT, i]
-        w0 = h * (state[at.VELOCITY, i] - link * v_below)
-        d3 = work[u1, i] - link * u1_below
-        w1 = h * (work[v1, i] - link * v1_below)
-        v_below = state[at.VELOCITY, i]
-        u1_below = work[u1, i]
-        v1_below = work[v1, i]
+        link = linear_terms[rows.LINK, i]
+        d0 = law_state[rows.DRIFT, i]
+        w0 = h * (state[rows.VELOCITY, i] - link * v_below)
+        d3 = scratch[u1, i] - link * u1_below
+        w1 = h * (scratch[v1, i] - link * v1_below)
+        v_below = state[rows.VELOCITY, i]
+        u1_below = scratch[u1, i]
+        v1_below = scratch[v1, i]
         # Bezier points: the drift lies between the smallest and the largest of them.
         d1 = d0 + w0 / 3.0
         d2 = d3 - w1 / 3.0
         slack = _SLACK * (abs(d0) + abs(d3))
-        upper = springs[at.UPPER, i]
-        lower = springs[at.LOWER, i]
+        upper = law_state[rows.UPPER, i]
+        lower = law_state[rows.LOWER, i]
         if max(d1, d2, d3) > upper + slack:
             fraction = _crossing((d0, d1, d2, d3), upper, slack, first)
             if fraction < first:
-                first, story, how = fraction, i, at.ABOVE
+                first, story, how = fraction, i, rows.ABOVE
         if min(d1, d2, d3) < lower - slack:
             fraction = _crossing((-d0, -d1, -d2, -d3), -lower, slack, first)
             if fraction < first:
-                first, story, how = fraction, i, at.BELOW
-        turn = springs[at.TURN, i]
+                first, story, how = fraction, i, rows.BELOW
+        turn = law_state[rows.RATE_SIGN, i]
         slack = _TURNED / _SLACK * slack
         if (
             turn != 0.0
-            and work[joined, i] == 0.0
+            and scratch[joined, i] == 0.0
             and (turn * (d2 - d1) < -slack or turn * (d3 - d2) < -slack)
         ):
             fraction = turning(turn * (d1 - d0), turn * (d2 - d1), turn * (d3 - d2))
             if fraction < first:
-                first, story, how = fraction, i, at.TURNED
+                first, story, how = fraction, i, rows.REVERSED
     return first, story, how
 
 
-@inlined
+@inline
 def _bezier(cubic, s):
     d0, d1, d2, d3 = cubic
     r = 1.0 - s
     return r * r * (r * d0 + 3.0 * s * d1) + s * s * (3.0 * r * d2 + s * d3)
 
 
-@called
+@outlined
 def _crossing(cubic, limit, slack, before):
     """Smallest s in [0, 1] at which the cubic goes beyond `limit`; NONE if that is not before
     `before`, or if it nowhere goes beyond it by `slack`.
@@ -164,7 +164,7 @@ def _crossing(cubic, limit, slack, before):
     return _root(cubic, limit, (s_high, high), (1.0, d3), before)
 
 
-@inlined
+@inline
 def _rises_beyond(d0, d1, low, high, d3, limit):
     """Whether the cubic with these values at its extrema goes beyond `limit`."""
     at_first = (d0 >= limit) & (d1 > d0)
@@ -172,7 +172,7 @@ def _rises_beyond(d0, d1, low, high, d3, limit):
     return at_first | between | ((d3 > limit) & (d3 > high))
 
 
-@called
+@outlined
 def _root(cubic, limit, low, high, before):
     """Where the cubic, rising from one place and its value there to another, crosses `limit`, by
     safeguarded Newton from where a line would; the former place if it is beyond it there; NONE if
@@ -203,7 +203,7 @@ def _root(cubic, limit, low, high, before):
     return s
 
 
-@called
+@outlined
 def turning(r0, r1, r2):
     """Smallest s in [0, 1] from which on the quadratic with the Bezier points r0, r1, r2 is
     negative; NONE if it is not."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from tdint.kernels.compiling import called, inlined
+from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.linear_terms import power_damper
 from tdint.kernels.stepping import Array
 from tdint.kernels.stories import path
@@ -28,7 +28,7 @@ class _Move(NamedTuple):
     rise: float
     bend: float
     h: float
-    work: Array
+    scratch: Array
     whole: int
     own: int
 
@@ -37,7 +37,7 @@ def cut_at_rest(part):
     """A function (linear_terms, i, move) that goes over a parabola by `part` (linear_terms, i,
     move, slow, fast): from s = slow to s = fast, where the rate is larger and of the same sign."""
 
-    @inlined
+    @inline
     def over_parts(linear_terms, i, move):
         first = move.rise - 0.5 * move.bend  # h times the rates at the ends
         last = move.rise + 0.5 * move.bend
@@ -53,20 +53,20 @@ def cut_at_rest(part):
     return over_parts
 
 
-@inlined
+@inline
 def _add(linear_terms, i, move, s, weight):
-    rise, bend, h, work, whole, rows = move
+    rise, bend, h, scratch, whole, rows = move
     force, slope = power_damper(linear_terms, i, (rise + bend * s) / h)
     moment = 12.0 * weight * s
-    work[rows + path.MEAN, i] += weight * force
-    work[rows + path.MOMENT, i] += moment * force
-    work[whole + path.MEAN_BY_RISE, i] += weight * slope / h
-    work[whole + path.MEAN_BY_BEND, i] += weight * slope * s / h
-    work[whole + path.MOMENT_BY_RISE, i] += moment * slope / h
-    work[whole + path.MOMENT_BY_BEND, i] += moment * slope * s / h
+    scratch[rows + path.MEAN, i] += weight * force
+    scratch[rows + path.MOMENT, i] += moment * force
+    scratch[whole + path.MEAN_BY_RISE, i] += weight * slope / h
+    scratch[whole + path.MEAN_BY_BEND, i] += weight * slope * s / h
+    scratch[whole + path.MOMENT_BY_RISE, i] += moment * slope / h
+    scratch[whole + path.MOMENT_BY_BEND, i] += moment * slope * s / h
 
 
-@called
+@outlined
 def _part(linear_terms, i, move, slow, fast):
     least = abs(move.rise + move.bend * slow)
     largest = abs(move.rise + move.bend * fast)
@@ -93,13 +93,13 @@ def _part(linear_terms, i, move, slow, fast):
 _over_parts = cut_at_rest(_part)
 
 
-@called
-def follow_dashpot(linear_terms, i, h, rise, bend, work, whole, rows):
+@outlined
+def follow_dashpot(linear_terms, i, h, rise, bend, scratch, whole, rows):
     """Mean and moment of the dashpot's force along the path (as in `path.follow`) into `rows` and
     the row behind; they and the tangents are added to the rows from `whole` on."""
-    move = _Move(rise, bend, h, work, whole, rows)
-    work[rows + path.MEAN, i] = 0.0
-    work[rows + path.MOMENT, i] = 0.0
+    move = _Move(rise, bend, h, scratch, whole, rows)
+    scratch[rows + path.MEAN, i] = 0.0
+    scratch[rows + path.MOMENT, i] = 0.0
     _over_parts(linear_terms, i, move)
-    work[whole + path.MEAN, i] += work[rows + path.MEAN, i]
-    work[whole + path.MOMENT, i] += work[rows + path.MOMENT, i]
+    scratch[whole + path.MEAN, i] += scratch[rows + path.MEAN, i]
+    scratch[whole + path.MOMENT, i] += scratch[rows + path.MOMENT, i]

@@ -18,13 +18,18 @@ from pathlib import Path
 
 import numpy as np
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import called, inlined
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import inline, outlined
+from tdint.kernels.laws.branch_following import copy_extra_rows
 from tdint.kernels.laws.choosing import CURVES, DISSIPATING, case_of_4, case_of_5, chosen
-from tdint.kernels.laws.walking import copy_extra_rows
 from tdint.kernels.stepping import Integrals, Stretch
 from tdint.kernels.stories.branches import advance, switch
-from tdint.kernels.stories.law_state import adopt, reach, restoring, settle
+from tdint.kernels.stories.law_state import (
+    accumulate_dissipation,
+    commit_without_dissipation,
+    restoring_force,
+    restoring_force_outlined,
+)
 
 # Rows from `out` on
 MEAN = 0
@@ -72,35 +77,35 @@ def _gauss() -> tuple[np.ndarray, np.ndarray]:
 NODES, WEIGHTS = _gauss()
 
 
-@inlined
-def _as_usual(law_parameters, springs, i, way):
+@inline
+def _as_usual(law_parameters, law_state, i, way):
     return _USUAL_POINTS
 
 
 _points = chosen("points", case_of_4, _as_usual)
 
 
-@inlined
-def points_wanted(law_parameters, springs, i, way):
+@inline
+def points_wanted(law_parameters, law_state, i, way):
     """Gauss points on a path of drift that is `way` long."""
-    return min(_points(law_parameters, springs, i, way), _ENOUGH)
+    return min(_points(law_parameters, law_state, i, way), _ENOUGH)
 
 
-@inlined
-def _smooth(law_parameters, springs, i, block, side):
+@inline
+def _smooth(law_parameters, law_state, i, block, side):
     return math.inf
 
 
 _kink = chosen("kink", case_of_5, _smooth)
 
 
-@inlined
-def stays(springs, i, rise, bend):
+@inline
+def stays(law_state, i, rise, bend):
     """Whether story `i` keeps to its present linear branch all along the path."""
-    if not springs[at.SLOPE, i] < math.inf:
+    if not law_state[rows.SLOPE, i] < math.inf:
         return False
-    start = springs[at.DRIFT, i]
-    turn = springs[at.TURN, i]
+    start = law_state[rows.DRIFT, i]
+    turn = law_state[rows.RATE_SIGN, i]
     first = rise - 0.5 * bend
     last = rise + 0.5 * bend
     if turn * first < 0.0 or turn * last < 0.0:
@@ -110,7 +115,7 @@ def stays(springs, i, rise, bend):
     end = start + rise
     highest = max(start, middle, end)
     lowest = min(start, middle, end)
-    if highest <= springs[at.UPPER, i] and lowest >= springs[at.LOWER, i]:
+    if highest <= law_state[rows.UPPER, i] and lowest >= law_state[rows.LOWER, i]:
         return True
     if first * last < 0.0:
         t = 0.5 - rise / bend
@@ -118,12 +123,12 @@ def stays(springs, i, rise, bend):
     else:
         middle = start
     return (
-        max(start, middle, end) <= springs[at.UPPER, i]
-        and min(start, middle, end) >= springs[at.LOWER, i]
+        max(start, middle, end) <= law_state[rows.UPPER, i]
+        and min(start, middle, end) >= law_state[rows.LOWER, i]
     )
 
 
-@called
+@outlined
 def turns(rise, first, last, start):
     """Where a story turns within a step, as its rate tells: the cubic between `first` and `last`,
     those of the state, that has the rise for its mean and grows by `start` where it begins (all
@@ -176,7 +181,7 @@ def turns(rise, first, last, start):
     return math.copysign(1.0, side), one, two, three, nearest
 
 
-@inlined
+@inline
 def turns_surely(rise, first, last):
     """Whether a rate at an end of the step goes against the rise, by more than rounds: `turns` then
     tells a turn, whatever the acceleration."""
@@ -186,7 +191,7 @@ def turns_surely(rise, first, last):
     )
 
 
-@inlined
+@inline
 def _where_zero(cubic, left, right, at_right):
     """The zero of a cubic that is monotone between two places, by safeguarded Newton."""
     c0, c1, c2, c3 = cubic
@@ -206,76 +211,78 @@ def _where_zero(cubic, left, right, at_right):
     return t
 
 
-@inlined
-def keep_to_branch(springs, i, rise, bend, work, out):
+@inline
+def keep_to_branch(law_state, i, rise, bend, scratch, out):
     """The results of a story that keeps to its present linear branch."""
-    slope = springs[at.SLOPE, i]
-    work[out + MEAN, i] = springs[at.FORCE, i] + slope * (0.5 * rise - bend / 12.0)
-    work[out + MOMENT, i] = slope * rise
-    work[out + MEAN_BY_RISE, i] = 0.5 * slope
-    work[out + MEAN_BY_BEND, i] = -slope / 12.0
-    work[out + MOMENT_BY_RISE, i] = slope
-    work[out + MOMENT_BY_BEND, i] = 0.0
+    slope = law_state[rows.SLOPE, i]
+    scratch[out + MEAN, i] = law_state[rows.FORCE, i] + slope * (0.5 * rise - bend / 12.0)
+    scratch[out + MOMENT, i] = slope * rise
+    scratch[out + MEAN_BY_RISE, i] = 0.5 * slope
+    scratch[out + MEAN_BY_BEND, i] = -slope / 12.0
+    scratch[out + MOMENT_BY_RISE, i] = slope
+    scratch[out + MOMENT_BY_BEND, i] = 0.0
 
 
-@called
-def follow(law_parameters, springs, i, rise, bend, steady, work, out):
+@outlined
+def follow(law_parameters, law_state, i, rise, bend, steady, scratch, out):
     """The results of any story into the rows from `out` on; its state on the way is left to
     `arrive`. `steady`: the story does not turn, even if the parabola does; the force on each branch
     is that at the parabola's drift even so, and the work along the parabola what that from its
     start to its end is."""
-    whole = Stretch(springs[at.DRIFT, i], rise, bend, 0.0, 1.0)
-    results = Integrals(work, out)
+    whole = Stretch(law_state[rows.DRIFT, i], rise, bend, 0.0, 1.0)
+    results = Integrals(scratch, out)
     _clear(results, i)
-    if not CURVES or springs[at.SLOPE, i] < math.inf:
+    if not CURVES or law_state[rows.SLOPE, i] < math.inf:
         _over_branches(
-            law_parameters, springs, i, whole, 1.0 if steady else turning_point(whole), results
+            law_parameters, law_state, i, whole, 1.0 if steady else turning_point(whole), results
         )
-    elif law_parameters[at.CODE, i] in DISSIPATING:
-        _with_memory(law_parameters, springs, i, whole, results)
+    elif law_parameters[rows.CODE, i] in DISSIPATING:
+        _with_memory(law_parameters, law_state, i, whole, results)
     else:
-        count = points_wanted(law_parameters, springs, i, abs(rise) + 0.5 * abs(bend))
-        _integrate(law_parameters, springs, i, 0, True, count, whole, results)
+        count = points_wanted(law_parameters, law_state, i, abs(rise) + 0.5 * abs(bend))
+        _integrate(law_parameters, law_state, i, 0, True, count, whole, results)
 
 
-@called
-def arrive(law_parameters, springs, i, rise):
+@outlined
+def arrive(law_parameters, law_state, i, rise):
     """Commit the end of the path that `follow` followed last."""
-    if not CURVES or springs[at.SLOPE, i] < math.inf:
-        copy(springs, i, at.FIRST_TRIAL, 0)
+    if not CURVES or law_state[rows.SLOPE, i] < math.inf:
+        copy(law_state, i, rows.FIRST_TRIAL, 0)
         return
-    past = at.FIRST_TRIAL if law_parameters[at.CODE, i] in DISSIPATING else 0
-    reach(law_parameters, springs, i, past, at.SECOND_TRIAL, springs[at.DRIFT, i] + rise)
-    settle(law_parameters, springs, i, past, at.SECOND_TRIAL)
-    adopt(law_parameters, springs, i, at.SECOND_TRIAL)
+    previous = rows.FIRST_TRIAL if law_parameters[rows.CODE, i] in DISSIPATING else 0
+    restoring_force_outlined(
+        law_parameters, law_state, i, previous, rows.SECOND_TRIAL, law_state[rows.DRIFT, i] + rise
+    )
+    accumulate_dissipation(law_parameters, law_state, i, previous, rows.SECOND_TRIAL)
+    commit_without_dissipation(law_parameters, law_state, i, rows.SECOND_TRIAL)
 
 
-@inlined
+@inline
 def drift_at(stretch, t):
     """The drift at t."""
     return stretch.start + t * (stretch.rise + 0.5 * stretch.bend * (t - 1.0))
 
 
-@inlined
+@inline
 def part_of(stretch, begin, end):
     """Another part of the same parabola."""
     return Stretch(stretch.start, stretch.rise, stretch.bend, begin, end)
 
 
-@inlined
+@inline
 def _clear(results, i):
     for row in range(_RESULTS):
         results.table[results.first + row, i] = 0.0
 
 
-@inlined
-def copy(springs, i, source, target):
-    for row in range(at.SPRING_ROWS):
-        springs[target + row, i] = springs[source + row, i]
-    copy_extra_rows(springs, i, source, target)
+@inline
+def copy(law_state, i, source, target):
+    for row in range(rows.LAW_STATE_ROWS):
+        law_state[target + row, i] = law_state[source + row, i]
+    copy_extra_rows(law_state, i, source, target)
 
 
-@inlined
+@inline
 def turning_point(stretch):
     """Where in (0, 1) the path turns; 1 if it does not."""
     if 2.0 * abs(stretch.rise) >= abs(stretch.bend):
@@ -284,41 +291,41 @@ def turning_point(stretch):
     return t if 0.0 < t < 1.0 else 1.0
 
 
-@inlined
+@inline
 def _add(results, i, weight, t, force, tangent):
     """Add a point of the path to the integrals."""
-    work, out = results
+    scratch, out = results
     by_bend = 0.5 * (t * t - t)
     moment = 12.0 * weight * (t - 0.5)
-    work[out + MEAN, i] += weight * force
-    work[out + MOMENT, i] += moment * force
-    work[out + MEAN_BY_RISE, i] += weight * tangent * t
-    work[out + MEAN_BY_BEND, i] += weight * tangent * by_bend
-    work[out + MOMENT_BY_RISE, i] += moment * tangent * t
-    work[out + MOMENT_BY_BEND, i] += moment * tangent * by_bend
+    scratch[out + MEAN, i] += weight * force
+    scratch[out + MOMENT, i] += moment * force
+    scratch[out + MEAN_BY_RISE, i] += weight * tangent * t
+    scratch[out + MEAN_BY_BEND, i] += weight * tangent * by_bend
+    scratch[out + MOMENT_BY_RISE, i] += moment * tangent * t
+    scratch[out + MOMENT_BY_BEND, i] += moment * tangent * by_bend
 
 
-@inlined
+@inline
 def _join(results, i, turn, shift):
     """Add the way back from a turning point. What hangs on that point is seen from the same way
     after a shift of it (no shift: nothing does)."""
-    work, out = results
+    scratch, out = results
     for row in range(_RESULTS):
-        work[out + row, i] += work[out + _BACK + row, i]
+        scratch[out + row, i] += scratch[out + _BACK + row, i]
     if shift != 0.0:
-        mean = (work[out + _SHIFTED + MEAN, i] - work[out + _BACK + MEAN, i]) / shift
-        moment = (work[out + _SHIFTED + MOMENT, i] - work[out + _BACK + MOMENT, i]) / shift
+        mean = (scratch[out + _SHIFTED + MEAN, i] - scratch[out + _BACK + MEAN, i]) / shift
+        moment = (scratch[out + _SHIFTED + MOMENT, i] - scratch[out + _BACK + MOMENT, i]) / shift
         by_bend = 0.5 * (turn * turn - turn)
-        work[out + MEAN_BY_RISE, i] += mean * turn
-        work[out + MEAN_BY_BEND, i] += mean * by_bend
-        work[out + MOMENT_BY_RISE, i] += moment * turn
-        work[out + MOMENT_BY_BEND, i] += moment * by_bend
+        scratch[out + MEAN_BY_RISE, i] += mean * turn
+        scratch[out + MEAN_BY_BEND, i] += mean * by_bend
+        scratch[out + MOMENT_BY_RISE, i] += moment * turn
+        scratch[out + MOMENT_BY_BEND, i] += moment * by_bend
 
 
 # ---- Linear branch by branch
 
 
-@inlined
+@inline
 def time_to(limit, stretch, here, side):
     """How long the path, moving to `side`, takes from `here` to the drift `limit`."""
     rate = side * (stretch.rise + stretch.bend * (here - 0.5))
@@ -332,49 +339,51 @@ def time_to(limit, stretch, here, side):
 
 
 def along_branches(piece, note):
-    """A function (law_parameters, springs, i, block, stretch, side, target, results) that goes
+    """A function (law_parameters, law_state, i, block, stretch, side, target, results) that goes
     along a stretch in which the story goes to `side` all the time (0: it does not move), up to the
     drift `target`, branch by branch, with the state in `block`. `piece` adds to the results what
     lies on one branch, `note` is told where and with what force it ended."""
 
-    @called
-    def go(law_parameters, springs, i, block, stretch, side, target, results):
+    @outlined
+    def go(law_parameters, law_state, i, block, stretch, side, target, results):
         if side == 0.0:
-            piece(springs, i, block, stretch, results)
+            piece(law_state, i, block, stretch, results)
             return
-        if springs[block + at.TURN, i] * side < 0.0:
-            switch(law_parameters, springs, i, block, at.TURNED)
+        if law_state[block + rows.RATE_SIGN, i] * side < 0.0:
+            switch(law_parameters, law_state, i, block, rows.REVERSED)
         here = stretch.begin
         for passed in range(_MOST_BRANCHES):
-            limit = springs[block + at.UPPER, i] if side > 0.0 else springs[block + at.LOWER, i]
+            limit = (
+                law_state[block + rows.UPPER, i] if side > 0.0 else law_state[block + rows.LOWER, i]
+            )
             ends = side * (target - limit) > 0.0 and passed < _MOST_BRANCHES - 1
             there = stretch.end
             if ends:
                 there = min(here + time_to(limit, stretch, here, side), stretch.end)
-            piece(springs, i, block, part_of(stretch, here, there), results)
-            advance(law_parameters, springs, i, block, limit if ends else target)
+            piece(law_state, i, block, part_of(stretch, here, there), results)
+            advance(law_parameters, law_state, i, block, limit if ends else target)
             if not ends:
                 break
-            note(results, i, there, springs[block + at.FORCE, i])
-            switch(law_parameters, springs, i, block, at.ABOVE if side > 0.0 else at.BELOW)
+            note(results, i, there, law_state[block + rows.FORCE, i])
+            switch(law_parameters, law_state, i, block, rows.ABOVE if side > 0.0 else rows.BELOW)
             here = there
 
     return go
 
 
-@inlined
-def _piece(springs, i, block, stretch, results):
+@inline
+def _piece(law_state, i, block, stretch, results):
     length = stretch.end - stretch.begin
-    slope = springs[block + at.SLOPE, i]
+    slope = law_state[block + rows.SLOPE, i]
     for point in range(2):
         t = stretch.begin + length * NODES[2, point]
-        force = springs[block + at.FORCE, i] + slope * (
-            drift_at(stretch, t) - springs[block + at.DRIFT, i]
+        force = law_state[block + rows.FORCE, i] + slope * (
+            drift_at(stretch, t) - law_state[block + rows.DRIFT, i]
         )
         _add(results, i, 0.5 * length, t, force, slope)
 
 
-@inlined
+@inline
 def _nothing(results, i, t, force):
     pass
 
@@ -382,20 +391,20 @@ def _nothing(results, i, t, force):
 _go = along_branches(_piece, _nothing)
 
 
-@inlined
-def _follow(law_parameters, springs, i, block, stretch, results):
+@inline
+def _follow(law_parameters, law_state, i, block, stretch, results):
     """Along a stretch from its start straight to its end."""
     target = drift_at(stretch, stretch.end)
     way = target - drift_at(stretch, stretch.begin)
     side = math.copysign(1.0, way) if way != 0.0 else 0.0
-    _go(law_parameters, springs, i, block, stretch, side, target, results)
+    _go(law_parameters, law_state, i, block, stretch, side, target, results)
 
 
-@called
-def _over_branches(law_parameters, springs, i, whole, turn, results):
+@outlined
+def _over_branches(law_parameters, law_state, i, whole, turn, results):
     """Two-point Gauss on each piece: force times s is a cubic there."""
-    copy(springs, i, 0, at.FIRST_TRIAL)
-    _follow(law_parameters, springs, i, at.FIRST_TRIAL, part_of(whole, 0.0, turn), results)
+    copy(law_state, i, 0, rows.FIRST_TRIAL)
+    _follow(law_parameters, law_state, i, rows.FIRST_TRIAL, part_of(whole, 0.0, turn), results)
     if turn == 1.0:
         return
     back = Integrals(results.table, results.first + _BACK)
@@ -404,15 +413,15 @@ def _over_branches(law_parameters, springs, i, whole, turn, results):
     side = math.copysign(1.0, whole.bend)
     shift = 0.0
     if (
-        springs[at.FIRST_TRIAL + at.TURN, i] * side < 0.0
+        law_state[rows.FIRST_TRIAL + rows.RATE_SIGN, i] * side < 0.0
     ):  # else nothing happens at the turning point
-        copy(springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
+        copy(law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
         shift = -side * _SHIFT * (abs(whole.rise) + abs(whole.bend))
-        advance(law_parameters, springs, i, at.SECOND_TRIAL, drift_at(whole, turn) + shift)
+        advance(law_parameters, law_state, i, rows.SECOND_TRIAL, drift_at(whole, turn) + shift)
         _clear(shifted, i)
-        _follow(law_parameters, springs, i, at.SECOND_TRIAL, way_back, shifted)
+        _follow(law_parameters, law_state, i, rows.SECOND_TRIAL, way_back, shifted)
     _clear(back, i)
-    _follow(law_parameters, springs, i, at.FIRST_TRIAL, way_back, back)
+    _follow(law_parameters, law_state, i, rows.FIRST_TRIAL, way_back, back)
     _join(results, i, turn, shift)
 
 
@@ -420,26 +429,28 @@ def _over_branches(law_parameters, springs, i, whole, turn, results):
 
 
 def in_two_parts(integrate):
-    """A function (law_parameters, springs, i, past, stretch, results) that goes along a stretch in
-    which the path does not turn by `integrate`, from the state in `past`; in two parts where the
+    """A function (law_parameters, law_state, i, past, stretch, results) that goes along a stretch
+    in
+    which the path does not turn by `integrate`, from the state in `previous`; in two parts where
+    the
     force bends sharply between. It returns the block of the state at its last Gauss point."""
 
-    @called
-    def go(law_parameters, springs, i, past, stretch, results):
+    @outlined
+    def go(law_parameters, law_state, i, previous, stretch, results):
         here = drift_at(stretch, stretch.begin)
         way = drift_at(stretch, stretch.end) - here
         side = math.copysign(1.0, way)
         way = abs(way)
         begin = stretch.begin
-        ahead = _kink(law_parameters, springs, i, past, side)
+        ahead = _kink(law_parameters, law_state, i, previous, side)
         if ahead < way:
-            count = points_wanted(law_parameters, springs, i, ahead)
+            count = points_wanted(law_parameters, law_state, i, ahead)
             there = min(begin + time_to(here + side * ahead, stretch, begin, side), stretch.end)
-            past = integrate(
+            previous = integrate(
                 law_parameters,
-                springs,
+                law_state,
                 i,
-                past,
+                previous,
                 False,
                 count,
                 part_of(stretch, begin, there),
@@ -447,12 +458,12 @@ def in_two_parts(integrate):
             )
             begin = there
             way -= ahead
-        count = points_wanted(law_parameters, springs, i, way)
+        count = points_wanted(law_parameters, law_state, i, way)
         return integrate(
             law_parameters,
-            springs,
+            law_state,
             i,
-            past,
+            previous,
             False,
             count,
             part_of(stretch, begin, stretch.end),
@@ -462,32 +473,35 @@ def in_two_parts(integrate):
     return go
 
 
-@called
-def _integrate(law_parameters, springs, i, past, elastic, count, stretch, results):
+@outlined
+def _integrate(law_parameters, law_state, i, previous, elastic, count, stretch, results):
     """Add a stretch, by at least `count` Gauss points; returns the block of the state at the last
     of them.
 
-    An elastic law needs no state to start from; others go from point to point, from that in `past`.
+    An elastic law needs no state to start from; others go from point to point, from that in
+    `previous`.
     """
-    work, out = results
+    scratch, out = results
     parts = math.ceil(count / MOST_POINTS)
     points = math.ceil(count / parts)
     length = (stretch.end - stretch.begin) / parts
     mean = moment = 0.0
     mean_by_rise = mean_by_bend = moment_by_rise = moment_by_bend = 0.0
-    trial = at.FIRST_TRIAL
+    trial = rows.FIRST_TRIAL
     for part in range(parts):
         for point in range(points):
             t = stretch.begin + length * (part + NODES[points, point])
             if not elastic:
-                trial = at.FIRST_TRIAL if past != at.FIRST_TRIAL else at.SECOND_TRIAL
-            tangent = restoring(law_parameters, springs, i, past, trial, drift_at(stretch, t))
+                trial = rows.FIRST_TRIAL if previous != rows.FIRST_TRIAL else rows.SECOND_TRIAL
+            tangent = restoring_force(
+                law_parameters, law_state, i, previous, trial, drift_at(stretch, t)
+            )
             if not elastic:
-                settle(law_parameters, springs, i, past, trial)
-                past = trial
+                accumulate_dissipation(law_parameters, law_state, i, previous, trial)
+                previous = trial
             weight = length * WEIGHTS[points, point]
             by_moment = 12.0 * (t - 0.5)
-            force = weight * springs[trial + at.FORCE, i]
+            force = weight * law_state[trial + rows.FORCE, i]
             by_rise = weight * tangent * t
             by_bend = 0.5 * by_rise * (t - 1.0)
             mean += force
@@ -496,37 +510,39 @@ def _integrate(law_parameters, springs, i, past, elastic, count, stretch, result
             mean_by_bend += by_bend
             moment_by_rise += by_moment * by_rise
             moment_by_bend += by_moment * by_bend
-    work[out + MEAN, i] += mean
-    work[out + MOMENT, i] += moment
-    work[out + MEAN_BY_RISE, i] += mean_by_rise
-    work[out + MEAN_BY_BEND, i] += mean_by_bend
-    work[out + MOMENT_BY_RISE, i] += moment_by_rise
-    work[out + MOMENT_BY_BEND, i] += moment_by_bend
+    scratch[out + MEAN, i] += mean
+    scratch[out + MOMENT, i] += moment
+    scratch[out + MEAN_BY_RISE, i] += mean_by_rise
+    scratch[out + MEAN_BY_BEND, i] += mean_by_bend
+    scratch[out + MOMENT_BY_RISE, i] += moment_by_rise
+    scratch[out + MOMENT_BY_BEND, i] += moment_by_bend
     return trial
 
 
 _pass = in_two_parts(_integrate)
 
 
-@called
-def _with_memory(law_parameters, springs, i, whole, results):
+@outlined
+def _with_memory(law_parameters, law_state, i, whole, results):
     """To the turning point, and from there to the last Gauss point: the state there is left in
     FIRST_TRIAL."""
     turn = turning_point(whole)
-    past = _pass(law_parameters, springs, i, 0, part_of(whole, 0.0, turn), results)
+    previous = _pass(law_parameters, law_state, i, 0, part_of(whole, 0.0, turn), results)
     if turn < 1.0:
         back = Integrals(results.table, results.first + _BACK)
         shifted = Integrals(results.table, results.first + _SHIFTED)
         way_back = part_of(whole, turn, 1.0)
         drift = drift_at(whole, turn)
-        reach(law_parameters, springs, i, past, at.THIRD_TRIAL, drift)
-        settle(law_parameters, springs, i, past, at.THIRD_TRIAL)
+        restoring_force_outlined(law_parameters, law_state, i, previous, rows.THIRD_TRIAL, drift)
+        accumulate_dissipation(law_parameters, law_state, i, previous, rows.THIRD_TRIAL)
         shift = -math.copysign(_SHIFT, whole.bend) * (abs(whole.rise) + abs(whole.bend))
-        reach(law_parameters, springs, i, at.THIRD_TRIAL, at.FIRST_TRIAL, drift + shift)
+        restoring_force_outlined(
+            law_parameters, law_state, i, rows.THIRD_TRIAL, rows.FIRST_TRIAL, drift + shift
+        )
         _clear(shifted, i)
-        _pass(law_parameters, springs, i, at.FIRST_TRIAL, way_back, shifted)
+        _pass(law_parameters, law_state, i, rows.FIRST_TRIAL, way_back, shifted)
         _clear(back, i)
-        past = _pass(law_parameters, springs, i, at.THIRD_TRIAL, way_back, back)
+        previous = _pass(law_parameters, law_state, i, rows.THIRD_TRIAL, way_back, back)
         _join(results, i, turn, shift)
-    if past != at.FIRST_TRIAL:
-        copy(springs, i, past, at.FIRST_TRIAL)
+    if previous != rows.FIRST_TRIAL:
+        copy(law_state, i, previous, rows.FIRST_TRIAL)
