@@ -29,7 +29,7 @@ _STANDS = {
     "assemble_combination factor factor_blocks factor_combination factor_damped link_blocks solve "
     "solve_blocks solve_blocks_damped solve_damped",
     "kernels.laws.law": "DriftLaw LawFunctions LawParameter yields_at_its_strength",
-    "kernels.laws.walking": "add_work branch_first branch_follower copy_extra_rows "
+    "kernels.laws.branch_following": "add_work branch_first branch_follower copy_extra_rows "
     "extra_rows fail follow_branches no_operation set_branch",
     "methods.method": "Family Method Parameter",
     "analysis.chart.problem": "Problem",

@@ -132,7 +132,9 @@ def _origin_oriented():
         )
         law_state[branch_following.extra_rows(law_state, block), i] += event == rows.REVERSED
 
-    return branch_following.branch_first(branch_following.follow_branches(switch, strain_energy, enter))
+    return branch_following.branch_first(
+        branch_following.follow_branches(switch, strain_energy, enter)
+    )
 
 
 PLUGINS = {
@@ -166,7 +168,7 @@ def test_a_look_at_the_branch_first_changes_no_bit(name, monkeypatch):
     law = (LAWS | PLUGINS)[name]
     looking = CALLING if law.apart else law.functions()
     with monkeypatch.context() as patch:
-        patch.setattr(walks, "branch_first", lambda functions: functions)
+        patch.setattr(branch_following, "branch_first", lambda functions: functions)
         plain = law.functions()
     code = name if name in LAWS else "linear"
     law_parameters = law_table(code, *LAW_CASES.get(name, ()))

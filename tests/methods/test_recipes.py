@@ -173,7 +173,7 @@ def test_check_names_the_public_name_of_what_is_imported(tmp_path):
     )
     said = CliRunner().invoke(cli, ["check", "--plugin", str(file)]).output
     assert (
-        f"{file}:1: tdint.kernels may change without notice; write from tdint.plugin import at"
+        f"{file}:1: tdint.kernels may change without notice; write from tdint.plugin import rows"
         in said
     )
     assert (

@@ -190,8 +190,8 @@ def explicit_coefficients(table: Table) -> tuple[float, ...]:
         Number of stages, then for each row of `table` its node (the sum of the row; 1 for b) and
         the row itself.
     """
-    rows = (number for row in table for number in (math.fsum(row), *row))
-    return (float(len(table)), *rows)
+    flattened = (number for row in table for number in (math.fsum(row), *row))
+    return (float(len(table)), *flattened)
 
 
 def imaginary_stability_limit(table: Table) -> float:

@@ -141,16 +141,16 @@ def _correct_damped(scratch, modal, store, x, n):
     """Woodbury's correction of `solve_damped`."""
     modes = modal.shape[0]
     small = store + modes
-    scratch = small + modes
+    temporary = small + modes
     for j in range(modes):
         product = 0.0
         for i in range(n):
             product += modal[j, i] * scratch[x, i]
-        scratch[scratch, j] = product
+        scratch[temporary, j] = product
     for j in range(modes):
         amplitude = 0.0
         for k in range(modes):
-            amplitude += scratch[small + j, k] * scratch[scratch, k]
+            amplitude += scratch[small + j, k] * scratch[temporary, k]
         for i in range(n):
             scratch[x, i] -= amplitude * scratch[store + j, i]
 
@@ -438,19 +438,19 @@ def _correct_pairs(factors, damping, x, y, n):
     modal, xx, xy, yx, yy = damping
     modes = modal.shape[0]
     small = store + 4 * modes
-    scratch = small + 2 * modes
+    temporary = small + 2 * modes
     for j in range(modes):
         in_x = 0.0
         in_y = 0.0
         for i in range(n):
             in_x += modal[j, i] * scratch[x, i]
             in_y += modal[j, i] * scratch[y, i]
-        scratch[scratch, j] = xx * in_x + xy * in_y
-        scratch[scratch, modes + j] = yx * in_x + yy * in_y
+        scratch[temporary, j] = xx * in_x + xy * in_y
+        scratch[temporary, modes + j] = yx * in_x + yy * in_y
     for j in range(2 * modes):
         amplitude = 0.0
         for k in range(2 * modes):
-            amplitude += scratch[small + j, k] * scratch[scratch, k]
+            amplitude += scratch[small + j, k] * scratch[temporary, k]
         for i in range(n):
             scratch[x, i] -= amplitude * scratch[store + 2 * j, i]
             scratch[y, i] -= amplitude * scratch[store + 2 * j + 1, i]
