@@ -31,7 +31,7 @@ from tdint.analysis.assessment.order import observed_order, order_problem
 from tdint.analysis.assessment.paper_examples import DT, METHODS, examples, run_example
 from tdint.analysis.assessment.stability import STARTS, critical_step, overshoot, stability
 from tdint.analysis.run.workspace import amplification
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 from tdint.model.definition import Initial, Law, simple_model, simple_story
@@ -95,7 +95,7 @@ def compiled_matrix(w, xi, dt, beta=BETA):
     """Return the compiled step of impulse on (u, v dt, a dt^2), with any acceleration at the start
     of the step."""
     integrator = parse(f"impulse:beta={beta!r}")
-    memory = (at.DISPLACEMENT, at.VELOCITY, at.ACCELERATION)
+    memory = (rows.DISPLACEMENT, rows.VELOCITY, rows.ACCELERATION)
     family = replace(integrator.method.family, memory=memory)
     integrator = replace(integrator, method=replace(integrator.method, family=family))
     step = amplification(integrator, np.array([w / dt]), np.array([xi]), dt)[0]

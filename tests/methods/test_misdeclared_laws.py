@@ -16,7 +16,7 @@ from registered import forgotten, plain  # noqa: F401 (fixtures)
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.workspace import Steps
 from tdint.errors import AnalysisError, UsageError
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.methods.catalogue import catalogue, parse
 from tdint.model.building import assemble
 from tdint.model.definition import LAWS, Law, register_law, simple_model, simple_story
@@ -40,37 +40,37 @@ than 0.04. A method that takes these laws as linear is off by more than 1."""
 EXACT = 0.005  # the same of `impulse4` and `moment4`, which follow branches
 
 
-def twice_as_stiff(law_parameters, springs, i, past, trial, drift):
-    springs[trial + at.FORCE, i] = 2.0 * K * drift
+def twice_as_stiff(law_parameters, law_state, i, previous, trial, drift):
+    law_state[trial + rows.FORCE, i] = 2.0 * K * drift
     return 2.0 * K
 
 
-def secant(law_parameters, springs, i, past, trial, drift):
+def secant(law_parameters, law_state, i, previous, trial, drift):
     """The force of `tanh`, and its secant instead of its tangent."""
-    LAWS["tanh"].functions().force(law_parameters, springs, i, past, trial, drift)
-    return springs[trial + at.FORCE, i] / drift if drift else K
+    LAWS["tanh"].functions().force(law_parameters, law_state, i, previous, trial, drift)
+    return law_state[trial + rows.FORCE, i] / drift if drift else K
 
 
-def beyond_its_rows(law_parameters, springs, i, past, trial, drift):
-    return springs[at.EXTRA_ROWS + trial, i]
+def beyond_its_rows(law_parameters, law_state, i, previous, trial, drift):
+    return law_state[rows.EXTRA_ROWS + trial, i]
 
 
-def straight(law_parameters, springs, i):
-    springs[at.SLOPE, i] = law_parameters[at.STIFFNESS, i]
+def straight(law_parameters, law_state, i):
+    law_state[rows.SLOPE, i] = law_parameters[rows.STIFFNESS, i]
 
 
-def forgets_its_ends(law_parameters, springs, i, block, event):
+def forgets_its_ends(law_parameters, law_state, i, block, event):
     """The `switch` of `gap`; the lower end of the branch stays as it was."""
-    lower = springs[block + at.LOWER, i]
-    LAWS["gap"].functions().switch(law_parameters, springs, i, block, event)
-    springs[block + at.LOWER, i] = lower
+    lower = law_state[block + rows.LOWER, i]
+    LAWS["gap"].functions().switch(law_parameters, law_state, i, block, event)
+    law_state[block + rows.LOWER, i] = lower
 
 
-def keeps_nothing(law_parameters, springs, i, past, trial):
+def keeps_nothing(law_parameters, law_state, i, previous, trial):
     pass
 
 
-def one_point(law_parameters, springs, i, way):
+def one_point(law_parameters, law_state, i, way):
     return 1.0
 
 
@@ -99,7 +99,12 @@ CASES = {
     "memory-curved-missing": ("bouc-wen", {"curved": False}, {}, "declare `curved=True`"),
     "memory-kinked-missing": ("bouc-wen", {"kinked": False}, {}, "declare `kinked=True`"),
     "memory-switch-missing": ("bouc-wen", {"kinked": False}, {"switch": None}, True),
-    "settle-missing": ("bouc-wen", {}, {"settle": None}, "neither `settle` nor `dissipated`"),
+    "settle-missing": (
+        "bouc-wen",
+        {},
+        {"accumulate_dissipation": None},
+        "neither `accumulate_dissipation` nor `hysteretic_energy`",
+    ),
     "stop-enter-missing": ("gap", {}, {"enter": None}, "set the ends of the branch"),
     "stop-branches-missing": ("gap", {"kinked": False}, NO_BRANCHES, "declare `curved=True`"),
     "stop-as-curve": ("gap", {"curved": True, "kinked": False}, NO_BRANCHES, True),
@@ -131,21 +136,23 @@ def prepared(name, base):
 def true_motion(law, parameters):
     """Drift at the steps, m: central differences, from rest, by the force of the law alone."""
     functions = law.functions()
-    table = np.zeros((at.FIRST_PARAMETER + len(parameters), 2))
-    table[at.STIFFNESS, 0], table[at.FIRST_PARAMETER :, 0] = K, parameters
-    springs = np.zeros((at.EXTRA_ROWS + at.SPRING_BLOCKS * law.extra_rows, 2))
-    functions.enter and functions.enter(table, springs, 0)
+    table = np.zeros((rows.FIRST_PARAMETER + len(parameters), 2))
+    table[rows.STIFFNESS, 0], table[rows.FIRST_PARAMETER :, 0] = K, parameters
+    law_state = np.zeros((rows.EXTRA_ROWS + rows.LAW_STATE_BLOCKS * law.extra_rows, 2))
+    functions.enter and functions.enter(table, law_state, 0)
     h = H / FINER
     ground = np.interp(h * np.arange(STEPS * FINER + 1), H * np.arange(STEPS + 1), GROUND)
     u, drifts = [0.0, 0.0], [0.0]  # at t = -h and 0; the ground begins at zero
     for s in range(STEPS * FINER):
-        springs[at.FIRST_TRIAL + at.DRIFT, 0] = u[1]
-        functions.force(table, springs, 0, at.COMMITTED, at.FIRST_TRIAL, u[1])
+        law_state[rows.FIRST_TRIAL + rows.DRIFT, 0] = u[1]
+        functions.force(table, law_state, 0, rows.COMMITTED, rows.FIRST_TRIAL, u[1])
         if functions.keep is not None:
-            functions.keep(table, springs, 0, at.COMMITTED, at.FIRST_TRIAL)
-        springs[: at.PLAIN_ROWS] = springs[at.FIRST_TRIAL : at.FIRST_TRIAL + at.PLAIN_ROWS]
+            functions.keep(table, law_state, 0, rows.COMMITTED, rows.FIRST_TRIAL)
+        law_state[: rows.COMMON_ROWS] = law_state[
+            rows.FIRST_TRIAL : rows.FIRST_TRIAL + rows.COMMON_ROWS
+        ]
         damper = DASHPOT / (2.0 * h)
-        load = -MASS * ground[s] - springs[at.FORCE, 0]
+        load = -MASS * ground[s] - law_state[rows.FORCE, 0]
         following = (load + MASS * (2.0 * u[1] - u[0]) / h**2 + damper * u[0]) / (
             MASS / h**2 + damper
         )
@@ -171,7 +178,7 @@ def refusal_or_errors(name):
         integrator = parse(method)
         if integrator.family.linear_only:
             continue
-        marched = case.march(integrator, Steps(H, STEPS, 1), GROUND, rows=STEPS)
+        marched = case.march(integrator, Steps(H, STEPS, 1), GROUND, history_rows=STEPS)
         # A failed integration has no result.
         if marched.code >= 0:
             drift = marched.space.history[:, 1]
@@ -199,9 +206,9 @@ def test_each_set_of_numbers_is_verified():
     random buildings of a study are."""
     register_law(replace(law_of("enter-missing"), yield_drift=lambda stiffness, values: math.nan))
     strong = prepared("enter-missing", "bilinear").building.law_parameters.copy()
-    strong[at.FIRST_PARAMETER, 0] = 1e12  # N: linear up to any drift of the path
+    strong[rows.FIRST_PARAMETER, 0] = 1e12  # N: linear up to any drift of the path
     weak = strong.copy()
-    weak[at.FIRST_PARAMETER, 0] = 4.0
+    weak[rows.FIRST_PARAMETER, 0] = 4.0
     verify_laws(strong)
     verify_laws(strong)
     with pytest.raises(AnalysisError, match=r"law enter-missing: .* set the ends of the branch"):

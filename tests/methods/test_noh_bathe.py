@@ -8,7 +8,7 @@ from building_cases import Law, noise
 from step_checks import RAYLEIGH, SingleSteps, building, load, matrices, restoring_of
 from tdint.analysis.assessment.stability import critical_step
 from tdint.analysis.run.run import run
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.methods.catalogue import parse
 from tdint.methods.noh_bathe import coefficients_of, stability_limit
 
@@ -61,24 +61,26 @@ def test_drift_laws_pass_through_the_end_of_the_first_substep():
     substep and forward in the second one, so a path past its end would have other forces."""
     stiffness, strength, hardening = 100.0, 5.0, 0.1
     steps = SingleSteps("noh-bathe", Law("bilinear", (strength, hardening)))
-    springs = steps.space.springs[:, 0]
+    law_state = steps.space.law_state[:, 0]
     path = []
     for _ in range(2):
         assert steps.take(-20.0, -20.0) > 0
-        path.append((springs[at.FIRST_TRIAL + at.DRIFT], springs[at.FIRST_TRIAL + at.FORCE]))
-        path.append((springs[at.DRIFT], springs[at.FORCE]))
+        path.append(
+            (law_state[rows.FIRST_TRIAL + rows.DRIFT], law_state[rows.FIRST_TRIAL + rows.FORCE])
+        )
+        path.append((law_state[rows.DRIFT], law_state[rows.FORCE]))
     assert path[2][0] < path[1][0] < path[3][0]
     # A spring of the hardening stiffness and a spring that slips at its limit, in parallel
     soft = hardening * stiffness
     limit = (1.0 - hardening) * strength
-    slipped = dissipated = 0.0
+    slipped = hysteretic_energy = 0.0
     for drift, force in path:
         yield_drift = limit / (stiffness - soft)
         slip = max(abs(drift - slipped) - yield_drift, 0.0)
         slipped += np.copysign(slip, drift - slipped)
-        dissipated += limit * slip
+        hysteretic_energy += limit * slip
         assert force == pytest.approx(soft * drift + (stiffness - soft) * (drift - slipped))
-    assert springs[at.DISSIPATED] == pytest.approx(dissipated, rel=1e-12)
+    assert law_state[rows.DISSIPATED] == pytest.approx(hysteretic_energy, rel=1e-12)
 
 
 @pytest.mark.parametrize("p", [0.3, 0.5, P, 0.6])

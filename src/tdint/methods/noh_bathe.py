@@ -35,11 +35,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tdint.kernels import layout as at
-from tdint.kernels.compiling import inlined, kernel
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import inline, kernel
 from tdint.kernels.linear_terms import finite, floor_load, internal_forces
 from tdint.kernels.stepping import STEP
-from tdint.kernels.stories.law_state import commit, restoring, settle
+from tdint.kernels.stories.law_state import accumulate_dissipation, commit, restoring_force
 from tdint.methods.method import Family, Method
 
 # Offsets in the coefficients of `step`
@@ -52,7 +52,7 @@ _FIRST_SUBSTEP = 0.54  # recommended by the publication: dissipates modes near t
 
 
 class _StepRows(NamedTuple):
-    """Number of rows of the work array for each quantity; the columns are floors or stories."""
+    """Number of scratch rows for each quantity; the columns are floors or stories."""
 
     LOAD: int = 1  # load p at the time of the evaluation, N
     STORY_FORCE: int = 1  # story force including P-delta and dashpots, N
@@ -62,7 +62,7 @@ class _StepRows(NamedTuple):
     AC: int = 1  # acceleration at the end of the first substep, m/s^2
 
 
-_ROW, _ROWS = at.chained(_StepRows)
+_ROW, _ROWS = rows.chained(_StepRows)
 
 
 @kernel(STEP)
@@ -76,9 +76,9 @@ def step(
     h,
     load,
     state,
-    springs,
-    work,
-    report,
+    law_state,
+    scratch,
+    step_status,
 ):
     """Advance the state by one step of two explicit substeps.
 
@@ -98,11 +98,11 @@ def step(
     state : ndarray
         Rows DISPLACEMENT (m), VELOCITY (m/s) and ACCELERATION (m/s^2) of all floors, relative to
         the ground; updated in place.
-    springs : ndarray
+    law_state : ndarray
         State of the hysteretic laws; updated in place.
-    work : ndarray
+    scratch : ndarray
         Scratch rows `_StepRows`.
-    report : ndarray
+    step_status : ndarray
         Not used.
 
     Returns
@@ -115,16 +115,16 @@ def step(
     elapsed = coefficients[_P] * h
     u_below = 0.0
     for i in range(n):
-        v0 = state[at.VELOCITY, i]
-        a0 = state[at.ACCELERATION, i]
-        u = state[at.DISPLACEMENT, i] + elapsed * v0 + 0.5 * elapsed * elapsed * a0
-        work[_ROW.V, i] = v0 + elapsed * a0
-        drift = u - linear_terms[at.LINK, i] * u_below
-        restoring(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL, drift)
+        v0 = state[rows.VELOCITY, i]
+        a0 = state[rows.ACCELERATION, i]
+        u = state[rows.DISPLACEMENT, i] + elapsed * v0 + 0.5 * elapsed * elapsed * a0
+        scratch[_ROW.V, i] = v0 + elapsed * a0
+        drift = u - linear_terms[rows.LINK, i] * u_below
+        restoring_force(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, drift)
         u_below = u
-    ground = load[at.GROUND_0] + coefficients[_P] * (load[at.GROUND_1] - load[at.GROUND_0])
-    floor_load(linear_terms, forces, load[at.TIME] + elapsed, ground, work, _ROW.LOAD)
-    _accelerate(linear_terms, modal, springs, at.FIRST_TRIAL, work)
+    ground = load[rows.GROUND_0] + coefficients[_P] * (load[rows.GROUND_1] - load[rows.GROUND_0])
+    floor_load(linear_terms, forces, load[rows.TIME] + elapsed, ground, scratch, _ROW.LOAD)
+    _accelerate(linear_terms, modal, law_state, rows.FIRST_TRIAL, scratch)
     # Displacement and predicted velocity at the end from the accelerations a0 and ac
     u_by_a0 = coefficients[_U1] * h * h
     u_by_ac = coefficients[_U1 + 1] * h * h
@@ -132,52 +132,52 @@ def step(
     w_by_ac = coefficients[_W1 + 1] * h
     u_below = 0.0
     for i in range(n):
-        v0 = state[at.VELOCITY, i]
-        a0 = state[at.ACCELERATION, i]
-        ac = work[_ROW.INNER_FORCE, i]
-        work[_ROW.AC, i] = ac
-        u = state[at.DISPLACEMENT, i] + h * v0 + u_by_a0 * a0 + u_by_ac * ac
-        work[_ROW.V, i] = v0 + w_by_a0 * a0 + w_by_ac * ac
-        drift = u - linear_terms[at.LINK, i] * u_below
-        restoring(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL, drift)
-        state[at.DISPLACEMENT, i] = u
+        v0 = state[rows.VELOCITY, i]
+        a0 = state[rows.ACCELERATION, i]
+        ac = scratch[_ROW.INNER_FORCE, i]
+        scratch[_ROW.AC, i] = ac
+        u = state[rows.DISPLACEMENT, i] + h * v0 + u_by_a0 * a0 + u_by_ac * ac
+        scratch[_ROW.V, i] = v0 + w_by_a0 * a0 + w_by_ac * ac
+        drift = u - linear_terms[rows.LINK, i] * u_below
+        restoring_force(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift)
+        state[rows.DISPLACEMENT, i] = u
         u_below = u
-    floor_load(linear_terms, forces, load[at.TIME] + h, load[at.GROUND_1], work, _ROW.LOAD)
-    _accelerate(linear_terms, modal, springs, at.SECOND_TRIAL, work)
+    floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, _ROW.LOAD)
+    _accelerate(linear_terms, modal, law_state, rows.SECOND_TRIAL, scratch)
     # Velocity and acceleration at the end; dissipated energy of both parts of the path
     v_by_a0 = coefficients[_V1] * h
     v_by_ac = coefficients[_V1 + 1] * h
     v_by_a1 = coefficients[_V1 + 2] * h
     for i in range(n):
-        a0 = state[at.ACCELERATION, i]
-        a1 = work[_ROW.INNER_FORCE, i]
-        state[at.VELOCITY, i] += v_by_a0 * a0 + v_by_ac * work[_ROW.AC, i] + v_by_a1 * a1
-        state[at.ACCELERATION, i] = a1
-        settle(law_parameters, springs, i, at.COMMITTED, at.FIRST_TRIAL)
-        commit(law_parameters, springs, i, at.FIRST_TRIAL, at.SECOND_TRIAL)
-    return 1 if finite(state, n) else at.NOT_FINITE
+        a0 = state[rows.ACCELERATION, i]
+        a1 = scratch[_ROW.INNER_FORCE, i]
+        state[rows.VELOCITY, i] += v_by_a0 * a0 + v_by_ac * scratch[_ROW.AC, i] + v_by_a1 * a1
+        state[rows.ACCELERATION, i] = a1
+        accumulate_dissipation(law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL)
+        commit(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
+    return 1 if finite(state, n) else rows.NOT_FINITE
 
 
-@inlined
-def _accelerate(linear_terms, modal, springs, trial, work):
+@inline
+def _accelerate(linear_terms, modal, law_state, trial, scratch):
     """Compute the accelerations M^-1 (p - C v - f) into the row INNER_FORCE.
 
     Parameters
     ----------
     linear_terms, modal : ndarray
         Linear terms and modal damping of the building.
-    springs : ndarray
+    law_state : ndarray
         State of the hysteretic laws.
     trial : int
         First row of the block of law states that contains the story forces.
-    work : ndarray
+    scratch : ndarray
         Rows LOAD and V are read, row INNER_FORCE receives the accelerations, m/s^2.
     """
     inner = _ROW.INNER_FORCE
-    internal_forces(linear_terms, modal, springs, trial, work, _ROW.V, inner, _ROW.STORY_FORCE)
+    internal_forces(linear_terms, modal, law_state, trial, scratch, _ROW.V, inner, _ROW.STORY_FORCE)
     for i in range(linear_terms.shape[1] - 1):
-        unbalanced = work[_ROW.LOAD, i] - work[inner, i]
-        work[inner, i] = linear_terms[at.INVERSE_MASS, i] * unbalanced
+        unbalanced = scratch[_ROW.LOAD, i] - scratch[inner, i]
+        scratch[inner, i] = linear_terms[rows.INVERSE_MASS, i] * unbalanced
 
 
 def coefficients_of(p: float) -> tuple[float, ...]:

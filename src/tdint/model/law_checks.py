@@ -23,10 +23,10 @@ import numpy as np
 
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, UsageError
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.laws import LAWS, OURS
+from tdint.kernels.laws.branch_following import branch_follower
 from tdint.kernels.laws.law import DriftLaw, LawFunctions
-from tdint.kernels.laws.walking import walker
 from tdint.model.plugins import faults_of
 
 _TURNS = (0.0, 1.0, 0.4, 1.5, -1.2, 0.1, -2.0, 2.0, -0.3)
@@ -142,12 +142,12 @@ def verify_laws(law_parameters: Array) -> None:
     AnalysisError
         A law is not what it declares: the missing or false declaration.
     """
-    codes = law_parameters[..., at.CODE, :-1]
+    codes = law_parameters[..., rows.CODE, :-1]
     if not np.any(codes >= OURS):
         return
     columns = np.moveaxis(law_parameters[..., :-1], -2, -1)[codes >= OURS]
     for column in np.unique(columns, axis=0):
-        code = int(column[at.CODE])
+        code = int(column[rows.CODE])
         law = LAWS[code]
         known, verified = _verified.get(code, (None, set()))
         if known is not law:  # another plug-in has this number now
@@ -236,18 +236,18 @@ def _described(story: _LawStory, point: _PathPoint) -> str:
             f"law {law.name}: its force is not linear on the branch from {point.lower:.6g} to "
             f"{point.upper:.6g} m, whose slope (row SLOPE) leads to {forces}: declare "
             "`curved=True`, or set the ends of the branch (rows LOWER, UPPER, TURN) in `enter` and "
-            "`switch`: `put_on_branch` sets all that a `switch` must"
+            "`switch`: `set_branch` sets all that a `switch` must"
         )
     return (
         f"law {law.name}: its branches (`enter`, `switch`, `advance`) lead to {forces}: "
-        "`put_on_branch` sets all that a `switch` must"
+        "`set_branch` sets all that a `switch` must"
     )
 
 
 def _memory_faults(story: _LawStory, yield_drift: float) -> list[str]:
     """Return the fault of a law whose force depends on the path and that dissipates nothing."""
     law, functions = story.law, story.functions
-    if functions.settle is not None or functions.dissipated is not None:
+    if functions.accumulate_dissipation is not None or functions.hysteretic_energy is not None:
         return []
     for size in (3.0 * yield_drift,) if 0.0 < yield_drift < math.inf else _DECADES[:3]:
         # Load to 0.4, on to 1 and 1.5, and back to 0.4.
@@ -257,7 +257,7 @@ def _memory_faults(story: _LawStory, yield_drift: float) -> list[str]:
             return [
                 f"law {law.name}: its force at drift {drifts[3]:.6g} m is {forces[3]:.6g} N before "
                 f"and {forces[-1]:.6g} N after a larger drift, so that it dissipates energy, but "
-                "it has neither `settle` nor `dissipated`: add one of them"
+                "it has neither `accumulate_dissipation` nor `hysteretic_energy`: add one of them"
             ]
     return []
 
@@ -280,69 +280,69 @@ def _follow(story: _LawStory, drifts: Array, difference: float) -> Iterator[_Pat
     law, functions, column, guard = story
     # The table of a building of one story has a second, empty column.
     table = guard(np.column_stack([column, np.zeros_like(column)]), "law_parameters")
-    rows = at.EXTRA_ROWS + at.SPRING_BLOCKS * law.extra_rows
-    springs = guard(np.zeros((rows, 2)), "springs")
-    walk = walker(functions.switch or _no_branch, functions.advance)
+    row_count = rows.EXTRA_ROWS + rows.LAW_STATE_BLOCKS * law.extra_rows
+    law_state = guard(np.zeros((row_count, 2)), "law_state")
+    walk = branch_follower(functions.switch or _no_branch, functions.advance)
     with np.errstate(all="ignore"):
-        _enter(law, functions, table, springs)
-        _reach(functions, table, springs, 0.0)
-        _commit(law, functions, table, springs)
+        _enter(law, functions, table, law_state)
+        _reach(functions, table, law_state, 0.0)
+        _commit(law, functions, table, law_state)
         for drift in drifts.tolist():
-            before = springs[at.DRIFT, 0]
-            lower, upper = float(springs[at.LOWER, 0]), float(springs[at.UPPER, 0])
-            turns = springs[at.TURN, 0] * (drift - before) < 0.0
+            before = law_state[rows.DRIFT, 0]
+            lower, upper = float(law_state[rows.LOWER, 0]), float(law_state[rows.UPPER, 0])
+            turns = law_state[rows.RATE_SIGN, 0] * (drift - before) < 0.0
             # By the branches
             branch = math.nan
-            if springs[at.SLOPE, 0] < math.inf:
-                walk(table, springs, 0, at.COMMITTED, at.SECOND_TRIAL, drift)
-                branch = float(springs[at.SECOND_TRIAL + at.FORCE, 0])
+            if law_state[rows.SLOPE, 0] < math.inf:
+                walk(table, law_state, 0, rows.COMMITTED, rows.SECOND_TRIAL, drift)
+                branch = float(law_state[rows.SECOND_TRIAL + rows.FORCE, 0])
             # By the force of the law
-            below, _ = _reach(functions, table, springs, drift - difference)
-            above, _ = _reach(functions, table, springs, drift + difference)
-            force, tangent = _reach(functions, table, springs, drift)
-            _commit(law, functions, table, springs)
-            again, _ = _reach(functions, table, springs, drift)
+            below, _ = _reach(functions, table, law_state, drift - difference)
+            above, _ = _reach(functions, table, law_state, drift + difference)
+            force, tangent = _reach(functions, table, law_state, drift)
+            _commit(law, functions, table, law_state)
+            again, _ = _reach(functions, table, law_state, drift)
             slopes = (force - below) / difference, (above - force) / difference
             inside = lower <= drift <= upper and not turns
             yield _PathPoint(drift, force, branch, tangent, slopes, again, inside, lower, upper)
 
 
-def _no_branch(law_parameters: Array, springs: Array, i: int, block: int, event: int) -> None:
+def _no_branch(law_parameters: Array, law_state: Array, i: int, block: int, event: int) -> None:
     """Leave the branch as it is: the `switch` of a law without one."""
 
 
 def _reach(
-    functions: LawFunctions, table: Array, springs: Array, drift: float
+    functions: LawFunctions, table: Array, law_state: Array, drift: float
 ) -> tuple[float, float]:
     """Return force and tangent at a drift, reached from the committed state.
 
     The state there is written to the first trial block.
     """
-    springs[at.FIRST_TRIAL + at.DRIFT, 0] = drift
-    tangent = functions.force(table, springs, 0, at.COMMITTED, at.FIRST_TRIAL, drift)
-    return float(springs[at.FIRST_TRIAL + at.FORCE, 0]), float(tangent)
+    law_state[rows.FIRST_TRIAL + rows.DRIFT, 0] = drift
+    tangent = functions.force(table, law_state, 0, rows.COMMITTED, rows.FIRST_TRIAL, drift)
+    return float(law_state[rows.FIRST_TRIAL + rows.FORCE, 0]), float(tangent)
 
 
-def _commit(law: DriftLaw, functions: LawFunctions, table: Array, springs: Array) -> None:
+def _commit(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Array) -> None:
     """Make the first trial state the committed one, as `law_state.commit` and `resume` do."""
-    if functions.settle is not None:
-        functions.settle(table, springs, 0, at.COMMITTED, at.FIRST_TRIAL)
+    if functions.accumulate_dissipation is not None:
+        functions.accumulate_dissipation(table, law_state, 0, rows.COMMITTED, rows.FIRST_TRIAL)
     if functions.keep is not None:
-        functions.keep(table, springs, 0, at.COMMITTED, at.FIRST_TRIAL)
-    for row in range(at.PLAIN_ROWS):
-        springs[row, 0] = springs[at.FIRST_TRIAL + row, 0]
+        functions.keep(table, law_state, 0, rows.COMMITTED, rows.FIRST_TRIAL)
+    for row in range(rows.COMMON_ROWS):
+        law_state[row, 0] = law_state[rows.FIRST_TRIAL + row, 0]
     if functions.keep is None:
-        _enter(law, functions, table, springs)
+        _enter(law, functions, table, law_state)
 
 
-def _enter(law: DriftLaw, functions: LawFunctions, table: Array, springs: Array) -> None:
+def _enter(law: DriftLaw, functions: LawFunctions, table: Array, law_state: Array) -> None:
     """Put the committed state on the branch that it implies, as `branches.enter` does."""
-    springs[at.SLOPE, 0] = math.inf if law.curved else table[at.STIFFNESS, 0]
-    springs[at.TURN, 0] = 0.0
-    springs[at.UPPER, 0] = math.inf
-    springs[at.LOWER, 0] = -math.inf
+    law_state[rows.SLOPE, 0] = math.inf if law.curved else table[rows.STIFFNESS, 0]
+    law_state[rows.RATE_SIGN, 0] = 0.0
+    law_state[rows.UPPER, 0] = math.inf
+    law_state[rows.LOWER, 0] = -math.inf
     if functions.enter is not None:
-        functions.enter(table, springs, 0)
+        functions.enter(table, law_state, 0)
 
 
 # ---- Numbers of a story
@@ -351,7 +351,7 @@ def _enter(law: DriftLaw, functions: LawFunctions, table: Array, springs: Array)
 def _yield_drift(law: DriftLaw, column: Array) -> float:
     """Return the drift at first yield that a law declares for its numbers, m."""
     return float(
-        law.yield_drift(float(column[at.STIFFNESS]), column[at.FIRST_PARAMETER :].tolist())
+        law.yield_drift(float(column[rows.STIFFNESS]), column[rows.FIRST_PARAMETER :].tolist())
     )
 
 
