@@ -75,7 +75,10 @@ def test_blocks_with_low_rank(n, modes):
 def chain(n, modes, generator):
     """Masses, dampers, a softening story among stiff ones, one that stands on the ground beside the
     others; the columns of the solver, and the dense M, C and K."""
-    linear_terms, law_state = np.zeros((rows.LINEAR_TERM_ROWS, n + 1)), np.zeros((rows.EXTRA_ROWS, n + 1))
+    linear_terms, law_state = (
+        np.zeros((rows.LINEAR_TERM_ROWS, n + 1)),
+        np.zeros((rows.EXTRA_ROWS, n + 1)),
+    )
     linear_terms[[rows.MASS, rows.FLOOR_DAMPER, rows.STORY_DAMPER], :n] = generator.uniform(
         0.1, 1.0, (3, n)
     )
@@ -147,6 +150,8 @@ def test_a_straight_step_of_impulse4_is_newtons(rho_inf, omega_h):
         solve_linear(coefficients(rho_inf), scene, h, memory, FACTORS)
         straight = scratch[motion, :n].copy()
         assert newton(True, False, coefficients(rho_inf), scene, h, memory, FACTORS) > 0
-        difference = np.abs(straight - scratch[motion, :n]).max(axis=1) / np.abs(straight).max(axis=1)
+        difference = np.abs(straight - scratch[motion, :n]).max(axis=1) / np.abs(straight).max(
+            axis=1
+        )
         rounding = 32.0 * np.finfo(float).eps * (1.0 + omega_h)
         assert np.all(difference <= [rounding, rounding, rounding * (1.0 + omega_h)])

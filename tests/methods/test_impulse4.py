@@ -5,7 +5,7 @@ import pytest
 
 from building_cases import Law, model, noise, story
 from step_checks import refined
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse4 import ROW
 from tdint.methods.impulse4 import _shorten
@@ -15,18 +15,18 @@ from tdint.methods.impulse4 import _shorten
 def test_the_first_estimate_of_a_shortened_step_is_the_cubic_of_the_longer_one(fraction):
     h, n = 0.02, 3
     rng = np.random.default_rng(1)
-    state, work = np.zeros((3, n)), np.zeros((ROW.REMAINING + 2, n))
+    state, scratch = np.zeros((3, n)), np.zeros((ROW.REMAINING + 2, n))
     cubics = [np.polynomial.Polynomial(rng.normal(size=4)) for _ in range(n)]
     for i, u in enumerate(cubics):
         v = u.deriv()
-        state[at.DISPLACEMENT, i], state[at.VELOCITY, i] = u(0.0), v(0.0)
-        work[momentum.DU, i], work[momentum.DV, i] = u(h) - u(0.0), v(h) - v(0.0)
-    _shorten(fraction, h, state, work, n)
+        state[rows.DISPLACEMENT, i], state[rows.VELOCITY, i] = u(0.0), v(0.0)
+        scratch[momentum.DU, i], scratch[momentum.DV, i] = u(h) - u(0.0), v(h) - v(0.0)
+    _shorten(fraction, h, state, scratch, n)
     s = fraction * h
     for i, u in enumerate(cubics):
-        assert work[momentum.DU, i] == pytest.approx(u(s) - u(0.0), rel=1e-9, abs=1e-15)
+        assert scratch[momentum.DU, i] == pytest.approx(u(s) - u(0.0), rel=1e-9, abs=1e-15)
         v = u.deriv()
-        assert work[momentum.DV, i] == pytest.approx(v(s) - v(0.0), rel=1e-9, abs=1e-12)
+        assert scratch[momentum.DV, i] == pytest.approx(v(s) - v(0.0), rel=1e-9, abs=1e-12)
 
 
 def test_residuals_fall_with_the_error_of_the_steps():

@@ -57,7 +57,7 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import outlined, inline, kernel
+from tdint.kernels.compiling import inline, kernel, outlined
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse_momentum import correct, guess, in_balance, residuals
 from tdint.kernels.equations.iteration import (
@@ -158,10 +158,16 @@ def step(
 def _loads(linear_terms, forces, h, load, scratch):
     """Load at the end of the step, and its impulse I by the trapezoidal rule, as published (eq.
     13)."""
-    floor_load(linear_terms, forces, load[rows.TIME], load[rows.GROUND_0], scratch, momentum.IMPULSE)
-    floor_load(linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, momentum.LOAD)
+    floor_load(
+        linear_terms, forces, load[rows.TIME], load[rows.GROUND_0], scratch, momentum.IMPULSE
+    )
+    floor_load(
+        linear_terms, forces, load[rows.TIME] + h, load[rows.GROUND_1], scratch, momentum.LOAD
+    )
     for i in range(linear_terms.shape[1] - 1):
-        scratch[momentum.IMPULSE, i] = 0.5 * h * (scratch[momentum.IMPULSE, i] + scratch[momentum.LOAD, i])
+        scratch[momentum.IMPULSE, i] = (
+            0.5 * h * (scratch[momentum.IMPULSE, i] + scratch[momentum.LOAD, i])
+        )
 
 
 @inline

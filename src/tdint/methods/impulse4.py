@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import outlined, inline, kernel
+from tdint.kernels.compiling import inline, kernel, outlined
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse4 import (
     FACTORS,
@@ -30,13 +30,18 @@ from tdint.kernels.equations.impulse4 import (
     solve_linear,
 )
 from tdint.kernels.equations.iteration import add_rows, copy_rows
+from tdint.kernels.laws.branch_following import copy_extra_rows
 from tdint.kernels.laws.choosing import BENDING, CURVES, CURVING
-from tdint.kernels.laws.follow_branches import copy_extra_rows
 from tdint.kernels.linear_terms import FORCES, finite, force_value
 from tdint.kernels.peaks_between_steps import find_interstep_peaks, raise_peak
 from tdint.kernels.stepping import STEP, Memory, Passage, Scene, Span
 from tdint.kernels.stories.branches import NONE, advance, first_event, go_along, switch
-from tdint.kernels.stories.law_state import commit, restoring_force_outlined, resume, accumulate_dissipation
+from tdint.kernels.stories.law_state import (
+    accumulate_dissipation,
+    commit,
+    restoring_force_outlined,
+    resume,
+)
 from tdint.methods.method import Family, Method, Parameter
 
 _STRAYED = 0.1  # over the way of the drift: an event that is missed by more was not located
@@ -76,7 +81,9 @@ def step(
         if code != rows.NOT_CONVERGED:
             return code
     step_status[rows.STEP_PEAKS] = 0.0
-    loads(linear_terms, forces, load[rows.TIME], h, load[rows.GROUND_0], load[rows.GROUND_1], scratch)
+    loads(
+        linear_terms, forces, load[rows.TIME], h, load[rows.GROUND_0], load[rows.GROUND_1], scratch
+    )
     code = newton(False, False, coefficients, scene, h, memory, FACTORS)
     if code < 0:
         return code
@@ -122,7 +129,13 @@ def _by_branches(coefficients, scene, h, load, memory):
         factors = FACTORS if piece == h else FACTORS + factor_rows(modal.shape[0])
         ground = load[rows.GROUND_0] + slope * done
         loads(
-            linear_terms, forces, load[rows.TIME] + done, piece, ground, ground + slope * piece, scratch
+            linear_terms,
+            forces,
+            load[rows.TIME] + done,
+            piece,
+            ground,
+            ground + slope * piece,
+            scratch,
         )
         if not CURVING or straight:
             solve_linear(coefficients, scene, piece, memory, factors)
@@ -139,12 +152,21 @@ def _by_branches(coefficients, scene, h, load, memory):
                 scratch[ROW.KINK, story] = 0.0
         if BENDING and flags[rows.LINEAR] == 0.0:
             miss = (
-                _miss(linear_terms, piece, state, law_state, scratch, story, how) if ending else _BEYOND
+                _miss(linear_terms, piece, state, law_state, scratch, story, how)
+                if ending
+                else _BEYOND
             )
             if miss == _BEYOND:
                 ending = False
                 fraction, story, how = first_event(
-                    linear_terms, piece, state, law_state, scratch, momentum.U1, momentum.V1, ROW.KINK
+                    linear_terms,
+                    piece,
+                    state,
+                    law_state,
+                    scratch,
+                    momentum.U1,
+                    momentum.V1,
+                    ROW.KINK,
                 )
                 if fraction != NONE:
                     if pieces == 0:
@@ -183,7 +205,15 @@ def _by_branches(coefficients, scene, h, load, memory):
             t = load[rows.TIME] + done + piece
             _look(
                 scene,
-                Span(t, piece, ground, ground + slope * piece, False, flags[rows.UNRESOLVED_MODES] != 0.0, False),
+                Span(
+                    t,
+                    piece,
+                    ground,
+                    ground + slope * piece,
+                    False,
+                    flags[rows.UNRESOLVED_MODES] != 0.0,
+                    False,
+                ),
                 memory,
             )
             step_status[rows.STEP_PEAKS] = ROW.PEAKS
@@ -282,7 +312,8 @@ def _miss(linear_terms, h, state, law_state, scratch, story, how):
         change = drift - law_state[rows.DRIFT, i]
         # The way is longer than the change where the drift comes back.
         way = h * max(
-            abs(state[rows.VELOCITY, i] - link * v_below), abs(scratch[momentum.V1, i] - link * v1_below)
+            abs(state[rows.VELOCITY, i] - link * v_below),
+            abs(scratch[momentum.V1, i] - link * v1_below),
         )
         allowed = _STRAYED * max(way, abs(change))
         u_below = scratch[momentum.U1, i]
@@ -371,11 +402,18 @@ def _look(scene, span, memory):
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_DISPLACEMENT, i, state[rows.DISPLACEMENT, i])
         raise_peak(scratch, ROW.PEAKS + rows.PEAK_VELOCITY, i, state[rows.VELOCITY, i])
         raise_peak(
-            scratch, ROW.PEAKS + rows.PEAK_ACCELERATION, i, state[rows.ACCELERATION, i] + span.ground_1
+            scratch,
+            ROW.PEAKS + rows.PEAK_ACCELERATION,
+            i,
+            state[rows.ACCELERATION, i] + span.ground_1,
         )
         if turned > 0 and scratch[ROW.TURNS, i] != drift:
-            restoring_force_outlined(scene.law_parameters, law_state, i, 0, rows.FIRST_TRIAL, scratch[ROW.TURNS, i])
-            raise_peak(scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, law_state[rows.FIRST_TRIAL + rows.FORCE, i])
+            restoring_force_outlined(
+                scene.law_parameters, law_state, i, 0, rows.FIRST_TRIAL, scratch[ROW.TURNS, i]
+            )
+            raise_peak(
+                scratch, ROW.PEAKS + rows.PEAK_SHEAR, i, law_state[rows.FIRST_TRIAL + rows.FORCE, i]
+            )
 
 
 @outlined

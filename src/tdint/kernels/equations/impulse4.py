@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels import layout as rows
-from tdint.kernels.compiling import outlined, inline
+from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.equations import impulse_momentum as momentum
 from tdint.kernels.equations.impulse_momentum import correct, guess, in_balance, residuals
 from tdint.kernels.equations.iteration import (
@@ -210,7 +210,9 @@ def _right_side(coefficients, scene, h, memory, straight):
         force = spring + linear_terms[rows.STORY_DAMPER, i] * rate
         impulse = h * (spring + by_rate * (law_state[rows.SLOPE, i] + geometric) * rate)
         inertia = (
-            scratch[momentum.LOAD, i] - linear_terms[rows.FLOOR_DAMPER, i] * v - (force - force_above)
+            scratch[momentum.LOAD, i]
+            - linear_terms[rows.FLOOR_DAMPER, i] * v
+            - (force - force_above)
         )
         balance = scratch[momentum.IMPULSE, i] - (impulse - impulse_above)
         scratch[ROW.PAIR, i] = (
@@ -252,7 +254,9 @@ def _motion(linear_terms, modal, root, state, law_state, scratch):
             v - link * (state[rows.VELOCITY, below] + dv_below)
         )
         outer = scratch[momentum.LOAD, i] - linear_terms[rows.FLOOR_DAMPER, i] * v
-        scratch[momentum.A1, i] = linear_terms[rows.INVERSE_MASS, i] * (outer - (force - force_above))
+        scratch[momentum.A1, i] = linear_terms[rows.INVERSE_MASS, i] * (
+            outer - (force - force_above)
+        )
         force_above = link * force
     if MODAL and modal.shape[0] > 0:
         _add_modal_acceleration(linear_terms, modal, scratch, n)
@@ -408,8 +412,12 @@ def _path(frozen, coefficients, scene, h, memory, factors):
                     coefficients, scene, h, i, (drift_c, drift), memory
                 )
             if not turned:
-                tangent_c = restoring_force_outlined(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c)
-                tangent = restoring_force_outlined(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift)
+                tangent_c = restoring_force_outlined(
+                    law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c
+                )
+                tangent = restoring_force_outlined(
+                    law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift
+                )
             force_c = law_state[rows.FIRST_TRIAL + rows.FORCE, i]
             force = law_state[rows.SECOND_TRIAL + rows.FORCE, i]
         same = TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
@@ -422,7 +430,8 @@ def _path(frozen, coefficients, scene, h, memory, factors):
         scratch[ROW.TANGENT_1, i] = tangent
         geometric = linear_terms[rows.GEOMETRIC, i]
         mean = (
-            coefficients[WEIGHT_0] * (law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i])
+            coefficients[WEIGHT_0]
+            * (law_state[rows.FORCE, i] + geometric * law_state[rows.DRIFT, i])
             + coefficients[WEIGHT_C] * (force_c + geometric * drift_c)
             + coefficients[WEIGHT_1] * (force + geometric * drift)
         )
@@ -469,13 +478,23 @@ def _over_turn(coefficients, scene, h, i, drifts, memory):
     c = (0.5 - coefficients[WEIGHT_1]) / coefficients[WEIGHT_C]
     if s < c:
         loading = restoring_force_outlined(law_parameters, law_state, i, 0, rows.THIRD_TRIAL, top)
-        tangent_c = restoring_force_outlined(law_parameters, law_state, i, rows.THIRD_TRIAL, rows.FIRST_TRIAL, drift_c)
-        tangent = restoring_force_outlined(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift)
+        tangent_c = restoring_force_outlined(
+            law_parameters, law_state, i, rows.THIRD_TRIAL, rows.FIRST_TRIAL, drift_c
+        )
+        tangent = restoring_force_outlined(
+            law_parameters, law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL, drift
+        )
         scratch[ROW.BEFORE, i] = rows.FIRST_TRIAL
     else:
-        tangent_c = restoring_force_outlined(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c)
-        loading = restoring_force_outlined(law_parameters, law_state, i, rows.FIRST_TRIAL, rows.THIRD_TRIAL, top)
-        tangent = restoring_force_outlined(law_parameters, law_state, i, rows.THIRD_TRIAL, rows.SECOND_TRIAL, drift)
+        tangent_c = restoring_force_outlined(
+            law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c
+        )
+        loading = restoring_force_outlined(
+            law_parameters, law_state, i, rows.FIRST_TRIAL, rows.THIRD_TRIAL, top
+        )
+        tangent = restoring_force_outlined(
+            law_parameters, law_state, i, rows.THIRD_TRIAL, rows.SECOND_TRIAL, drift
+        )
         scratch[ROW.BEFORE, i] = rows.THIRD_TRIAL
     bend = abs(tangent - loading) * min(peak, peak - change)
     if linear_terms[rows.POWER_DAMPER, i] != 0.0:
@@ -504,9 +523,13 @@ def join(scene, h, memory):
     missed = size = 0.0
     for i in range(n):
         a0, a1 = state[rows.ACCELERATION, i], scratch[momentum.A1, i]
-        dashpots = scratch[ROW.MISSED, i] - linear_terms[rows.LINK, i + 1] * scratch[ROW.MISSED, i + 1]
+        dashpots = (
+            scratch[ROW.MISSED, i] - linear_terms[rows.LINK, i + 1] * scratch[ROW.MISSED, i + 1]
+        )
         miss = (
-            0.5 * (a0 + a1) - scratch[momentum.DV, i] / h + linear_terms[rows.INVERSE_MASS, i] * dashpots
+            0.5 * (a0 + a1)
+            - scratch[momentum.DV, i] / h
+            + linear_terms[rows.INVERSE_MASS, i] * dashpots
         )
         missed += linear_terms[rows.MASS, i] * miss * miss
         size += 0.5 * linear_terms[rows.MASS, i] * (a0 * a0 + a1 * a1)
@@ -515,7 +538,8 @@ def join(scene, h, memory):
     scratch[ROW.WORST, 1] = max(size, scratch[ROW.WORST, 1])
     for i in range(n):
         near = (
-            abs(law_state[rows.THIRD_TRIAL + rows.DRIFT, i]) >= _FAR * scratch[ROW.PEAKS + rows.PEAK_DRIFT, i]
+            abs(law_state[rows.THIRD_TRIAL + rows.DRIFT, i])
+            >= _FAR * scratch[ROW.PEAKS + rows.PEAK_DRIFT, i]
         )
         tells = linear_terms[rows.POWER_DAMPER, i] == 0.0 or not near
         if not (tells and scratch[ROW.KINK, i] * size <= _WEAK * missed):
@@ -580,7 +604,9 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
         scratch[factors + _BLOCK.FACTORED_SLOPE, i] = slope_1
         scratch[coupling, i] = -by_a * tangent_1
         scratch[coupling + 1, i] = -by_a * (damper + slope_1)
-        scratch[coupling + 2, i] = damper + inner * tangent_c + h * coefficients[WEIGHT_1] * tangent_1
+        scratch[coupling + 2, i] = (
+            damper + inner * tangent_c + h * coefficients[WEIGHT_1] * tangent_1
+        )
         scratch[coupling + 2, i] += coefficients[RATE_BY_INCREMENT] * slope_c
         scratch[coupling + 3, i] = -by_a * tangent_c
         scratch[coupling + 3, i] += h * (

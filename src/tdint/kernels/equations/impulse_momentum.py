@@ -54,7 +54,9 @@ def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
     for i in range(n):
         link = linear_terms[rows.LINK, i + 1]
         force = scratch[FORCE_1, i] - link * scratch[FORCE_1, i + 1]
-        scratch[A1, i] = scratch[LOAD, i] - linear_terms[rows.FLOOR_DAMPER, i] * scratch[V1, i] - force
+        scratch[A1, i] = (
+            scratch[LOAD, i] - linear_terms[rows.FLOOR_DAMPER, i] * scratch[V1, i] - force
+        )
         impulse = scratch[FORCE_S, i] - link * scratch[FORCE_S, i + 1]
         scratch[R2, i] = (
             scratch[IMPULSE, i]
