@@ -1,7 +1,8 @@
-"""The drift laws: one file each, and one line here.
+"""Drift laws (hysteresis models), one file for each law.
 
-A law's place in the list is its number in the compiled tables. The last one is taken for any other
-number. Those of plug-ins are put behind ours (`tdint.model.definition.register_law`).
+The index of a law in `LAWS` is its number in the compiled tables. The compiled selection of a law
+uses the last law for any other number. Laws of plug-ins are appended
+(`tdint.model.definition.register_law`).
 """
 
 from __future__ import annotations
@@ -33,4 +34,6 @@ LAWS = [
 ]
 
 OURS = len(LAWS)
+"""Number of laws that are part of tdint."""
 LINEAR = LAWS.index(linear.LAW)
+"""Number of the linear law."""

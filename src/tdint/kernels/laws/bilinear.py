@@ -1,9 +1,9 @@
-"""The bilinear law with kinematic hardening.
+"""Bilinear law with kinematic hardening.
 
     f = a k d + z,   dz = (1 - a) k dd,   |z| <= (1 - a) Fy
 
-z is an elastic-perfectly plastic spring beside an elastic one (Prandtl's element with a spring in
-parallel).
+An elastic spring with the stiffness a k is parallel to an elastic-perfectly plastic spring with the
+force z (row INTERNAL).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
-# Parameters
+# Rows of `law_parameters`.
 _YIELD_FORCE = rows.FIRST_PARAMETER
 _HARDENING = rows.FIRST_PARAMETER + 1
 
@@ -23,6 +23,8 @@ def _functions() -> LawFunctions:
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
+        """Return the tangent stiffness, N/m (k, or a k while the story yields), and write FORCE and
+        INTERNAL to block `trial`."""
         k = law_parameters[rows.STIFFNESS, i]
         hardening = law_parameters[_HARDENING, i]
         strength = (1.0 - hardening) * law_parameters[_YIELD_FORCE, i]
@@ -42,6 +44,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
+        """Return the energy of both springs, a k d^2 / 2 + z^2 / (2 (1 - a) k), J."""
         d = law_state[rows.DRIFT, i]
         z = law_state[rows.INTERNAL, i]
         k = law_parameters[rows.STIFFNESS, i]
@@ -50,30 +53,36 @@ def _functions() -> LawFunctions:
 
     @inline
     def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
+        """Add |z| times the plastic drift of the path to row DISSIPATED of block `trial`, J."""
         law_state[trial + rows.DISSIPATED, i] = law_state[previous + rows.DISSIPATED, i]
         z = law_state[trial + rows.INTERNAL, i]
-        soft = 1.0 - law_parameters[_HARDENING, i]
-        if abs(z) == soft * law_parameters[_YIELD_FORCE, i]:  # else the way was elastic
-            stretch = law_state[trial + rows.DRIFT, i] - law_state[previous + rows.DRIFT, i]
-            slip = stretch - (z - law_state[previous + rows.INTERNAL, i]) / (
-                soft * law_parameters[rows.STIFFNESS, i]
+        plastic_share = 1.0 - law_parameters[_HARDENING, i]
+        if (
+            abs(z) == plastic_share * law_parameters[_YIELD_FORCE, i]
+        ):  # otherwise the path was elastic
+            drift_change = law_state[trial + rows.DRIFT, i] - law_state[previous + rows.DRIFT, i]
+            slip = drift_change - (z - law_state[previous + rows.INTERNAL, i]) / (
+                plastic_share * law_parameters[rows.STIFFNESS, i]
             )
             law_state[trial + rows.DISSIPATED, i] += abs(z * slip)
 
     @inline
     def enter(law_parameters, law_state, i):
-        soft = 1.0 - law_parameters[_HARDENING, i]
-        strength = soft * law_parameters[_YIELD_FORCE, i]
+        """Set the yield drifts of the current elastic branch, UPPER and LOWER."""
+        plastic_share = 1.0 - law_parameters[_HARDENING, i]
+        strength = plastic_share * law_parameters[_YIELD_FORCE, i]
         k = law_parameters[rows.STIFFNESS, i]
         law_state[rows.UPPER, i] = law_state[rows.DRIFT, i] + (
             strength - law_state[rows.INTERNAL, i]
-        ) / (soft * k)
+        ) / (plastic_share * k)
         law_state[rows.LOWER, i] = law_state[rows.DRIFT, i] - (
             strength + law_state[rows.INTERNAL, i]
-        ) / (soft * k)
+        ) / (plastic_share * k)
 
     @inline
     def advance(law_parameters, law_state, i, block, step, mean_force):
+        """Update z on an elastic branch or the dissipated energy on a yielding branch (RATE_SIGN
+        not 0)."""
         if law_state[block + rows.RATE_SIGN, i] == 0.0:
             elastic = (
                 law_parameters[_HARDENING, i]
@@ -86,17 +95,18 @@ def _functions() -> LawFunctions:
 
     @inline
     def switch(law_parameters, law_state, i, block, event):
+        """Set the elastic branch after a reversal, or the yielding branch after a limit."""
         k = law_parameters[rows.STIFFNESS, i]
         hardening = law_parameters[_HARDENING, i]
         strength = (1.0 - hardening) * law_parameters[_YIELD_FORCE, i]
         drift = law_state[block + rows.DRIFT, i]
         if event == rows.REVERSED:
             side = law_state[block + rows.RATE_SIGN, i]
-            back = drift - side * 2.0 * strength / ((1.0 - hardening) * k)
+            opposite_yield = drift - side * 2.0 * strength / ((1.0 - hardening) * k)
             law_state[block + rows.SLOPE, i] = k
             law_state[block + rows.RATE_SIGN, i] = 0.0
-            law_state[block + rows.UPPER, i] = max(drift, back)
-            law_state[block + rows.LOWER, i] = min(drift, back)
+            law_state[block + rows.UPPER, i] = max(drift, opposite_yield)
+            law_state[block + rows.LOWER, i] = min(drift, opposite_yield)
         else:
             law_state[block + rows.INTERNAL, i] = event * strength
             law_state[block + rows.FORCE, i] = hardening * k * drift + event * strength

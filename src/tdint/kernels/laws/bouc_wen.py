@@ -1,16 +1,20 @@
-"""The Bouc-Wen law (Bouc 1967, Wen 1976): a smooth hysteresis that the drift drives, whatever its
+"""Bouc-Wen law (Bouc 1967, Wen 1976): smooth hysteresis that depends on the drift and not on its
 rate.
 
     f = a k d + (1 - a) Fy w,   dw/dx = 1 - |w|^n (beta sgn(w dx) + 1 - beta),   x = k d / Fy
 
-with A = 1 and beta + gamma = 1, so that |w| tends to 1 (Ma, Zhang, Bockstette, Foliente and Paevere
-2004 show that the other parameters are redundant). beta >= 1/2 keeps the dissipation from being
-negative.
+with A = 1 and beta + gamma = 1, so that |w| approaches 1. Ma, Zhang, Bockstette, Foliente and
+Paevere (2004) show that the other parameters are redundant. The dissipation is not negative if beta
+>= 1/2. Row INTERNAL contains w.
 
-The equation is integrated along the drift in substeps of a fixed length from the committed state,
-the last one shortened: the force is a continuous function of the drift. Where w changes its sign a
-substep ends too. There |w|^n is not smooth: for n below 2 the time steps that locate kinks end
-there, and near it the equation is integrated as a series in |w|^n, exactly.
+The equation is integrated along the drift in substeps of a fixed length that start at the committed
+state; the last substep is shorter. The force is therefore a continuous function of the drift. A
+substep also ends where w changes its sign, because |w|^n is not smooth there. For n < 2, the time
+steps that locate kinks end at this point, and near this point the equation is integrated exactly as
+a series in |w|^n.
+
+In the functions below, q = 2 beta - 1, u = |w| while it decreases (unloading), and all drift
+changes r, x and `way` are multiples of Fy / k.
 """
 
 from __future__ import annotations
@@ -20,25 +24,30 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
-# Parameters
+# Rows of `law_parameters`.
 _YIELD_FORCE = rows.FIRST_PARAMETER
 _HARDENING = rows.FIRST_PARAMETER + 1
 _EXPONENT = rows.FIRST_PARAMETER + 2
 _BETA = rows.FIRST_PARAMETER + 3
 
 _SUBSTEP = 0.125
-"""Length of a substep times the exponent n, in yield drifts; classical Runge-Kutta then errs by
-about 1e-7 Fy a leg; over many legs this adds up, to 1.3e-6 Fy after 60 (exponent 1)."""
+"""Length of a substep times the exponent n, in yield drifts. The error of the classical Runge-Kutta
+method is then about 1e-7 Fy on each monotonic path and accumulates: 1.3e-6 Fy after 60 paths with
+exponent 1."""
 _SATURATED = 1e-14
+"""Difference between w and 1 below which w is set to 1, its limit. Of the order of the rounding
+error."""
 _SMOOTH = 2.0
-"""Exponent from which on the force is smooth enough where w changes its sign."""
+"""Exponent from which on the force is smooth enough at a change of sign of w."""
 _NEAR = 0.25
-"""Largest |w|^n for which the series is taken."""
-_THERE = 1e-6
-"""Over the yield drift: a sign that changes no farther ahead changes here."""
+"""Maximum |w|^n for which the series is used. It then converges with 25 terms."""
+_AT_SIGN_CHANGE = 1e-6
+"""Distance relative to the yield drift. A change of sign of w within this distance is treated as if
+w changed its sign at the current drift."""
 _NODES = (0.18343464249564978, 0.525532409916329, 0.7966664774136267, 0.9602898564975362)
 _WEIGHTS = (0.36268378337836166, 0.3137066458778869, 0.22238103445337443, 0.10122853629037706)
-"""Of Gauss and Legendre with eight points, those on the right."""
+"""Nodes and weights of the Gauss-Legendre rule with eight points on [-1, 1]; only the positive
+half."""
 
 
 def _functions() -> LawFunctions:
@@ -51,12 +60,18 @@ def _functions() -> LawFunctions:
 
     @inline
     def power(x, n):
+        """Return x^n; the common exponents 1 and 2 do not require a power."""
         return x if n == 1.0 else (x * x if n == 2.0 else x**n)
 
     @inline
     def unloading(u, q, n, r):
-        """u' = -(1 + q u^n) over r, and the loss q u^(n + 1) summed up on the way, over Fy^2 /
-        k."""
+        """Integrate u' = -(1 + q u^n) over the drift change `r` by one Runge-Kutta step.
+
+        Returns
+        -------
+        float, float
+            u at the end, and the integral of q u^(n + 1) along the path, in Fy^2 / k.
+        """
         p1 = q * power(u, n)
         u2 = u - 0.5 * r * (1.0 + p1)
         p2 = q * power(abs(u2), n)
@@ -69,7 +84,13 @@ def _functions() -> LawFunctions:
 
     @inline
     def loading(w, n, r):
-        """w' = 1 - w^n over r, and the loss w^(n + 1) summed up on the way, over Fy^2 / k."""
+        """Integrate w' = 1 - w^n over the drift change `r` by one Runge-Kutta step.
+
+        Returns
+        -------
+        float, float
+            w at the end, and the integral of w^(n + 1) along the path, in Fy^2 / k.
+        """
         p1 = power(w, n)
         w2 = w + 0.5 * r * (1.0 - p1)
         p2 = power(w2, n)
@@ -82,25 +103,28 @@ def _functions() -> LawFunctions:
 
     @outlined
     def series(w, n, p):
-        """The way from 0 to w, over Fy / k, where w' = 1 - p w^n; and the loss p w^(n + 1) summed
-        up on it."""
+        """Return the drift change from 0 to w for w' = 1 - p w^n, and the integral of p w^(n + 1)
+        on this path.
+
+        The drift change is in Fy / k and the integral in Fy^2 / k. Both are power series in p w^n.
+        """
         ratio = p * w**n
         term = w
-        way = w
+        path = w
         loss = 0.0
         for j in range(1, 26):
             term *= ratio
-            way += term / (j * n + 1.0)
+            path += term / (j * n + 1.0)
             loss += term * w / (j * n + 2.0)
-        return way, loss
+        return path, loss
 
     @outlined
-    def at_way(x, n, p):
-        """Where the way of `series` is x, by Newton's iteration."""
+    def solve_series(x, n, p):
+        """Return w for which the drift change of `series` is x, by Newton's method."""
         w = x
         for _ in range(8):
-            way, _ = series(w, n, p)
-            new = w - (way - x) * (1.0 - p * w**n)
+            path, _ = series(w, n, p)
+            new = w - (path - x) * (1.0 - p * w**n)
             done = abs(new - w) <= 1e-15 * x
             w = new
             if done:
@@ -109,67 +133,73 @@ def _functions() -> LawFunctions:
 
     @outlined
     def force(law_parameters, law_state, i, previous, trial, drift):
+        """Return the tangent stiffness, N/m, and write FORCE, INTERNAL (w) and DISSIPATED (J) to
+        block `trial`.
+
+        The path is integrated in three parts: unloading to w = 0, loading by the series near w = 0,
+        and loading by Runge-Kutta steps.
+        """
         k = law_parameters[rows.STIFFNESS, i]
         strength = law_parameters[_YIELD_FORCE, i]
         hardening = law_parameters[_HARDENING, i]
         n = law_parameters[_EXPONENT, i]
         q = 2.0 * law_parameters[_BETA, i] - 1.0
-        stretch = drift - law_state[previous + rows.DRIFT, i]
-        side = 1.0 if stretch >= 0.0 else -1.0
+        drift_change = drift - law_state[previous + rows.DRIFT, i]
+        side = 1.0 if drift_change >= 0.0 else -1.0
         w = side * law_state[previous + rows.INTERNAL, i]
-        left = abs(stretch) * k / strength
-        longest = _SUBSTEP / n
+        remaining = abs(drift_change) * k / strength
+        substep = _SUBSTEP / n
         loss = 0.0
-        near = _NEAR ** (1.0 / n) if n < _SMOOTH else 0.0
-        while w < 0.0 and left > 0.0:
-            r = min(longest, left)
+        series_limit = _NEAR ** (1.0 / n) if n < _SMOOTH else 0.0
+        while w < 0.0 and remaining > 0.0:
+            r = min(substep, remaining)
             u = -w
-            if u <= near:
-                way, lost = series(u, n, -q)
-                u = at_way(way - left, n, -q) if way > left else 0.0
-                loss += (series(u, n, -q)[1] if u > 0.0 else 0.0) - lost
+            if u <= series_limit:
+                path, path_loss = series(u, n, -q)
+                u = solve_series(path - remaining, n, -q) if path > remaining else 0.0
+                loss += (series(u, n, -q)[1] if u > 0.0 else 0.0) - path_loss
                 w = -u
-                left -= min(way, left)
+                remaining -= min(path, remaining)
                 break
             if u <= 2.0 * r:
-                # The way to w = 0, by Simpson's rule for dx/du
-                way = (
+                # Path to w = 0 by Simpson's rule for dx/du = 1 / (1 + q u^n).
+                path = (
                     u
                     / 6.0
                     * (1.0 + 4.0 / (1.0 + q * power(0.5 * u, n)) + 1.0 / (1.0 + q * power(u, n)))
                 )
-                if way <= r:
+                if path <= r:
                     loss += 0.5 * u * u - u * u / 6.0 * (
                         2.0 / (1.0 + q * power(0.5 * u, n)) + 1.0 / (1.0 + q * power(u, n))
                     )
                     w = 0.0
-                    left -= way
+                    remaining -= path
                     break
-            u, lost = unloading(u, q, n, r)
+            u, path_loss = unloading(u, q, n, r)
             w = -u
-            loss += lost
-            left -= r
-        if 0.0 <= w < near and left > 0.0:
-            way, lost = series(w, n, 1.0)
-            whole, lost_whole = series(near, n, 1.0)
-            if way + left < whole:
-                w = at_way(way + left, n, 1.0)
-                loss += series(w, n, 1.0)[1] - lost
-                left = 0.0
+            loss += path_loss
+            remaining -= r
+        if 0.0 <= w < series_limit and remaining > 0.0:
+            path, path_loss = series(w, n, 1.0)
+            path_to_near, loss_to_near = series(series_limit, n, 1.0)
+            if path + remaining < path_to_near:
+                w = solve_series(path + remaining, n, 1.0)
+                loss += series(w, n, 1.0)[1] - path_loss
+                remaining = 0.0
             else:
-                w = near
-                loss += lost_whole - lost
-                left -= whole - way
-        while w >= 0.0 and left > 0.0:
+                w = series_limit
+                loss += loss_to_near - path_loss
+                remaining -= path_to_near - path
+        while w >= 0.0 and remaining > 0.0:
             if 1.0 - w <= _SATURATED:
                 w = 1.0
-                loss += left
+                loss += remaining
                 break
-            r = min(longest, left)
-            w, lost = loading(w, n, r)
-            loss += lost
-            left -= r
-        if stretch == 0.0:
+            r = min(substep, remaining)
+            w, path_loss = loading(w, n, r)
+            loss += path_loss
+            remaining -= r
+        if drift_change == 0.0:
             rate = 1.0
         elif w > 0.0:
             rate = 1.0 - power(w, n)
@@ -187,6 +217,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
+        """Return a k d^2 / 2 + (1 - a) Fy^2 w^2 / (2 k), J."""
         d = law_state[rows.DRIFT, i]
         z = law_parameters[_YIELD_FORCE, i] * law_state[rows.INTERNAL, i]
         k = law_parameters[rows.STIFFNESS, i]
@@ -195,65 +226,90 @@ def _functions() -> LawFunctions:
 
     @inline
     def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
-        pass  # summed up on the way
+        """Do nothing: the law computes the dissipated energy together with the force."""
+        pass  # `force` computes the dissipated energy.
 
     @outlined
     def kink(law_parameters, law_state, i, block, side):
-        """How far ahead on that side w changes its sign, by Gauss points in the root of w: dx = du
-        / (1 + q u^n)."""
+        """Return the drift change on side `side` after which w changes its sign, m; infinite if w
+        does not change its sign.
+
+        The integral of dx = du / (1 + q u^n) from 0 to u is computed with Gauss points in the
+        square root of u / |w|.
+        """
         u = -side * law_state[block + rows.INTERNAL, i]
         if not u > 0.0:
             return math.inf
         n = law_parameters[_EXPONENT, i]
         q = 2.0 * law_parameters[_BETA, i] - 1.0
-        way = 0.0
+        path = 0.0
         for point in range(8):
             root = nodes[point]
-            way += weights[point] * 2.0 * root / (1.0 + q * power(u * root * root, n))
-        return way * u * law_parameters[_YIELD_FORCE, i] / law_parameters[rows.STIFFNESS, i]
+            path += weights[point] * 2.0 * root / (1.0 + q * power(u * root * root, n))
+        return path * u * law_parameters[_YIELD_FORCE, i] / law_parameters[rows.STIFFNESS, i]
 
     @outlined
-    def look_ahead(law_parameters, law_state, i, previous, block):
-        """Let the branch in `block` end where w will change its sign, seen from the state in
-        `previous`."""
+    def limit_branch(law_parameters, law_state, i, previous, block):
+        """Set the limits of the branch in `block` to the drift at which w changes its sign.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        previous : int
+            First row of the state from which the drift is computed.
+        block : int
+            First row of the state with the branch. RATE_SIGN is the direction.
+        """
         side = law_state[block + rows.RATE_SIGN, i]
         law_state[block + rows.UPPER, i] = math.inf
         law_state[block + rows.LOWER, i] = -math.inf
         if side * law_state[previous + rows.INTERNAL, i] < 0.0:
-            way = kink(law_parameters, law_state, i, previous, side)
-            if way * law_parameters[rows.STIFFNESS, i] > _THERE * law_parameters[_YIELD_FORCE, i]:
+            path = kink(law_parameters, law_state, i, previous, side)
+            if (
+                path * law_parameters[rows.STIFFNESS, i]
+                > _AT_SIGN_CHANGE * law_parameters[_YIELD_FORCE, i]
+            ):
                 law_state[block + (rows.UPPER if side > 0.0 else rows.LOWER), i] = (
-                    law_state[previous + rows.DRIFT, i] + side * way
+                    law_state[previous + rows.DRIFT, i] + side * path
                 )
 
     @inline
     def keep(law_parameters, law_state, i, previous, trial):
-        stretch = law_state[trial + rows.DRIFT, i] - law_state[previous + rows.DRIFT, i]
-        if stretch != 0.0:
-            law_state[rows.RATE_SIGN, i] = math.copysign(1.0, stretch)
+        """Commit the direction of the path; for small exponents also the limits of the branch."""
+        drift_change = law_state[trial + rows.DRIFT, i] - law_state[previous + rows.DRIFT, i]
+        if drift_change != 0.0:
+            law_state[rows.RATE_SIGN, i] = math.copysign(1.0, drift_change)
         if law_parameters[_EXPONENT, i] < _SMOOTH:
-            look_ahead(law_parameters, law_state, i, trial, 0)
+            limit_branch(law_parameters, law_state, i, trial, 0)
 
     @inline
     def switch(law_parameters, law_state, i, block, event):
-        """The drift rate has turned, and the tangent jumps; or w changes its sign."""
+        """Reverse the direction after a reversal of the drift, or remove the limits after a change
+        of sign of w.
+
+        The tangent stiffness is discontinuous at a reversal.
+        """
         if event == rows.REVERSED:
             law_state[block + rows.RATE_SIGN, i] = -law_state[block + rows.RATE_SIGN, i]
             if law_parameters[_EXPONENT, i] < _SMOOTH:
-                look_ahead(law_parameters, law_state, i, block, block)
+                limit_branch(law_parameters, law_state, i, block, block)
         else:
             law_state[block + rows.UPPER, i] = math.inf
             law_state[block + rows.LOWER, i] = -math.inf
 
     @inline
-    def points(law_parameters, law_state, i, way):
-        """Good to about 1e-6 of the yield force."""
+    def points(law_parameters, law_state, i, path):
+        """Return the number of Gauss points for an integration error of about 1e-6 of the yield
+        force."""
         n = law_parameters[_EXPONENT, i]
         return (
             1.9
             + 4.0
             * (n + 1.0)
-            * way
+            * path
             * law_parameters[rows.STIFFNESS, i]
             / law_parameters[_YIELD_FORCE, i]
         )

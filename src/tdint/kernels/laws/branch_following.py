@@ -1,4 +1,8 @@
-"""Straight ways over the branches of a law."""
+"""Monotonic paths over the branches of a piecewise-linear drift law.
+
+`follow_branches` builds the functions of such a law from its `switch`, its strain energy and its
+`enter`. `branch_first` accelerates them for a path that remains on one branch.
+"""
 
 from __future__ import annotations
 
@@ -10,23 +14,40 @@ from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined, specialized
 from tdint.kernels.laws.law import LawFunctions
 
-_MOST = 16
-"""Branches that a straight way may go over; no law has as many."""
+_MAX_BRANCHES = 16
+"""Maximum number of branches on a monotonic path. No law has as many branches between two
+reversals."""
 
 
 @inline
 def no_operation(law_parameters, law_state, i, block, step, mean_force):
-    """An `advance` of a law of which drift and force alone change on the way."""
+    """Update no row (an `advance` for a law with a state that consists of drift and force)."""
 
 
 def add_work(law_parameters, law_state, i, block, step, mean_force):
-    """An `advance` of a law of which drift, force and the work done change on the way."""
+    """Add the work of a path to row WORK of a block (the default `advance`).
+
+    Parameters
+    ----------
+    law_parameters : ndarray
+        Parameters of the laws; not used.
+    law_state : ndarray
+        States of the laws; row WORK of the block is increased, J.
+    i : int
+        Index of the story.
+    block : int
+        First row of the state.
+    step : float
+        Change of drift, m.
+    mean_force : float
+        Mean force on the path, N.
+    """
     law_state[block + rows.WORK, i] += mean_force * step
 
 
 @inline
 def extra_rows(law_state, block):
-    """First of the further rows that belong to a block."""
+    """Return the first of the extra rows that belong to the state in `block`."""
     return rows.EXTRA_ROWS + block // rows.LAW_STATE_ROWS * (
         (law_state.shape[0] - rows.EXTRA_ROWS) // rows.LAW_STATE_BLOCKS
     )
@@ -34,7 +55,8 @@ def extra_rows(law_state, block):
 
 @inline
 def copy_extra_rows(law_state, i, previous, trial):
-    """Copy the further rows of story `i` between two blocks, where there are any."""
+    """Copy the extra rows of story `i` from block `previous` to block `trial`, if the table has
+    extra rows."""
     for row in range((law_state.shape[0] - rows.EXTRA_ROWS) // rows.LAW_STATE_BLOCKS):
         law_state[extra_rows(law_state, trial) + row, i] = law_state[
             extra_rows(law_state, previous) + row, i
@@ -43,12 +65,25 @@ def copy_extra_rows(law_state, i, previous, trial):
 
 @inline
 def set_branch(law_state, i, block, slope, lower, upper, turn):
-    """Put the state in `block` on a branch: all that a `switch` sets, but for FORCE and INTERNAL
-    where these change.
+    """Set the branch of the state in a block.
 
-    It has the stiffness `slope` (infinite: curved) between the drifts `lower` and `upper`
-    (infinite: without end), and ends where the drift turns against the sign of `turn` (0: it does
-    not).
+    A `switch` calls this function. It additionally sets FORCE and INTERNAL if their values change.
+
+    Parameters
+    ----------
+    law_state : ndarray
+        States of the laws; rows SLOPE, LOWER, UPPER and RATE_SIGN of the block are set.
+    i : int
+        Index of the story.
+    block : int
+        First row of the state.
+    slope : float
+        Tangent stiffness of the branch, N/m; infinite for a curved branch.
+    lower, upper : float
+        Drifts between which the branch is valid, m; infinite if the branch has no limit.
+    turn : float
+        Sign of the drift rate for which the branch is valid. The branch ends at a reversal of the
+        drift. 0 if the branch is valid for both signs.
     """
     law_state[block + rows.SLOPE, i] = slope
     law_state[block + rows.LOWER, i] = lower
@@ -58,93 +93,128 @@ def set_branch(law_state, i, block, slope, lower, upper, turn):
 
 @inline
 def fail(law_state, i, block, failed):
-    """Let story `i` carry nothing any more; INTERNAL is `failed` from then on."""
+    """Remove the strength and stiffness of story `i` permanently.
+
+    Sets FORCE to 0, a branch with zero slope and without limits, and INTERNAL to `failed`.
+    """
     law_state[block + rows.INTERNAL, i] = failed
     law_state[block + rows.FORCE, i] = 0.0
     set_branch(law_state, i, block, 0.0, -math.inf, math.inf, 0.0)
 
 
 @inline
-def lender(law_state, i, block):
-    """The block that holds the branch of the state in `block`: itself, or the one that it borrows
-    from."""
+def branch_owner(law_state, i, block):
+    """Return the block that contains the branch of the state in `block`.
+
+    The result is `block` or the block to which row BRANCH_OFFSET of `block` refers.
+    """
     return (
         block if block == rows.COMMITTED else block + int(law_state[block + rows.BRANCH_OFFSET, i])
     )
 
 
 @outlined
-def copy_borrowed(law_state, i, block):
-    """Copy to `block` what its state borrows, so that it can leave the branch."""
+def copy_branch(law_state, i, block):
+    """Copy the branch to which a state refers into the block of the state.
+
+    The copied rows are INTERNAL, the rows from COMMON_ROWS to WORK (excluded) and the extra rows.
+    Afterwards the state in `block` can change its branch.
+    """
     if law_state[block + rows.BRANCH_OFFSET, i] != 0.0:
-        holder = lender(law_state, i, block)
-        law_state[block + rows.INTERNAL, i] = law_state[holder + rows.INTERNAL, i]
+        branch_block = branch_owner(law_state, i, block)
+        law_state[block + rows.INTERNAL, i] = law_state[branch_block + rows.INTERNAL, i]
         for row in range(rows.COMMON_ROWS, rows.WORK):
-            law_state[block + row, i] = law_state[holder + row, i]
-        copy_extra_rows(law_state, i, holder, block)
+            law_state[block + row, i] = law_state[branch_block + row, i]
+        copy_extra_rows(law_state, i, branch_block, block)
         law_state[block + rows.BRANCH_OFFSET, i] = 0.0
 
 
 def branch_first(functions: LawFunctions) -> LawFunctions:
-    """The functions of a law that knows its branch, with a look at that branch before a way is
-    walked.
+    """Return the functions of a law with a fast evaluation of paths that remain on one branch.
 
-    Most ways end on the linear branch on which they begin. There drift, force and work change, and
-    nothing else does: the trial state borrows the rest (`tdint.kernels.layout.BORROWED`), where a
-    walk would copy every row of the story, and the commit would copy them back. Forces, tangents
-    and work are those of the walk, bit by bit.
+    Most paths end on the linear branch on which they start. In this case only drift, force and work
+    change. The new force function therefore writes only these rows to block `trial`; for the other
+    rows, row BRANCH_OFFSET of block `trial` refers to the block with the branch. The original force
+    function copies every row of the story, and a commit copies the rows back. Forces, tangents and
+    work are equal to the bit.
 
-    A state that borrows is good as long as the block that it borrows from is not written: trial
-    states that follow each other in a chain are found in that order, each time.
+    A state with a reference is valid only as long as the block to which it refers is not
+    overwritten. Trial states that depend on each other must therefore be computed in the same order
+    each time.
 
     Parameters
     ----------
     functions : LawFunctions
-        With a `keep`, without a `accumulate_dissipation`; all blocks that `force` writes hold
-        SLOPE, UPPER, LOWER,
-        TURN and WORK.
+        Functions of a law with a `keep` and without an `accumulate_dissipation`. Every block that
+        `force` writes contains SLOPE, UPPER, LOWER, RATE_SIGN and WORK.
+
+    Returns
+    -------
+    LawFunctions
+        The same functions with new `force` and `keep`.
     """
-    walk, keep = functions.force, functions.keep
+    follow, keep = functions.force, functions.keep
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
-        holder = lender(law_state, i, previous)
-        slope = law_state[holder + rows.SLOPE, i]
+        """Return the tangent stiffness, N/m, without leaving the branch if possible.
+
+        The path remains on the branch if `drift` is within the limits, the direction is that of
+        RATE_SIGN, and the branch is linear.
+        """
+        branch_block = branch_owner(law_state, i, previous)
+        slope = law_state[branch_block + rows.SLOPE, i]
         step = drift - law_state[previous + rows.DRIFT, i]
-        within = (drift <= law_state[holder + rows.UPPER, i]) & (
-            drift >= law_state[holder + rows.LOWER, i]
+        is_within = (drift <= law_state[branch_block + rows.UPPER, i]) & (
+            drift >= law_state[branch_block + rows.LOWER, i]
         )
-        if within & (law_state[holder + rows.RATE_SIGN, i] * step >= 0.0) & (slope < math.inf):
-            before = law_state[previous + rows.FORCE, i]
-            after = before + slope * step
-            law_state[trial + rows.FORCE, i] = after
+        if (
+            is_within
+            & (law_state[branch_block + rows.RATE_SIGN, i] * step >= 0.0)
+            & (slope < math.inf)
+        ):
+            force_0 = law_state[previous + rows.FORCE, i]
+            force_1 = force_0 + slope * step
+            law_state[trial + rows.FORCE, i] = force_1
             law_state[trial + rows.WORK, i] = (
-                law_state[previous + rows.WORK, i] + 0.5 * (before + after) * step
+                law_state[previous + rows.WORK, i] + 0.5 * (force_0 + force_1) * step
             )
-            law_state[trial + rows.BRANCH_OFFSET, i] = float(holder - trial)
+            law_state[trial + rows.BRANCH_OFFSET, i] = float(branch_block - trial)
             return slope
         if previous != rows.COMMITTED:
-            copy_borrowed(law_state, i, previous)
+            copy_branch(law_state, i, previous)
         law_state[trial + rows.BRANCH_OFFSET, i] = 0.0
-        return walk(law_parameters, law_state, i, previous, trial, drift)
+        return follow(law_parameters, law_state, i, previous, trial, drift)
 
     @inline
-    def keep_what_changed(law_parameters, law_state, i, previous, trial):
+    def commit_changed_rows(law_parameters, law_state, i, previous, trial):
+        """Commit the rows other than the common rows, depending on the reference in block `trial`."""
         if law_state[trial + rows.BRANCH_OFFSET, i] == float(rows.COMMITTED - trial):
-            # On the committed branch all the way: `commit` copies INTERNAL back with the plain
-            # rows.
+            # The complete path is on the committed branch, so only WORK has to be committed.
+            # INTERNAL is written because `commit` copies all common rows, INTERNAL included.
             law_state[trial + rows.INTERNAL, i] = law_state[rows.INTERNAL, i]
             law_state[rows.WORK, i] = law_state[trial + rows.WORK, i]
         else:
-            copy_borrowed(law_state, i, trial)
+            copy_branch(law_state, i, trial)
             keep(law_parameters, law_state, i, previous, trial)
 
-    return replace(functions, force=force, keep=keep_what_changed)
+    return replace(functions, force=force, keep=commit_changed_rows)
 
 
 def advancing(move: Any) -> Any:
-    """A function that goes to a drift on the present branch of the state in a block; `move` is
-    `DriftLaw.advance`."""
+    """Return a function that moves a state to a drift on its current linear branch.
+
+    Parameters
+    ----------
+    move : function
+        Update of the other rows, see `LawFunctions.advance`.
+
+    Returns
+    -------
+    function
+        (law_parameters, law_state, i, block, drift). Sets DRIFT and FORCE of the block, with FORCE
+        = previous force + SLOPE x change of drift, and calls `move`.
+    """
 
     @inline
     def advance(law_parameters, law_state, i, block, drift):
@@ -159,18 +229,32 @@ def advancing(move: Any) -> Any:
 
 
 def branch_follower(switch: Any, move: Any = None) -> Any:
-    """A `DriftLaw.force` that goes straight from the state in `previous` to `drift`, over as many
-    branches as lie on the way."""
+    """Return a force function that follows the branches of a piecewise-linear law.
+
+    Parameters
+    ----------
+    switch : function
+        Selects the next branch, see `LawFunctions.switch`.
+    move : function, optional
+        Update of the other rows on a branch, see `LawFunctions.advance`. Default: `add_work`.
+
+    Returns
+    -------
+    function
+        See `LawFunctions.force`. Copies the state from block `previous` to block `trial`, changes
+        the branch at a reversal and at each limit on the path, and returns the slope of the last
+        branch, N/m.
+    """
     advance = advancing(move or inline(add_work))
 
     @specialized
-    def walk(law_parameters, law_state, i, previous, trial, drift):
+    def follow(law_parameters, law_state, i, previous, trial, drift):
         for row in range(rows.LAW_STATE_ROWS):
             law_state[trial + row, i] = law_state[previous + row, i]
         copy_extra_rows(law_state, i, previous, trial)
         if law_state[trial + rows.RATE_SIGN, i] * (drift - law_state[trial + rows.DRIFT, i]) < 0.0:
             switch(law_parameters, law_state, i, trial, rows.REVERSED)
-        for _ in range(_MOST):
+        for _ in range(_MAX_BRANCHES):
             if drift > law_state[trial + rows.UPPER, i]:
                 advance(law_parameters, law_state, i, trial, law_state[trial + rows.UPPER, i])
                 switch(law_parameters, law_state, i, trial, rows.ABOVE)
@@ -182,12 +266,23 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
         advance(law_parameters, law_state, i, trial, drift)
         return law_state[trial + rows.SLOPE, i]
 
-    return walk
+    return follow
 
 
 def follow_branches(switch: Any, strain_energy: Any, enter: Any) -> LawFunctions:
-    """The functions of a law that is linear branch by branch and remembers its branch: it
-    dissipates what was done on it and cannot be recovered."""
+    """Return the functions of a piecewise-linear law that stores its branch in its state.
+
+    The dissipated energy is the work done on the story minus the strain energy.
+
+    Parameters
+    ----------
+    switch : function
+        Selects the next branch, see `LawFunctions.switch`.
+    strain_energy : function
+        Stored energy of the committed state, J, see `LawFunctions.strain_energy`.
+    enter : function
+        Sets the first branch, see `LawFunctions.enter`.
+    """
 
     @inline
     def hysteretic_energy(law_parameters, law_state, i):

@@ -1,4 +1,9 @@
-"""Compiled functions that go by the law of a story."""
+"""Compiled functions that select the drift law of a story by its number.
+
+`chosen` builds a chain of conditions that calls the function of the law of each story. The
+constants of this module state which features the laws of the compiled variant have; the compiler
+omits code for other features.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +20,16 @@ from tdint.kernels.laws.law import DriftLaw, LawFunctions
 
 @cache
 def _functions(law: DriftLaw) -> LawFunctions:
+    """Return the functions of a law; of a separately compiled law, the functions that call it."""
     return CALLING if law.apart else law.functions()
 
 
 class _Codes:
-    """The numbers of laws where nothing is compiled: laws of plug-ins come later than this is
-    imported."""
+    """Set of the numbers of laws with a property, if kernels run as Python.
+
+    The property is evaluated on each test, because plug-ins register laws after the import of this
+    module.
+    """
 
     def __init__(self, has: Callable[[DriftLaw], bool]) -> None:
         self.has = has
@@ -30,6 +39,8 @@ class _Codes:
 
 
 def _codes(has: Callable[[DriftLaw], bool]) -> Container[float]:
+    """Return a container of the numbers of the laws for which `has` is True, for tests with
+    `in`."""
     return (
         tuple(float(code) for code, law in enumerate(LAWS) if has(law)) if COMPILES else _Codes(has)
     )
@@ -38,85 +49,112 @@ def _codes(has: Callable[[DriftLaw], bool]) -> Container[float]:
 _NAMED = {name.partition("@")[0] for name in VARIANT.laws}
 
 COMPILED = tuple(code for code, law in enumerate(LAWS) if not _NAMED or law.name in _NAMED)
-"""The laws that the kernels are compiled for."""
+"""Numbers of the laws for which the kernels are compiled."""
 
 CURVED = _codes(lambda law: law.curved)
 
 CURVES = any(LAWS[code].curved for code in COMPILED)
-"""Whether a law may be curved."""
+"""True if a law of the variant is curved."""
 
 CURVING = VARIANT.dashpots or CURVES
-"""Whether a story may have a force that is not linear branch by branch."""
+"""True if a story can have a force that is not piecewise linear: a curved law or a power-law
+dashpot."""
 
 BENDING = CURVING or any(LAWS[code].kinked for code in COMPILED)
-"""Whether a story may have a force that is not linear in its motion."""
+"""True if a story can have a force that is not linear in its motion."""
 
 ANY_APART = any(LAWS[code].apart for code in COMPILED)
-"""Whether a law may stand apart: the stiffness of such a one's branches may hang on what the story
-has done before."""
+"""True if a law of the variant is compiled separately. The stiffness of its branches can depend on
+the response history."""
 
-# The first laws are put into each place that goes by the law, and so is what laws that stand apart
-# have in common: a look at the branch, then a call at the law's address. The others are compiled
-# once, together, and called: compiling the loops takes long enough.
+# The first laws are inlined wherever a law is selected, as is the common part of all separately
+# compiled laws (a test of the branch, then a call by address). The other laws are compiled once,
+# together, and called, because compiling the time loops takes several seconds.
 _FREQUENT = 2
+"""Number of laws that are inlined: linear and bilinear."""
 
 _APART = -1
-"""Stands for all laws that stand apart, where those of the others are numbers."""
+"""Number that represents all separately compiled laws in the order of selection."""
 
-# Laws that know their branch at any time
+# Numbers of the laws that store their branch in every state.
 KNOWING = _codes(lambda law: _functions(law).keep is not None)
 
-# Laws with a memory
+# Numbers of the laws that accumulate their dissipated energy.
 DISSIPATING = _codes(lambda law: _functions(law).accumulate_dissipation is not None)
 
 
 def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any = None) -> Any:
-    """The compiled function that calls that of a story's own law; `otherwise` for laws without one.
+    """Return the compiled function that calls the function `hook` of the law of a story.
 
-    `hook` is a name in `LawFunctions`. `case` links one law's function with the others':
-    `case_of_3`, and so on by the number of arguments. No call is made for a frequent law or one
-    that stands apart, whether it has a function or not.
+    The call is omitted for a frequent law and for a separately compiled law without this function.
+
+    Parameters
+    ----------
+    hook : str
+        Name of an attribute of `LawFunctions`.
+    case : callable
+        Function that combines the function of one law with the function of the remaining laws:
+        `case_of_3` to `case_of_6`, by the number of arguments.
+    otherwise : function, optional
+        Function for laws whose attribute is None.
+
+    Returns
+    -------
+    function
+        (law_parameters, law_state, i, ...), as the selected functions.
     """
     if not COMPILES:
         return lambda law_parameters, law_state, i, *more: (
             getattr(_functions(LAWS[int(law_parameters[rows.CODE, i])]), hook) or otherwise
         )(law_parameters, law_state, i, *more)
-    places = _places()
-    all_of_them = [
+    order = _selection_order()
+    candidates = [
         (code, getattr(CALLING if code == _APART else _functions(LAWS[code]), hook))
-        for code in places
+        for code in order
     ]
-    owns = [(code, own or (otherwise if code < _FREQUENT else None)) for code, own in all_of_them]
-    owns = [(code, own) for code, own in owns if own is not None]
-    rare = next((code for code, _ in owns if code >= _FREQUENT), None)
-    # Where each has its own the last one is taken for any other number: there is none.
-    function = otherwise if len(owns) < len(all_of_them) or not owns else None
-    for code, own in reversed(owns):
-        decorate = specialized if code == rare else inline
-        function = own if function is None else case(decorate, _test(code), own, function)
+    implementations = [
+        (code, implementation or (otherwise if code < _FREQUENT else None))
+        for code, implementation in candidates
+    ]
+    implementations = [
+        (code, implementation)
+        for code, implementation in implementations
+        if implementation is not None
+    ]
+    first_rare = next((code for code, _ in implementations if code >= _FREQUENT), None)
+    # If each law has a function, the function of the last law is also used for any other number,
+    # which does not occur.
+    function = otherwise if len(implementations) < len(candidates) or not implementations else None
+    for code, implementation in reversed(implementations):
+        decorate = specialized if code == first_rare else inline
+        function = (
+            implementation
+            if function is None
+            else case(decorate, _test(code), implementation, function)
+        )
     return function
 
 
-def _places() -> list[int]:
-    """The numbers of the compiled laws in the order in which a story's own is looked for, `_APART`
-    behind the frequent ones."""
+def _selection_order() -> list[int]:
+    """Return the numbers of the compiled laws in the order of the tests, with `_APART` after the
+    frequent laws."""
     apart = [_APART] if ANY_APART else []
-    others = [code for code in COMPILED if not LAWS[code].apart]
-    frequent = [code for code in others if code < _FREQUENT]
-    return [*frequent, *apart, *others[len(frequent) :]]
+    remaining = [code for code in COMPILED if not LAWS[code].apart]
+    frequent = [code for code in remaining if code < _FREQUENT]
+    return [*frequent, *apart, *remaining[len(frequent) :]]
 
 
 @inline
-def _stands_apart(law_parameters, law_state, i):
+def _is_separate(law_parameters, law_state, i):
+    """Return True if the law of story `i` is compiled separately."""
     return law_state[rows.ADDRESS, i] != 0.0
 
 
 def _test(code: int) -> Any:
-    """A function of (law_parameters, law_state, i): whether the story has the law, or one that
-    stands
-    apart."""
+    """Return a function (law_parameters, law_state, i) that returns True if the story has the law
+    `code`, or a separately compiled law for `_APART`."""
     if code == _APART:
-        return _stands_apart
+        return _is_separate
 
     @inline
     def has(law_parameters, law_state, i):
@@ -125,49 +163,59 @@ def _test(code: int) -> Any:
     return has
 
 
-def case_of_3(decorate: Any, has: Any, own: Any, other: Any) -> Any:
-    """`own` where `has` says so, else `other`: functions of (law_parameters, law_state, i)."""
+def case_of_3(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
+    """Return a function that calls `implementation` if `has` returns True, and otherwise `other`.
+
+    Parameters
+    ----------
+    decorate : callable
+        Decorator of the result: `inline` or `specialized`.
+    has : function
+        (law_parameters, law_state, i) -> bool.
+    implementation, other : function
+        Functions of three arguments (law_parameters, law_state, i).
+    """
 
     @decorate
     def choose(law_parameters, law_state, i):
         if has(law_parameters, law_state, i):
-            return own(law_parameters, law_state, i)
+            return implementation(law_parameters, law_state, i)
         return other(law_parameters, law_state, i)
 
     return choose
 
 
-def case_of_4(decorate: Any, has: Any, own: Any, other: Any) -> Any:
-    """The same for functions of four arguments."""
+def case_of_4(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
+    """Return the function of `case_of_3` for functions of four arguments."""
 
     @decorate
     def choose(law_parameters, law_state, i, more):
         if has(law_parameters, law_state, i):
-            return own(law_parameters, law_state, i, more)
+            return implementation(law_parameters, law_state, i, more)
         return other(law_parameters, law_state, i, more)
 
     return choose
 
 
-def case_of_5(decorate: Any, has: Any, own: Any, other: Any) -> Any:
-    """The same for functions of five arguments."""
+def case_of_5(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
+    """Return the function of `case_of_3` for functions of five arguments."""
 
     @decorate
     def choose(law_parameters, law_state, i, block, more):
         if has(law_parameters, law_state, i):
-            return own(law_parameters, law_state, i, block, more)
+            return implementation(law_parameters, law_state, i, block, more)
         return other(law_parameters, law_state, i, block, more)
 
     return choose
 
 
-def case_of_6(decorate: Any, has: Any, own: Any, other: Any) -> Any:
-    """The same for functions of six arguments."""
+def case_of_6(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
+    """Return the function of `case_of_3` for functions of six arguments."""
 
     @decorate
     def choose(law_parameters, law_state, i, block, more, last):
         if has(law_parameters, law_state, i):
-            return own(law_parameters, law_state, i, block, more, last)
+            return implementation(law_parameters, law_state, i, block, more, last)
         return other(law_parameters, law_state, i, block, more, last)
 
     return choose

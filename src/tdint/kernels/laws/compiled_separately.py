@@ -1,8 +1,8 @@
-"""Laws that stand apart: compiled on their own, once a model has them, and called at their address.
+"""Drift laws that are compiled separately and called by address.
 
-They may be long without making the loops, which all models share, compile longer. A call at an
-address costs some 10 ns more than one that the compiler sees; it is made where a way leaves its
-branch (`branch_first`).
+Such a law is compiled only if a model uses it. It can be long without increasing the compile time
+of the time loops, which all models share. A call by address takes about 10 ns longer than a call
+that the compiler can inline. It is necessary only if a path leaves its branch (see `branch_first`).
 """
 
 from __future__ import annotations
@@ -21,10 +21,18 @@ from tdint.kernels.laws.branch_following import branch_first
 from tdint.kernels.laws.law import LawFunctions
 
 _SIGNATURE = F8(
-    I8, TABLE, TABLE, I8, I8, I8, F8
-)  # hook, laws, springs, i, past or block, trial, drift or event
+    I8,
+    TABLE,
+    TABLE,
+    I8,
+    I8,
+    I8,
+    F8,
+    # function number, law_parameters, law_state, i, previous (or block), trial, drift (or event) ->
+    # result of the function
+)
 
-# The functions of a law by number, as `_HOOKS` lists them
+# Numbers of the functions of a law, in the order of `_HOOKS`.
 _FORCE = 0
 _STRAIN_ENERGY = 1
 _HYSTERETIC_ENERGY = 2
@@ -38,14 +46,16 @@ if COMPILES:
 
     @inline
     def _call(address, hook, law_parameters, law_state, i, previous, trial, x):
-        """Call a kernel of `_SIGNATURE` at an address that a float64 holds (exactly: addresses have
-        48 bits)."""
+        """Call the kernel at `address`, see `_all_hooks`.
+
+        A float64 represents the address exactly, because addresses have at most 48 bits.
+        """
         return _call_at(int(address), hook, law_parameters, law_state, i, previous, trial, x)
 
 else:
 
     def _call(address, hook, law_parameters, law_state, i, previous, trial, x):
-        """Where nothing is compiled no address is needed."""
+        """Call the Python function of the law; an address is not required without compilation."""
         return _kernel(int(law_parameters[rows.CODE, i])).function(
             hook, law_parameters, law_state, i, previous, trial, x
         )
@@ -88,8 +98,8 @@ def _switch(law_parameters, law_state, i, block, event):
 
 
 _HOOKS = ("force", "strain_energy", "hysteretic_energy", "keep", "enter", "switch")
-"""The functions of `LawFunctions` that a law that stands apart has, all of them, by their
-number."""
+"""Names of the `LawFunctions` that a separately compiled law must have, in the order of their
+numbers."""
 
 CALLING = branch_first(
     LawFunctions(
@@ -101,11 +111,11 @@ CALLING = branch_first(
         switch=_switch,
     )
 )
-"""Functions that call those of a law that stands apart; not where a way keeps to its branch, which
-needs no law."""
+"""Functions that call a separately compiled law. A path that remains on its branch requires no
+call."""
 
 
-# The functions of one law, put in by `_kernel`
+# Functions of one law. `_kernel` replaces these names in a copy of the globals.
 force: Any = None
 strain_energy: Any = None
 hysteretic_energy: Any = None
@@ -115,7 +125,26 @@ switch: Any = None
 
 
 def _all_hooks(hook, law_parameters, law_state, i, previous, trial, x):
-    """The functions of one law as one."""
+    """Call one function of a law.
+
+    Parameters
+    ----------
+    hook : int
+        Number of the function.
+    law_parameters, law_state : ndarray
+        Tables of the laws.
+    i : int
+        Index of the story.
+    previous, trial : int
+        Blocks of `force` and `keep`. For `switch`, `previous` is the block.
+    x : float
+        Drift for `force`, m; event for `switch`.
+
+    Returns
+    -------
+    float
+        Result of `force` (N/m) or of an energy (J); 0 for the other functions.
+    """
     if hook == _FORCE:
         return force(law_parameters, law_state, i, previous, trial, x)
     if hook == _STRAIN_ENERGY:
@@ -133,7 +162,7 @@ def _all_hooks(hook, law_parameters, law_state, i, previous, trial, x):
 
 @cache
 def _kernel(code: int) -> Kernel:
-    """`_all_hooks` of one law."""
+    """Return the kernel with all functions of the law with number `code`."""
     functions = LAWS[code].functions()
     names = globals() | {hook: getattr(functions, hook) for hook in _HOOKS}
     hooks = python_types.FunctionType(_all_hooks.__code__, names, LAWS[code].name)
@@ -143,7 +172,7 @@ def _kernel(code: int) -> Kernel:
 
 
 def __getattr__(name: str) -> Kernel:
-    """The kernel of the law called `name`, for the process that compiles it."""
+    """Return the kernel of the law with this name, for the process that compiles it."""
     for code, law in enumerate(LAWS):
         if law.apart and law.name == name:
             return _kernel(code)
@@ -151,7 +180,13 @@ def __getattr__(name: str) -> Kernel:
 
 
 def kernels_apart(law_parameters: NDArray[np.float64] | None = None) -> list[Kernel]:
-    """The kernels of the laws that stand apart: those in a table of laws, or all."""
+    """Return the kernels of the separately compiled laws.
+
+    Parameters
+    ----------
+    law_parameters : ndarray, optional
+        Only the laws in this table are considered. Default: all laws.
+    """
     codes = (
         range(len(LAWS))
         if law_parameters is None
@@ -162,19 +197,33 @@ def kernels_apart(law_parameters: NDArray[np.float64] | None = None) -> list[Ker
 
 @cache
 def _address(code: int) -> float:
+    """Return the address of the compiled law as a float; 0 if it is not compiled."""
     return float(getattr(_kernel(code).compiled, "address", 0))
 
 
 def spring_table(law_parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A fresh table of the state of drift laws (`tdint.kernels.layout`); what they need is
-    compiled."""
+    """Return a new table of law states filled with zeros, except for the addresses of separately
+    compiled laws.
+
+    The function compiles the laws that are not yet compiled.
+
+    Parameters
+    ----------
+    law_parameters : ndarray, shape (rows, n + 1)
+        Parameters of the laws (`tdint.kernels.layout`).
+
+    Returns
+    -------
+    ndarray, shape (EXTRA_ROWS + LAW_STATE_BLOCKS * extra rows, n + 1)
+        States of the laws.
+    """
     codes = law_parameters[rows.CODE, :-1].astype(int)
-    kinds = sorted(set(codes.tolist()))
-    extra_rows = max((LAWS[code].extra_rows for code in kinds), default=0)
+    used_codes = sorted(set(codes.tolist()))
+    extra_rows = max((LAWS[code].extra_rows for code in used_codes), default=0)
     law_state = np.zeros(
         (rows.EXTRA_ROWS + rows.LAW_STATE_BLOCKS * extra_rows, law_parameters.shape[1])
     )
-    for code in kinds:
+    for code in used_codes:
         if LAWS[code].apart:
             law_state[rows.ADDRESS, :-1][codes == code] = _address(code)
     return law_state

@@ -1,4 +1,8 @@
-"""The gap law: elastic pounding against a stop on either side."""
+"""Gap law: elastic pounding against a stop on each side.
+
+f = k d                                        for |d| <= gap
+f = k d + stop_stiffness (|d| - gap) sgn(d)    for |d| > gap
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,7 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter
 
-# Parameters
+# Rows of `law_parameters`.
 _GAP = rows.FIRST_PARAMETER
 _STOP_STIFFNESS = rows.FIRST_PARAMETER + 1
 
@@ -18,27 +22,41 @@ def _functions() -> LawFunctions:
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
+        """Return the tangent stiffness, N/m, and write the force to block `trial`."""
         force = law_parameters[rows.STIFFNESS, i] * drift
         tangent = law_parameters[rows.STIFFNESS, i]
-        beyond = abs(drift) - law_parameters[_GAP, i]
-        if beyond > 0.0:
-            force += math.copysign(law_parameters[_STOP_STIFFNESS, i] * beyond, drift)
+        penetration = abs(drift) - law_parameters[_GAP, i]
+        if penetration > 0.0:
+            force += math.copysign(law_parameters[_STOP_STIFFNESS, i] * penetration, drift)
             tangent += law_parameters[_STOP_STIFFNESS, i]
         law_state[trial + rows.FORCE, i] = force
         return tangent
 
     @inline
     def strain_energy(law_parameters, law_state, i):
+        """Return k d^2 / 2 plus the energy of the stop, stop_stiffness (|d| - gap)^2 / 2, J."""
         d = law_state[rows.DRIFT, i]
-        beyond = max(abs(d) - law_parameters[_GAP, i], 0.0)
+        penetration = max(abs(d) - law_parameters[_GAP, i], 0.0)
         return (
             0.5 * law_parameters[rows.STIFFNESS, i] * d * d
-            + 0.5 * law_parameters[_STOP_STIFFNESS, i] * beyond * beyond
+            + 0.5 * law_parameters[_STOP_STIFFNESS, i] * penetration * penetration
         )
 
     @outlined
-    def go_to(law_parameters, law_state, i, block, side):
-        """Put story `i` into the gap (side 0) or against the stop on that side of it."""
+    def set_contact(law_parameters, law_state, i, block, side):
+        """Set force and branch of a state within the gap or in contact with a stop.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Tables of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            0 within the gap, 1 or -1 in contact with the stop on the positive or negative side.
+        """
         gap = law_parameters[_GAP, i]
         drift = law_state[block + rows.DRIFT, i]
         stop = abs(side) * law_parameters[_STOP_STIFFNESS, i]
@@ -51,14 +69,16 @@ def _functions() -> LawFunctions:
 
     @inline
     def enter(law_parameters, law_state, i):
+        """Set the branch of the committed state from its drift."""
         drift = law_state[rows.DRIFT, i]
         inside = abs(drift) < law_parameters[_GAP, i]
-        go_to(law_parameters, law_state, i, 0, 0.0 if inside else math.copysign(1.0, drift))
+        set_contact(law_parameters, law_state, i, 0, 0.0 if inside else math.copysign(1.0, drift))
 
     @inline
     def switch(law_parameters, law_state, i, block, event):
+        """Set the branch that follows: contact on the side of the event, or the gap after contact."""
         inside = law_state[block + rows.UPPER, i] + law_state[block + rows.LOWER, i] == 0.0
-        go_to(law_parameters, law_state, i, block, event if inside else 0.0)
+        set_contact(law_parameters, law_state, i, block, event if inside else 0.0)
 
     return LawFunctions(force=force, strain_energy=strain_energy, enter=enter, switch=switch)
 

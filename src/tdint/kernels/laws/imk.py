@@ -1,15 +1,19 @@
-"""The law of Ibarra, Medina and Krawinkler (2005), modified by Lignos and Krawinkler (2012):
-capping and deterioration.
+"""Law of Ibarra, Medina and Krawinkler (2005), modified by Lignos and Krawinkler (2012): capping
+and deterioration.
 
-The backbone of each side rises to the yield point, on to the capping point, falls to a residual
-force, and ends at the ultimate drift. Reloading goes towards the last peak or the farthest point
-(peak-oriented), or first, with less force, to a point near zero drift (pinching). With the work
-done on the story the strength, the capping line, the reloading point and the unloading stiffness of
-a side deteriorate at each passage of zero force or at each turn, by
+The backbone curve of each side rises to the yield point and to the capping point, falls to a
+residual force and ends at the ultimate drift. Reloading is directed towards the last peak or the
+point of maximum drift (peak-oriented), or first, with a smaller force, towards a point near zero
+drift (pinching). With the work done on the story, the strength, the capping line, the reloading
+point and the unloading stiffness of a side deteriorate at each zero crossing of the force or at
+each reversal, by
 
-    beta = ((work since the last passage of zero force) / (Lambda Fy - work before))^exponent
+    beta = ((work since the last zero crossing) / (Lambda Fy - previous work))^exponent
 
-A story whose beta exceeds 1, or whose drift exceeds the ultimate one, carries nothing from then on.
+The story fails if beta exceeds 1 or if the drift exceeds the ultimate drift. Its strength is then
+zero permanently.
+
+In the functions below, drifts and forces with a `side` are positive in the direction of that side.
 """
 
 from __future__ import annotations
@@ -21,7 +25,8 @@ from dataclasses import replace
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
-# Parameters: those of the positive side, of the negative one, of both
+# Rows of `law_parameters`: parameters of the positive side, of the negative side (_SIDE rows
+# later), and of both sides.
 _YIELD_FORCE = rows.FIRST_PARAMETER
 _PLASTIC_DRIFT = rows.FIRST_PARAMETER + 1
 _POST_CAPPING_DRIFT = rows.FIRST_PARAMETER + 2
@@ -38,32 +43,37 @@ _EXPONENT = rows.FIRST_PARAMETER + 18
 _PINCHING_FORCE = rows.FIRST_PARAMETER + 19
 _PINCHING_DRIFT = rows.FIRST_PARAMETER + 20
 
-# Further rows, from the block's first one
-_PEAK_DRIFT = 0  # the last turn point, of both sides
+# Extra rows, relative to the first extra row of the state. Rows of a pair belong to the positive
+# side; the row of the negative side is two rows later.
+_PEAK_DRIFT = 0  # drift and force at the last reversal on each side
 _PEAK_FORCE = 1
-_STRENGTH = 4  # what is left of yield force and hardening, of both sides
-_CAPPING = 5  # what is left of the capping line at zero drift
+_STRENGTH = 4  # remaining fraction of yield force and hardening on each side
+_CAPPING = 5  # remaining fraction of the force of the capping line at zero drift, on each side
 _UNLOADING_STIFFNESS = 8
-_WORK_AT_ZERO = 9  # at the last passage of zero force, J
-_PINCHED_DRIFT = 10  # the point at which the first part of the present reloading ends
+_WORK_AT_ZERO = 9  # work at the last zero crossing of the force, J
+_PINCHED_DRIFT = 10  # drift and force at the end of the pinched part of the current reloading
 _PINCHED_FORCE = 11
-_TURNED_AT = 12  # the drift at the last turn since the last passage of zero force
+# drift at the last reversal since the last zero crossing of the force; infinite if there was none
+_REVERSAL_DRIFT = 12
 _EXTRA_ROWS = 13
 
-# Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first yielding
+# Types of branches in row INTERNAL. The value is negative on the negative side, and 0 before the
+# first yielding.
 _UNLOADING = 1.0
 _PINCHED = 2.0
 _TO_PEAK = 3.0
-_TO_FARTHEST = 4.0
+_TO_MAXIMUM = 4.0
 _PLASTIC = 5.0
 _SOFTENING = 6.0
 _RESIDUAL = 7.0
-_FAILED = 8.0  # not negative
+_FAILED = 8.0  # positive for both sides
 
-_HERE = 1e-12  # over a drift: what lies no farther ahead is reached
-# over the farthest drift: a turn no farther from the last one is the same, which a step missed a
-# little
-_AGAIN = 1e-6
+_REACHED_TOLERANCE = (
+    1e-12  # Relative to a drift. A point within this distance ahead is regarded as reached.
+)
+# Relative to the maximum drift. A reversal within this distance of the last reversal is regarded as
+# the same reversal, which a time step did not locate exactly.
+_SAME_REVERSAL_TOLERANCE = 1e-6
 
 
 def _functions() -> LawFunctions:
@@ -71,52 +81,96 @@ def _functions() -> LawFunctions:
     from tdint.kernels.laws.branch_following import extra_rows, fail, follow_branches
 
     @inline
-    def of(side, row):
-        """The row of a pair that belongs to a side: the negative one's is two rows on, and
-        positive, too."""
+    def side_row(side, row):
+        """Return the row of a pair of rows for side `side`; the row of the negative side is two
+        rows later.
+
+        Values of both sides are positive.
+        """
         return row if side > 0.0 else row + 2
 
     @inline
-    def given(law_parameters, i, side, parameter):
-        """A parameter that each side has."""
+    def side_parameter(law_parameters, i, side, parameter):
+        """Return a parameter that can differ between the sides."""
         return law_parameters[parameter if side > 0.0 else parameter + _SIDE, i]
 
     @inline
     def plastic_line(law_parameters, law_state, i, block, side):
-        """Force at zero drift and slope of the present hardening line of a side."""
+        """Return the force at zero drift, N, and the slope, N/m, of the current hardening line of a
+        side.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        """
         k = law_parameters[rows.STIFFNESS, i]
-        initial = given(law_parameters, i, side, _YIELD_FORCE)
-        left = law_state[extra_rows(law_state, block) + of(side, _STRENGTH), i]
+        initial = side_parameter(law_parameters, i, side, _YIELD_FORCE)
+        remaining = law_state[extra_rows(law_state, block) + side_row(side, _STRENGTH), i]
         slope = (
-            left
-            * (given(law_parameters, i, side, _CAPPING_RATIO) - 1.0)
+            remaining
+            * (side_parameter(law_parameters, i, side, _CAPPING_RATIO) - 1.0)
             * initial
-            / given(law_parameters, i, side, _PLASTIC_DRIFT)
+            / side_parameter(law_parameters, i, side, _PLASTIC_DRIFT)
         )
-        return left * initial * (1.0 - slope / k), slope
+        return remaining * initial * (1.0 - slope / k), slope
 
     @inline
     def capping_line(law_parameters, law_state, i, block, side):
-        """The same of the capping line."""
-        initial = given(law_parameters, i, side, _YIELD_FORCE)
-        cap = given(law_parameters, i, side, _CAPPING_RATIO) * initial
-        slope = -cap / given(law_parameters, i, side, _POST_CAPPING_DRIFT)
-        start = initial / law_parameters[rows.STIFFNESS, i] + given(
+        """Return the force at zero drift, N, and the slope, N/m, of the current capping line of a
+        side.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        """
+        initial = side_parameter(law_parameters, i, side, _YIELD_FORCE)
+        capping_drift = side_parameter(law_parameters, i, side, _CAPPING_RATIO) * initial
+        slope = -capping_drift / side_parameter(law_parameters, i, side, _POST_CAPPING_DRIFT)
+        capping_start = initial / law_parameters[rows.STIFFNESS, i] + side_parameter(
             law_parameters, i, side, _PLASTIC_DRIFT
         )
-        return law_state[extra_rows(law_state, block) + of(side, _CAPPING), i] * (
-            cap - slope * start
+        return law_state[extra_rows(law_state, block) + side_row(side, _CAPPING), i] * (
+            capping_drift - slope * capping_start
         ), slope
 
     @inline
     def residual(law_parameters, i, side):
-        return given(law_parameters, i, side, _RESIDUAL_RATIO) * given(
+        """Return the residual force of a side, N."""
+        return side_parameter(law_parameters, i, side, _RESIDUAL_RATIO) * side_parameter(
             law_parameters, i, side, _YIELD_FORCE
         )
 
     @inline
     def backbone(law_parameters, law_state, i, block, side, drift):
-        """Force of the present backbone at a drift beyond the yield drift."""
+        """Return the force of the current backbone curve, N.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        drift : float
+            Drift above the yield drift, m, positive on this side.
+        """
         plastic, rise = plastic_line(law_parameters, law_state, i, block, side)
         capping, fall = capping_line(law_parameters, law_state, i, block, side)
         return max(
@@ -124,268 +178,463 @@ def _functions() -> LawFunctions:
         )
 
     @inline
-    def beta(law_parameters, i, capacity, work, before):
-        """Deterioration by an energy `work` after the energy `before`; 2 for more than 1."""
-        left = law_parameters[capacity, i] * law_parameters[_YIELD_FORCE, i] - before
-        if work <= 0.0 and left > 0.0:
+    def beta(law_parameters, i, capacity, work, previous_work):
+        """Return the deterioration beta, between 0 and 1, or 2 if it exceeds 1.
+
+        Parameters
+        ----------
+        law_parameters : ndarray
+            Parameters of the laws.
+        i : int
+            Index of the story.
+        capacity : int
+            Row of the deterioration parameter Lambda, m.
+        work : float
+            Work since the last zero crossing of the force, J.
+        previous_work : float
+            Work until the last zero crossing of the force, J.
+        """
+        remaining = law_parameters[capacity, i] * law_parameters[_YIELD_FORCE, i] - previous_work
+        if work <= 0.0 and remaining > 0.0:
             return 0.0
-        if left <= 0.0 or work >= left:
+        if remaining <= 0.0 or work >= remaining:
             return 2.0
-        part = work / left
+        ratio = work / remaining
         exponent = law_parameters[_EXPONENT, i]
-        return part if exponent == 1.0 else part**exponent
+        return ratio if exponent == 1.0 else ratio**exponent
 
     @outlined
-    def beta_of_turning(law_parameters, law_state, i, block):
-        """Deterioration of the unloading stiffness if the story turned here."""
+    def beta_of_reversal(law_parameters, law_state, i, block):
+        """Return the deterioration beta of the unloading stiffness for a reversal at the current
+        state.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        """
         first = extra_rows(law_state, block)
         force = law_state[block + rows.FORCE, i]
         stored = 0.5 * force * force / law_state[first + _UNLOADING_STIFFNESS, i]
-        before = law_state[block + rows.WORK, i] - stored
+        previous_work = law_state[block + rows.WORK, i] - stored
         return beta(
-            law_parameters, i, _OF_UNLOADING, before - law_state[first + _WORK_AT_ZERO, i], before
+            law_parameters,
+            i,
+            _OF_UNLOADING,
+            previous_work - law_state[first + _WORK_AT_ZERO, i],
+            previous_work,
         )
 
     @outlined
-    def load(law_parameters, law_state, i, block, side, kind, slope, end):
-        """Put the story on a loading branch of a side that goes up to the drift `end`."""
-        ultimate = given(law_parameters, i, side, _ULTIMATE_DRIFT)
-        if side * law_state[block + rows.DRIFT, i] >= ultimate * (1.0 - _HERE):
+    def set_loading_branch(law_parameters, law_state, i, block, side, branch_type, slope, end):
+        """Set a loading branch that ends at the drift `end`, or let the story fail at the ultimate
+        drift.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        branch_type : float
+            Type of the branch.
+        slope : float
+            Stiffness of the branch, N/m.
+        end : float
+            Drift at the end of the branch, m, positive on this side.
+        """
+        ultimate = side_parameter(law_parameters, i, side, _ULTIMATE_DRIFT)
+        if side * law_state[block + rows.DRIFT, i] >= ultimate * (1.0 - _REACHED_TOLERANCE):
             fail(law_state, i, block, _FAILED)
             return
         end = min(end, ultimate)
-        law_state[block + rows.INTERNAL, i] = side * kind
+        law_state[block + rows.INTERNAL, i] = side * branch_type
         law_state[block + rows.SLOPE, i] = slope
         law_state[block + rows.RATE_SIGN, i] = side
         law_state[block + rows.UPPER, i] = end if side > 0.0 else math.inf
         law_state[block + rows.LOWER, i] = -end if side < 0.0 else -math.inf
 
     @outlined
-    def go_along_backbone(law_parameters, law_state, i, block, side):
+    def set_backbone_branch(law_parameters, law_state, i, block, side):
+        """Set the force and the branch of the backbone curve at the current drift.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        """
         drift = side * law_state[block + rows.DRIFT, i]
         plastic, rise = plastic_line(law_parameters, law_state, i, block, side)
         capping, fall = capping_line(law_parameters, law_state, i, block, side)
-        rest = residual(law_parameters, i, side)
-        cap = (capping - plastic) / (rise - fall)
-        near = _HERE * drift
-        if drift < cap - near and plastic + rise * drift >= rest:
+        residual_force = residual(law_parameters, i, side)
+        capping_drift = (capping - plastic) / (rise - fall)
+        tolerance = _REACHED_TOLERANCE * drift
+        if drift < capping_drift - tolerance and plastic + rise * drift >= residual_force:
             law_state[block + rows.FORCE, i] = side * (plastic + rise * drift)
-            load(law_parameters, law_state, i, block, side, _PLASTIC, rise, cap)
-        elif drift >= cap - near and drift < (rest - capping) / fall - near:
+            set_loading_branch(
+                law_parameters, law_state, i, block, side, _PLASTIC, rise, capping_drift
+            )
+        elif (
+            drift >= capping_drift - tolerance
+            and drift < (residual_force - capping) / fall - tolerance
+        ):
             law_state[block + rows.FORCE, i] = side * (capping + fall * drift)
-            load(
-                law_parameters, law_state, i, block, side, _SOFTENING, fall, (rest - capping) / fall
+            set_loading_branch(
+                law_parameters,
+                law_state,
+                i,
+                block,
+                side,
+                _SOFTENING,
+                fall,
+                (residual_force - capping) / fall,
             )
         else:
-            law_state[block + rows.FORCE, i] = side * rest
-            # A strength below the residual force may rise above it again before the capping point
-            again = (rest - plastic) / rise if rise > 0.0 else math.inf
-            end = again if drift < again - near and again < cap else math.inf
-            load(law_parameters, law_state, i, block, side, _RESIDUAL, 0.0, end)
+            law_state[block + rows.FORCE, i] = side * residual_force
+            # A strength below the residual force can exceed it again before the capping point.
+            recovery_drift = (residual_force - plastic) / rise if rise > 0.0 else math.inf
+            end = (
+                recovery_drift
+                if drift < recovery_drift - tolerance and recovery_drift < capping_drift
+                else math.inf
+            )
+            set_loading_branch(law_parameters, law_state, i, block, side, _RESIDUAL, 0.0, end)
 
     @outlined
-    def go_to_farthest(law_parameters, law_state, i, block, side):
+    def set_branch_to_maximum(law_parameters, law_state, i, block, side):
+        """Set the branch to the point of maximum drift, or the backbone curve if the point is
+        reached.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        """
         drift = side * law_state[block + rows.DRIFT, i]
-        far = law_state[block + of(side, rows.HIGH_DRIFT), i]
-        if drift < far * (1.0 - _HERE):
+        max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
+        if drift < max_drift * (1.0 - _REACHED_TOLERANCE):
             rise = (
-                law_state[block + of(side, rows.HIGH_FORCE), i]
+                law_state[block + side_row(side, rows.HIGH_FORCE), i]
                 - side * law_state[block + rows.FORCE, i]
             )
-            load(law_parameters, law_state, i, block, side, _TO_FARTHEST, rise / (far - drift), far)
+            set_loading_branch(
+                law_parameters,
+                law_state,
+                i,
+                block,
+                side,
+                _TO_MAXIMUM,
+                rise / (max_drift - drift),
+                max_drift,
+            )
         else:
-            go_along_backbone(law_parameters, law_state, i, block, side)
+            set_backbone_branch(law_parameters, law_state, i, block, side)
 
     @outlined
-    def aim(law_parameters, law_state, i, block, side):
-        """Load towards the last peak if the way there is the steeper one, else towards the farthest
-        point."""
+    def aim_at_peak(law_parameters, law_state, i, block, side):
+        """Set the branch towards the last peak if it is stiffer than the branch towards the maximum
+        drift.
+
+        Otherwise the branch towards the point of maximum drift is set.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
         force = side * law_state[block + rows.FORCE, i]
-        far = law_state[block + of(side, rows.HIGH_DRIFT), i]
-        far_force = law_state[block + of(side, rows.HIGH_FORCE), i]
-        peak = law_state[first + of(side, _PEAK_DRIFT), i]
-        peak_force = law_state[first + of(side, _PEAK_FORCE), i]
-        if drift < peak - _HERE * far and force < peak_force and peak_force < far_force:
+        max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
+        max_force = law_state[block + side_row(side, rows.HIGH_FORCE), i]
+        peak = law_state[first + side_row(side, _PEAK_DRIFT), i]
+        peak_force = law_state[first + side_row(side, _PEAK_FORCE), i]
+        if (
+            drift < peak - _REACHED_TOLERANCE * max_drift
+            and force < peak_force
+            and peak_force < max_force
+        ):
             slope = (peak_force - force) / (peak - drift)
-            if slope * (far - drift) > far_force - force:
-                load(law_parameters, law_state, i, block, side, _TO_PEAK, slope, peak)
+            if slope * (max_drift - drift) > max_force - force:
+                set_loading_branch(law_parameters, law_state, i, block, side, _TO_PEAK, slope, peak)
                 return
-        go_to_farthest(law_parameters, law_state, i, block, side)
+        set_branch_to_maximum(law_parameters, law_state, i, block, side)
 
     @outlined
     def unload(law_parameters, law_state, i, block, side):
-        """Turn on a loading branch."""
+        """Set the unloading branch after a reversal on a loading branch.
+
+        The function stores the peak, updates the maximum drift and applies the deterioration of the
+        unloading stiffness.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
         force = side * law_state[block + rows.FORCE, i]
-        law_state[first + of(side, _PEAK_DRIFT), i] = drift
-        law_state[first + of(side, _PEAK_FORCE), i] = force
-        if drift > law_state[block + of(side, rows.HIGH_DRIFT), i]:
-            law_state[block + of(side, rows.HIGH_DRIFT), i] = drift
-            law_state[block + of(side, rows.HIGH_FORCE), i] = force
-        lost = beta_of_turning(law_parameters, law_state, i, block)
+        law_state[first + side_row(side, _PEAK_DRIFT), i] = drift
+        law_state[first + side_row(side, _PEAK_FORCE), i] = force
+        if drift > law_state[block + side_row(side, rows.HIGH_DRIFT), i]:
+            law_state[block + side_row(side, rows.HIGH_DRIFT), i] = drift
+            law_state[block + side_row(side, rows.HIGH_FORCE), i] = force
+        deterioration = beta_of_reversal(law_parameters, law_state, i, block)
         if (
-            abs(side * drift - law_state[first + _TURNED_AT, i])
-            <= _AGAIN * law_state[block + of(side, rows.HIGH_DRIFT), i]
+            abs(side * drift - law_state[first + _REVERSAL_DRIFT, i])
+            <= _SAME_REVERSAL_TOLERANCE * law_state[block + side_row(side, rows.HIGH_DRIFT), i]
         ):
-            lost = 0.0
-        law_state[first + _TURNED_AT, i] = side * drift
-        if lost >= 1.0:
+            deterioration = 0.0
+        law_state[first + _REVERSAL_DRIFT, i] = side * drift
+        if deterioration >= 1.0:
             fail(law_state, i, block, _FAILED)
             return
-        slope = law_state[first + _UNLOADING_STIFFNESS, i] * (1.0 - lost)
+        slope = law_state[first + _UNLOADING_STIFFNESS, i] * (1.0 - deterioration)
         law_state[first + _UNLOADING_STIFFNESS, i] = slope
-        zero = side * (drift - force / slope)
+        zero_drift = side * (drift - force / slope)
         law_state[block + rows.INTERNAL, i] = side * _UNLOADING
         law_state[block + rows.SLOPE, i] = slope
         law_state[block + rows.RATE_SIGN, i] = 0.0
-        law_state[block + rows.UPPER, i] = side * drift if side > 0.0 else zero
-        law_state[block + rows.LOWER, i] = zero if side > 0.0 else side * drift
+        law_state[block + rows.UPPER, i] = side * drift if side > 0.0 else zero_drift
+        law_state[block + rows.LOWER, i] = zero_drift if side > 0.0 else side * drift
 
     @outlined
     def deteriorate(law_parameters, law_state, i, block, side):
-        """Deterioration of a side that is loaded after a passage of zero force; whether the story
-        has failed."""
+        """Apply the deterioration of a side that is loaded after a zero crossing of the force.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+
+        Returns
+        -------
+        bool
+            True if the story fails (a beta exceeds 1).
+        """
         first = extra_rows(law_state, block)
-        before = law_state[block + rows.WORK, i]
-        work = before - law_state[first + _WORK_AT_ZERO, i]
-        rate = given(law_parameters, i, side, _RATE)
-        strength = beta(law_parameters, i, _OF_STRENGTH, work, before)
-        capping = beta(law_parameters, i, _OF_CAPPING, work, before)
-        reloading = beta(law_parameters, i, _OF_RELOADING, work, before)
-        law_state[first + _WORK_AT_ZERO, i] = before
-        law_state[first + of(side, _STRENGTH), i] *= 1.0 - rate * strength
-        law_state[first + of(side, _CAPPING), i] *= 1.0 - rate * capping
-        law_state[block + of(side, rows.HIGH_DRIFT), i] *= 1.0 + rate * reloading
+        previous_work = law_state[block + rows.WORK, i]
+        work = previous_work - law_state[first + _WORK_AT_ZERO, i]
+        rate = side_parameter(law_parameters, i, side, _RATE)
+        strength = beta(law_parameters, i, _OF_STRENGTH, work, previous_work)
+        capping = beta(law_parameters, i, _OF_CAPPING, work, previous_work)
+        reloading = beta(law_parameters, i, _OF_RELOADING, work, previous_work)
+        law_state[first + _WORK_AT_ZERO, i] = previous_work
+        law_state[first + side_row(side, _STRENGTH), i] *= 1.0 - rate * strength
+        law_state[first + side_row(side, _CAPPING), i] *= 1.0 - rate * capping
+        law_state[block + side_row(side, rows.HIGH_DRIFT), i] *= 1.0 + rate * reloading
         return max(strength, capping, reloading) > 1.0
 
     @outlined
-    def cross(law_parameters, law_state, i, block, side):
-        """Zero force is passed towards a side."""
+    def cross_zero_force(law_parameters, law_state, i, block, side):
+        """Apply the deterioration after a zero crossing of the force and set the reloading branch.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        """
         first = extra_rows(law_state, block)
         law_state[block + rows.FORCE, i] = 0.0
-        law_state[first + _TURNED_AT, i] = math.inf
+        law_state[first + _REVERSAL_DRIFT, i] = math.inf
         if deteriorate(law_parameters, law_state, i, block, side):
             fail(law_state, i, block, _FAILED)
             return
         stiffness = law_state[first + _UNLOADING_STIFFNESS, i]
-        zero = side * law_state[block + rows.DRIFT, i]
-        far = law_state[block + of(side, rows.HIGH_DRIFT), i]
-        if far <= zero * (1.0 + _HERE) and zero > 0.0:
-            # The other side unloaded so softly that it passed this side's farthest point: that is
-            # moved ahead.
-            far = (
-                zero
+        zero_drift = side * law_state[block + rows.DRIFT, i]
+        max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
+        if max_drift <= zero_drift * (1.0 + _REACHED_TOLERANCE) and zero_drift > 0.0:
+            # Unloading from the other side was so flexible that it passed the point of maximum
+            # drift of this side. The point is moved ahead.
+            max_drift = (
+                zero_drift
                 + max(
-                    backbone(law_parameters, law_state, i, block, side, far),
-                    _HERE * law_parameters[_YIELD_FORCE, i],
+                    backbone(law_parameters, law_state, i, block, side, max_drift),
+                    _REACHED_TOLERANCE * law_parameters[_YIELD_FORCE, i],
                 )
                 / stiffness
             )
-            law_state[block + of(side, rows.HIGH_DRIFT), i] = far
-        far_force = backbone(law_parameters, law_state, i, block, side, far)
-        law_state[block + of(side, rows.HIGH_FORCE), i] = far_force
+            law_state[block + side_row(side, rows.HIGH_DRIFT), i] = max_drift
+        max_force = backbone(law_parameters, law_state, i, block, side, max_drift)
+        law_state[block + side_row(side, rows.HIGH_FORCE), i] = max_force
         if law_parameters[_PINCHING_FORCE, i] != 1.0 or law_parameters[_PINCHING_DRIFT, i] != 1.0:
-            drift = (1.0 - law_parameters[_PINCHING_DRIFT, i]) * (far - far_force / stiffness)
-            force = law_parameters[_PINCHING_FORCE, i] * far_force * (drift - zero) / (far - zero)
+            drift = (1.0 - law_parameters[_PINCHING_DRIFT, i]) * (max_drift - max_force / stiffness)
+            force = (
+                law_parameters[_PINCHING_FORCE, i]
+                * max_force
+                * (drift - zero_drift)
+                / (max_drift - zero_drift)
+            )
             law_state[first + _PINCHED_DRIFT, i] = drift
             law_state[first + _PINCHED_FORCE, i] = force
-            if zero < drift - _HERE * far:
-                load(
+            if zero_drift < drift - _REACHED_TOLERANCE * max_drift:
+                set_loading_branch(
                     law_parameters,
                     law_state,
                     i,
                     block,
                     side,
                     _PINCHED,
-                    force / (drift - zero),
+                    force / (drift - zero_drift),
                     drift,
                 )
                 return
-        aim(law_parameters, law_state, i, block, side)
+        aim_at_peak(law_parameters, law_state, i, block, side)
 
     @outlined
-    def reload(law_parameters, law_state, i, block, side):
-        """Go on from the last peak, to which the story came back while it unloaded."""
+    def resume_loading(law_parameters, law_state, i, block, side):
+        """Set the branch from the last peak, if the unloading branch is left at its upper end.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
         force = side * law_state[block + rows.FORCE, i]
-        far = law_state[block + of(side, rows.HIGH_DRIFT), i]
-        far_force = law_state[block + of(side, rows.HIGH_FORCE), i]
-        pinched = law_state[first + _PINCHED_DRIFT, i]
+        max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
+        max_force = law_state[block + side_row(side, rows.HIGH_FORCE), i]
+        pinched_drift = law_state[first + _PINCHED_DRIFT, i]
         pinched_force = law_state[first + _PINCHED_FORCE, i]
         if (
-            drift < pinched - _HERE * far
+            drift < pinched_drift - _REACHED_TOLERANCE * max_drift
             and force < pinched_force
-            and pinched < far
-            and pinched_force < far_force
+            and pinched_drift < max_drift
+            and pinched_force < max_force
         ):
-            slope = (pinched_force - force) / (pinched - drift)
-            if slope * (far - drift) < far_force - force:
-                load(law_parameters, law_state, i, block, side, _PINCHED, slope, pinched)
+            slope = (pinched_force - force) / (pinched_drift - drift)
+            if slope * (max_drift - drift) < max_force - force:
+                set_loading_branch(
+                    law_parameters, law_state, i, block, side, _PINCHED, slope, pinched_drift
+                )
                 return
-        go_to_farthest(law_parameters, law_state, i, block, side)
+        set_branch_to_maximum(law_parameters, law_state, i, block, side)
 
     @outlined
     def switch(law_parameters, law_state, i, block, event):
-        kind = abs(law_state[block + rows.INTERNAL, i])
+        """Set the branch that follows, depending on the type of the branch and on the event."""
+        branch_type = abs(law_state[block + rows.INTERNAL, i])
         if event == rows.REVERSED:
             side = law_state[block + rows.RATE_SIGN, i]
             if side * law_state[block + rows.FORCE, i] > 0.0:
                 unload(law_parameters, law_state, i, block, side)
             else:
-                cross(law_parameters, law_state, i, block, -side)
-        elif kind == _UNLOADING:
+                cross_zero_force(law_parameters, law_state, i, block, -side)
+        elif branch_type == _UNLOADING:
             if event * law_state[block + rows.INTERNAL, i] < 0.0:
-                cross(law_parameters, law_state, i, block, event)
+                cross_zero_force(law_parameters, law_state, i, block, event)
             else:
-                reload(law_parameters, law_state, i, block, event)
-        elif event * law_state[block + rows.DRIFT, i] >= given(
+                resume_loading(law_parameters, law_state, i, block, event)
+        elif event * law_state[block + rows.DRIFT, i] >= side_parameter(
             law_parameters, i, event, _ULTIMATE_DRIFT
-        ) * (1.0 - _HERE):
+        ) * (1.0 - _REACHED_TOLERANCE):
             fail(law_state, i, block, _FAILED)
-        elif kind == _PINCHED:
-            aim(law_parameters, law_state, i, block, event)
-        elif kind == _TO_PEAK:
-            go_to_farthest(law_parameters, law_state, i, block, event)
+        elif branch_type == _PINCHED:
+            aim_at_peak(law_parameters, law_state, i, block, event)
+        elif branch_type == _TO_PEAK:
+            set_branch_to_maximum(law_parameters, law_state, i, block, event)
         else:
-            go_along_backbone(law_parameters, law_state, i, block, event)
+            set_backbone_branch(law_parameters, law_state, i, block, event)
 
     @inline
     def strain_energy(law_parameters, law_state, i):
-        """What unloading gives back: on a loading branch with the stiffness that it would have."""
+        """Return the energy that unloading releases, J.
+
+        On a loading branch, the unloading stiffness after a reversal at the current state is used.
+        """
         force = law_state[rows.FORCE, i]
         energy = 0.5 * force * force / law_state[extra_rows(law_state, 0) + _UNLOADING_STIFFNESS, i]
         if abs(law_state[rows.INTERNAL, i]) > _UNLOADING and force != 0.0:
-            energy /= 1.0 - min(beta_of_turning(law_parameters, law_state, i, 0), 0.9)
+            energy /= 1.0 - min(beta_of_reversal(law_parameters, law_state, i, 0), 0.9)
         return energy
 
     @inline
     def enter(law_parameters, law_state, i):
+        """Set the initial values of the extra rows and the yield points as limits of the elastic
+        branch."""
         k = law_parameters[rows.STIFFNESS, i]
         first = extra_rows(law_state, 0)
         law_state[first + _UNLOADING_STIFFNESS, i] = k
-        law_state[first + _TURNED_AT, i] = math.inf
+        law_state[first + _REVERSAL_DRIFT, i] = math.inf
         for side in (1.0, -1.0):
-            strength = given(law_parameters, i, side, _YIELD_FORCE)
-            law_state[of(side, rows.HIGH_DRIFT), i] = law_state[
-                first + of(side, _PEAK_DRIFT), i
+            strength = side_parameter(law_parameters, i, side, _YIELD_FORCE)
+            law_state[side_row(side, rows.HIGH_DRIFT), i] = law_state[
+                first + side_row(side, _PEAK_DRIFT), i
             ] = strength / k
-            law_state[of(side, rows.HIGH_FORCE), i] = law_state[
-                first + of(side, _PEAK_FORCE), i
+            law_state[side_row(side, rows.HIGH_FORCE), i] = law_state[
+                first + side_row(side, _PEAK_FORCE), i
             ] = strength
-            law_state[first + of(side, _STRENGTH), i] = law_state[first + of(side, _CAPPING), i] = (
-                1.0
-            )
-        law_state[rows.UPPER, i] = given(law_parameters, i, 1.0, _YIELD_FORCE) / k
-        law_state[rows.LOWER, i] = -given(law_parameters, i, -1.0, _YIELD_FORCE) / k
+            law_state[first + side_row(side, _STRENGTH), i] = law_state[
+                first + side_row(side, _CAPPING), i
+            ] = 1.0
+        law_state[rows.UPPER, i] = side_parameter(law_parameters, i, 1.0, _YIELD_FORCE) / k
+        law_state[rows.LOWER, i] = -side_parameter(law_parameters, i, -1.0, _YIELD_FORCE) / k
 
     return follow_branches(switch, strain_energy, enter)
 
 
 def _fault(stiffness: float, values: Sequence[float]) -> str | None:
+    """Return an error message if the parameters of a side are inconsistent, otherwise None.
+
+    Parameters
+    ----------
+    stiffness : float
+        Initial stiffness, N/m.
+    values : sequence of float
+        Parameters in SI units.
+    """
     for side, group in ((values[:_SIDE], ""), (values[_SIDE : 2 * _SIDE], "negative.")):
         strength, ultimate = side[0], side[5]
         if ultimate <= strength / stiffness:
@@ -401,7 +650,7 @@ def _fault(stiffness: float, values: Sequence[float]) -> str | None:
     return None
 
 
-_SIDES = (
+_SIDE_PARAMETERS = (
     LawParameter("yield_force", force=1, low=0.0, low_allowed=False),
     LawParameter("plastic_drift", length=1, low=0.0, low_allowed=False),
     LawParameter("post_capping_drift", length=1, low=0.0, low_allowed=False),
@@ -422,8 +671,11 @@ LAW = DriftLaw(
     "pinching",
     _functions,
     parameters=(
-        *_SIDES,
-        *(replace(one, default=one.name, group="negative") for one in _SIDES),
+        *_SIDE_PARAMETERS,
+        *(
+            replace(parameter, default=parameter.name, group="negative")
+            for parameter in _SIDE_PARAMETERS
+        ),
         *(
             replace(_CAPACITY, name=name, default=math.inf, without=math.inf)
             for name in ("strength", "capping", "reloading", "unloading")

@@ -1,4 +1,8 @@
-"""What a drift law is: what a model file may say about it, and its compiled functions."""
+"""Definition of a hysteresis model of a story (a drift law).
+
+A drift law consists of a declaration (`DriftLaw` with one `LawParameter` for each parameter that a
+model file can specify) and its compiled functions (`LawFunctions`).
+"""
 
 from __future__ import annotations
 
@@ -10,17 +14,35 @@ from typing import Any
 
 @dataclass(frozen=True)
 class LawParameter:
-    """A parameter of a law.
+    """Parameter of a drift law, as specified in a model file.
 
-    `force` and `length` are the exponents of its dimension (a stiffness is force^1 length^-1); a
-    parameter with `many` is a list whose j-th entry (from 1) has the dimension force^1 length^-j.
-    One of `points` is a list of two to four points [drift, force], each within the bounds; it has
-    eight rows: four points, those that are left out put between the others.
-
-    `default` stands for a parameter that is left out: a number, or the name of the one whose value
-    it takes over; None if it must be given. Parameters of the same `group` stand in a mapping of
-    that name, which may be left out as a whole if `without` says what each is then; a `shared`
-    group may also be one number for all. A group inside another is written `outer.inner`.
+    Attributes
+    ----------
+    name : str
+        Key in the model file.
+    force, length : int
+        Exponents of the dimension. A stiffness has force 1 and length -1.
+    low, high : float
+        Bounds of the value, in SI units.
+    low_allowed, high_allowed : bool
+        True if the bound itself is a valid value.
+    many : bool
+        True if the parameter is a list of any length. Entry j (counted from 1) has the dimension
+        force^1 length^-j.
+    points : bool
+        True if the parameter is a list of two to four points [drift, force]. Each number must be
+        within the bounds. The parameter occupies eight rows (four points); points that are not
+        specified are inserted between the specified points.
+    default : float, str or None
+        Value if the model file omits the parameter: a number, or the name of the parameter with the
+        same value. None if the parameter is required.
+    group : str
+        Name of the mapping that contains the parameter; "" for none. A group within another group
+        is written `outer.inner`.
+    without : float or None
+        Value if the model file omits the complete group. None if the group is required.
+    shared : bool
+        True if one number may be specified for all parameters of the group.
     """
 
     name: str
@@ -39,56 +61,57 @@ class LawParameter:
 
     @property
     def path(self) -> str:
-        """The name with its group."""
+        """Name of the parameter with its group, as in `group.name`."""
         return f"{self.group}.{self.name}" if self.group else self.name
 
 
 @dataclass(frozen=True)
 class LawFunctions:
-    """The compiled functions of a law. They work on column i of the tables `law_parameters` and
-    `law_state` (`tdint.kernels.layout`).
+    """Compiled functions of a drift law.
+
+    All functions use column `i` of the tables `law_parameters` and `law_state` (see
+    `tdint.kernels.layout`). A block (`previous`, `trial`, `block`) is the first row of one of the
+    states in `law_state`. Functions with a default of None are optional.
 
     Attributes
     ----------
     force : function
-        (law_parameters, law_state, i, previous, trial, drift) -> tangent, N/m: force of the story
-        at
-        `drift`, reached straight from the state in block `previous`; writes FORCE and what else the
-        state of the law is to block `trial`.
-    recoverable : function
+        (law_parameters, law_state, i, previous, trial, drift) -> tangent stiffness, N/m. Computes
+        the force of the story if the drift changes monotonically from the state in block `previous`
+        to `drift` (m). Writes FORCE and all other rows of the law's state to block `trial`.
+    strain_energy : function
         (law_parameters, law_state, i) -> energy stored in the committed state, J.
-    dissipated : function, optional
-        (law_parameters, law_state, i) -> energy dissipated until the committed state, J, where that
-        is not the row DISSIPATED.
-    settle : function, optional
-        (law_parameters, law_state, i, previous, trial): adds up DISSIPATED in block `trial`.
-        Without it
-        that stays as it is.
+    hysteretic_energy : function, optional
+        (law_parameters, law_state, i) -> energy dissipated until the committed state, J. Default:
+        row DISSIPATED.
+    accumulate_dissipation : function, optional
+        (law_parameters, law_state, i, previous, trial). Sets DISSIPATED of block `trial` to
+        DISSIPATED of block `previous` plus the energy dissipated between the two states. Default:
+        copies DISSIPATED.
     keep : function, optional
-        (law_parameters, law_state, i, previous, trial): commits rows beyond the plain ones. A law
-        that
-        has it always knows its branch; one that has no `accumulate_dissipation` may look at that
-        first
-        (`tdint.kernels.laws.branch_following.branch_first`).
+        (law_parameters, law_state, i, previous, trial). Copies all rows except the common rows from
+        block `trial` to the committed state. A law with this function stores its branch in every
+        state. If the law has no `accumulate_dissipation`, it can use
+        `tdint.kernels.laws.branch_following.branch_first`.
     enter : function, optional
-        (law_parameters, law_state, i): branch of the committed state: SLOPE, UPPER, LOWER, where
-        they
-        are not k and without end.
+        (law_parameters, law_state, i). Sets SLOPE, UPPER and LOWER of the committed state. Default:
+        initial stiffness and no limits.
     advance : function, optional
-        (law_parameters, law_state, i, block, step, mean_force): what else changes on the way along
-        a
-        branch; without it the row WORK adds up.
+        (law_parameters, law_state, i, block, step, mean_force). Updates the rows other than DRIFT
+        and FORCE after a change of the drift by `step` (m) along a branch, with the mean force
+        `mean_force` (N). Default: adds the work to row WORK.
     switch : function, optional
-        (law_parameters, law_state, i, block, event): the branch that follows when the present one
-        ends by `event` (ABOVE, BELOW, TURNED): sets SLOPE, LOWER, UPPER and TURN of the block
-        (`walking.put_on_branch`), and FORCE and INTERNAL where they change.
+        (law_parameters, law_state, i, block, event). Selects the branch that follows when the
+        current branch ends by `event` (ABOVE, BELOW or REVERSED). Sets SLOPE, LOWER, UPPER and
+        RATE_SIGN of the block (see `tdint.kernels.laws.branch_following.set_branch`), and FORCE and
+        INTERNAL if their values change.
     points : function, optional
-        (law_parameters, law_state, i, way) -> Gauss points on a path of drift that is `way` long
-        (m),
-        for a curved law. Without it many are taken.
+        (law_parameters, law_state, i, way) -> number of Gauss points on a path with a drift change
+        of `way` (m), for a curved law. Default: 16.
     kink : function, optional
-        (law_parameters, law_state, i, block, side) -> how far ahead of the state in `block`, on the
-        way to `side`, the force of a curved law bends sharply, m; infinite if it does not.
+        (law_parameters, law_state, i, block, side) -> drift change in the direction `side` (1 or
+        -1) after which the force of a curved law has a sharp bend, m; infinite if the force has no
+        sharp bend.
     """
 
     force: Any
@@ -105,41 +128,46 @@ class LawFunctions:
 
 @dataclass(frozen=True)
 class DriftLaw:
-    """A drift law: d is the story's drift, k its initial stiffness, f the restoring force.
+    """Drift law: hysteresis model of a story.
+
+    In formulas, d is the story drift, k the initial stiffness and f the restoring force.
 
     Attributes
     ----------
+    name : str
+        Value of the key `type` in a model file.
     formula : str
-        One line for people.
+        Description in one line, for the documentation and for messages.
     functions : callable
-        () -> LawFunctions. Only this imports numba.
-    apart : bool
-        Whether the law is compiled on its own, when a model has it, and called at its address; else
-        it is part of every loop.
-    extra_rows : int
-        Rows of `law_state` that the law needs beyond the common ones
-        (`tdint.kernels.layout.EXTRA_ROWS`).
+        () -> LawFunctions. Only this function imports numba.
     parameters : tuple of LawParameter
-        In the order of the rows of `law_parameters` from FIRST_PARAMETER on (a `many` parameter
-        comes last).
+        Parameters in the order of the rows of `law_parameters` from FIRST_PARAMETER on. A `many`
+        parameter must be the last.
     curved : bool
-        Whether the force is curved; else it is linear branch by branch.
+        True if a branch of the force is curved. False if all branches are linear.
     kinked : bool
-        Whether the tangent jumps somewhere, so that the law has a `switch`; where it does is
-        located in a step.
+        True if the tangent stiffness is discontinuous. The law then has a `switch`, and the changes
+        of branch are located within a time step.
+    apart : bool
+        True if the law is compiled separately when a model uses it and is called by address. False
+        if the law is part of every time loop.
+    extra_rows : int
+        Number of rows of `law_state` that each state needs in addition to the common rows (see
+        `tdint.kernels.layout.EXTRA_ROWS`).
     stiffens : callable
-        Parameter values -> whether a story can become stiffer than at rest.
+        Parameter values -> True if the story can become stiffer than its initial stiffness.
     initial_stiffness : callable, optional
-        The law's own initial stiffness from the parameter values; None where the story gives it.
+        Parameter values -> initial stiffness, N/m. None if the model file specifies the stiffness
+        of the story.
     yield_drift : callable
-        (initial stiffness, parameter values) -> drift at first yield, m; nan for a law that does
-        not yield.
+        (initial stiffness, parameter values) -> drift at first yield, m; nan for a law without
+        yielding.
     fault : callable
-        (initial stiffness, parameter values) -> what is wrong with them together; None if nothing
-        is.
+        (initial stiffness, parameter values) -> error message if the combination of parameters is
+        invalid, otherwise None.
     failed : float
-        What row INTERNAL is, from then on, of a story that carries nothing any more; nan if that
-        does not happen.
+        Value of row INTERNAL after the story has lost its strength permanently; nan if the law has
+        no such state.
     """
 
     name: str
@@ -158,5 +186,5 @@ class DriftLaw:
 
 
 def yields_at_its_strength(stiffness: float, values: Sequence[float]) -> float:
-    """Drift at first yield of a law whose first parameter is its yield force, m."""
+    """Return the drift at first yield, m, of a law whose first parameter is the yield force."""
     return values[0] / stiffness

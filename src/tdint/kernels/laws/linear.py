@@ -1,4 +1,4 @@
-"""The linear law."""
+"""Linear elastic law, f = k d."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ def _functions() -> LawFunctions:
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
+        """Return the constant tangent stiffness k, N/m, and write the force k d to block `trial`."""
         law_state[trial + rows.FORCE, i] = law_parameters[rows.STIFFNESS, i] * drift
         return law_parameters[rows.STIFFNESS, i]
 
     @inline
     def strain_energy(law_parameters, law_state, i):
+        """Return k d^2 / 2, J."""
         return (
             0.5
             * law_parameters[rows.STIFFNESS, i]

@@ -1,20 +1,22 @@
-"""The multilinear law with pinched reloading: the backbone of a capacity curve, as regional models
-have it.
+"""Multilinear law with pinched reloading, for the capacity curves of regional models.
 
-The backbone of each side rises or falls through four points and ends flat, or with its last slope
-if that rises. A turn starts a path of at most three straight parts to the farthest point of the
-side that is moved towards: unloading to the part `unloading` of the third point's force, on to the
-parts `drift` and `force` of the farthest point, up to that. It is the law that OpenSees has as
-Pinching4 (Lowes and Altoontash 2003), with every turn at its own drift instead of at a step's end,
-and without what follows there from rounding.
+The backbone curve of each side rises or falls through four points. Beyond the last point it is
+constant, or continues with its last slope if this slope is positive. A reversal starts a path of at
+most three linear parts to the point of maximum drift of the side towards which the story moves:
+unloading to the fraction `unloading` of the force at the third point, then to the fractions `drift`
+and `force` of the point of maximum drift, then to that point. The law is Pinching4 of OpenSees
+(Lowes and Altoontash 2003), with two differences: each reversal occurs at its exact drift and not
+at the end of a time step, and effects of rounding are removed.
 
-Degradation takes, at each turn, a part from stiffness and strength and moves the farthest points
-ahead, by
+At each reversal, degradation reduces stiffness and strength and increases the maximum drifts by the
+fraction
 
-    peak (largest drift / ultimate drift)^peak_exponent + work ((work - elastic) /
-    capacity)^work_exponent <= limit
+    peak (maximum drift / ultimate drift)^peak_exponent
+        + work ((work - elastic energy) / capacity)^work_exponent <= limit
 
-and takes nothing before the first yielding.
+There is no degradation before the first yielding.
+
+In the functions below, drifts and forces with a `side` are positive in the direction of that side.
 """
 
 from __future__ import annotations
@@ -27,8 +29,8 @@ from itertools import pairwise
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter
 
-# Parameters: drift and force of four points of the positive side, then of the negative one; the
-# pinching of both sides
+# Rows of `law_parameters`: drift and force of four points of the positive side, then of the
+# negative side (_SIDE rows later), then the pinching parameters of both sides.
 _POINTS = rows.FIRST_PARAMETER
 _PINCHING = rows.FIRST_PARAMETER + 16
 _SIDE = 8
@@ -39,29 +41,36 @@ _OF_DRIFT = rows.FIRST_PARAMETER + 28
 _OF_STRENGTH = rows.FIRST_PARAMETER + 33
 _CAPACITY = rows.FIRST_PARAMETER + 38
 
-# Extra rows, from the block's first one
-_KNOTS = 0  # drift and force of the three points of the path, on the side it leads to
-_WEAKER = 6  # part of the strength, of the stiffness that was lost at the last turn
-_SOFTER = 7
-_HELD = (
-    8  # losses of stiffness, drift and strength as they were where the ultimate drift was passed
+# Extra rows, relative to the first extra row of the state.
+# drift and force of the three points of the current path, positive on the side of the path
+_PATH_POINTS = 0
+_STRENGTH_LOSS = 6  # fractions of strength and stiffness that were lost at the last reversal
+_STIFFNESS_LOSS = 7
+_LAST_LOSSES = (
+    # losses of stiffness, drift and strength at the moment at which the last drift of the backbone
+    # curve was exceeded
+    8
 )
-_EXTRA_ROWS = _HELD + 3
+_EXTRA_ROWS = _LAST_LOSSES + 3
 
-# Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first one
+# Types of branches in row INTERNAL. The value is negative on the negative side, and 0 before the
+# first branch.
 _ON_PATH = 1.0
 _ON_BACKBONE = 2.0
-_FAILED = 3.0  # not negative
+_FAILED = 3.0  # positive for both sides
 
-_HERE = 1e-12  # over a drift: what lies no farther ahead is reached
-# Over the first drift: a story that turns within it has not moved yet. An upper story of a building
-# at rest turns at some 1e-10 m, by the step alone, and would lose up to a fifth of its stiffness
-# there. A tenth of what OpenSees' law leaves out: forces this small are lost in those of any
-# motion.
-_AT_REST = 1e-5
-_EQUAL = 1e-12  # stiffnesses that differ by rounding alone
-_NO_PINCHING = 1e-8  # a difference of the parts of force below which reloading does not pinch
-_FLAT = 1e-8  # over the stiffness
+_REACHED_TOLERANCE = (
+    1e-12  # relative to a drift; a point within this distance ahead is regarded as reached
+)
+# Relative to the first drift of the backbone curve. A reversal within this drift is not counted. An
+# upper story of a building at rest reverses at about 1e-10 m because of the time discretization,
+# and would lose up to a fifth of its stiffness. The value is a tenth of the limit in OpenSees.
+# Forces of this size are negligible in any response.
+_MIN_REVERSAL = 1e-5
+_EQUAL = 1e-12  # relative difference of stiffnesses that is regarded as rounding error
+# difference of the force fractions at or below which the reloading is not pinched
+_NO_PINCHING = 1e-8
+_MIN_SLOPE = 1e-8  # relative to the stiffness; minimum slope of a path
 
 
 def _functions() -> LawFunctions:
@@ -69,42 +78,51 @@ def _functions() -> LawFunctions:
     from tdint.kernels.laws.branch_following import extra_rows, fail, follow_branches
 
     @inline
-    def of(side, row):
-        """The row of a pair that belongs to a side: the negative one's is two rows on, and
-        positive, too."""
+    def side_row(side, row):
+        """Return the row of a pair of rows for side `side`; the row of the negative side is two
+        rows later.
+
+        Values of both sides are positive.
+        """
         return row if side > 0.0 else row + 2
 
     @inline
-    def drift_of(law_parameters, i, side, point):
+    def point_drift(law_parameters, i, side, point):
+        """Return the drift of point `point` (1 to 4) of the backbone curve, m."""
         return law_parameters[(_POINTS if side > 0.0 else _POINTS + _SIDE) + 2 * (point - 1), i]
 
     @inline
-    def force_of(law_parameters, i, side, point):
+    def point_force(law_parameters, i, side, point):
+        """Return the force of point `point` (1 to 4) of the backbone curve, N."""
         return law_parameters[(_POINTS if side > 0.0 else _POINTS + _SIDE) + 2 * point - 1, i]
 
     @inline
-    def pinching(law_parameters, i, side, which):
-        return law_parameters[(_PINCHING if side > 0.0 else _PINCHING + _PINCHING_SIDE) + which, i]
+    def pinching(law_parameters, i, side, index):
+        """Return a pinching parameter of a side: 0 is `drift`, 1 is `force`, 2 is `unloading`."""
+        return law_parameters[(_PINCHING if side > 0.0 else _PINCHING + _PINCHING_SIDE) + index, i]
 
     @inline
     def stiffness(law_parameters, i, side):
-        return force_of(law_parameters, i, side, 1) / drift_of(law_parameters, i, side, 1)
+        """Return the stiffness of the first line of the backbone curve, N/m."""
+        return point_force(law_parameters, i, side, 1) / point_drift(law_parameters, i, side, 1)
 
     @inline
     def last_slope(law_parameters, i, side):
-        rise = force_of(law_parameters, i, side, 4) - force_of(law_parameters, i, side, 3)
+        """Return the slope beyond the last point of the backbone curve, N/m, at least 0."""
+        rise = point_force(law_parameters, i, side, 4) - point_force(law_parameters, i, side, 3)
         return max(rise, 0.0) / (
-            drift_of(law_parameters, i, side, 4) - drift_of(law_parameters, i, side, 3)
+            point_drift(law_parameters, i, side, 4) - point_drift(law_parameters, i, side, 3)
         )
 
     @outlined
     def backbone(law_parameters, i, side, drift):
-        """Force of the backbone that nothing has weakened."""
+        """Return the force of the backbone curve without degradation, N, at a drift (m) of a
+        side."""
         x, y = 0.0, 0.0
         for point in range(1, 5):
             end, force = (
-                drift_of(law_parameters, i, side, point),
-                force_of(law_parameters, i, side, point),
+                point_drift(law_parameters, i, side, point),
+                point_force(law_parameters, i, side, point),
             )
             if drift <= end:
                 return y + (drift - x) * (force - y) / (end - x)
@@ -113,12 +131,12 @@ def _functions() -> LawFunctions:
 
     @inline
     def area(law_parameters, i, side):
-        """Under the backbone up to its last point."""
+        """Return the area below the backbone curve up to its last point, J."""
         x, y, sum_ = 0.0, 0.0, 0.0
         for point in range(1, 5):
             end, force = (
-                drift_of(law_parameters, i, side, point),
-                force_of(law_parameters, i, side, point),
+                point_drift(law_parameters, i, side, point),
+                point_force(law_parameters, i, side, point),
             )
             sum_ += 0.5 * (y + force) * (end - x)
             x, y = end, force
@@ -126,83 +144,134 @@ def _functions() -> LawFunctions:
 
     @inline
     def last_drift(law_parameters, i):
-        return max(drift_of(law_parameters, i, 1.0, 4), drift_of(law_parameters, i, -1.0, 4))
+        """Return the larger drift of the last points of the two sides, m."""
+        return max(point_drift(law_parameters, i, 1.0, 4), point_drift(law_parameters, i, -1.0, 4))
 
     @inline
     def degrades(law_parameters, i):
+        """Return True if a degradation limit of the story is positive."""
         limits = 0.0
-        for kind in (_OF_STIFFNESS, _OF_DRIFT, _OF_STRENGTH):
-            limits += law_parameters[kind + 4, i]
+        for row in (_OF_STIFFNESS, _OF_DRIFT, _OF_STRENGTH):
+            limits += law_parameters[row + 4, i]
         return limits > 0.0
 
     @inline
-    def loss(law_parameters, i, kind, farthest, spent):
-        """One loss before what bounds it from elsewhere; `spent` is a part of the capacity,
-        negative where elastic."""
-        limit = law_parameters[kind + 4, i]
-        if limit == 0.0 or spent >= 1.0:
+    def loss(law_parameters, i, row, drift_ratio, used_capacity):
+        """Return the fraction lost by one type of degradation, at most its limit.
+
+        Parameters
+        ----------
+        law_parameters : ndarray
+            Parameters of the laws.
+        i : int
+            Index of the story.
+        row : int
+            First of the five rows of the type of degradation.
+        drift_ratio : float
+            Maximum drift over ultimate drift.
+        used_capacity : float
+            Dissipated work over the energy capacity; not positive if the response is elastic.
+        """
+        limit = law_parameters[row + 4, i]
+        if limit == 0.0 or used_capacity >= 1.0:
             return limit
-        lost = law_parameters[kind, i] * farthest ** law_parameters[kind + 2, i]
-        if spent > 0.0:
-            lost += law_parameters[kind + 1, i] * spent ** law_parameters[kind + 3, i]
-        return min(lost, limit)
+        losses_now = law_parameters[row, i] * drift_ratio ** law_parameters[row + 2, i]
+        if used_capacity > 0.0:
+            losses_now += law_parameters[row + 1, i] * used_capacity ** law_parameters[row + 3, i]
+        return min(losses_now, limit)
 
     @inline
-    def yielded(law_parameters, law_state, i, block):
+    def has_yielded(law_parameters, law_state, i, block):
+        """Return True if the maximum drift of a side exceeds the first drift of the backbone
+        curve."""
         side = 1.0 if law_state[block + rows.INTERNAL, i] > 0.0 else -1.0
         loading = abs(law_state[block + rows.INTERNAL, i]) == _ON_BACKBONE
-        if loading and side * law_state[block + rows.DRIFT, i] > drift_of(
+        if loading and side * law_state[block + rows.DRIFT, i] > point_drift(
             law_parameters, i, side, 1
         ):
             return True
-        above = law_state[block + rows.HIGH_DRIFT, i] > drift_of(law_parameters, i, 1.0, 1)
-        return above or law_state[block + rows.LOW_DRIFT, i] > drift_of(law_parameters, i, -1.0, 1)
+        above = law_state[block + rows.HIGH_DRIFT, i] > point_drift(law_parameters, i, 1.0, 1)
+        return above or law_state[block + rows.LOW_DRIFT, i] > point_drift(
+            law_parameters, i, -1.0, 1
+        )
 
     @outlined
-    def losses(law_parameters, law_state, i, block):
-        """Losses of stiffness, drift and strength if the story turned here."""
+    def degradation(law_parameters, law_state, i, block):
+        """Return the losses of stiffness, maximum drift and strength for a reversal at the current
+        state.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+
+        Returns
+        -------
+        tuple of float
+            Three fractions. The loss of stiffness is bounded so that the stiffness remains at least
+            the secant stiffness of the backbone curve.
+        """
         first = extra_rows(law_state, block)
         drift = law_state[block + rows.DRIFT, i]
-        if not degrades(law_parameters, i) or not yielded(law_parameters, law_state, i, block):
+        if not degrades(law_parameters, i) or not has_yielded(law_parameters, law_state, i, block):
             return 0.0, 0.0, 0.0
         ultimate = last_drift(law_parameters, i)
-        if abs(drift) > ultimate * (1.0 + _HERE):
+        if abs(drift) > ultimate * (1.0 + _REACHED_TOLERANCE):
             return (
-                law_state[first + _HELD, i],
-                law_state[first + _HELD + 1, i],
-                law_state[first + _HELD + 2, i],
+                law_state[first + _LAST_LOSSES, i],
+                law_state[first + _LAST_LOSSES + 1, i],
+                law_state[first + _LAST_LOSSES + 2, i],
             )
         force, work = law_state[block + rows.FORCE, i], law_state[block + rows.WORK, i]
         capacity = law_parameters[_CAPACITY, i] * max(
             area(law_parameters, i, 1.0), area(law_parameters, i, -1.0)
         )
         k = stiffness(law_parameters, i, 1.0 if drift > 0.0 else -1.0) * (
-            1.0 - law_state[first + _SOFTER, i]
+            1.0 - law_state[first + _STIFFNESS_LOSS, i]
         )
-        spent = 2.0 if work >= capacity else (work - 0.5 * force * force / k) / capacity
+        used_capacity = 2.0 if work >= capacity else (work - 0.5 * force * force / k) / capacity
         secant = 0.0
         for side in (1.0, -1.0):
-            far = law_state[block + of(side, rows.HIGH_DRIFT), i]
+            max_drift = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
             secant = max(
                 secant,
-                backbone(law_parameters, i, side, far) / far / stiffness(law_parameters, i, side),
+                backbone(law_parameters, i, side, max_drift)
+                / max_drift
+                / stiffness(law_parameters, i, side),
             )
-        room = max(0.0, 1.0 - secant * (1.0 - law_state[first + _WEAKER, i]))
-        farthest = (
+        available = max(0.0, 1.0 - secant * (1.0 - law_state[first + _STRENGTH_LOSS, i]))
+        drift_ratio = (
             max(law_state[block + rows.HIGH_DRIFT, i], law_state[block + rows.LOW_DRIFT, i])
             / ultimate
         )
         return (
-            min(loss(law_parameters, i, _OF_STIFFNESS, farthest, spent), room),
-            loss(law_parameters, i, _OF_DRIFT, farthest, spent),
-            loss(law_parameters, i, _OF_STRENGTH, farthest, spent),
+            min(loss(law_parameters, i, _OF_STIFFNESS, drift_ratio, used_capacity), available),
+            loss(law_parameters, i, _OF_DRIFT, drift_ratio, used_capacity),
+            loss(law_parameters, i, _OF_STRENGTH, drift_ratio, used_capacity),
         )
 
     @inline
-    def checked(u, f, knots, lowest, secant):
-        """A path that goes back or falls is replaced by the straight line, or by the two lines
-        through the origin."""
-        b, fb, c, fc, d, fd = knots
+    def validated_path(u, f, points, lowest, secant):
+        """Return the three points of a path, replaced if the path goes backwards or falls.
+
+        The replacement is the line to the last point, or two lines through the origin.
+
+        Parameters
+        ----------
+        u, f : float
+            Drift (m) and force (N) at the start of the path.
+        knots : tuple of float
+            Drift and force of the three points.
+        lowest : float
+            Minimum slope of the line for which the two lines through the origin are used, N/m.
+        secant : float
+            Maximum slope for the same purpose, N/m.
+        """
+        b, fb, c, fc, d, fd = points
         if b >= u and c >= b and d >= c and fb >= f and fc >= fb and fd >= fc:
             return b, fb, c, fc, d, fd
         slope = (fd - f) / (d - u)
@@ -211,45 +280,87 @@ def _functions() -> LawFunctions:
         return d, fd, d, fd, d, fd
 
     @inline
-    def reloading_point(law_parameters, i, side, weak, k, far, force, late):
-        """Where the pinched part of the way to the farthest point ends."""
-        part, unloading = pinching(law_parameters, i, side, 1), pinching(law_parameters, i, side, 2)
-        drift, pinched = pinching(law_parameters, i, side, 0) * far, part * force
-        if part - unloading <= _NO_PINCHING:
-            third = force if late else weak * force_of(law_parameters, i, side, 3)
-            pinched = max(third * unloading, weak * force_of(law_parameters, i, side, 4)) * (
-                1.0 + 1e-6
+    def reloading_point(
+        law_parameters, i, side, strength_factor, k, max_drift, force, is_beyond_third
+    ):
+        """Return drift and force at the end of the pinched part of the path to the point of maximum
+        drift.
+
+        Parameters
+        ----------
+        law_parameters : ndarray
+            Parameters of the laws.
+        i : int
+            Index of the story.
+        side : float
+            Direction of loading, 1 or -1.
+        strength_factor : float
+            Remaining fraction of the strength.
+        k : float
+            Loading stiffness, N/m.
+        max_drift, force : float
+            Point of maximum drift, m and N.
+        is_beyond_third : bool
+            True if the maximum drift exceeds the third point of the backbone curve.
+        """
+        fraction, unloading = (
+            pinching(law_parameters, i, side, 1),
+            pinching(law_parameters, i, side, 2),
+        )
+        drift, pinched = pinching(law_parameters, i, side, 0) * max_drift, fraction * force
+        if fraction - unloading <= _NO_PINCHING:
+            third = (
+                force
+                if is_beyond_third
+                else strength_factor * point_force(law_parameters, i, side, 3)
             )
-        if force - pinched > k * (far - drift) or drift == far:
-            drift = far - (force - pinched) / k
+            pinched = max(
+                third * unloading, strength_factor * point_force(law_parameters, i, side, 4)
+            ) * (1.0 + 1e-6)
+        if force - pinched > k * (max_drift - drift) or drift == max_drift:
+            drift = max_drift - (force - pinched) / k
         return drift, pinched
 
     @outlined
-    def path(law_parameters, i, side, u, f, demand, lost):
-        """The three points of the path from a turn at (u, f), drift and force counted in the sense
-        of the side it leads to, whose farthest drift is `demand`; `lost` are the losses that act
-        from here on."""
-        weak = 1.0 - lost[2]
-        k = stiffness(law_parameters, i, side) * (1.0 - lost[0])
-        d = demand * (1.0 + lost[1])
-        fd = weak * backbone(law_parameters, i, side, d)
+    def path(law_parameters, i, side, u, f, demand, losses_now):
+        """Return the three points of the path after a reversal, as a tuple of drifts and forces.
+
+        Parameters
+        ----------
+        law_parameters : ndarray
+            Parameters of the laws.
+        i : int
+            Index of the story.
+        side : float
+            Direction of loading, 1 or -1.
+        u, f : float
+            Drift (m) and force (N) at the reversal.
+        demand : float
+            Maximum drift of this side, m.
+        losses_now : tuple of float
+            Losses of stiffness, maximum drift and strength.
+        """
+        strength_factor = 1.0 - losses_now[2]
+        k = stiffness(law_parameters, i, side) * (1.0 - losses_now[0])
+        d = demand * (1.0 + losses_now[1])
+        fd = strength_factor * backbone(law_parameters, i, side, d)
         if u * d >= 0.0 or u >= d:
             return d, fd, d, fd, d, fd
-        back = stiffness(law_parameters, i, -side) * (1.0 - lost[0])
+        unloading_stiffness = stiffness(law_parameters, i, -side) * (1.0 - losses_now[0])
         secant = f / u if side > 0.0 else fd / d
-        late = demand > drift_of(law_parameters, i, side, 3)
-        c, fc = reloading_point(law_parameters, i, side, weak, k, d, fd, late)
+        is_beyond_third = demand > point_drift(law_parameters, i, side, 3)
+        c, fc = reloading_point(law_parameters, i, side, strength_factor, k, d, fd, is_beyond_third)
         if c < u:
             return d, fd, d, fd, d, fd
         fb = (
             pinching(law_parameters, i, side, 2)
-            * weak
-            * force_of(law_parameters, i, side, 4 if late else 3)
+            * strength_factor
+            * point_force(law_parameters, i, side, 4 if is_beyond_third else 3)
         )
-        b = u + (fb - f) / back
+        b = u + (fb - f) / unloading_stiffness
         if b < u:
             b, fb = 0.5 * (u + c), 0.5 * (f + fc)
-        elif (c != b and (fc - fb) / (c - b) > max(k, back)) or (c == b and fc > fb):
+        elif (c != b and (fc - fb) / (c - b) > max(k, unloading_stiffness)) or (c == b and fc > fb):
             return d, fd, d, fd, d, fd
         elif c < b or fc < fb:
             if b > 0.0:
@@ -258,128 +369,202 @@ def _functions() -> LawFunctions:
                 c, fc = 0.5 * (b + d), 0.5 * (fb + fd)
             else:
                 mean = 0.5 * (fb + fc)
-                leave, arrive = (fb - f) / (b - u), (fd - fc) / (d - c)
+                first_slope, last_slope_of_path = (fb - f) / (b - u), (fd - fc) / (d - c)
                 fb, fc = mean - abs(mean) / 100.0, mean + abs(mean) / 100.0
-                b, c = u + (fb - f) / leave, d - (fd - fc) / arrive
-        return checked(u, f, (b, fb, c, fc, d, fd), _FLAT * k, secant)
+                b, c = u + (fb - f) / first_slope, d - (fd - fc) / last_slope_of_path
+        return validated_path(u, f, (b, fb, c, fc, d, fd), _MIN_SLOPE * k, secant)
 
     @outlined
-    def lead(law_parameters, law_state, i, block, side, kind, slope, end):
-        """Put the story on a branch that goes up to the drift `end` of a side."""
+    def set_loading_branch(law_parameters, law_state, i, block, side, branch_type, slope, end):
+        """Set a branch that ends at the drift `end` on side `side`.
+
+        The branch also ends at the ultimate drift, and at the drift from which on the degradation
+        is constant.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First branch_type of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        branch_type : float
+            Type of the branch.
+        slope : float
+            Stiffness of the branch, N/m.
+        end : float
+            Drift at the end of the branch, m.
+        """
         drift = side * law_state[block + rows.DRIFT, i]
         end = min(end, law_parameters[_ULTIMATE, i])
-        if degrades(law_parameters, i) and drift < last_drift(law_parameters, i) * (1.0 - _HERE):
+        if degrades(law_parameters, i) and drift < last_drift(law_parameters, i) * (
+            1.0 - _REACHED_TOLERANCE
+        ):
             end = min(end, last_drift(law_parameters, i))
-        law_state[block + rows.INTERNAL, i] = side * kind
+        law_state[block + rows.INTERNAL, i] = side * branch_type
         law_state[block + rows.SLOPE, i] = slope
         law_state[block + rows.RATE_SIGN, i] = side
         law_state[block + rows.UPPER, i] = end if side > 0.0 else math.inf
         law_state[block + rows.LOWER, i] = -end if side < 0.0 else -math.inf
 
     @outlined
-    def go_along_backbone(law_parameters, law_state, i, block, side):
+    def set_backbone_branch(law_parameters, law_state, i, block, side):
+        """Set the force and the branch of the backbone curve at the current drift.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        """
         drift = side * law_state[block + rows.DRIFT, i]
-        weak = 1.0 - law_state[extra_rows(law_state, block) + _WEAKER, i]
-        law_state[block + rows.FORCE, i] = side * weak * backbone(law_parameters, i, side, drift)
+        strength_factor = 1.0 - law_state[extra_rows(law_state, block) + _STRENGTH_LOSS, i]
+        law_state[block + rows.FORCE, i] = (
+            side * strength_factor * backbone(law_parameters, i, side, drift)
+        )
         x, y = 0.0, 0.0
         for point in range(1, 5):
             end, force = (
-                drift_of(law_parameters, i, side, point),
-                force_of(law_parameters, i, side, point),
+                point_drift(law_parameters, i, side, point),
+                point_force(law_parameters, i, side, point),
             )
-            if drift < end * (1.0 - _HERE):
-                lead(
+            if drift < end * (1.0 - _REACHED_TOLERANCE):
+                set_loading_branch(
                     law_parameters,
                     law_state,
                     i,
                     block,
                     side,
                     _ON_BACKBONE,
-                    weak * (force - y) / (end - x),
+                    strength_factor * (force - y) / (end - x),
                     end,
                 )
                 return
             x, y = end, force
-        lead(
+        set_loading_branch(
             law_parameters,
             law_state,
             i,
             block,
             side,
             _ON_BACKBONE,
-            weak * last_slope(law_parameters, i, side),
+            strength_factor * last_slope(law_parameters, i, side),
             math.inf,
         )
 
     @outlined
-    def go_on(law_parameters, law_state, i, block, side):
-        """Further along the path, or behind it along the backbone."""
+    def continue_path(law_parameters, law_state, i, block, side):
+        """Set the next part of the path, or the backbone curve after the end of the path.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        """
         first = extra_rows(law_state, block)
         drift = side * law_state[block + rows.DRIFT, i]
         force = side * law_state[block + rows.FORCE, i]
-        far = law_state[first + _KNOTS + 4, i]
-        for knot in range(_KNOTS, _KNOTS + 6, 2):
+        max_drift = law_state[first + _PATH_POINTS + 4, i]
+        for knot in range(_PATH_POINTS, _PATH_POINTS + 6, 2):
             end = law_state[first + knot, i]
-            if drift < end - _HERE * far:
+            if drift < end - _REACHED_TOLERANCE * max_drift:
                 slope = (law_state[first + knot + 1, i] - force) / (end - drift)
-                lead(law_parameters, law_state, i, block, side, _ON_PATH, slope, end)
+                set_loading_branch(law_parameters, law_state, i, block, side, _ON_PATH, slope, end)
                 return
-        go_along_backbone(law_parameters, law_state, i, block, side)
+        set_backbone_branch(law_parameters, law_state, i, block, side)
 
     @outlined
-    def turn(law_parameters, law_state, i, block, side):
-        """Turn towards a side."""
+    def start_path(law_parameters, law_state, i, block, side):
+        """Apply the degradation at a reversal and set the first part of the path towards side
+        `side`.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        """
         first = extra_rows(law_state, block)
         drift = law_state[block + rows.DRIFT, i]
-        lost = losses(law_parameters, law_state, i, block)
+        losses_now = degradation(law_parameters, law_state, i, block)
         if abs(law_state[block + rows.INTERNAL, i]) == _ON_BACKBONE:
-            left = of(-side, rows.HIGH_DRIFT)
-            reached = law_state[block + left, i] * (1.0 + lost[1])
-            law_state[block + left, i] = max(reached, -side * drift)
-        law_state[first + _SOFTER, i], law_state[first + _WEAKER, i] = lost[0], lost[2]
-        demand = law_state[block + of(side, rows.HIGH_DRIFT), i]
-        knots = path(
+            maximum_row = side_row(-side, rows.HIGH_DRIFT)
+            reached_drift = law_state[block + maximum_row, i] * (1.0 + losses_now[1])
+            law_state[block + maximum_row, i] = max(reached_drift, -side * drift)
+        law_state[first + _STIFFNESS_LOSS, i], law_state[first + _STRENGTH_LOSS, i] = (
+            losses_now[0],
+            losses_now[2],
+        )
+        demand = law_state[block + side_row(side, rows.HIGH_DRIFT), i]
+        points = path(
             law_parameters,
             i,
             side,
             side * drift,
             side * law_state[block + rows.FORCE, i],
             demand,
-            lost,
+            losses_now,
         )
         for row in range(6):
-            law_state[first + _KNOTS + row, i] = knots[row]
-        go_on(law_parameters, law_state, i, block, side)
+            law_state[first + _PATH_POINTS + row, i] = points[row]
+        continue_path(law_parameters, law_state, i, block, side)
 
     @outlined
     def switch(law_parameters, law_state, i, block, event):
-        kind = abs(law_state[block + rows.INTERNAL, i])
-        reached = event * law_state[block + rows.DRIFT, i]
+        """Set the branch that follows, depending on the type of the branch and on the event."""
+        branch_type = abs(law_state[block + rows.INTERNAL, i])
+        reached_drift = event * law_state[block + rows.DRIFT, i]
         if event == rows.REVERSED:
-            turn(law_parameters, law_state, i, block, -law_state[block + rows.RATE_SIGN, i])
+            start_path(law_parameters, law_state, i, block, -law_state[block + rows.RATE_SIGN, i])
             return
-        if reached >= law_parameters[_ULTIMATE, i] * (1.0 - _HERE):
+        if reached_drift >= law_parameters[_ULTIMATE, i] * (1.0 - _REACHED_TOLERANCE):
             fail(law_state, i, block, _FAILED)
             return
         if (
             degrades(law_parameters, i)
-            and abs(reached / last_drift(law_parameters, i) - 1.0) <= _HERE
+            and abs(reached_drift / last_drift(law_parameters, i) - 1.0) <= _REACHED_TOLERANCE
         ):
-            held = losses(law_parameters, law_state, i, block)
+            held = degradation(law_parameters, law_state, i, block)
             for row in range(3):
-                law_state[extra_rows(law_state, block) + _HELD + row, i] = held[row]
-        if kind == _ON_PATH:
-            go_on(law_parameters, law_state, i, block, event)
+                law_state[extra_rows(law_state, block) + _LAST_LOSSES + row, i] = held[row]
+        if branch_type == _ON_PATH:
+            continue_path(law_parameters, law_state, i, block, event)
         else:
-            go_along_backbone(law_parameters, law_state, i, block, event)
+            set_backbone_branch(law_parameters, law_state, i, block, event)
 
     @inline
-    def until_zero(u, f, knots):
-        """Energy that comes back on the way along a path from a negative force at `u` to where
-        there is none."""
+    def released_energy(u, f, points):
+        """Return the energy released along a path from a negative force to zero force, J.
+
+        Parameters
+        ----------
+        u, f : float
+            Drift (m) and negative force (N) at the start.
+        knots : tuple of float
+            Drift and force of the three points of the path.
+        """
         energy = 0.0
         for row in range(0, 6, 2):
-            end, force = knots[row], knots[row + 1]
+            end, force = points[row], points[row + 1]
             if end > u:
                 if force >= 0.0:
                     return energy + 0.5 * f * f * (end - u) / (force - f)
@@ -389,8 +574,8 @@ def _functions() -> LawFunctions:
 
     @outlined
     def strain_energy(law_parameters, law_state, i):
-        """What comes back on the path that a turn here would start, or on the rest of the present
-        one."""
+        """Return the energy released along the current path or along the path after a reversal,
+        J."""
         drift, force = law_state[rows.DRIFT, i], law_state[rows.FORCE, i]
         if force == 0.0:
             return 0.0
@@ -399,31 +584,31 @@ def _functions() -> LawFunctions:
         first = extra_rows(law_state, 0)
         side = law_state[rows.RATE_SIGN, i]
         if side * force < 0.0:
-            row = first + _KNOTS
+            row = first + _PATH_POINTS
             b, fb, c, fc = (
                 law_state[row, i],
                 law_state[row + 1, i],
                 law_state[row + 2, i],
                 law_state[row + 3, i],
             )
-            knots = (b, fb, c, fc, law_state[row + 4, i], law_state[row + 5, i])
+            points = (b, fb, c, fc, law_state[row + 4, i], law_state[row + 5, i])
         else:
             side = -side
-            demand = law_state[of(side, rows.HIGH_DRIFT), i]
-            knots = path(
+            demand = law_state[side_row(side, rows.HIGH_DRIFT), i]
+            points = path(
                 law_parameters,
                 i,
                 side,
                 side * drift,
                 side * force,
                 demand,
-                losses(law_parameters, law_state, i, 0),
+                degradation(law_parameters, law_state, i, 0),
             )
-        return until_zero(side * drift, side * force, knots)
+        return released_energy(side * drift, side * force, points)
 
     @inline
-    def elastic(law_parameters, i):
-        """Whether every path before the first yielding lies on the one straight line."""
+    def is_elastic_before_yielding(law_parameters, i):
+        """Return True if all paths before the first yielding coincide with one straight line."""
         if (
             abs(stiffness(law_parameters, i, -1.0) / stiffness(law_parameters, i, 1.0) - 1.0)
             > _EQUAL
@@ -437,7 +622,7 @@ def _functions() -> LawFunctions:
             unloading = pinching(law_parameters, i, side, 2)
             if not (unloading < force - _NO_PINCHING and force <= drift):
                 return False
-            if unloading * force_of(law_parameters, i, side, 3) >= force * force_of(
+            if unloading * point_force(law_parameters, i, side, 3) >= force * point_force(
                 law_parameters, i, side, 1
             ):
                 return False
@@ -445,25 +630,29 @@ def _functions() -> LawFunctions:
 
     @inline
     def enter(law_parameters, law_state, i):
-        part = 1.0 if elastic(law_parameters, i) else _AT_REST
-        law_state[rows.HIGH_DRIFT, i] = drift_of(law_parameters, i, 1.0, 1)
-        law_state[rows.LOW_DRIFT, i] = drift_of(law_parameters, i, -1.0, 1)
+        """Set the initial maximum drifts and the limits of the first branch."""
+        fraction = 1.0 if is_elastic_before_yielding(law_parameters, i) else _MIN_REVERSAL
+        law_state[rows.HIGH_DRIFT, i] = point_drift(law_parameters, i, 1.0, 1)
+        law_state[rows.LOW_DRIFT, i] = point_drift(law_parameters, i, -1.0, 1)
         law_state[rows.UPPER, i] = min(
-            part * drift_of(law_parameters, i, 1.0, 1), law_parameters[_ULTIMATE, i]
+            fraction * point_drift(law_parameters, i, 1.0, 1), law_parameters[_ULTIMATE, i]
         )
         law_state[rows.LOWER, i] = -min(
-            part * drift_of(law_parameters, i, -1.0, 1), law_parameters[_ULTIMATE, i]
+            fraction * point_drift(law_parameters, i, -1.0, 1), law_parameters[_ULTIMATE, i]
         )
 
     return follow_branches(switch, strain_energy, enter)
 
 
 def _slopes(side: Sequence[float]) -> list[float]:
+    """Return the slopes of the backbone curve of one side, N/m."""
     points = [(0.0, 0.0), *zip(side[::2], side[1::2], strict=True)]
     return [(force - f) / (drift - d) for (d, f), (drift, force) in pairwise(points)]
 
 
 def _stiffens(values: Sequence[float]) -> bool:
+    """Return True if a line of the backbone curve is stiffer than the first line of the positive
+    side."""
     first = values[1] / values[0]
     return max(*_slopes(values[:_SIDE]), *_slopes(values[_SIDE : 2 * _SIDE])) > first * (
         1.0 + _EQUAL
@@ -471,6 +660,7 @@ def _stiffens(values: Sequence[float]) -> bool:
 
 
 def _fault(stiffness: float, values: Sequence[float]) -> str | None:
+    """Return an error message if the drifts of a backbone curve do not increase, otherwise None."""
     for drifts, name in (
         (values[0:_SIDE:2], "backbone"),
         (values[_SIDE : 2 * _SIDE : 2], "negative.backbone"),
@@ -483,20 +673,21 @@ def _fault(stiffness: float, values: Sequence[float]) -> str | None:
     return None
 
 
-_PINCHINGS = (
+_PINCHING_PARAMETERS = (
     LawParameter("drift", low=0.0, high=1.0, group="pinching"),
     LawParameter("force", low=0.0, high=1.0, group="pinching"),
     LawParameter("unloading", low=-1.0, high=1.0, group="pinching"),
 )
 
 
-def _loss(name: str) -> tuple[LawParameter, ...]:
+def _degradation_parameters(name: str) -> tuple[LawParameter, ...]:
+    """Return the parameters of one type of degradation: `stiffness`, `drift` or `strength`."""
     group = f"degradation.{name}"
-    part = LawParameter("peak", low=0.0, default=0.0, group=group, without=0.0)
-    exponent = replace(part, default=1.0, without=1.0)
+    fraction = LawParameter("peak", low=0.0, default=0.0, group=group, without=0.0)
+    exponent = replace(fraction, default=1.0, without=1.0)
     return (
-        part,
-        replace(part, name="work"),
+        fraction,
+        replace(fraction, name="work"),
         replace(exponent, name="peak_exponent"),
         replace(exponent, name="work_exponent"),
         LawParameter("limit", low=0.0, high=1.0, high_allowed=False, group=group, without=0.0),
@@ -518,12 +709,15 @@ LAW = DriftLaw(
             default="backbone",
             group="negative",
         ),
-        *_PINCHINGS,
-        *(replace(one, default=one.name, group="negative.pinching") for one in _PINCHINGS),
+        *_PINCHING_PARAMETERS,
+        *(
+            replace(parameter, default=parameter.name, group="negative.pinching")
+            for parameter in _PINCHING_PARAMETERS
+        ),
         LawParameter("ultimate_drift", length=1, low=0.0, low_allowed=False, default=math.inf),
-        *_loss("stiffness"),
-        *_loss("drift"),
-        *_loss("strength"),
+        *_degradation_parameters("stiffness"),
+        *_degradation_parameters("drift"),
+        *_degradation_parameters("strength"),
         LawParameter("capacity", low=0.0, low_allowed=False, group="degradation", without=math.inf),
     ),
     kinked=True,

@@ -1,19 +1,20 @@
-"""The peak-oriented law: a bilinear backbone, and stiffness that degrades with the largest drifts.
+"""Peak-oriented law: bilinear backbone curve with stiffness degradation by the maximum drifts.
 
-Unloading goes down to zero force with k (dy / largest drift)^unloading (Takeda, Sozen and Nielsen
-1970), reloading towards the farthest point of the other side (Clough 1966).
+The unloading stiffness is ku = k (dy / maximum drift)^unloading (Takeda, Sozen and Nielsen 1970).
+Reloading is directed towards the point of maximum drift on the other side (Clough 1966).
 
-With hardening that line would at last pass zero drift, even the other side's yield point, and
-unloading give back more than was put in. The stiffness is therefore at least
+Without bounds and with hardening, the unloading line would eventually cross zero drift, or even the
+yield point of the other side, and unloading would release more energy than was stored. The
+unloading stiffness is therefore at least
 
-    F / dmax, that of the line from the farthest point to the origin, and
+    F / dmax, the stiffness of the line from the point of maximum drift to the origin, and
     k min(1, hardening / (1 - unloading / 2)).
 
-Then no branch makes energy. While a side yields, what unloading would give back, E = F^2 / (2 ku),
-grows by at most the work F dd: on the first bound E = F d / 2 and F' d <= F; on the second E' = F
-F' / ku with F' = hardening k; otherwise E' = F (F' / ku + unloading F / (2 ku d)) <= F ((1 -
-unloading / 2) + unloading / 2). And reloading from a zero that lies on the other side of the origin
-is never stiffer than unloading.
+With these bounds no branch creates energy. During yielding, the energy that unloading would
+release, E = F^2 / (2 ku), increases by at most the work F dd. At the first bound, E = F d / 2 and
+F' d <= F. At the second bound, E' = F F' / ku with F' = hardening k. Otherwise E' = F (F' / ku +
+unloading F / (2 ku d)) <= F ((1 - unloading / 2) + unloading / 2). Reloading from a zero crossing
+on the other side of the origin is never stiffer than unloading.
 """
 
 from __future__ import annotations
@@ -23,12 +24,13 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
-# Parameters
+# Rows of `law_parameters`.
 _YIELD_FORCE = rows.FIRST_PARAMETER
 _HARDENING = rows.FIRST_PARAMETER + 1
-_EXPONENT = rows.FIRST_PARAMETER + 2  # of unloading
+_EXPONENT = rows.FIRST_PARAMETER + 2  # exponent of the unloading stiffness
 
-# Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first yielding
+# Types of branches in row INTERNAL. The value is negative on the negative side, and 0 before the
+# first yielding.
 _YIELDING = 1.0
 _RELOADING = 2.0
 _UNLOADING = 3.0
@@ -40,30 +42,47 @@ def _functions() -> LawFunctions:
 
     @inline
     def unloading_stiffness(law_parameters, law_state, i, block, side):
-        """k (dy / |largest drift on that side|)^unloading, within its bounds."""
+        """Return the unloading stiffness ku from the maximum drift on side `side`, N/m, within its
+        bounds.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        """
         k = law_parameters[rows.STIFFNESS, i]
         strength = law_parameters[_YIELD_FORCE, i]
         hardening = law_parameters[_HARDENING, i]
         unloading = law_parameters[_EXPONENT, i]
         drift = law_state[
             block + rows.DRIFT, i
-        ]  # the farthest one where the story yields at present
-        farthest = (
+        ]  # While the story yields, the current drift is the maximum drift.
+        max_drift = (
             max(law_state[block + rows.HIGH_DRIFT, i], drift)
             if side > 0.0
             else -min(law_state[block + rows.LOW_DRIFT, i], drift)
         )
-        part = strength / (k * farthest)
-        to_origin = hardening + (1.0 - hardening) * part
-        return k * max(part**unloading, to_origin, min(hardening / (1.0 - 0.5 * unloading), 1.0))
+        drift_ratio = strength / (k * max_drift)
+        to_origin = hardening + (1.0 - hardening) * drift_ratio
+        return k * max(
+            drift_ratio**unloading, to_origin, min(hardening / (1.0 - 0.5 * unloading), 1.0)
+        )
 
     @inline
     def strain_energy(law_parameters, law_state, i):
+        """Return the energy that unloading releases, F^2 / (2 ku), J."""
         force = law_state[rows.FORCE, i]
         return 0.5 * force * force / unloading_stiffness(law_parameters, law_state, i, 0, force)
 
     @inline
     def enter(law_parameters, law_state, i):
+        """Set the yield points as limits of the elastic branch and as points of maximum drift."""
         strength = law_parameters[_YIELD_FORCE, i]
         k = law_parameters[rows.STIFFNESS, i]
         law_state[rows.HIGH_DRIFT, i] = law_state[rows.UPPER, i] = strength / k
@@ -73,12 +92,14 @@ def _functions() -> LawFunctions:
 
     @outlined
     def switch(law_parameters, law_state, i, block, event):
-        kind = law_state[block + rows.INTERNAL, i]
+        """Set the unloading branch after a reversal, otherwise the reloading or the yielding
+        branch."""
+        branch_type = law_state[block + rows.INTERNAL, i]
         drift = law_state[block + rows.DRIFT, i]
         force = law_state[block + rows.FORCE, i]
         if event == rows.REVERSED:
             side = law_state[block + rows.RATE_SIGN, i]
-            if abs(kind) == _YIELDING:
+            if abs(branch_type) == _YIELDING:
                 if side > 0.0:
                     law_state[block + rows.HIGH_DRIFT, i] = drift
                     law_state[block + rows.HIGH_FORCE, i] = force
@@ -86,14 +107,15 @@ def _functions() -> LawFunctions:
                     law_state[block + rows.LOW_DRIFT, i] = drift
                     law_state[block + rows.LOW_FORCE, i] = force
             slope = unloading_stiffness(law_parameters, law_state, i, block, side)
-            zero = drift - force / slope
+            zero_drift = drift - force / slope
             law_state[block + rows.INTERNAL, i] = side * _UNLOADING
             law_state[block + rows.SLOPE, i] = slope
             law_state[block + rows.RATE_SIGN, i] = 0.0
-            law_state[block + rows.UPPER, i] = max(drift, zero)
-            law_state[block + rows.LOWER, i] = min(drift, zero)
+            law_state[block + rows.UPPER, i] = max(drift, zero_drift)
+            law_state[block + rows.LOWER, i] = min(drift, zero_drift)
             return
-        # The branch ended in the direction of `event`: load further on that side.
+        # The branch ended in the direction of `event`. Loading continues on that side, towards the
+        # point of maximum drift or on the backbone curve.
         target = (
             law_state[block + rows.HIGH_DRIFT, i]
             if event > 0.0

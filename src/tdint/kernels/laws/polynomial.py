@@ -1,4 +1,4 @@
-"""The polynomial law: elastic."""
+"""Polynomial elastic law, f = c1 d + c2 d^2 + ..."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ def _functions() -> LawFunctions:
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """By Horner's rule; a sum of two products could be contracted in two ways, by the scene it
-        is compiled for."""
+        """Return the tangent stiffness, N/m, and write the force to block `trial`.
+
+        Horner's scheme is used because the compiler can contract a sum of two products in two ways,
+        depending on the variant, and the results would differ by rounding.
+        """
         secant = 0.0
-        slope = 0.0  # of the secant
+        slope = 0.0  # derivative of the secant stiffness, N/m^2
         for row in range(law_parameters.shape[0] - 1, rows.FIRST_PARAMETER - 1, -1):
             slope = slope * drift + secant
             secant = secant * drift + law_parameters[row, i]
@@ -23,6 +26,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def strain_energy(law_parameters, law_state, i):
+        """Return the stored energy, the sum of c_j d^(j + 1) / (j + 1), J."""
         d = law_state[rows.DRIFT, i]
         energy = 0.0
         for row in range(law_parameters.shape[0] - 1, rows.FIRST_PARAMETER - 1, -1):
@@ -31,7 +35,11 @@ def _functions() -> LawFunctions:
 
     @inline
     def points(law_parameters, law_state, i, way):
-        """Exact: of degree q in the drift, the force times s is of degree 2 q + 1 in time."""
+        """Return the number of Gauss points that integrates the law exactly.
+
+        With force of degree q in the drift and drift quadratic in the time s, the force times s is
+        of degree 2 q + 1 in s, which q + 1 points integrate exactly.
+        """
         degree = law_parameters.shape[0] - rows.FIRST_PARAMETER
         while degree > 1 and law_parameters[rows.FIRST_PARAMETER + degree - 1, i] == 0.0:
             degree -= 1

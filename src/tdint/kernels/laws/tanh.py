@@ -1,4 +1,4 @@
-"""The tanh law: elastic, softening towards a strength."""
+"""Hyperbolic-tangent elastic law that softens towards a strength F, f = F tanh(k d / F)."""
 
 from __future__ import annotations
 
@@ -13,16 +13,18 @@ def _functions() -> LawFunctions:
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
+        """Return the tangent stiffness k (1 - tanh^2), N/m, and write the force to block `trial`."""
         strength = law_parameters[rows.FIRST_PARAMETER, i]
-        part = math.tanh(law_parameters[rows.STIFFNESS, i] * drift / strength)
-        law_state[trial + rows.FORCE, i] = strength * part
-        return law_parameters[rows.STIFFNESS, i] * (1.0 - part * part)
+        ratio = math.tanh(law_parameters[rows.STIFFNESS, i] * drift / strength)
+        law_state[trial + rows.FORCE, i] = strength * ratio
+        return law_parameters[rows.STIFFNESS, i] * (1.0 - ratio * ratio)
 
     @inline
     def strain_energy(law_parameters, law_state, i):
+        """Return the stored energy F^2 / k ln cosh(k d / F), J."""
         strength = law_parameters[rows.FIRST_PARAMETER, i]
         x = abs(law_parameters[rows.STIFFNESS, i] * law_state[rows.DRIFT, i] / strength)
-        # ln cosh x, without overflow
+        # ln cosh x = x + ln(1 + exp(-2 x)) - ln 2 does not overflow.
         return (
             strength
             * strength
@@ -32,7 +34,11 @@ def _functions() -> LawFunctions:
 
     @inline
     def points(law_parameters, law_state, i, way):
-        """Good to about 1e-10 of the strength: the poles of tanh x are i pi / 2 away."""
+        """Return the number of Gauss points for an integration error of about 1e-10 of the
+        strength.
+
+        The poles of tanh x nearest to the real axis are at +-i pi / 2.
+        """
         return (
             3.0
             + 3.2

@@ -1,10 +1,13 @@
-"""The trilinear law with pinched reloading, for building types of regional studies.
+"""Trilinear law with pinched reloading, for building types of regional studies.
 
-The backbone of each side rises to the yield point, on to the ultimate point, and stays there.
-Unloading goes down to zero force with k (dy / largest drift)^unloading; reloading towards the
-farthest point of the other side in two parts, of which the first, flatter one ends at the part
-`pinching` of the force (Lu, McKenna, Cheng, Xu, Zeng and Mahin 2020; pinching 1 is Clough's rule of
-1966). No reloading is stiffer than unloading.
+The backbone curve of each side rises to the yield point, continues to the ultimate point and
+remains constant beyond it. The unloading stiffness is k (dy / maximum drift)^unloading, down to
+zero force. Reloading towards the point of maximum drift of the other side has two parts. The first
+part is flatter and ends at the fraction `pinching` of the force at that point (Lu, McKenna, Cheng,
+Xu, Zeng and Mahin 2020); pinching 1 is the rule of Clough (1966). Reloading is never stiffer than
+unloading.
+
+In the functions below, drifts and forces with a `side` are positive in the direction of that side.
 """
 
 from __future__ import annotations
@@ -15,23 +18,27 @@ from collections.abc import Sequence
 from tdint.kernels import layout as rows
 from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter, yields_at_its_strength
 
-# Parameters
+# Rows of `law_parameters`.
 _YIELD_FORCE = rows.FIRST_PARAMETER
 _ULTIMATE_FORCE = rows.FIRST_PARAMETER + 1
 _ULTIMATE_DRIFT = rows.FIRST_PARAMETER + 2
 _PINCHING = rows.FIRST_PARAMETER + 3
-_UNLOADING = rows.FIRST_PARAMETER + 4
+_UNLOADING_EXPONENT = rows.FIRST_PARAMETER + 4
 
-# The drift at the last passage of zero force: the forces of the farthest points are the backbone's
+# Row of the drift at the last zero crossing of the force, m. The row HIGH_FORCE is free because the
+# forces at the maximum drifts follow from the backbone curve.
 _ZERO = rows.HIGH_FORCE
 
-# Kinds of branches, in INTERNAL; negative on the negative side, 0 before the first yielding
-_YIELDING = 1.0  # on the backbone
-_PINCHED = 2.0  # the first part of the reloading
-_RELOADING = 3.0  # the second one
-_GLIDING = 4.0  # with the unloading stiffness, down and up
+# Types of branches in row INTERNAL. The value is negative on the negative side, and 0 before the
+# first yielding.
+_YIELDING = 1.0  # on the backbone curve
+_PINCHED = 2.0  # first part of the reloading
+_RELOADING = 3.0  # second part of the reloading
+_UNLOADING_LINE = 4.0  # branch with the unloading stiffness, valid in both directions
 
-_HERE = 1e-12  # over a drift: what lies no farther ahead is reached
+_REACHED_TOLERANCE = (
+    1e-12  # relative to a drift; a point within this distance ahead is regarded as reached
+)
 
 
 def _functions() -> LawFunctions:
@@ -40,7 +47,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def hardening(law_parameters, i):
-        """Slope of the backbone between the yield and the ultimate point, N/m."""
+        """Return the slope of the backbone curve between yield and ultimate point, N/m."""
         strength = law_parameters[_YIELD_FORCE, i]
         return (law_parameters[_ULTIMATE_FORCE, i] - strength) / (
             law_parameters[_ULTIMATE_DRIFT, i] - strength / law_parameters[rows.STIFFNESS, i]
@@ -48,7 +55,7 @@ def _functions() -> LawFunctions:
 
     @inline
     def backbone(law_parameters, i, drift):
-        """Force of the backbone at a drift beyond the yield drift."""
+        """Return the force of the backbone curve, N, at a drift (m) above the yield drift."""
         strength = law_parameters[_YIELD_FORCE, i]
         if drift >= law_parameters[_ULTIMATE_DRIFT, i]:
             return law_parameters[_ULTIMATE_FORCE, i]
@@ -57,8 +64,9 @@ def _functions() -> LawFunctions:
         )
 
     @inline
-    def farthest(law_state, i, block, side):
-        """The farthest drift on a side, the present one included; positive on either side."""
+    def max_drift(law_state, i, block, side):
+        """Return the absolute maximum drift on side `side`, m; during yielding, the current drift
+        is included."""
         reached = (
             law_state[block + rows.HIGH_DRIFT, i]
             if side > 0.0
@@ -70,70 +78,154 @@ def _functions() -> LawFunctions:
 
     @outlined
     def unloading_stiffness(law_parameters, law_state, i, block, side):
+        """Return k (dy / maximum drift on side `side`)^unloading, N/m.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        """
         k = law_parameters[rows.STIFFNESS, i]
         return (
             k
-            * (law_parameters[_YIELD_FORCE, i] / (k * farthest(law_state, i, block, side)))
-            ** law_parameters[_UNLOADING, i]
+            * (law_parameters[_YIELD_FORCE, i] / (k * max_drift(law_state, i, block, side)))
+            ** law_parameters[_UNLOADING_EXPONENT, i]
         )
 
     @inline
-    def lead(law_state, i, block, side, kind, slope, end, turn):
-        """Put the story on a branch that ends at `end` ahead on that side, and does not hold
-        backwards where it turns."""
-        law_state[block + rows.INTERNAL, i] = side * kind
+    def set_loading_branch(law_state, i, block, side, branch_type, slope, end, turn):
+        """Set a branch that ends at the drift `end` on side `side`.
+
+        Parameters
+        ----------
+        law_state : ndarray
+            States of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        branch_type : float
+            Type of the branch.
+        slope : float
+            Stiffness of the branch, N/m.
+        end : float
+            Drift at the end of the branch, m, positive on this side; infinite for no end.
+        turn : float
+            RATE_SIGN of the branch: `side`, or 0 if the branch is valid in both directions.
+        """
+        law_state[block + rows.INTERNAL, i] = side * branch_type
         law_state[block + rows.SLOPE, i] = slope
         law_state[block + rows.RATE_SIGN, i] = turn
         law_state[block + rows.UPPER, i] = end if side > 0.0 else math.inf
         law_state[block + rows.LOWER, i] = -end if side < 0.0 else -math.inf
 
     @inline
-    def glide(law_parameters, law_state, i, block, side, slope, end):
-        """The line of the unloading stiffness through the present point, from zero force up to
-        `end`."""
-        zero = law_state[block + rows.DRIFT, i] - law_state[block + rows.FORCE, i] / slope
-        lead(law_state, i, block, side, _GLIDING, slope, end, 0.0)
+    def set_unloading_line(law_parameters, law_state, i, block, side, slope, end):
+        """Set the line through the current point that starts at zero force and ends at the drift
+        `end`.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        slope : float
+            Unloading stiffness, N/m.
+        end : float
+            Drift at the end of the line, m, positive on this side.
+        """
+        zero_drift = law_state[block + rows.DRIFT, i] - law_state[block + rows.FORCE, i] / slope
+        set_loading_branch(law_state, i, block, side, _UNLOADING_LINE, slope, end, 0.0)
         if side > 0.0:
-            law_state[block + rows.LOWER, i] = zero
+            law_state[block + rows.LOWER, i] = zero_drift
         else:
-            law_state[block + rows.UPPER, i] = zero
+            law_state[block + rows.UPPER, i] = zero_drift
 
     @inline
-    def end_of_pinching(law_parameters, law_state, i, block, side, target, force, slope):
-        """Drift at which the first part of the reloading ends, on that side."""
-        zero = side * law_state[block + _ZERO, i]
+    def drift_at_pinching_end(law_parameters, law_state, i, block, side, target, force, slope):
+        """Return the drift at the end of the first part of the reloading, m, positive on this side.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        target, force : float
+            Maximum drift (m) and its force (N) on this side.
+        slope : float
+            Unloading stiffness from that point, N/m.
+        """
+        zero_drift = side * law_state[block + _ZERO, i]
         pinching = law_parameters[_PINCHING, i]
-        return zero + pinching * (target - (1.0 - pinching) * force / slope - zero)
+        return zero_drift + pinching * (target - (1.0 - pinching) * force / slope - zero_drift)
 
     @outlined
-    def load(law_parameters, law_state, i, block, side):
-        """Further on that side from a point of the reloading or of the backbone."""
+    def continue_loading(law_parameters, law_state, i, block, side):
+        """Set the next loading branch on side `side` from a point of the reloading or of the
+        backbone curve.
+
+        The branch is the first or second part of the reloading, the hardening part or the constant
+        part of the backbone curve.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        """
         drift = side * law_state[block + rows.DRIFT, i]
-        here = side * law_state[block + rows.FORCE, i]
-        target = farthest(law_state, i, block, side)
-        if drift < target * (1.0 - _HERE):
+        force_now = side * law_state[block + rows.FORCE, i]
+        target = max_drift(law_state, i, block, side)
+        if drift < target * (1.0 - _REACHED_TOLERANCE):
             force = backbone(law_parameters, i, target)
             slope = unloading_stiffness(law_parameters, law_state, i, block, side)
-            bend = end_of_pinching(law_parameters, law_state, i, block, side, target, force, slope)
-            if drift < bend - _HERE * target:
-                to_bend = (law_parameters[_PINCHING, i] * force - here) / (bend - drift)
-                lead(law_state, i, block, side, _PINCHED, to_bend, bend, side)
+            pinching_end = drift_at_pinching_end(
+                law_parameters, law_state, i, block, side, target, force, slope
+            )
+            if drift < pinching_end - _REACHED_TOLERANCE * target:
+                to_bend = (law_parameters[_PINCHING, i] * force - force_now) / (
+                    pinching_end - drift
+                )
+                set_loading_branch(law_state, i, block, side, _PINCHED, to_bend, pinching_end, side)
             else:
-                lead(
+                set_loading_branch(
                     law_state,
                     i,
                     block,
                     side,
                     _RELOADING,
-                    (force - here) / (target - drift),
+                    (force - force_now) / (target - drift),
                     target,
                     side,
                 )
         else:
             law_state[block + rows.FORCE, i] = side * backbone(law_parameters, i, drift)
             ultimate = law_parameters[_ULTIMATE_DRIFT, i]
-            if drift < ultimate * (1.0 - _HERE):
-                lead(
+            if drift < ultimate * (1.0 - _REACHED_TOLERANCE):
+                set_loading_branch(
                     law_state,
                     i,
                     block,
@@ -144,56 +236,83 @@ def _functions() -> LawFunctions:
                     side,
                 )
             else:
-                lead(law_state, i, block, side, _YIELDING, 0.0, math.inf, side)
+                set_loading_branch(law_state, i, block, side, _YIELDING, 0.0, math.inf, side)
 
     @outlined
-    def cross(law_parameters, law_state, i, block, side):
-        """Zero force is passed towards a side: load there, not stiffer than with its unloading
-        stiffness."""
-        zero = side * law_state[block + rows.DRIFT, i]
+    def cross_zero_force(law_parameters, law_state, i, block, side):
+        """Set the branch after a zero crossing of the force, for loading on side `side`.
+
+        If the first part of the reloading would be stiffer than the unloading stiffness, the story
+        is loaded with the unloading stiffness first.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        """
+        zero_drift = side * law_state[block + rows.DRIFT, i]
         law_state[block + rows.FORCE, i] = 0.0
         law_state[block + _ZERO, i] = law_state[block + rows.DRIFT, i]
-        target = farthest(law_state, i, block, side)
+        target = max_drift(law_state, i, block, side)
         force = backbone(law_parameters, i, target)
         slope = unloading_stiffness(law_parameters, law_state, i, block, side)
-        bend = end_of_pinching(law_parameters, law_state, i, block, side, target, force, slope)
-        part = law_parameters[_PINCHING, i] * force
-        if bend > zero + _HERE * target and part <= slope * (bend - zero) and zero < target:
-            load(law_parameters, law_state, i, block, side)
+        pinching_end = drift_at_pinching_end(
+            law_parameters, law_state, i, block, side, target, force, slope
+        )
+        pinched_force = law_parameters[_PINCHING, i] * force
+        if (
+            pinching_end > zero_drift + _REACHED_TOLERANCE * target
+            and pinched_force <= slope * (pinching_end - zero_drift)
+            and zero_drift < target
+        ):
+            continue_loading(law_parameters, law_state, i, block, side)
             return
-        # Up with the unloading stiffness to where that meets the second part, or behind that the
-        # backbone
-        meeting = math.inf
-        if target > bend:
-            second = (force - part) / (target - bend)
-            if slope > second:
-                meeting = (part - second * bend + slope * zero) / (slope - second)
-        if meeting > target or meeting < max(bend, zero):
-            rise = hardening(law_parameters, i)
-            meeting = zero + law_parameters[_ULTIMATE_FORCE, i] / slope
-            if slope > rise:
-                strength = law_parameters[_YIELD_FORCE, i]
-                bent = (
-                    strength - rise * strength / law_parameters[rows.STIFFNESS, i] + slope * zero
-                ) / (slope - rise)
-                meeting = (
-                    min(bent, meeting) if bent < law_parameters[_ULTIMATE_DRIFT, i] else meeting
+        # The story is loaded with the unloading stiffness up to the intersection with the second
+        # part of the reloading, or otherwise with the backbone curve.
+        end_drift = math.inf
+        if target > pinching_end:
+            second_slope = (force - pinched_force) / (target - pinching_end)
+            if slope > second_slope:
+                end_drift = (pinched_force - second_slope * pinching_end + slope * zero_drift) / (
+                    slope - second_slope
                 )
-        glide(law_parameters, law_state, i, block, side, slope, meeting)
+        if end_drift > target or end_drift < max(pinching_end, zero_drift):
+            hardening_slope = hardening(law_parameters, i)
+            end_drift = zero_drift + law_parameters[_ULTIMATE_FORCE, i] / slope
+            if slope > hardening_slope:
+                strength = law_parameters[_YIELD_FORCE, i]
+                hardening_meeting = (
+                    strength
+                    - hardening_slope * strength / law_parameters[rows.STIFFNESS, i]
+                    + slope * zero_drift
+                ) / (slope - hardening_slope)
+                end_drift = (
+                    min(hardening_meeting, end_drift)
+                    if hardening_meeting < law_parameters[_ULTIMATE_DRIFT, i]
+                    else end_drift
+                )
+        set_unloading_line(law_parameters, law_state, i, block, side, slope, end_drift)
 
     @outlined
     def switch(law_parameters, law_state, i, block, event):
-        kind = law_state[block + rows.INTERNAL, i]
-        if kind == 0.0:
-            load(law_parameters, law_state, i, block, event)
+        """Set the branch that follows, depending on the type of the branch and on the event."""
+        branch_type = law_state[block + rows.INTERNAL, i]
+        if branch_type == 0.0:
+            continue_loading(law_parameters, law_state, i, block, event)
         elif event == rows.REVERSED:
             side = law_state[block + rows.RATE_SIGN, i]
             if side > 0.0:
-                law_state[block + rows.HIGH_DRIFT, i] = farthest(law_state, i, block, side)
+                law_state[block + rows.HIGH_DRIFT, i] = max_drift(law_state, i, block, side)
             else:
-                law_state[block + rows.LOW_DRIFT, i] = -farthest(law_state, i, block, side)
+                law_state[block + rows.LOW_DRIFT, i] = -max_drift(law_state, i, block, side)
             slope = unloading_stiffness(law_parameters, law_state, i, block, side)
-            glide(
+            set_unloading_line(
                 law_parameters,
                 law_state,
                 i,
@@ -202,19 +321,21 @@ def _functions() -> LawFunctions:
                 slope,
                 side * law_state[block + rows.DRIFT, i],
             )
-        elif abs(kind) == _GLIDING and event * kind < 0.0:
-            cross(law_parameters, law_state, i, block, event)
+        elif abs(branch_type) == _UNLOADING_LINE and event * branch_type < 0.0:
+            cross_zero_force(law_parameters, law_state, i, block, event)
         else:
-            load(law_parameters, law_state, i, block, event)
+            continue_loading(law_parameters, law_state, i, block, event)
 
     @inline
     def strain_energy(law_parameters, law_state, i):
+        """Return the energy that unloading releases, F^2 / (2 ku), J."""
         force = law_state[rows.FORCE, i]
         side = 1.0 if force > 0.0 else -1.0
         return 0.5 * force * force / unloading_stiffness(law_parameters, law_state, i, 0, side)
 
     @inline
     def enter(law_parameters, law_state, i):
+        """Set the yield drifts as limits of the elastic branch and as maximum drifts."""
         drift = law_parameters[_YIELD_FORCE, i] / law_parameters[rows.STIFFNESS, i]
         law_state[rows.HIGH_DRIFT, i] = law_state[rows.UPPER, i] = drift
         law_state[rows.LOW_DRIFT, i] = law_state[rows.LOWER, i] = -drift
@@ -223,6 +344,15 @@ def _functions() -> LawFunctions:
 
 
 def _fault(stiffness: float, values: Sequence[float]) -> str | None:
+    """Return an error message if the ultimate point is invalid, otherwise None.
+
+    Parameters
+    ----------
+    stiffness : float
+        Initial stiffness, N/m.
+    values : sequence of float
+        Parameters in SI units.
+    """
     strength, ultimate, drift = values[:3]
     if ultimate < strength:
         return (
