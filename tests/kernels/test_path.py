@@ -22,7 +22,7 @@ from tdint.kernels.stories.law_state import (
     strain_energy,
 )
 from tdint.kernels.stories.path import (
-    MOST_POINTS,
+    MAX_POINTS,
     NODES,
     PATH_ROWS,
     WEIGHTS,
@@ -273,7 +273,7 @@ def test_a_short_turn_changes_little_unless_the_law_degrades_by_turns(steady_jou
     assert counts or largest < 1e-5
 
 
-@pytest.mark.parametrize("points", range(1, MOST_POINTS + 1))
+@pytest.mark.parametrize("points", range(1, MAX_POINTS + 1))
 def test_the_table_holds_the_rules_of_gauss_and_legendre(points):
     x, w = np.polynomial.legendre.leggauss(points)
     np.testing.assert_allclose(NODES[points, :points], 0.5 * (x + 1.0), atol=4e-16)

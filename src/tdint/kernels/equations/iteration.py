@@ -98,7 +98,7 @@ def copy_rows(scratch, source, target, row_count, n):
         Scratch array.
     source, target : int
         First row of the source and of the target.
-    rows : int
+    row_count : int
         Number of rows.
     n : int
         Number of columns (floors).
@@ -122,7 +122,7 @@ def add_rows(factor, scratch, source, target, row_count, n):
         Scratch array.
     source, target : int
         First row of the source and of the target.
-    rows : int
+    row_count : int
         Number of rows.
     n : int
         Number of columns (floors).

@@ -188,7 +188,8 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
 
     @inline
     def commit_changed_rows(law_parameters, law_state, i, previous, trial):
-        """Commit the rows other than the common rows, depending on the reference in block `trial`."""
+        """Commit the rows other than the common rows, depending on the reference in block
+        `trial`."""
         if law_state[trial + rows.BRANCH_OFFSET, i] == float(rows.COMMITTED - trial):
             # The complete path is on the committed branch, so only WORK has to be committed.
             # INTERNAL is written because `commit` copies all common rows, INTERNAL included.

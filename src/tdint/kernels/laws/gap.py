@@ -76,7 +76,8 @@ def _functions() -> LawFunctions:
 
     @inline
     def switch(law_parameters, law_state, i, block, event):
-        """Set the branch that follows: contact on the side of the event, or the gap after contact."""
+        """Set the branch that follows: contact on the side of the event, or the gap after
+        contact."""
         inside = law_state[block + rows.UPPER, i] + law_state[block + rows.LOWER, i] == 0.0
         set_contact(law_parameters, law_state, i, block, event if inside else 0.0)
 

@@ -12,7 +12,8 @@ def _functions() -> LawFunctions:
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """Return the constant tangent stiffness k, N/m, and write the force k d to block `trial`."""
+        """Return the constant tangent stiffness k, N/m, and write the force k d to block
+        `trial`."""
         law_state[trial + rows.FORCE, i] = law_parameters[rows.STIFFNESS, i] * drift
         return law_parameters[rows.STIFFNESS, i]
 

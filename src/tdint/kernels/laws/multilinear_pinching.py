@@ -264,7 +264,7 @@ def _functions() -> LawFunctions:
         ----------
         u, f : float
             Drift (m) and force (N) at the start of the path.
-        knots : tuple of float
+        points : tuple of float
             Drift and force of the three points.
         lowest : float
             Minimum slope of the line for which the two lines through the origin are used, N/m.
@@ -559,7 +559,7 @@ def _functions() -> LawFunctions:
         ----------
         u, f : float
             Drift (m) and negative force (N) at the start.
-        knots : tuple of float
+        points : tuple of float
             Drift and force of the three points of the path.
         """
         energy = 0.0

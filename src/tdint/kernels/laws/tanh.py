@@ -13,7 +13,8 @@ def _functions() -> LawFunctions:
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """Return the tangent stiffness k (1 - tanh^2), N/m, and write the force to block `trial`."""
+        """Return the tangent stiffness k (1 - tanh^2), N/m, and write the force to block
+        `trial`."""
         strength = law_parameters[rows.FIRST_PARAMETER, i]
         ratio = math.tanh(law_parameters[rows.STIFFNESS, i] * drift / strength)
         law_state[trial + rows.FORCE, i] = strength * ratio

@@ -1,8 +1,9 @@
-"""Drift laws branch by branch.
+"""Branches of drift laws, and the first change of branch within a time step.
 
-On a branch the force is linear in the drift, or curved. It ends where the drift leaves (LOWER,
-UPPER), or where the drift rate turns against TURN; `switch` tells what follows. Within a step the
-first change of branch is looked for on the cubic Hermite interpolant of each drift.
+The force on a branch is a linear or curved function of the drift. The branch ends where the drift
+exceeds its limits (LOWER, UPPER) or where the drift rate changes to the sign opposite to RATE_SIGN.
+`switch` then sets the branch that follows. Within a step, the first change of branch is located on
+the cubic Hermite interpolant of each drift.
 """
 
 from __future__ import annotations
@@ -15,43 +16,62 @@ from tdint.kernels.laws.branch_following import add_work, advancing
 from tdint.kernels.laws.choosing import CURVED, case_of_3, case_of_5, case_of_6, chosen
 
 NONE = 2.0
-"""The fraction of the step for no event."""
+"""Fraction of the step that represents "no change of branch"; any value above 1."""
 
-# over the drifts: a branch that is left by less is not left (rounding, and the error of a located
-# event)
-_SLACK = 1e-9
-# of the step, the last correction by Newton's iteration: what is left is about the square of that
-_CLOSE = 1e-10
-_TURNED = 1e-12  # likewise: a drift that goes back by less has not turned
+# Relative to the drifts at both endpoints. A branch is left only if the drift exceeds its limit by
+# more than this tolerance, which covers rounding and the error of a located change of branch.
+_LIMIT_TOLERANCE = 1e-9
+# Fraction of the step. Maximum last correction of Newton's method; the remaining error is about the
+# square of this value.
+_ROOT_TOLERANCE = 1e-10
+# Relative to the drifts at both endpoints. A smaller movement backwards is not a reversal.
+_REVERSAL_TOLERANCE = 1e-12
 
 advance = advancing(chosen("advance", case_of_6, outlined(add_work)))
-"""(law_parameters, law_state, i, block, drift): go to `drift` on the present linear branch of the
-state in `block`."""
+"""(law_parameters, law_state, i, block, drift). Moves the state in `block` to `drift` (m) on its
+current linear branch."""
 
 
 @outlined
 def go_along(law_parameters, law_state, i, block, drift):
-    """`advance` for where it is one of few calls."""
+    """Call `advance`; compiled as a separate function, for rare calls.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    block : int
+        First row of the state.
+    drift : float
+        Drift, m.
+    """
     advance(law_parameters, law_state, i, block, drift)
 
 
 @inline
-def _without_end(law_parameters, law_state, i):
+def _keep_branch(law_parameters, law_state, i):
+    """Do nothing, for laws without `enter`."""
     pass
 
 
 @inline
-def _without_branches(law_parameters, law_state, i, block, event):
+def _keep_branch_after(law_parameters, law_state, i, block, event):
+    """Do nothing, for laws without `switch`."""
     pass
 
 
-_enter = chosen("enter", case_of_3, _without_end)
-_switch = chosen("switch", case_of_5, _without_branches)
+_enter = chosen("enter", case_of_3, _keep_branch)
+_switch = chosen("switch", case_of_5, _keep_branch_after)
 
 
 @outlined
 def enter(law_parameters, law_state, i):
-    """Put the committed state of story `i` on the branch that it implies."""
+    """Set the branch of story `i` that its committed state implies.
+
+    The default branch has the initial stiffness (or is curved) and no limits.
+    """
     law_state[rows.SLOPE, i] = (
         math.inf if law_parameters[rows.CODE, i] in CURVED else law_parameters[rows.STIFFNESS, i]
     )
@@ -63,24 +83,58 @@ def enter(law_parameters, law_state, i):
 
 @outlined
 def switch(law_parameters, law_state, i, block, event):
-    """Change to the branch that follows the present one in `block` after it ended by `event`."""
+    """Set the branch that follows the current branch of the state in `block`.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    block : int
+        First row of the state.
+    event : float
+        End of the branch: ABOVE, BELOW or REVERSED.
+    """
     _switch(law_parameters, law_state, i, block, event)
 
 
-# ---- Where a branch ends within a step
+# ---- First change of branch within a time step
 
 
 @outlined
 def first_event(linear_terms, h, state, law_state, scratch, u1, v1, joined):
-    """Fraction of the step h at which the first story leaves its branch, the story, and how; NONE
-    if none does.
+    """Locate the first change of branch of any story within a step.
 
-    Rows `u1` and `v1` of work hold displacement and velocity at the end of the step; where row
-    `joined` is not 0 the story may turn.
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building (`tdint.kernels.layout`).
+    h : float
+        Length of the step, s.
+    state : ndarray
+        Displacements and velocities at the start of the step.
+    law_state : ndarray
+        Committed states of the laws at the start of the step.
+    scratch : ndarray
+        Scratch array of the step.
+    u1, v1 : int
+        Rows of `scratch` with displacements (m) and velocities (m/s) at the end of the step.
+    joined : int
+        Row of `scratch`. Reversals of a story are ignored if its value is not 0.
+
+    Returns
+    -------
+    first : float
+        Fraction of the step at the change of branch; NONE if there is no change of branch.
+    story : int
+        Index of the story; -1 if there is no change of branch.
+    how : float
+        ABOVE, BELOW or REVERSED.
     """
     first = NONE
     story = -1
-    how = rows.REVERSED
+    event = rows.REVERSED
     v_below = 0.0
     u1_below = 0.0
     v1_below = 0.0
@@ -93,35 +147,36 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, joined):
         v_below = state[rows.VELOCITY, i]
         u1_below = scratch[u1, i]
         v1_below = scratch[v1, i]
-        # Bezier points: the drift lies between the smallest and the largest of them.
+        # The drift is between the minimum and the maximum of its Bezier points.
         d1 = d0 + w0 / 3.0
         d2 = d3 - w1 / 3.0
-        slack = _SLACK * (abs(d0) + abs(d3))
+        slack = _LIMIT_TOLERANCE * (abs(d0) + abs(d3))
         upper = law_state[rows.UPPER, i]
         lower = law_state[rows.LOWER, i]
         if max(d1, d2, d3) > upper + slack:
             fraction = _crossing((d0, d1, d2, d3), upper, slack, first)
             if fraction < first:
-                first, story, how = fraction, i, rows.ABOVE
+                first, story, event = fraction, i, rows.ABOVE
         if min(d1, d2, d3) < lower - slack:
             fraction = _crossing((-d0, -d1, -d2, -d3), -lower, slack, first)
             if fraction < first:
-                first, story, how = fraction, i, rows.BELOW
-        turn = law_state[rows.RATE_SIGN, i]
-        slack = _TURNED / _SLACK * slack
+                first, story, event = fraction, i, rows.BELOW
+        rate_sign = law_state[rows.RATE_SIGN, i]
+        slack = _REVERSAL_TOLERANCE / _LIMIT_TOLERANCE * slack
         if (
-            turn != 0.0
+            rate_sign != 0.0
             and scratch[joined, i] == 0.0
-            and (turn * (d2 - d1) < -slack or turn * (d3 - d2) < -slack)
+            and (rate_sign * (d2 - d1) < -slack or rate_sign * (d3 - d2) < -slack)
         ):
-            fraction = turning(turn * (d1 - d0), turn * (d2 - d1), turn * (d3 - d2))
+            fraction = turning(rate_sign * (d1 - d0), rate_sign * (d2 - d1), rate_sign * (d3 - d2))
             if fraction < first:
-                first, story, how = fraction, i, rows.REVERSED
-    return first, story, how
+                first, story, event = fraction, i, rows.REVERSED
+    return first, story, event
 
 
 @inline
 def _bezier(cubic, s):
+    """Return the value at `s` of the cubic with four Bezier points."""
     d0, d1, d2, d3 = cubic
     r = 1.0 - s
     return r * r * (r * d0 + 3.0 * s * d1) + s * s * (3.0 * r * d2 + s * d3)
@@ -129,14 +184,25 @@ def _bezier(cubic, s):
 
 @outlined
 def _crossing(cubic, limit, slack, before):
-    """Smallest s in [0, 1] at which the cubic goes beyond `limit`; NONE if that is not before
-    `before`, or if it nowhere goes beyond it by `slack`.
+    """Return the smallest s in [0, 1] at which a cubic exceeds a limit, or NONE.
 
-    A cubic that starts beyond it by what the last event was missed by comes inside first, or turns
-    outside: it goes beyond where it then rises.
+    A cubic can start above the limit by the error of the last located event. It then first returns
+    below the limit, or it has a minimum above the limit and exceeds the limit where it rises.
+
+    Parameters
+    ----------
+    cubic : tuple of float
+        Bezier points of the drift, m.
+    limit : float
+        Limit, m.
+    slack : float
+        Excess that is tolerated, m. NONE is returned if the cubic nowhere exceeds the limit by
+        more.
+    before : float
+        NONE is returned if the crossing is not before this fraction of the step.
     """
     d0, d1, d2, d3 = cubic
-    # Between its extrema the cubic is monotone.
+    # The cubic is monotonic between its extrema.
     a = d3 - d0 + 3.0 * (d1 - d2)
     b = d0 - 2.0 * d1 + d2
     c = d1 - d0
@@ -153,7 +219,7 @@ def _crossing(cubic, limit, slack, before):
         s_high = min(max(max(root, other), 0.0), 1.0)
         low = _bezier(cubic, s_low)
         high = _bezier(cubic, s_high)
-    if not _rises_beyond(d0, d1, low, high, d3, limit + slack):
+    if not _exceeds_while_rising(d0, d1, low, high, d3, limit + slack):
         return NONE
     if d0 >= limit and d1 > d0:
         return 0.0
@@ -165,8 +231,18 @@ def _crossing(cubic, limit, slack, before):
 
 
 @inline
-def _rises_beyond(d0, d1, low, high, d3, limit):
-    """Whether the cubic with these values at its extrema goes beyond `limit`."""
+def _exceeds_while_rising(d0, d1, low, high, d3, limit):
+    """Return True if the cubic exceeds `limit` on a rising part.
+
+    Parameters
+    ----------
+    d0, d1, d3 : float
+        First, second and last Bezier point.
+    low, high : float
+        Values at the two extrema.
+    limit : float
+        Limit.
+    """
     at_first = (d0 >= limit) & (d1 > d0)
     between = ((low > limit) & (low > d0)) | ((high > limit) & (high > low))
     return at_first | between | ((d3 > limit) & (d3 > high))
@@ -174,39 +250,62 @@ def _rises_beyond(d0, d1, low, high, d3, limit):
 
 @outlined
 def _root(cubic, limit, low, high, before):
-    """Where the cubic, rising from one place and its value there to another, crosses `limit`, by
-    safeguarded Newton from where a line would; the former place if it is beyond it there; NONE if
-    that is not before `before`."""
+    """Return the crossing of a limit on a monotonically rising part of a cubic.
+
+    Safeguarded Newton's method starts from the crossing of the secant.
+
+    Parameters
+    ----------
+    cubic : tuple of float
+        Bezier points.
+    limit : float
+        Limit.
+    low, high : tuple of float
+        Start and end of the part: the argument and the value of the cubic.
+    before : float
+        Fraction of the step after which a crossing is not needed.
+
+    Returns
+    -------
+    float
+        Argument of the crossing; the start of the part if the value there is above the limit; NONE
+        if the crossing is not before `before`.
+    """
     d0, d1, d2, d3 = cubic
-    left, from_value = low
-    right, to_value = high
+    lower_s, from_value = low
+    upper_s, to_value = high
     if from_value >= limit:
-        return left
-    if before < right and (before <= left or _bezier(cubic, before) <= limit):
+        return lower_s
+    if before < upper_s and (before <= lower_s or _bezier(cubic, before) <= limit):
         return NONE
-    s = left + (right - left) * (limit - from_value) / (to_value - from_value)
+    s = lower_s + (upper_s - lower_s) * (limit - from_value) / (to_value - from_value)
     for _ in range(60):
         value = _bezier(cubic, s) - limit
         if value > 0.0:
-            right = s
+            upper_s = s
         else:
-            left = s
+            lower_s = s
         r = 1.0 - s
         rate = 3.0 * (r * r * (d1 - d0) + 2.0 * r * s * (d2 - d1) + s * s * (d3 - d2))
-        new = s - value / rate if rate != 0.0 else left
-        if not left < new < right:
-            new = 0.5 * (left + right)
+        new = s - value / rate if rate != 0.0 else lower_s
+        if not lower_s < new < upper_s:
+            new = 0.5 * (lower_s + upper_s)
         change = new - s
         s = new
-        if abs(change) <= _CLOSE:
+        if abs(change) <= _ROOT_TOLERANCE:
             break
     return s
 
 
 @outlined
 def turning(r0, r1, r2):
-    """Smallest s in [0, 1] from which on the quadratic with the Bezier points r0, r1, r2 is
-    negative; NONE if it is not."""
+    """Return the smallest s in [0, 1] from which on a quadratic is negative, or NONE.
+
+    Parameters
+    ----------
+    r0, r1, r2 : float
+        Bezier points of the quadratic.
+    """
     if r0 <= 0.0:
         return 0.0 if r1 < 0.0 else NONE
     a = r0 - 2.0 * r1 + r2
@@ -214,6 +313,6 @@ def turning(r0, r1, r2):
     discriminant = b * b - a * r0
     if discriminant < 0.0:
         return NONE
-    # The smaller positive root of a s^2 + 2 b s + r0 = 0, without cancellation.
+    # Smaller positive root of a s^2 + 2 b s + r0 = 0, without cancellation.
     s = r0 / (-b + math.sqrt(discriminant)) if b < 0.0 else -(b + math.sqrt(discriminant)) / a
     return s if 0.0 <= s <= 1.0 else NONE

@@ -1,6 +1,7 @@
-"""Drift laws of stories: force and tangent, energies, committed and trial states.
+"""Hysteresis models of stories: forces, tangents, energies, and committed and trial states.
 
-The laws themselves stand in `tdint.kernels.laws`, one file each.
+The hysteresis models (drift laws) are in `tdint.kernels.laws`, one file for each law. The functions
+of this module call the law of each story.
 """
 
 from __future__ import annotations
@@ -13,43 +14,61 @@ from tdint.kernels.stories.branches import enter
 _force = chosen("force", case_of_6)
 
 strain_energy = chosen("strain_energy", case_of_3)
-"""(law_parameters, law_state, i) -> energy stored in the law's committed state, J."""
+"""(law_parameters, law_state, i) -> energy stored in the committed state of the law, J."""
 
 
 @inline
 def _hysteretic_energy(law_parameters, law_state, i):
+    """Return the dissipated energy of the committed state, J, for laws that store it in row
+    DISSIPATED."""
     return law_state[rows.DISSIPATED, i]
 
 
 hysteretic_energy = chosen("hysteretic_energy", case_of_3, _hysteretic_energy)
-"""(law_parameters, law_state, i) -> energy that the law has dissipated until its committed state,
-J."""
+"""(law_parameters, law_state, i) -> energy dissipated by the law until the committed state, J."""
 
 
 @inline
-def _elastic(law_parameters, law_state, i, previous, trial):
+def _copy_dissipation(law_parameters, law_state, i, previous, trial):
+    """Copy the dissipated energy to the trial state, for laws that do not accumulate it."""
     law_state[trial + rows.DISSIPATED, i] = law_state[previous + rows.DISSIPATED, i]
 
 
 @inline
-def _nothing_more(law_parameters, law_state, i, previous, trial):
+def _no_rows(law_parameters, law_state, i, previous, trial):
+    """Do nothing, for laws without additional rows."""
     pass
 
 
-accumulate_dissipation = chosen("accumulate_dissipation", case_of_5, _elastic)
-"""(law_parameters, law_state, i, previous, trial): adds up the energy dissipated on the way
-between the
-two blocks."""
+accumulate_dissipation = chosen("accumulate_dissipation", case_of_5, _copy_dissipation)
+"""(law_parameters, law_state, i, previous, trial). Sets the dissipated energy of block `trial` to
+that of block `previous` plus the energy dissipated between the two states, J."""
 
-_keep = chosen("keep", case_of_5, _nothing_more)
+_keep = chosen("keep", case_of_5, _no_rows)
 
 
 @inline
 def restoring_force(law_parameters, law_state, i, previous, trial, drift):
-    """Force of story `i` at `drift`, reached from the state in block `previous`; written to block
-    `trial`.
+    """Compute the restoring force of story `i` at a drift and store the trial state.
 
-    Returns the tangent stiffness, N/m.
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    previous : int
+        Block of the state at the start of the path. It is not changed.
+    trial : int
+        Block of the state at the end of the path. DRIFT, FORCE (N) and the other rows of the law
+        are written.
+    drift : float
+        Drift at the end of the path, m.
+
+    Returns
+    -------
+    float
+        Tangent stiffness at the end of the path, N/m.
     """
     law_state[trial + rows.DRIFT, i] = drift
     return _force(law_parameters, law_state, i, previous, trial, drift)
@@ -57,15 +76,45 @@ def restoring_force(law_parameters, law_state, i, previous, trial, drift):
 
 @outlined
 def restoring_force_outlined(law_parameters, law_state, i, previous, trial, drift):
-    """`restoring_force` for where it is one of many calls."""
+    """Call `restoring_force`; compiled as a separate function, for callers with several calls.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    previous : int
+        First row of the state at the start of the path.
+    trial : int
+        First row of the state at the end of the path.
+    drift : float
+        Drift, m.
+
+    Returns
+    -------
+    float
+        Tangent stiffness, N/m.
+    """
     return restoring_force(law_parameters, law_state, i, previous, trial, drift)
 
 
 @inline
 def commit(law_parameters, law_state, i, previous, trial):
-    """Make the trial state of story `i` the committed one; `previous` is the block that it was
-    reached
-    from."""
+    """Make a trial state of story `i` the committed state, including the energy dissipated on the
+    path.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    previous : int
+        Block of the state at the start of the last path.
+    trial : int
+        Block of the trial state.
+    """
     accumulate_dissipation(law_parameters, law_state, i, previous, trial)
     _keep(law_parameters, law_state, i, previous, trial)
     for row in range(rows.COMMON_ROWS):
@@ -74,7 +123,18 @@ def commit(law_parameters, law_state, i, previous, trial):
 
 @inline
 def commit_without_dissipation(law_parameters, law_state, i, trial):
-    """Make the trial state of story `i` the committed one; what it dissipated is settled."""
+    """Make a trial state of story `i` the committed state; its dissipated energy is already
+    accumulated.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    trial : int
+        Block of the trial state.
+    """
     _keep(law_parameters, law_state, i, 0, trial)
     for row in range(rows.COMMON_ROWS):
         law_state[row, i] = law_state[trial + row, i]
@@ -82,24 +142,38 @@ def commit_without_dissipation(law_parameters, law_state, i, trial):
 
 @inline
 def resume(law_parameters, law_state, i):
-    """Put story `i` on the branch that its committed state implies, after a step that does not
-    follow branches."""
+    """Set the branch of story `i` that its committed state implies.
+
+    A step that does not follow branches must call this function before a step that follows
+    branches. It has no effect for laws that store their branch in every state.
+    """
     if law_parameters[rows.CODE, i] not in KNOWING:
         enter(law_parameters, law_state, i)
 
 
 @inline
 def start(law_parameters, law_state, i, drift):
-    """Bring story `i` from rest to its initial drift."""
+    """Move story `i` from zero drift to its initial drift (m) and commit the state.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    drift : float
+        Drift, m.
+    """
     enter(law_parameters, law_state, i)
     restoring_force(law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift)
     commit(law_parameters, law_state, i, 0, rows.FIRST_TRIAL)
     resume(law_parameters, law_state, i)
 
 
-# ---- One story along a given path of drifts, without mass and time: a cyclic test
+# ---- One story along a specified path of drifts, without mass and time: a cyclic test
 
-# Columns of the result
+# Columns of the result of `follow`: force (N), tangent stiffness (N/m), stored energy (J) and
+# dissipated energy (J).
 SHEAR = 0
 TANGENT = 1
 STRAIN_ENERGY = 2
@@ -109,11 +183,27 @@ RESULT_COLUMNS = 4
 
 @kernel(I8(TABLE, I8, VECTOR, TABLE, TABLE), parts=("laws",))
 def follow(law_parameters, i, drifts, law_state, result):
-    """Bring story `i` from rest to the first drift and then from one to the next; one row of result
-    for each.
+    """Compute forces and energies of story `i` along a path of drifts that starts at zero drift.
 
-    Each drift is committed, as a time step commits the one at its end. Shear N, tangent N/m,
-    energies J.
+    Each drift is committed, as a time step commits the drift at its end.
+
+    Parameters
+    ----------
+    law_parameters : ndarray
+        Parameters of the laws.
+    i : int
+        Index of the story.
+    drifts : ndarray
+        Drifts of the path, m.
+    law_state : ndarray
+        States of the laws; the final state is stored.
+    result : ndarray, shape (drifts, RESULT_COLUMNS)
+        Result, one row for each drift.
+
+    Returns
+    -------
+    int
+        0.
     """
     start(law_parameters, law_state, i, drifts[0])
     for s in range(drifts.size):

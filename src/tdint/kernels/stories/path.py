@@ -1,14 +1,18 @@
-"""Drift laws along a parabola of drift: mean and first moment of the force, with their tangents.
+"""Integrals of the force of a drift law along a parabola of drift.
+
+The path and the integrals are
 
     d(t) = d0 + rise t + bend (t^2 - t) / 2,   t in [0, 1], s = t - 1/2
     mean = int f dt,   moment = 12 int s f dt
 
-The work along the path is rise * mean + bend * moment / 12. The tangents are the derivatives by
-rise and bend, complete: where the path turns, what follows hangs on the drift at which it did.
+The work along the path is rise * mean + bend * moment / 12. The tangents are the complete
+derivatives with respect to rise and bend: after a reversal of the path, the force also depends on
+the drift at the reversal.
 
-A law that is linear branch by branch is integrated exactly: pieces end where a branch does, or
-where the path turns. An elastic curved law is integrated by Gauss points, as many as it asks for; a
-curved law with a memory likewise, along the way to the turning point and back from there.
+The integrals of a piecewise-linear law are exact. The path is divided at each change of branch and
+at the reversal. A curved elastic law is integrated with the number of Gauss points that the law
+requests. A curved law with a memory is integrated in the same way, first to the reversal and then
+from the reversal to the end.
 """
 
 from __future__ import annotations
@@ -31,7 +35,8 @@ from tdint.kernels.stories.law_state import (
     restoring_force_outlined,
 )
 
-# Rows from `out` on
+# Rows of the results, relative to `out`: mean and moment (N) and their derivatives with respect to
+# rise and bend (N/m).
 MEAN = 0
 MOMENT = 1
 MEAN_BY_RISE = 2
@@ -39,33 +44,43 @@ MEAN_BY_BEND = 3
 MOMENT_BY_RISE = 4
 MOMENT_BY_BEND = 5
 _RESULTS = 6
-_BACK = 6  # the same of the way back from a turning point
-_SHIFTED = 12  # and with this point shifted
+_BACK = 6  # the same results for the path after a reversal
+_SHIFTED = 12  # the same results for the path after a reversal at a shifted drift
 PATH_ROWS = 18
 
-_MOST_BRANCHES = 16  # on the way to a turning point; a law has fewer
-_ROOT = 1e-12  # of a step, by which a turn may be missed: rounding is some 1e-15 of it
-_MOST_ROOT_STEPS = 60  # halving alone would need 40
-# Of the rate to which a story comes in a step: what goes back by less has not turned. At rest the
-# start's acceleration is what the floors' loads round, some 1e-16 of them, and drifts of upper
-# stories are 1e-6 of what the floors move.
-_ROUNDED = 1e-9
-_GOES_BACK = (
-    1e-12  # rate against the way over what it grows to: not rounding any more where a path turns
+_MAX_BRANCHES = 16  # maximum number of branches up to a reversal; every law has fewer
+# Fraction of the step. Tolerance of the time of a reversal; rounding errors are about 1e-15.
+_ROOT = 1e-12
+_MAX_ROOT_ITERATIONS = 60  # bisection alone would need 40 iterations
+# Relative to the rate that a story reaches within the step. A smaller rate in the opposite
+# direction is not a reversal. If the building is at rest, the initial acceleration is the rounding
+# error of the floor loads, about 1e-16 of them, and the drifts of upper stories are 1e-6 of the
+# displacements of the floors.
+_RATE_ROUNDING = 1e-9
+_OPPOSITE_RATE = (
+    # Rate opposite to the direction of the path, relative to the rate that it reaches. Larger
+    # values are not rounding errors of a path that starts at a reversal.
+    1e-12
 )
-_SHIFT = 1e-6  # of a turning point over the path, to see what hangs on it
-MOST_POINTS = 16  # in one part of the path
-_USUAL_POINTS = 16.0  # of laws that say nothing: as many as a part has
-_ENOUGH = 32e3  # points on any path: where an iteration runs away, laws would ask for millions
+# Shift of the drift at a reversal relative to the path, for the derivative with respect to this
+# drift.
+_SHIFT = 1e-6
+MAX_POINTS = 16  # maximum number of Gauss points in one part of the path
+# number of Gauss points for laws that do not specify a number; one complete part
+_DEFAULT_POINTS = 16.0
+# Maximum number of Gauss points on a path. In a diverging iteration, laws would request millions.
+_MAX_POINTS = 32e3
 
 
 def _gauss() -> tuple[np.ndarray, np.ndarray]:
-    """Nodes and weights of Gauss and Legendre on [0, 1]; row n holds the rule with n points.
+    """Return nodes and weights of the Gauss-Legendre rules on [0, 1]; row n contains the rule with
+    n points.
 
-    Of a table, so that they are the same numbers on all machines, and at once: on [-1, 1] by
-    NumPy's `leggauss`, which asks LAPACK; a line holds the nodes of a rule and its weights.
+    The rules are read from a table, so that all machines use equal numbers and no LAPACK call is
+    needed at import. The table contains the result of NumPy's `leggauss` on [-1, 1]; each line
+    contains the nodes and the weights of one rule.
     """
-    nodes = np.zeros((MOST_POINTS + 1, MOST_POINTS))
+    nodes = np.zeros((MAX_POINTS + 1, MAX_POINTS))
     weights = np.zeros_like(nodes)
     lines = Path(__file__).with_name("gauss_legendre.txt").read_text(encoding="ascii").splitlines()
     for n, line in enumerate(lines, 1):
@@ -78,21 +93,23 @@ NODES, WEIGHTS = _gauss()
 
 
 @inline
-def _as_usual(law_parameters, law_state, i, way):
-    return _USUAL_POINTS
+def _default_points(law_parameters, law_state, i, drift_change):
+    """Return the default number of Gauss points."""
+    return _DEFAULT_POINTS
 
 
-_points = chosen("points", case_of_4, _as_usual)
+_points = chosen("points", case_of_4, _default_points)
 
 
 @inline
-def points_wanted(law_parameters, law_state, i, way):
-    """Gauss points on a path of drift that is `way` long."""
-    return min(_points(law_parameters, law_state, i, way), _ENOUGH)
+def points_wanted(law_parameters, law_state, i, drift_change):
+    """Return the number of Gauss points on a path with a drift change of `way` (m)."""
+    return min(_points(law_parameters, law_state, i, drift_change), _MAX_POINTS)
 
 
 @inline
 def _smooth(law_parameters, law_state, i, block, side):
+    """Return infinity, for laws without a sharp bend."""
     return math.inf
 
 
@@ -101,7 +118,7 @@ _kink = chosen("kink", case_of_5, _smooth)
 
 @inline
 def stays(law_state, i, rise, bend):
-    """Whether story `i` keeps to its present linear branch all along the path."""
+    """Return True if story `i` remains on its current linear branch along the complete path."""
     if not law_state[rows.SLOPE, i] < math.inf:
         return False
     start = law_state[rows.DRIFT, i]
@@ -110,7 +127,7 @@ def stays(law_state, i, rise, bend):
     last = rise + 0.5 * bend
     if turn * first < 0.0 or turn * last < 0.0:
         return False
-    # The parabola lies within its Bezier points.
+    # The parabola is between the minimum and the maximum of its Bezier points.
     middle = start + 0.5 * first
     end = start + rise
     highest = max(start, middle, end)
@@ -130,81 +147,111 @@ def stays(law_state, i, rise, bend):
 
 @outlined
 def turns(rise, first, last, start):
-    """Where a story turns within a step, as its rate tells: the cubic between `first` and `last`,
-    those of the state, that has the rise for its mean and grows by `start` where it begins (all
-    times the step). The one decision of a run and of what carries its error: the parabola's own
-    rate misses the state's at both ends.
+    """Locate the reversals of a story within a step from its drift rate.
+
+    The rate is the cubic with the rates `first` and `last` of the state at both endpoints, the mean
+    `rise` and the initial slope `start`. The run and its error estimate use this same decision. The
+    rate of the parabola differs from the rate of the state at both endpoints.
+
+    Parameters
+    ----------
+    rise : float
+        Change of drift in the step, m.
+    first, last : float
+        Drift rates at both endpoints times the step, m.
+    start : float
+        Rate of change of the drift rate at the start times the squared step, m.
 
     Returns
     -------
-    side, first turn, second turn, third turn, nearest : float
-        The direction in which the story sets out; where in (0, 1) the rate changes its sign, 1 for
-        no more; how near it comes to zero where it has an extreme.
+    side : float
+        Direction of the initial movement, 1 or -1.
+    first, second, third : float
+        Fractions of the step in (0, 1) at which the rate changes its sign; 1 for no further
+        reversal.
+    nearest : float
+        Minimum absolute rate at an extremum within the step, m; infinite if there is no extremum.
     """
-    rounded = _ROUNDED * (abs(rise) + abs(last))
+    rounded = _RATE_ROUNDING * (abs(rise) + abs(last))
     if abs(first) <= rounded and abs(start) <= rounded and rise * last > 0.0:
-        # From rest, and not by its acceleration: of an upper story, whose rate grows faster than
-        # any cubic tells.
+        # The story starts at rest, and not by its acceleration. This applies to an upper story with
+        # a rate that increases faster than a cubic can represent.
         return math.copysign(1.0, rise), 1.0, 1.0, 1.0, math.inf
     change = last - first - start
-    more = rise - first - 0.5 * start
-    c2 = 12.0 * more - 3.0 * change
-    c3 = 4.0 * change - 12.0 * more
-    # Between its extremes, where start + 2 c2 t + 3 c3 t^2 = 0, the rate is monotone.
-    early = late = 1.0
+    excess = rise - first - 0.5 * start
+    c2 = 12.0 * excess - 3.0 * change
+    c3 = 4.0 * change - 12.0 * excess
+    # Between its extrema, where start + 2 c2 t + 3 c3 t^2 = 0, the rate is monotonic.
+    first_extremum = last_extremum = 1.0
     discriminant = c2 * c2 - 3.0 * c3 * start
     if discriminant > 0.0:
         q = -(c2 + math.copysign(math.sqrt(discriminant), c2))
-        early = max(q / (3.0 * c3), 0.0) if abs(q) < abs(3.0 * c3) else 1.0
-        late = max(start / q, 0.0) if abs(start) < abs(q) else 1.0
-        early, late = min(early, late), max(early, late)
+        first_extremum = max(q / (3.0 * c3), 0.0) if abs(q) < abs(3.0 * c3) else 1.0
+        last_extremum = max(start / q, 0.0) if abs(start) < abs(q) else 1.0
+        first_extremum, last_extremum = (
+            min(first_extremum, last_extremum),
+            max(first_extremum, last_extremum),
+        )
     side = first if abs(first) > rounded else start if abs(start) > rounded else rise
-    one = two = three = 1.0
+    first_turn = second_turn = third_turn = 1.0
     nearest = math.inf
-    left, before = 0.0, side
-    for piece in range(3):
-        right = early if piece == 0 else late if piece == 1 else 1.0
-        rate = first + right * (start + right * (c2 + right * c3))
-        if piece < 2 and 0.0 < right < 1.0:
+    lower, previous_rate = 0.0, side
+    for add_part in range(3):
+        upper = first_extremum if add_part == 0 else last_extremum if add_part == 1 else 1.0
+        rate = first + upper * (start + upper * (c2 + upper * c3))
+        if add_part < 2 and 0.0 < upper < 1.0:
             nearest = min(nearest, abs(rate))
-        if before * rate < 0.0 and abs(rate) > rounded:
-            root = _where_zero((first, start, c2, c3), left, right, rate)
-            one, two, three = (
+        if previous_rate * rate < 0.0 and abs(rate) > rounded:
+            root = _find_zero((first, start, c2, c3), lower, upper, rate)
+            first_turn, second_turn, third_turn = (
                 (root, 1.0, 1.0)
-                if one == 1.0
-                else (one, root, 1.0)
-                if two == 1.0
-                else (one, two, root)
+                if first_turn == 1.0
+                else (first_turn, root, 1.0)
+                if second_turn == 1.0
+                else (first_turn, second_turn, root)
             )
-        left = right
-        before = rate if abs(rate) > rounded else before
-    return math.copysign(1.0, side), one, two, three, nearest
+        lower = upper
+        previous_rate = rate if abs(rate) > rounded else previous_rate
+    return math.copysign(1.0, side), first_turn, second_turn, third_turn, nearest
 
 
 @inline
 def turns_surely(rise, first, last):
-    """Whether a rate at an end of the step goes against the rise, by more than rounds: `turns` then
-    tells a turn, whatever the acceleration."""
-    rounded = _ROUNDED * (abs(rise) + abs(last))
+    """Return True if a rate at an endpoint of the step is opposite to the change of drift.
+
+    The tolerance is the rounding error. `turns` then returns a reversal for any acceleration.
+    """
+    rounded = _RATE_ROUNDING * (abs(rise) + abs(last))
     return (rise * first < 0.0 and abs(first) > rounded) or (
         rise * last < 0.0 and abs(last) > rounded
     )
 
 
 @inline
-def _where_zero(cubic, left, right, at_right):
-    """The zero of a cubic that is monotone between two places, by safeguarded Newton."""
+def _find_zero(cubic, lower, upper, at_right):
+    """Return the zero of a cubic that is monotonic between `lower` and `upper`, by safeguarded
+    Newton's method.
+
+    Parameters
+    ----------
+    cubic : tuple of float
+        Coefficients of 1, t, t^2 and t^3.
+    lower, upper : float
+        Interval of the zero.
+    at_right : float
+        Value with the sign of the cubic at `upper`.
+    """
     c0, c1, c2, c3 = cubic
-    t = 0.5 * (left + right)
-    for _ in range(_MOST_ROOT_STEPS):
+    t = 0.5 * (lower + upper)
+    for _ in range(_MAX_ROOT_ITERATIONS):
         value = c0 + t * (c1 + t * (c2 + t * c3))
         if value * at_right < 0.0:
-            left = t
+            lower = t
         else:
-            right = t
+            upper = t
         slope = c1 + t * (2.0 * c2 + 3.0 * t * c3)
-        new = t - value / slope if slope != 0.0 else left
-        new = new if left < new < right else 0.5 * (left + right)
+        new = t - value / slope if slope != 0.0 else lower
+        new = new if lower < new < upper else 0.5 * (lower + upper)
         if abs(new - t) < _ROOT:
             return new
         t = new
@@ -213,7 +260,21 @@ def _where_zero(cubic, left, right, at_right):
 
 @inline
 def keep_to_branch(law_state, i, rise, bend, scratch, out):
-    """The results of a story that keeps to its present linear branch."""
+    """Compute the results of a story that remains on its current linear branch.
+
+    Parameters
+    ----------
+    law_state : ndarray
+        States of the laws.
+    i : int
+        Index of the story.
+    rise, bend : float
+        Coefficients of the parabola, m.
+    scratch : ndarray
+        Scratch array of the step.
+    out : int
+        First row of the results.
+    """
     slope = law_state[rows.SLOPE, i]
     scratch[out + MEAN, i] = law_state[rows.FORCE, i] + slope * (0.5 * rise - bend / 12.0)
     scratch[out + MOMENT, i] = slope * rise
@@ -225,27 +286,59 @@ def keep_to_branch(law_state, i, rise, bend, scratch, out):
 
 @outlined
 def follow(law_parameters, law_state, i, rise, bend, steady, scratch, out):
-    """The results of any story into the rows from `out` on; its state on the way is left to
-    `arrive`. `steady`: the story does not turn, even if the parabola does; the force on each branch
-    is that at the parabola's drift even so, and the work along the parabola what that from its
-    start to its end is."""
-    whole = Stretch(law_state[rows.DRIFT, i], rise, bend, 0.0, 1.0)
+    """Compute the results of a story along its path.
+
+    `arrive` commits the state at the end of the path.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    rise, bend : float
+        Coefficients of the parabola, m.
+    steady : bool
+        True if the story has no reversal in the step, even if the parabola has one. The force on
+        each branch is nevertheless the force at the drift of the parabola. The work along the
+        parabola is then the work from its start to its end.
+    scratch : ndarray
+        Scratch array of the step.
+    out : int
+        First row of the results.
+    """
+    complete = Stretch(law_state[rows.DRIFT, i], rise, bend, 0.0, 1.0)
     results = Integrals(scratch, out)
     _clear(results, i)
     if not CURVES or law_state[rows.SLOPE, i] < math.inf:
         _over_branches(
-            law_parameters, law_state, i, whole, 1.0 if steady else turning_point(whole), results
+            law_parameters,
+            law_state,
+            i,
+            complete,
+            1.0 if steady else turning_point(complete),
+            results,
         )
     elif law_parameters[rows.CODE, i] in DISSIPATING:
-        _with_memory(law_parameters, law_state, i, whole, results)
+        _with_memory(law_parameters, law_state, i, complete, results)
     else:
         count = points_wanted(law_parameters, law_state, i, abs(rise) + 0.5 * abs(bend))
-        _integrate(law_parameters, law_state, i, 0, True, count, whole, results)
+        _integrate(law_parameters, law_state, i, 0, True, count, complete, results)
 
 
 @outlined
 def arrive(law_parameters, law_state, i, rise):
-    """Commit the end of the path that `follow` followed last."""
+    """Commit the state at the end of the path of the last call of `follow`.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    rise : float
+        Change of drift along the path, m.
+    """
     if not CURVES or law_state[rows.SLOPE, i] < math.inf:
         copy(law_state, i, rows.FIRST_TRIAL, 0)
         return
@@ -259,24 +352,26 @@ def arrive(law_parameters, law_state, i, rise):
 
 @inline
 def drift_at(stretch, t):
-    """The drift at t."""
+    """Return the drift at time t of the parabola, m."""
     return stretch.start + t * (stretch.rise + 0.5 * stretch.bend * (t - 1.0))
 
 
 @inline
 def part_of(stretch, begin, end):
-    """Another part of the same parabola."""
+    """Return another part of the same parabola."""
     return Stretch(stretch.start, stretch.rise, stretch.bend, begin, end)
 
 
 @inline
 def _clear(results, i):
+    """Set the results of story `i` to zero."""
     for row in range(_RESULTS):
         results.table[results.first + row, i] = 0.0
 
 
 @inline
 def copy(law_state, i, source, target):
+    """Copy the state of story `i` from block `source` to block `target`."""
     for row in range(rows.LAW_STATE_ROWS):
         law_state[target + row, i] = law_state[source + row, i]
     copy_extra_rows(law_state, i, source, target)
@@ -284,7 +379,7 @@ def copy(law_state, i, source, target):
 
 @inline
 def turning_point(stretch):
-    """Where in (0, 1) the path turns; 1 if it does not."""
+    """Return the time in (0, 1) at which the parabola has its extremum; 1 if there is none."""
     if 2.0 * abs(stretch.rise) >= abs(stretch.bend):
         return 1.0
     t = 0.5 - stretch.rise / stretch.bend
@@ -293,7 +388,21 @@ def turning_point(stretch):
 
 @inline
 def _add(results, i, weight, t, force, tangent):
-    """Add a point of the path to the integrals."""
+    """Add a point of the path to the integrals and their tangents.
+
+    Parameters
+    ----------
+    results : Integrals
+        Rows of the results.
+    i : int
+        Index of the story.
+    weight : float
+        Integration weight.
+    t : float
+        Time of the point.
+    force, tangent : float
+        Force, N, and tangent stiffness, N/m, at the point.
+    """
     scratch, out = results
     by_bend = 0.5 * (t * t - t)
     moment = 12.0 * weight * (t - 0.5)
@@ -307,8 +416,22 @@ def _add(results, i, weight, t, force, tangent):
 
 @inline
 def _join(results, i, turn, shift):
-    """Add the way back from a turning point. What hangs on that point is seen from the same way
-    after a shift of it (no shift: nothing does)."""
+    """Add the results of the path after a reversal.
+
+    The derivative with respect to the drift at the reversal is the difference between the results
+    with and without a shift of this drift.
+
+    Parameters
+    ----------
+    results : Integrals
+        Rows of the results.
+    i : int
+        Index of the story.
+    turn : float
+        Time of the reversal.
+    shift : float
+        Shift of the drift, m; 0 if the results do not depend on the drift at the reversal.
+    """
     scratch, out = results
     for row in range(_RESULTS):
         scratch[out + row, i] += scratch[out + _BACK + row, i]
@@ -322,57 +445,97 @@ def _join(results, i, turn, shift):
         scratch[out + MOMENT_BY_BEND, i] += moment * by_bend
 
 
-# ---- Linear branch by branch
+# ---- Piecewise-linear laws
 
 
 @inline
-def time_to(limit, stretch, here, side):
-    """How long the path, moving to `side`, takes from `here` to the drift `limit`."""
-    rate = side * (stretch.rise + stretch.bend * (here - 0.5))
-    left = side * (limit - drift_at(stretch, here))
-    if not left > 0.0:
+def time_to(limit, stretch, t_now, side):
+    """Return the time that the path needs from time `t_now` to the drift `limit`.
+
+    Parameters
+    ----------
+    limit : float
+        Drift, m.
+    stretch : Stretch
+        Path.
+    t_now : float
+        Time on the path.
+    side : float
+        Direction of the movement, 1 or -1.
+    """
+    rate = side * (stretch.rise + stretch.bend * (t_now - 0.5))
+    lower = side * (limit - drift_at(stretch, t_now))
+    if not lower > 0.0:
         return 0.0
-    root = math.sqrt(max(rate * rate + 2.0 * side * stretch.bend * left, 0.0))
-    if -rate > _GOES_BACK * root and side * stretch.bend > 0.0:
+    root = math.sqrt(max(rate * rate + 2.0 * side * stretch.bend * lower, 0.0))
+    if -rate > _OPPOSITE_RATE * root and side * stretch.bend > 0.0:
         return (root - rate) / (side * stretch.bend)
-    return 2.0 * left / (max(rate, 0.0) + root) if max(rate, 0.0) + root > 0.0 else 1.0
+    return 2.0 * lower / (max(rate, 0.0) + root) if max(rate, 0.0) + root > 0.0 else 1.0
 
 
-def along_branches(piece, note):
-    """A function (law_parameters, law_state, i, block, stretch, side, target, results) that goes
-    along a stretch in which the story goes to `side` all the time (0: it does not move), up to the
-    drift `target`, branch by branch, with the state in `block`. `piece` adds to the results what
-    lies on one branch, `note` is told where and with what force it ended."""
+def along_branches(add_part, note_end):
+    """Return a function that integrates along a part of a path without reversal, branch by branch.
+
+    Parameters
+    ----------
+    add_part : function
+        (law_state, i, block, stretch, results). Adds a part on one branch to the results.
+    note_end : function
+        (results, i, t, force). Is called at the end of each branch, with its time and force (N).
+
+    Returns
+    -------
+    function
+        (law_parameters, law_state, i, block, stretch, side, target, results). The state in `block`
+        moves in the direction `side` (0 for no movement) to the drift `target`, m.
+    """
 
     @outlined
     def go(law_parameters, law_state, i, block, stretch, side, target, results):
         if side == 0.0:
-            piece(law_state, i, block, stretch, results)
+            add_part(law_state, i, block, stretch, results)
             return
         if law_state[block + rows.RATE_SIGN, i] * side < 0.0:
             switch(law_parameters, law_state, i, block, rows.REVERSED)
-        here = stretch.begin
-        for passed in range(_MOST_BRANCHES):
+        t_now = stretch.begin
+        for branch_count in range(_MAX_BRANCHES):
             limit = (
                 law_state[block + rows.UPPER, i] if side > 0.0 else law_state[block + rows.LOWER, i]
             )
-            ends = side * (target - limit) > 0.0 and passed < _MOST_BRANCHES - 1
-            there = stretch.end
-            if ends:
-                there = min(here + time_to(limit, stretch, here, side), stretch.end)
-            piece(law_state, i, block, part_of(stretch, here, there), results)
-            advance(law_parameters, law_state, i, block, limit if ends else target)
-            if not ends:
+            leaves_branch = side * (target - limit) > 0.0 and branch_count < _MAX_BRANCHES - 1
+            t_end = stretch.end
+            if leaves_branch:
+                t_end = min(t_now + time_to(limit, stretch, t_now, side), stretch.end)
+            add_part(law_state, i, block, part_of(stretch, t_now, t_end), results)
+            advance(law_parameters, law_state, i, block, limit if leaves_branch else target)
+            if not leaves_branch:
                 break
-            note(results, i, there, law_state[block + rows.FORCE, i])
+            note_end(results, i, t_end, law_state[block + rows.FORCE, i])
             switch(law_parameters, law_state, i, block, rows.ABOVE if side > 0.0 else rows.BELOW)
-            here = there
+            t_now = t_end
 
     return go
 
 
 @inline
 def _piece(law_state, i, block, stretch, results):
+    """Add a part on one linear branch to the results, by two Gauss points.
+
+    The rule is exact because the force times s is a cubic in t.
+
+    Parameters
+    ----------
+    law_state : ndarray
+        States of the laws.
+    i : int
+        Index of the story.
+    block : int
+        First row of the state.
+    stretch : Stretch
+        Part of the path.
+    results : Integrals
+        Rows of the results.
+    """
     length = stretch.end - stretch.begin
     slope = law_state[block + rows.SLOPE, i]
     for point in range(2):
@@ -384,68 +547,107 @@ def _piece(law_state, i, block, stretch, results):
 
 
 @inline
-def _nothing(results, i, t, force):
+def _ignore_end(results, i, t, force):
+    """Ignore the end of a branch."""
     pass
 
 
-_go = along_branches(_piece, _nothing)
+_go = along_branches(_piece, _ignore_end)
 
 
 @inline
 def _follow(law_parameters, law_state, i, block, stretch, results):
-    """Along a stretch from its start straight to its end."""
+    """Integrate along a part of a path without reversal.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    block : int
+        First row of the state.
+    stretch : Stretch
+        Part of the path.
+    results : Integrals
+        Rows of the results.
+    """
     target = drift_at(stretch, stretch.end)
-    way = target - drift_at(stretch, stretch.begin)
-    side = math.copysign(1.0, way) if way != 0.0 else 0.0
+    drift_change = target - drift_at(stretch, stretch.begin)
+    side = math.copysign(1.0, drift_change) if drift_change != 0.0 else 0.0
     _go(law_parameters, law_state, i, block, stretch, side, target, results)
 
 
 @outlined
-def _over_branches(law_parameters, law_state, i, whole, turn, results):
-    """Two-point Gauss on each piece: force times s is a cubic there."""
+def _over_branches(law_parameters, law_state, i, complete, turn, results):
+    """Compute the results of a piecewise-linear law.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    complete : Stretch
+        Complete path.
+    turn : float
+        Time of the reversal; 1 for no reversal.
+    results : Integrals
+        Rows of the results.
+    """
     copy(law_state, i, 0, rows.FIRST_TRIAL)
-    _follow(law_parameters, law_state, i, rows.FIRST_TRIAL, part_of(whole, 0.0, turn), results)
+    _follow(law_parameters, law_state, i, rows.FIRST_TRIAL, part_of(complete, 0.0, turn), results)
     if turn == 1.0:
         return
     back = Integrals(results.table, results.first + _BACK)
     shifted = Integrals(results.table, results.first + _SHIFTED)
-    way_back = part_of(whole, turn, 1.0)
-    side = math.copysign(1.0, whole.bend)
+    path_back = part_of(complete, turn, 1.0)
+    side = math.copysign(1.0, complete.bend)
     shift = 0.0
     if (
         law_state[rows.FIRST_TRIAL + rows.RATE_SIGN, i] * side < 0.0
-    ):  # else nothing happens at the turning point
+    ):  # otherwise the branch does not change at the reversal
         copy(law_state, i, rows.FIRST_TRIAL, rows.SECOND_TRIAL)
-        shift = -side * _SHIFT * (abs(whole.rise) + abs(whole.bend))
-        advance(law_parameters, law_state, i, rows.SECOND_TRIAL, drift_at(whole, turn) + shift)
+        shift = -side * _SHIFT * (abs(complete.rise) + abs(complete.bend))
+        advance(law_parameters, law_state, i, rows.SECOND_TRIAL, drift_at(complete, turn) + shift)
         _clear(shifted, i)
-        _follow(law_parameters, law_state, i, rows.SECOND_TRIAL, way_back, shifted)
+        _follow(law_parameters, law_state, i, rows.SECOND_TRIAL, path_back, shifted)
     _clear(back, i)
-    _follow(law_parameters, law_state, i, rows.FIRST_TRIAL, way_back, back)
+    _follow(law_parameters, law_state, i, rows.FIRST_TRIAL, path_back, back)
     _join(results, i, turn, shift)
 
 
-# ---- Curved
+# ---- Curved laws
 
 
 def in_two_parts(integrate):
-    """A function (law_parameters, law_state, i, past, stretch, results) that goes along a stretch
-    in
-    which the path does not turn by `integrate`, from the state in `previous`; in two parts where
-    the
-    force bends sharply between. It returns the block of the state at its last Gauss point."""
+    """Return a function that integrates a curved law along a part of a path without reversal.
+
+    The path is divided at a sharp bend of the force.
+
+    Parameters
+    ----------
+    integrate : function
+        Integrates along one part, see `_integrate`.
+
+    Returns
+    -------
+    function
+        (law_parameters, law_state, i, previous, stretch, results) -> block of the state at the last
+        Gauss point. The path starts from the state in block `previous`.
+    """
 
     @outlined
     def go(law_parameters, law_state, i, previous, stretch, results):
-        here = drift_at(stretch, stretch.begin)
-        way = drift_at(stretch, stretch.end) - here
-        side = math.copysign(1.0, way)
-        way = abs(way)
+        t_now = drift_at(stretch, stretch.begin)
+        drift_change = drift_at(stretch, stretch.end) - t_now
+        side = math.copysign(1.0, drift_change)
+        drift_change = abs(drift_change)
         begin = stretch.begin
         ahead = _kink(law_parameters, law_state, i, previous, side)
-        if ahead < way:
+        if ahead < drift_change:
             count = points_wanted(law_parameters, law_state, i, ahead)
-            there = min(begin + time_to(here + side * ahead, stretch, begin, side), stretch.end)
+            t_end = min(begin + time_to(t_now + side * ahead, stretch, begin, side), stretch.end)
             previous = integrate(
                 law_parameters,
                 law_state,
@@ -453,12 +655,12 @@ def in_two_parts(integrate):
                 previous,
                 False,
                 count,
-                part_of(stretch, begin, there),
+                part_of(stretch, begin, t_end),
                 results,
             )
-            begin = there
-            way -= ahead
-        count = points_wanted(law_parameters, law_state, i, way)
+            begin = t_end
+            drift_change -= ahead
+        count = points_wanted(law_parameters, law_state, i, drift_change)
         return integrate(
             law_parameters,
             law_state,
@@ -475,14 +677,32 @@ def in_two_parts(integrate):
 
 @outlined
 def _integrate(law_parameters, law_state, i, previous, elastic, count, stretch, results):
-    """Add a stretch, by at least `count` Gauss points; returns the block of the state at the last
-    of them.
+    """Add a part of a path to the results, by at least `count` Gauss points.
 
-    An elastic law needs no state to start from; others go from point to point, from that in
-    `previous`.
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    previous : int
+        Block of the state at the start. An elastic law does not use it.
+    elastic : bool
+        True for an elastic law. Other laws advance from each Gauss point to the next.
+    count : float
+        Minimum number of Gauss points.
+    stretch : Stretch
+        Part of the path.
+    results : Integrals
+        Rows of the results.
+
+    Returns
+    -------
+    int
+        Block of the state at the last Gauss point.
     """
     scratch, out = results
-    parts = math.ceil(count / MOST_POINTS)
+    parts = math.ceil(count / MAX_POINTS)
     points = math.ceil(count / parts)
     length = (stretch.end - stretch.begin) / parts
     mean = moment = 0.0
@@ -523,26 +743,40 @@ _pass = in_two_parts(_integrate)
 
 
 @outlined
-def _with_memory(law_parameters, law_state, i, whole, results):
-    """To the turning point, and from there to the last Gauss point: the state there is left in
-    FIRST_TRIAL."""
-    turn = turning_point(whole)
-    previous = _pass(law_parameters, law_state, i, 0, part_of(whole, 0.0, turn), results)
+def _with_memory(law_parameters, law_state, i, complete, results):
+    """Compute the results of a curved law with a memory.
+
+    The path is integrated to the reversal and from there to the end. FIRST_TRIAL then contains the
+    state at the last Gauss point.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    complete : Stretch
+        Complete path.
+    results : Integrals
+        Rows of the results.
+    """
+    turn = turning_point(complete)
+    previous = _pass(law_parameters, law_state, i, 0, part_of(complete, 0.0, turn), results)
     if turn < 1.0:
         back = Integrals(results.table, results.first + _BACK)
         shifted = Integrals(results.table, results.first + _SHIFTED)
-        way_back = part_of(whole, turn, 1.0)
-        drift = drift_at(whole, turn)
+        path_back = part_of(complete, turn, 1.0)
+        drift = drift_at(complete, turn)
         restoring_force_outlined(law_parameters, law_state, i, previous, rows.THIRD_TRIAL, drift)
         accumulate_dissipation(law_parameters, law_state, i, previous, rows.THIRD_TRIAL)
-        shift = -math.copysign(_SHIFT, whole.bend) * (abs(whole.rise) + abs(whole.bend))
+        shift = -math.copysign(_SHIFT, complete.bend) * (abs(complete.rise) + abs(complete.bend))
         restoring_force_outlined(
             law_parameters, law_state, i, rows.THIRD_TRIAL, rows.FIRST_TRIAL, drift + shift
         )
         _clear(shifted, i)
-        _pass(law_parameters, law_state, i, rows.FIRST_TRIAL, way_back, shifted)
+        _pass(law_parameters, law_state, i, rows.FIRST_TRIAL, path_back, shifted)
         _clear(back, i)
-        previous = _pass(law_parameters, law_state, i, rows.THIRD_TRIAL, way_back, back)
+        previous = _pass(law_parameters, law_state, i, rows.THIRD_TRIAL, path_back, back)
         _join(results, i, turn, shift)
     if previous != rows.FIRST_TRIAL:
         copy(law_state, i, previous, rows.FIRST_TRIAL)
