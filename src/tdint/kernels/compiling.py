@@ -1,9 +1,10 @@
-"""The decorators of kernels.
+"""Decorators and types of kernels.
 
-A kernel has one explicit signature. In the process of a user the decorated functions stay plain
-Python, and a kernel is loaded from an object file when it is first called
-(`tdint.kernels.building`). If there is none a process of its own compiles it: there the same
-decorators are those of numba, and what a variant does without is left out.
+A kernel has one explicit signature. In a user process the decorated functions remain plain Python
+functions, and a kernel is loaded from an object file when it is first called (see
+`tdint.kernels.building`). If the object file does not exist, a separate process compiles it. In
+that process the decorators are those of numba, and code for features that the variant does not need
+is omitted.
 """
 
 from __future__ import annotations
@@ -47,34 +48,43 @@ TABLE = ArrayOf(2)
 CUBE = ArrayOf(3)
 
 COMPILES = os.environ.get("TDINT_KERNELS") == "compile"
-"""Whether this process compiles kernels, as `tdint.kernels.building.process` starts it."""
+"""True if this process compiles kernels. `tdint.kernels.building.process` starts such processes."""
 
 VARIANT = parse(os.environ["TDINT_KERNELS_VARIANT"]) if COMPILES else EVERYTHING
-"""What this process compiles for; everything in other processes, for there kernels are chosen at
-run time."""
+"""Variant that this process compiles. In other processes it contains all features, because the
+kernels are selected at run time."""
 
 _LAWS_AND_LOADS = ("laws", "modal", "forces", "dashpots")
 
 
 class Kernel(Compilable):
-    """A function that is compiled for one signature, or loaded, when it is first asked for."""
+    """Function that is compiled for one signature or loaded, when it is first requested."""
 
     @property
     def compiled(self) -> Callable[..., Any]:
-        """The kernel for all that there is."""
+        """Compiled kernel with all features."""
         return self.variant(EVERYTHING)
 
     def variant(self, variant: Variant) -> Callable[..., Any]:
-        """The kernel for what a scene needs."""
-        last, function = self._last
-        if function is not None and variant is last:
+        """Return the compiled kernel with the features of a variant.
+
+        The kernel is loaded, and compiled if necessary. The last result is kept because most calls
+        request the same variant.
+
+        Parameters
+        ----------
+        variant : Variant
+            Laws, damping, forces and dashpots that the run needs.
+        """
+        last_variant, function = self._last
+        if function is not None and variant is last_variant:
             return function
-        needed = self.needs(variant)
-        if needed not in self._loaded:
+        required_variant = self.needs(variant)
+        if required_variant not in self._loaded:
             from tdint.kernels.building.obtaining import obtain
 
-            obtain([(self, needed)])
-        function = self._loaded[needed]
+            obtain([(self, required_variant)])
+        function = self._loaded[required_variant]
         self._last = variant, function
         return function
 
@@ -82,12 +92,21 @@ class Kernel(Compilable):
 def kernel(
     signature: Signature, parts: tuple[str, ...] = _LAWS_AND_LOADS, vectorized: bool = False
 ) -> Callable[[Callable[..., Any]], Kernel]:
-    """Make a `Kernel` of a function.
+    """Return a decorator that converts a function to a `Kernel`.
 
-    A loop over stories is short, and before each that could be vectorized compiled code would ask
-    whether its rows overlap: that costs a building of three stories a third of its time and one of
-    ten up to a seventh; one of 300 would gain a fifth. Loops over many oscillators gain more than
-    half.
+    Loops are not vectorized by default. A loop over stories is short, and a compiled loop that can
+    be vectorized first tests whether its rows overlap. This test costs a third of the run time of a
+    building with three stories and up to a seventh with ten stories; with 300 stories vectorization
+    would save a fifth. Loops over many oscillators save more than half.
+
+    Parameters
+    ----------
+    signature : Signature
+        Types of the arguments and of the result.
+    parts : tuple of str
+        Features of the variant on which the compiled code depends.
+    vectorized : bool
+        True if the compiler may vectorize loops.
     """
     return lambda function: Kernel(function, signature, parts, vectorized)
 
@@ -102,30 +121,46 @@ if COMPILES:
         specialized,
     )
 else:
-    # Nothing is compiled: kernels are Python that a debugger can walk through.
+    # Kernels run as Python functions, which a debugger can step through.
 
     def inline(function: Callable[..., Any]) -> Any:
-        """Mark a function of the inner loops: its code is put into each place that calls it."""
+        """Mark a function of an inner loop: its code is copied into each caller."""
         return function
 
     def outlined(function: Callable[..., Any]) -> Any:
-        """Mark a function that kernels call now and then: compiled once and called, it keeps
-        compiling short."""
+        """Mark a function that kernels call rarely: it is compiled once and called, which reduces
+        compile times."""
         return function
 
     def specialized(function: Callable[..., Any]) -> Any:
-        """The same, compiled anew for each constant argument: a block of springs, a truth."""
+        """Mark a function that is compiled once for each constant argument, such as a block of law
+        states or a boolean."""
         return function
 
     def indirect_caller(signature: Signature) -> Any:
-        """A function (kernel, its arguments) that calls a kernel given to another one."""
+        """Return a function that calls a kernel that was passed as an argument.
+
+        Parameters
+        ----------
+        signature : Signature
+            Signature of the kernel.
+
+        Returns
+        -------
+        function
+            (kernel, *arguments) -> result of the kernel.
+        """
         return lambda kernel, *arguments: kernel(*arguments)
 
     def local(size: int) -> Any:
-        """An array of a kernel's own, not filled, that lasts as long as its call; not to be made in
-        a loop."""
+        """Return an uninitialized array with `size` elements that exists during the call of a
+        kernel.
+
+        The array is on the stack. It must not be created in a loop.
+        """
         return np.empty(size)
 
     def local_table(rows: int, columns: int) -> Any:
-        """`local` with two dimensions."""
+        """Return an uninitialized two-dimensional array as `local` does, with `rows` rows and
+        `columns` columns."""
         return np.empty((rows, columns))

@@ -1,28 +1,31 @@
-"""Rows of the tables that kernels work on, and how rows of scratch follow each other.
+"""Row numbers of the arrays that kernels use, and the numbering of scratch rows.
 
-Every table has one column per story (and the floor above it), counted from the ground, and one more
-that stays zero: the free end of the chain, so that a loop may look one story up without asking.
+Every table has one column for each story and the floor above it, counted from the ground, and one
+additional column that remains zero. The additional column represents the free end of the chain, so
+that a loop can access the next story without a test.
 """
 
 from __future__ import annotations
 
 from typing import TypeVar
 
-_Kind = TypeVar("_Kind", bound=tuple[int, ...])
+_Rows = TypeVar("_Rows", bound=tuple[int, ...])
 
 
-def chained(counts: type[_Kind], first: int = 0) -> tuple[_Kind, int]:
-    """Rows that follow each other from `first` on.
+def chained(counts: type[_Rows], first: int = 0) -> tuple[_Rows, int]:
+    """Assign consecutive row numbers to the fields of a named tuple.
 
     Parameters
     ----------
     counts : type
-        A named tuple whose defaults say how many rows each field has.
+        Named tuple with the number of rows of each field as its default.
+    first : int
+        Row number of the first field. Default: 0.
 
     Returns
     -------
     named tuple, int
-        The first row of each field; the row behind the last one.
+        First row of each field, and the first row after the last field.
     """
     firsts = []
     for count in counts():
@@ -31,43 +34,46 @@ def chained(counts: type[_Kind], first: int = 0) -> tuple[_Kind, int]:
     return counts(*firsts), first  # type: ignore[arg-type]
 
 
-# linear_terms: what is linear in the building
-MASS = 0
-INVERSE_MASS = 1
-FLOOR_DAMPER = 2  # viscous, floor to ground (mass-proportional damping), N s/m
-STORY_DAMPER = 3  # viscous, floor to floor below (dashpots, stiffness-proportional damping), N s/m
+# linear_terms: properties of the building that act linearly
+MASS = 0  # mass of the floor, kg
+INVERSE_MASS = 1  # 1/kg
+FLOOR_DAMPER = 2  # viscous coefficient from floor to ground (mass-proportional damping), N s/m
+# Viscous coefficient from the floor to the floor below (dashpots and stiffness-proportional
+# damping), N s/m
+STORY_DAMPER = 3
 GEOMETRIC = 4  # geometric stiffness of the story (P-delta), N/m, not positive
-LINK = 5  # 1: the story stands on the floor below; 0: it stands on the ground
-POWER_DAMPER = (
-    6  # power-law dashpot of the story: c v (v^2 + v0^2)^e, c in N (s/m)^(2 e + 1); 0 for none
-)
-POWER = 7  # e, half of the exponent less 1
+LINK = 5  # 1 if the story is on the floor below, 0 if it is on the ground
+# Coefficient c of the power-law dashpot of the story with the force c v (v^2 + v0^2)^e,
+# N (s/m)^(2 e + 1); 0 for no dashpot
+POWER_DAMPER = 6
+POWER = 7  # e, half of (exponent of the dashpot - 1)
 THRESHOLD = 8  # v0^2, (m/s)^2
-DASHPOT = 9  # of STORY_DAMPER what is a dashpot that the model has, N s/m
+DASHPOT = 9  # part of STORY_DAMPER that is a linear dashpot of the model, N s/m
 LINEAR_TERM_ROWS = 10
 
-# law_parameters: drift laws by story
-CODE = 0
-STIFFNESS = 1
-FIRST_PARAMETER = 2
+# law_parameters: parameters of the hysteresis models (drift laws), by story
+CODE = 0  # number of the law
+STIFFNESS = 1  # initial stiffness, N/m
+FIRST_PARAMETER = 2  # first parameter of the law, in SI units
 
-# springs: the state of the drift laws. The committed state first, then blocks of trial states.
-DRIFT = 0
-FORCE = 1
-INTERNAL = 2
-DISSIPATED = 3
-COMMON_ROWS = 4  # what every law has; the rest belongs to piecewise-linear laws
-SLOPE = 4  # stiffness of the present branch; infinite if it is curved
-UPPER = 5  # drifts between which the branch holds
+# law_state: states of the hysteresis models. A block of rows with the committed state, then blocks
+# of the same rows with trial states.
+DRIFT = 0  # m
+FORCE = 1  # N
+INTERNAL = 2  # internal variable of the law
+DISSIPATED = 3  # dissipated energy, J
+COMMON_ROWS = 4  # rows that all laws use; the remaining rows belong to piecewise-linear laws
+SLOPE = 4  # stiffness of the current branch, N/m; infinite for a curved branch
+UPPER = 5  # drifts between which the branch is valid, m
 LOWER = 6
-RATE_SIGN = 7  # sign of the drift rate for which the branch holds; 0 for both
-HIGH_DRIFT = 8  # the farthest point reached on either side
+RATE_SIGN = 7  # sign of the drift rate for which the branch is valid; 0 for both signs
+HIGH_DRIFT = 8  # maximum drift (m) with its force (N), and minimum drift with its force
 HIGH_FORCE = 9
 LOW_DRIFT = 10
 LOW_FORCE = 11
-WORK = 12  # done on the story so far, J
-# rows from a trial block to the one that has its branch (INTERNAL, SLOPE to LOW_FORCE, more); 0:
-# its own
+WORK = 12  # work done on the story since the start, J
+# Number of rows from a trial block to the block that contains its branch (INTERNAL, SLOPE to
+# LOW_FORCE and the extra rows); 0 if the trial block contains its branch
 BRANCH_OFFSET = 13
 LAW_STATE_ROWS = 14
 COMMITTED = 0
@@ -75,146 +81,140 @@ FIRST_TRIAL = LAW_STATE_ROWS
 SECOND_TRIAL = 2 * LAW_STATE_ROWS
 THIRD_TRIAL = 3 * LAW_STATE_ROWS
 LAW_STATE_BLOCKS = 4
-ADDRESS = (
-    LAW_STATE_BLOCKS * LAW_STATE_ROWS
-)  # of the story's own compiled function, where its law is not part of the loops
-EXTRA_ROWS = (
-    ADDRESS + 1
-)  # where a law needs more rows: again one block for the committed state, then the trial ones
+ADDRESS = LAW_STATE_BLOCKS * LAW_STATE_ROWS  # address of a separately compiled law; 0 for others
+# First extra row, for laws that need more rows: one block for the committed state, then the blocks
+# of the trial states
+EXTRA_ROWS = ADDRESS + 1
 
-# state: the memory of the method
-DISPLACEMENT = 0
-VELOCITY = 1
-ACCELERATION = 2
-FIRST_OLDER = 3
+# state: memory of the method, by floor
+DISPLACEMENT = 0  # relative to the ground, m
+VELOCITY = 1  # m/s
+ACCELERATION = 2  # m/s^2
+FIRST_OLDER = 3  # first row of values of previous steps (multi-step methods)
 
-# load: over a step, in which the ground acceleration is linear
-TIME = 0
-GROUND_0 = 1
+# load: load of a step. The ground acceleration is linear within the step.
+TIME = 0  # start of the step, s
+GROUND_0 = 1  # ground acceleration at the start and at the end, m/s^2
 GROUND_1 = 2
 LOAD_SIZE = 3
 
-# peaks: largest absolute values; as many rows more for what they may be where a step does not tell
-PEAK_DRIFT = 0
-PEAK_SHEAR = 1
-PEAK_DISPLACEMENT = 2
-PEAK_VELOCITY = 3
-PEAK_ACCELERATION = 4  # absolute: relative to the ground, plus the ground's
-PEAK_TOTAL_SHEAR = 5  # of springs, P-delta and all viscous forces: what moves all floors above
-PEAK_DRIFT_RATE = 6  # of stories, in a building with dashpots
+# peaks: maximum absolute values. The same number of rows follows with possible peaks between the
+# time steps, which the response at the endpoints of the steps does not determine reliably.
+PEAK_DRIFT = 0  # m
+PEAK_SHEAR = 1  # N
+PEAK_DISPLACEMENT = 2  # m
+PEAK_VELOCITY = 3  # m/s
+PEAK_ACCELERATION = 4  # absolute acceleration: relative acceleration plus ground acceleration
+PEAK_TOTAL_SHEAR = 5  # restoring force, P-delta and all viscous forces: moves all floors above, N
+PEAK_DRIFT_RATE = 6  # drift rate of stories, in a building with dashpots, m/s
 PEAK_ROWS = 7
 
-# watch: what an observer of the motion keeps
-OBSERVED_ACCELERATION = 0  # that of equilibrium, whatever the method carries
-FLOOR_FORCE = 1  # forces on floors less modal damping
-TOTAL_SHEAR = 2  # of stories
-U_PREVIOUS = 3  # at the last observed time
+# observer_state: memory of the observer of the response, by floor or story
+OBSERVED_ACCELERATION = 0  # acceleration from equilibrium, independent of the method, m/s^2
+FLOOR_FORCE = 1  # forces on floors minus modal damping forces, N
+TOTAL_SHEAR = 2  # N
+U_PREVIOUS = 3  # displacement, velocity and acceleration at the previous observed time
 V_PREVIOUS = 4
 A_PREVIOUS = 5
-V_EARLIER = 6  # one step before that
+V_EARLIER = 6  # velocity and acceleration one step before the previous observed time
 A_EARLIER = 7
-REVERSAL_DRIFT = 8  # drifts where stories turned
-MODAL_FORCE = 9  # of modal damping on floors
+REVERSAL_DRIFT = 8  # drift at which the story reversed within the step, m
+MODAL_FORCE = 9  # modal damping force on the floor, N
 OBSERVER_ROWS = 10
 
-# forces: on floors, one row each with these columns
-FLOOR = 0
-COSINE = 1
-SINE = 2
-OMEGA = 3
+# forces: harmonic forces on floors; one row for each force, with the following columns. The force
+# is COSINE cos(OMEGA t) + SINE sin(OMEGA t).
+FLOOR = 0  # index of the floor
+COSINE = 1  # N
+SINE = 2  # N
+OMEGA = 3  # rad/s
 FORCE_COLUMNS = 4
 
-# history: per stored time the ground acceleration, then for all floors displacement, velocity,
-# absolute acceleration, and for all stories the shear, then the energies
+# history: one row for each stored time: ground acceleration; displacement, velocity and absolute
+# acceleration of all floors; shear of all stories; energies
 HISTORY_FIELDS = 4
 
-# totals: numbers of the whole run, the energies first: so many, and a history has them at each
-# stored time. Those at the end of the run, J
+# totals: values of the complete run. The first ENERGY_TERMS values are the energies at the end of
+# the run, J; a history contains the energies at each stored time.
 ENERGY_INPUT = 0  # work of the load on the motion relative to the ground
-ENERGY_KINETIC = 1  # of the motion relative to the ground
-ENERGY_VISCOUS = 2  # work of viscous damping, without dashpots
+ENERGY_KINETIC = 1  # kinetic energy of the motion relative to the ground
+ENERGY_VISCOUS = 2  # work of viscous damping without dashpots
 ENERGY_DASHPOTS = 3  # work of the dashpots
-ENERGY_STRAIN = 4  # stored in the stories
-ENERGY_HYSTERETIC = 5  # by the drift laws since the start
+ENERGY_STRAIN = 4  # stored in the stories, P-delta included
+ENERGY_HYSTERETIC = 5  # dissipated by the laws since the start
 ENERGY_TERMS = 6
-ENERGY_INITIAL = ENERGY_TERMS  # kinetic and stored energy at the start, J
-ENERGY_REFERENCE = ENERGY_TERMS + 1  # largest ENERGY_INITIAL + ENERGY_INPUT on the way, J
-ITERATIONS = ENERGY_TERMS + 2
-HALVINGS = ENERGY_TERMS + 3
-STEPS_REACHED = ENERGY_TERMS + 4
-POWER_INPUT = ENERGY_TERMS + 5  # powers and their rates at the last observed time
-RATE_INPUT = ENERGY_TERMS + 6  # without the ground's own rate
-MOMENTUM = ENERGY_TERMS + 7
-POWER_VISCOUS = ENERGY_TERMS + 8  # of all dampers
+ENERGY_INITIAL = ENERGY_TERMS  # kinetic and strain energy at the start, J
+ENERGY_REFERENCE = ENERGY_TERMS + 1  # maximum of ENERGY_INITIAL + ENERGY_INPUT in the run, J
+ITERATIONS = ENERGY_TERMS + 2  # number of iterations
+HALVINGS = ENERGY_TERMS + 3  # number of halvings of a step that did not converge
+STEPS_REACHED = ENERGY_TERMS + 4  # number of complete steps
+POWER_INPUT = ENERGY_TERMS + 5  # power of the load at the last observed time, W, and its rate, W/s
+RATE_INPUT = ENERGY_TERMS + 6  # without the rate of the ground acceleration
+MOMENTUM = ENERGY_TERMS + 7  # momentum of all floors, N s
+POWER_VISCOUS = ENERGY_TERMS + 8  # power of all dampers, W, and its rate, W/s
 RATE_VISCOUS = ENERGY_TERMS + 9
-INITIAL_DISSIPATION = ENERGY_TERMS + 10  # by the drift laws on the way to the initial drifts, J
-COLLAPSE_STEP = (
-    ENERGY_TERMS + 11
-)  # whole steps after which a story was first beyond a limit; NO_COLLAPSE for none
-COLLAPSE_STORY = (
-    ENERGY_TERMS + 12
-)  # the first story that failed, else the one farthest beyond its limit then
-COLLAPSE_FAILED = ENERGY_TERMS + 13  # 1 if it failed
-COLLAPSE_ENERGIES = (
-    ENERGY_TERMS + 14
-)  # the energies then, ENERGY_INITIAL and ENERGY_REFERENCE after them
-TOTAL_INERTIA = COLLAPSE_ENERGIES + ENERGY_TERMS + 2  # masses times accelerations at that time
-VISCOUS_PER_ACCELERATION = (
-    TOTAL_INERTIA + 1
-)  # half of what the damped power's rate gains where floors accelerate by 1 m/s^2 more
-TOTAL_MASS = TOTAL_INERTIA + 2
-POWER_DASHPOTS = TOTAL_INERTIA + 3  # of the dashpots alone
+INITIAL_DISSIPATION = ENERGY_TERMS + 10  # dissipated by the laws up to the initial drifts, J
+# Number of complete steps after which a story first exceeded a limit; NO_COLLAPSE if none did
+COLLAPSE_STEP = ENERGY_TERMS + 11
+# Index of the first failed story, or of the story with the largest excess of its drift ratio limit
+COLLAPSE_STORY = ENERGY_TERMS + 12
+COLLAPSE_FAILED = ENERGY_TERMS + 13  # 1 if the story has failed
+# Energies at the collapse, then ENERGY_INITIAL and ENERGY_REFERENCE, J
+COLLAPSE_ENERGIES = ENERGY_TERMS + 14
+TOTAL_INERTIA = COLLAPSE_ENERGIES + ENERGY_TERMS + 2  # sum of mass times acceleration, N
+# Half of the increase of RATE_VISCOUS if the acceleration of all floors increases by 1 m/s^2
+VISCOUS_PER_ACCELERATION = TOTAL_INERTIA + 1
+TOTAL_MASS = TOTAL_INERTIA + 2  # kg
+POWER_DASHPOTS = TOTAL_INERTIA + 3  # power of the dashpots only, W, and its rate, W/s
 RATE_DASHPOTS = TOTAL_INERTIA + 4
-DASHPOTS_PER_ACCELERATION = TOTAL_INERTIA + 5
+DASHPOTS_PER_ACCELERATION = TOTAL_INERTIA + 5  # as VISCOUS_PER_ACCELERATION
 TOTALS_SIZE = TOTAL_INERTIA + 6
 
-# totals[COLLAPSE_STEP]
+# Value of totals[COLLAPSE_STEP] without collapse
 NO_COLLAPSE = -1.0
 
-# limits: by story
-LIMIT = 0  # drift ratio beyond which it has collapsed
-HEIGHT = 1  # m; nan for a story without a limit
-FAILED = (
-    2  # what INTERNAL is once the story carries nothing any more; nan where that does not happen
-)
+# limits: collapse limits, by story
+LIMIT = 0  # drift ratio above which the story has collapsed
+HEIGHT = 1  # story height, m; nan for a story without a limit
+FAILED = 2  # value of INTERNAL after the story has lost its strength; nan for laws without failure
 
-# flags: set before a march and never written
+# flags: properties that are set before the time integration and remain constant
 LINEAR = 0  # 1 if every law is linear
-BRANCHES = 1  # which laws have branches, whose changes can be located
+BRANCHES = 1  # laws with branches whose changes can be located: one of the values below
 POWER_DAMPERS = 2  # 1 if a story has a power-law dashpot
-OWN_WORK = 3  # 1 if the step tells what work it does
-UNRESOLVED_MODES = 4  # 1 if the building has modes that the step does not follow
-PARABOLIC = 5  # 1 if displacements follow parabolas within a step
+OWN_WORK = 3  # 1 if the step reports the work of the load and of the dampers
+UNRESOLVED_MODES = 4  # 1 if the building has modes with periods that the step does not resolve
+PARABOLIC = 5  # 1 if the displacements follow parabolas within a step
 HAS_DASHPOTS = 6  # 1 if a story has a dashpot, linear or of a power law
 FLAGS_SIZE = 7
 
-# flags[BRANCHES]
+# Values of flags[BRANCHES]
 NO_BRANCHES = 0
-ALL_BRANCHES = 1  # every law is linear, or linear branch by branch
+ALL_BRANCHES = 1  # every law is linear or piecewise linear
 SOME_BRANCHES = 2  # some laws have branches, some are curved
 
-# report: what a step leaves: for the next one, for the march, and for people
-STATE_GROUND = (
-    0  # ground acceleration that the acceleration of the state stands with, where steps are long
-)
-STEPS_DONE = 1  # since the start, or since a step that was halved
-FACTORED_STEP = 2  # the step size of the factorization in work, 0 for none
-# row of work from which on the step has raised its own peaks between its ends; 0 if it has not
+# step_status: values that a step passes to the next step, to the time loop and to messages
+# Ground acceleration for which the acceleration of the state is valid, if a step is longer than a
+# sampling interval, m/s^2
+STATE_GROUND = 0
+STEPS_DONE = 1  # number of steps since the start, or since a step that was halved
+FACTORED_STEP = 2  # step size of the factorization in the scratch array, s; 0 for none
+# First scratch row of the peaks within the step that the step has computed; 0 for none
 STEP_PEAKS = 3
-# row of work from which on the step keeps peaks of the run beside those it has raised; 0 for none
+# First scratch row in which the step maintains peaks of the run and of the step; 0 for none
 RUN_PEAKS = 4
-WORK_INPUT = 5  # of the load in the last step, J
-WORK_VISCOUS = 6  # of the viscous dampers in the last step, J
-WORST_STORY = 7  # where the equations are farthest from balance, if they are
-RESIDUAL = 8  # there: what is out of balance over the sizes of the terms
-BRANCH_CHANGES = 9  # changes of branch located so far
+WORK_INPUT = 5  # work of the load in the last step, J
+WORK_VISCOUS = 6  # work of the viscous dampers in the last step, J
+WORST_STORY = 7  # index of the equation with the largest relative residual if a step failed
+RESIDUAL = 8  # largest residual relative to the sum of the absolute values of the terms
+BRANCH_CHANGES = 9  # number of located changes of branch
 REPORT_SIZE = 10
 
-# what a step returns instead of its number of iterations
+# Return values of a step that failed; otherwise the number of iterations
 NOT_CONVERGED = -1
 NOT_FINITE = -2
 
-# ways in which a branch of a law ends
-ABOVE = 1.0  # the drift leaves it upwards
-BELOW = -1.0
-REVERSED = 0.0  # the drift rate turns
+# Events that end a branch of a law
+ABOVE = 1.0  # the drift exceeds the upper limit
+BELOW = -1.0  # the drift falls below the lower limit
+REVERSED = 0.0  # the drift rate changes its sign

@@ -1,4 +1,4 @@
-"""Loads, damping forces and equilibrium of a chain of stories."""
+"""Loads, damping forces and internal forces of a chain of stories."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import VARIANT, inline, outlined
 
-# What the kernels are compiled for: numba leaves out what stands behind a constant that is false.
+# Features of the compiled variant. The compiler omits code behind a constant that is False.
 MODAL = VARIANT.modal
 FORCES = VARIANT.forces
 DASHPOTS = VARIANT.dashpots
@@ -15,14 +15,14 @@ DASHPOTS = VARIANT.dashpots
 
 @inline
 def force_value(forces, j, t):
-    """Floor force `j` at time t, N."""
+    """Return floor force `j` at time `t` (s), N."""
     angle = forces[j, rows.OMEGA] * t
     return forces[j, rows.COSINE] * math.cos(angle) + forces[j, rows.SINE] * math.sin(angle)
 
 
 @inline
 def force_rate(forces, j, t):
-    """Rate of floor force `j` at time t, N/s."""
+    """Return the rate of floor force `j` at time `t` (s), N/s."""
     omega = forces[j, rows.OMEGA]
     angle = omega * t
     return omega * (
@@ -32,10 +32,21 @@ def force_rate(forces, j, t):
 
 @inline
 def force_impulse(forces, j, t, h):
-    """Exact impulse of floor force `j` over [t, t + h], N s.
+    """Return the exact impulse of floor force `j` over [t, t + h], N s.
 
-    The integral of cos over the step is h sinc(omega h / 2) times cos at mid-step, and likewise for
-    sin: no cancellation.
+    The integral of cos over the step is h sinc(omega h / 2) times cos at the middle of the step;
+    the same applies to sin. This form has no cancellation.
+
+    Parameters
+    ----------
+    forces : ndarray
+        Harmonic forces on floors (`tdint.kernels.layout`).
+    j : int
+        Index of the force.
+    t : float
+        Time, s.
+    h : float
+        Time step, s.
     """
     half = 0.5 * forces[j, rows.OMEGA] * h
     sinc = math.sin(half) / half if half > 1e-4 else 1.0 - half * half / 6.0
@@ -44,10 +55,22 @@ def force_impulse(forces, j, t, h):
 
 @inline
 def force_moment(forces, j, t, h):
-    """Twelve times the mean of s times floor force `j` over [t, t + h], s in [-1/2, 1/2], exact, N.
+    """Return twelve times the mean of s times floor force `j` over [t, t + h], with s in [-1/2,
+    1/2], N.
 
-    With the rate R at mid-step the part of the force that is odd there is R h / (2 x) sin(2 x s), x
-    = omega h / 2.
+    The result is exact. With the rate R at the middle of the step, the odd part of the force in s
+    is R h / (2 x) sin(2 x s) with x = omega h / 2.
+
+    Parameters
+    ----------
+    forces : ndarray
+        Harmonic forces on floors (`tdint.kernels.layout`).
+    j : int
+        Index of the force.
+    t : float
+        Time, s.
+    h : float
+        Time step, s.
     """
     x = 0.5 * forces[j, rows.OMEGA] * h
     if abs(x) > 0.1:
@@ -59,7 +82,23 @@ def force_moment(forces, j, t, h):
 
 @inline
 def floor_load(linear_terms, forces, t, ground, scratch, row):
-    """Load p = -m ag + floor forces at time t into a row of work, N."""
+    """Store the load p = -m ag + floor forces at time `t` in a scratch row, N.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building (`tdint.kernels.layout`).
+    forces : ndarray
+        Harmonic forces on floors (`tdint.kernels.layout`).
+    t : float
+        Time, s.
+    ground : float
+        Ground acceleration, m/s^2.
+    scratch : ndarray
+        Scratch array.
+    row : int
+        Row of the load.
+    """
     for i in range(linear_terms.shape[1] - 1):
         scratch[row, i] = -linear_terms[rows.MASS, i] * ground
     if FORCES and forces.shape[0] > 0:
@@ -68,14 +107,46 @@ def floor_load(linear_terms, forces, t, ground, scratch, row):
 
 @outlined
 def _add_forces(forces, t, scratch, row):
+    """Add the floor forces at time `t` to a row of `scratch`, N.
+
+    Parameters
+    ----------
+    forces : ndarray
+        Harmonic forces on floors (`tdint.kernels.layout`).
+    t : float
+        Time, s.
+    scratch : ndarray
+        Scratch array.
+    row : int
+        Row of the load.
+    """
     for j in range(forces.shape[0]):
         scratch[row, int(forces[j, rows.FLOOR])] += force_value(forces, j, t)
 
 
 @inline
 def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, row):
-    """Exact impulse of the load over [t, t + h] into a row of work, N s; the ground acceleration is
-    linear in between."""
+    """Store the exact impulse of the load over [t, t + h] in a scratch row, N s.
+
+    The ground acceleration is linear within the step.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building (`tdint.kernels.layout`).
+    forces : ndarray
+        Harmonic forces on floors (`tdint.kernels.layout`).
+    t : float
+        Time, s.
+    h : float
+        Time step, s.
+    ground_0, ground_1 : float
+        Ground acceleration at both endpoints, m/s^2.
+    scratch : ndarray
+        Scratch array.
+    row : int
+        Row of the impulse.
+    """
     for i in range(linear_terms.shape[1] - 1):
         scratch[row, i] = -0.5 * h * linear_terms[rows.MASS, i] * (ground_0 + ground_1)
     if FORCES and forces.shape[0] > 0:
@@ -84,18 +155,54 @@ def floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, row):
 
 @outlined
 def _add_impulses(forces, t, h, scratch, row):
+    """Add the impulses of the floor forces to a row of `scratch`, N s.
+
+    Parameters
+    ----------
+    forces : ndarray
+        Harmonic forces on floors (`tdint.kernels.layout`).
+    t : float
+        Time, s.
+    h : float
+        Time step, s.
+    scratch : ndarray
+        Scratch array.
+    row : int
+        Row of the impulse.
+    """
     for j in range(forces.shape[0]):
         scratch[row, int(forces[j, rows.FLOOR])] += force_impulse(forces, j, t, h)
 
 
 @inline
 def mean_load(linear_terms, forces, load, h, r, scratch, row):
-    """Mean of the load over a step into a row of work, and its first moment, twelve times the mean
-    of the load times s in [-1/2, 1/2], into the next, N; the ground acceleration is linear.
+    """Store the mean of the load over a step and its first moment in two consecutive scratch rows,
+    N.
 
-    With r > 0 the moment of a floor force is the one that makes a part so stiff that it has no mass
-    follow the force at the ends of the steps: p1 - p0 + 12 r ((p0 + p1) / 2 - mean), the first
-    moment where the force is linear.
+    The first moment is twelve times the mean of the load times s in [-1/2, 1/2]. The ground
+    acceleration is linear within the step.
+
+    With r > 0, the moment of a floor force is p1 - p0 + 12 r ((p0 + p1) / 2 - mean), with the force
+    p0 and p1 at both endpoints. A part of the building that is so stiff that its mass is negligible
+    then follows the force at the endpoints of the steps. For a linear force this moment is equal to
+    the first moment.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building (`tdint.kernels.layout`).
+    forces : ndarray
+        Harmonic forces on floors (`tdint.kernels.layout`).
+    load : ndarray
+        Start time and ground accelerations of the step.
+    h : float
+        Time step, s.
+    r : float
+        Coefficient of the method (see `tdint.kernels.equations.moment4`); 0 for the first moment.
+    scratch : ndarray
+        Scratch array.
+    row : int
+        Row of the mean; the moment is stored in the next row.
     """
     for i in range(linear_terms.shape[1] - 1):
         scratch[row, i] = (
@@ -110,6 +217,23 @@ def mean_load(linear_terms, forces, load, h, r, scratch, row):
 
 @outlined
 def _add_means(forces, t, h, r, scratch, row):
+    """Add mean and moment of the floor forces to two rows of `scratch`, N.
+
+    Parameters
+    ----------
+    forces : ndarray
+        Harmonic forces on floors (`tdint.kernels.layout`).
+    t : float
+        Time, s.
+    h : float
+        Time step, s.
+    r : float
+        As for `mean_load`.
+    scratch : ndarray
+        Scratch array.
+    row : int
+        Row of the mean.
+    """
     for j in range(forces.shape[0]):
         floor = int(forces[j, rows.FLOOR])
         mean = force_impulse(forces, j, t, h) / h
@@ -124,14 +248,36 @@ def _add_means(forces, t, h, r, scratch, row):
 
 @inline
 def add_modal_force(modal, table, x, factor, scratch, row, n):
-    """Add factor * C_modal * x to a row of work, with C_modal = W^T W; row `x` of `table` is the
-    velocity."""
+    """Add factor * C_modal * x to a row of `scratch`, with C_modal = W^T W.
+
+    Parameters
+    ----------
+    modal : ndarray
+        Rows w of the modal damping matrix C = sum of w w^T.
+    table : ndarray
+        Table that contains x.
+    x : int
+        Row of x in `table`, usually a velocity.
+    factor : float
+        Factor.
+    scratch : ndarray
+        Array that contains the row of the result.
+    row : int
+        Row of the result.
+    n : int
+        Number of floors.
+    """
     if MODAL and modal.shape[0] > 0:
         _add_modal_force(modal, table, x, factor, scratch, row, n)
 
 
 @outlined
 def _add_modal_force(modal, table, x, factor, scratch, row, n):
+    """Add the modal damping force; arguments as for `add_modal_force`.
+
+    The arguments `modal`, `table`, `x`, `factor`, `scratch`, `row` and `n` are not changed
+    otherwise.
+    """
     for j in range(modal.shape[0]):
         amplitude = 0.0
         for i in range(n):
@@ -143,7 +289,11 @@ def _add_modal_force(modal, table, x, factor, scratch, row, n):
 
 @inline
 def power_damper(linear_terms, i, rate):
-    """Force of the power-law dashpot of story `i` at a drift rate, N, and its slope, N s/m."""
+    """Return the force of the power-law dashpot of story `i` at the drift rate `rate` (m/s), N, and
+    its derivative, N s/m.
+
+    Both are 0 without a dashpot.
+    """
     if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
         return _power_damper(linear_terms, i, rate)
     return 0.0, 0.0
@@ -151,8 +301,9 @@ def power_damper(linear_terms, i, rate):
 
 @outlined
 def _power_damper(linear_terms, i, rate):
+    """Return the force c v (v^2 + v0^2)^e of a power-law dashpot, N, and its derivative, N s/m."""
     size = rate * rate + linear_terms[rows.THRESHOLD, i]
-    if size == 0.0:  # an exponent of 1 or more
+    if size == 0.0:  # zero rate and no threshold, which requires an exponent of at least 1
         return 0.0, linear_terms[rows.POWER_DAMPER, i] if linear_terms[
             rows.POWER, i
         ] == 0.0 else 0.0
@@ -162,11 +313,26 @@ def _power_damper(linear_terms, i, rate):
 
 @inline
 def internal_forces(linear_terms, modal, law_state, block, scratch, velocity, row, sums):
-    """C v + f(u) of every floor into row `row` of work, N; story forces from the spring states in
-    `block`.
+    """Store the internal forces C v + f(u) of all floors in a scratch row, N.
 
-    Row `velocity` of work is the velocity; its row `sums` receives the force of each story, column
-    and damper.
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building (`tdint.kernels.layout`).
+    modal : ndarray
+        Rows w of the modal damping matrix C = sum of w w^T.
+    law_state : ndarray
+        States of the laws.
+    block : int
+        Block of the law states with the story forces and drifts.
+    scratch : ndarray
+        Scratch array.
+    velocity : int
+        Row of the velocities, m/s.
+    row : int
+        Row of the internal forces.
+    sums : int
+        Row that receives the force of each story: restoring force, P-delta and dampers, N.
     """
     n = linear_terms.shape[1] - 1
     below = 0.0
@@ -192,13 +358,16 @@ def internal_forces(linear_terms, modal, law_state, block, scratch, velocity, ro
 
 @inline
 def finite(state, n):
-    """Whether the new displacements, velocities and accelerations are numbers."""
-    numbers = True
+    """Return True if the displacements, velocities and accelerations of all floors are finite.
+
+    A sum of absolute values of 1e300 or more is regarded as not finite.
+    """
+    is_finite = True
     for i in range(n):
-        numbers &= (
+        is_finite &= (
             abs(state[rows.DISPLACEMENT, i])
             + abs(state[rows.VELOCITY, i])
             + abs(state[rows.ACCELERATION, i])
             < 1e300
         )
-    return numbers
+    return is_finite

@@ -1,22 +1,22 @@
-"""The signature of every compiled step:
+"""Signature of every compiled step, and named tuples of its arguments.
 
-    step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state, springs,
-    work, report)
-    -> iterations, or a negative code
+    step(coefficients, linear_terms, modal, law_parameters, forces, flags, h, load, state,
+         law_state, scratch, step_status) -> number of iterations, or a negative error code
 
-1. coefficients: the method's numbers, with the step's own where they depend on the building
-  (`exact`).
-2. linear_terms, modal, law_parameters, forces, flags: the `Scene`, never written
-  (`tdint.kernels.stepping`,
-   `tdint.kernels.layout`).
-3. load: time at the step's start and the ground acceleration at both ends, linear in between.
-4. state, springs: the whole memory of the method and of the drift laws, before and after. A step
-  that returns
-   NOT_CONVERGED leaves both as they were; after NOT_FINITE the march ends.
-5. work, report: scratch and kept factorizations, and what a step leaves for the next one. It gives
-  the same result from
-   fresh ones with the same `report[STEPS_DONE]`, but for rounding.
-6. State row ACCELERATION is what the method itself uses next; nothing that is reported is fed back.
+1. coefficients: coefficients of the method. For `exact` they include the coefficients that depend
+  on the building.
+2. linear_terms, modal, law_parameters, forces, flags: the `Scene`, which no step changes (see
+  `tdint.kernels.layout` for the rows).
+3. h, load: length of the step; time at its start and ground acceleration at both endpoints, linear
+  within the step.
+4. state, law_state: memory of the method and of the hysteresis models. They are updated by the
+  step. If the step returns NOT_CONVERGED, both are unchanged. After NOT_FINITE the time integration
+  ends.
+5. scratch, step_status: scratch rows with reusable factorizations, and values for the next step. If
+  both are cleared, except for `step_status[STEPS_DONE]`, the result of the step changes only by
+  rounding.
+6. The state row ACCELERATION is the acceleration that the method uses in the next step. Results
+  that are reported are never fed back.
 """
 
 from __future__ import annotations
@@ -28,42 +28,42 @@ from numpy.typing import NDArray
 
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, indirect_caller, inline
 
-# ---- Arrays and numbers that go together, as kernels hand them on: tuples with names, which the
-# compiler takes apart
-#
-# A kernel is entered with flat arguments, in the order of the fields, and makes its bundles of
-# them. Their signatures stand here, too.
+# ---- Groups of arrays and numbers that kernels pass on, as named tuples, which the compiler
+# decomposes. A kernel has flat arguments in the order of the fields and builds the groups from
+# them. The signatures of the groups are defined here as well.
 
 Array = NDArray[np.float64]
 
 
 class Scene(NamedTuple):
-    """The building and the forces on its floors, never written (`tdint.kernels.layout`)."""
+    """Building and forces on its floors; constant during the time integration (see
+    `tdint.kernels.layout`)."""
 
-    linear_terms: Array  # what is linear in the building
-    modal: Array  # rows w of the modal damping C = sum of w w^T
-    law_parameters: Array  # drift laws of the stories
+    linear_terms: Array  # properties of the building that act linearly
+    modal: Array  # rows w of the modal damping matrix C = sum of w w^T
+    law_parameters: Array  # parameters of the hysteresis models
     forces: Array  # harmonic forces on floors
-    flags: Array  # what is known of building and method before the march
+    flags: Array  # properties of building and method that are set before the time integration
 
 
 class Memory(NamedTuple):
-    """What method and drift laws remember, before and after a step, and scratch."""
+    """Memory of the method and of the hysteresis models before and after a step, and scratch
+    rows."""
 
-    state: Array  # of the method
-    law_state: Array  # of the drift laws
-    scratch: Array  # scratch and kept factorizations
-    step_status: Array  # what a step leaves for the next one, for the march, and for people
+    state: Array  # memory of the method
+    law_state: Array  # states of the hysteresis models
+    scratch: Array  # scratch rows and reusable factorizations
+    step_status: Array  # values for the next step, for the time loop and for messages
 
 
 class Seen(NamedTuple):
-    """What is seen of the motion (`tdint.kernels.march.observing`)."""
+    """Arrays of the observer (see `tdint.kernels.march.observing`)."""
 
-    observer_state: Array  # what the observer keeps
-    peaks: Array  # and their doubt
-    limits: Array  # of the drifts
-    totals: Array  # numbers of the whole run
-    # the start and each k-th step, k = steps / (rows - 1) a whole number; no rows for none
+    observer_state: Array  # memory of the observer
+    peaks: Array  # peaks and possible peaks of the response
+    limits: Array  # collapse limits of the drifts
+    totals: Array  # values of the complete run
+    # the start and every k-th step, with k = steps / (rows - 1); no rows without a history
     history: Array
 
 
@@ -73,25 +73,52 @@ SEEN = (TABLE, TABLE, TABLE, VECTOR, TABLE)
 
 
 class Span(NamedTuple):
-    """A step, or a piece of one: when it ends, how long it is, the ground acceleration at its ends,
-    and how floors move in it."""
+    """Time step or substep that the observer processes.
+
+    Attributes
+    ----------
+    t : float
+        Time at the end, s.
+    h : float
+        Length, s.
+    ground_0, ground_1 : float
+        Ground acceleration at both endpoints, m/s^2.
+    on_path : bool
+        True if the displacements follow parabolas within the step.
+    fast : bool
+        True if the building has modes that the step does not resolve.
+    cornered : bool
+        True if the step has computed peaks of accelerations and total shears within the step.
+    """
 
     t: float
     h: float
     ground_0: float
     ground_1: float
-    on_path: bool  # displacements follow parabolas
-    fast: bool  # the building has modes that the step does not follow
-    # the step has looked at accelerations and total shears: at corners that its ends do not tell of
+    on_path: bool  # True if the displacements follow parabolas
+    fast: bool  # True if the building has modes that the step does not resolve
+    # True if the step has computed peaks of accelerations and total shears at discontinuities
+    # within the step, which the values at its endpoints do not determine
     cornered: bool
 
 
 class Passage(NamedTuple):
-    """Where a motion stands at both ends of a step, one column for each floor.
+    """Response of all floors at both endpoints of a step.
 
-    Rows from `first` of `old` are displacement, velocity and acceleration at its start, and, of a
-    fast span, velocity and acceleration one step before; rows of `state`, and row `new` of
-    `accelerations`, those at its end, relative to the ground.
+    Attributes
+    ----------
+    old : ndarray
+        Table with the response at the start, relative to the ground, in consecutive rows:
+        displacement, velocity and acceleration. If the building has unresolved modes, velocity and
+        acceleration one step earlier follow.
+    first : int
+        First of these rows.
+    state : ndarray
+        Displacement and velocity at the end of the step.
+    accelerations : ndarray
+        Table with the acceleration at the end of the step.
+    new : int
+        Row of the acceleration in `accelerations`.
     """
 
     old: Array
@@ -125,16 +152,34 @@ class Ends(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """Where a factorization lies (`tdint.kernels.equations.tridiagonal`): rows of a table."""
+    """Rows of a factorization (see `tdint.kernels.equations.tridiagonal`).
+
+    Attributes
+    ----------
+    table : ndarray
+        Table that contains the rows, usually the scratch array.
+    pivot : int
+        First row of the pivots.
+    coupling : int
+        First row of the couplings.
+    store : int
+        First row of the solutions for the modes.
+    """
 
     table: Array
     pivot: int
     coupling: int
-    store: int  # the modes'
+    store: int  # first row of the solutions for the modes
 
 
 class EffectiveCoefficients(NamedTuple):
-    """What one unknown of a floor moves: its displacement, velocity and acceleration."""
+    """Change of the response of a floor for a unit change of its unknown x.
+
+    Attributes
+    ----------
+    by_u, by_v, by_a : float
+        Change of displacement, velocity and acceleration.
+    """
 
     by_u: float
     by_v: float
@@ -142,16 +187,31 @@ class EffectiveCoefficients(NamedTuple):
 
 
 class Integrals(NamedTuple):
-    """Where those along a path go (`tdint.kernels.stories.path`): rows of a table from `first`
-    on."""
+    """Rows for the integrals along a path (see `tdint.kernels.stories.path`).
+
+    Attributes
+    ----------
+    table : ndarray
+        Table that contains the rows.
+    first : int
+        First row.
+    """
 
     table: Array
     first: int
 
 
 class Stretch(NamedTuple):
-    """The part from t = begin to t = end of a parabola of drift, start + rise t + bend (t^2 - t) /
-    2."""
+    """Part of a parabola of drift, start + rise t + bend (t^2 - t) / 2, from t = `begin` to t =
+    `end`.
+
+    Attributes
+    ----------
+    start, rise, bend : float
+        Coefficients of the parabola, m.
+    begin, end : float
+        Endpoints of the part, between 0 and 1.
+    """
 
     start: float
     rise: float
@@ -169,7 +229,28 @@ _call_step = indirect_caller(STEP)
 
 @inline
 def take_step(step, coefficients, scene, h, load, memory):
-    """Take a step by the kernel that a march was given."""
+    """Execute one step with the kernel that the time loop has received.
+
+    Parameters
+    ----------
+    step : Kernel
+        Step of the method.
+    coefficients : ndarray
+        Coefficients of the method.
+    scene : Scene
+        Building and forces on floors.
+    h : float
+        Length of the step, s.
+    load : ndarray
+        Start time and ground accelerations of the step.
+    memory : Memory
+        State, law states, scratch array and status.
+
+    Returns
+    -------
+    int
+        Number of iterations, or a negative error code.
+    """
     linear_terms, modal, law_parameters, forces, flags = scene
     state, law_state, scratch, step_status = memory
     return _call_step(

@@ -1,13 +1,14 @@
-"""Equilibrium of all floors at one instant, by Newton's iteration.
+"""Equilibrium of all floors at one time, by Newton's method.
 
-For the families whose motion at that instant is linear in one unknown x per floor, an acceleration:
+The module is used by the families with a response at that time that is linear in one unknown x for
+each floor, an acceleration:
 
     u = U + by_u x,   v = V + by_v x,   a = A + by_a x,   M a + C v + f(u) = p
 
-U, V, A are the first guess. The corrections are found by tridiagonal solves, and the factors are
-kept for the next step: they are made anew only when a tangent changed. Where large steps over kinks
-make the iteration go round in a cycle, corrections are halved until they bring the floors closer to
-equilibrium.
+U, V and A are the first guess. The corrections are solutions of tridiagonal systems. The
+factorization is reused in the next step and is recomputed only if a tangent has changed. At kinks
+of the laws, large steps can make the iteration cycle. In this case corrections are halved until the
+residual decreases (see `tdint.kernels.equations.iteration`).
 """
 
 from __future__ import annotations
@@ -35,24 +36,25 @@ from tdint.kernels.stories.law_state import restoring_force
 
 
 class _Rows(NamedTuple):
-    """Rows of work: the load and the first guess come in, the motion in equilibrium goes out."""
+    """Scratch rows. The caller stores the load and the first guess; the rows of the response then
+    contain the solution."""
 
     LOAD: int = 1
     U: int = 1
     V: int = 1
     A: int = 1
     X: int = 1
-    SUM: int = 1  # story forces
-    RESIDUAL: int = 1  # unbalanced forces, then the correction of x
+    SUM: int = 1  # story forces, N
+    RESIDUAL: int = 1  # residual, N, then the correction of x
     TANGENT: int = 1
-    SIZE: int = 1  # of the story forces, with what the displacements round
-    CORRECTION: int = 1  # of x, the last one
+    SIZE: int = 1  # absolute story forces including the rounding errors of the displacements, N
+    CORRECTION: int = 1  # last correction of x
 
 
 class _Factors(NamedTuple):
-    """Rows of a block of factors."""
+    """Rows of a factorization."""
 
-    FACTORED: int = 1  # its tangents
+    FACTORED: int = 1  # tangents of the factorization, N/m
     PIVOT: int = 1
     COUPLING: int = 1
 
@@ -62,78 +64,130 @@ _FACTOR, _STORE = rows.chained(_Factors)
 
 
 def factor_rows(modes: int) -> int:
-    """Rows of work in a block of factors for a building with `modes` modally damped modes."""
+    """Return the number of scratch rows of a factorization for a building with `modes` modally
+    damped modes."""
     return _STORE + 2 * modes + 1
 
 
 @inline
 def invalidate(scratch, factors, n):
-    """Mark the factors in the block at row `factors` as fitting no tangent."""
+    """Mark the factorization in the scratch rows from `factors` on as invalid, by infinite
+    tangents.
+
+    Parameters
+    ----------
+    scratch : ndarray
+        Scratch array of the step.
+    factors : int
+        First row of the factorization.
+    n : int
+        Number of floors.
+    """
     for i in range(n):
         scratch[factors + _FACTOR.FACTORED, i] = math.inf
 
 
 @inline
-def solve_equilibrium(weights, factors, previous, trial, scene, memory):
-    """Bring the floors into equilibrium; returns the number of solves, or a negative code.
+def solve_equilibrium(effective, factors, previous, trial, scene, memory):
+    """Compute the response of all floors in equilibrium.
 
-    The drift laws go from the state in block `previous` of springs to block `trial`. Rows
-    `factors` and
-    following of work hold the factors of by_a M + by_v C + by_u K for the weights of this call, or
-    are marked by `invalidate`.
+    Parameters
+    ----------
+    effective : EffectiveCoefficients
+        Change of displacement, velocity and acceleration for a unit change of x.
+    factors : int
+        First scratch row of the factorization of by_a M + by_v C + by_u K for these coefficients,
+        valid or marked by `invalidate`.
+    previous : int
+        Block of the law states at the start of the path.
+    trial : int
+        Block of the law states that receives the states in equilibrium.
+    scene : Scene
+        Building and forces on floors.
+    memory : Memory
+        The rows `ROW` of the scratch array contain load and first guess, then the response.
+
+    Returns
+    -------
+    int
+        Number of solutions of the linear system, at least 1, or NOT_CONVERGED.
     """
-    by_u, by_v, by_a = weights
+    by_u, by_v, by_a = effective
     linear_terms, modal, _, _, flags = scene
     scratch, step_status = memory.scratch, memory.step_status
     n = linear_terms.shape[1] - 1
     tangents = factors + _FACTOR.FACTORED
-    kept = Factors(scratch, factors + _FACTOR.PIVOT, factors + _FACTOR.COUPLING, factors + _STORE)
+    factorization = Factors(
+        scratch, factors + _FACTOR.PIVOT, factors + _FACTOR.COUPLING, factors + _STORE
+    )
     combination = Combination(by_a, by_v, by_u if by_u != 0.0 else 1.0)
     for i in range(n):
         scratch[ROW.X, i] = 0.0
     iterations = 0
-    part = 1.0
-    before = math.inf
+    fraction = 1.0
+    previous_norm = math.inf
     while True:
-        stale = _story_forces(weights, factors, previous, trial, scene, memory)
-        if _in_balance(iterations == MAX_ITERATIONS, linear_terms, modal, scratch, step_status):
+        is_stale = _story_forces(effective, factors, previous, trial, scene, memory)
+        if _update_residuals(
+            iterations == MAX_ITERATIONS, linear_terms, modal, scratch, step_status
+        ):
             break
         if iterations >= UNDAMPED_ITERATIONS:
-            size = squared_norm(linear_terms, scratch, ROW.RESIDUAL, n)
-            if must_halve(size, before, part):
-                part *= 0.5
-                _correct(-part, ROW.CORRECTION, weights, scratch, n)
+            norm = squared_norm(linear_terms, scratch, ROW.RESIDUAL, n)
+            if must_halve(norm, previous_norm, fraction):
+                fraction *= 0.5
+                _correct(-fraction, ROW.CORRECTION, effective, scratch, n)
                 continue
-            before = size
-            part = 1.0
+            previous_norm = norm
+            fraction = 1.0
         if iterations == MAX_ITERATIONS:
             return rows.NOT_CONVERGED
-        if stale:
+        if is_stale:
             for i in range(n):
                 scratch[tangents, i] = scratch[ROW.TANGENT, i]
-            factor_combination(linear_terms, modal, scratch, tangents, combination, kept, n)
-        solve_damped(kept, modal, ROW.RESIDUAL, n)
+            factor_combination(
+                linear_terms, modal, scratch, tangents, combination, factorization, n
+            )
+        solve_damped(factorization, modal, ROW.RESIDUAL, n)
         iterations += 1
         if iterations > UNDAMPED_ITERATIONS:
             copy_rows(scratch, ROW.RESIDUAL, ROW.CORRECTION, 1, n)
-        done = flags[rows.LINEAR] != 0.0 or (by_u == 0.0 and flags[rows.POWER_DAMPERS] == 0.0)
-        if _correct(1.0, ROW.RESIDUAL, weights, scratch, n) or done:
-            _drift_laws(previous, trial, scene, memory)
+        is_exact = flags[rows.LINEAR] != 0.0 or (by_u == 0.0 and flags[rows.POWER_DAMPERS] == 0.0)
+        if _correct(1.0, ROW.RESIDUAL, effective, scratch, n) or is_exact:
+            _evaluate_laws(previous, trial, scene, memory)
             break
     return max(iterations, 1)
 
 
 @inline
-def _story_forces(weights, factors, previous, trial, scene, memory):
-    """Story forces of the present motion. True if the factors do not fit its tangents.
+def _story_forces(effective, factors, previous, trial, scene, memory):
+    """Compute the story forces of the current response.
 
-    The tangent of a power-law dashpot is a stiffness by_v / by_u times as large. Where by_u is 0 no
-    stiffness matters, and the factors are made with 1 in its place.
+    The tangent of a power-law dashpot acts as a stiffness multiplied by by_v / by_u. If by_u is 0,
+    the stiffness does not contribute, and the factorization uses 1 instead of by_u.
+
+    Parameters
+    ----------
+    effective : EffectiveCoefficients
+        Change of displacement, velocity and acceleration for a unit change of x.
+    factors : int
+        First scratch row of the factorization.
+    previous, trial : int
+        Blocks of the law states at the start and at the end of the path.
+    scene : Scene
+        Building and forces on floors.
+    memory : Memory
+        Law states and scratch rows, which are updated.
+
+    Returns
+    -------
+    bool
+        True if the factorization does not match the tangents.
     """
-    by_u, by_v, _ = weights
+    by_u, by_v, _ = effective
     linear_terms, _, law_parameters, _, _ = scene
     _, law_state, scratch, _ = memory
-    stale = False
+    is_stale = False
     u_below = 0.0
     v_below = 0.0
     for i in range(linear_terms.shape[1] - 1):
@@ -142,7 +196,7 @@ def _story_forces(weights, factors, previous, trial, scene, memory):
         u_below = scratch[ROW.U, i]
         v_below = scratch[ROW.V, i]
         tangent = restoring_force(law_parameters, law_state, i, previous, trial, drift)
-        damper, slope = power_damper(linear_terms, i, rate)
+        dashpot_force, slope = power_damper(linear_terms, i, rate)
         scale = law_parameters[rows.STIFFNESS, i]
         if by_u == 0.0:
             tangent = by_v * slope - linear_terms[rows.GEOMETRIC, i]
@@ -150,35 +204,50 @@ def _story_forces(weights, factors, previous, trial, scene, memory):
         elif slope != 0.0:
             tangent += by_v / by_u * slope
         scratch[ROW.TANGENT, i] = tangent
-        stale = (
-            stale
+        is_stale = (
+            is_stale
             or abs(tangent - scratch[factors + _FACTOR.FACTORED, i]) > TANGENT_TOLERANCE * scale
         )
         total = (
             law_state[trial + rows.FORCE, i]
             + linear_terms[rows.GEOMETRIC, i] * drift
             + linear_terms[rows.STORY_DAMPER, i] * rate
-            + damper
+            + dashpot_force
         )
         scratch[ROW.SUM, i] = total
-        # A drift is a difference: what the displacements round is not out of balance.
+        # A drift is a difference of displacements. The rounding errors of the displacements are not
+        # part of the residual.
         rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         scratch[ROW.SIZE, i] = abs(total) + rounding * (
             abs(scratch[ROW.U, i]) + abs(scratch[ROW.U, i] - drift)
         )
-    return stale
+    return is_stale
 
 
 @inline
-def _in_balance(last, linear_terms, modal, scratch, step_status):
-    """Unbalanced forces into their row, N; whether all are small. At the last of them the worst is
-    noted."""
+def _update_residuals(is_last, linear_terms, modal, scratch, step_status):
+    """Store the residuals p - M a - C v - f(u), N, and return True if all are within the tolerance.
+
+    Parameters
+    ----------
+    is_last : bool
+        True if no further iteration is allowed. The largest residual is then stored in
+        `step_status`.
+    linear_terms : ndarray
+        Linear terms of the building.
+    modal : ndarray
+        Rows of the modal damping matrix.
+    scratch : ndarray
+        Scratch rows.
+    step_status : ndarray
+        Rows RESIDUAL and WORST_STORY are updated.
+    """
     n = linear_terms.shape[1] - 1
     for i in range(n):
         scratch[ROW.RESIDUAL, i] = linear_terms[rows.FLOOR_DAMPER, i] * scratch[ROW.V, i]
     add_modal_force(modal, scratch, ROW.V, 1.0, scratch, ROW.RESIDUAL, n)
     step_status[rows.RESIDUAL] = 0.0
-    small = True
+    is_small = True
     for i in range(n):
         load = scratch[ROW.LOAD, i]
         inertia = linear_terms[rows.MASS, i] * scratch[ROW.A, i]
@@ -193,13 +262,23 @@ def _in_balance(last, linear_terms, modal, scratch, step_status):
             + scratch[ROW.SIZE, i]
             + link * scratch[ROW.SIZE, i + 1]
         )
-        small &= is_balanced(last, RESIDUAL_TOLERANCE, step_status, i, residual, scale)
-    return small
+        is_small &= is_balanced(is_last, RESIDUAL_TOLERANCE, step_status, i, residual, scale)
+    return is_small
 
 
 @inline
-def _drift_laws(previous, trial, scene, memory):
-    """Drift laws at the present displacements."""
+def _evaluate_laws(previous, trial, scene, memory):
+    """Evaluate the laws at the current displacements, from block `previous` to block `trial`.
+
+    Parameters
+    ----------
+    previous, trial : int
+        Blocks of the law states at the start and at the end of the path.
+    scene : Scene
+        Building and forces on floors.
+    memory : Memory
+        Law states and scratch rows.
+    """
     linear_terms, _, law_parameters, _, _ = scene
     _, law_state, scratch, _ = memory
     below = 0.0
@@ -216,16 +295,34 @@ def _drift_laws(previous, trial, scene, memory):
 
 
 @inline
-def _correct(part, row, weights, scratch, n):
-    """Add a part of the correction of x in `row` to x and to the motion. True if it was
-    rounding."""
-    by_u, by_v, by_a = weights
-    small = True
+def _correct(fraction, row, effective, scratch, n):
+    """Add a fraction of the correction of x to x and to the response.
+
+    Parameters
+    ----------
+    fraction : float
+        Fraction of the correction, of either sign.
+    row : int
+        Scratch row of the correction.
+    effective : EffectiveCoefficients
+        Change of displacement, velocity and acceleration for a unit change of x.
+    scratch : ndarray
+        Scratch rows.
+    n : int
+        Number of floors.
+
+    Returns
+    -------
+    bool
+        True if the change of the displacements is of the order of rounding errors.
+    """
+    by_u, by_v, by_a = effective
+    is_small = True
     for i in range(n):
-        dx = part * scratch[row, i]
+        dx = fraction * scratch[row, i]
         scratch[ROW.X, i] += dx
         scratch[ROW.V, i] += by_v * dx
         scratch[ROW.A, i] += by_a * dx
         scratch[ROW.U, i] += by_u * dx
-        small = small and abs(by_u * dx) <= ROUNDING * abs(scratch[ROW.U, i])
-    return small
+        is_small = is_small and abs(by_u * dx) <= ROUNDING * abs(scratch[ROW.U, i])
+    return is_small

@@ -1,10 +1,10 @@
-"""Direct solves with the matrices of a chain: tridiagonal, real or complex, and block tridiagonal
-with 2 x 2 blocks.
+"""Direct solution of linear systems with the matrices of a chain: tridiagonal, real or complex, and
+block tridiagonal with 2 x 2 blocks.
 
-Modal damping adds C = W^T W with one row of W per damped mode; it enters by the
-Sherman-Morrison-Woodbury formula, so no dense matrix of the size of the building is made. No
-pivoting: the leading blocks are those of the building cut off above a story, for which the same
-step is solvable.
+Modal damping adds the matrix W^T W, with one row of W for each damped mode. The
+Sherman-Morrison-Woodbury formula accounts for this part, so that no dense matrix with the size of
+the building is needed. Pivoting is not necessary: each leading block is the matrix of the building
+below a story, for which the same step is solvable.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from tdint.kernels.stepping import Array
 _MODAL = VARIANT.modal
 
 COUPLING_ROWS = 8
-"""Rows that the factors of `factor_blocks` have for the couplings, of which the first half is given
-to it."""
+"""Number of rows of the couplings in the factorization of `factor_blocks`. The caller stores the
+couplings in the first half of these rows."""
 
 
 class Combination(NamedTuple):
-    """by_m M + by_c C + by_k K."""
+    """Coefficients of the matrix by_m M + by_c C + by_k K."""
 
     by_m: float
     by_c: float
@@ -31,7 +31,16 @@ class Combination(NamedTuple):
 
 
 class ModalBlocks(NamedTuple):
-    """[[xx, xy], [yx, yy]] (x) W^T W: modal damping where unknowns are pairs (x, y) per floor."""
+    """Modal damping for pairs of unknowns (x, y) per floor: the Kronecker product of [[xx, xy],
+    [yx, yy]] and W^T W.
+
+    Attributes
+    ----------
+    modal : ndarray
+        W, one row for each damped mode.
+    xx, xy, yx, yy : float
+        Coefficients.
+    """
 
     modal: Array
     xx: float
@@ -42,10 +51,15 @@ class ModalBlocks(NamedTuple):
 
 @inline
 def factor(factors, n):
-    """L D L^T of a symmetric tridiagonal matrix in place.
+    """Compute the L D L^T factorization of a symmetric tridiagonal matrix in place.
 
-    The row of pivots, which holds the diagonal, becomes the inverse pivots; that of couplings,
-    entry i the coupling of i with i - 1, the multipliers.
+    Parameters
+    ----------
+    factors : Factors
+        Row `pivot` contains the diagonal and receives the inverse pivots. Row `coupling` contains
+        in column i the coupling of i with i - 1 and receives the multipliers.
+    n : int
+        Number of floors.
     """
     scratch, diagonal, coupling, _ = factors
     scratch[diagonal, 0] = 1.0 / scratch[diagonal, 0]
@@ -57,28 +71,44 @@ def factor(factors, n):
 
 @inline
 def solve(factors, x, n):
-    """Solve with the factors of `factor`; row `x` of their table holds the right side and becomes
-    the solution."""
+    """Solve a linear system with the factorization of `factor`.
+
+    Parameters
+    ----------
+    factors : Factors
+        Factorization.
+    x : int
+        Row of the right side in the same table; it receives the solution.
+    n : int
+        Number of floors.
+    """
     scratch, diagonal, coupling, _ = factors
-    carried = scratch[x, 0]
+    partial = scratch[x, 0]
     for i in range(1, n):
-        carried = scratch[x, i] - scratch[coupling, i] * carried
-        scratch[x, i] = carried
-    carried = scratch[x, n - 1] * scratch[diagonal, n - 1]
-    scratch[x, n - 1] = carried
+        partial = scratch[x, i] - scratch[coupling, i] * partial
+        scratch[x, i] = partial
+    partial = scratch[x, n - 1] * scratch[diagonal, n - 1]
+    scratch[x, n - 1] = partial
     for i in range(n - 2, -1, -1):
-        carried = scratch[x, i] * scratch[diagonal, i] - scratch[coupling, i + 1] * carried
-        scratch[x, i] = carried
+        partial = scratch[x, i] * scratch[diagonal, i] - scratch[coupling, i + 1] * partial
+        scratch[x, i] = partial
 
 
 @outlined
 def invert(scratch, first, size):
-    """Invert a dense matrix in place by Gauss-Jordan elimination.
+    """Invert a dense matrix in place by Gauss-Jordan elimination without pivoting.
 
-    Rows `first` .. `first + size - 1` of `scratch` hold it in their first `size` columns. The
-    matrices
-    are those of Woodbury's formula, identity plus a damping matrix: well conditioned, so no
-    pivoting is needed.
+    The matrices are those of the Woodbury formula, the identity matrix plus a damping matrix, and
+    therefore well conditioned.
+
+    Parameters
+    ----------
+    scratch : ndarray
+        Table with the matrix in rows `first` to `first + size - 1` and columns 0 to `size - 1`.
+    first : int
+        First row of the matrix.
+    size : int
+        Order of the matrix.
     """
     for p in range(size):
         inverse = 1.0 / scratch[first + p, p]
@@ -95,10 +125,22 @@ def invert(scratch, first, size):
 
 @outlined
 def factor_damped(factors, modal, scale, n):
-    """Factor T + scale * W^T W, T as for `factor`.
+    """Factorize T + scale * W^T W for `solve_damped`, with the tridiagonal matrix T as for
+    `factor`.
 
-    Rows from `factors.store` on are kept for `solve_damped`: T^-1 W^T (one row per mode), then
-    scale * (I + scale W T^-1 W^T)^-1, then one row of scratch.
+    The rows from `factors.store` on receive T^-1 W^T (one row per mode), then scale * (I + scale W
+    T^-1 W^T)^-1 (one row per mode). One row of scratch follows.
+
+    Parameters
+    ----------
+    factors : Factors
+        Rows of T, which receive the factorization.
+    modal : ndarray
+        W, one row for each damped mode.
+    scale : float
+        Factor of the modal damping matrix.
+    n : int
+        Number of floors.
     """
     factor(factors, n)
     if _MODAL:
@@ -107,10 +149,22 @@ def factor_damped(factors, modal, scale, n):
 
 @outlined
 def _store_damped(factors, modal, scale, n):
-    """What `factor_damped` keeps of the modes."""
+    """Store the solutions for the mode vectors and the inverse of the small (Woodbury) matrix.
+
+    Parameters
+    ----------
+    factors : Factors
+        Factorization of the tridiagonal matrix.
+    modal : ndarray
+        W, one row for each damped mode.
+    scale : float
+        Factor of the modal damping matrix.
+    n : int
+        Number of floors.
+    """
     scratch, _, _, store = factors
     modes = modal.shape[0]
-    small = store + modes
+    inverse_row = store + modes
     for j in range(modes):
         for i in range(n):
             scratch[store + j, i] = modal[j, i]
@@ -120,17 +174,28 @@ def _store_damped(factors, modal, scale, n):
             product = 0.0
             for i in range(n):
                 product += modal[j, i] * scratch[store + k, i]
-            scratch[small + j, k] = scale * product + (1.0 if j == k else 0.0)
-    invert(scratch, small, modes)
+            scratch[inverse_row + j, k] = scale * product + (1.0 if j == k else 0.0)
+    invert(scratch, inverse_row, modes)
     for j in range(modes):
         for k in range(modes):
-            scratch[small + j, k] *= scale
+            scratch[inverse_row + j, k] *= scale
 
 
 @inline
 def solve_damped(factors, modal, x, n):
-    """Solve with the factors of `factor_damped`; row `x` holds the right side and becomes the
-    solution."""
+    """Solve a linear system with the factorization of `factor_damped`.
+
+    Parameters
+    ----------
+    factors : Factors
+        Factorization.
+    modal : ndarray
+        W, one row for each damped mode.
+    x : int
+        Row of the right side in the same table; it receives the solution.
+    n : int
+        Number of floors.
+    """
     solve(factors, x, n)
     if _MODAL and modal.shape[0] > 0:
         _correct_damped(factors.table, modal, factors.store, x, n)
@@ -138,10 +203,24 @@ def solve_damped(factors, modal, x, n):
 
 @outlined
 def _correct_damped(scratch, modal, store, x, n):
-    """Woodbury's correction of `solve_damped`."""
+    """Add the Woodbury correction for the modes to the solution of the tridiagonal system.
+
+    Parameters
+    ----------
+    scratch : ndarray
+        Table with the factorization.
+    modal : ndarray
+        W, one row for each damped mode.
+    store : int
+        First row of the stored solutions.
+    x : int
+        Row of the solution.
+    n : int
+        Number of floors.
+    """
     modes = modal.shape[0]
-    small = store + modes
-    temporary = small + modes
+    inverse_row = store + modes
+    temporary = inverse_row + modes
     for j in range(modes):
         product = 0.0
         for i in range(n):
@@ -150,16 +229,30 @@ def _correct_damped(scratch, modal, store, x, n):
     for j in range(modes):
         amplitude = 0.0
         for k in range(modes):
-            amplitude += scratch[small + j, k] * scratch[temporary, k]
+            amplitude += scratch[inverse_row + j, k] * scratch[temporary, k]
         for i in range(n):
             scratch[x, i] -= amplitude * scratch[store + j, i]
 
 
 @inline
 def assemble_combination(linear_terms, law_state, row, combination, factors, n):
-    """by_m M + by_c C + by_k K for `factor`, without the modal part of C; row `row` of `law_state`
-    is
-    the stiffness of each story, to which the geometric one is added."""
+    """Assemble by_m M + by_c C + by_k K for `factor`, without the modal part of C.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building.
+    law_state : ndarray
+        Table with the tangent stiffness of each story.
+    row : int
+        Row of the tangent stiffness, N/m. The geometric stiffness is added.
+    combination : Combination
+        Coefficients.
+    factors : Factors
+        Rows that receive the diagonal and the couplings.
+    n : int
+        Number of floors.
+    """
     by_m, by_c, by_k = combination
     scratch, diagonal, coupling, _ = factors
     for i in range(n):
@@ -177,20 +270,47 @@ def assemble_combination(linear_terms, law_state, row, combination, factors, n):
 
 @outlined
 def factor_combination(linear_terms, modal, law_state, row, combination, factors, n):
-    """Factor by_m M + by_c C + by_k K as `factor_damped` does; `law_state` as for
-    `assemble_combination`."""
+    """Assemble and factorize by_m M + by_c C + by_k K for `solve_damped`.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building.
+    modal : ndarray
+        Rows of the modal damping matrix.
+    law_state : ndarray
+        Table with the tangent stiffness of each story.
+    row : int
+        Row of the tangent stiffness, N/m.
+    combination : Combination
+        Coefficients.
+    factors : Factors
+        Rows that receive the factorization.
+    n : int
+        Number of floors.
+    """
     assemble_combination(linear_terms, law_state, row, combination, factors, n)
     factor_damped(factors, modal, combination.by_c, n)
 
 
 @inline
 def assemble_blocks(linear_terms, factors, by_v, by_a, n):
-    """Newton matrix of a step with the unknowns (u1 - u0, v1 - v0) per floor and a1 eliminated by
-    equilibrium.
+    """Assemble the Newton matrix of a step with the unknowns (u1 - u0, v1 - v0) of each floor.
 
-    The rows of couplings hold the four entries that each story brings, springs and dampers; by_v
-    and by_a are the weights of v1 and -a1 in the kinematic line u1 - u0 = ... The couplings are cut
-    where a story stands on the ground.
+    The accelerations a1 are eliminated by equilibrium. The couplings are set to zero where a story
+    is on the ground.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building.
+    factors : Factors
+        The first four rows of the couplings contain the four entries of each story (restoring
+        forces and dampers). The four rows of the diagonal blocks are set.
+    by_v, by_a : float
+        Coefficients of v1 and -a1 in the kinematic equation u1 - u0 = ...
+    n : int
+        Number of floors.
     """
     scratch, blocks, coupling, _ = factors
     for i in range(n):
@@ -205,8 +325,18 @@ def assemble_blocks(linear_terms, factors, by_v, by_a, n):
 
 @outlined
 def link_blocks(linear_terms, factors, n):
-    """Add what each story brings to the block of the floor below it, and cut the coupling where
-    there is none."""
+    """Add the entries of each story to the block of the floor below and remove the coupling of
+    stories on the ground.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Row LINK is used.
+    factors : Factors
+        Rows of the blocks and couplings.
+    n : int
+        Number of floors.
+    """
     scratch, blocks, coupling, _ = factors
     for i in range(n):
         for entry in range(4):
@@ -218,15 +348,24 @@ def link_blocks(linear_terms, factors, n):
 
 @outlined
 def factor_blocks(factors, damping, n):
-    """Factor a block tridiagonal matrix with 2 x 2 blocks, plus a `ModalBlocks`.
+    """Factorize a block tridiagonal matrix with 2 x 2 blocks plus a `ModalBlocks` matrix.
 
-    Four rows from `factors.pivot` on: the entries of each diagonal block, row by row; they become
-    the inverses A of the block pivots. Rows from `factors.coupling` on: the four entries of B,
-    where -B is both the block left of the diagonal in row i and, in row i - 1, the one right of it;
-    they become those of B_i A_(i-1), and the next COUPLING_ROWS / 2 rows those of A_i B_(i+1), so
-    that a solve waits for one product a floor. Unknowns are pairs (x, y) per floor. From
-    `factors.store` on, four rows for each mode (both columns of T^-1 (I2 (x) W^T), x then y), the
-    small inverse in 2 modes rows, one row of scratch.
+    The unknowns are pairs (x, y) per floor. The products A_i B_(i+1) are stored in addition, so
+    that the solution depends on only one product per floor.
+
+    Parameters
+    ----------
+    factors : Factors
+        The four rows from `pivot` on contain the entries of the diagonal blocks, row by row; they
+        receive the inverses A of the block pivots. The rows from `coupling` on contain the four
+        entries of B, where -B is the block to the left of the diagonal in row i and to the right of
+        it in row i - 1. They receive the entries of B_i A_(i-1), and the next COUPLING_ROWS / 2
+        rows receive those of A_i B_(i+1). From `store` on: four rows for each mode (both columns of
+        T^-1 (I2 (x) W^T), x before y), the small inverse in 2 modes rows, and one row of scratch.
+    damping : ModalBlocks
+        Modal damping.
+    n : int
+        Number of floors.
     """
     scratch, blocks, coupling, _ = factors
     upper = coupling + COUPLING_ROWS // 2
@@ -273,8 +412,17 @@ def factor_blocks(factors, damping, n):
 
 @inline
 def solve_blocks(factors, x, y, n):
-    """Solve with the blocks of `factor_blocks`, without the modal part; rows `x` and `y` become the
-    solution."""
+    """Solve a linear system with the blocks of `factor_blocks`, without the modal part.
+
+    Parameters
+    ----------
+    factors : Factors
+        Factorization.
+    x, y : int
+        Rows of the right side; they receive the solution.
+    n : int
+        Number of floors.
+    """
     scratch, blocks, coupling, _ = factors
     upper = coupling + COUPLING_ROWS // 2
     x0 = scratch[x, 0]
@@ -309,17 +457,30 @@ def solve_blocks(factors, x, y, n):
 
 @outlined
 def factor_pairs(linear_terms, law_state, root, factors, damping, n):
-    """Factor M + l C + l^2 K with a complex number l, real and imaginary part `root`, for the
-    branches that the stories are on; `damping` is l C of the modes.
+    """Factorize M + l C + l^2 K with a complex number l, with the tangent stiffnesses of the
+    current branches.
 
-    Two rows from `factors.pivot` on become the inverse pivots, two from `factors.coupling` on the
-    multipliers of the elimination from the ground up, real and imaginary part each; from
-    `factors.store` on rows as of `factor_blocks`.
+    No pivot is zero if 1 / l has a positive real part and is not real, for any signs of the slopes.
+    If a leading block were singular, x* times block times x = 0 would make 1 / l a root s of m s^2
+    + c s + k with real k, m > 0 and c >= 0. Such a root has a positive real part only if it is
+    real.
 
-    No pivot vanishes where 1 / l has a positive real part and is not real, whatever the signs of
-    the slopes: of a leading block that is singular, x* times it x = 0 would make 1 / l a root s of
-    m s^2 + c s + k, with real k, m > 0 and c >= 0, and no such root has a positive real part unless
-    it is real.
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building.
+    law_state : ndarray
+        Row SLOPE of the committed states is used.
+    root : tuple of float
+        Real and imaginary part of l, in s.
+    factors : Factors
+        Two rows from `pivot` on receive the inverse pivots (real and imaginary part), two rows from
+        `coupling` on the multipliers of the elimination from the ground upwards. The rows from
+        `store` on are those of `factor_blocks`.
+    damping : ModalBlocks
+        l C of the modes.
+    n : int
+        Number of floors.
     """
     re, im = root
     scratch, pivot, coupling, _ = factors
@@ -329,12 +490,12 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
     damper = linear_terms[rows.STORY_DAMPER, 0]
     story_re = re * damper + square_re * spring
     story_im = im * damper + square_im * spring
-    link = 0.0  # of the story to what is eliminated
-    inverse_re = 0.0  # of the pivot below
+    link = 0.0  # LINK of the story above the eliminated part
+    inverse_re = 0.0  # inverse of the pivot of the floor below
     inverse_im = 0.0
     for i in range(n):
-        # The diagonal less what the elimination of the floor below takes: -b stands on both sides
-        # of it.
+        # Diagonal minus the contribution of the eliminated floor below, which is coupled by -b on
+        # both sides of the diagonal.
         b_re = link * story_re
         b_im = link * story_im
         by_re = b_re * inverse_re - b_im * inverse_im
@@ -345,7 +506,7 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
         q -= by_re * b_im + by_im * b_re
         scratch[coupling, i] = -by_re
         scratch[coupling + 1, i] = -by_im
-        # What the story above brings
+        # Contribution of the story above
         link = linear_terms[rows.LINK, i + 1]
         spring = law_state[rows.SLOPE, i + 1] + linear_terms[rows.GEOMETRIC, i + 1]
         damper = linear_terms[rows.STORY_DAMPER, i + 1]
@@ -366,8 +527,17 @@ def factor_pairs(linear_terms, law_state, root, factors, damping, n):
 
 @inline
 def solve_pairs(factors, x, y, n):
-    """Solve with the factors of `factor_pairs`, without the modal part; rows `x` and `y`, real and
-    imaginary part of the right side, become the solution."""
+    """Solve a linear system with the factorization of `factor_pairs`, without the modal part.
+
+    Parameters
+    ----------
+    factors : Factors
+        Factorization.
+    x, y : int
+        Rows of the real and imaginary part of the right side; they receive the solution.
+    n : int
+        Number of floors.
+    """
     scratch, pivot, coupling, _ = factors
     x0 = scratch[x, 0]
     y0 = scratch[y, 0]
@@ -395,16 +565,28 @@ def solve_pairs(factors, x, y, n):
         scratch[y, i] = q
 
 
-def _storing(solve_undamped):
-    """A function that keeps what Woodbury's formula needs of the modes, with `solve_blocks` or
-    `solve_pairs`."""
+def _store_function(solve_undamped):
+    """Return a function that stores the terms of the Woodbury formula.
+
+    Parameters
+    ----------
+    solve_undamped : function
+        `solve_blocks` or `solve_pairs`.
+
+    Returns
+    -------
+    function
+        (factors, damping, n).
+    """
 
     @outlined
     def store_damped(factors, damping, n):
+        """Store the solutions for the mode vectors and the inverse of the small (Woodbury)
+        matrix."""
         scratch, _, _, store = factors
         modal, xx, xy, yx, yy = damping
         modes = modal.shape[0]
-        small = store + 4 * modes
+        inverse_row = store + 4 * modes
         for j in range(2 * modes):
             x = store + 2 * j
             for i in range(n):
@@ -413,64 +595,91 @@ def _storing(solve_undamped):
             solve_undamped(factors, x, x + 1, n)
         for j in range(modes):
             for k in range(2 * modes):
-                in_x = 0.0
-                in_y = 0.0
+                product_x = 0.0
+                product_y = 0.0
                 for i in range(n):
-                    in_x += modal[j, i] * scratch[store + 2 * k, i]
-                    in_y += modal[j, i] * scratch[store + 2 * k + 1, i]
-                scratch[small + j, k] = xx * in_x + xy * in_y + (1.0 if j == k else 0.0)
-                scratch[small + modes + j, k] = (
-                    yx * in_x + yy * in_y + (1.0 if modes + j == k else 0.0)
+                    product_x += modal[j, i] * scratch[store + 2 * k, i]
+                    product_y += modal[j, i] * scratch[store + 2 * k + 1, i]
+                scratch[inverse_row + j, k] = (
+                    xx * product_x + xy * product_y + (1.0 if j == k else 0.0)
                 )
-        invert(scratch, small, 2 * modes)
+                scratch[inverse_row + modes + j, k] = (
+                    yx * product_x + yy * product_y + (1.0 if modes + j == k else 0.0)
+                )
+        invert(scratch, inverse_row, 2 * modes)
 
     return store_damped
 
 
-_store_blocks_damped = _storing(solve_blocks)
-_store_pairs_damped = _storing(solve_pairs)
+_store_blocks_damped = _store_function(solve_blocks)
+_store_pairs_damped = _store_function(solve_pairs)
 
 
 @outlined
 def _correct_pairs(factors, damping, x, y, n):
-    """Woodbury's correction of what was solved without the modes."""
+    """Add the Woodbury correction for the modes to a solution without the modal part.
+
+    Parameters
+    ----------
+    factors : Factors
+        Factorization.
+    damping : ModalBlocks
+        Modal damping.
+    x, y : int
+        Rows of the solution.
+    n : int
+        Number of floors.
+    """
     scratch, _, _, store = factors
     modal, xx, xy, yx, yy = damping
     modes = modal.shape[0]
-    small = store + 4 * modes
-    temporary = small + 2 * modes
+    inverse_row = store + 4 * modes
+    temporary = inverse_row + 2 * modes
     for j in range(modes):
-        in_x = 0.0
-        in_y = 0.0
+        product_x = 0.0
+        product_y = 0.0
         for i in range(n):
-            in_x += modal[j, i] * scratch[x, i]
-            in_y += modal[j, i] * scratch[y, i]
-        scratch[temporary, j] = xx * in_x + xy * in_y
-        scratch[temporary, modes + j] = yx * in_x + yy * in_y
+            product_x += modal[j, i] * scratch[x, i]
+            product_y += modal[j, i] * scratch[y, i]
+        scratch[temporary, j] = xx * product_x + xy * product_y
+        scratch[temporary, modes + j] = yx * product_x + yy * product_y
     for j in range(2 * modes):
         amplitude = 0.0
         for k in range(2 * modes):
-            amplitude += scratch[small + j, k] * scratch[temporary, k]
+            amplitude += scratch[inverse_row + j, k] * scratch[temporary, k]
         for i in range(n):
             scratch[x, i] -= amplitude * scratch[store + 2 * j, i]
             scratch[y, i] -= amplitude * scratch[store + 2 * j + 1, i]
 
 
-def _solving(solve_undamped):
-    """A function that solves with `solve_blocks` or `solve_pairs` and adds the modal part."""
+def _solve_function(solve_undamped):
+    """Return a function that solves a linear system including the modal part.
+
+    Parameters
+    ----------
+    solve_undamped : function
+        `solve_blocks` or `solve_pairs`.
+
+    Returns
+    -------
+    function
+        (factors, damping, x, y, n).
+    """
 
     @inline
-    def solve_both(factors, damping, x, y, n):
+    def solve_with_modes(factors, damping, x, y, n):
+        """Solve a linear system with right side and solution in the rows `x` and `y`."""
         solve_undamped(factors, x, y, n)
         if _MODAL and damping.modal.shape[0] > 0:
             _correct_pairs(factors, damping, x, y, n)
 
-    return solve_both
+    return solve_with_modes
 
 
-solve_blocks_damped = _solving(solve_blocks)
-"""(factors, damping, x, y, n): solve with the factors of `factor_blocks`; rows `x` and `y` hold the
-right side and become the solution."""
+solve_blocks_damped = _solve_function(solve_blocks)
+"""(factors, damping, x, y, n). Solves a linear system with the factorization of `factor_blocks`.
+Rows `x` and `y` contain the right side and receive the solution."""
 
-solve_pairs_damped = _solving(solve_pairs)
-"""The same with the factors of `factor_pairs`."""
+solve_pairs_damped = _solve_function(solve_pairs)
+"""(factors, damping, x, y, n). Solves a linear system with the factorization of `factor_pairs`, in
+the same way."""
