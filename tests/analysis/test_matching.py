@@ -15,7 +15,7 @@ from tdint.analysis.spectra.target import read_target
 from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.horizontals import Horizontals
 from tdint.ground_motion.reading.suites import components
-from tdint.kernels.oscillators.extremes import VALUE, WHEN, WHO
+from tdint.kernels.oscillators.extremes import OSCILLATOR, TIME, VALUE
 
 TARGET = "asce7:sds=0.6,sd1=0.4,tl=8"
 
@@ -58,7 +58,7 @@ def test_the_largest_extremes_are_the_spectrum(request, of):
     found, largest = problem.extremes(samples, 0.9 * problem.wanted)
     np.testing.assert_allclose(largest[0], problem.wanted, rtol=2e-4)
     size = np.linalg.norm(found[VALUE:], axis=0)
-    assert np.all(size > 0.9 * problem.wanted[found[WHO].astype(int)] * (1.0 - 1e-9))
+    assert np.all(size > 0.9 * problem.wanted[found[OSCILLATOR].astype(int)] * (1.0 - 1e-9))
     np.testing.assert_allclose(size[largest[1].astype(int)], largest[0], rtol=1e-15)
 
 
@@ -73,7 +73,9 @@ def test_derivatives_of_extremes_are_their_differences(request, of):
     places = largest[1].astype(int)
     values = found[VALUE:, places]
     rows = problem.rows(
-        found[WHO, places].astype(int), found[WHEN, places], values / np.linalg.norm(values, axis=0)
+        found[OSCILLATOR, places].astype(int),
+        found[TIME, places],
+        values / np.linalg.norm(values, axis=0),
     )
     change = 1e-5 * np.random.default_rng(1).normal(size=samples.shape)
     change[:, :300] = 0.0

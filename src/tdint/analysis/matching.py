@@ -33,7 +33,7 @@ from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.ground_motion.record import Record
 from tdint.kernels.building.compilable import EVERYTHING
 from tdint.kernels.oscillators.elastic import BY_DISPLACEMENT, BY_VELOCITY
-from tdint.kernels.oscillators.extremes import VALUE, WHEN, WHO, extremes, radii
+from tdint.kernels.oscillators.extremes import OSCILLATOR, TIME, VALUE, extremes, radii
 from tdint.tabular import Tabular
 
 Bools: TypeAlias = NDArray[np.bool_]
@@ -598,7 +598,8 @@ class _Problem:
         )
 
     def extremes(self, samples: Array, level: Array) -> tuple[Array, Array]:
-        """Extremes above a level, rows WHO, WHEN and VALUE of each component; the largest of each
+        """Extremes above a level, rows OSCILLATOR, TIME and VALUE of each component; the largest
+        of each
         oscillator, and its place among them."""
         found, largest = (
             np.empty((VALUE + len(samples), 400 * level.size)),
@@ -668,7 +669,7 @@ class _Problem:
         """What a change is asked for, a row each: oscillator, moment, direction over the
         components, how much is short of the target over it, and whether it is to be the target or
         not to exceed it."""
-        who, values = found[WHO].astype(int), found[VALUE:]
+        who, values = found[OSCILLATOR].astype(int), found[VALUE:]
         size = np.linalg.norm(values, axis=0)
         # The largest of each period is to be the target, others above `_NEAR` of it no more than
         # that.
@@ -681,7 +682,7 @@ class _Problem:
         who, equal = who[held], equal[held]
         short = 1.0 - size[held] / self.wanted[who]
         short = np.where(equal | (short < 0.0), np.clip(short, -_CLIP, _CLIP), short)
-        return who, found[WHEN, held], values[:, held] / size[held], short, equal
+        return who, found[TIME, held], values[:, held] / size[held], short, equal
 
     def rounds(
         self, samples: Array, multiplied: NDArray[np.float32], most: int, *, first: bool

@@ -19,7 +19,17 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.processing_steps import INTERPOLATIONS, LINEAR, Interpolation
 from tdint.ground_motion.record import Record
 from tdint.kernels.oscillators import elastic as spectra
-from tdint.kernels.oscillators.between import A11, A12, A21, A22, B10, B11, B20, B21, RECURSION_ROWS
+from tdint.kernels.oscillators.between_steps import (
+    A11,
+    A12,
+    A21,
+    A22,
+    B10,
+    B11,
+    B20,
+    B21,
+    RECURSION_ROWS,
+)
 from tdint.methods.exact import oscillator
 from tdint.tabular import Tabular, each_of
 from tdint.units import Quantity
@@ -60,7 +70,7 @@ def recursion_table(omega: Array, h: Array, damping: float, more: int) -> Array:
     Returns
     -------
     ndarray, shape (RECURSION_ROWS + more, k)
-        The rows of `tdint.kernels.oscillators.between`, and room for so many `more`.
+        The rows of `tdint.kernels.oscillators.between_steps`, and room for so many `more`.
     """
     steps = oscillator(omega * h, np.full_like(omega, damping))
     table = np.empty((RECURSION_ROWS + more, omega.size))

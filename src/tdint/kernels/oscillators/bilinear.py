@@ -1,15 +1,15 @@
-"""Bilinear oscillators under a ground motion that is linear between its samples, without error of
-time integration.
+"""Exact response of bilinear oscillators to a ground motion that is linear between its samples.
 
-u'' + c u' + f = -ag, where f is linear in u on each branch: k u + offset (elastic) or hardening k u
-+ offset (yielding). On a branch the response is known in closed form; here it is a recursion over
-steps, and inside a step its Taylor series, which is summed until nothing is left to add (the steps
-are short: omega h <= 1). The branch changes where u reaches the yield surface, or where u' turns
-its sign while yielding; these instants are bracketed and found on the series itself.
+The equation of motion is u'' + c u' + f = -ag. On each branch f is linear in u: k u + offset
+(elastic) or hardening k u + offset (yielding). The response on a branch is known in closed form.
+Here it is a recursion over steps. Within a step it is the Taylor series of the response, which is
+summed until additional terms are negligible (the steps are short, omega h <= 1). The branch changes
+where u reaches the yield surface, or where u' changes its sign during yielding. These times are
+bracketed and computed with the series.
 
-No event can be missed: on a branch u'' is a decaying sine (or two exponentials, or one and a
-constant) and has at most one zero within a step, so between the zeros of u'' the velocity is
-monotone, and between those of u' the displacement.
+No event can be missed. On a branch, u'' is a decaying sine (or the sum of two exponentials, or of
+an exponential and a constant) and has at most one zero within a step. Therefore the velocity is
+monotonic between the zeros of u'', and the displacement is monotonic between the zeros of u'.
 """
 
 from __future__ import annotations
@@ -18,63 +18,87 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels.compiling import F8, I8, VECTOR, inline, kernel, local, outlined
-from tdint.kernels.oscillators.between import narrowed
+from tdint.kernels.oscillators.between_steps import narrowed
 
-# Rows of the state of an oscillator
+# Elements of the state of an oscillator: displacement (m), velocity (m/s) and the branch.
 U = 0
 V = 1
-SIDE = 2  # 0 elastic, 1 or -1 yielding
-OFFSET = 3  # the force is the branch's stiffness times u, plus this
-UPPER = 4  # ends of the elastic branch
+SIDE = 2  # 0 for elastic, 1 or -1 for yielding in this direction
+OFFSET = 3  # the force over the mass is the stiffness of the branch times u, plus this value, m/s^2
+UPPER = 4  # limits of the elastic branch, m
 LOWER = 5
-PEAK = 6  # largest |u| so far
+PEAK = 6  # maximum |u| until now, m
 STATE_ROWS = 7
 
-# Results
-LARGEST = 0  # largest |u|, m
-RESIDUAL = 1  # u after all motion has died away, m
+# Elements of the results
+LARGEST = 0  # maximum |u|, m
+RESIDUAL = 1  # u after the decay of the free vibration, m
 RESULTS = 2
 
-NO_END = -1
-"""Code: more changes of branch in a step than can be."""
+TOO_MANY_EVENTS = -1
+"""Error code: more changes of branch within a step than the maximum."""
 
-NEVER = -1.0  # a time; none is negative
+NEVER = -1.0  # time of an event that does not occur; times are not negative
 
-_ORDER = 44  # terms at most: what is left is below 1e-18 before, for any step
-_EVENTS = 60  # within a step
-_FREE_STEPS = 600  # radians of free vibration after the motion
+_MAX_TERMS = (
+    44  # maximum number of terms; the remainder is below 1e-18 with fewer terms for any step
+)
+_MAX_EVENTS = 60  # maximum number of changes of branch within a step
+_FREE_VIBRATION = 600  # maximum length of the free vibration after the ground motion, rad
 
 
 class _Hysteretic(NamedTuple):
-    """Elastic stiffness and damping over the mass, and what yields."""
+    """Properties of the oscillator, divided by the mass: stiffness, damping, hardening ratio and
+    strength."""
 
     k: float
     c: float
     hardening: float
-    strength: float  # of the elastic-plastic part, (1 - hardening) times the yield force
+    # force of the elastic-perfectly plastic part over the mass, (1 - hardening) times the yield
+    # force
+    strength: float
 
 
 @outlined
 def _taylor(series, u, v, load, slope, k, c, t):
-    """Coefficients of the solution of u'' + c u' + k u = load + slope t, as many as count up to the
-    time t; their number."""
+    """Compute the Taylor coefficients of the solution of u'' + c u' + k u = load + slope t.
+
+    Parameters
+    ----------
+    series : ndarray
+        Receives the coefficients.
+    u, v : float
+        Displacement and velocity at t = 0.
+    load, slope : float
+        Load at t = 0 and its rate, over the mass.
+    k, c : float
+        Stiffness and damping over the mass.
+    t : float
+        Maximum time for which the series is evaluated, s.
+
+    Returns
+    -------
+    int
+        Number of coefficients that are needed up to time t.
+    """
     series[0], series[1] = u, v
     series[2] = 0.5 * (load - c * v - k * u)
     series[3] = (slope - 2.0 * c * series[2] - k * v) / 6.0
     power = t * t * t
     largest = max(abs(u), abs(v) * t, abs(series[2]) * t * t, abs(series[3]) * power)
-    small = 0
-    for j in range(4, _ORDER):
+    negligible_terms = 0
+    for j in range(4, _MAX_TERMS):
         series[j] = -(c * (j - 1) * series[j - 1] + k * series[j - 2]) / (j * (j - 1))
         power *= t
-        small = small + 1 if abs(series[j]) * power <= 1e-18 * largest else 0
-        if small == 2:
+        negligible_terms = negligible_terms + 1 if abs(series[j]) * power <= 1e-18 * largest else 0
+        if negligible_terms == 2:
             return j + 1
-    return _ORDER
+    return _MAX_TERMS
 
 
 @inline
 def _displacement(series, terms, t):
+    """Return the displacement at time `t` from a series with `terms` terms."""
     value = 0.0
     for j in range(terms - 1, -1, -1):
         value = value * t + series[j]
@@ -83,6 +107,7 @@ def _displacement(series, terms, t):
 
 @inline
 def _velocity(series, terms, t):
+    """Return the velocity at time `t` from a series with `terms` terms."""
     value = 0.0
     for j in range(terms - 1, 0, -1):
         value = value * t + j * series[j]
@@ -91,6 +116,7 @@ def _velocity(series, terms, t):
 
 @inline
 def _acceleration(series, terms, t):
+    """Return the acceleration at time `t` from a series with `terms` terms."""
     value = 0.0
     for j in range(terms - 1, 1, -1):
         value = value * t + j * (j - 1) * series[j]
@@ -99,6 +125,8 @@ def _acceleration(series, terms, t):
 
 @outlined
 def _derivative(series, terms, order, t):
+    """Return the derivative of order `order` (0 to 2) of a series with `terms` terms at time
+    `t`."""
     if order == 0:
         return _displacement(series, terms, t)
     if order == 1:
@@ -108,9 +136,23 @@ def _derivative(series, terms, order, t):
 
 @outlined
 def _root(series, terms, order, level, left, right):
-    """Where the derivative `order` of the series passes `level` between two times that bracket it.
+    """Return the time at which a derivative of the series crosses a level.
 
-    False position with halved weights (Illinois), bisection every fourth time.
+    The method is regula falsi with halved weights (Illinois), with bisection in every fourth
+    iteration.
+
+    Parameters
+    ----------
+    series : ndarray
+        Coefficients.
+    terms : int
+        Number of coefficients.
+    order : int
+        Order of the derivative, 0 to 2.
+    level : float
+        Level.
+    left, right : float
+        Times that bracket the crossing, s.
     """
     at_left = _derivative(series, terms, order, left) - level
     at_right = _derivative(series, terms, order, right) - level
@@ -133,39 +175,68 @@ def _root(series, terms, order, level, left, right):
 
 
 @outlined
-def _turn(series, terms, start, end):
-    """When the velocity, monotone between two times, changes its sign; `end` if it does not."""
+def _velocity_zero(series, terms, start, end):
+    """Return the time at which the velocity changes its sign between `start` and `end`, or `end`.
+
+    The velocity must be monotonic between both times.
+    """
     if _velocity(series, terms, start) * _velocity(series, terms, end) < 0.0:
         return _root(series, terms, 1, 0.0, start, end)
     return end
 
 
 @outlined
-def _yielding_until(series, terms, side, middle, rest):
-    """When the velocity turns against the yielding; NEVER if it does not before `rest`."""
+def _end_of_yielding(series, terms, side, middle, remaining):
+    """Return the time at which the velocity changes to the sign opposite to the yielding, or NEVER.
+
+    Parameters
+    ----------
+    series : ndarray
+        Coefficients.
+    terms : int
+        Number of coefficients.
+    side : float
+        Direction of yielding, 1 or -1.
+    middle, remaining : float
+        Times at which the monotonic parts of the velocity end; `remaining` is the end of the
+        step, s.
+    """
     start = 0.0
-    for end in (middle, rest):
+    for end in (middle, remaining):
         if side * _velocity(series, terms, end) < 0.0:
             return (
                 start
                 if side * _velocity(series, terms, start) <= 0.0
-                else _turn(series, terms, start, end)
+                else _velocity_zero(series, terms, start, end)
             )
         start = end
     return NEVER
 
 
 @outlined
-def _elastic_until(series, terms, state, middle, rest):
-    """When u passes an end of the elastic branch; NEVER if it does not before `rest`. Takes up the
-    peaks before."""
+def _end_of_elastic_branch(series, terms, state, middle, remaining):
+    """Return the time at which u exceeds a limit of the elastic branch, or NEVER. Peaks before this
+    time are included in the state.
+
+    Parameters
+    ----------
+    series : ndarray
+        Coefficients.
+    terms : int
+        Number of coefficients.
+    state : ndarray
+        State; PEAK is updated.
+    middle, remaining : float
+        Times at which the monotonic parts of the velocity end; `remaining` is the end of the
+        step, s.
+    """
     left = 0.0
-    # Between these times u is monotone.
+    # u is monotonic between these times.
     for stop in (
-        _turn(series, terms, 0.0, middle),
+        _velocity_zero(series, terms, 0.0, middle),
         middle,
-        _turn(series, terms, middle, rest),
-        rest,
+        _velocity_zero(series, terms, middle, remaining),
+        remaining,
     ):
         u = _displacement(series, terms, stop)
         if u > state[UPPER] or u < state[LOWER]:
@@ -178,20 +249,20 @@ def _elastic_until(series, terms, state, middle, rest):
 
 
 @outlined
-def _unload(state, oscillator):
-    """Elastic again, from where the yielding ended back by twice the yield displacement."""
+def _end_yielding(state, oscillator):
+    """Set the elastic branch after yielding. Its range is twice the yield displacement."""
     k, _, hardening, strength = oscillator
     u, side = state[U], state[SIDE]
-    back = u - side * 2.0 * strength / ((1.0 - hardening) * k)
+    opposite_limit = u - side * 2.0 * strength / ((1.0 - hardening) * k)
     state[SIDE] = 0.0
     state[V] = 0.0
     state[OFFSET] = side * strength - (1.0 - hardening) * k * u
-    state[UPPER], state[LOWER] = max(u, back), min(u, back)
+    state[UPPER], state[LOWER] = max(u, opposite_limit), min(u, opposite_limit)
 
 
 @outlined
-def _yield(state, strength):
-    """Yielding from that end of the elastic branch which was reached."""
+def _start_yielding(state, strength):
+    """Set the yielding branch at the limit of the elastic branch that was reached."""
     side = 1.0 if 2.0 * state[U] > state[UPPER] + state[LOWER] else -1.0
     state[SIDE] = side
     state[U] = state[UPPER] if side > 0.0 else state[LOWER]
@@ -200,43 +271,83 @@ def _yield(state, strength):
 
 
 @outlined
-def _within(state, series, oscillator, g, slope, h):
-    """A step of length h, through all branches, under the ground acceleration g + slope t; number
-    of events, or a negative code."""
+def _integrate_step(state, series, oscillator, g, slope, h):
+    """Integrate a step of length `h` through all branches.
+
+    Parameters
+    ----------
+    state : ndarray
+        State, which is updated.
+    series : ndarray
+        Scratch array for the Taylor coefficients.
+    oscillator : _Hysteretic
+        Properties of the oscillator.
+    g, slope : float
+        Ground acceleration at the start of the step, m/s^2, and its rate, m/s^3.
+    h : float
+        Length of the step, s.
+
+    Returns
+    -------
+    int
+        Number of changes of branch, or TOO_MANY_EVENTS.
+    """
     k, c, hardening, strength = oscillator
     t = 0.0
-    for events in range(_EVENTS):
+    for events in range(_MAX_EVENTS):
         side = state[SIDE]
-        rest = h - t
+        remaining = h - t
         load = -(g + slope * t) - state[OFFSET]
         terms = _taylor(
-            series, state[U], state[V], load, -slope, k if side == 0.0 else hardening * k, c, rest
+            series,
+            state[U],
+            state[V],
+            load,
+            -slope,
+            k if side == 0.0 else hardening * k,
+            c,
+            remaining,
         )
-        # The velocity is monotone from 0 to `middle`, and from there to `rest`.
-        middle = rest
-        if series[2] * _acceleration(series, terms, rest) < 0.0:
-            middle = _root(series, terms, 2, 0.0, 0.0, rest)
+        # The velocity is monotonic from 0 to `middle`, and from `middle` to `remaining`.
+        middle = remaining
+        if series[2] * _acceleration(series, terms, remaining) < 0.0:
+            middle = _root(series, terms, 2, 0.0, 0.0, remaining)
         if side == 0.0:
-            event = _elastic_until(series, terms, state, middle, rest)
+            event = _end_of_elastic_branch(series, terms, state, middle, remaining)
         else:
-            event = _yielding_until(series, terms, side, middle, rest)
-        end = rest if event == NEVER else event
+            event = _end_of_yielding(series, terms, side, middle, remaining)
+        end = remaining if event == NEVER else event
         state[U] = _displacement(series, terms, end)
         state[V] = _velocity(series, terms, end)
         if event != NEVER and side == 0.0:
-            _yield(state, strength)
+            _start_yielding(state, strength)
         state[PEAK] = max(state[PEAK], abs(state[U]))
         if event == NEVER:
             return events
         if side != 0.0:
-            _unload(state, oscillator)
+            _end_yielding(state, oscillator)
         t += event
-    return NO_END
+    return TOO_MANY_EVENTS
 
 
 @outlined
 def _coefficients(steps, first, series, k, c, h):
-    """The step of a branch as a matrix: u1, v1 from u0, v0 and minus the loads at both ends."""
+    """Compute the recursion of a branch: u1 and v1 from u0, v0 and minus the loads at both
+    endpoints.
+
+    Parameters
+    ----------
+    steps : ndarray
+        Receives the eight coefficients from `first` on.
+    first : int
+        First element.
+    series : ndarray
+        Scratch array for the Taylor coefficients.
+    k, c : float
+        Stiffness and damping over the mass.
+    h : float
+        Length of the step, s.
+    """
     for column in range(4):
         u = 1.0 if column == 0 else 0.0
         v = 1.0 if column == 1 else 0.0
@@ -248,105 +359,133 @@ def _coefficients(steps, first, series, k, c, h):
 
 
 @outlined
-def _respond(ground, parts, h, oscillator, steps, series, state):
-    """From rest over the whole motion; the number of events, or a negative code. The state's limits
-    are set."""
+def _integrate_motion(ground, parts, h, oscillator, steps, series, state):
+    """Integrate from rest over the complete ground motion.
+
+    Parameters
+    ----------
+    ground : ndarray
+        Ground acceleration at the samples, m/s^2.
+    parts : int
+        Steps per sampling interval.
+    h : float
+        Length of a step, s.
+    oscillator : _Hysteretic
+        Properties of the oscillator.
+    steps : ndarray
+        Recursion coefficients of the elastic and of the yielding branch.
+    series : ndarray
+        Scratch array for the Taylor coefficients.
+    state : ndarray
+        State with the limits of the elastic branch.
+
+    Returns
+    -------
+    int
+        Number of changes of branch, or TOO_MANY_EVENTS.
+    """
     k, c, hardening, _ = oscillator
     e00, e01, e02, e03 = steps[0], steps[1], steps[2], steps[3]
     e10, e11, e12, e13 = steps[4], steps[5], steps[6], steps[7]
     y00, y01, y02, y03 = steps[8], steps[9], steps[10], steps[11]
     y10, y11, y12, y13 = steps[12], steps[13], steps[14], steps[15]
-    # Within a step u leaves its chord by h^2/8 max |u''| at most, and |u''|, a decaying sine over
-    # at most a radian, exceeds the larger of its ends by 1.14 e^(c h / 2) at most.
-    reach = 0.25 * h * h * math.exp(0.5 * c * h)
-    soft = hardening * k
-    part = 1.0 / parts
+    # Within a step, the distance of u from its chord is at most h^2/8 max |u''|. |u''| is a
+    # decaying sine over at most one radian and exceeds the larger of its values at both endpoints
+    # by at most a factor of 1.14 e^(c h / 2).
+    bend_limit = 0.25 * h * h * math.exp(0.5 * c * h)
+    yielding_stiffness = hardening * k
+    fraction = 1.0 / parts
     events = 0
     u, v, side, offset, upper, lower, peak = 0.0, 0.0, 0.0, 0.0, state[UPPER], state[LOWER], 0.0
-    a = ground[0]  # with its sign turned, as all loads here
+    a = ground[0]  # with opposite sign, as all loads in this function
     for i in range(1, ground.size):
         g0 = ground[i - 1]
-        rise = (ground[i] - g0) * part
+        increment = (ground[i] - g0) * fraction
         for _ in range(parts):
             p0 = g0 + offset
-            p1 = p0 + rise
+            p1 = p0 + increment
             if side == 0.0:
                 u1 = (e02 * p0 + e03 * p1) + e00 * u + e01 * v
                 v1 = (e12 * p0 + e13 * p1) + e10 * u + e11 * v
                 a1 = p1 + c * v1 + k * u1
-                bend = reach * max(abs(a), abs(a1))
-                top = max(u, u1) + bend
-                bottom = min(u, u1) - bend
-                simple = (top < upper and bottom > lower) and (
-                    max(top, -bottom) <= peak or (v * v1 > 0.0 and a * a1 > 0.0)
+                bend = bend_limit * max(abs(a), abs(a1))
+                highest = max(u, u1) + bend
+                lowest = min(u, u1) - bend
+                is_simple = (highest < upper and lowest > lower) and (
+                    max(highest, -lowest) <= peak or (v * v1 > 0.0 and a * a1 > 0.0)
                 )
             else:
                 u1 = (y02 * p0 + y03 * p1) + y00 * u + y01 * v
                 v1 = (y12 * p0 + y13 * p1) + y10 * u + y11 * v
-                a1 = p1 + c * v1 + soft * u1
-                simple = v * v1 > 0.0 and a * a1 > 0.0
-            if simple:
+                a1 = p1 + c * v1 + yielding_stiffness * u1
+                is_simple = v * v1 > 0.0 and a * a1 > 0.0
+            if is_simple:
                 u, v, a = u1, v1, a1
                 peak = max(peak, abs(u))
-                g0 += rise
+                g0 += increment
                 continue
             state[U], state[V], state[SIDE], state[OFFSET] = u, v, side, offset
             state[UPPER], state[LOWER], state[PEAK] = upper, lower, peak
-            count = _within(state, series, oscillator, g0, rise / h, h)
+            count = _integrate_step(state, series, oscillator, g0, increment / h, h)
             if count < 0:
                 return count
             events += count
             u, v, side, offset = state[U], state[V], state[SIDE], state[OFFSET]
             upper, lower, peak = state[UPPER], state[LOWER], state[PEAK]
-            g0 += rise
-            a = g0 + offset + c * v + (k if side == 0.0 else soft) * u
+            g0 += increment
+            a = g0 + offset + c * v + (k if side == 0.0 else yielding_stiffness) * u
     state[U], state[V], state[SIDE], state[OFFSET] = u, v, side, offset
     state[UPPER], state[LOWER], state[PEAK] = upper, lower, peak
     return events
 
 
 @outlined
-def _come_to_rest(state, series, oscillator):
-    """Displacement after the free vibration that follows; where it vibrates for ever, its
-    center."""
+def _residual_displacement(state, series, oscillator):
+    """Return the displacement after the decay of the free vibration, m.
+
+    For an undamped free vibration the result is its center.
+    """
     k = oscillator.k
     h = 1.0 / math.sqrt(k)
-    for _ in range(_FREE_STEPS):
+    for _ in range(_FREE_VIBRATION):
         if state[SIDE] == 0.0:
             center = -state[OFFSET] / k
-            swing = math.sqrt((state[U] - center) ** 2 + state[V] ** 2 / k)
-            slack = 1e-9 * (state[UPPER] - state[LOWER])
-            if center + swing <= state[UPPER] + slack and center - swing >= state[LOWER] - slack:
+            amplitude = math.sqrt((state[U] - center) ** 2 + state[V] ** 2 / k)
+            tolerance = 1e-9 * (state[UPPER] - state[LOWER])
+            if (
+                center + amplitude <= state[UPPER] + tolerance
+                and center - amplitude >= state[LOWER] - tolerance
+            ):
                 return center
-        if _within(state, series, oscillator, 0.0, 0.0, h) < 0:
+        if _integrate_step(state, series, oscillator, 0.0, 0.0, h) < 0:
             return math.nan
     return -state[OFFSET] / k if state[SIDE] == 0.0 else state[U]
 
 
 @kernel(I8(VECTOR, F8, F8, F8, F8, F8, VECTOR), parts=(), vectorized=True)
 def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, results):
-    """Response of one bilinear oscillator from rest to a ground motion.
+    """Compute the response of a bilinear oscillator from rest to a ground motion.
 
     Parameters
     ----------
-    ground : shape (samples,)
+    ground : ndarray, shape (samples,)
         Ground acceleration, m/s^2.
     dt : float
         Sampling interval, s.
     omega, xi, hardening : float
-        Circular frequency (rad/s) and damping ratio of the elastic branch; hardening ratio in [0,
-        1).
+        Circular frequency (rad/s) and damping ratio of the elastic branch, and hardening ratio in
+        [0, 1).
     yield_displacement : float
-        Displacement at first yield, m, positive; infinite for an oscillator that stays elastic.
-    results : shape (RESULTS,)
-        Written.
+        Displacement at first yield, m, positive; infinite for an elastic oscillator.
+    results : ndarray, shape (RESULTS,)
+        Receives LARGEST and RESIDUAL.
 
     Returns
     -------
     int
-        The number of changes of branch, or NO_END.
+        Number of changes of branch, or TOO_MANY_EVENTS.
     """
-    steps, series, state = local(16), local(_ORDER), local(STATE_ROWS)
+    steps, series, state = local(16), local(_MAX_TERMS), local(STATE_ROWS)
     state[:] = 0.0
     parts = max(1, math.ceil(omega * dt))
     h = dt / parts
@@ -358,7 +497,7 @@ def bilinear_response(ground, dt, omega, xi, hardening, yield_displacement, resu
         strength = (1.0 - hardening) * k * yield_displacement
     state[UPPER], state[LOWER] = yield_displacement, -yield_displacement
     oscillator = _Hysteretic(k, c, hardening, strength)
-    events = _respond(ground, parts, h, oscillator, steps, series, state)
+    events = _integrate_motion(ground, parts, h, oscillator, steps, series, state)
     results[LARGEST] = state[PEAK]
-    results[RESIDUAL] = _come_to_rest(state, series, oscillator) if events > 0 else 0.0
+    results[RESIDUAL] = _residual_displacement(state, series, oscillator) if events > 0 else 0.0
     return events

@@ -1,21 +1,18 @@
-"""Peak response of many linear oscillators to one ground motion, many oscillators side by side.
+"""Peak response of many linear oscillators to a ground motion.
 
-The motion is linear between its samples, so that the recursion from sample to sample is exact
-(Nigam and Jennings
-1969) and the motion of an oscillator between two samples is known, too. What is asked for is its
-  largest value, at the samples and between them:
+The ground motion is linear between its samples. Therefore the recursion from sample to sample is
+exact (Nigam and Jennings 1969), and the response between two samples is known. The result is the
+maximum at the samples and between the samples:
 
-1. All oscillators march together and leave the largest values at the samples of each stretch of
-  `STRETCH` steps.
-2. Between two samples a quantity q cannot exceed the larger of its two values by more than h^2/8
-  times the largest
-   q'' there, and q'' is a free vibration, which the largest values bound. Few stretches can hold
-   the largest value; these are marched again, one oscillator at a time.
-3. Where q' changes its sign between two samples of such a stretch, Newton's method finds the place
-  on the Taylor series
-   of q. With omega h <= 1 a dozen terms leave less than 1e-9.
+1. All oscillators are integrated together. The maxima at the samples are stored for each interval
+  of `INTERVAL_STEPS` steps.
+2. Between two samples, a quantity q exceeds the larger of its two values by at most h^2/8 times the
+  maximum of |q''|. q'' is a free vibration, which the maxima bound. Only few intervals can contain
+  the overall maximum. These intervals are integrated again, separately for each oscillator.
+3. If q' changes its sign between two samples of such an interval, Newton's method computes the zero
+  with the Taylor series of q. With omega h <= 1 twelve terms have an error below 1e-9.
 
-Steps longer than that are divided by the caller, for each oscillator as it needs.
+The caller divides longer steps, for each oscillator as required.
 """
 
 from __future__ import annotations
@@ -37,7 +34,7 @@ from tdint.kernels.compiling import (
     local_table,
     outlined,
 )
-from tdint.kernels.oscillators.between import (
+from tdint.kernels.oscillators.between_steps import (
     A11,
     A12,
     A21,
@@ -57,68 +54,109 @@ from tdint.kernels.oscillators.between import (
 )
 from tdint.kernels.stepping import Array
 
-# Rows of the table of oscillators behind those of the recursion
-BY_DISPLACEMENT = RECURSION_ROWS  # omega^2
-BY_VELOCITY = RECURSION_ROWS + 1  # 2 xi omega
+# Rows of the table of oscillators after those of the recursion
+BY_DISPLACEMENT = RECURSION_ROWS  # omega^2, 1/s^2
+BY_VELOCITY = RECURSION_ROWS + 1  # 2 xi omega, 1/s
 COEFFICIENTS = RECURSION_ROWS + 2
 
-# Rows of the table of peaks
+# Rows of the table of peaks: m, m/s and m/s^2
 PEAK_DISPLACEMENT = 0
 PEAK_VELOCITY = 1
 PEAK_ACCELERATION = 2
 PEAKS = 3
 
-STRETCH = 32
-"""Steps over which largest values are kept."""
+INTERVAL_STEPS = 32
+"""Number of steps of an interval for which maxima are stored."""
 
-_BLOCK = 4  # steps that a lane does before the next lane's turn: its numbers stay in registers
+# steps of an oscillator before the next oscillator is processed, so that its values remain in
+# registers
+_BLOCK = 4
 
 
 def scratch(samples: int, parts: int, lanes: int) -> tuple[NDArray[np.float64], ...]:
-    """What `peaks` works on for so many samples, parts and lanes."""
+    """Return the scratch arrays of `peaks`.
+
+    Parameters
+    ----------
+    samples : int
+        Number of samples.
+    parts : int
+        Steps per sampling interval.
+    lanes : int
+        Number of oscillators that are integrated together.
+    """
     steps = (samples - 1) * parts
-    whole = steps // STRETCH
+    intervals = steps // INTERVAL_STEPS
     return (
         np.empty(steps + 1),
-        np.empty((lanes, whole + 1, 2)),
-        np.empty((lanes, whole, PEAKS)),
-        np.empty((whole, 2)),
+        np.empty((lanes, intervals + 1, 2)),
+        np.empty((lanes, intervals, PEAKS)),
+        np.empty((intervals, 2)),
     )
 
 
 @kernel(
     I8(VECTOR, F8, I8, TABLE, I8, I8, TABLE, VECTOR, CUBE, CUBE, TABLE), parts=(), vectorized=True
 )
-def peaks(samples, dt, parts, oscillators, lanes, between, result, ground, starts, tops, shaking):
-    """March oscillators from rest over a ground motion; largest absolute values.
+def peaks(
+    samples,
+    dt,
+    parts,
+    oscillators,
+    lanes,
+    between_steps,
+    result,
+    ground,
+    starts,
+    maxima,
+    ground_maxima,
+):
+    """Integrate oscillators from rest over a ground motion and store their maximum absolute
+    responses.
 
-    Displacement and velocity are relative, the acceleration is absolute, 2 xi omega v + omega^2 u.
+    Displacement and velocity are relative to the ground. The acceleration is absolute, 2 xi omega v
+    + omega^2 u.
 
     Parameters
     ----------
-    samples : ground acceleration, m/s^2, dt seconds apart; each interval is marched in so many
-    `parts` of length h
-    oscillators : shape (COEFFICIENTS, multiple of `lanes`); a group of `lanes` is marched together
-    between : 1 for the largest values between the steps' ends, too (omega h must not exceed 1), 0
-    for those at the ends
-    result : shape (PEAKS, k), filled for the first k oscillators; the others only fill up the last
-    group ground, starts, tops, shaking : of `scratch`
+    samples : ndarray
+        Ground acceleration, m/s^2.
+    dt : float
+        Sampling interval, s.
+    parts : int
+        Steps per sampling interval.
+    oscillators : ndarray, shape (COEFFICIENTS, multiple of `lanes`)
+        Table of oscillators.
+    lanes : int
+        Number of oscillators that are integrated together.
+    between_steps : int
+        1 to include maxima between the steps (omega h must not exceed 1), 0 for maxima at the steps
+        only.
+    result : ndarray, shape (PEAKS, k)
+        Receives the peaks of the first k oscillators. The remaining oscillators only complete the
+        last group.
+    ground, starts, maxima, ground_maxima : ndarray
+        Scratch arrays from `scratch`.
 
-    Returns 0.
+    Returns
+    -------
+    int
+        0.
     """
     h = dt / parts
     divide(samples, parts, ground)
     steps = ground.size - 1
-    whole = steps // STRETCH
-    # Arrays of their own: the compiler must see that they do not overlap.
+    intervals = steps // INTERVAL_STEPS
+    # Separate arrays, so that the compiler detects that they do not overlap.
     a11, a12, b10, b11 = local(lanes), local(lanes), local(lanes), local(lanes)
     a21, a22, b20, b21 = local(lanes), local(lanes), local(lanes), local(lanes)
     by_u, by_v = local(lanes), local(lanes)
     us, vs = local(lanes), local(lanes)
-    top_u, top_v, top_a = local(lanes), local(lanes), local(lanes)
-    best, series = local(PEAKS), local_table(3, TERMS)  # of q, q' and q''
-    for c in range(whole):
-        _measure_shaking(ground, h, c, shaking)
+    max_u, max_v, max_a = local(lanes), local(lanes), local(lanes)
+    # scratch array for the series of q, q' and q''
+    best, series = local(PEAKS), local_table(3, TERMS)
+    for c in range(intervals):
+        _measure_ground(ground, h, c, ground_maxima)
     for group in range(0, oscillators.shape[1], lanes):
         for i in range(lanes):
             a11[i], a12[i] = oscillators[A11, group + i], oscillators[A12, group + i]
@@ -130,17 +168,17 @@ def peaks(samples, dt, parts, oscillators, lanes, between, result, ground, start
                 oscillators[BY_VELOCITY, group + i],
             )
             us[i] = vs[i] = 0.0
-        for c in range(whole):
+        for c in range(intervals):
             for i in range(lanes):
                 starts[i, c, 0], starts[i, c, 1] = us[i], vs[i]
-                top_u[i], top_v[i], top_a[i] = (
+                max_u[i], max_v[i], max_a[i] = (
                     abs(us[i]),
                     abs(vs[i]),
                     abs(by_u[i] * us[i] + by_v[i] * vs[i]),
                 )
-            for s in range(c * STRETCH, (c + 1) * STRETCH, _BLOCK):
+            for s in range(c * INTERVAL_STEPS, (c + 1) * INTERVAL_STEPS, _BLOCK):
                 for i in range(lanes):
-                    u, v, size_u, size_v, size_a = us[i], vs[i], top_u[i], top_v[i], top_a[i]
+                    u, v, size_u, size_v, size_a = us[i], vs[i], max_u[i], max_v[i], max_a[i]
                     for j in range(_BLOCK):
                         g0, g1 = ground[s + j], ground[s + j + 1]
                         u1 = a11[i] * u + (a12[i] * v - (b10[i] * g0 + b11[i] * g1))
@@ -150,45 +188,60 @@ def peaks(samples, dt, parts, oscillators, lanes, between, result, ground, start
                         size_u = abs(u) if abs(u) > size_u else size_u
                         size_v = abs(v) if abs(v) > size_v else size_v
                         size_a = a if a > size_a else size_a
-                    us[i], vs[i], top_u[i], top_v[i], top_a[i] = u, v, size_u, size_v, size_a
+                    us[i], vs[i], max_u[i], max_v[i], max_a[i] = u, v, size_u, size_v, size_a
             for i in range(lanes):
-                tops[i, c, 0], tops[i, c, 1], tops[i, c, 2] = top_u[i], top_v[i], top_a[i]
+                maxima[i, c, 0], maxima[i, c, 1], maxima[i, c, 2] = max_u[i], max_v[i], max_a[i]
         for i in range(min(lanes, result.shape[1] - group)):
-            starts[i, whole, 0], starts[i, whole, 1] = us[i], vs[i]
+            starts[i, intervals, 0], starts[i, intervals, 1] = us[i], vs[i]
             best[:] = 0.0
-            oscillator = _One(ground, h, oscillators, group + i, starts[i], between, series, best)
-            _search(oscillator, tops[i], shaking)
+            oscillator = _Oscillator(
+                ground, h, oscillators, group + i, starts[i], between_steps, series, best
+            )
+            _search(oscillator, maxima[i], ground_maxima)
             for k in range(PEAKS):
                 result[k, group + i] = best[k]
     return 0
 
 
 @outlined
-def _measure_shaking(ground, h, stretch, shaking):
-    """Largest acceleration and slope of the ground in a stretch."""
-    begin = stretch * STRETCH
+def _measure_ground(ground, h, interval, ground_maxima):
+    """Store the maximum ground acceleration (m/s^2) and its maximum rate (m/s^3) in an interval.
+
+    Parameters
+    ----------
+    ground : ndarray
+        Ground acceleration at the steps, m/s^2.
+    h : float
+        Length of a step, s.
+    interval : int
+        Index of the interval.
+    ground_maxima : ndarray
+        Receives both values.
+    """
+    begin = interval * INTERVAL_STEPS
     size, slope = abs(ground[begin]), 0.0
-    for s in range(begin, begin + STRETCH):
+    for s in range(begin, begin + INTERVAL_STEPS):
         size = max(size, abs(ground[s + 1]))
         slope = max(slope, abs(ground[s + 1] - ground[s]))
-    shaking[stretch, 0], shaking[stretch, 1] = size, slope / h
+    ground_maxima[interval, 0], ground_maxima[interval, 1] = size, slope / h
 
 
-class _One(NamedTuple):
-    """One oscillator of the table that is marched by itself."""
+class _Oscillator(NamedTuple):
+    """Oscillator of the table that is integrated separately."""
 
     ground: Array
     h: float
     oscillators: Array
     column: int
-    starts: Array  # displacement and velocity at the start of each stretch
-    between: int  # 1 to look between the steps, too
+    starts: Array  # displacement and velocity at the start of each interval
+    between_steps: int  # 1 if the maxima between the steps are computed
     series: Array  # of q, q' and q''
-    best: Array  # largest values so far
+    best: Array  # maxima until now
 
 
 @inline
 def _vibration(oscillator):
+    """Return the properties of the oscillator and the length of its steps."""
     oscillators, column = oscillator.oscillators, oscillator.column
     return Vibration(
         oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column], oscillator.h
@@ -196,50 +249,61 @@ def _vibration(oscillator):
 
 
 @outlined
-def _search(oscillator, tops, shaking):
-    """Largest values of one oscillator, from its largest at the samples of each stretch."""
+def _search(oscillator, maxima, ground_maxima):
+    """Compute the maxima of one oscillator from its maxima at the samples of each interval.
+
+    Parameters
+    ----------
+    oscillator : _One
+        Oscillator.
+    maxima : ndarray
+        Maxima at the samples of each interval.
+    ground_maxima : ndarray
+        Maximum ground acceleration and its rate in each interval.
+    """
     best = oscillator.best
-    whole = tops.shape[0]
-    at_u = at_v = at_a = whole
-    for c in range(whole):
-        if tops[c, 0] > best[0]:
-            at_u, best[0] = c, tops[c, 0]
-        if tops[c, 1] > best[1]:
-            at_v, best[1] = c, tops[c, 1]
-        if tops[c, 2] > best[2]:
-            at_a, best[2] = c, tops[c, 2]
-    _march(oscillator, whole)
-    if oscillator.between == 0:
+    intervals = maxima.shape[0]
+    interval_u = interval_v = interval_a = intervals
+    for c in range(intervals):
+        if maxima[c, 0] > best[0]:
+            interval_u, best[0] = c, maxima[c, 0]
+        if maxima[c, 1] > best[1]:
+            interval_v, best[1] = c, maxima[c, 1]
+        if maxima[c, 2] > best[2]:
+            interval_a, best[2] = c, maxima[c, 2]
+    _integrate_interval(oscillator, intervals)
+    if oscillator.between_steps == 0:
         return
-    # The stretches of the largest samples come first: what they leave is hard to exceed.
-    if at_u < whole:
-        _march(oscillator, at_u)
-    if at_v < whole and at_v != at_u:
-        _march(oscillator, at_v)
-    if at_a < whole and at_a != at_u and at_a != at_v:
-        _march(oscillator, at_a)
+    # The intervals with the maximum samples are processed first, because few other intervals can
+    # exceed their maxima.
+    if interval_u < intervals:
+        _integrate_interval(oscillator, interval_u)
+    if interval_v < intervals and interval_v != interval_u:
+        _integrate_interval(oscillator, interval_v)
+    if interval_a < intervals and interval_a != interval_u and interval_a != interval_v:
+        _integrate_interval(oscillator, interval_a)
     vibration = _vibration(oscillator)
     by_u, by_v, _ = vibration
     margin = rise(vibration)
-    for c in range(whole):
-        if c in (at_u, at_v, at_a):
+    for c in range(intervals):
+        if c in (interval_u, interval_v, interval_a):
             continue
-        bend_u = tops[c, 2] + shaking[c, 0]
-        bend_v = by_v * bend_u + by_u * tops[c, 1] + shaking[c, 1]
-        bend_a = by_v * bend_v + by_u * bend_u
+        bound_u = maxima[c, 2] + ground_maxima[c, 0]
+        bound_v = by_v * bound_u + by_u * maxima[c, 1] + ground_maxima[c, 1]
+        bound_a = by_v * bound_v + by_u * bound_u
         if (
-            tops[c, 0] + margin * bend_u > best[0]
-            or tops[c, 1] + margin * bend_v > best[1]
-            or tops[c, 2] + margin * bend_a > best[2]
+            maxima[c, 0] + margin * bound_u > best[0]
+            or maxima[c, 1] + margin * bound_v > best[1]
+            or maxima[c, 2] + margin * bound_a > best[2]
         ):
-            _march(oscillator, c)
+            _integrate_interval(oscillator, c)
 
 
 @outlined
-def _march(oscillator, stretch):
-    """March one oscillator over a stretch (or the steps after the last whole one) and look between
-    the samples."""
-    ground, h, oscillators, column, starts, between, series, best = oscillator
+def _integrate_interval(oscillator, interval):
+    """Integrate one oscillator over an interval (or the steps after the last complete interval) and
+    update its maxima."""
+    ground, h, oscillators, column, starts, between_steps, series, best = oscillator
     a11, a12 = oscillators[A11, column], oscillators[A12, column]
     b10, b11 = oscillators[B10, column], oscillators[B11, column]
     a21, a22 = oscillators[A21, column], oscillators[A22, column]
@@ -247,11 +311,13 @@ def _march(oscillator, stretch):
     vibration = _vibration(oscillator)
     by_u, by_v, _ = vibration
     margin, n = rise(vibration), terms(vibration)
-    u, v = starts[stretch, 0], starts[stretch, 1]
-    g0 = ground[stretch * STRETCH]
-    p = by_u * u + by_v * v  # less the absolute acceleration
+    u, v = starts[interval, 0], starts[interval, 1]
+    g0 = ground[interval * INTERVAL_STEPS]
+    p = by_u * u + by_v * v  # minus the absolute acceleration
     a = -p - g0
-    for s in range(stretch * STRETCH, min((stretch + 1) * STRETCH, ground.size - 1)):
+    for s in range(
+        interval * INTERVAL_STEPS, min((interval + 1) * INTERVAL_STEPS, ground.size - 1)
+    ):
         g1 = ground[s + 1]
         u1 = a11 * u + (a12 * v - (b10 * g0 + b11 * g1))
         v1 = a21 * u + (a22 * v - (b20 * g0 + b21 * g1))
@@ -260,7 +326,7 @@ def _march(oscillator, stretch):
         best[0] = max(best[0], abs(u1))
         best[1] = max(best[1], abs(v1))
         best[2] = max(best[2], abs(p1))
-        if between == 1:
+        if between_steps == 1:
             slope = (g1 - g0) / h
             dp, dp1 = by_u * v + by_v * a, by_u * v1 + by_v * a1
             j, j1 = -dp - slope, -dp1 - slope

@@ -1,9 +1,10 @@
-"""Largest drifts of a building by superposition of its modes, each an exact recursion.
+"""Maximum drifts of a building by superposition of its modes, with an exact recursion for each
+mode.
 
-The motion is linear between its samples. The time is gone through in chunks: modes side by side,
-then their sum for every story. A first pass finds the largest values at the steps; a second one
-goes again through the chunks that can hold the largest value between the steps, and finds it there
-from the closed form of the modes.
+The ground motion is linear between its samples. The time is divided into chunks. In each chunk all
+modes are integrated together and then superposed for each story. The first pass computes the maxima
+at the steps. The second pass processes the chunks that can contain the maximum between the steps
+again, and computes the maximum from the closed form of the modes.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, inline, kernel, local, outlined
-from tdint.kernels.oscillators.between import (
+from tdint.kernels.oscillators.between_steps import (
     A11,
     A12,
     A21,
@@ -29,28 +30,29 @@ from tdint.kernels.oscillators.between import (
 )
 from tdint.kernels.stepping import Array
 
-# Rows of the table of modes behind those of the recursion, whose u and v are a mode's coordinate q
-# and its rate r
+# Rows of the table of modes after those of the recursion. The variables u and v of the recursion
+# are the modal coordinate q and its rate.
 OMEGA = RECURSION_ROWS
 DAMPING = RECURSION_ROWS + 1
 MODE_ROWS = RECURSION_ROWS + 2
 
 BLOCK = 4
-"""The number of modes in the table is a multiple of this."""
+"""The number of modes in the table must be a multiple of this number."""
 
-# Results
-PEAK = 0  # largest absolute value of the stories
-STORY = 1  # and where it is, from 0
-ROOF = 2  # largest absolute value of the last column
+# Elements of the results
+PEAK = 0  # maximum absolute drift ratio of all stories
+STORY = 1  # index of the story with this maximum
+ROOF = 2  # maximum absolute roof drift ratio (last column)
 RESULTS = 3
 
-_CHUNK = 64  # steps
-# over the second difference, which exceeds eight times what a maximum gains between two steps
-_SLACK = 0.5
+_CHUNK_STEPS = 64  # steps of a chunk
+# Relative to the second difference, which exceeds eight times the increase of a maximum between two
+# steps.
+_TOLERANCE = 0.5
 
 
 class _Sum(NamedTuple):
-    """What columns are summed up of."""
+    """Terms of the superposition: table of modes, mode shapes, static correction and step."""
 
     modes: Array
     shapes: Array
@@ -59,7 +61,8 @@ class _Sum(NamedTuple):
 
 
 class _Steps(NamedTuple):
-    """The steps of a chunk: modes, ground acceleration and columns."""
+    """Steps of a chunk: modal coordinates and rates, ground acceleration, columns, and number of
+    steps."""
 
     q: Array
     rate: Array
@@ -69,9 +72,26 @@ class _Steps(NamedTuple):
 
 
 @outlined
-def _march(ground, parts, first, rows, modes, q, rate, motion):
-    """Modes from row 0 of `q` and `rate` on to the rows after it; `motion` takes the ground
-    acceleration."""
+def _integrate_modes(ground, parts, first, rows, modes, q, rate, motion):
+    """Integrate the modes from row 0 of `q` and `rate` to the following rows.
+
+    Parameters
+    ----------
+    ground : ndarray
+        Ground acceleration at the samples, m/s^2.
+    parts : int
+        Steps per sampling interval.
+    first : int
+        Index of the first step of the chunk.
+    rows : int
+        Number of rows.
+    modes : ndarray
+        Table of modes.
+    q, rate : ndarray
+        Modal coordinates and their rates; one row per step.
+    motion : ndarray
+        Receives the ground acceleration at the steps, m/s^2.
+    """
     count = modes.shape[1]
     for row in range(rows):
         i, part = divmod(first + row, parts)
@@ -79,26 +99,41 @@ def _march(ground, parts, first, rows, modes, q, rate, motion):
             ground[i] if part == 0 else ground[i] + (ground[i + 1] - ground[i]) * (part / parts)
         )
     for row in range(1, rows):
-        before, after = motion[row - 1], motion[row]
+        previous_ground, next_ground = motion[row - 1], motion[row]
         for j in range(count):
             u, v = q[row - 1, j], rate[row - 1, j]
             q[row, j] = (
                 modes[A11, j] * u
                 + modes[A12, j] * v
-                - modes[B10, j] * before
-                - modes[B11, j] * after
+                - modes[B10, j] * previous_ground
+                - modes[B11, j] * next_ground
             )
             rate[row, j] = (
                 modes[A21, j] * u
                 + modes[A22, j] * v
-                - modes[B20, j] * before
-                - modes[B21, j] * after
+                - modes[B20, j] * previous_ground
+                - modes[B21, j] * next_ground
             )
 
 
 @outlined
 def _superpose(q, shapes, static, motion, drift):
-    """Rows of drifts from rows of modes, four rows and four modes at a time."""
+    """Compute rows of drift ratios from rows of modal coordinates, four rows and four modes at a
+    time.
+
+    Parameters
+    ----------
+    q : ndarray
+        Modal coordinates.
+    shapes : ndarray
+        Drift ratio per modal coordinate of each story and of the roof.
+    static : ndarray
+        Static correction.
+    motion : ndarray
+        Ground acceleration at the steps, m/s^2.
+    drift : ndarray
+        Receives the drift ratios.
+    """
     columns = shapes.shape[1]
     for row in range(0, q.shape[0], 4):
         d0, d1, d2, d3 = drift[row], drift[row + 1], drift[row + 2], drift[row + 3]
@@ -137,25 +172,49 @@ def _superpose(q, shapes, static, motion, drift):
 
 
 @outlined
-def _tops(drift, rows, top, bend):
-    """Largest absolute value of each column, and of its second differences."""
+def _update_maxima(drift, rows, column_maxima, column_bends):
+    """Store the maximum absolute value and the maximum absolute second difference of each column.
+
+    Parameters
+    ----------
+    drift : ndarray
+        Drift ratios, one row per step.
+    rows : int
+        Number of rows.
+    column_maxima, column_bends : ndarray
+        Receive the maxima.
+    """
     columns = drift.shape[1]
     for c in range(columns):
-        top[c] = abs(drift[0, c])
-        bend[c] = 0.0
+        column_maxima[c] = abs(drift[0, c])
+        column_bends[c] = 0.0
     for row in range(1, rows):
         for c in range(columns):
             size = abs(drift[row, c])
-            top[c] = size if size > top[c] else top[c]
+            column_maxima[c] = size if size > column_maxima[c] else column_maxima[c]
     for row in range(1, rows - 1):
         for c in range(columns):
             size = abs(drift[row - 1, c] - 2.0 * drift[row, c] + drift[row + 1, c])
-            bend[c] = size if size > bend[c] else bend[c]
+            column_bends[c] = size if size > column_bends[c] else column_bends[c]
 
 
 @inline
 def _rate(sums, steps, row, slope, c):
-    """Rate of a column at a step."""
+    """Return the rate of column `c` at step `row`, 1/s.
+
+    Parameters
+    ----------
+    sums : _Sum
+        Terms of the superposition.
+    steps : _Steps
+        Steps of the chunk.
+    row : int
+        Step.
+    slope : float
+        Rate of the ground acceleration, m/s^3.
+    c : int
+        Column.
+    """
     total = -sums.static[c] * slope
     for j in range(sums.shapes.shape[0]):
         total += sums.shapes[j, c] * steps.rate[row, j]
@@ -163,8 +222,25 @@ def _rate(sums, steps, row, slope, c):
 
 
 @outlined
-def _inside(sums, steps, row, slope, t, c):
-    """A column and its rate at the time t after a step, from the closed form of every mode."""
+def _column_at(sums, steps, row, slope, t, c):
+    """Return column `c` and its rate at the time `t` after step `row`, from the closed form of each
+    mode.
+
+    Parameters
+    ----------
+    sums : _Sum
+        Terms of the superposition.
+    steps : _Steps
+        Steps of the chunk.
+    row : int
+        Step.
+    slope : float
+        Rate of the ground acceleration, m/s^3.
+    t : float
+        Time after the step, s.
+    c : int
+        Column.
+    """
     modes, shapes, static, _ = sums
     q, rate, motion, _, _ = steps
     g0 = motion[row]
@@ -175,71 +251,109 @@ def _inside(sums, steps, row, slope, t, c):
         if weight != 0.0:
             omega, xi = modes[OMEGA, j], modes[DAMPING, j]
             damped = omega * math.sqrt((1.0 - xi) * (1.0 + xi))
-            rest_rate = -slope / (omega * omega)
-            rest = -g0 / (omega * omega) - 2.0 * xi * rest_rate / omega
-            y = q[row, j] - rest
-            y_rate = rate[row, j] - rest_rate
+            particular_rate = -slope / (omega * omega)
+            particular = -g0 / (omega * omega) - 2.0 * xi * particular_rate / omega
+            y = q[row, j] - particular
+            y_rate = rate[row, j] - particular_rate
             by_sine = (y_rate + xi * omega * y) / damped
             decay = math.exp(-xi * omega * t)
             c_t, s_t = decay * math.cos(damped * t), decay * math.sin(damped * t)
-            value += weight * (rest + rest_rate * t + y * c_t + by_sine * s_t)
+            value += weight * (particular + particular_rate * t + y * c_t + by_sine * s_t)
             speed += weight * (
-                rest_rate + y_rate * c_t - (omega * y + xi * y_rate) * (omega / damped) * s_t
+                particular_rate + y_rate * c_t - (omega * y + xi * y_rate) * (omega / damped) * s_t
             )
     return value, speed
 
 
 @outlined
-def _summit(sums, steps, row, c, size):
-    """Largest absolute value of a column between a step and the next, `size` that at the step if it
-    is not between."""
+def _maximum_after(sums, steps, row, c, size):
+    """Return the maximum absolute value of column `c` between step `row` and the next step.
+
+    Parameters
+    ----------
+    sums : _Sum
+        Terms of the superposition.
+    steps : _Steps
+        Steps of the chunk.
+    row : int
+        Step.
+    c : int
+        Column.
+    size : float
+        Absolute value at the step; the result if there is no larger extremum between both steps.
+    """
     h = sums.h
     slope = (steps.motion[row + 1] - steps.motion[row]) / h
     left_speed = _rate(sums, steps, row, slope, c)
     right_speed = _rate(sums, steps, row + 1, slope, c)
     if left_speed * right_speed >= 0.0:
         return size
-    left, right = 0.0, h  # The rate changes its sign between.
+    left, right = 0.0, h  # The rate changes its sign between both times.
     side = 0
     for _ in range(60):
         t = (left * right_speed - right * left_speed) / (right_speed - left_speed)
         if not left < t < right:
             break
-        value, speed = _inside(sums, steps, row, slope, t, c)
+        value, speed = _column_at(sums, steps, row, slope, t, c)
         size = max(size, abs(value))
         if speed == 0.0 or right - left < 1e-7 * h:
             break
-        left, left_speed, right, right_speed, side, moved = narrowed(
+        left, left_speed, right, right_speed, side, change = narrowed(
             left, left_speed, right, right_speed, side, t, speed
         )
-        if moved < 1e-7 * h:
+        if change < 1e-7 * h:
             break
     return size
 
 
 @outlined
-def _refine(sums, steps, first, last, least, best):
-    """Largest absolute value of the columns `first` to `last` in a chunk, between the steps too, if
-    above `best`; at steps less than `least` there is none."""
+def _refine(sums, steps, first, last, threshold, best):
+    """Return the maximum absolute value of some columns in a chunk, between the steps included, and
+    its column.
+
+    Parameters
+    ----------
+    sums : _Sum
+        Terms of the superposition.
+    steps : _Steps
+        Steps of the chunk.
+    first, last : int
+        Range of columns; `last` is excluded.
+    threshold : float
+        Steps with a smaller absolute value are not near a maximum and are skipped.
+    best : tuple of float
+        Maximum until now and its column, returned if no larger value is found.
+    """
     value, column = best
     _, _, _, drift, rows = steps
     for c in range(first, last):
         for row in range(rows):
-            if abs(drift[row, c]) < least:
+            if abs(drift[row, c]) < threshold:
                 continue
             for start in (row - 1, row):
                 if 0 <= start < rows - 1:
-                    size = _summit(sums, steps, start, c, abs(drift[row, c]))
+                    size = _maximum_after(sums, steps, start, c, abs(drift[row, c]))
                     if size > value:
                         value, column = size, float(c)
     return value, column
 
 
 def scratch(samples: int, parts: int, modes: int, columns: int) -> tuple[NDArray[np.float64], ...]:
-    """What `largest_drifts` works on for so many samples, parts, modes, and stories with the
-    roof."""
-    chunks = -(-(samples - 1) * parts // _CHUNK)
-    rows = _CHUNK + 4
+    """Return the scratch arrays of `largest_drifts`.
+
+    Parameters
+    ----------
+    samples : int
+        Number of samples.
+    parts : int
+        Steps per sampling interval.
+    modes : int
+        Number of modes in the table.
+    columns : int
+        Number of stories plus 1 for the roof.
+    """
+    chunks = -(-(samples - 1) * parts // _CHUNK_STEPS)
+    rows = _CHUNK_STEPS + 4
     shapes = (
         (rows, modes),
         (rows, modes),
@@ -252,72 +366,88 @@ def scratch(samples: int, parts: int, modes: int, columns: int) -> tuple[NDArray
     return *(np.zeros(shape) for shape in shapes), np.zeros(columns), np.zeros((chunks, 2))
 
 
-_GIVEN = (VECTOR, I8, F8, TABLE, TABLE, VECTOR, VECTOR)
-_SCRATCH = (TABLE, TABLE, VECTOR, TABLE, TABLE, TABLE, VECTOR, VECTOR, TABLE)
+_INPUT_TYPES = (VECTOR, I8, F8, TABLE, TABLE, VECTOR, VECTOR)
+_SCRATCH_TYPES = (TABLE, TABLE, VECTOR, TABLE, TABLE, TABLE, VECTOR, VECTOR, TABLE)
 
 
-@kernel(I8(*_GIVEN, *_SCRATCH), parts=(), vectorized=True)
+@kernel(I8(*_INPUT_TYPES, *_SCRATCH_TYPES), parts=(), vectorized=True)
 def largest_drifts(
     ground, parts, h, modes, shapes, static, results,
-    q, rate, motion, drift, start_q, start_rate, top, bend, tops,
+    q, rate, motion, drift, start_q, start_rate, column_maxima, column_bends, chunk_maxima,
 ):  # fmt: skip
-    """Largest drift ratio of a building from rest, its story, and the largest roof drift ratio.
+    """Compute the maximum drift ratio of a building from rest, its story, and the maximum roof
+    drift ratio.
 
     Parameters
     ----------
-    ground : shape (samples,)
+    ground : ndarray, shape (samples,)
         Ground acceleration, m/s^2.
-    parts, h
-        Steps per sampling interval, and the step, s.
-    modes : shape (MODE_ROWS, modes)
-        Their exact steps, circular frequencies (rad/s) and damping ratios (below 1).
-    shapes : shape (modes, stories + 1)
-        What each mode adds to the drift ratio of each story and, in the last column, of the roof,
+    parts : int
+        Steps per sampling interval.
+    h : float
+        Length of a step, s.
+    modes : ndarray, shape (MODE_ROWS, modes)
+        Recursion coefficients, circular frequencies (rad/s) and damping ratios (below 1) of the
+        modes.
+    shapes : ndarray, shape (modes, stories + 1)
+        Contribution of each mode to the drift ratio of each story and (last column) of the roof,
         1/m.
-    static : shape (stories + 1,)
-        Flexibility that the modes leave out, 1/m times s^2: it follows the ground without delay.
-    results : shape (RESULTS,)
-        Written.
-    q, rate, motion, drift, start_q, start_rate, top, bend, tops
-        Of `scratch`.
+    static : ndarray, shape (stories + 1,)
+        Flexibility that is not included in the modes, s^2/m. It follows the ground without delay.
+    results : ndarray, shape (RESULTS,)
+        Receives PEAK, STORY and ROOF.
+    q, rate, motion, drift, start_q, start_rate, column_maxima, column_bends, chunk_maxima : ndarray
+        Scratch arrays from `scratch`.
+
+    Returns
+    -------
+    int
+        0.
     """
     sums = _Sum(modes, shapes, static, h)
     steps = (ground.size - 1) * parts
     count, columns = shapes.shape
-    chunks = (steps + _CHUNK - 1) // _CHUNK
-    bends = local(2)  # of the stories, of the roof
+    chunks = (steps + _CHUNK_STEPS - 1) // _CHUNK_STEPS
+    bends = local(2)  # maximum second differences of the stories and of the roof
     bends[:] = 0.0
-    at_steps = at_steps_roof = 0.0
+    story_maximum = roof_maximum = 0.0
     for chunk in range(chunks):
-        rows = min(_CHUNK, steps - chunk * _CHUNK) + 1
+        rows = min(_CHUNK_STEPS, steps - chunk * _CHUNK_STEPS) + 1
         for j in range(count):
             start_q[chunk, j], start_rate[chunk, j] = q[0, j], rate[0, j]
-        _march(ground, parts, chunk * _CHUNK, rows, modes, q, rate, motion)
+        _integrate_modes(ground, parts, chunk * _CHUNK_STEPS, rows, modes, q, rate, motion)
         _superpose(q, shapes, static, motion, drift)
-        _tops(drift, rows, top, bend)
+        _update_maxima(drift, rows, column_maxima, column_bends)
         for c in range(columns):
-            kind = 1 if c == columns - 1 else 0
-            tops[chunk, kind] = max(tops[chunk, kind], top[c])
-            bends[kind] = max(bends[kind], bend[c])
-        at_steps, at_steps_roof = max(at_steps, tops[chunk, 0]), max(at_steps_roof, tops[chunk, 1])
+            group = 1 if c == columns - 1 else 0
+            chunk_maxima[chunk, group] = max(chunk_maxima[chunk, group], column_maxima[c])
+            bends[group] = max(bends[group], column_bends[c])
+        story_maximum, roof_maximum = (
+            max(story_maximum, chunk_maxima[chunk, 0]),
+            max(roof_maximum, chunk_maxima[chunk, 1]),
+        )
         for j in range(count):
             q[0, j], rate[0, j] = q[rows - 1, j], rate[rows - 1, j]
-    slack, slack_roof = _SLACK * bends[0], _SLACK * bends[1]
+    story_tolerance, roof_tolerance = _TOLERANCE * bends[0], _TOLERANCE * bends[1]
     story, roof = (-1.0, 0.0), (-1.0, 0.0)
     for chunk in range(chunks):
-        in_stories = tops[chunk, 0] >= at_steps - slack
-        in_roof = tops[chunk, 1] >= at_steps_roof - slack_roof
-        if not (in_stories or in_roof):
+        may_contain_story_maximum = chunk_maxima[chunk, 0] >= story_maximum - story_tolerance
+        may_contain_roof_maximum = chunk_maxima[chunk, 1] >= roof_maximum - roof_tolerance
+        if not (may_contain_story_maximum or may_contain_roof_maximum):
             continue
-        rows = min(_CHUNK, steps - chunk * _CHUNK) + 1
+        rows = min(_CHUNK_STEPS, steps - chunk * _CHUNK_STEPS) + 1
         for j in range(count):
             q[0, j], rate[0, j] = start_q[chunk, j], start_rate[chunk, j]
-        _march(ground, parts, chunk * _CHUNK, rows, modes, q, rate, motion)
+        _integrate_modes(ground, parts, chunk * _CHUNK_STEPS, rows, modes, q, rate, motion)
         _superpose(q, shapes, static, motion, drift)
-        here = _Steps(q, rate, motion, drift, rows)
-        if in_stories:
-            story = _refine(sums, here, 0, columns - 1, at_steps - slack, story)
-        if in_roof:
-            roof = _refine(sums, here, columns - 1, columns, at_steps_roof - slack_roof, roof)
+        chunk_steps = _Steps(q, rate, motion, drift, rows)
+        if may_contain_story_maximum:
+            story = _refine(
+                sums, chunk_steps, 0, columns - 1, story_maximum - story_tolerance, story
+            )
+        if may_contain_roof_maximum:
+            roof = _refine(
+                sums, chunk_steps, columns - 1, columns, roof_maximum - roof_tolerance, roof
+            )
     results[PEAK], results[STORY], results[ROOF] = story[0], story[1], roof[0]
     return 0

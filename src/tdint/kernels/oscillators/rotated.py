@@ -1,12 +1,13 @@
-"""Peak displacement of many oscillators under two horizontal motions, in each of 180 directions.
+"""Peak displacement of many oscillators subjected to two horizontal ground motions, in each of 180
+directions.
 
-The two motions shake the oscillators along two axes; what is asked for is the largest displacement
-along every direction, at the samples and between them. As in `spectra` all oscillators march
-together first. They leave the largest displacement of each stretch of steps along `AXES`
-directions; no displacement along a direction between two of these is larger than the larger one
-over the cosine of half the angle between them. Few stretches can therefore hold a largest
-displacement; in these, by the same rule for narrower sectors, few steps and directions remain to be
-looked at.
+The two ground motions act along two axes. The result is the maximum displacement in each direction,
+at the samples and between the samples. As in `tdint.kernels.oscillators.elastic`, all oscillators
+are integrated together first. This pass stores the maximum displacement in `AXES` directions for
+each interval of steps. The displacement in a direction between two adjacent axes is at most the
+larger of both displacements divided by the cosine of half their angle. Therefore only few intervals
+can contain a maximum. In these intervals, the same rule for narrower sectors leaves few steps and
+directions for the exact computation.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from tdint.kernels.compiling import (
     local_table,
     outlined,
 )
-from tdint.kernels.oscillators.between import (
+from tdint.kernels.oscillators.between_steps import (
     A11,
     A12,
     A21,
@@ -46,55 +47,72 @@ from tdint.kernels.oscillators.between import (
     rise,
     terms,
 )
-from tdint.kernels.oscillators.elastic import BY_DISPLACEMENT, BY_VELOCITY, COEFFICIENTS, STRETCH
+from tdint.kernels.oscillators.elastic import (
+    BY_DISPLACEMENT,
+    BY_VELOCITY,
+    COEFFICIENTS,
+    INTERVAL_STEPS,
+)
 from tdint.kernels.stepping import Array
 
 ANGLES = 180
-"""Directions, one degree apart from the first motion towards the second."""
+"""Number of directions, at one degree, from the first ground motion towards the second."""
 
-AXES = 6  # 30 degrees apart: no displacement between two exceeds 1.04 times the larger one
-_SECTORS = 18  # 10 degrees each, in which few steps remain
+# number of axes, at 30 degrees; a displacement between two axes exceeds the larger of both by at
+# most a factor of 1.04
+AXES = 6
+_SECTORS = 18  # number of sectors of 10 degrees; few steps can contain a maximum of a sector
 _SECTOR = ANGLES // _SECTORS
-_SECTORS_PER_WEDGE = _SECTORS // AXES  # between two axes
+_SECTORS_PER_WEDGE = _SECTORS // AXES  # number of sectors between two axes
 _SPREAD = 1.0 / math.cos(math.radians(_SECTOR / 2))
 _FACTORS = tuple(
     math.sin(math.radians(j * _SECTOR)) / math.sin(math.pi / AXES)
     for j in range(_SECTORS_PER_WEDGE + 1)
 )
 
-# Rows of numbers per edge of a sector; the last edge is the first one again
-_LOWS = 0  # of the sector behind the edge: the smallest of the largest displacements
-_BEFORE = 1  # absolute displacements at the step's start, and at its end
-_AFTER = 2
+# Rows of the table with one column for each edge of a sector; the last edge is equal to the first
+# edge
+# minimum over the directions of the sector after the edge, of the maximum displacements until now
+_LOWEST = 0
+_AT_START = 1  # absolute displacements along the edges at the start and at the end of the step
+_AT_END = 2
 _COSINES = 3
 _SINES = 4
-_WORK = 5
-_BEND = AXES  # place of the largest relative acceleration after the largest displacements
+_SECTOR_ROWS = 5
+_ACCELERATION = AXES  # index of the maximum relative acceleration, after the maximum displacements
 _C, _S = math.cos(math.pi / 6), 0.5
 _BLOCK = 4
 
 LANES = 16
-"""Oscillators that march together; a constant, so that the compiler sees where the numbers of each
-begin."""
+"""Number of oscillators that are integrated together. A constant, so that the compiler knows the
+position of their values."""
 
-# Rows of the numbers of the lanes, behind those of the table of oscillators
+# Rows of the values of the oscillators in a group, after those of the table of oscillators
 _STATE = COEFFICIENTS
-_X, _V = _STATE, _STATE + 1  # displacement and velocity along the first axis,
-_Y, _W = _STATE + 2, _STATE + 3  # and along the second
-_TOPS = (
+_X, _V = _STATE, _STATE + 1  # displacement and velocity along the first axis
+_Y, _W = _STATE + 2, _STATE + 3  # displacement and velocity along the second axis
+_MAXIMA = (
     _STATE + 4
-)  # largest displacements along the axes, then the square of the largest relative acceleration
-_ROWS = _TOPS + AXES + 1
+)  # maximum displacements along the axes, then the square of the maximum relative acceleration
+_ROWS = _MAXIMA + AXES + 1
 
 
 def scratch(samples: int, parts: int) -> tuple[NDArray[np.float64], ...]:
-    """What `rotated_peaks` works on for so many samples and parts."""
+    """Return the scratch arrays of `rotated_peaks`.
+
+    Parameters
+    ----------
+    samples : int
+        Number of samples.
+    parts : int
+        Steps per sampling interval.
+    """
     steps = (samples - 1) * parts
-    whole = steps // STRETCH
+    intervals = steps // INTERVAL_STEPS
     return (
         np.empty((2, steps + 1)),
-        np.empty((LANES, whole + 1, 4)),
-        np.empty((LANES, whole, AXES + 1)),
+        np.empty((LANES, intervals + 1, 4)),
+        np.empty((LANES, intervals, AXES + 1)),
     )
 
 
@@ -104,30 +122,43 @@ def scratch(samples: int, parts: int) -> tuple[NDArray[np.float64], ...]:
     vectorized=True,
 )
 def rotated_peaks(
-    first, second, dt, parts, oscillators, directions, between, result, ground, starts, tops
+    first, second, dt, parts, oscillators, directions, between_steps, result, ground, starts, maxima
 ):
-    """March oscillators from rest over two ground motions; largest absolute displacements in all
-    directions.
+    """Integrate oscillators from rest over two ground motions and store their maximum absolute
+    displacements in all directions.
 
     Parameters
     ----------
-    first, second : ground accelerations, m/s^2, dt seconds apart; each interval is marched in so
-    many `parts`
-    oscillators : as for `spectra.peaks`, with a multiple of LANES columns
-    directions : shape (2, ANGLES), cosine and sine of each
-    between : 1 for the largest values between the steps' ends, too (omega h must not exceed 1), 0
-    for those at the ends
-    result : shape (k, ANGLES), filled for the first k oscillators
-    ground, starts, tops : of `scratch`
+    first, second : ndarray
+        Ground accelerations of the components, m/s^2.
+    dt : float
+        Sampling interval, s.
+    parts : int
+        Steps per sampling interval.
+    oscillators : ndarray
+        Table of oscillators as for `tdint.kernels.oscillators.elastic.peaks`, with a multiple of
+        LANES columns.
+    directions : ndarray, shape (2, ANGLES)
+        Cosine and sine of each direction.
+    between_steps : int
+        1 to include maxima between the steps (omega h must not exceed 1), 0 for maxima at the steps
+        only.
+    result : ndarray, shape (k, ANGLES)
+        Receives the peaks of the first k oscillators, m.
+    ground, starts, maxima : ndarray
+        Scratch arrays from `scratch`.
 
-    Returns 0.
+    Returns
+    -------
+    int
+        0.
     """
     h = dt / parts
     divide(first, parts, ground[0])
     divide(second, parts, ground[1])
-    whole = (ground.shape[1] - 1) // STRETCH
+    intervals = (ground.shape[1] - 1) // INTERVAL_STEPS
     lane = local(_ROWS * LANES)
-    best, scratch = local(ANGLES), local_table(_WORK, _SECTORS + 1)
+    best, scratch = local(ANGLES), local_table(_SECTOR_ROWS, _SECTORS + 1)
     for k in range(_SECTORS + 1):
         scratch[_COSINES, k] = directions[0, k * _SECTOR % ANGLES]
         scratch[_SINES, k] = directions[1, k * _SECTOR % ANGLES]
@@ -136,32 +167,32 @@ def rotated_peaks(
         for k in range(COEFFICIENTS):
             for i in range(LANES):
                 lane[k * LANES + i] = oscillators[k, group + i]
-        for i in range(_STATE * LANES, _TOPS * LANES):
+        for i in range(_STATE * LANES, _MAXIMA * LANES):
             lane[i] = 0.0
-        for c in range(whole + 1):
+        for c in range(intervals + 1):
             for i in range(LANES):
                 for k in range(4):
                     starts[i, c, k] = lane[(_STATE + k) * LANES + i]
-            if c == whole:
+            if c == intervals:
                 break
-            for i in range(_TOPS * LANES, _ROWS * LANES):
+            for i in range(_MAXIMA * LANES, _ROWS * LANES):
                 lane[i] = 0.0
-            for s in range(c * STRETCH, (c + 1) * STRETCH, _BLOCK):
+            for s in range(c * INTERVAL_STEPS, (c + 1) * INTERVAL_STEPS, _BLOCK):
                 _advance(ground, s, lane)
             for i in range(LANES):
                 for k in range(AXES):
-                    tops[i, c, k] = lane[(_TOPS + k) * LANES + i]
-                tops[i, c, _BEND] = math.sqrt(lane[(_TOPS + _BEND) * LANES + i])
+                    maxima[i, c, k] = lane[(_MAXIMA + k) * LANES + i]
+                maxima[i, c, _ACCELERATION] = math.sqrt(lane[(_MAXIMA + _ACCELERATION) * LANES + i])
         for i in range(min(LANES, result.shape[0] - group)):
             best[:] = 0.0
             column = group + i
             vibration = Vibration(
                 oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column], h
             )
-            oscillator = _One(
+            oscillator = _Oscillator(
                 ground, oscillators, column, vibration, directions, starts[i], scratch, series, best
             )
-            _search(oscillator, tops[i], between * rise(vibration))
+            _search(oscillator, maxima[i], between_steps * rise(vibration))
             for k in range(ANGLES):
                 result[group + i, k] = best[k]
     return 0
@@ -169,8 +200,17 @@ def rotated_peaks(
 
 @outlined
 def _advance(ground, s, lane):
-    """March LANES oscillators over a block of steps; keep the largest values at their starts and
-    ends."""
+    """Integrate LANES oscillators over a block of steps and update the maxima at the steps.
+
+    Parameters
+    ----------
+    ground : ndarray
+        Ground accelerations at the steps, m/s^2.
+    s : int
+        First step.
+    lane : ndarray
+        Values of the oscillators.
+    """
     for i in range(LANES):
         a11, a12, b10, b11 = (
             lane[A11 * LANES + i],
@@ -192,16 +232,16 @@ def _advance(ground, s, lane):
             lane[_W * LANES + i],
         )
         t0, t1, t2 = (
-            lane[_TOPS * LANES + i],
-            lane[(_TOPS + 1) * LANES + i],
-            lane[(_TOPS + 2) * LANES + i],
+            lane[_MAXIMA * LANES + i],
+            lane[(_MAXIMA + 1) * LANES + i],
+            lane[(_MAXIMA + 2) * LANES + i],
         )
         t3, t4, t5 = (
-            lane[(_TOPS + 3) * LANES + i],
-            lane[(_TOPS + 4) * LANES + i],
-            lane[(_TOPS + 5) * LANES + i],
+            lane[(_MAXIMA + 3) * LANES + i],
+            lane[(_MAXIMA + 4) * LANES + i],
+            lane[(_MAXIMA + 5) * LANES + i],
         )
-        bend = lane[(_TOPS + _BEND) * LANES + i]
+        bend = lane[(_MAXIMA + _ACCELERATION) * LANES + i]
         for j in range(_BLOCK + 1):
             f0, g0 = ground[0, s + j], ground[1, s + j]
             cx, sx, cy, sy = _C * x, _S * x, _C * y, _S * y
@@ -228,84 +268,102 @@ def _advance(ground, s, lane):
             y,
             w,
         )
-        lane[_TOPS * LANES + i], lane[(_TOPS + 1) * LANES + i], lane[(_TOPS + 2) * LANES + i] = (
+        (
+            lane[_MAXIMA * LANES + i],
+            lane[(_MAXIMA + 1) * LANES + i],
+            lane[(_MAXIMA + 2) * LANES + i],
+        ) = (
             t0,
             t1,
             t2,
         )
         (
-            lane[(_TOPS + 3) * LANES + i],
-            lane[(_TOPS + 4) * LANES + i],
-            lane[(_TOPS + 5) * LANES + i],
+            lane[(_MAXIMA + 3) * LANES + i],
+            lane[(_MAXIMA + 4) * LANES + i],
+            lane[(_MAXIMA + 5) * LANES + i],
         ) = t3, t4, t5
-        lane[(_TOPS + _BEND) * LANES + i] = bend
+        lane[(_MAXIMA + _ACCELERATION) * LANES + i] = bend
 
 
-class _One(NamedTuple):
-    """One oscillator of the table that is marched by itself."""
+class _Oscillator(NamedTuple):
+    """Oscillator of the table that is integrated separately."""
 
     ground: Array
     oscillators: Array
     column: int
     vibration: Vibration
     directions: Array
-    starts: Array  # displacements and velocities at the start of each stretch
+    starts: Array  # displacements and velocities at the start of each interval
     scratch: Array
-    series: Array  # of q, q' and q''
-    best: Array  # largest displacements so far
+    series: Array  # scratch array for the series of q, q' and q''
+    best: Array  # maximum displacements until now
 
 
 @outlined
-def _search(oscillator, tops, margin):
-    """Largest displacements of one oscillator in all directions, from those along the axes in each
-    stretch.
+def _search(oscillator, maxima, margin):
+    """Compute the maximum displacements of one oscillator in all directions from its maxima along
+    the axes.
 
-    `margin` is its `rise`, 0 if nobody asks for what lies between the steps."""
+    Parameters
+    ----------
+    oscillator : _One
+        Oscillator.
+    maxima : ndarray
+        Maxima along the axes in each interval.
+    margin : float
+        Result of `rise` for the oscillator; 0 if maxima between the steps are not required.
+    """
     scratch, best = oscillator.scratch, oscillator.best
-    whole = tops.shape[0]
-    lows = scratch[_LOWS]
-    # The stretches of the largest displacements along the axes come first: what they leave is hard
-    # to exceed.
-    _march(oscillator, whole, margin, True)
-    last = whole
+    intervals = maxima.shape[0]
+    lowest = scratch[_LOWEST]
+    # The intervals with the maximum displacements along the axes are processed first, because few
+    # other intervals can exceed their maxima.
+    _integrate_interval(oscillator, intervals, margin, True)
+    last_interval = intervals
     for k in range(AXES):
-        place = 0
-        for c in range(1, whole):
-            if tops[c, k] > tops[place, k]:
-                place = c
-        if whole > 0 and place != last:
-            _march(oscillator, place, margin, True)
-            last = place
+        interval = 0
+        for c in range(1, intervals):
+            if maxima[c, k] > maxima[interval, k]:
+                interval = c
+        if intervals > 0 and interval != last_interval:
+            _integrate_interval(oscillator, interval, margin, True)
+            last_interval = interval
     for k in range(_SECTORS):
-        lows[k] = _lowest(best, k)
-    _march(oscillator, whole, margin, False)
-    for c in range(whole):
-        _interpolate(tops[c], scratch)
-        if _count_higher(scratch, margin * tops[c, _BEND]) > 0:
-            _march(oscillator, c, margin, False)
+        lowest[k] = _lowest(best, k)
+    _integrate_interval(oscillator, intervals, margin, False)
+    for c in range(intervals):
+        _interpolate(maxima[c], scratch)
+        if _count_higher(scratch, margin * maxima[c, _ACCELERATION]) > 0:
+            _integrate_interval(oscillator, c, margin, False)
 
 
 @outlined
-def _interpolate(top, scratch):
-    """Bounds of the displacements of a stretch along the edges of the sectors, from those along the
-    axes.
+def _interpolate(axis_maxima, scratch):
+    """Store bounds of the displacements of an interval along the edges of the sectors.
 
-    A direction between two axes is a sum of both with positive factors, and so is the displacement
-    along it.
+    The unit vector of a direction between two axes is a sum of both axes with positive factors. The
+    same sum bounds the displacement.
+
+    Parameters
+    ----------
+    axis_maxima : ndarray
+        Maximum displacements along the axes.
+    scratch : ndarray
+        Table of the sectors.
     """
     for k in range(AXES):
-        first, other = top[k], top[(k + 1) % AXES]
+        first, second_value = axis_maxima[k], axis_maxima[(k + 1) % AXES]
         for j in range(_SECTORS_PER_WEDGE):
-            bound = _FACTORS[_SECTORS_PER_WEDGE - j] * first + _FACTORS[j] * other
-            scratch[_BEFORE, k * _SECTORS_PER_WEDGE + j] = scratch[
-                _AFTER, k * _SECTORS_PER_WEDGE + j
+            bound = _FACTORS[_SECTORS_PER_WEDGE - j] * first + _FACTORS[j] * second_value
+            scratch[_AT_START, k * _SECTORS_PER_WEDGE + j] = scratch[
+                _AT_END, k * _SECTORS_PER_WEDGE + j
             ] = bound
-    scratch[_BEFORE, _SECTORS] = scratch[_AFTER, _SECTORS] = top[0]
+    scratch[_AT_START, _SECTORS] = scratch[_AT_END, _SECTORS] = axis_maxima[0]
 
 
 @outlined
 def _lowest(best, sector):
-    """Smallest of the largest displacements in the directions of a sector."""
+    """Return the minimum of the maximum displacements `best` over the directions of a sector."""
     low = best[sector * _SECTOR]
     for k in range(sector * _SECTOR + 1, (sector + 1) * _SECTOR):
         low = min(low, best[k])
@@ -313,11 +371,21 @@ def _lowest(best, sector):
 
 
 @outlined
-def _march(oscillator, stretch, margin, coarse):
-    """March one oscillator over a stretch (or the steps after the last whole one) and raise `best`.
+def _integrate_interval(oscillator, interval, margin, coarse):
+    """Integrate one oscillator over an interval (or the steps after the last complete interval) and
+    update its maxima.
 
-    `coarse`: by the values at the steps' ends in all directions; else also by those between, where
-    they may be larger.
+    Parameters
+    ----------
+    oscillator : _One
+        Oscillator.
+    interval : int
+        Index of the interval.
+    margin : float
+        Result of `rise`; 0 if maxima between the steps are not required.
+    coarse : bool
+        True to use only the values at the steps, in all directions. False to include maxima between
+        the steps where they can be larger.
     """
     ground, oscillators, column, vibration, directions, starts, scratch, series, best = oscillator
     a11, a12 = oscillators[A11, column], oscillators[A12, column]
@@ -326,12 +394,14 @@ def _march(oscillator, stretch, margin, coarse):
     b20, b21 = oscillators[B20, column], oscillators[B21, column]
     by_u, by_v, h = vibration
     n = terms(vibration)
-    lows, before, after = scratch[_LOWS], scratch[_BEFORE], scratch[_AFTER]
-    x, v, y, w = starts[stretch, 0], starts[stretch, 1], starts[stretch, 2], starts[stretch, 3]
-    f0, g0 = ground[0, stretch * STRETCH], ground[1, stretch * STRETCH]
+    lowest, start_values, end_values = scratch[_LOWEST], scratch[_AT_START], scratch[_AT_END]
+    x, v, y, w = starts[interval, 0], starts[interval, 1], starts[interval, 2], starts[interval, 3]
+    f0, g0 = ground[0, interval * INTERVAL_STEPS], ground[1, interval * INTERVAL_STEPS]
     a, b = -(by_u * x + by_v * v) - f0, -(by_u * y + by_v * w) - g0
-    _project(x, y, scratch, before)
-    for s in range(stretch * STRETCH, min((stretch + 1) * STRETCH, ground.shape[1] - 1)):
+    _project(x, y, scratch, start_values)
+    for s in range(
+        interval * INTERVAL_STEPS, min((interval + 1) * INTERVAL_STEPS, ground.shape[1] - 1)
+    ):
         f1, g1 = ground[0, s + 1], ground[1, s + 1]
         x1 = a11 * x + (a12 * v - (b10 * f0 + b11 * f1))
         v1 = a21 * x + (a22 * v - (b20 * f0 + b21 * f1))
@@ -343,12 +413,12 @@ def _march(oscillator, stretch, margin, coarse):
                 size = abs(directions[0, k] * x1 + directions[1, k] * y1)
                 best[k] = size if size > best[k] else best[k]
         else:
-            _project(x1, y1, scratch, after)
-            over = margin * math.sqrt(max(a * a + b * b, a1 * a1 + b1 * b1))
+            _project(x1, y1, scratch, end_values)
+            excess = margin * math.sqrt(max(a * a + b * b, a1 * a1 + b1 * b1))
             p = -(by_u * v + by_v * a) - (f1 - f0) / h
             q = -(by_u * w + by_v * b) - (g1 - g0) / h
-            for sector in range(_SECTORS if _count_higher(scratch, over) > 0 else 0):
-                if _top(scratch, sector) * _SPREAD + over <= lows[sector]:
+            for sector in range(_SECTORS if _count_higher(scratch, excess) > 0 else 0):
+                if _top(scratch, sector) * _SPREAD + excess <= lowest[sector]:
                     continue
                 for k in range(sector * _SECTOR, (sector + 1) * _SECTOR):
                     c, d = directions[0, k], directions[1, k]
@@ -360,33 +430,51 @@ def _march(oscillator, stretch, margin, coarse):
                             u0, (v0, e0, c * p + d * q), speed, vibration, n, series
                         )
                         best[k] = max(best[k], size)
-                lows[sector] = _lowest(best, sector)
+                lowest[sector] = _lowest(best, sector)
             for k in range(_SECTORS + 1):
-                before[k] = after[k]
+                start_values[k] = end_values[k]
         x, v, y, w, a, b, f0, g0 = x1, v1, y1, w1, a1, b1, f1, g1
 
 
 @outlined
 def _project(x, y, scratch, sizes):
-    """Absolute displacements along the edges of the sectors."""
+    """Store the absolute displacements along the edges of the sectors.
+
+    Parameters
+    ----------
+    x, y : float
+        Displacements along both axes, m.
+    scratch : ndarray
+        Table of the sectors.
+    sizes : ndarray
+        Receives the absolute displacements.
+    """
     for k in range(_SECTORS + 1):
         sizes[k] = abs(scratch[_COSINES, k] * x + scratch[_SINES, k] * y)
 
 
 @outlined
-def _count_higher(scratch, over):
-    """Number of sectors in which the displacement of a step may be larger than the smallest of the
-    largest."""
+def _count_higher(scratch, excess):
+    """Return the number of sectors in which the displacement of a step can exceed a maximum.
+
+    Parameters
+    ----------
+    scratch : ndarray
+        Table of the sectors.
+    excess : float
+        Maximum excess between the steps, m.
+    """
     count = 0
     for k in range(_SECTORS):
-        count += 1 if _top(scratch, k) * _SPREAD + over > scratch[_LOWS, k] else 0
+        count += 1 if _top(scratch, k) * _SPREAD + excess > scratch[_LOWEST, k] else 0
     return count
 
 
 @inline
 def _top(scratch, k):
-    """Largest displacement at both ends of a step along both edges of a sector."""
+    """Return the maximum displacement at both endpoints of a step along both edges of sector
+    `k`."""
     return max(
-        max(scratch[_BEFORE, k], scratch[_AFTER, k]),
-        max(scratch[_BEFORE, k + 1], scratch[_AFTER, k + 1]),
+        max(scratch[_AT_START, k], scratch[_AT_END, k]),
+        max(scratch[_AT_START, k + 1], scratch[_AT_END, k + 1]),
     )

@@ -1,0 +1,247 @@
+"""Maximum of the response of an oscillator between the endpoints of a step.
+
+If the ground acceleration is linear within the step, the second derivative q'' of every required
+quantity q is a free vibration. This bounds the amount by which q can exceed its values at both
+endpoints. With omega h <= 1, a short Taylor series represents q.
+
+At the endpoints, the recursion from step to step is exact (Nigam and Jennings 1969): u1 = A11 u0 +
+A12 v0 - B10 g0 - B11 g1 and v1 = A21 u0 + A22 v0 - B20 g0 - B21 g1 for a ground acceleration that
+changes linearly from g0 to g1. `tdint.analysis.spectra.elastic` computes the coefficients.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from tdint.kernels.compiling import inline, outlined
+
+# Rows of the tables of oscillators: coefficients of the recursion
+A11 = 0
+A12 = 1
+B10 = 2
+B11 = 3
+A21 = 4
+A22 = 5
+B20 = 6
+B21 = 7
+RECURSION_ROWS = 8
+
+TERMS = 15
+"""Maximum number of terms of a Taylor series. With omega h <= 1 the remainder is below 1e-9."""
+
+_MIN_TERMS = 5  # minimum number of terms: those of the cubic and two more
+_TRUNCATION = 2e-10  # maximum neglected term relative to the cubic term
+# maximum number of Newton iterations; the iteration is bracketed and therefore always ends
+_MAX_ITERATIONS = 30
+_NEWTON_TOLERANCE = 1e-4  # fraction of the step; maximum last correction of Newton's method
+_BISECTION_TOLERANCE = (
+    1e-5  # fraction of the step; error of the time, and the error of the maximum is its square
+)
+_INVERSE = tuple(1.0 / max(k, 1) for k in range(TERMS + 1))
+
+
+class Vibration(NamedTuple):
+    """Properties of an oscillator and the length of its steps.
+
+    Attributes
+    ----------
+    by_u : float
+        omega^2, 1/s^2.
+    by_v : float
+        2 xi omega, 1/s.
+    h : float
+        Length of a step, s.
+    """
+
+    by_u: float  # omega^2
+    by_v: float  # 2 xi omega
+    h: float
+
+
+@outlined
+def divide(samples, parts, ground):
+    """Interpolate the samples linearly, with `parts` steps per sampling interval, and store them in
+    `ground`."""
+    for i in range(samples.size - 1):
+        rise = samples[i + 1] - samples[i]
+        for k in range(parts):
+            ground[i * parts + k] = samples[i] + rise * k / parts
+    ground[ground.size - 1] = samples[samples.size - 1]
+
+
+@inline
+def rise(vibration):
+    """Return the maximum excess of a quantity q over its values at both endpoints, divided by the
+    larger |q''| there.
+
+    The distance of q from its chord is at most h^2/8 max |q''|. q'' is a free vibration. For omega
+    h <= 1 its maximum is at most exp(xi omega h) / cos(omega h / 2) times the larger value at the
+    endpoints.
+    """
+    by_u, by_v, h = vibration
+    return 0.125 * h * h * math.exp(0.5 * by_v * h) / math.cos(0.5 * math.sqrt(by_u) * h)
+
+
+@inline
+def may_exceed(best, rise, q0, d0, e0, q1, d1, e1):
+    """Return True if q can have an extremum above `best` between the endpoints of a step.
+
+    q'' changes its sign at most once. Therefore q' has one zero if its signs at the endpoints
+    differ, and otherwise two or no zeros. If q' starts at zero (from rest), the sign of q'' is
+    used.
+
+    Parameters
+    ----------
+    best : float
+        Maximum until now.
+    rise : float
+        Result of `rise`.
+    q0, d0, e0 : float
+        q, q' and q'' at the start of the step.
+    q1, d1, e1 : float
+        q, q' and q'' at the end of the step.
+    """
+    has_extremum = (d0 if d0 != 0.0 else e0) * d1 < 0.0 or (d0 * e0 < 0.0 and d1 * e1 > 0.0)
+    return has_extremum and max(abs(q0), abs(q1)) + rise * max(abs(e0), abs(e1)) > best
+
+
+@outlined
+def largest_between(q, rates, d1, vibration, n, series):
+    """Return the maximum absolute value of q at its extrema within a step.
+
+    Parameters
+    ----------
+    q : float
+        Value at the start of the step.
+    rates : tuple of float
+        q', q'' and q''' at the start of the step.
+    d1 : float
+        q' at the end of the step.
+    vibration : Vibration
+        Properties of the oscillator.
+    n : int
+        Number of terms, from `terms`.
+    series : ndarray, shape (3, TERMS)
+        Scratch array for the series of q, q' and q''.
+    """
+    d, e, f = rates
+    by_u, by_v, h = vibration
+    w, z = h * h * by_u, h * by_v
+    value, speed, bend, jerk = series[0], series[1], series[2], f * h * h * h
+    bend[0], bend[1] = e * h * h, jerk
+    for k in range(2, n - 2):
+        bend[k] = -(z * bend[k - 1] + w * _INVERSE[k - 1] * bend[k - 2]) * _INVERSE[k]
+    speed[0], value[0] = d * h, q
+    for k in range(1, n - 1):
+        speed[k] = bend[k - 1] * _INVERSE[k]
+    for k in range(1, n):
+        value[k] = speed[k - 1] * _INVERSE[k]
+    if d == 0.0:  # the zero at the start is not within the step: divide by x
+        for k in range(n - 2):
+            speed[k] = speed[k + 1]
+        return abs(_value(value, n, _root(speed, n - 2, 0.0, 1.0, speed[0], d1 * h))[0])
+    if d * d1 < 0.0:
+        return abs(_value(value, n, _root(speed, n - 1, 0.0, 1.0, d * h, d1 * h))[0])
+    inflection = _root(bend, n - 2, 0.0, 1.0, bend[0], _value(bend, n - 2, 1.0)[0])
+    speed_at_inflection = _value(speed, n - 1, inflection)[0]
+    if speed_at_inflection * d >= 0.0:
+        return 0.0
+    first_zero = _root(speed, n - 1, 0.0, inflection, d * h, speed_at_inflection)
+    second_zero = _root(speed, n - 1, inflection, 1.0, speed_at_inflection, d1 * h)
+    return max(abs(_value(value, n, first_zero)[0]), abs(_value(value, n, second_zero)[0]))
+
+
+@outlined
+def terms(vibration):
+    """Return the number of terms of the series of q that are needed for an oscillator.
+
+    From the third derivative on, each derivative is about omega times the previous derivative. The
+    third derivative contains the slope of the ground acceleration.
+    """
+    by_u, by_v, h = vibration
+    scale = h * max(math.sqrt(by_u), by_v)
+    n, term = 3, 1.0
+    while n < TERMS and (n < _MIN_TERMS or term > _TRUNCATION):
+        n += 1
+        term *= scale * _INVERSE[n]
+    return n
+
+
+@outlined
+def _root(coefficients, n, low, high, at_low, at_high):
+    """Return the zero of a power series between `low` and `high`, by bracketed Newton's method.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of the series.
+    n : int
+        Number of terms.
+    low, high : float
+        Bracket.
+    at_low, at_high : float
+        Values of the series at the bracket, with different signs.
+    """
+    x = low + (high - low) * at_low / (at_low - at_high)
+    for _ in range(_MAX_ITERATIONS):
+        value, slope = _value(coefficients, n, x)
+        if value * at_low > 0.0:
+            low = x
+        else:
+            high = x
+        new_x = x - value / slope if slope != 0.0 else low
+        if low < new_x < high:
+            if (
+                abs(new_x - x) < _NEWTON_TOLERANCE
+            ):  # the remaining error is the square of the correction
+                return new_x
+        else:
+            new_x = 0.5 * (low + high)
+            if abs(new_x - x) < _BISECTION_TOLERANCE:
+                return new_x
+        x = new_x
+    return x
+
+
+@inline
+def _value(coefficients, n, x):
+    """Return a power series with `n` terms at x and its derivative, by Horner's scheme."""
+    value = slope = 0.0
+    for k in range(n - 1, -1, -1):
+        slope = slope * x + value
+        value = value * x + coefficients[k]
+    return value, slope
+
+
+@inline
+def narrowed(left, at_left, right, at_right, side, t, value):
+    """Narrow the bracket of a root by regula falsi with halved weights (Illinois method, Dowell and
+    Jarratt 1971).
+
+    The value at an endpoint that remains unchanged twice in succession is halved.
+
+    Parameters
+    ----------
+    left, at_left, right, at_right : float
+        Bracket with its values.
+    side : int
+        1 if the right endpoint was moved last, -1 for the left endpoint, 0 at the start.
+    t, value : float
+        New argument and its value, which is not zero.
+
+    Returns
+    -------
+    tuple
+        Left endpoint and value, right endpoint and value, `side`, and the distance by which an
+        endpoint was moved.
+    """
+    if (value > 0.0) == (at_right > 0.0):
+        moved = right - t
+        if side > 0:
+            at_left *= 0.5
+        return left, at_left, t, value, 1, moved
+    moved = t - left
+    if side < 0:
+        at_right *= 0.5
+    return t, value, right, at_right, -1, moved
