@@ -20,7 +20,7 @@ import pytest
 from cli.conftest import Command, check_parquet
 from csv_rows import rows
 from tdint.analysis.chart.problem import _load
-from tdint.kernels.building.store import _look_up_in, file_name
+from tdint.kernels.building.store import _find_in, file_name
 from tdint.kernels.building.target import native
 from tdint.system import locked, version_of_sources
 from tdint_cli.main import cli
@@ -327,7 +327,7 @@ def test_a_named_pipe_in_the_cache_is_not_waited_for(
         else:
             target = native()
             shutil.move(pipe, study / file_name("a:b", "v", target))
-            assert _look_up_in(study, False, "a:b", "v", (target,)) is None
+            assert _find_in(study, False, "a:b", "v", (target,)) is None
 
 
 KEPT_SAFE = {

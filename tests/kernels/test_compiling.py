@@ -15,11 +15,12 @@ from small_kernel import scaled
 from tdint import load_model
 from tdint.analysis.run.prepared import of_model
 from tdint.errors import AnalysisError, OutputError
-from tdint.kernels.building import compilable, obtaining, store
+from tdint.kernels.building import compilable, store
+from tdint.kernels.building import load_or_compile as building_module
 from tdint.kernels.building.compilable import EVERYTHING, Variant, parse
 from tdint.kernels.building.compiler import objects_of, outlined, specialized
+from tdint.kernels.building.load_or_compile import compile_ahead, load_or_compile
 from tdint.kernels.building.loading import Loaded, pack, unpack
-from tdint.kernels.building.obtaining import compile_ahead, obtain
 from tdint.kernels.building.process import Compilation
 from tdint.kernels.building.target import Target, named, native, runnable
 from tdint.kernels.compiling import F8, I8, TABLE, VECTOR, Kernel
@@ -211,18 +212,18 @@ def test_a_building_s_own_kernel_serves_before_the_one_for_everything(cache, mon
     monkeypatch.setattr(compilable, "WHOLE", False)
     served = []
     monkeypatch.setattr(
-        obtaining, "_load", lambda kernel, variant, code, symbol: served.append(code) or True
+        building_module, "_load", lambda kernel, variant, code, symbol: served.append(code) or True
     )
     linear = Variant(("linear",))
     for variant in (EVERYTHING, linear):
         about = store.identity(scaled.name, variant.text, native())
-        store.keep(
+        store.save(
             pack(variant.text.encode(), {**about, "symbol": "b"}),
             scaled.name,
             variant.text,
             native(),
         )
-        obtain([(Kernel(scaled.function, scaled.signature, ("laws",)), linear)])
+        load_or_compile([(Kernel(scaled.function, scaled.signature, ("laws",)), linear)])
     assert served == [EVERYTHING.text.encode(), linear.text.encode()]
 
 
@@ -245,7 +246,7 @@ AHEAD = """
 import os, two
 from pathlib import Path
 from tdint.kernels.building.compilable import EVERYTHING
-from tdint.kernels.building.obtaining import compile_ahead
+from tdint.kernels.building.load_or_compile import compile_ahead
 if hasattr(os, "sched_setaffinity"):
     os.sched_setaffinity(0, list(os.sched_getaffinity(0))[:1])  # one process compiles both
 compile_ahead([(two.{}, EVERYTHING), (two.{}, EVERYTHING)], ["native"], Path("out"), lambda done: None)
@@ -296,9 +297,9 @@ HARMS = [
 )
 def test_a_damaged_object_is_not_loaded(cache, harm):
     data = packed("a:b")
-    path = store.keep(data, "a:b", "all", SOME)
-    assert store.look_up("a:b", "all", (Target("none", ""), SOME))[1:] == (b"machine code", "b")
-    assert store.look_up("a:b", "linear", (SOME,)) is None
+    path = store.save(data, "a:b", "all", SOME)
+    assert store.find_object("a:b", "all", (Target("none", ""), SOME))[1:] == (b"machine code", "b")
+    assert store.find_object("a:b", "linear", (SOME,)) is None
     match harm:
         case "cut off":
             path.write_bytes(data[:-1])
@@ -325,10 +326,10 @@ def test_a_damaged_object_is_not_loaded(cache, harm):
             path.write_bytes(data.replace(b'"symbol": "b"', b'"symbol": "c"'))
         case _:  # a sound object of something else under this one's name
             path.write_bytes(packed("a:b", **{harm: "other"}))
-    assert store.look_up("a:b", "all", (SOME,)) is None
+    assert store.find_object("a:b", "all", (SOME,)) is None
     if harm not in ("a folder", "a pipe"):
-        store.keep(data, "a:b", "all", SOME)
-        assert store.look_up("a:b", "all", (SOME,))[1:] == (b"machine code", "b")
+        store.save(data, "a:b", "all", SOME)
+        assert store.find_object("a:b", "all", (SOME,))[1:] == (b"machine code", "b")
 
 
 def test_kernels_can_be_run_as_they_are_written(cache, monkeypatch):
@@ -341,11 +342,11 @@ def test_what_is_long_unused_is_removed(cache):
     versions, other = cache / "kernels-0123456789abcdef", cache / "something"
     versions.mkdir()
     other.mkdir()
-    files = [store.keep(packed("a:used"), name, "all", SOME) for name in ("a:used", "a:unused")]
+    files = [store.save(packed("a:used"), name, "all", SOME) for name in ("a:used", "a:unused")]
     for old in (versions, other, *files):
         os.utime(old, (0, 0))
-    assert store.look_up("a:used", "all", (SOME,))
-    current = store.keep(packed("a:used"), "a:new", "all", SOME)
+    assert store.find_object("a:used", "all", (SOME,))
+    current = store.save(packed("a:used"), "a:new", "all", SOME)
     assert current.parent == cache / store.folder_name()
     assert other.exists()
     assert not versions.exists()
@@ -409,7 +410,7 @@ def test_a_variant_is_read_as_it_is_written():
 
 
 def test_objects_are_removed_and_the_package_holds_none(cache, monkeypatch):
-    path = store.keep(packed("a:b"), "a:b", "all", SOME)
+    path = store.save(packed("a:b"), "a:b", "all", SOME)
     old = cache / "kernels-0123456789abcdef"
     old.mkdir()
     (old / "an.object").write_bytes(b"")
@@ -425,7 +426,7 @@ def test_objects_are_removed_and_the_package_holds_none(cache, monkeypatch):
 def test_a_shared_folder_can_be_read_by_others_whatever_the_umask(tmp_path):
     before = os.umask(0o077)
     try:
-        path = store.keep(packed("a:b"), "a:b", "all", SOME, tmp_path / "shared" / "kernels")
+        path = store.save(packed("a:b"), "a:b", "all", SOME, tmp_path / "shared" / "kernels")
     finally:
         os.umask(before)
     assert path.stat().st_mode & 0o777 == 0o644
@@ -438,17 +439,17 @@ def test_objects_that_came_with_the_package_serve_last(cache, monkeypatch):
     prebuilt = cache / "prebuilt" / sys.platform / store.file_name("a:b", "all", SOME)
     prebuilt.parent.mkdir(parents=True)
     prebuilt.write_bytes(packed("a:b"))
-    assert store.look_up("a:b", "all", (SOME,))[0] == prebuilt
+    assert store.find_object("a:b", "all", (SOME,))[0] == prebuilt
     assert not store.has("a:b", "all", SOME)
-    kept = store.keep(packed("a:b"), "a:b", "all", SOME)
-    assert store.look_up("a:b", "all", (SOME,))[0] == kept
+    kept = store.save(packed("a:b"), "a:b", "all", SOME)
+    assert store.find_object("a:b", "all", (SOME,))[0] == kept
 
 
 def test_without_the_compiler_a_loop_that_is_not_there_is_named(cache, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, package=None: None)
     said = (
-        "small_kernel:scaled: not among the compiled loops that came with tdint; to compile, "
-        "install numba"
+        "small_kernel:scaled: compiled time loops are not included in this installation; "
+        "install numba to compile them"
     )
     with pytest.raises(AnalysisError, match=said):
         _ = Kernel(scaled.function, scaled.signature, ()).compiled
@@ -513,28 +514,33 @@ def test_what_is_said_of_what_is_compiled(monkeypatch):
 
     one, two = Variant(("bilinear",)), Variant(("bilinear", "gap"))
     shown = [
-        obtaining._shown((kernel("a.b", "laws"), variant)) for variant in (one, two, EVERYTHING)
+        building_module._label((kernel("a.b", "laws"), variant))
+        for variant in (one, two, EVERYTHING)
     ]
     assert shown == ["b (bilinear)", "b (bilinear, gap)", "b (all laws)"]
-    assert obtaining._shown((kernel("a.c"), two)) == "c"
-    monkeypatch.setattr(obtaining, "processors", lambda: 2)
+    assert building_module._label((kernel("a.c"), two)) == "c"
+    monkeypatch.setattr(building_module, "processors", lambda: 2)
     alone = [
-        obtaining.duration([(kernel("b", "laws"), variant)]) for variant in (one, two, EVERYTHING)
+        building_module.duration([(kernel("b", "laws"), variant)])
+        for variant in (one, two, EVERYTHING)
     ]
     assert alone == sorted(alone) and len(set(alone)) == 3
     many = Variant(("bilinear", "gap", "imk", "tanh"))
-    assert obtaining.duration([(kernel("b", "laws"), many)]) == alone[2]
-    assert obtaining.duration([(kernel("b"), EVERYTHING)]) == alone[0]
-    assert obtaining.duration([(kernel("b", "laws"), two)] * 8) == 4 * alone[1]
-    assert obtaining.duration([(kernel("b", "laws"), EVERYTHING), (kernel("b"), one)]) == alone[2]
+    assert building_module.duration([(kernel("b", "laws"), many)]) == alone[2]
+    assert building_module.duration([(kernel("b"), EVERYTHING)]) == alone[0]
+    assert building_module.duration([(kernel("b", "laws"), two)] * 8) == 4 * alone[1]
+    assert (
+        building_module.duration([(kernel("b", "laws"), EVERYTHING), (kernel("b"), one)])
+        == alone[2]
+    )
 
 
 def test_loops_for_all_laws_do_not_serve_where_own_loops_are_requested(monkeypatch):
     """Else methods whose own loops a cache has would be compared with others in slower loops."""
     kernel, variant = SimpleNamespace(name="a:b"), Variant(laws=("tanh",))
     monkeypatch.setattr(
-        store, "look_up", lambda name, text, _: ("file", b"", "b") if "all" in text else None
+        store, "find_object", lambda name, text, _: ("file", b"", "b") if "all" in text else None
     )
-    monkeypatch.setattr(obtaining, "_load", lambda *_: True)
-    assert obtaining._not_found([(kernel, variant)], own_loops=False) == []
-    assert obtaining._not_found([(kernel, variant)], own_loops=True) == [(kernel, variant)]
+    monkeypatch.setattr(building_module, "_load", lambda *_: True)
+    assert building_module._load_existing([(kernel, variant)], own_loops=False) == []
+    assert building_module._load_existing([(kernel, variant)], own_loops=True) == [(kernel, variant)]

@@ -13,7 +13,7 @@ import pytest
 
 import tdint
 from tdint.analysis.run.prepared import PreparedBuilding, begin_at_once
-from tdint.kernels.building import obtaining, store
+from tdint.kernels.building import load_or_compile, store
 from tdint.methods.catalogue import catalogue, parse
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -83,7 +83,7 @@ def test_what_python_refuses_to_divide_is_what_arrays_give():
         return array[0, 0]
 
     array = np.zeros((2, 2))
-    assert obtaining.as_views(kernel)(2.0, array) == 1.0
+    assert load_or_compile.as_views(kernel)(2.0, array) == 1.0
     np.testing.assert_array_equal(array, [[1.0, np.inf], [0.0, 0.0]])
 
 
@@ -100,7 +100,7 @@ def of_user(tmp_path, monkeypatch):
     )
     started = []
     monkeypatch.setattr(
-        obtaining, "start_apart", lambda arguments, folder: started.append(arguments)
+        load_or_compile, "start_apart", lambda arguments, folder: started.append(arguments)
     )
     return started
 

@@ -118,7 +118,7 @@ def test_what_a_kernel_imports_is_found_as_by_parsing(name):
 
 def test_an_edit_of_a_method_leaves_the_kernels_of_others(changed):
     assert changed("methods/bathe.py") == [{"tdint.methods.bathe:step"}] * 2
-    assert changed("kernels/building/obtaining.py") == [set(), set()]
+    assert changed("kernels/building/load_or_compile.py") == [set(), set()]
 
 
 def test_an_edit_at_two_removes_counts(changed):

@@ -13,7 +13,7 @@ from tdint.analysis.run.workspace import choose_steps, kernels
 from tdint.kernels import layout as rows
 from tdint.kernels.building import compilable
 from tdint.kernels.building.compilable import EVERYTHING
-from tdint.kernels.building.obtaining import compile_ahead
+from tdint.kernels.building.load_or_compile import compile_ahead
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble
 from tdint.model.definition import LAWS, Law
@@ -84,9 +84,10 @@ def test_a_scene_of_its_own_and_everything_agree_to_the_last_bit(laws, methods, 
                 monkeypatch.setattr(kernel, "_last", (EVERYTHING, None))
             result.update(marched(PreparedBuilding(assembled), method))
         step = parse(method).family.step
-        assert {EVERYTHING, step.needs(variant)} <= step._loaded.keys() and step.needs(
-            variant
-        ) != EVERYTHING
+        assert {
+            EVERYTHING,
+            step.required_variant(variant),
+        } <= step._loaded.keys() and step.required_variant(variant) != EVERYTHING
         for result in (own, everything):
             result["peaks"] = np.delete(result["peaks"], RATES, axis=0)
         for name in ("state", "peaks", "totals", "history"):

@@ -81,7 +81,7 @@ def command(request: Request) -> None:
     if not asked:
         raise UsageError("nothing to compile: give a MODEL.yaml, or --all")
     from tdint.analysis.run.prepared import of_everything, of_model
-    from tdint.kernels.building.obtaining import compile_ahead, shown
+    from tdint.kernels.building.load_or_compile import compile_ahead, list_objects
     from tdint.methods.catalogue import DEFAULT_METHOD, parse
     from tdint.model.config.model_file import load_model
 
@@ -97,7 +97,7 @@ def command(request: Request) -> None:
         emit(
             "".join(
                 ",".join(row) + "\n"
-                for row in [("loop", "variant", "object", "origin"), *shown(kernels)]
+                for row in [("loop", "variant", "object", "origin"), *list_objects(kernels)]
             ).encode()
         )
         return

@@ -24,7 +24,7 @@ from tdint.campaign.reader import load_campaign
 from tdint.campaign.store import FILE, Store, all_differences, is_empty, open_existing, open_store
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.kernels.building.compilable import EVERYTHING
-from tdint.kernels.building.obtaining import obtain
+from tdint.kernels.building.load_or_compile import load_or_compile
 from tdint.kernels.march.march import many
 from tdint.system import on_threads, processors
 from tdint.tabular import Progress, Tabular, told_progress
@@ -148,7 +148,7 @@ def compile_for(plan: Plan) -> None:
     for building in plan.buildings[:_LOOKED_AT]:
         subject = building.subject()
         variants |= dict.fromkeys(kernels(subject.integrator, subject.prepared.variant))
-    obtain(list(variants))
+    load_or_compile(list(variants))
     spectral_accelerations(plan.motions[0].record, [1.0])
 
 

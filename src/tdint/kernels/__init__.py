@@ -1,2 +1,2 @@
-"""Compiled time loops: numpy and numba only, raw floats and arrays, no checks. The layers above are
-the safe way in."""
+"""Compiled time loops. They use numpy and numba only, operate on numbers and arrays, and do not
+validate their arguments. The layers above provide the validated interface."""

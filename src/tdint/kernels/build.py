@@ -1,11 +1,11 @@
-"""A process that compiles kernels of one variant, one after the other: `python -P -m
-tdint.kernels.build`.
+"""Process that compiles kernels of one variant: `python -P -m tdint.kernels.build`.
 
-A line of its standard input asks for one, as JSON: `["MODULE:KERNEL", FILE]`, where FILE is that of
-a module that cannot be found by its name, else null. Its objects, for the targets that
-TDINT_KERNELS_TARGETS names, go to standard output, each as `tdint.kernels.building.loading` packs
-it, behind a line that tells how many bytes follow. What two kernels have in common is compiled
-once. The process ends when its standard input does, so that none is left behind.
+Each line of the standard input requests one kernel as JSON: `["MODULE:KERNEL", FILE]`. FILE is the
+file of a module that cannot be imported by its name, and null otherwise. The object files for the
+targets in TDINT_KERNELS_TARGETS are written to the standard output, in the format of
+`tdint.kernels.building.loading`, each after a line with the number of its bytes. Code that several
+kernels share is compiled once. The process ends when its standard input is closed, so that no
+process remains.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from typing import Any
 
 
 def main() -> None:
-    """Compile the kernels that are asked for."""
-    # numba looks for SciPy's linear algebra, which kernels have no use for.
+    """Compile the requested kernels."""
+    # numba imports SciPy's linear algebra, which kernels do not use.
     sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
     variant = os.environ["TDINT_KERNELS_VARIANT"]
     _add_laws(variant)
@@ -39,14 +39,15 @@ def main() -> None:
 
     with suppress(
         ImportError, AttributeError
-    ):  # numba's insides may change: without shortcuts it takes longer
+    ):  # internals of numba can change; without the shortcuts the compilation takes longer
         _take_shortcuts()
     targets = [named(target) for target in os.environ["TDINT_KERNELS_TARGETS"].split(",")]
-    # After the imports: on Windows numpy's would wait for the pipe that the thread reads.
-    asked: SimpleQueue[bytes] = SimpleQueue()
-    threading.Thread(target=_listen, args=(asked,), daemon=True).start()
+    # The thread starts after the imports. On Windows the import of numpy would wait for the pipe
+    # that the thread reads.
+    requests: SimpleQueue[bytes] = SimpleQueue()
+    threading.Thread(target=_listen, args=(requests,), daemon=True).start()
     while True:
-        name, file = json.loads(asked.get())
+        name, file = json.loads(requests.get())
         module_name, _, attribute = name.partition(":")
         kernel = getattr(
             _module(module_name, file) if file else importlib.import_module(module_name), attribute
@@ -59,14 +60,15 @@ def main() -> None:
 
 
 def _take_shortcuts() -> None:
-    """Spare numba what it does over and over, or for nothing: half of the time."""
+    """Avoid repeated and unnecessary work in numba, which halves the compile time."""
     import numba.core.inline_closurecall as inlining
     from numba.core import bytecode, codegen, compiler, ir, ir_utils, types
     from numba.core.types.functions import BaseFunction
 
-    # A function is read anew for each place where it is inlined; numba copies twice what it read.
+    # numba reads a function again for each call that is inlined, and copies it twice.
     inlining.copy = SimpleNamespace(deepcopy=lambda block: block)
-    # What an operator of numbers gives: numba tries all that might fit, and lists what does not.
+    # The result type of an operator with numbers is cached. numba would try all candidates and
+    # format an error for each mismatch.
     resolve = BaseFunction.get_call_type
 
     def resolve_once(
@@ -83,26 +85,26 @@ def _take_shortcuts() -> None:
         return resolved[key]
 
     setattr(BaseFunction, "get_call_type", resolve_once)  # noqa: B010 (a method, to mypy)
-    # The variables of an instruction: mostly told by a type, of which the usual ones are asked for
+    # The variables of an instruction depend on the type of the value. The common types are tested
     # first.
-    others = ir.Inst._rec_list_vars
+    default_variables = ir.Inst._rec_list_vars
 
     def variables(self: Any, value: Any) -> list[Any]:
-        kind = type(value)
-        if kind is ir.Var:
+        value_type = type(value)
+        if value_type is ir.Var:
             return [value]
-        if kind is ir.Loc or kind is str:
+        if value_type is ir.Loc or value_type is str:
             return []
-        if kind is dict:
+        if value_type is dict:
             return [variable for part in value.values() for variable in variables(self, part)]
-        of_others: list[Any] = others(self, value)
-        return of_others
+        result: list[Any] = default_variables(self, value)
+        return result
 
     ir.Inst._rec_list_vars = variables
-    # Labels and names of variables are numbered in each function from one on, not through all: what
-    # was compiled before would show in the order of sets of names, and that in the code. Functions
-    # are numbered through, so that no two have a symbol in common.
-    number, labels, compile_one = (
+    # Labels and names of variables are numbered separately in each function. With a common
+    # numbering, previously compiled functions would affect the order of sets of names and therefore
+    # the code. Functions are numbered consecutively, so that no two functions have a common symbol.
+    function_numbers, labels, compile_one = (
         itertools.count(1),
         ir_utils._the_max_label,
         compiler.CompilerBase.compile_extra,
@@ -111,29 +113,30 @@ def _take_shortcuts() -> None:
         bytecode.FunctionIdentity._unique_ids,
         labels._value,
         ir_utils._unique_var_count,
-    )  # or it is another numba
+    )  # raises AttributeError for an incompatible version of numba
 
-    def compile_apart(self: Any, function: Any) -> Any:
+    def compile_separately(self: Any, function: Any) -> Any:
         identity = bytecode.FunctionIdentity
         outer = identity._unique_ids, labels._value, ir_utils._unique_var_count
-        identity._unique_ids = itertools.chain([next(number)], itertools.count(1))
+        identity._unique_ids = itertools.chain([next(function_numbers)], itertools.count(1))
         labels._value, ir_utils._unique_var_count = 0, 0
         try:
             return compile_one(self, function)
         finally:
             identity._unique_ids, labels._value, ir_utils._unique_var_count = outer
 
-    compiler.CompilerBase.compile_extra = compile_apart
-    # Nothing is run here, so no part needs machine code in this process.
+    compiler.CompilerBase.compile_extra = compile_separately
+    # No code is executed in this process, so machine code is not needed.
     codegen.JitEngine.finalize_object = lambda self: None
     codegen.JITCPUCodegen.set_env = lambda *_: None
-    # Most of what numba makes stays.
+    # Most objects that numba creates remain in use.
     gc.freeze()
     gc.set_threshold(200_000, 20, 100)
 
 
 def _module(name: str, file: str) -> Any:
-    """The module in a file, under the name that it has in the process that wants the kernel."""
+    """Load the module in a file under the name that it has in the process that requested the
+    kernel."""
     if name not in sys.modules:
         specification = importlib.util.spec_from_file_location(name, file)
         assert specification is not None and specification.loader is not None
@@ -143,8 +146,10 @@ def _module(name: str, file: str) -> Any:
 
 
 def _add_laws(variant: str) -> None:
-    """Put the laws of plug-ins that a variant names at their numbers, before what goes by the laws
-    is imported."""
+    """Register the plug-in laws of a variant with their numbers.
+
+    The registration must precede the import of modules that depend on the laws.
+    """
     from tdint.kernels.building.compilable import parse
     from tdint.kernels.building.sources import OUTSIDE
     from tdint.kernels.laws import LAWS, linear
@@ -161,15 +166,16 @@ def _add_laws(variant: str) -> None:
         LAWS[code] = next(law for law in values if isinstance(law, DriftLaw) and law.name == name)
 
 
-def _listen(asked: SimpleQueue[bytes]) -> None:
-    """Take what is asked for; who asks may end at any time, and the process with it."""
+def _listen(requests: SimpleQueue[bytes]) -> None:
+    """Put the lines of the standard input into a queue, and end the process when the standard input
+    is closed."""
     text = b""
-    while new := os.read(
+    while received := os.read(
         0, 4096
-    ):  # not sys.stdin, whose lock a thread must not hold when Python ends
-        *lines, text = (text + new).split(b"\n")
+    ):  # sys.stdin is not used because a thread must not hold its lock when Python ends
+        *lines, text = (text + received).split(b"\n")
         for line in lines:
-            asked.put(line)
+            requests.put(line)
     os._exit(0)
 
 

@@ -79,11 +79,11 @@ class Kernel(Compilable):
         last_variant, function = self._last
         if function is not None and variant is last_variant:
             return function
-        required_variant = self.needs(variant)
+        required_variant = self.required_variant(variant)
         if required_variant not in self._loaded:
-            from tdint.kernels.building.obtaining import obtain
+            from tdint.kernels.building.load_or_compile import load_or_compile
 
-            obtain([(self, required_variant)])
+            load_or_compile([(self, required_variant)])
         function = self._loaded[required_variant]
         self._last = variant, function
         return function

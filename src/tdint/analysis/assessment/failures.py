@@ -18,7 +18,7 @@ from tdint.analysis.run.workspace import LINEAR_OSCILLATORS, kernels
 from tdint.arrays import Array
 from tdint.errors import UsageError, did_you_mean
 from tdint.kernels.building.compilable import Variant
-from tdint.kernels.building.obtaining import obtain
+from tdint.kernels.building.load_or_compile import load_or_compile
 from tdint.kernels.compiling import Kernel
 from tdint.methods.catalogue import catalogue, chosen, parse
 from tdint.methods.method import Integrator
@@ -538,7 +538,7 @@ def compile_for(integrators: Sequence[Integrator], hard: Iterable[HardProblem]) 
                     integrator.stability_limit < math.inf
                 ):  # whether a step is too long is seen on oscillators
                     needed.append((integrator.family.step, LINEAR_OSCILLATORS))
-    obtain(list(dict.fromkeys(needed)))
+    load_or_compile(list(dict.fromkeys(needed)))
 
 
 def attempt(integrator: Integrator, problem: HardProblem) -> list[Trial]:

@@ -33,7 +33,11 @@ from tdint.errors import AnalysisError
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import EVERYTHING, Variant
-from tdint.kernels.building.obtaining import begin_as_written, compile_ahead, obtain
+from tdint.kernels.building.load_or_compile import (
+    compile_ahead,
+    interpret_while_compiling,
+    load_or_compile,
+)
 from tdint.kernels.building.sources import CODE
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws.compiled_separately import kernels_apart
@@ -244,7 +248,7 @@ class PreparedBuilding:
             A law of a plug-in is not what it declares.
         """
         verify_laws(self.building.law_parameters)
-        obtain(
+        load_or_compile(
             [kernel for integrator in integrators for kernel in kernels(integrator, self.variant)],
             progress,
             own_loops,
@@ -687,7 +691,7 @@ slowest method (rk5, 55 us)."""
 def begin_at_once(prepared: PreparedBuilding, methods: Sequence[Integrator], steps: int) -> bool:
     """Whether a run of so many steps in all, with a method and the one that tells its errors, goes
     as its loops are written, since nobody has compiled them yet; they are compiled beside it
-    (`tdint.kernels.building.obtaining.begin_as_written`).
+    (`tdint.kernels.building.load_or_compile.begin_as_written`).
 
     Never with power-law dashpots, whose iterations take fifteen times as long.
     """
@@ -699,7 +703,9 @@ def begin_at_once(prepared: PreparedBuilding, methods: Sequence[Integrator], ste
     ):
         return False
     called, others = zip(*(_of_building(prepared, method) for method in methods), strict=True)
-    return begin_as_written(*(list(dict.fromkeys(chain(*groups))) for groups in (called, others)))
+    return interpret_while_compiling(
+        *(list(dict.fromkeys(chain(*groups))) for groups in (called, others))
+    )
 
 
 def of_everything() -> list[tuple[Kernel, Variant]]:

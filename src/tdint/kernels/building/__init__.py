@@ -1,1 +1,1 @@
-"""Kernels as object files: compiled by processes of their own, kept, found again and loaded."""
+"""Kernels as object files: compilation in separate processes, storage, retrieval and loading."""

@@ -1,5 +1,5 @@
-"""What is compiled: a function with its signature, and which parts of a scene: what it does without
-is left out."""
+"""Objects of compilation: a function with its signature, and the variant with the features that the
+compiled code supports."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Signature:
-    """What a kernel returns and takes. A signature among the arguments stands for a function of
-    that kind."""
+    """Types of the result and of the arguments of a kernel. A signature among the arguments
+    represents a kernel with this signature."""
 
     returns: Scalar
     arguments: tuple[Argument, ...]
@@ -20,8 +20,8 @@ class Signature:
 
 @dataclass(frozen=True)
 class Scalar:
-    """A number; called with the types of arguments it is the signature of a function that returns
-    such a number."""
+    """Type of a number. A call with the types of arguments returns the signature of a function that
+    returns such a number."""
 
     name: str
 
@@ -31,7 +31,7 @@ class Scalar:
 
 @dataclass(frozen=True)
 class ArrayOf:
-    """An array of floating-point numbers in C order."""
+    """Type of an array of floating-point numbers in C order."""
 
     dimensions: int
 
@@ -42,25 +42,25 @@ F8 = Scalar("float64")
 I8 = Scalar("int64")
 
 WHOLE = os.environ.get("TDINT_KERNELS") == "whole"
-"""Whether one variant serves all scenes: where many different buildings are integrated, less is
-compiled."""
+"""True if one variant with all features is used for all buildings. This reduces compile times if
+many different buildings are integrated."""
 
 
 @dataclass(frozen=True)
 class Variant:
-    """What a kernel is compiled for.
+    """Features that the compiled code of a kernel supports.
 
     Attributes
     ----------
     laws : tuple of str
-        Drift laws of the stories by name, in the order of `tdint.kernels.laws.LAWS`; empty for all
-        of ours. One of a plug-in is named with its number, `name@9`.
+        Names of the drift laws of the stories, in the order of `tdint.kernels.laws.LAWS`. Empty for
+        all laws of tdint. The name of a law of a plug-in includes its number: `name@9`.
     modal : bool
         Modal damping.
     forces : bool
         Forces on floors.
     dashpots : bool
-        Dashpots, linear ones or of a power law.
+        Dashpots, linear or of a power law.
     """
 
     laws: tuple[str, ...] = ()
@@ -70,18 +70,25 @@ class Variant:
 
     @property
     def text(self) -> str:
-        """The variant in a word that a file name may hold, read by `parse`."""
+        """Text that identifies the variant in a file name. `parse` reads this text."""
         parts = "".join(f"+{name}" for name in FEATURES if getattr(self, name))
         return (",".join(self.laws) or "all") + parts
 
     @property
     def outside(self) -> dict[str, int]:
-        """The numbers of the laws of plug-ins, by name."""
+        """Numbers of the laws of plug-ins, by name."""
         split = (law.partition("@") for law in self.laws)
         return {name: int(code) for name, at, code in split if at}
 
     def only(self, parts: tuple[str, ...]) -> Variant:
-        """The variant of a kernel that depends on some `parts` alone (names of the attributes)."""
+        """Return the variant of a kernel that depends only on some features.
+
+        Parameters
+        ----------
+        parts : tuple of str
+            Names of the attributes on which the kernel depends. All features are set for the
+            remaining attributes.
+        """
         return replace(
             self, **{name: getattr(EVERYTHING, name) for name in _PARTS if name not in parts}
         )
@@ -93,7 +100,13 @@ FEATURES = _PARTS[1:]
 
 
 def parse(text: str) -> Variant:
-    """Read what `Variant.text` writes."""
+    """Return the variant of a text written by `Variant.text`.
+
+    Raises
+    ------
+    ValueError
+        The text contains an unknown feature.
+    """
     laws, *features = text.split("+")
     if unknown := set(features) - set(FEATURES):
         raise ValueError(f"variant {text!r}: unknown {', '.join(sorted(unknown))}")
@@ -101,25 +114,29 @@ def parse(text: str) -> Variant:
     return Variant(chosen, **{name: name in features for name in FEATURES})
 
 
-_TAKEN: set[str] = set()
-"""How the loops that this process has taken are executed: compiled, interpreted or both."""
+_INSTALLED: set[str] = set()
+"""Types of functions that this process has installed: "compiled", "interpreted" or both."""
 
 
 def time_loops() -> str | None:
-    """Return how this process executes time loops: "compiled", or "interpreted" if it has taken any
-    loop so; None if it has taken no loop."""
-    return "interpreted" if "interpreted" in _TAKEN else next(iter(_TAKEN), None)
+    """Return "interpreted" if this process executes a time loop as a Python function, otherwise
+    "compiled"; None if it has installed no time loop."""
+    return "interpreted" if "interpreted" in _INSTALLED else next(iter(_INSTALLED), None)
 
 
 class Compilable:
-    """A function, and what it is compiled for.
+    """Function with its signature and its compiled or loaded variants.
 
     Parameters
     ----------
+    function : function
+        Python function of the kernel.
+    signature : Signature
+        Types of its arguments and its result.
     parts : tuple of str
-        The parts of `Variant` that the kernel depends on.
+        Attributes of `Variant` on which the kernel depends.
     vectorized : bool
-        Whether loops may be turned into vector instructions.
+        True if the compiler may vectorize loops.
     """
 
     def __init__(
@@ -135,35 +152,48 @@ class Compilable:
         self.vectorized = vectorized
         self.__doc__ = function.__doc__
         self._loaded: dict[Variant, Callable[..., Any]] = {}
-        self._needs: dict[Variant, Variant] = {}  # found once: it is asked for at each call
+        self._required: dict[Variant, Variant] = {}  # cached because it is required for each call
         self._last: tuple[Variant, Callable[..., Any] | None] = (
             EVERYTHING,
             None,
-        )  # most calls are those before again
+        )  # most calls repeat the previous variant
 
     @property
     def name(self) -> str:
-        """Where the kernel stands, as `package.module:function`."""
+        """Name of the kernel, as `package.module:function`."""
         return f"{self.function.__module__}:{self.function.__qualname__}"
 
-    def needs(self, variant: Variant) -> Variant:
-        """What of a variant matters to this kernel."""
-        needed = self._needs.get(variant)
-        if needed is None:
-            needed = self._needs[variant] = (
+    def required_variant(self, variant: Variant) -> Variant:
+        """Return the variant that this kernel requires for a building with the features of
+        `variant`."""
+        required = self._required.get(variant)
+        if required is None:
+            required = self._required[variant] = (
                 EVERYTHING if WHOLE and not variant.outside else variant.only(self.parts)
             )
-        return needed
+        return required
 
     def loaded(self, variant: Variant) -> bool:
-        """Whether this process has the kernel."""
-        last, function = self._last
-        return (function is not None and variant is last) or self.needs(variant) in self._loaded
+        """Return True if this process has loaded the kernel for a variant."""
+        last_variant, function = self._last
+        return (function is not None and variant is last_variant) or self.required_variant(
+            variant
+        ) in self._loaded
 
-    def take(
+    def install(
         self, variant: Variant, function: Callable[..., Any], *, interpreted: bool = False
     ) -> None:
-        """Take the function for a variant: compiled, or interpreted by Python as it is written."""
-        _TAKEN.add("interpreted" if interpreted else "compiled")
-        self._loaded[self.needs(variant)] = function
+        """Install the function for a variant.
+
+        Parameters
+        ----------
+        variant : Variant
+            Variant that the function supports.
+        function : function
+            Compiled function, or Python function.
+        interpreted : bool
+            True for a Python function. Default: False.
+        """
+        _INSTALLED.add("interpreted" if interpreted else "compiled")
+        self._loaded[self.required_variant(variant)] = function
         self._last = EVERYTHING, None

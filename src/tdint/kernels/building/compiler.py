@@ -1,6 +1,7 @@
-"""The decorators of a process that compiles: numba's; and the way from a kernel to an object file.
+"""Decorators of a process that compiles, based on numba, and the compilation of kernels to object
+files.
 
-Only the functions of `tdint.kernels.build` import this.
+Only the functions of `tdint.kernels.build` import this module.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ from numba.extending import intrinsic
 from tdint.kernels.building.compilable import Argument, ArrayOf, Scalar, Signature
 from tdint.kernels.building.target import Target, native
 
-# Without reference counts (the arrays outlive the call; kernels allocate none) a step costs a
-# third: counting is atomic.
+# Reference counting is disabled: the arrays outlive the call, and kernels allocate no arrays. With
+# it a step would take three times as long, because counting is atomic.
 _OPTIONS = {
     "error_model": "numpy",
     "fastmath": {"contract"},
@@ -112,18 +113,19 @@ library that a process is sure to have."""
 
 
 def inline(function: Callable[..., Any]) -> Any:
-    """`tdint.kernels.compiling.inline`, compiled."""
+    """Return the compiled form of `tdint.kernels.compiling.inline`."""
     return numba.njit(inline="always", **_OPTIONS)(function)
 
 
 def specialized(function: Callable[..., Any]) -> Any:
-    """`tdint.kernels.compiling.specialized`, compiled: numba takes a constant argument for a type
-    of its own."""
+    """Return the compiled form of `tdint.kernels.compiling.specialized`. numba treats a constant
+    argument as a separate type."""
     return numba.njit(**_OPTIONS)(function)
 
 
 def outlined(function: Callable[..., Any]) -> Any:
-    """`tdint.kernels.compiling.called`, compiled: constants are told to it as any other number."""
+    """Return the compiled form of `tdint.kernels.compiling.outlined`. A constant argument is passed
+    like any other number."""
     once = specialized(function)
     template = once.get_call_template
     once.get_call_template = lambda arguments, named: template(
@@ -133,11 +135,12 @@ def outlined(function: Callable[..., Any]) -> Any:
 
 
 def indirect_caller(signature: Signature) -> Any:
-    """`tdint.kernels.compiling.indirect_caller`, compiled: the kernel is its address."""
+    """Return the compiled form of `tdint.kernels.compiling.indirect_caller`. The kernel is
+    represented by its address."""
     returns, arguments = _type(signature.returns), tuple(map(_type, signature.arguments))
 
     @intrinsic
-    def call(typing_context, address, given):
+    def call(typing_context, address, argument_types):
         def generate(context, builder, _, values):
             convention = context.call_conv
             function_type = convention.get_function_type(returns, arguments)
@@ -145,23 +148,23 @@ def indirect_caller(signature: Signature) -> Any:
             parts = cgutils.unpack_tuple(builder, values[1], len(arguments))
             parts = [
                 context.cast(builder, part, value, argument)
-                for part, value, argument in zip(parts, given, arguments, strict=True)
+                for part, value, argument in zip(parts, argument_types, arguments, strict=True)
             ]
             _, result = convention.call_function(builder, function, returns, arguments, parts)
             return result
 
-        return returns(address, given), generate
+        return returns(address, argument_types), generate
 
     @numba.njit(**_OPTIONS)
-    def outlined(address, *given):
-        return call(address, given)
+    def outlined(address, *argument_types):
+        return call(address, argument_types)
 
     return outlined
 
 
 @intrinsic
 def local(typing_context, size):
-    """`tdint.kernels.compiling.local`, compiled: on the stack."""
+    """Return the compiled form of `tdint.kernels.compiling.local`; the array is on the stack."""
     return _on_stack(1)(types.intp), lambda context, builder, _, sizes: _array(
         context, builder, sizes
     )
@@ -169,18 +172,20 @@ def local(typing_context, size):
 
 @intrinsic
 def local_table(typing_context, rows, columns):
-    """`tdint.kernels.compiling.local_table`, compiled: on the stack."""
+    """Return the compiled form of `tdint.kernels.compiling.local_table`; the array is on the
+    stack."""
     return _on_stack(2)(types.intp, types.intp), lambda context, builder, _, sizes: _array(
         context, builder, sizes
     )
 
 
 def _on_stack(dimensions: int) -> Any:
+    """Return the type of an array on the stack."""
     return types.Array(types.float64, dimensions, "C")
 
 
 def _array(context: Any, builder: Any, sizes: Any) -> Any:
-    """An array in C order on the stack of the function."""
+    """Return an uninitialized array in C order on the stack of the function."""
     strides: list[Any] = []
     count = context.get_constant(types.intp, 1)
     for size in reversed(sizes):
@@ -201,13 +206,27 @@ def _array(context: Any, builder: Any, sizes: Any) -> Any:
 def objects_of(
     function: Callable[..., Any], signature: Signature, targets: Iterable[Target]
 ) -> tuple[list[bytes], str]:
-    """Compile a kernel: its object file for each target, and the symbol of its entry.
+    """Compile a kernel to an object file for each target.
+
+    Parameters
+    ----------
+    function : function
+        Python function of the kernel.
+    signature : Signature
+        Types of its arguments and its result.
+    targets : iterable of Target
+        Targets with equal optimization by numba.
+
+    Returns
+    -------
+    list of bytes, str
+        Object file for each target, and the symbol of the entry point.
 
     Raises
     ------
     ValueError
-        The kernel calls something that is neither in the object nor of the C library: it allocates,
-        or raises.
+        The kernel calls a function that is neither in the object file nor in the C library, because
+        it allocates memory or raises an exception.
     """
     if not numba.core.config.OPT:
         raise ValueError(
@@ -217,23 +236,24 @@ def objects_of(
     compiled.compile(_type(signature.returns)(*map(_type, signature.arguments)))
     (arguments,) = compiled.overloads
     text = compiled.inspect_llvm(arguments)
-    # Functions that it declares and uses, but for LLVM's own and the C library's.
+    # Functions that the kernel declares and uses, except those of LLVM and of the C library.
     declared = re.findall(r'^declare .*?@("[^"]+"|[\w.$-]+)\(', text, re.MULTILINE)
     foreign = (
         name for name in declared if not name.strip('"').startswith("llvm.") and name not in _MATH
     )
-    if left := sorted(
+    if remaining := sorted(
         name for name in foreign if len(re.findall(f"@{re.escape(name)}(?![\\w.$-])", text)) > 1
     ):
         raise ValueError(
-            f"{function.__name__} calls {', '.join(left)}: a kernel may neither allocate nor raise"
+            f"{function.__name__} calls {', '.join(remaining)}: a kernel must neither allocate "
+            "memory nor raise an exception"
         )
     symbol = compiled.overloads[arguments].fndesc.llvm_func_name
     text = _EXCEPTION.sub("null", _OF_PYTHON.sub("", text))
-    # numba numbers functions in the order in which they are compiled. Here each is named by its
-    # place.
+    # numba numbers functions in the order of compilation. Here each name contains its index in the
+    # module, so that equal sources give equal bytes.
     names = {
-        name: f"{function.__name__}.{place}" for place, name in enumerate(_DEFINED.findall(text))
+        name: f"{function.__name__}.{index}" for index, name in enumerate(_DEFINED.findall(text))
     }
     text = _SYMBOL.sub(
         lambda use: f'{use[1]}"{names[use[2]]}"' if use[2] in names else use[0], text
@@ -242,10 +262,10 @@ def objects_of(
 
 
 def _emitted(text: str, target: Target) -> bytes:
-    """The object file of a module whose text numba made for this machine.
+    """Return the object file of a module that numba has generated for this machine.
 
-    Nothing is unwound through a kernel: tables for that would have to lie near the code, which on
-    Windows they do not.
+    No exception is unwound through a kernel. Unwind tables would have to be near the code, which is
+    not the case on Windows.
     """
     if target == native():
         codegen = numba.core.registry.cpu_target.target_context.codegen()
@@ -264,7 +284,7 @@ def _emitted(text: str, target: Target) -> bytes:
 
 
 def _type(argument: Argument) -> Any:
-    """The type of an argument as numba knows it; a kernel is given by its address."""
+    """Return the numba type of an argument. A kernel is passed by its address."""
     match argument:
         case Scalar():
             return getattr(types, argument.name)

@@ -1,6 +1,6 @@
-"""From an object file to a function that can be called.
+"""Loading of a function from an object file.
 
-The form of a kernel in a file: a line of JSON that describes the object, then the object.
+The file of a kernel contains one line of JSON that describes the object, and then the object.
 """
 
 from __future__ import annotations
@@ -17,54 +17,60 @@ import numpy as np
 from tdint.kernels.building.compilable import Argument, ArrayOf, Scalar, Signature
 from tdint.kernels.building.target import machine
 
-_FORM = "tdint object 2"
-_LONGEST_HEAD = 4096  # bytes; ours have some hundred
+_FORMAT = "tdint object 2"
+_MAX_DESCRIPTION = 4096  # bytes; the descriptions of tdint have a few hundred
 _NUMBERS = {"float64": (ctypes.c_double, float), "int64": (ctypes.c_int64, int)}
 
 
-def pack(code: bytes, about: dict[str, Any]) -> bytes:
-    """An object and what is known about it, hashed together."""
-    about = {"form": _FORM, **about}
-    return json.dumps({**about, "sha256": _hash(about, code)}).encode() + b"\n" + code
+def pack(code: bytes, description: dict[str, Any]) -> bytes:
+    """Return the file contents of an object and its description, with a common hash."""
+    description = {"form": _FORMAT, **description}
+    return json.dumps({**description, "sha256": _hash(description, code)}).encode() + b"\n" + code
 
 
 def unpack(data: bytes) -> tuple[bytes, dict[str, Any]]:
-    """What `pack` packed.
+    """Return the object and its description from the contents of a file written by `pack`.
 
     Raises
     ------
     ValueError
-        The data are something else, cut off or damaged.
+        The data have a different format, are truncated or corrupt.
     """
-    head, _, code = data.partition(b"\n")
-    if len(head) > _LONGEST_HEAD:  # deep enough it would exhaust the reader's stack
-        raise ValueError("not an object of tdint")
-    about = json.loads(head)
+    first_line, _, code = data.partition(b"\n")
     if (
-        not isinstance(about, dict)
-        or about.get("form") != _FORM
-        or not isinstance(about.get("symbol"), str)
+        len(first_line) > _MAX_DESCRIPTION
+    ):  # a deeply nested text would exhaust the stack of the JSON parser
+        raise ValueError("not an object of tdint")
+    description = json.loads(first_line)
+    if (
+        not isinstance(description, dict)
+        or description.get("form") != _FORMAT
+        or not isinstance(description.get("symbol"), str)
     ):
         raise ValueError("not an object of tdint")
-    if about.pop("sha256", None) != _hash(about, code):
-        raise ValueError("cut off or damaged")
-    return code, about
+    if description.pop("sha256", None) != _hash(description, code):
+        raise ValueError("truncated or corrupt")
+    return code, description
 
 
-def _hash(about: dict[str, Any], code: bytes) -> str:
-    return hashlib.sha256(json.dumps(about, sort_keys=True).encode() + b"\n" + code).hexdigest()
+def _hash(description: dict[str, Any], code: bytes) -> str:
+    """Return the SHA-256 of the description and the object."""
+    return hashlib.sha256(
+        json.dumps(description, sort_keys=True).encode() + b"\n" + code
+    ).hexdigest()
 
 
 class Loaded:
-    """A kernel in memory, called with numbers, arrays and other loaded kernels.
+    """Kernel in memory, called with numbers, arrays and other loaded kernels.
 
-    numba's calling convention: where to put the result, where to put an exception (kernels raise
-    none), then the arguments, arrays in parts. Python's lock is released during the call.
+    The call uses the calling convention of numba: the address of the result, the address of an
+    exception (kernels raise no exceptions), then the arguments, with arrays decomposed. The lock of
+    the Python interpreter is released during the call.
 
     Raises
     ------
     TypeError
-        When called with an array of another type or order than the signature says.
+        The kernel is called with an array of a type or order that does not match the signature.
     """
 
     def __init__(self, code: bytes, symbol: str, signature: Signature) -> None:
@@ -96,13 +102,14 @@ class Loaded:
 def _parts(
     arguments: Sequence[Argument],
 ) -> tuple[list[Any], list[Callable[[Any, list[Any]], None]]]:
-    """C types of the flat arguments, and for each argument what puts its parts into a list."""
+    """Return the C types of the flat arguments, and for each argument a function that appends its
+    parts to a list."""
     types: list[Any] = []
     parts: list[Callable[[Any, list[Any]], None]] = []
     for argument in arguments:
         match argument:
             case ArrayOf(dimensions):
-                # meminfo, parent, number of items, bytes of an item, data, shape, strides
+                # meminfo, parent, number of items, bytes per item, data, shape, strides
                 types += [ctypes.c_void_p] * 2 + [ctypes.c_int64] * 2 + [ctypes.c_void_p]
                 types += [ctypes.c_int64] * (2 * dimensions)
                 parts.append(_table(dimensions))
@@ -117,20 +124,24 @@ def _parts(
 
 
 def _table(dimensions: int) -> Callable[[Any, list[Any]], None]:
+    """Return a function that appends the parts of an array to a list."""
     number = np.dtype(np.float64)
 
-    def put(array: Any, flat: list[Any]) -> None:
+    def append_parts(array: Any, flat: list[Any]) -> None:
+        """Append the parts of an array, or raise TypeError if the array does not match the
+        signature."""
         if array.dtype != number or array.ndim != dimensions or not array.flags.carray:
             raise TypeError(
-                f"a kernel takes an array of {dimensions} dimensions of float64 in C order that "
-                f"can be written; got {array.ndim} of {array.dtype}"
+                f"the argument must be a writable float64 array in C order with {dimensions} "
+                f"dimensions, got {array.dtype} with {array.ndim} dimensions"
             )
-        # An array of nothing has no buffer.
+        # An empty array has no buffer.
         data = ctypes.addressof(ctypes.c_char.from_buffer(array)) if array.size else None
         flat += (None, None, array.size, 8, data, *array.shape, *array.strides)
 
-    return put
+    return append_parts
 
 
 def _number(convert: Callable[[Any], Any]) -> Callable[[Any, list[Any]], None]:
+    """Return a function that appends a number to a list."""
     return lambda value, flat: flat.append(convert(value))

@@ -1,4 +1,4 @@
-"""Processes that compile."""
+"""Processes that compile kernels."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ from tdint.kernels.building.sources import OUTSIDE, closure, size
 from tdint.kernels.building.target import Target, named, native
 from tdint.system import processors
 
-_PLACE = re.compile(r'(?:File "| at )(?:[^"]*[/\\])?([^"/\\]+\.py)(?:", line |\s\()(\d+)')
-"""As Python and numba name a place."""
+_POSITION = re.compile(r'(?:File "| at )(?:[^"]*[/\\])?([^"/\\]+\.py)(?:", line |\s\()(\d+)')
+"""Position in a source file, as in the messages of Python and numba."""
 
 _MISSING = re.compile(r"name '(\w+)'")
 
 
 @dataclass(frozen=True)
 class Compilation:
-    """One kernel in one variant, to be compiled for targets that numba optimizes alike."""
+    """Compilation of one kernel in one variant, for targets with equal optimization by numba."""
 
     kernel: Compilable
     variant: Variant
@@ -40,13 +40,13 @@ class Compilation:
 
     @property
     def module(self) -> str:
-        """The kernel's module."""
+        """Module of the kernel."""
         return self.kernel.function.__module__
 
     @property
     def settings(self) -> dict[str, str]:
-        """The environment of a process that compiles it, and whatever else has the same
-        settings."""
+        """Environment variables of the process that compiles the kernel, and other kernels with
+        equal settings."""
         cpu, features = next(iter(self.targets.values())).optimized_for
         return {
             "TDINT_KERNELS_VARIANT": self.variant.text,
@@ -59,64 +59,80 @@ class Compilation:
 
     @property
     def plugins(self) -> dict[str, tuple[str, str]]:
-        """Module and file of each law of the variant that is a plug-in's."""
+        """Module and file of each law of the variant that belongs to a plug-in."""
         modules = {law: OUTSIDE[law] for law in self.variant.outside}
         return {law: (name, str(sys.modules[name].__file__)) for law, name in modules.items()}
 
     @property
     def request(self) -> tuple[str, str | None]:
-        """The kernel as a process knows it: its name, and the file of a module that is not the
-        package's.
+        """Request for the process: the name of the kernel, and the file of a module that is not
+        part of the package.
 
         Raises
         ------
         AnalysisError
-            It is in no module that another process can load.
+            The kernel is not in a module that another process can load.
         """
         module = sys.modules[self.module]
         if module.__name__ == "__main__" or not getattr(module, "__file__", None):
             raise AnalysisError(
-                f"{self.kernel.name} cannot be compiled: put the kernel into a module of its own"
+                f"{self.kernel.name} cannot be compiled: move the kernel to a separate module"
             )
         return self.kernel.name, None if module.__name__.startswith("tdint.") else str(
             module.__file__
         )
 
     def reason(self, text: list[str]) -> str:
-        """What numba says behind its last "Failed in nopython", and where: the file and the line;
-        else the last line that the process wrote."""
-        marks = [i for i, line in enumerate(text) if "Failed in nopython" in line]
-        behind = (
-            [line.strip() for line in text[marks[-1] + 1 :] if line.strip()] if marks else text[-1:]
+        """Return the reason of a failure with file and line.
+
+        The reason is the message of numba after its last "Failed in nopython", or otherwise the
+        last line of the output.
+
+        Parameters
+        ----------
+        text : list of str
+            Lines of the standard error output of the process.
+        """
+        failures = [i for i, line in enumerate(text) if "Failed in nopython" in line]
+        lines_after = (
+            [line.strip() for line in text[failures[-1] + 1 :] if line.strip()]
+            if failures
+            else text[-1:]
         )
-        said = " ".join(behind[: 2 if behind[0].endswith(":") else 1]) if behind else ""
-        if not said:
+        message = (
+            " ".join(lines_after[: 2 if lines_after[0].endswith(":") else 1]) if lines_after else ""
+        )
+        if not message:
             return ""
-        outside = [file for _, file in self.plugins.values()] + (
+        plugin_files = [file for _, file in self.plugins.values()] + (
             [self.request[1]] if self.request[1] else []
         )
-        files = [Path(file) for file in outside]
+        files = [Path(file) for file in plugin_files]
         files += [
             file for file in closure(self.module, self.variant.laws).values() if file not in files
         ]
-        # A name that is not there has no place in what numba says.
-        if missing := _MISSING.search(said):
-            place = next(
-                (f"{file}:{line}" for file in files if (line := _line_of(missing[1], file))), ""
+        # The message of numba contains no position for an undefined name.
+        if undefined := _MISSING.search(message):
+            position = next(
+                (f"{file}:{line}" for file in files if (line := _line_of(undefined[1], file))), ""
             )
         else:
             named = {file.name: file for file in reversed(files)}
-            matches = filter(None, map(_PLACE.search, (*behind, *text[::-1])))
-            places = [f"{named[match[1]]}:{match[2]}" for match in matches if match[1] in named]
-            in_plugins = (
-                [place for place in places if place.startswith(tuple(outside))] if outside else []
+            matches = filter(None, map(_POSITION.search, (*lines_after, *text[::-1])))
+            positions = [f"{named[match[1]]}:{match[2]}" for match in matches if match[1] in named]
+            plugin_positions = (
+                [position for position in positions if position.startswith(tuple(plugin_files))]
+                if plugin_files
+                else []
             )
-            place = next(iter([*in_plugins, *places]), "")
-        return f"{place or (outside[-1] if outside else '')}: {said}".removeprefix(": ")
+            position = next(iter([*plugin_positions, *positions]), "")
+        return f"{position or (plugin_files[-1] if plugin_files else '')}: {message}".removeprefix(
+            ": "
+        )
 
 
 def _line_of(name: str, file: Path) -> int:
-    """The line of a source on which a name is used first; 0 if it is not."""
+    """Return the first line of a source file that uses a name; 0 if no line uses it."""
     if file.suffix != ".py":
         return 0
     names = (node for node in ast.walk(ast.parse(file.read_bytes())) if isinstance(node, ast.Name))
@@ -127,11 +143,11 @@ def _line_of(name: str, file: Path) -> int:
 
 
 class _Process:
-    """A process that compiles kernels of the same settings, one after the other: what they share is
-    compiled once."""
+    """Process that compiles kernels with equal settings sequentially. Code that the kernels share
+    is compiled once."""
 
     def __init__(self, settings: Mapping[str, str]) -> None:
-        """Raises OSError where no process can be started."""
+        """Start the process. Raises OSError if no process can be started."""
         self.settings = settings
         pipe = subprocess.PIPE
         path = os.pathsep.join(filter(None, sys.path))
@@ -143,101 +159,111 @@ class _Process:
             env={
                 **{**os.environ, **settings, "PYTHONPATH": path, "TDINT_KERNELS": "compile"},
                 "OPENBLAS_NUM_THREADS": "1",
-                "PYTHONHASHSEED": "0",  # numba goes through sets of names
+                "PYTHONHASHSEED": "0",  # numba iterates over sets of names
             },
         )
-        self._beside = ThreadPoolExecutor(1)  # a temporary file would need a folder for it
-        self._words = self._beside.submit(self._pipe(self._process.stderr).read)
+        # a thread reads the output; a temporary file would need a writable directory
+        self._reader = ThreadPoolExecutor(1)
+        self._error_output = self._reader.submit(self._pipe(self._process.stderr).read)
 
     def compile(self, compilation: Compilation) -> list[bytes]:
-        """The packed object for each target.
+        """Return the contents of the object file for each target.
 
         Raises
         ------
         AnalysisError
-            It cannot be compiled; the process has ended.
+            The kernel cannot be compiled. The process has ended.
         """
         try:
-            asked = self._pipe(self._process.stdin)
-            asked.write(json.dumps(compilation.request).encode() + b"\n")
-            asked.flush()
-        except OSError:  # it has ended, and says why
+            requests = self._pipe(self._process.stdin)
+            requests.write(json.dumps(compilation.request).encode() + b"\n")
+            requests.flush()
+        except OSError:  # the process has ended, and its output contains the reason
             pass
-        # What `build` writes, an object for each target, or as far as it comes.
-        written = self._pipe(self._process.stdout)
+        # Output of `tdint.kernels.build`: an object for each target, or fewer objects after a
+        # failure.
+        objects = self._pipe(self._process.stdout)
         packed: list[bytes] = []
-        while len(packed) < len(compilation.targets) and (size_of_object := written.readline()):
-            packed.append(written.read(int(size_of_object)))
+        while len(packed) < len(compilation.targets) and (size_of_object := objects.readline()):
+            packed.append(objects.read(int(size_of_object)))
         if len(packed) == len(compilation.targets):
             return packed
         code = self._process.wait()
-        text = self._words.result().decode(errors="replace").strip().splitlines()
-        said = compilation.reason(text) or f"exit code {code}"
-        whole = RuntimeError("\n".join(text))  # shown with --debug
-        raise AnalysisError(f"{compilation.kernel.name} cannot be compiled: {said}") from whole
+        text = self._error_output.result().decode(errors="replace").strip().splitlines()
+        message = compilation.reason(text) or f"exit code {code}"
+        output = RuntimeError("\n".join(text))  # shown with --debug
+        raise AnalysisError(f"{compilation.kernel.name} cannot be compiled: {message}") from output
 
     def end(self) -> None:
-        """End it, whatever it does."""
+        """Kill the process."""
         self._process.kill()
-        self._beside.shutdown()
+        self._reader.shutdown()
         with (
             suppress(OSError),
             self._process,
-        ):  # what was asked of an ended one cannot be handed over
+        ):  # a request to a process that has ended cannot be delivered
             pass
 
     @staticmethod
     def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
+        """Return a pipe that is known to exist."""
         assert pipe is not None
         return pipe
 
 
-def compilations(missing: Iterable[tuple[Compilable, Variant, str]]) -> list[Compilation]:
-    """What is to be run for kernels and names of targets (`target.named`): those that are optimized
-    alike together."""
-    together: dict[Any, dict[str, Target]] = {}
-    for kernel, variant, name in missing:
+def compilations(undefined: Iterable[tuple[Compilable, Variant, str]]) -> list[Compilation]:
+    """Return the compilations of kernels for named targets; targets with equal optimization are
+    combined.
+
+    Parameters
+    ----------
+    undefined : iterable of (Compilable, Variant, str)
+        Kernel, variant and name of the target (see `tdint.kernels.building.target.named`).
+    """
+    groups: dict[Any, dict[str, Target]] = {}
+    for kernel, variant, name in undefined:
         target = named(name)
-        # Without vectors all processors are one to the optimizer, but for this one, which numba
-        # compiles for itself.
-        alike = target.optimized_for if kernel.vectorized or target == native() else None
-        together.setdefault((kernel, variant, alike), {})[name] = target
+        # Without vectorization the optimizer treats all processors equally, except this processor,
+        # for which numba compiles specifically.
+        similar = target.optimized_for if kernel.vectorized or target == native() else None
+        groups.setdefault((kernel, variant, similar), {})[name] = target
     return [
-        Compilation(kernel, variant, targets) for (kernel, variant, _), targets in together.items()
+        Compilation(kernel, variant, targets) for (kernel, variant, _), targets in groups.items()
     ]
 
 
 def run_all(compilations: Sequence[Compilation]) -> Iterator[tuple[Compilation, list[bytes]]]:
-    """Run as many processes side by side as there are processors; the objects of each kernel as it
-    is done.
+    """Run one process for each processor in parallel, and yield the objects of each kernel when it
+    is completed.
 
     Raises
     ------
     AnalysisError
-        One cannot be compiled.
+        A kernel cannot be compiled.
     """
     if compilations and importlib.util.find_spec("numba") is None:
         names = ", ".join(dict.fromkeys(compilation.kernel.name for compilation in compilations))
         raise AnalysisError(
-            f"{names}: not among the compiled loops that came with tdint; to compile, install numba"
+            f"{names}: compiled time loops are not included in this installation; install numba "
+            "to compile them"
         )
-    crew = _Crew(compilations)
+    processes = _ProcessPool(compilations)
     count = min(processors(), len(compilations))
     with ThreadPoolExecutor(max(count, 1)) as pool:
         try:
             for _ in range(count):
-                pool.submit(crew.work)
+                pool.submit(processes.compile_waiting)
             for _ in compilations:
-                compilation, packed = crew.done.get()
+                compilation, packed = processes.done.get()
                 if isinstance(packed, BaseException):
                     raise packed
                 yield compilation, packed
         finally:
-            crew.stop()
+            processes.stop()
 
 
-class _Crew:
-    """Processes that share what is to be compiled."""
+class _ProcessPool:
+    """Processes that share a list of compilations."""
 
     def __init__(self, compilations: Sequence[Compilation]) -> None:
         self.done: SimpleQueue[tuple[Compilation, list[bytes] | BaseException]] = SimpleQueue()
@@ -245,51 +271,61 @@ class _Crew:
         self._waiting = sorted(
             compilations, key=lambda compilation: size(compilation.kernel.name), reverse=True
         )
-        self._in_work: list[str] = []
+        self._modules_in_progress: list[str] = []
         self._processes: set[_Process] = set()
 
-    def work(self) -> None:
-        """Let one process after the other compile what waits, until nothing does."""
-        process, last = None, None
-        while last := self._next(last):
+    def compile_waiting(self) -> None:
+        """Compile the waiting kernels with one process at a time, until no kernel is left."""
+        process, previous = None, None
+        while previous := self._next(previous):
             try:
-                if process is None or process.settings != last.settings:
+                if process is None or process.settings != previous.settings:
                     self._end(process)
-                    process = self._start(last)
-                self.done.put((last, process.compile(last)))
+                    process = self._start(previous)
+                self.done.put((previous, process.compile(previous)))
             except BaseException as error:
-                self.done.put((last, error))
+                self.done.put((previous, error))
                 break
         self._end(process)
 
     def stop(self) -> None:
-        """Start nothing more, and end what runs."""
+        """Start no further compilation and end all processes."""
         with self._lock:
             self._waiting.clear()
             running = set(self._processes)
         for process in running:
             self._end(process)
 
-    def _next(self, last: Compilation | None) -> Compilation | None:
-        """The longest one; rather one of the last one's module, or of its settings, and of no
-        module in work."""
+    def _next(self, previous: Compilation | None) -> Compilation | None:
+        """Return the next compilation, which is the longest of the suitable ones.
+
+        A compilation of the same module as the last compilation is preferred, then a compilation
+        with the same settings and of a module that no other process is compiling.
+        """
         with self._lock:
-            if last:
-                self._in_work.remove(last.module)
-            alike = [
-                waiting for waiting in self._waiting if last and waiting.settings == last.settings
+            if previous:
+                self._modules_in_progress.remove(previous.module)
+            similar = [
+                waiting
+                for waiting in self._waiting
+                if previous and waiting.settings == previous.settings
             ]
-            near = [waiting for waiting in alike if last and waiting.module == last.module]
-            others = [
-                waiting for waiting in alike or self._waiting if waiting.module not in self._in_work
+            same_module = [
+                waiting for waiting in similar if previous and waiting.module == previous.module
             ]
-            following = next(iter(near or others or self._waiting), None)
-            if following:
-                self._waiting.remove(following)
-                self._in_work.append(following.module)
-            return following
+            other_modules = [
+                waiting
+                for waiting in similar or self._waiting
+                if waiting.module not in self._modules_in_progress
+            ]
+            next_compilation = next(iter(same_module or other_modules or self._waiting), None)
+            if next_compilation:
+                self._waiting.remove(next_compilation)
+                self._modules_in_progress.append(next_compilation.module)
+            return next_compilation
 
     def _start(self, compilation: Compilation) -> _Process:
+        """Start a process for a compilation."""
         with self._lock:
             try:
                 process = _Process(compilation.settings)
@@ -302,6 +338,7 @@ class _Crew:
             return process
 
     def _end(self, process: _Process | None) -> None:
+        """End a process if it is running."""
         with self._lock:
             running = process in self._processes
             self._processes.discard(process)

@@ -1,9 +1,8 @@
-"""The sources that a kernel is compiled from: its module, and what that imports of kernels and
-methods.
+"""Sources of a kernel: its module and the modules of kernels and methods that it imports.
 
-An edit of one method's file leaves the objects of all other kernels as they are. Imports are found
-by a pattern over the text, at any depth of indentation (laws import in their functions): to parse
-the files takes longer than to start.
+A change in the file of one method does not affect the object files of other kernels. Imports are
+detected by a regular expression in the text, at any indentation (laws import within functions),
+because parsing the files would take longer than the start of the program.
 """
 
 from __future__ import annotations
@@ -21,17 +20,18 @@ from tdint.kernels.building.compilable import Variant
 _PACKAGE = Path(__file__).parents[2]
 _BUILDING = "tdint.kernels.building."
 _COMPILING = tuple(_BUILDING + name for name in ("compiler", "compilable", "target"))
-"""What of `building` an object depends on, whatever imports it."""
+"""Modules of `building` on which an object file depends, independent of the imports."""
 
 OUTSIDE: dict[str, str] = {}
-"""The modules of the laws of plug-ins, by the law's name: told by who makes a law known."""
+"""Modules of the laws of plug-ins, by the name of the law. The function that registers a law adds
+its module."""
 
 CODE: dict[str, dict[str, str]] = {}
-"""SHA-256 of the files that a plug-in's law or method was executed from, by the file's name, of
-each `law NAME` and `method NAME`: told by who makes it known."""
+"""SHA-256 of the files from which a law or method of a plug-in was executed, by file name, for each
+`law NAME` and `method NAME`. The function that registers the law or method adds the entry."""
 
 _PUBLIC = "tdint.plugin"
-"""What plug-ins import: names of other modules."""
+"""Module from which plug-ins import names that are defined in other modules."""
 
 _LAWS = "tdint.kernels.laws"
 _IMPORT = re.compile(
@@ -43,54 +43,64 @@ _COMMENT = re.compile(rb"#[^\n]*")
 
 @cache
 def digest(kernel: str, laws: tuple[str, ...] = ()) -> str:
-    """Hash of the sources of a kernel, `package.module:function`.
+    """Return the hash of the sources of a kernel.
 
     Parameters
     ----------
+    kernel : str
+        Name of the kernel, `package.module:function`.
     laws : tuple of str
-        The drift laws that the kernel is compiled for, by name; those left out do not count. Empty
-        for all.
+        Names of the drift laws for which the kernel is compiled. The modules of other laws are
+        ignored. Empty for all laws.
     """
-    whole = hashlib.sha256()
+    hash_value = hashlib.sha256()
     for name, file in sorted(closure(kernel.partition(":")[0], laws).items()):
-        whole.update(name.encode() + b"\0" + _read(file)[0])
-    return whole.hexdigest()[:12]
+        hash_value.update(name.encode() + b"\0" + _read(file)[0])
+    return hash_value.hexdigest()[:12]
 
 
 def size(kernel: str) -> int:
-    """Bytes of the sources of a kernel: the more there are, the longer it compiles."""
+    """Return the size of the sources of a kernel in bytes, an estimate of the compile time."""
     return sum(file.stat().st_size for file in closure(kernel.partition(":")[0]).values())
 
 
 @cache
 def digest_of_all() -> str:
-    """Hash of the sources of all kernels and methods, for what is computed by several of them."""
-    whole = hashlib.sha256()
+    """Return the hash of the sources of all kernels and methods, for results that depend on several
+    of them."""
+    hash_value = hashlib.sha256()
     for folder in ("kernels", "methods"):
         for file in sorted((_PACKAGE / folder).rglob("*.py")):
-            whole.update(
+            hash_value.update(
                 file.relative_to(_PACKAGE).as_posix().encode() + b"\0" + file.read_bytes() + b"\0"
             )
-    return whole.hexdigest()[:12]
+    return hash_value.hexdigest()[:12]
 
 
 def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
-    """The modules that a kernel's module is compiled with, by name, itself among them; `laws` as in
-    `digest`.
+    """Return the modules with which the module of a kernel is compiled, by name, including the
+    module.
 
-    A module that is not the package's counts by the file it was loaded from, and so does what it
-    imports. A law's module has the law's name.
+    A module that is not part of the package is identified by the file from which it was loaded, and
+    so are its imports. The module of a law has the name of the law.
+
+    Parameters
+    ----------
+    module : str
+        Module of the kernel.
+    laws : tuple of str
+        As for `digest`.
     """
     law_modules = {"law", *(name.replace("-", "_") for name in laws)}
     files: dict[str, Path] = {}
-    new = [module, *_COMPILING, *(OUTSIDE[name] for name in Variant(laws).outside)]
-    while new:
-        name = new.pop()
+    queue = [module, *_COMPILING, *(OUTSIDE[name] for name in Variant(laws).outside)]
+    while queue:
+        name = queue.pop()
         file = _file(name)
         if name in files or file is None:
             continue
         files[name] = file
-        new += [
+        queue += [
             imported
             for imported in (_read(file)[1] if name.startswith("tdint.") else _imported(file, name))
             if not imported.startswith(_BUILDING)
@@ -100,51 +110,64 @@ def closure(module: str, laws: tuple[str, ...] = ()) -> dict[str, Path]:
 
 
 def files_of(modules: Iterable[str], package: str = "") -> dict[str, str]:
-    """SHA-256 of the files of modules from outside and of what they import, by their names;
-    `package` stands before."""
+    """Return the SHA-256 of the files of external modules and of their imports, by file name.
+
+    Parameters
+    ----------
+    modules : iterable of str
+        Names of the modules.
+    package : str
+        Prefix of the file names.
+    """
     digests: dict[str, str] = {}
-    seen, new = set[str](), list(modules)
-    while new:
-        name = new.pop()
+    seen, queue = set[str](), list(modules)
+    while queue:
+        name = queue.pop()
         if name in seen or name.partition(".")[0] == "tdint" or (file := _file(name)) is None:
             continue
         seen.add(name)
-        # A file of its own by its name, one of a package with the package's: `helpers/rows.py`.
+        # A single file is listed by its name, a file of a package with the name of the package:
+        # `helpers/rows.py`.
         depth = name.count(".") + 1 + (file.stem == "__init__")
         digests[package + "/".join(file.parts[-depth:])] = hashlib.sha256(
             file.read_bytes()
         ).hexdigest()
-        new += _imported(file, name)
+        queue += _imported(file, name)
     return dict(sorted(digests.items()))
 
 
 def code_of(named: Iterable[str]) -> dict[str, str]:
-    """SHA-256 of the files that these laws and methods were executed from, `law NAME` and `method
-    NAME`; ours have none."""
+    """Return the SHA-256 of the files from which laws and methods were executed.
+
+    Parameters
+    ----------
+    named : iterable of str
+        `law NAME` and `method NAME`. Laws and methods of tdint have no entries.
+    """
     return dict(sorted(item for name in set(named) for item in CODE.get(name, {}).items()))
 
 
 @cache
 def _read(file: Path) -> tuple[bytes, tuple[str, ...]]:
-    """Hash of a file, and what it imports of kernels and methods; each may be a module, or a name
-    in one."""
-    text = file.read_bytes().replace(b"\r\n", b"\n")  # as a checkout on Windows may have it
+    """Return the hash of a file and the names of the modules of kernels and methods that it may
+    import."""
+    text = file.read_bytes().replace(b"\r\n", b"\n")  # a checkout on Windows can contain CR LF
     names: list[str] = []
-    for package, words in _IMPORT.findall(text):
+    for package, imported_names in _IMPORT.findall(text):
         base = package.decode()
-        one_by_one = _COMMENT.sub(b"", words).strip(b"() \t\r\n").split(b",")
+        items = _COMMENT.sub(b"", imported_names).strip(b"() \t\r\n").split(b",")
         names += [
             base,
-            *(f"{base}.{word.split()[0].decode()}" for word in one_by_one if word.strip()),
+            *(f"{base}.{item.split()[0].decode()}" for item in items if item.strip()),
         ]
     return hashlib.sha256(text).digest(), tuple(names)
 
 
 @cache
 def _imported(file: Path, module: str) -> tuple[str, ...]:
-    """What a module from outside imports of anything but the standard library and the compiler, at
-    any depth."""
-    if file.suffix != ".py":  # compiled: it counts as it is
+    """Return the imports of an external module at any indentation, except the standard library and
+    the compiler."""
+    if file.suffix != ".py":  # a compiled module has no imports that can be read
         return ()
     package = getattr(sys.modules.get(module), "__package__", None) or ""
     names: list[str] = []
@@ -152,24 +175,24 @@ def _imported(file: Path, module: str) -> tuple[str, ...]:
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            above = package.rsplit(".", node.level - 1)[0] if node.level else ""
-            base = ".".join(filter(None, (above, node.module)))
+            parent = package.rsplit(".", node.level - 1)[0] if node.level else ""
+            base = ".".join(filter(None, (parent, node.module)))
             names += [base] * (base != _PUBLIC) + [f"{base}.{alias.name}" for alias in node.names]
-    # A public name counts by the module in which it stands, all of them where the whole of them is
-    # imported.
-    homes, found = getattr(sys.modules.get(_PUBLIC), "HOMES", {}), list[str]()
+    # A public name is replaced by the module that defines it, or by all such modules if the
+    # complete public module is imported.
+    homes, resolved = getattr(sys.modules.get(_PUBLIC), "HOMES", {}), list[str]()
     for name in names:
         base, _, alias = name.rpartition(".")
-        found += (
+        resolved += (
             homes.values()
             if name == _PUBLIC
             else [homes.get(alias, name) if base == _PUBLIC else name]
         )
-    return tuple(name for name in found if name.partition(".")[0] not in _NOT_FOLLOWED)
+    return tuple(name for name in resolved if name.partition(".")[0] not in _NOT_FOLLOWED)
 
 
 def _file(module: str) -> Path | None:
-    """The source of a module; None for what is none."""
+    """Return the file of a module; None if it has no file."""
     if module.partition(".")[0] != "tdint":
         loaded_from = getattr(sys.modules.get(module), "__file__", None)
         return Path(loaded_from) if loaded_from else None
@@ -178,6 +201,7 @@ def _file(module: str) -> Path | None:
 
 @cache
 def _own_file(module: str) -> Path | None:
+    """Return the file of a module of this package; None if the name is not a module."""
     _, *rest = module.split(".")
     path = _PACKAGE.joinpath(*rest)
     return next(

@@ -1,15 +1,15 @@
-"""Where compiled kernels are kept.
+"""Storage of compiled kernels.
 
-Objects lie in a folder that is named by a hash of the compiler's and Python's versions; in it, each
-is named by kernel, variant, processor and a hash of the sources that it is compiled from
-(`sources`), so a stale one cannot be found. The same stands inside and is hashed with the code.
-Folders are looked through in this order:
+Object files are stored in a directory with a name that contains a hash of the versions of the
+compiler and of Python. The name of each file contains the kernel, the variant, the processor and a
+hash of the sources (see `tdint.kernels.building.sources`), so that an outdated file is never used.
+The file contains the same information, which is hashed together with the code. The directories are
+searched in this order:
 
-1. TDINT_KERNELS_DIR, which is never written: a shared one, made by `tdint compile -o`;
-2. TDINT_CACHE_DIR if that is set, else the user's cache, which takes new objects; what is not
-  loaded for a month is
-   removed from it;
-3. those that came with the package, for any version of Python and the compiler.
+1. TDINT_KERNELS_DIR, a shared directory created by `tdint compile -o`, which is never written to;
+2. TDINT_CACHE_DIR if it is set, otherwise the cache of the user. New object files are written to
+  this directory. Files that were not loaded for a month are removed;
+3. the directory of the package, for any version of Python and of the compiler.
 """
 
 from __future__ import annotations
@@ -36,12 +36,23 @@ _DAY = 86400.0
 _PACKAGE = Path(__file__).parents[2]
 _PREBUILT = _PACKAGE / "kernels" / "prebuilt"
 _CONVENTION = "numba 1"
-"""How `loading` calls an object, and what a header says: another one is another number."""
+"""Calling convention of `tdint.kernels.building.loading` and contents of the description. A change
+requires a new number."""
 
 
 def identity(name: str, variant: str, target: Target) -> dict[str, str]:
-    """What an object is: of which kernel, variant and processor, from which sources, and how it is
-    called."""
+    """Return the identity of an object file: kernel, variant, processor, sources and calling
+    convention.
+
+    Parameters
+    ----------
+    name : str
+        Name of the kernel.
+    variant : str
+        Text of the variant.
+    target : Target
+        Processor.
+    """
     return {
         "kernel": name,
         "variant": variant,
@@ -52,56 +63,96 @@ def identity(name: str, variant: str, target: Target) -> dict[str, str]:
     }
 
 
-def look_up(name: str, variant: str, targets: tuple[Target, ...]) -> tuple[Path, bytes, str] | None:
-    """File, object and symbol of a kernel for the first of the targets, all of one platform, that
-    has one; or None.
+def find_object(
+    name: str, variant: str, targets: tuple[Target, ...]
+) -> tuple[Path, bytes, str] | None:
+    """Return file, object and symbol of a kernel for the first target that has an object file, or
+    None.
 
-    What is damaged, or belongs to someone else who is not the package's owner, does not count.
+    Corrupt files are ignored, as are files that belong to a user other than this user and the owner
+    of the package.
+
+    Parameters
+    ----------
+    name : str
+        Name of the kernel.
+    variant : str
+        Text of the variant.
+    targets : tuple of Target
+        Processors of one platform, in order of preference.
     """
-    places = _places(targets[0].platform)
+    directories = _search_path(targets[0].platform)
     return next(
-        filter(None, (_look_up_in(*place, name, variant, targets) for place in places)), None
+        filter(None, (_find_in(*directory, name, variant, targets) for directory in directories)),
+        None,
     )
 
 
 def origin(file: Path) -> str:
-    """Where an object that was found comes from: `wheel` (it came with the package),
-    `TDINT_KERNELS_DIR` or `cache`."""
+    """Return the origin of an object file: `wheel` (part of the package), `TDINT_KERNELS_DIR` or
+    `cache`."""
     if file.is_relative_to(_PREBUILT):
         return "wheel"
     shared = os.environ.get("TDINT_KERNELS_DIR")
     return "TDINT_KERNELS_DIR" if shared and file.is_relative_to(shared) else "cache"
 
 
-def has(name: str, variant: str, target: Target, folder: Path | None = None) -> bool:
-    """Whether a folder (as TDINT_KERNELS_DIR names it), by default this user's store, has a kernel,
-    whatever else could serve."""
-    home = folder or cache_home()
-    if home is None:
+def has(name: str, variant: str, target: Target, directory: Path | None = None) -> bool:
+    """Return True if a directory contains an object file of a kernel, regardless of other
+    directories.
+
+    Parameters
+    ----------
+    name : str
+        Name of the kernel.
+    variant : str
+        Text of the variant.
+    target : Target
+        Processor.
+    directory : Path, optional
+        Directory that TDINT_KERNELS_DIR can name. Default: cache of this user.
+    """
+    root = directory or cache_home()
+    if root is None:
         return False
     return bool(
-        _look_up_in(home / folder_name(target.platform), folder is None, name, variant, (target,))
+        _find_in(root / folder_name(target.platform), directory is None, name, variant, (target,))
     )
 
 
-def _places(platform: str) -> Iterator[tuple[Path, bool]]:
-    """Folders of objects, and whether what belongs to others does not count there."""
+def _search_path(platform: str) -> Iterator[tuple[Path, bool]]:
+    """Yield the directories of object files, and True if files of other users are ignored there."""
     if shared := os.environ.get("TDINT_KERNELS_DIR"):
         if not Path(shared).is_dir():
             raise UsageError(
                 f"TDINT_KERNELS_DIR={shared}: there is no such folder; `tdint compile -o` makes it"
             )
         yield Path(shared) / folder_name(platform), False
-    if home := cache_home():
-        yield home / folder_name(platform), True
+    if root := cache_home():
+        yield root / folder_name(platform), True
     yield _PREBUILT / platform, False
 
 
-def _look_up_in(
-    folder: Path, check: bool, name: str, variant: str, targets: tuple[Target, ...]
+def _find_in(
+    directory: Path, check: bool, name: str, variant: str, targets: tuple[Target, ...]
 ) -> tuple[Path, bytes, str] | None:
+    """Return file, object and symbol of a kernel from one directory, or None.
+
+    Parameters
+    ----------
+    directory : Path
+        Directory.
+    check : bool
+        True to ignore files of other users.
+    name : str
+        Name of the kernel.
+    variant : str
+        Text of the variant.
+    targets : tuple of Target
+        Processors in order of preference.
+    """
     for target in targets:
-        path = folder / file_name(name, variant, target)
+        path = directory / file_name(name, variant, target)
         try:
             if not path.is_file():
                 continue
@@ -109,32 +160,47 @@ def _look_up_in(
                 file = os.fstat(stream.fileno())
                 if check and not is_trusted(file, _PACKAGE.stat().st_uid):
                     continue
-                code, about = unpack(stream.read())
+                code, description = unpack(stream.read())
         except (OSError, ValueError):
             continue
-        if about.items() >= identity(name, variant, target).items():
+        if description.items() >= identity(name, variant, target).items():
             if check and file.st_mtime < time.time() - _DAY:
                 with suppress(OSError):
                     os.utime(path)
-            return path, code, about["symbol"]
+            return path, code, description["symbol"]
     return None
 
 
-def keep(
-    data: bytes, name: str, variant: str, target: Target, folder: Path | None = None
+def save(
+    data: bytes, name: str, variant: str, target: Target, directory: Path | None = None
 ) -> Path | None:
-    """Write a packed object, whole or not at all; where it is, None if nowhere can be written.
+    """Write an object file atomically and return its path; None if no directory is writable.
 
-    Goes into `folder` (as TDINT_KERNELS_DIR will name it) if one is given, and an OSError is raised
-    then.
+    Parameters
+    ----------
+    data : bytes
+        Contents of the file.
+    name : str
+        Name of the kernel.
+    variant : str
+        Text of the variant.
+    target : Target
+        Processor.
+    directory : Path, optional
+        Directory that TDINT_KERNELS_DIR will name. Default: cache of this user.
+
+    Raises
+    ------
+    OSError
+        `directory` is specified and cannot be written to.
     """
-    if folder is not None:
-        place = folder / folder_name(target.platform)
-        _make_for_all(place)
-        return _write(data, place / file_name(name, variant, target))
-    if goal := cache_subfolder(folder_name(target.platform)):
+    if directory is not None:
+        objects = directory / folder_name(target.platform)
+        _make_readable_directory(objects)
+        return _write(data, objects / file_name(name, variant, target))
+    if cached := cache_subfolder(folder_name(target.platform)):
         with suppress(OSError):
-            path = _write(data, goal / file_name(name, variant, target))
+            path = _write(data, cached / file_name(name, variant, target))
             remove_unused("*.object", _DAYS_KEPT, keep=path)
             remove_unused("kernels-*", _DAYS_KEPT, keep=path.parent)
             return path
@@ -142,36 +208,37 @@ def keep(
 
 
 def writable() -> Path | None:
-    """The folder that new objects go to, None if there is none."""
+    """Return the directory for new object files; None if no directory is writable."""
     return cache_subfolder(folder_name())
 
 
 def clean() -> int:
-    """Remove all objects from this user's store, those of other versions, too; how many there were.
+    """Remove all object files from the cache of this user, including those of other versions, and
+    return their number.
 
-    Also those that earlier versions left in the installed package.
+    Files that earlier versions have left in the installed package are removed as well.
     """
     import shutil
 
     homes = [_PACKAGE / "kernels" / "__pycache__", *filter(None, [cache_home()])]
-    stores = (store for home in homes for store in home.glob("kernels-*"))
+    stores = (store for root in homes for store in root.glob("kernels-*"))
     folders = [store for store in stores if store.is_dir() and not store.is_symlink()]
-    count = sum(1 for folder in folders for _ in folder.glob("*.object"))
-    for folder in folders:
-        shutil.rmtree(folder, ignore_errors=True)
+    count = sum(1 for directory in folders for _ in directory.glob("*.object"))
+    for directory in folders:
+        shutil.rmtree(directory, ignore_errors=True)
     return count
 
 
-def _make_for_all(folder: Path) -> None:
-    """Make a folder that others can read, whatever this user lets them otherwise."""
-    if not folder.exists():
-        _make_for_all(folder.parent)
-        folder.mkdir(exist_ok=True)
-        folder.chmod(0o755)
+def _make_readable_directory(directory: Path) -> None:
+    """Create a directory that other users can read, independent of the umask."""
+    if not directory.exists():
+        _make_readable_directory(directory.parent)
+        directory.mkdir(exist_ok=True)
+        directory.chmod(0o755)
 
 
 def file_name(name: str, variant: str, target: Target) -> str:
-    """The file of a kernel."""
+    """Return the file name of a kernel."""
     sources = digest(name, parse(variant).laws)
     return (
         f"{name.removeprefix('tdint.').replace(':', '.')}-{variant}-{target.text}-{sources}.object"
@@ -179,6 +246,7 @@ def file_name(name: str, variant: str, target: Target) -> str:
 
 
 def _write(data: bytes, path: Path) -> Path:
+    """Write a file atomically, readable by all users."""
     import tempfile
 
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -196,10 +264,10 @@ def _write(data: bytes, path: Path) -> Path:
 
 @cache
 def folder_name(platform: str = sys.platform) -> str:
-    """The folder of the objects that these versions of compiler and Python make for a platform."""
+    """Return the name of the directory for the versions of compiler and Python and a platform."""
     versions = hashlib.sha256(repr((sys.version_info[:2], platform, _CONVENTION)).encode())
     for package in ("numba", "llvmlite"):
-        # Not imported: that would take longer than all the rest.
+        # The packages are not imported, because this would take longer than all other operations.
         specification = importlib.util.find_spec(package)
         if specification and specification.origin:
             versions.update((Path(specification.origin).parent / "_version.py").read_bytes())

@@ -1,4 +1,4 @@
-"""The processors and systems that kernels are compiled for."""
+"""Processors and operating systems for which kernels are compiled."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ _V2 = frozenset({"cx16", "sahf", "popcnt", "sse3", "sse4.1", "sse4.2", "ssse3"})
 _V3 = _V2 | {"avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave"}
 _V4 = _V3 | {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"}
 LEVELS = {"x86-64-v4": _V4, "x86-64-v3": _V3, "x86-64-v2": _V2, "x86-64": frozenset[str]()}
-"""The levels of the x86-64 psABI, the highest first: what a processor of each must have."""
+"""Levels of the x86-64 psABI, from the highest, with the processor features that each level
+requires."""
 
 AARCH64 = "aarch64"
-"""Any 64-bit ARM processor of Linux, any of Apple's."""
+"""Name of the target for all 64-bit ARM processors on Linux and all Apple processors."""
 
 NATIVE = "native"
 
 _PLATFORMS = {"linux": "linux", "macos": "darwin", "windows": "win32"}
-"""`sys.platform` of what a target's name may begin with."""
+"""Values of `sys.platform` for the prefixes of target names."""
 
 _TRIPLES = {
     ("linux", True): "x86_64-unknown-linux-gnu",
@@ -38,7 +39,8 @@ _TRIPLES = {
 
 @dataclass(frozen=True)
 class Target:
-    """A processor as LLVM knows it, or one of LEVELS, or AARCH64; and `sys.platform` there."""
+    """Processor (LLVM name, one of LEVELS, or AARCH64) with its features, and the value of
+    `sys.platform`."""
 
     cpu: str
     features: str
@@ -46,15 +48,15 @@ class Target:
 
     @property
     def text(self) -> str:
-        """The processor in a word that a file name may hold."""
+        """Text that identifies the processor in a file name."""
         if self.cpu in LEVELS or self.cpu == AARCH64:
             return self.cpu
         return f"{self.cpu}-{hashlib.sha256(self.features.encode()).hexdigest()[:8]}"
 
     @property
     def optimized_for(self) -> tuple[str, str]:
-        """Processor and features that numba, which knows those of this machine only, optimizes
-        for."""
+        """Processor name and features for the optimization by numba, which only supports those of
+        this machine."""
         if self == native():
             return self.cpu, self.features
         if _family() != "x86_64":
@@ -62,10 +64,10 @@ class Target:
         return (
             self.cpu if self.cpu in LEVELS else "x86-64-v2",
             "",
-        )  # whose vectors are as long as those of ARM
+        )  # vectors of this level have the length of ARM vectors
 
     def machine(self) -> Any:
-        """What writes objects for the processor, to be loaded into a process."""
+        """Return the LLVM target machine that writes object files for the processor."""
         triple = _TRIPLES[self.platform, self.cpu in LEVELS]
         llvm.initialize_all_targets()
         llvm.initialize_all_asmprinters()
@@ -76,63 +78,76 @@ class Target:
             if self.platform == "darwin"
             else "generic"
         )
-        reloc = "static" if self.cpu in LEVELS else "default"  # as numba does
+        reloc = "static" if self.cpu in LEVELS else "default"  # the setting of numba
         return llvm.Target.from_triple(triple).create_target_machine(
             cpu=cpu, features=self.features, opt=3, reloc=reloc, codemodel="jitdefault", jit=True
         )
 
 
 def _family() -> str:
-    """What processors this process runs on: `x86_64`, `aarch64`, or whatever else LLVM calls
-    them."""
+    """Return the family of processors of this process: `x86_64`, `aarch64`, or the LLVM name of
+    another family."""
     family = str(llvm.get_process_triple().partition("-")[0])
     return {"amd64": "x86_64", "arm64": AARCH64}.get(family, family)
 
 
 @cache
 def native() -> Target:
-    """The processor of this machine."""
+    """Return the target of this machine."""
     return Target(llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
 
 
 def machine() -> Any:
-    """What loads objects on this machine; an engine that is made of it owns it."""
+    """Return the LLVM target machine that loads object files on this machine. An engine created
+    from it owns it."""
     with suppress(
-        RuntimeError, AttributeError
-    ):  # newer llvmlite does it on its own, and says so or has no such word
+        RuntimeError,
+        AttributeError,
+        # newer versions of llvmlite initialize LLVM automatically and report an error, or do not
+        # have # this function
+    ):
         llvm.initialize()
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    this = native()
+    host = native()
     target = llvm.Target.from_default_triple()
-    return target.create_target_machine(cpu=this.cpu, features=this.features, opt=3, jit=True)
+    return target.create_target_machine(cpu=host.cpu, features=host.features, opt=3, jit=True)
 
 
 def named(name: str) -> Target:
-    """The target called `name`: `native`, one of LEVELS or AARCH64; of another platform behind its
-    name (`macos-`).
+    """Return the target with a name.
+
+    Parameters
+    ----------
+    name : str
+        `native`, one of LEVELS or AARCH64. For another platform the name has a prefix (`macos-`).
 
     Raises
     ------
     UsageError
-        There is none of that name.
+        The name is unknown.
     """
     if name == NATIVE:
         return native()
-    first, _, rest = name.partition("-")
-    platform, cpu = (_PLATFORMS[first], rest) if first in _PLATFORMS else (sys.platform, name)
+    prefix, _, suffix = name.partition("-")
+    platform, cpu = (_PLATFORMS[prefix], suffix) if prefix in _PLATFORMS else (sys.platform, name)
     if (cpu not in LEVELS and cpu != AARCH64) or (platform, cpu in LEVELS) not in _TRIPLES:
-        raise UsageError(f"no processor that kernels can be compiled for: {name}")
+        raise UsageError(
+            f"unknown processor {name}: use native, {', '.join(LEVELS)} or {AARCH64}, with the "
+            f"prefix {', '.join(f'{prefix}-' for prefix in _PLATFORMS)} for another platform"
+        )
     return Target(cpu, "", platform)
 
 
 @cache
 def runnable() -> tuple[Target, ...]:
-    """The targets whose objects this machine runs, the most fitting first: of a family that has no
-    other, its own."""
+    """Return the targets with object files that this machine can execute, the most specific first.
+
+    For other families of processors the only target is the native one.
+    """
     if _family() == AARCH64:
         return native(), Target(AARCH64, "")
     if _family() != "x86_64":
         return (native(),)
-    has = {name for name, present in llvm.get_host_cpu_features().items() if present}
-    return native(), *(Target(name, "") for name, needed in LEVELS.items() if needed <= has)
+    features = {name for name, present in llvm.get_host_cpu_features().items() if present}
+    return native(), *(Target(name, "") for name, needed in LEVELS.items() if needed <= features)

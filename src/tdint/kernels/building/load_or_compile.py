@@ -1,0 +1,513 @@
+"""Loading of kernels from object files, and compilation of missing kernels.
+
+Kernels are loaded when they are needed. They can also be compiled in advance: for a container
+image, a cluster, other processors, or a shared directory.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import json
+import logging
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from zlib import crc32
+
+import numpy as np
+
+from tdint.errors import AnalysisError, OutputError, UsageError
+from tdint.kernels.building.compilable import EVERYTHING, Compilable, Variant, parse
+from tdint.system import lock, locked, processors, start_apart
+
+if TYPE_CHECKING:
+    from tdint.kernels.building.target import Target
+
+LOG = logging.getLogger("tdint")
+
+# Approximate compile time of a kernel in s, by its number of laws; 3 for three and more.
+_SECONDS = {1: 5.0, 2: 9.0, 3: 15.0}
+
+
+_ONE_AT_A_TIME = threading.Lock()
+"""Lock for the loading of objects by LLVM, which must not be used by two threads at the same
+time."""
+# a forked process would wait for a thread that does not exist in it
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_ONE_AT_A_TIME._at_fork_reinit)  # type: ignore[attr-defined]
+
+
+def load_or_compile(
+    pairs: Sequence[tuple[Compilable, Variant]],
+    progress: Callable[[float], None] = lambda done: None,
+    own_loops: bool = False,
+) -> None:
+    """Load kernels into this process, and compile those without an object file.
+
+    The kernels are compiled by parallel processes and saved. With TDINT_KERNELS=python the kernels
+    are used as Python functions, without compilation.
+
+    Parameters
+    ----------
+    pairs : sequence of (Compilable, Variant)
+        Kernels, each with the features that it must support.
+    progress : callable, optional
+        Is called with the completed fraction, from 0 to 1.
+    own_loops : bool
+        True if a kernel with all laws must not be used for a building with fewer laws. Default:
+        False.
+
+    Raises
+    ------
+    AnalysisError
+        A kernel cannot be compiled.
+    UsageError
+        The value of TDINT_KERNELS is invalid.
+    """
+    if all(kernel.loaded(variant) for kernel, variant in pairs):
+        return
+    with _ONE_AT_A_TIME:
+        _load_missing(pairs, progress, own_loops)
+
+
+def _load_missing(
+    pairs: Sequence[tuple[Compilable, Variant]],
+    progress: Callable[[float], None],
+    own_loops: bool,
+) -> None:
+    """Load or compile the kernels that are not loaded; see `load_or_compile`. The caller holds the
+    lock."""
+    requested = [
+        (kernel, kernel.required_variant(variant))
+        for kernel, variant in pairs
+        if not kernel.loaded(variant)
+    ]
+    setting = os.environ.get("TDINT_KERNELS", "")
+    if setting not in ("", "python", "whole", "compile"):
+        raise UsageError(
+            f"TDINT_KERNELS={setting} is invalid: set it to python or whole, or unset it"
+        )
+    if setting == "python":
+        for kernel, variant in requested:
+            kernel.install(variant, _python_function(kernel.function), interpreted=True)
+        return
+    if not requested:
+        return
+    from tdint.kernels.building import store
+
+    if not (missing := _load_existing(dict.fromkeys(requested), own_loops)):
+        return
+    folder = store.writable()
+    # Processes that need the same kernels wait for each other; other processes usually do not.
+    names_text = "".join(f"{kernel.name} {variant.text}\n" for kernel, variant in missing)
+    file = folder and folder / f".lock-{crc32(names_text.encode()) % 16}"
+    with locked(file, lambda: LOG.info("waiting for another tdint that compiles time loops")):
+        # Another process may have compiled the kernels in the meantime.
+        if missing := _load_existing(missing, own_loops):
+            _compile(missing, progress, folder)
+
+
+def _usable_variants(variant: Variant) -> tuple[Variant, ...]:
+    """Return the variants that can be used for a kernel: its variant, and the variant with all
+    features, which `tdint compile --all` creates."""
+    return (variant,) if variant.outside else (variant, EVERYTHING)
+
+
+def _load_existing(
+    pairs: Iterable[tuple[Compilable, Variant]], own_loops: bool
+) -> list[tuple[Compilable, Variant]]:
+    """Load kernels that have an object file, and return the remaining kernels.
+
+    Parameters
+    ----------
+    pairs : iterable of (Compilable, Variant)
+        Kernels with their variants.
+    own_loops : bool
+        True if a kernel with all laws must not be used for a building with fewer laws.
+    """
+    from tdint.kernels.building import store
+    from tdint.kernels.building.target import runnable
+
+    missing = []
+    for kernel, variant in pairs:
+        for usable in (variant,) if own_loops else _usable_variants(variant):
+            stored = store.find_object(kernel.name, usable.text, runnable())
+            if stored and _load(kernel, variant, *stored[1:]):
+                break
+        else:
+            missing.append((kernel, variant))
+    return missing
+
+
+def _compile(
+    missing: Sequence[tuple[Compilable, Variant]],
+    progress: Callable[[float], None],
+    folder: Path | None,
+) -> None:
+    """Compile kernels, save and load them.
+
+    Parameters
+    ----------
+    requested : sequence of (Compilable, Variant)
+        Kernels without object file.
+    progress : callable
+        Is called with the completed fraction.
+    folder : Path or None
+        Directory of the object files; None if no directory is writable.
+    """
+    from tdint.kernels.building import store
+    from tdint.kernels.building.loading import unpack
+    from tdint.kernels.building.process import compilations, run_all
+    from tdint.kernels.building.target import NATIVE
+
+    if os.environ.get("TDINT_COMPILE") == "never":
+        names = ", ".join(dict.fromkeys(map(_label, missing)))
+        raise AnalysisError(
+            f"TDINT_COMPILE=never, and not compiled yet: {names}; `tdint compile MODEL.yaml` does "
+            "it"
+        )
+    destination = f"kept in {folder}" if folder else "not kept: no folder to write to"
+    count = len(missing)
+    loops = "loop" if count == 1 else "loops"
+    names = ", ".join(dict.fromkeys(map(_label, missing)))
+    LOG.info(
+        "compiling %d time %s for this machine, once, about %d s: %s (%s)",
+        count,
+        loops,
+        duration(missing),
+        names,
+        destination,
+    )
+    running = run_all(compilations((*pair, NATIVE) for pair in missing))
+    for done, (compilation, (data,)) in enumerate(running):
+        progress(done / count)
+        kernel, variant = compilation.kernel, compilation.variant
+        code, about = unpack(data)
+        if (
+            store.save(data, kernel.name, variant.text, compilation.targets[NATIVE]) is None
+            and folder
+        ):
+            LOG.info("%s cannot be written: what was compiled serves this run only", folder)
+        if not _load(kernel, variant, code, about["symbol"]):
+            raise RuntimeError(f"{kernel.name}: the object cannot be loaded")
+
+
+def duration(pairs: Sequence[tuple[Compilable, Variant]]) -> int:
+    """Return the approximate compile time of kernels, s, measured on processors of 2024."""
+    durations = [
+        _SECONDS[min(len(variant.laws) or 3, 3) if "laws" in kernel.parts else 1]
+        for kernel, variant in pairs
+    ]
+    return round(max(max(durations), sum(durations) / processors()))
+
+
+def _label(pair: tuple[Compilable, Variant]) -> str:
+    """Return the name of the module of a kernel and its laws, for messages."""
+    kernel, variant = pair
+    laws = f" ({', '.join(variant.laws) or 'all laws'})" if "laws" in kernel.parts else ""
+    return kernel.name.partition(":")[0].rpartition(".")[2] + laws
+
+
+def _load(kernel: Compilable, variant: Variant, code: bytes, symbol: str) -> bool:
+    """Load an object and return True if this succeeds.
+
+    Parameters
+    ----------
+    kernel : Compilable
+        Kernel.
+    variant : Variant
+        Variant.
+    code : bytes
+        Object.
+    symbol : str
+        Symbol of the entry point.
+    """
+    from tdint.kernels.building.loading import Loaded
+
+    try:
+        kernel.install(variant, Loaded(code, symbol, kernel.signature))
+    except (RuntimeError, ValueError):
+        return False
+    return True
+
+
+def _python_function(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a kernel as a Python function with the compiled behavior for a division by zero."""
+
+    def call(*arguments: Any) -> Any:
+        with np.errstate(all="ignore"):
+            return function(*arguments)
+
+    return call
+
+
+# ---- First run without compilation
+
+_JOBS = ("CI", "SLURM_JOB_ID", "PBS_JOBID", "LSB_JOBID")
+"""Environment variables of continuous integration and of the schedulers of clusters."""
+
+_BACKGROUND_LOCK = ".lock-beside"
+_BACKGROUND_PROGRAM = (
+    "from tdint.kernels.building.load_or_compile import compile_in_background; "
+    "compile_in_background()"
+)
+
+
+def interpret_while_compiling(
+    loop_kernels: Sequence[tuple[Compilable, Variant]],
+    other_kernels: Sequence[tuple[Compilable, Variant]],
+) -> bool:
+    """Use kernels as Python functions for a short run if an object file is missing.
+
+    A separate process with low priority compiles the kernels for the next run. It continues after
+    the end of this process. The function does nothing if TDINT_KERNELS is set or
+    TDINT_COMPILE=wait, for plug-ins, and in jobs of clusters and of continuous integration, where
+    results are compared. With TDINT_COMPILE=never no process is started.
+
+    Parameters
+    ----------
+    loop_kernels : sequence of (Compilable, Variant)
+        Kernels that the time loop calls. All of them are compiled or all of them are Python
+        functions.
+    other_kernels : sequence of (Compilable, Variant)
+        Kernels that the run may use separately.
+
+    Returns
+    -------
+    bool
+        True if the kernels are used as Python functions.
+
+    Raises
+    ------
+    UsageError
+        The value of TDINT_COMPILE is invalid.
+    """
+    from tdint.kernels.building import store
+
+    setting = os.environ.get("TDINT_COMPILE", "")
+    if setting not in ("", "wait", "never"):
+        raise UsageError(
+            f"TDINT_COMPILE={setting} is invalid: set it to wait or never, or unset it"
+        )
+    has_plugins = any(
+        variant.outside or not kernel.name.startswith("tdint.") for kernel, variant in loop_kernels
+    )
+    if setting == "wait" or has_plugins or any(map(os.environ.get, ("TDINT_KERNELS", *_JOBS))):
+        return False
+    # Without numba the compilation fails, and the caller reports the error.
+    if importlib.util.find_spec("numba") is None:
+        return False
+    with _ONE_AT_A_TIME:
+        pairs = [
+            [(kernel, kernel.required_variant(variant)) for kernel, variant in group]
+            for group in (loop_kernels, other_kernels)
+        ]
+        if not _load_existing(pairs[0], False):
+            return False
+        for kernel, variant in [*pairs[0], *_load_existing(pairs[1], False)]:
+            kernel.install(variant, as_views(kernel.function), interpreted=True)
+    folder = store.writable() if setting != "never" else None
+    background = ""
+    if folder:
+        try:
+            _start_compilation(pairs, folder)
+        except OSError as error:
+            # The limit of processes is reached (ulimit -u, a container), or the directory cannot
+            # be written to.
+            background = (
+                f"; no process can be started that compiles them ({error.strerror or error})"
+            )
+        else:
+            background = ", and they are compiled beside it for the next ones"
+            background += " (TDINT_COMPILE=wait compiles first)"
+    LOG.info("no compiled time loops for this run yet: it goes as they are written%s", background)
+    return True
+
+
+def _start_compilation(
+    groups: Sequence[Sequence[tuple[Compilable, Variant]]], folder: Path
+) -> None:
+    """Start a process that compiles groups of kernels, unless another process is compiling them.
+
+    The process continues after the end of this process.
+
+    Parameters
+    ----------
+    groups : sequence of sequence of (Compilable, Variant)
+        Kernels. The last group is compiled first.
+    folder : Path
+        Directory of the object files.
+
+    Raises
+    ------
+    OSError
+        The process cannot be started.
+    """
+    # The kernels that the time loop calls are compiled last. If they exist, the others exist.
+    names = [
+        [(kernel.name, variant.text) for kernel, variant in group] for group in reversed(groups)
+    ]
+    with (folder / _BACKGROUND_LOCK).open("a") as stream:
+        # Only one process compiles at a time. Otherwise several models in succession would fill
+        # the memory with compilers.
+        if lock(stream.fileno()):
+            start_apart(
+                [sys.executable, "-P", "-c", _BACKGROUND_PROGRAM, json.dumps(names)], folder
+            )
+
+
+def compile_in_background() -> None:
+    """Compile groups of kernels, unless another process is compiling them.
+
+    The first argument of the program contains the names as JSON. `interpret_while_compiling` starts
+    this program.
+    """
+    from tdint.kernels.building import store
+
+    folder = store.writable()
+    if folder is None:
+        return
+    with (folder / _BACKGROUND_LOCK).open("a") as stream:
+        if lock(stream.fileno()):
+            for group in json.loads(sys.argv[1]):
+                names = ((*name.split(":"), parse(text)) for name, text in group)
+                load_or_compile(
+                    [
+                        (getattr(importlib.import_module(module), name), variant)
+                        for module, name, variant in names
+                    ]
+                )
+
+
+def as_views(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a kernel as a Python function that operates on memory views, which take two thirds of
+    the time.
+
+    Elements of memory views are Python numbers. An operation that arrays allow and Python numbers
+    do not, such as a division by zero, is repeated with the arrays in their previous state.
+    """
+    python_function = _python_function(function)
+
+    def call(*arguments: Any) -> Any:
+        arrays = [argument for argument in arguments if isinstance(argument, np.ndarray)]
+        if not arrays:  # called by a kernel that already uses memory views
+            return function(*arguments)
+        saved = [array.copy() for array in arrays]
+        try:
+            views = [
+                argument.data if isinstance(argument, np.ndarray) else argument
+                for argument in arguments
+            ]
+            return function(*views)
+        except (ArithmeticError, TypeError, ValueError, NotImplementedError, AttributeError):
+            for array, values in zip(arrays, saved, strict=True):
+                if array.flags.writeable:
+                    array[...] = values
+            return python_function(*arguments)
+
+    return call
+
+
+# ---- Compilation in advance
+
+
+def compile_ahead(
+    pairs: Iterable[tuple[Compilable, Variant]],
+    targets: Iterable[str],
+    folder: Path | None,
+    progress: Callable[[float], None],
+) -> list[Path]:
+    """Compile missing kernels into a directory or into the cache.
+
+    Parameters
+    ----------
+    pairs : iterable of (Compilable, Variant)
+        Kernels with their variants.
+    targets : iterable of str
+        Names of the processors, see `tdint.kernels.building.target.named`.
+    folder : Path or None
+        Directory that TDINT_KERNELS_DIR will name; None for the cache.
+    progress : callable
+        Is called with the completed fraction, from 0 to 1.
+
+    Returns
+    -------
+    list of Path
+        Files that were written.
+
+    Raises
+    ------
+    OutputError
+        The files cannot be written.
+    """
+    from tdint.kernels.building import store
+    from tdint.kernels.building.target import named
+
+    kernels = dict.fromkeys((kernel, variant.only(kernel.parts)) for kernel, variant in pairs)
+    requested = [
+        (kernel, variant, target)
+        for target in dict.fromkeys(targets)
+        for kernel, variant in kernels
+        if not store.has(kernel.name, variant.text, named(target), folder)
+    ]
+    written: list[Path] = []
+    if folder is not None:
+        with suppress(OSError):  # the error is reported when a file is saved
+            folder.mkdir(parents=True, exist_ok=True)
+    for kernel, variant, target, data in _objects(requested):
+        try:
+            path = store.save(data, kernel.name, variant.text, target, folder)
+        except OSError as error:
+            raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from error
+        if path is None:
+            raise OutputError("no folder for compiled kernels can be written; give -o DIR")
+        written.append(path)
+        progress(len(written) / len(requested))
+    return written
+
+
+def _objects(
+    requested: Iterable[tuple[Compilable, Variant, str]],
+) -> Iterator[tuple[Compilable, Variant, Target, bytes]]:
+    """Yield object files of kernels for targets: copies of existing files, and compiled files."""
+    from tdint.kernels.building import store
+    from tdint.kernels.building.process import compilations, run_all
+    from tdint.kernels.building.target import named
+
+    missing = []
+    for kernel, variant, name in requested:
+        target = named(name)
+        if stored := store.find_object(kernel.name, variant.text, (target,)):
+            yield kernel, variant, target, stored[0].read_bytes()
+        else:
+            missing.append((kernel, variant, name))
+    for compilation, packed in run_all(compilations(missing)):
+        for target, data in zip(compilation.targets.values(), packed, strict=True):
+            yield compilation.kernel, compilation.variant, target, data
+
+
+def list_objects(pairs: Iterable[tuple[Compilable, Variant]]) -> list[tuple[str, str, str, str]]:
+    """Return for each kernel its name, variant, file and the origin of the file.
+
+    File and origin are empty for kernels without object file.
+    """
+    from tdint.kernels.building import store
+    from tdint.kernels.building.target import runnable
+
+    entries = []
+    for kernel, variant in dict.fromkeys(
+        (kernel, kernel.required_variant(variant)) for kernel, variant in pairs
+    ):
+        candidates = (
+            store.find_object(kernel.name, usable.text, runnable())
+            for usable in _usable_variants(variant)
+        )
+        stored = next(filter(None, candidates), None)
+        file, origin = (str(stored[0]), store.origin(stored[0])) if stored else ("", "")
+        entries.append((kernel.name, variant.text.replace(",", " "), file, origin))
+    return entries
