@@ -2,7 +2,7 @@
 file in it."""
 
 from tdint.kernels.compiling import F8, VECTOR, inline, kernel
-from tdint.kernels.march.march import ground_at
+from tdint.kernels.time_loop.loop import ground_at
 
 
 @inline

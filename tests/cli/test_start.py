@@ -81,7 +81,7 @@ BEFORE = {
 MORE = {
     "run": SPARED | {"numpy.fft", "obspy.imaging", "obspy.signal", "obspy.clients"},
     "spectrum": SPARED - {"numpy.ma", "tdint.ground_motion.horizontals"} | {"yaml"},
-    "law": SPARED | WITHOUT_RECORDS | WITHOUT_RUNS | {"tdint.kernels.march"},
+    "law": SPARED | WITHOUT_RECORDS | WITHOUT_RUNS | {"tdint.kernels.time_loop"},
     "modes": SPARED | WITHOUT_RECORDS | WITHOUT_RUNS | {"llvmlite", "shutil", "tempfile"},
     "check": {"tdint.analysis.run.outcome", "tdint.analysis.run.run"},
     "inventory": WITHOUT_RUNS | {"yaml"},

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from tdint.kernels import layout as rows
-from tdint.kernels.march.observing import _raise_ends, look_between, observe
 from tdint.kernels.peaks_between_steps import _cubic_extremum, find_interstep_peaks
 from tdint.kernels.stepping import Memory, Passage, Scene, Seen, Span
+from tdint.kernels.time_loop.observer import _update_peaks, observe, observe_within_step
 
 STORIES = 4
 K = 50.0
@@ -127,8 +127,8 @@ def observed(seed, everything):
     before = peaks.copy()
     passing = observe(building, span, 0.0, memory, seen)
     if everything:
-        _raise_ends(span.ground_1, passage.state, law_state, seen)
-    turned = look_between(passing or everything, building, span, memory, seen)
+        _update_peaks(span.ground_1, passage.state, law_state, seen)
+    turned = observe_within_step(passing or everything, building, span, memory, seen)
     return peaks, before, turned
 
 

@@ -142,7 +142,7 @@ def test_a_kernel_outside_the_package_counts_by_its_file_and_what_that_imports(
     small.write_text(SMALL.read_text())
     monkeypatch.setitem(sys.modules, "small", SimpleNamespace(__file__=str(small)))
     first = sources.digest("small:scaled")
-    assert {"small", "tdint.kernels.march.march", "tdint.kernels.layout"} <= sources.closure(
+    assert {"small", "tdint.kernels.time_loop.loop", "tdint.kernels.layout"} <= sources.closure(
         "small"
     ).keys()
     small.write_text(SMALL.read_text().replace("2.0 * x", "3.0 * x"))

@@ -29,9 +29,9 @@ from tdint.kernels import layout as rows
 from tdint.kernels.equations import moment4 as equations
 from tdint.kernels.laws.compiled_separately import spring_table
 from tdint.kernels.linear_terms import force_moment
-from tdint.kernels.march.ground import straightened
 from tdint.kernels.stories import path
 from tdint.kernels.stories.branches import enter
+from tdint.kernels.time_loop.ground import fitted_line
 from tdint.methods import moment4
 from tdint.methods.catalogue import parse
 from tdint.model.building import assemble, force_table
@@ -285,7 +285,7 @@ def test_the_line_has_the_impulse_and_the_moment_of_the_samples(begin, end):
     impulse = np.sum(lengths * halfway)
     edges = (knots - middle) * values
     moment = np.sum(lengths / 6.0 * (edges[:-1] + 4.0 * (halves - middle) * halfway + edges[1:]))
-    first, last = straightened(ground, begin, end)
+    first, last = fitted_line(ground, begin, end)
     whole = end - begin
     assert 0.5 * whole * (first + last) == pytest.approx(impulse, abs=1e-14)
     assert whole**2 / 12.0 * (last - first) == pytest.approx(moment, abs=1e-13)

@@ -25,7 +25,7 @@ from tdint.campaign.store import FILE, Store, all_differences, is_empty, open_ex
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.kernels.building.compilable import EVERYTHING
 from tdint.kernels.building.load_or_compile import load_or_compile
-from tdint.kernels.march.march import many
+from tdint.kernels.time_loop.loop import integrate_many
 from tdint.system import on_threads, processors
 from tdint.tabular import Progress, Tabular, told_progress
 from tdint.written_numbers import how_many, warned_first
@@ -144,7 +144,7 @@ def cluster(of: Cluster) -> Engine:
 def compile_for(plan: Plan) -> None:
     """Load the time loops of the buildings, compiled if they are not yet: before threads ask for
     them all at once."""
-    variants = {(many, EVERYTHING): None}
+    variants = {(integrate_many, EVERYTHING): None}
     for building in plan.buildings[:_LOOKED_AT]:
         subject = building.subject()
         variants |= dict.fromkeys(kernels(subject.integrator, subject.prepared.variant))

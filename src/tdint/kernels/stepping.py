@@ -57,7 +57,7 @@ class Memory(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """Arrays of the observer (see `tdint.kernels.march.observing`)."""
+    """Arrays of the observer (see `tdint.kernels.time_loop.observer`)."""
 
     observer_state: Array  # memory of the observer
     peaks: Array  # peaks and possible peaks of the response

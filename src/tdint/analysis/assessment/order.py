@@ -31,9 +31,9 @@ from tdint.analysis.static import cyclic_test
 from tdint.arrays import Array
 from tdint.errors import AnalysisError, TdintError, UsageError
 from tdint.kernels import layout as rows
-from tdint.kernels.march.march import march
-from tdint.kernels.march.observing import begin, sum_law_energies, update_shear_peaks
 from tdint.kernels.stepping import Scene
+from tdint.kernels.time_loop.loop import integrate
+from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies, update_shear_peaks
 from tdint.methods.catalogue import parse
 from tdint.methods.exact import oscillator
 from tdint.methods.method import Integrator
@@ -591,8 +591,13 @@ def _plain_march(
             space.step_status[:], space.scratch[:] = 0.0, 0.0
             space.step_status[[rows.STEPS_DONE, rows.STATE_GROUND]] = done
         with np.errstate(all="ignore"), _faults_in(home, integrator.label):
-            code = march.function(
-                *(step, begin.function, sum_law_energies.function, update_shear_peaks.function),
+            code = integrate.function(
+                *(
+                    step,
+                    initialize_laws.function,
+                    sum_law_energies.function,
+                    update_shear_peaks.function,
+                ),
                 *(
                     count,
                     first,

@@ -37,7 +37,7 @@ from tdint.errors import UsageError
 from tdint.ground_motion.measures import cut_off
 from tdint.ground_motion.record import Record
 from tdint.kernels import layout as rows
-from tdint.kernels.march.march import CODE
+from tdint.kernels.time_loop.loop import CODE
 from tdint.methods.method import Integrator
 from tdint.model.building import Building
 from tdint.model.definition import LAWS, Model

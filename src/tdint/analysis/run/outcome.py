@@ -267,7 +267,7 @@ Amount = TypeVar("Amount")
 @dataclass(frozen=True)
 class EnergyTerms(Generic[Amount]):
     """Where energy comes from and goes to, J: a field for each row of
-    `tdint.kernels.march.observing`, in its order."""
+    `tdint.kernels.time_loop.observer`, in its order."""
 
     input: Annotated[Amount, "work of the load on the motion relative to the ground"]
     kinetic: Annotated[Amount, "kinetic energy of the motion relative to the ground"]

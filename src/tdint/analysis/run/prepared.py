@@ -41,11 +41,11 @@ from tdint.kernels.building.load_or_compile import (
 from tdint.kernels.building.sources import CODE
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws.compiled_separately import kernels_apart
-from tdint.kernels.march.march import END_COLUMNS, many, march
-from tdint.kernels.march.observing import begin, sum_law_energies, update_shear_peaks
 from tdint.kernels.oscillators.elastic import peaks
 from tdint.kernels.stepping import Memory, Scene
 from tdint.kernels.stories.law_state import follow
+from tdint.kernels.time_loop.loop import END_COLUMNS, integrate, integrate_many
+from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies, update_shear_peaks
 from tdint.methods.catalogue import DEFAULT_METHOD, catalogue, parse
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, DrawnBuildings, assemble, force_table, variant
@@ -123,7 +123,7 @@ class MarchedRuns:
     totals : ndarray, shape (runs, TOTALS_SIZE)
         As `Workspace.totals`.
     ends : ndarray, shape (runs, END_COLUMNS)
-        The columns of `tdint.kernels.march.march`: code, steps taken, whether at rest.
+        The columns of `tdint.kernels.time_loop.loop`: code, steps taken, whether at rest.
     """
 
     peaks: Array
@@ -480,7 +480,13 @@ class PreparedBuilding:
     ) -> Callable[..., None]:
         """The compiled loop over some of the runs with all its arrays: takes those, where to leave
         what, and a rest."""
-        called = (march, integrator.family.step, begin, sum_law_energies, update_shear_peaks)
+        called = (
+            integrate,
+            integrator.family.step,
+            initialize_laws,
+            sum_law_energies,
+            update_shear_peaks,
+        )
         # A run begins in the arrays as they are now: copies of state and springs are its start.
         before = (
             *(kernel.variant(self.variant) for kernel in called),
@@ -517,7 +523,7 @@ class PreparedBuilding:
                 (*lane[:3], lane.steps.count, lane.steps.per_sample, lane.steps.stride)
                 for lane in lanes
             ]
-            many.compiled(
+            integrate_many.compiled(
                 *(*before, samples, np.array(table, float), *behind),
                 *(rest.window, rest.windows, rest.quiet),
                 *(marched.peaks, marched.drifts, marched.totals, marched.ends),
@@ -616,13 +622,18 @@ class PreparedBuilding:
         )
         called = [
             kernel.variant(self.variant)
-            for kernel in (integrator.family.step, begin, sum_law_energies, update_shear_peaks)
+            for kernel in (
+                integrator.family.step,
+                initialize_laws,
+                sum_law_energies,
+                update_shear_peaks,
+            )
         ]
         halvings = HALVINGS if integrator.family.halvable else 0
 
         def go(steps: Steps, first: int, last: int) -> int:
             code: int
-            code = march.variant(self.variant)(
+            code = integrate.variant(self.variant)(
                 *called,
                 *(
                     steps.count,
@@ -718,7 +729,7 @@ def of_everything() -> list[tuple[Kernel, Variant]]:
 
     steps = [item for name in catalogue() for item in kernels(parse(name), EVERYTHING)]
     others = (
-        many,
+        integrate_many,
         follow,
         peaks,
         extremes,

@@ -23,7 +23,7 @@ from tdint.analysis.run.prepared import NO_REST, MarchedRuns, Motions, PreparedB
 from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array, cached_property
 from tdint.ground_motion.record import Record
-from tdint.kernels.march.march import AT_REST, STEPS_TAKEN
+from tdint.kernels.time_loop.loop import AT_REST, STEPS_COMPLETED
 from tdint.methods.catalogue import parse
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, DrawnBuildings
@@ -118,7 +118,7 @@ class Outcomes:
         return cls(
             peaks_of(building, marched.peaks, marched.drifts),
             energy_errors(marched.totals),
-            marched.ends[:, STEPS_TAKEN].astype(int),
+            marched.ends[:, STEPS_COMPLETED].astype(int),
             waited,
         )
 

@@ -20,9 +20,9 @@ from tdint.kernels.building.compilable import Variant
 from tdint.kernels.building.sources import digest
 from tdint.kernels.compiling import Kernel
 from tdint.kernels.laws.compiled_separately import spring_table
-from tdint.kernels.march.march import march
-from tdint.kernels.march.observing import begin, sum_law_energies, update_shear_peaks
 from tdint.kernels.stepping import Memory, Scene, Seen
+from tdint.kernels.time_loop.loop import integrate
+from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies, update_shear_peaks
 from tdint.methods.method import Integrator
 from tdint.model.building import Building, oscillators
 from tdint.model.definition import CODES, LAWS
@@ -174,7 +174,13 @@ def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Vari
     look_at_once(integrator)
     return [
         (kernel, variant)
-        for kernel in (integrator.family.step, march, begin, sum_law_energies, update_shear_peaks)
+        for kernel in (
+            integrator.family.step,
+            integrate,
+            initialize_laws,
+            sum_law_energies,
+            update_shear_peaks,
+        )
     ]
 
 

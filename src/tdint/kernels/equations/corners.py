@@ -329,7 +329,7 @@ def look_at_corners(scene, h, load, memory):
 @outlined
 def _look(scene, h, load, memory):
     """The forces of stories at their corners, accelerations and total shears there and between: who
-    looks behind this (`march.observing`) takes all of them for looked at."""
+    looks behind this (`time_loop.observer`) takes all of them for looked at."""
     _, law_state, scratch, step_status = memory
     n = scene.linear_terms.shape[1] - 1
     if not _comes_near(scene, h, load, memory):

@@ -1,1 +1,0 @@
-"""The loop over time, one step in it, and what its steps share."""

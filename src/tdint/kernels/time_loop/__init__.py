@@ -1,0 +1,1 @@
+"""Time loop, observation of the response, and ground acceleration over a step."""

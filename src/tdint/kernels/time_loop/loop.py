@@ -1,0 +1,603 @@
+"""Time loop: one compiled loop for all methods, which receives the compiled step as an argument."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import (
+    CUBE,
+    F8,
+    I8,
+    TABLE,
+    VECTOR,
+    indirect_caller,
+    inline,
+    kernel,
+    outlined,
+)
+from tdint.kernels.stepping import (
+    MEMORY,
+    SCENE,
+    SEEN,
+    STEP,
+    Array,
+    Memory,
+    Scene,
+    Seen,
+    Span,
+    take_step,
+)
+from tdint.kernels.time_loop.ground import fitted_line, fitted_line_between_samples, ground_at
+from tdint.kernels.time_loop.observer import (
+    INITIALIZE_LAWS,
+    SUM_LAW_ENERGIES,
+    UPDATE_SHEAR_PEAKS,
+    call_initialize_laws,
+    exceeds_limits,
+    initialize_energies,
+    observe,
+    observe_within_step,
+    record_collapse,
+    shift_ground,
+    store,
+    store_previous,
+    update_law_energies,
+    update_reversal_shears,
+)
+
+INTEGRATE = I8(
+    STEP,  # step of the method
+    INITIALIZE_LAWS,  # kernel that initializes the drift laws
+    SUM_LAW_ENERGIES,  # kernel that sums their energies
+    UPDATE_SHEAR_PEAKS,  # kernel that computes their forces at reversals
+    I8,  # number of steps of the run
+    I8,  # number of completed steps
+    I8,  # number of steps at which the call ends
+    I8,  # steps per row of the history
+    I8,  # rows of the history before those of the array
+    I8,  # steps per sample of the ground motion
+    I8,  # samples per these steps; 1 if a step is not longer than a sampling interval
+    I8,  # maximum number of halvings of a step
+    F8,  # length of a step, s
+    VECTOR,  # ground acceleration, m/s^2
+    VECTOR,  # coefficients of the method
+    VECTOR,  # fraction of a jump of the ground acceleration that is added to each row of the state
+    *SCENE,
+    *MEMORY,
+    VECTOR,  # load, LOAD_SIZE elements of scratch
+    *SEEN,
+)
+
+RUNAWAY = 1e6
+"""Displacement above which the time integration ends as if the response were not finite, m. No
+building reaches such displacements."""
+
+
+@inline
+def start(initialize_laws, sum_law_energies, scene, ground, memory, seen):
+    """Initialize laws, accelerations, energies and the observation. Limits can be exceeded
+    initially.
+
+    Parameters
+    ----------
+    initialize_laws : Kernel
+        Kernel that initializes the laws.
+    sum_law_energies : Kernel
+        Kernel that sums the energies of the laws.
+    scene : Scene
+        Building and forces on floors.
+    ground : float
+        Initial ground acceleration, m/s^2.
+    memory : Memory
+        State, law states, scratch array and status of the step.
+    seen : Seen
+        Arrays of the observer.
+    """
+    n = scene.linear_terms.shape[1] - 1
+    state = memory.state
+    call_initialize_laws(initialize_laws, scene, memory)
+    observe(scene, Span(0.0, 0.0, ground, ground, False, False, False), 0.0, memory, seen)
+    store_previous(state, seen.observer_state, n)
+    for i in range(n):
+        state[rows.ACCELERATION, i] = seen.observer_state[rows.OBSERVED_ACCELERATION, i]
+    memory.step_status[rows.STATE_GROUND] = ground
+    update_law_energies(sum_law_energies, scene, memory, seen)
+    initialize_energies(scene.linear_terms, seen.totals)
+    check_limits(sum_law_energies, scene, memory, 0, seen)
+
+
+@inline
+def has_diverged(state, n):
+    """Return True if a displacement is not below RUNAWAY."""
+    is_bounded = True
+    for i in range(n):
+        is_bounded &= abs(state[rows.DISPLACEMENT, i]) < RUNAWAY
+    return not is_bounded
+
+
+@inline
+def observe_span(update_shear_peaks, scene, span, slope, memory, seen):
+    """Observe the response at the end of a step or substep and within it.
+
+    Parameters
+    ----------
+    update_shear_peaks : Kernel
+        Kernel that computes the shears at reversals.
+    scene : Scene
+        Building and forces on floors.
+    span : Span
+        Step.
+    slope : float
+        Rate of the ground acceleration, m/s^3.
+    memory : Memory
+        State, law states, scratch array and status of the step.
+    seen : Seen
+        Arrays of the observer.
+    """
+    may_exceed = observe(scene, span, slope, memory, seen)
+    if observe_within_step(may_exceed, scene, span, memory, seen) > 0:
+        update_reversal_shears(update_shear_peaks, scene, memory, seen)
+
+
+@inline
+def check_limits(sum_law_energies, scene, memory, steps, seen):
+    """Record the first collapse.
+
+    Parameters
+    ----------
+    sum_law_energies : Kernel
+        Kernel that sums the energies of the laws.
+    scene : Scene
+        Building and forces on floors.
+    memory : Memory
+        State and law states.
+    steps : int
+        Number of complete steps.
+    seen : Seen
+        Arrays of the observer.
+    """
+    if seen.totals[rows.COLLAPSE_STEP] == rows.NO_COLLAPSE and exceeds_limits(
+        memory.law_state, seen
+    ):
+        _record_collapse(sum_law_energies, scene, memory, steps, seen)
+
+
+@outlined
+def _record_collapse(sum_law_energies, scene, memory, steps, seen):
+    """Record a collapse after the energies were updated; arguments as for `check_limits`:
+    `sum_law_energies`, `scene`, `memory`, `steps` and `seen`."""
+    update_law_energies(sum_law_energies, scene, memory, seen)
+    record_collapse(memory.law_state, steps, seen)
+
+
+@kernel(INTEGRATE, parts=())
+def integrate(
+    step,
+    initialize_laws,
+    sum_law_energies,
+    update_shear_peaks,
+    steps,
+    first,
+    last,
+    steps_per_row,
+    rows_before,
+    per_sample,
+    stride,
+    halvings,
+    h,
+    ground,
+    coefficients,
+    shifts,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    state,
+    law_state,
+    scratch,
+    step_status,
+    load,
+    observer_state,
+    peaks,
+    limits,
+    totals,
+    history,
+):
+    """Integrate the steps `first` to `last` of a run.
+
+    A run starts with `first` 0. A further call continues from the memory of the previous call. The
+    division into calls allows the caller to interrupt the run.
+
+    If a step is longer than a sampling interval, the ground acceleration within the step is the
+    line with the same impulse and first moment. The lines of two steps are not continuous; the
+    accelerations jump by the same value as the ground acceleration.
+
+    A step that does not converge is halved up to `halvings` times, and the rest of the step is
+    integrated in substeps. A multi-step method, which stores complete steps, restarts in and after
+    such a step. `totals[STEPS_REACHED]` counts the complete steps.
+
+    Parameters
+    ----------
+    step : Kernel
+        Step of the method.
+    initialize_laws, sum_law_energies, update_shear_peaks : Kernel
+        Operations with the laws, see `tdint.kernels.time_loop.observer`.
+    steps, first, last : int
+        Number of steps of the run, of completed steps, and of steps at the end of this call.
+    steps_per_row, rows_before : int
+        Steps per row of the history, and rows of the history before those of the array.
+    per_sample, stride : int
+        `per_sample` steps have the length of `stride` sampling intervals.
+    halvings : int
+        Maximum number of halvings of a step.
+    h : float
+        Length of a step, s.
+    ground : ndarray
+        Ground acceleration at the samples, m/s^2.
+    coefficients : ndarray
+        Coefficients of the method.
+    shifts : ndarray
+        Fraction of a jump of the ground acceleration that is added to each row of the state.
+    linear_terms, modal, law_parameters, forces, flags : ndarray
+        Fields of `Scene`.
+    state, law_state, scratch, step_status : ndarray
+        Fields of `Memory`.
+    load : ndarray
+        Scratch array for the load of a step.
+    observer_state, peaks, limits, totals, history : ndarray
+        Fields of `Seen`.
+
+    Returns
+    -------
+    int
+        0, or the error code of the step that failed.
+    """
+    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
+    memory = Memory(state, law_state, scratch, step_status)
+    seen = Seen(observer_state, peaks, limits, totals, history)
+    on_path = flags[rows.PARABOLIC] != 0.0
+    fast = flags[rows.UNRESOLVED_MODES] != 0.0
+    ground_0 = ground_at(ground, first, per_sample, stride)
+    if first == 0:
+        start(initialize_laws, sum_law_energies, scene, ground_0, memory, seen)
+        if history.shape[0] > 0:
+            store(ground_0, ground_0, memory, seen, 0)
+    min_fraction = 0.5**halvings
+    for s in range(first, last):
+        ground_1 = ground_at(ground, s + 1, per_sample, stride)
+        slope = (ground_1 - ground_0) / h
+        completed = 0.0  # completed fraction of the step
+        fraction = 1.0
+        while completed < 1.0:
+            load[rows.TIME] = (s + completed) * h
+            if stride > 1:
+                samples = stride / per_sample
+                interval_start, interval_end = (
+                    (s + completed) * samples,
+                    (s + completed + fraction) * samples,
+                )
+                if per_sample == 1 and fraction == 1.0:
+                    load[rows.GROUND_0], load[rows.GROUND_1] = fitted_line_between_samples(
+                        ground, s * stride, (s + 1) * stride
+                    )
+                else:
+                    load[rows.GROUND_0], load[rows.GROUND_1] = fitted_line(
+                        ground, interval_start, interval_end
+                    )
+                slope = (load[rows.GROUND_1] - load[rows.GROUND_0]) / (fraction * h)
+                shift_ground(scene, load, shifts, memory, seen)
+            else:
+                load[rows.GROUND_0] = ground_0 + completed * (ground_1 - ground_0)
+                load[rows.GROUND_1] = (
+                    ground_1
+                    if completed + fraction == 1.0
+                    else ground_0 + (completed + fraction) * (ground_1 - ground_0)
+                )
+            code = take_step(step, coefficients, scene, fraction * h, load, memory)
+            if code < 0:
+                if code == rows.NOT_FINITE or fraction <= min_fraction:
+                    check_limits(sum_law_energies, scene, memory, s, seen)
+                    return code
+                fraction *= 0.5
+                totals[rows.HALVINGS] += 1.0
+                step_status[rows.STEPS_DONE] = 0.0
+                continue
+            completed += fraction
+            totals[rows.ITERATIONS] += code
+            step_status[rows.STATE_GROUND] = load[rows.GROUND_1]
+            t, cornered = (s + completed) * h, step_status[rows.STEP_PEAKS] != 0.0
+            span = Span(
+                t, fraction * h, load[rows.GROUND_0], load[rows.GROUND_1], on_path, fast, cornered
+            )
+            observe_span(update_shear_peaks, scene, span, slope, memory, seen)
+        step_status[rows.STEPS_DONE] = (
+            step_status[rows.STEPS_DONE] + 1.0 if fraction == 1.0 else 0.0
+        )
+        totals[rows.STEPS_REACHED] += 1.0
+        if has_diverged(state, linear_terms.shape[1] - 1):
+            return rows.NOT_FINITE
+        check_limits(sum_law_energies, scene, memory, s + 1, seen)
+        if history.shape[0] > 0 and (s + 1) % steps_per_row == 0:
+            update_law_energies(sum_law_energies, scene, memory, seen)
+            store(
+                ground_1, load[rows.GROUND_1], memory, seen, (s + 1) // steps_per_row - rows_before
+            )
+        ground_0 = ground_1
+    if last == steps:
+        update_law_energies(sum_law_energies, scene, memory, seen)
+    return 0
+
+
+# ---- Many runs of one building in one call: different ground motions, scale factors and numbers of
+# steps, with the same method
+
+# Columns of `runs`, with one row for each run
+GROUND_START = 0  # index of the first sample of the run in the samples of all ground motions
+GROUND_SIZE = 1  # number of samples
+SCALE = 2  # scale factor of the samples
+STEPS = 3
+PER_SAMPLE = 4
+STRIDE = 5
+
+# Columns of `interval_end`, with one row for each run
+CODE = 0  # return value of `integrate`
+STEPS_COMPLETED = 1
+AT_REST = 2  # 1 if the response has decayed, or if this is not required
+END_COLUMNS = 3
+
+_call_integrate = indirect_caller(INTEGRATE)
+
+
+@inline
+def _copy(source, target):
+    """Copy a table to a table of the same shape."""
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            target[i, j] = source[i, j]
+
+
+@inline
+def _fill(target, value):
+    """Set all elements of a table."""
+    for i in range(target.shape[0]):
+        for j in range(target.shape[1]):
+            target[i, j] = value
+
+
+INTEGRATE_MANY = I8(
+    INTEGRATE,
+    STEP,
+    INITIALIZE_LAWS,
+    SUM_LAW_ENERGIES,
+    UPDATE_SHEAR_PEAKS,
+    I8,  # how often a step may be halved
+    F8,  # h
+    VECTOR,  # samples of all ground motions
+    TABLE,  # runs
+    VECTOR,  # coefficients
+    VECTOR,  # shifts
+    *SCENE,
+    *MEMORY,  # initial memory
+    VECTOR,  # initial totals
+    *MEMORY,
+    VECTOR,  # load
+    VECTOR,  # ground acceleration, with the length of the longest ground motion
+    TABLE,  # watch
+    TABLE,  # limits
+    VECTOR,  # scratch: one element for each story
+    TABLE,  # history, without rows
+    I8,  # steps of a window at the end of a run in which the response must be small
+    I8,  # maximum number of windows; 0 if runs end with their steps
+    # maximum velocity in a window with small response, relative to the maximum displacement of the
+    # run, 1/s
+    F8,
+    CUBE,  # peaks of each run
+    TABLE,  # residual drifts of each run
+    TABLE,  # totals of each run
+    TABLE,  # ends
+)
+
+
+class _Kernels(NamedTuple):
+    """Kernels of a run."""
+
+    integrate: int
+    step: int
+    initialize_laws: int
+    sum_law_energies: int
+    update_shear_peaks: int
+
+
+class _CommonData(NamedTuple):
+    """Common data of all runs: properties of the step, and the scratch array for the ground
+    acceleration of a run."""
+
+    halvings: int
+    h: float
+    coefficients: Array
+    shifts: Array
+    load: Array
+    ground: Array
+
+
+@inline
+def _continue(kernels, common, run, steps, completed, scene, memory, seen):
+    """Continue the time integration from `completed` to `steps` steps.
+
+    Parameters
+    ----------
+    kernels : _Called
+        Kernels of the run.
+    common : _Motion
+        Common data of all runs.
+    run : tuple of int
+        Steps per sample and samples per step.
+    steps, completed : int
+        Number of steps at the end of the call and of completed steps.
+    scene : Scene
+        Building and forces on floors.
+    memory : Memory
+        State, law states, scratch array and status of the step.
+    seen : Seen
+        Arrays of the observer.
+    """
+    return _call_integrate(
+        kernels.integrate, kernels.step, kernels.initialize_laws,
+        kernels.sum_law_energies, kernels.update_shear_peaks,
+        steps, completed, steps, 1, 0, run[0], run[1],
+        common.halvings, common.h, common.ground, common.coefficients, common.shifts,
+        scene.linear_terms, scene.modal, scene.law_parameters, scene.forces, scene.flags,
+        memory.state, memory.law_state, memory.scratch, memory.step_status, common.load,
+        seen.observer_state, seen.peaks, seen.limits, seen.totals, seen.history,
+    )  # fmt: skip
+
+
+@inline
+def _initialize_memory(initial, memory, observer_state):
+    """Set the memory to its initial values."""
+    _copy(initial.state, memory.state)
+    _copy(initial.law_state, memory.law_state)
+    _fill(memory.scratch, 0.0)
+    _fill(observer_state, 0.0)
+    for i in range(memory.step_status.size):
+        memory.step_status[i] = initial.step_status[i]
+
+
+@kernel(INTEGRATE_MANY, parts=())
+def integrate_many(
+    integrate,
+    step,
+    initialize_laws,
+    sum_law_energies,
+    update_shear_peaks,
+    halvings,
+    h,
+    samples,
+    runs,
+    coefficients,
+    shifts,
+    linear_terms,
+    modal,
+    law_parameters,
+    forces,
+    flags,
+    state_0,
+    law_state_0,
+    scratch_0,
+    step_status_0,
+    totals_0,
+    state,
+    law_state,
+    scratch,
+    step_status,
+    load,
+    ground,
+    observer_state,
+    limits,
+    previous_peaks,
+    history,
+    window,
+    windows,
+    velocity_limit,
+    peaks,
+    drifts,
+    totals,
+    interval_end,
+):
+    """Integrate all runs. Each run is independent of the others.
+
+    After the steps of a run, the integration continues in windows of `window` steps until the
+    response has decayed or `windows` windows are completed.
+
+    Parameters
+    ----------
+    integrate, step, initialize_laws, sum_law_energies, update_shear_peaks : Kernel
+        Time loop, step and operations with the laws.
+    halvings : int
+        Maximum number of halvings of a step.
+    h : float
+        Length of a step, s.
+    samples : ndarray
+        Samples of all ground motions, m/s^2.
+    runs : ndarray
+        Table of the runs.
+    coefficients, shifts : ndarray
+        As for `integrate`.
+    linear_terms, modal, law_parameters, forces, flags : ndarray
+        Fields of `Scene`.
+    state_0, law_state_0, scratch_0, step_status_0, totals_0 : ndarray
+        Initial memory and totals. The scratch array is cleared instead.
+    state, law_state, scratch, step_status, load, ground, observer_state : ndarray
+        Memory and scratch arrays of the current run.
+    limits : ndarray
+        Collapse limits.
+    previous_peaks : ndarray
+        Scratch array with one element for each story.
+    history : ndarray
+        History without rows.
+    window, windows : int
+        Number of steps of a window, and maximum number of windows.
+    velocity_limit : float
+        Maximum velocity in a window with small response, relative to the maximum displacement of
+        the run, 1/s.
+    peaks, drifts, totals, interval_end : ndarray
+        Results of the runs: peaks, residual drifts, totals and the columns of `interval_end`.
+
+    Returns
+    -------
+    int
+        Number of runs that failed.
+    """
+    kernels = _Kernels(integrate, step, initialize_laws, sum_law_energies, update_shear_peaks)
+    common = _CommonData(halvings, h, coefficients, shifts, load, ground)
+    scene = Scene(linear_terms, modal, law_parameters, forces, flags)
+    initial = Memory(state_0, law_state_0, scratch_0, step_status_0)
+    memory = Memory(state, law_state, scratch, step_status)
+    failed = 0
+    n = linear_terms.shape[1] - 1
+    for r in range(runs.shape[0]):
+        first = int(runs[r, GROUND_START])
+        size = int(runs[r, GROUND_SIZE])
+        for i in range(ground.size):
+            ground[i] = samples[first + i] * runs[r, SCALE] if i < size else 0.0
+        _initialize_memory(initial, memory, observer_state)
+        for i in range(rows.TOTALS_SIZE):
+            totals[r, i] = totals_0[i]
+        seen = Seen(observer_state, peaks[r], limits, totals[r], history)
+        run = (int(runs[r, PER_SAMPLE]), int(runs[r, STRIDE]))
+        completed = 0
+        last = int(runs[r, STEPS])
+        code = 0
+        at_rest = 1.0 if windows == 0 else 0.0
+        for w in range(windows + 1):
+            for i in range(n):  # the peak velocity is determined for each window separately
+                previous_peaks[i] = peaks[r, rows.PEAK_VELOCITY, i]
+                peaks[r, rows.PEAK_VELOCITY, i] = 0.0
+                if step_status[rows.RUN_PEAKS] != 0.0:
+                    scratch[int(step_status[rows.RUN_PEAKS]) + rows.PEAK_VELOCITY, i] = 0.0
+            code = _continue(kernels, common, run, last, completed, scene, memory, seen)
+            max_velocity = 0.0
+            max_displacement = 0.0
+            for i in range(n):
+                max_velocity = max(max_velocity, peaks[r, rows.PEAK_VELOCITY, i])
+                max_displacement = max(max_displacement, peaks[r, rows.PEAK_DISPLACEMENT, i])
+                peaks[r, rows.PEAK_VELOCITY, i] = max(
+                    previous_peaks[i], peaks[r, rows.PEAK_VELOCITY, i]
+                )
+            if code < 0:
+                break
+            completed = last
+            last += window
+            if w > 0 and max_velocity <= velocity_limit * max_displacement:
+                at_rest = 1.0
+                break
+        if code < 0:
+            failed += 1
+        for i in range(n):
+            drifts[r, i] = law_state[rows.DRIFT, i]
+        interval_end[r, CODE] = code
+        interval_end[r, STEPS_COMPLETED] = completed
+        interval_end[r, AT_REST] = at_rest
+    return failed

@@ -1,0 +1,805 @@
+"""Observation of the response during the time integration: peaks, energies and, if requested, a
+history.
+
+Without a history, the required memory is proportional to the number of stories.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from tdint.kernels import layout as rows
+from tdint.kernels.compiling import I8, TABLE, VECTOR, indirect_caller, inline, kernel, outlined
+from tdint.kernels.linear_terms import (
+    DASHPOTS,
+    FORCES,
+    MODAL,
+    add_modal_force,
+    force_rate,
+    force_value,
+    power_damper,
+)
+from tdint.kernels.peaks_between_steps import (
+    acceleration_bulge,
+    find_interstep_peaks,
+    may_exceed_acceleration_peak,
+    may_exceed_peaks,
+    may_exceed_velocity_peak,
+    raise_peak,
+)
+from tdint.kernels.stepping import Ends, Passage
+from tdint.kernels.stories.law_state import (
+    hysteretic_energy,
+    restoring_force_outlined,
+    start,
+    strain_energy,
+)
+
+
+class _Powers(NamedTuple):
+    """Powers of the load and of the dampers at one time, their rates, and the momentum of all
+    floors.
+
+    Attributes
+    ----------
+    power : float
+        Power of the load, W.
+    rate : float
+        Rate of the power without the contribution of the rate of the ground acceleration, W/s.
+    momentum : float
+        Momentum of all floors, N s.
+    damped : float
+        Power of the dampers, W.
+    damped_rate : float
+        Rate of the power of the dampers, W/s.
+    """
+
+    power: float
+    rate: float
+    momentum: float
+    damped: float
+    damped_rate: float
+
+
+@inline
+def observe(scene, span, slope, memory, seen):
+    """Update energies and peaks with the state at the end of a step.
+
+    The acceleration is computed from equilibrium, independent of the method. At the start, the
+    function is called with a span of zero length. In most steps no value can exceed a peak, which
+    is determined without a branch; only in the other steps the peaks are updated.
+
+    Parameters
+    ----------
+    scene : Scene
+        Building and forces on floors.
+    span : Span
+        Observed time step or substep.
+    slope : float
+        Rate of the ground acceleration in the step, m/s^3.
+    memory : Memory
+        State, law states and status of the step.
+    seen : Seen
+        Arrays of the observer.
+
+    Returns
+    -------
+    bool
+        True if a peak can be exceeded within the step or at its end.
+    """
+    linear_terms, modal, law_parameters, forces, flags = scene
+    state, law_state = memory.state, memory.law_state
+    observer_state, peaks, _, totals, _ = seen
+    ground = span.ground_1
+    n = linear_terms.shape[1] - 1
+    if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
+        _other_forces(modal, forces, span.t, state, observer_state, n)
+    by_h = 1.0 / span.h if span.h > 0.0 else 0.0
+    # the floor forces within the step are not evaluated here
+    may_exceed = FORCES and forces.shape[0] > 0
+    momentum = 0.0
+    force = 0.0
+    damped = 0.0
+    damped_rate = 0.0
+    per_acceleration = 0.0
+    # Sums over the floors above that are connected to this floor
+    story_above = 0.0
+    damped_above = 0.0
+    moved_above = 0.0
+    bulge_above = 0.0
+    rate_above = 0.0
+    v = state[rows.VELOCITY, n - 1]
+    v_0 = observer_state[rows.V_PREVIOUS, n - 1]
+    for i in range(n - 1, -1, -1):
+        below = max(i - 1, 0)
+        v_below = state[rows.VELOCITY, below]
+        v_0_below = observer_state[rows.V_PREVIOUS, below]
+        link = linear_terms[rows.LINK, i]
+        mass = linear_terms[rows.MASS, i]
+        drift = law_state[rows.DRIFT, i]
+        shear = law_state[rows.FORCE, i]
+        rate = v - link * v_below
+        damper, tangent = power_damper(linear_terms, i, rate)
+        by_story = linear_terms[rows.STORY_DAMPER, i] * rate
+        by_floor = linear_terms[rows.FLOOR_DAMPER, i] * v
+        story = shear + linear_terms[rows.GEOMETRIC, i] * drift + by_story + damper
+        a = (
+            linear_terms[rows.INVERSE_MASS, i]
+            * (observer_state[rows.FLOOR_FORCE, i] - by_floor - story + story_above)
+            - ground
+        )
+        observer_state[rows.OBSERVED_ACCELERATION, i] = a
+        damped_above += by_floor
+        if MODAL:
+            damped_above += observer_state[rows.MODAL_FORCE, i]
+        total = story + damped_above
+        observer_state[rows.TOTAL_SHEAR, i] = total
+        a_0 = observer_state[rows.A_PREVIOUS, i]
+        floor_ends = Ends(0.0, v_0, a_0, state[rows.DISPLACEMENT, i], v, a, v_0, a_0)
+        story_ends = Ends(0.0, v_0 - link * v_0_below, 0.0, drift, rate, 0.0, 0.0, 0.0)
+        may_exceed |= may_exceed_peaks(
+            span, floor_ends, story_ends, shear, law_parameters[rows.STIFFNESS, i], peaks, i
+        )
+        bulge = acceleration_bulge(by_h, floor_ends)
+        may_exceed |= may_exceed_acceleration_peak(
+            a_0 + span.ground_0, a + ground, bulge, peaks[rows.PEAK_ACCELERATION, i]
+        )
+        moved_above += mass * (a_0 + span.ground_0)
+        bulge_above += mass * bulge
+        may_exceed |= may_exceed_acceleration_peak(
+            moved_above, -total, bulge_above, peaks[rows.PEAK_TOTAL_SHEAR, i]
+        )
+        momentum += mass * v
+        force += mass * a
+        damped += by_floor * v + (by_story + damper) * rate
+        by_story += 0.5 * (damper + tangent * rate)
+        damped_rate += (by_floor + by_story - rate_above) * a
+        per_acceleration += by_floor + (1.0 - link) * by_story
+        story_above = link * story
+        damped_above *= link
+        moved_above *= link
+        bulge_above *= link
+        rate_above = link * by_story
+        v = v_below
+        v_0 = v_0_below
+    if flags[rows.OWN_WORK] == 0.0:
+        power = -ground * momentum
+        rate = -ground * force
+        totals[rows.TOTAL_INERTIA] = force
+        totals[rows.VISCOUS_PER_ACCELERATION] = per_acceleration
+        if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
+            additional = _other_powers(modal, forces, span.t, state, observer_state, n)
+            power += additional[0]
+            rate += additional[1]
+            damped += additional[2]
+            damped_rate += additional[3]
+        _add_work(span, slope, _Powers(power, rate, momentum, damped, 2.0 * damped_rate), totals)
+    elif span.h > 0.0:
+        totals[rows.ENERGY_INPUT] += memory.step_status[rows.WORK_INPUT]
+        totals[rows.ENERGY_VISCOUS] += memory.step_status[rows.WORK_VISCOUS]
+    totals[rows.ENERGY_REFERENCE] = max(
+        totals[rows.ENERGY_REFERENCE], totals[rows.ENERGY_INITIAL] + totals[rows.ENERGY_INPUT]
+    )
+    if DASHPOTS and flags[rows.HAS_DASHPOTS] != 0.0:
+        may_exceed |= _observe_dashpots(span, linear_terms, state, seen)
+    if may_exceed:
+        _update_peaks(ground, state, law_state, seen)
+    return may_exceed
+
+
+@outlined
+def _observe_dashpots(span, linear_terms, state, seen):
+    """Update the work of the dashpots, which is subtracted from the work of viscous damping, and
+    the peaks of the drift rates.
+
+    Parameters
+    ----------
+    span : Span
+        Observed time step or substep.
+    linear_terms : ndarray
+        Linear terms of the building (`tdint.kernels.layout`).
+    state : ndarray
+        State of the method.
+    seen : Seen
+        Arrays of the observer.
+
+    Returns
+    -------
+    bool
+        True if a drift rate can exceed its peak within the step.
+    """
+    observer_state, peaks, _, totals, _ = seen
+    h = span.h
+    power = power_rate = per_acceleration = 0.0
+    v_below = a_below = a_0_below = 0.0
+    may_exceed = False
+    for i in range(linear_terms.shape[1] - 1):
+        link = linear_terms[rows.LINK, i]
+        v, a = state[rows.VELOCITY, i], observer_state[rows.OBSERVED_ACCELERATION, i]
+        a_0 = observer_state[rows.A_PREVIOUS, i]
+        rate = v - link * v_below
+        change = a - link * a_below
+        ends = Ends(0.0, 0.0, a_0 - link * a_0_below, 0.0, rate, change, 0.0, 0.0)
+        may_exceed |= may_exceed_velocity_peak(span, ends, peaks[rows.PEAK_DRIFT_RATE, i])
+        raise_peak(peaks, rows.PEAK_DRIFT_RATE, i, rate)
+        damper, tangent = power_damper(linear_terms, i, rate)
+        force = linear_terms[rows.DASHPOT, i] * rate
+        power += (force + damper) * rate
+        force += 0.5 * (damper + tangent * rate)
+        power_rate += 2.0 * force * change
+        per_acceleration += (1.0 - link) * force
+        v_below = v
+        a_below = a
+        a_0_below = a_0
+    if h > 0.0:
+        scratch = _work(
+            h, totals[rows.POWER_DASHPOTS], power, totals[rows.RATE_DASHPOTS] - power_rate
+        )
+        totals[rows.ENERGY_DASHPOTS] += scratch
+        totals[rows.ENERGY_VISCOUS] -= scratch
+    totals[rows.POWER_DASHPOTS] = power
+    totals[rows.RATE_DASHPOTS] = power_rate
+    totals[rows.DASHPOTS_PER_ACCELERATION] = per_acceleration
+    return may_exceed
+
+
+@outlined
+def _update_peaks(ground, state, law_state, seen):
+    """Update the peaks with the response at the end of the step.
+
+    Parameters
+    ----------
+    ground : float
+        Ground acceleration, m/s^2.
+    state : ndarray
+        State of the method.
+    law_state : ndarray
+        States of the laws.
+    seen : Seen
+        Arrays of the observer.
+    """
+    observer_state, peaks, _, _, _ = seen
+    for i in range(observer_state.shape[1] - 1):
+        raise_peak(peaks, rows.PEAK_DRIFT, i, law_state[rows.DRIFT, i])
+        raise_peak(peaks, rows.PEAK_SHEAR, i, law_state[rows.FORCE, i])
+        raise_peak(peaks, rows.PEAK_DISPLACEMENT, i, state[rows.DISPLACEMENT, i])
+        raise_peak(peaks, rows.PEAK_VELOCITY, i, state[rows.VELOCITY, i])
+        raise_peak(
+            peaks, rows.PEAK_ACCELERATION, i, observer_state[rows.OBSERVED_ACCELERATION, i] + ground
+        )
+        raise_peak(peaks, rows.PEAK_TOTAL_SHEAR, i, observer_state[rows.TOTAL_SHEAR, i])
+
+
+@outlined
+def _other_powers(modal, forces, t, state, observer_state, n):
+    """Compute the power of the floor forces and of modal damping.
+
+    Parameters
+    ----------
+    modal : ndarray
+        Rows w of the modal damping matrix C = sum of w w^T.
+    forces : ndarray
+        Harmonic forces on floors (`tdint.kernels.layout`).
+    t : float
+        Time, s.
+    state : ndarray
+        State of the method.
+    observer_state : ndarray
+        Memory of the observer.
+    n : int
+        Number of floors.
+
+    Returns
+    -------
+    tuple of float
+        Power of the floor forces and its rate, power of modal damping and half of its rate.
+    """
+    power = 0.0
+    rate = 0.0
+    damped = 0.0
+    damped_rate = 0.0
+    for j in range(forces.shape[0]):
+        floor_ends = int(forces[j, rows.FLOOR])
+        force = force_value(forces, j, t)
+        power += force * state[rows.VELOCITY, floor_ends]
+        rate += (
+            force * observer_state[rows.OBSERVED_ACCELERATION, floor_ends]
+            + force_rate(forces, j, t) * state[rows.VELOCITY, floor_ends]
+        )
+    for j in range(modal.shape[0]):
+        v_modal = 0.0
+        a_modal = 0.0
+        for i in range(n):
+            v_modal += modal[j, i] * state[rows.VELOCITY, i]
+            a_modal += modal[j, i] * observer_state[rows.OBSERVED_ACCELERATION, i]
+        damped += v_modal * v_modal
+        damped_rate += v_modal * a_modal
+    return power, rate, damped, damped_rate
+
+
+@outlined
+def _change_per_acceleration(modal, forces, t, state, n):
+    """Compute the change of the rates of `_other_powers` if the accelerations of all floors
+    increase by 1 m/s^2.
+
+    Parameters
+    ----------
+    modal : ndarray
+        Rows w of the modal damping matrix C = sum of w w^T.
+    forces : ndarray
+        Harmonic forces on floors (`tdint.kernels.layout`).
+    t : float
+        Time, s.
+    state : ndarray
+        State of the method.
+    n : int
+        Number of floors.
+
+    Returns
+    -------
+    float, float
+        Change of the rate of the floor forces, and of half the rate of modal damping.
+    """
+    rate = 0.0
+    damped_rate = 0.0
+    for j in range(forces.shape[0]):
+        rate += force_value(forces, j, t)
+    for j in range(modal.shape[0]):
+        v_modal = 0.0
+        a_modal = 0.0
+        for i in range(n):
+            v_modal += modal[j, i] * state[rows.VELOCITY, i]
+            a_modal += modal[j, i]
+        damped_rate += v_modal * a_modal
+    return rate, damped_rate
+
+
+@inline
+def observe_within_step(may_exceed, scene, span, memory, seen):
+    """Update the peaks with the response within the last step.
+
+    If the step has computed peaks within the step, these are used: for parabolic displacements only
+    the peaks that depend on discontinuities, otherwise all peaks. The remaining peaks are computed
+    from the response at the endpoints if `may_exceed` is True.
+
+    Parameters
+    ----------
+    may_exceed : bool
+        Result of `observe`.
+    scene : Scene
+        Building and forces on floors.
+    span : Span
+        Observed step.
+    memory : Memory
+        State, law states, scratch array and status of the step.
+    seen : Seen
+        Arrays of the observer.
+
+    Returns
+    -------
+    int
+        Number of stories with a reversal within the step that can be their peak shear. The drifts
+        of the reversals are in row REVERSAL_DRIFT.
+    """
+    state, law_state, scratch, step_status = memory
+    observer_state, peaks, _, _, _ = seen
+    n = scene.linear_terms.shape[1] - 1
+    reversals = 0
+    if span.cornered:
+        _merge_step_peaks(int(step_status[rows.STEP_PEAKS]), scratch, peaks, n)
+        step_status[rows.STEP_PEAKS] = 0.0
+    if may_exceed and (span.on_path or not span.cornered):
+        passage = Passage(
+            observer_state, rows.U_PREVIOUS, state, observer_state, rows.OBSERVED_ACCELERATION
+        )
+        reversals = find_interstep_peaks(
+            span, scene, passage, law_state, observer_state, rows.REVERSAL_DRIFT, peaks, 0
+        )
+    if span.fast:
+        for i in range(n):
+            observer_state[rows.V_EARLIER, i] = observer_state[rows.V_PREVIOUS, i]
+            observer_state[rows.A_EARLIER, i] = observer_state[rows.A_PREVIOUS, i]
+    store_previous(state, observer_state, n)
+    return reversals
+
+
+@outlined
+def _merge_step_peaks(first, scratch, peaks, n):
+    """Update the peaks with those that the step has computed, and store the peaks of the run in the
+    scratch rows of the step.
+
+    Parameters
+    ----------
+    first : int
+        First scratch row of the peaks.
+    scratch : ndarray
+        Scratch array of the step.
+    peaks : ndarray
+        Peaks of the run.
+    n : int
+        Number of floors.
+    """
+    for row in range(peaks.shape[0]):
+        for i in range(n):
+            raise_peak(peaks, row, i, scratch[first + row, i])
+            scratch[first + row, i] = peaks[row, i]
+
+
+@inline
+def store_previous(state, observer_state, n):
+    """Store the observed response for the next step.
+
+    Parameters
+    ----------
+    state : ndarray
+        State of the method.
+    observer_state : ndarray
+        Memory of the observer.
+    n : int
+        Number of floors.
+    """
+    for i in range(n):
+        observer_state[rows.U_PREVIOUS, i] = state[rows.DISPLACEMENT, i]
+        observer_state[rows.V_PREVIOUS, i] = state[rows.VELOCITY, i]
+        observer_state[rows.A_PREVIOUS, i] = observer_state[rows.OBSERVED_ACCELERATION, i]
+
+
+@inline
+def shift_ground(scene, load, shifts, memory, seen):
+    """Start a new line of the ground acceleration, which does not continue the previous line.
+
+    A jump of the ground acceleration changes all relative accelerations by the same value.
+    Velocities and displacements do not change.
+
+    Parameters
+    ----------
+    scene : Scene
+        Building and forces on floors.
+    load : ndarray
+        Load of the step.
+    shifts : ndarray
+        Fraction of the jump that is added to each row of the state.
+    memory : Memory
+        State and status of the step.
+    seen : Seen
+        Arrays of the observer.
+    """
+    linear_terms, modal, _, forces, _ = scene
+    state, observer_state, totals = memory.state, seen.observer_state, seen.totals
+    ground = load[rows.GROUND_0]
+    shift = memory.step_status[rows.STATE_GROUND] - ground
+    memory.step_status[rows.STATE_GROUND] = ground
+    n = linear_terms.shape[1] - 1
+    for row in range(shifts.shape[0]):
+        if shifts[row] != 0.0:
+            for i in range(n):
+                state[row, i] += shifts[row] * shift
+    for i in range(n):
+        a = observer_state[rows.A_PREVIOUS, i] + shift
+        observer_state[rows.OBSERVED_ACCELERATION, i] = a
+        observer_state[rows.A_PREVIOUS, i] = a
+    totals[rows.POWER_INPUT] += shift * totals[rows.MOMENTUM]
+    totals[rows.RATE_INPUT] += shift * (
+        totals[rows.TOTAL_INERTIA] - ground * totals[rows.TOTAL_MASS]
+    )
+    totals[rows.RATE_VISCOUS] += 2.0 * shift * totals[rows.VISCOUS_PER_ACCELERATION]
+    totals[rows.RATE_DASHPOTS] += 2.0 * shift * totals[rows.DASHPOTS_PER_ACCELERATION]
+    if (MODAL or FORCES) and forces.shape[0] + modal.shape[0] > 0:
+        rate, damped_rate = _change_per_acceleration(modal, forces, load[rows.TIME], state, n)
+        totals[rows.RATE_INPUT] += shift * rate
+        totals[rows.RATE_VISCOUS] += 2.0 * shift * damped_rate
+
+
+@outlined
+def _other_forces(modal, forces, t, state, observer_state, n):
+    """Store the forces on floors minus modal damping. The rows remain zero for a building without
+    both.
+
+    Parameters
+    ----------
+    modal : ndarray
+        Rows of the modal damping matrix.
+    forces : ndarray
+        Harmonic forces on floors.
+    t : float
+        Time, s.
+    state : ndarray
+        State of the method.
+    observer_state : ndarray
+        Rows FLOOR_FORCE and MODAL_FORCE are set, N.
+    n : int
+        Number of floors.
+    """
+    for i in range(n):
+        observer_state[rows.FLOOR_FORCE, i] = 0.0
+        observer_state[rows.MODAL_FORCE, i] = 0.0
+    for j in range(forces.shape[0]):
+        observer_state[rows.FLOOR_FORCE, int(forces[j, rows.FLOOR])] += force_value(forces, j, t)
+    add_modal_force(modal, state, rows.VELOCITY, 1.0, observer_state, rows.MODAL_FORCE, n)
+    for i in range(n):
+        observer_state[rows.FLOOR_FORCE, i] -= observer_state[rows.MODAL_FORCE, i]
+
+
+@inline
+def _work(h, power_0, power_1, change):
+    """Return the work over a step, J, by the corrected trapezoidal (Hermite) rule of order 4.
+
+    Parameters
+    ----------
+    h : float
+        Length of the step, s.
+    power_0, power_1 : float
+        Power at both endpoints, W.
+    change : float
+        Rate of the power at the start minus the rate at the end, W/s.
+    """
+    return 0.5 * h * (power_0 + power_1) + h * h / 12.0 * change
+
+
+@inline
+def _add_work(span, slope, current, totals):
+    """Add the work of the load and of the dampers in a step.
+
+    Parameters
+    ----------
+    span : Span
+        Step.
+    slope : float
+        Rate of the ground acceleration, m/s^3.
+    current : _Powers
+        Powers at the end of the step.
+    totals : ndarray
+        Totals of the run, with the powers at the start of the step.
+    """
+    change = (
+        totals[rows.RATE_INPUT] - current.rate - slope * (totals[rows.MOMENTUM] - current.momentum)
+    )
+    totals[rows.ENERGY_INPUT] += _work(span.h, totals[rows.POWER_INPUT], current.power, change)
+    change = totals[rows.RATE_VISCOUS] - current.damped_rate
+    totals[rows.ENERGY_VISCOUS] += _work(span.h, totals[rows.POWER_VISCOUS], current.damped, change)
+    totals[rows.POWER_INPUT] = current.power
+    totals[rows.RATE_INPUT] = current.rate
+    totals[rows.MOMENTUM] = current.momentum
+    totals[rows.POWER_VISCOUS] = current.damped
+    totals[rows.RATE_VISCOUS] = current.damped_rate
+
+
+@inline
+def initialize_energies(linear_terms, totals):
+    """Initialize the energies after the kernel `sum_law_energies` was called for the initial
+    state."""
+    totals[rows.TOTAL_MASS] = 0.0
+    for i in range(linear_terms.shape[1] - 1):
+        totals[rows.TOTAL_MASS] += linear_terms[rows.MASS, i]
+    totals[rows.INITIAL_DISSIPATION] = totals[rows.ENERGY_HYSTERETIC]
+    totals[rows.ENERGY_HYSTERETIC] = 0.0
+    totals[rows.ENERGY_INITIAL] = totals[rows.ENERGY_KINETIC] + totals[rows.ENERGY_STRAIN]
+    totals[rows.ENERGY_REFERENCE] = totals[rows.ENERGY_INITIAL]
+
+
+@outlined
+def store(ground, fitted_ground, memory, seen, row):
+    """Write a row of the history. The energies must be up to date.
+
+    Parameters
+    ----------
+    ground : float
+        Ground acceleration, m/s^2.
+    fitted_ground : float
+        Ground acceleration of the observed response, which differs from `ground` for long steps,
+        m/s^2.
+    memory : Memory
+        State and law states.
+    seen : Seen
+        Arrays of the observer; `history` is written.
+    row : int
+        Row of the history.
+    """
+    state, law_state = memory.state, memory.law_state
+    observer_state, _, _, totals, history = seen
+    n = observer_state.shape[1] - 1
+    history[row, 0] = ground
+    for i in range(n):
+        history[row, 1 + i] = state[rows.DISPLACEMENT, i]
+        history[row, 1 + n + i] = state[rows.VELOCITY, i]
+        history[row, 1 + 2 * n + i] = observer_state[rows.OBSERVED_ACCELERATION, i] + fitted_ground
+        history[row, 1 + 3 * n + i] = law_state[rows.FORCE, i]
+    energies = 1 + rows.HISTORY_FIELDS * n
+    for j in range(rows.ENERGY_TERMS):
+        history[row, energies + j] = totals[j]
+
+
+@inline
+def exceeds_limits(law_state, seen):
+    """Return True if the peak drift of a story exceeds its limit or a story has failed."""
+    limits = seen.limits
+    is_exceeded = False
+    for i in range(limits.shape[1]):
+        is_exceeded |= (
+            seen.peaks[rows.PEAK_DRIFT, i] > limits[rows.LIMIT, i] * limits[rows.HEIGHT, i]
+        )
+        is_exceeded |= law_state[rows.INTERNAL, i] == limits[rows.FAILED, i]
+    return is_exceeded
+
+
+@outlined
+def record_collapse(law_state, steps, seen):
+    """Store the collapsed story, the step and the energies. The energies must be up to date.
+
+    Parameters
+    ----------
+    law_state : ndarray
+        States of the laws.
+    steps : int
+        Number of complete steps.
+    seen : Seen
+        Arrays of the observer.
+    """
+    _, peaks, limits, totals, _ = seen
+    largest_excess = 0.0
+    for i in range(limits.shape[1]):
+        excess = peaks[rows.PEAK_DRIFT, i] / limits[rows.HEIGHT, i] - limits[rows.LIMIT, i]
+        if law_state[rows.INTERNAL, i] == limits[rows.FAILED, i]:
+            excess = math.inf
+            totals[rows.COLLAPSE_FAILED] = 1.0
+        if excess > largest_excess:
+            largest_excess = excess
+            totals[rows.COLLAPSE_STEP] = steps
+            totals[rows.COLLAPSE_STORY] = i
+    for j in range(rows.ENERGY_TERMS + 2):
+        totals[rows.COLLAPSE_ENERGIES + j] = totals[j]
+
+
+# ---- Operations with the drift laws in addition to the steps: initialization, energies, and forces
+# at reversals. The time loop receives these operations as kernels, as it receives the step, and is
+# therefore compiled only once for all laws.
+
+INITIALIZE_LAWS = I8(TABLE, TABLE, TABLE, TABLE)
+SUM_LAW_ENERGIES = I8(TABLE, TABLE, TABLE, TABLE, VECTOR)
+UPDATE_SHEAR_PEAKS = I8(TABLE, TABLE, TABLE, I8, TABLE)
+
+_call_initialize_laws = indirect_caller(INITIALIZE_LAWS)
+_call_sum_law_energies = indirect_caller(SUM_LAW_ENERGIES)
+_call_update_shear_peaks = indirect_caller(UPDATE_SHEAR_PEAKS)
+
+
+@inline
+def call_initialize_laws(initialize_laws, scene, memory):
+    """Call the kernel `initialize_laws` that the time loop has received."""
+    _call_initialize_laws(
+        initialize_laws, scene.linear_terms, scene.law_parameters, memory.state, memory.law_state
+    )
+
+
+@inline
+def update_law_energies(sum_law_energies, scene, memory, seen):
+    """Call the kernel `sum_law_energies` that the time loop has received."""
+    _call_sum_law_energies(
+        sum_law_energies,
+        scene.linear_terms,
+        scene.law_parameters,
+        memory.state,
+        memory.law_state,
+        seen.totals,
+    )
+
+
+@inline
+def update_reversal_shears(update_shear_peaks, scene, memory, seen):
+    """Call the kernel `update_shear_peaks` that the time loop has received."""
+    _call_update_shear_peaks(
+        update_shear_peaks,
+        scene.law_parameters,
+        memory.law_state,
+        seen.observer_state,
+        rows.REVERSAL_DRIFT,
+        seen.peaks,
+    )
+
+
+@kernel(INITIALIZE_LAWS, parts=("laws",))
+def initialize_laws(linear_terms, law_parameters, state, law_state):
+    """Move all stories from zero drift to their initial drifts.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building (`tdint.kernels.layout`).
+    law_parameters : ndarray
+        Parameters of the laws.
+    state : ndarray
+        State of the method with the initial displacements.
+    law_state : ndarray
+        States of the laws.
+
+    Returns
+    -------
+    int
+        0.
+    """
+    below = 0.0
+    for i in range(linear_terms.shape[1] - 1):
+        start(
+            law_parameters,
+            law_state,
+            i,
+            state[rows.DISPLACEMENT, i] - linear_terms[rows.LINK, i] * below,
+        )
+        below = state[rows.DISPLACEMENT, i]
+    return 0
+
+
+@kernel(SUM_LAW_ENERGIES, parts=("laws",))
+def sum_law_energies(linear_terms, law_parameters, state, law_state, totals):
+    """Store the kinetic, strain and hysteretic energy of the current state in `totals`, J.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building (`tdint.kernels.layout`).
+    law_parameters : ndarray
+        Parameters of the laws.
+    state : ndarray
+        State of the method.
+    law_state : ndarray
+        States of the laws.
+    totals : ndarray
+        Totals of the run.
+
+    Returns
+    -------
+    int
+        0.
+    """
+    kinetic = 0.0
+    strain = 0.0
+    hysteretic = 0.0
+    for i in range(linear_terms.shape[1] - 1):
+        drift = law_state[rows.DRIFT, i]
+        kinetic += (
+            0.5 * linear_terms[rows.MASS, i] * state[rows.VELOCITY, i] * state[rows.VELOCITY, i]
+        )
+        strain += (
+            strain_energy(law_parameters, law_state, i)
+            + 0.5 * linear_terms[rows.GEOMETRIC, i] * drift * drift
+        )
+        hysteretic += hysteretic_energy(law_parameters, law_state, i)
+    totals[rows.ENERGY_KINETIC] = kinetic
+    totals[rows.ENERGY_STRAIN] = strain
+    totals[rows.ENERGY_HYSTERETIC] = hysteretic - totals[rows.INITIAL_DISSIPATION]
+    return 0
+
+
+@kernel(UPDATE_SHEAR_PEAKS, parts=("laws",))
+def update_shear_peaks(law_parameters, law_state, turns, turn, peaks):
+    """Update the peak shears of the stories with a reversal within the last step.
+
+    The force at the reversal is computed on the path from the end of the step back to the drift of
+    the reversal.
+
+    Parameters
+    ----------
+    law_parameters : ndarray
+        Parameters of the laws.
+    law_state : ndarray
+        States of the laws.
+    turns : ndarray
+        Table with the drifts of the reversals.
+    turn : int
+        Row of these drifts, m. The drift of other stories is the drift at the end of the step.
+    peaks : ndarray
+        Peaks of the run.
+
+    Returns
+    -------
+    int
+        0.
+    """
+    for i in range(peaks.shape[1]):
+        if turns[turn, i] != law_state[rows.DRIFT, i]:
+            restoring_force_outlined(
+                law_parameters, law_state, i, rows.COMMITTED, rows.FIRST_TRIAL, turns[turn, i]
+            )
+            raise_peak(peaks, rows.PEAK_SHEAR, i, law_state[rows.FIRST_TRIAL + rows.FORCE, i])
+    return 0
