@@ -228,9 +228,9 @@ def test_a_building_s_own_kernel_serves_before_the_one_for_everything(cache, mon
 
 
 TWO = """
-from tdint.kernels.compiling import F8, I8, VECTOR, called, kernel
+from tdint.kernels.compiling import F8, I8, VECTOR, kernel, outlined
 
-@called
+@outlined
 def reciprocal(numbers, n):
     return 1 // n + numbers[(1, 2, 3)[n]] ** n  # numba raises exceptions for each of the three
 

@@ -132,7 +132,7 @@ def _table(dimensions: int) -> Callable[[Any, list[Any]], None]:
         signature."""
         if array.dtype != number or array.ndim != dimensions or not array.flags.carray:
             raise TypeError(
-                f"the argument must be a writable float64 array in C order with {dimensions} "
+                f"the argument must be a writable array of float64 in C order with {dimensions} "
                 f"dimensions, got {array.dtype} with {array.ndim} dimensions"
             )
         # An empty array has no buffer.

@@ -194,7 +194,7 @@ def peaks(
         for i in range(min(lanes, result.shape[1] - group)):
             starts[i, intervals, 0], starts[i, intervals, 1] = us[i], vs[i]
             best[:] = 0.0
-            oscillator = _Oscillator(
+            oscillator = _TableOscillator(
                 ground, h, oscillators, group + i, starts[i], between_steps, series, best
             )
             _search(oscillator, maxima[i], ground_maxima)
@@ -226,7 +226,7 @@ def _measure_ground(ground, h, interval, ground_maxima):
     ground_maxima[interval, 0], ground_maxima[interval, 1] = size, slope / h
 
 
-class _Oscillator(NamedTuple):
+class _TableOscillator(NamedTuple):
     """Oscillator of the table that is integrated separately."""
 
     ground: Array

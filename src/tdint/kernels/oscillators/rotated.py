@@ -189,7 +189,7 @@ def rotated_peaks(
             vibration = Vibration(
                 oscillators[BY_DISPLACEMENT, column], oscillators[BY_VELOCITY, column], h
             )
-            oscillator = _Oscillator(
+            oscillator = _TableOscillator(
                 ground, oscillators, column, vibration, directions, starts[i], scratch, series, best
             )
             _search(oscillator, maxima[i], between_steps * rise(vibration))
@@ -285,7 +285,7 @@ def _advance(ground, s, lane):
         lane[(_MAXIMA + _ACCELERATION) * LANES + i] = bend
 
 
-class _Oscillator(NamedTuple):
+class _TableOscillator(NamedTuple):
     """Oscillator of the table that is integrated separately."""
 
     ground: Array
