@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from step_checks import SingleSteps
-from tdint.kernels import layout as at
+from tdint.kernels import layout as rows
 from tdint.kernels.equations import corners
 from tdint.kernels.equations import impulse4 as equations
 from tdint.kernels.equations.iteration import TANGENT_TOLERANCE
@@ -60,21 +60,21 @@ def test_a_floor_moves_between_corners_as_its_accelerations_and_the_step_say():
     rate = relative.integ() + h * velocity
     way = rate.integ()
     missed, missed_rate = 0.013, -0.021
-    work = np.zeros((STORE, 2))
-    work[ROW.FORCES : ROW.FORCES + 5, 1] = times
+    scratch = np.zeros((STORE, 2))
+    scratch[ROW.FORCES : ROW.FORCES + 5, 1] = times
     absolute = relative(times) / h**2 + ground[0] + times * (ground[1] - ground[0])
-    work[ROW.MOTION : ROW.MOTION + 5, 0] = absolute
-    work[ROW.A0, 0] = rate(1.0) - rate(0.0) + missed_rate
-    work[ROW.RISE, 0] = way(1.0) + missed
+    scratch[ROW.MOTION : ROW.MOTION + 5, 0] = absolute
+    scratch[ROW.A0, 0] = rate(1.0) - rate(0.0) + missed_rate
+    scratch[ROW.RISE, 0] = way(1.0) + missed
     state = np.zeros((3, 2))
-    state[at.VELOCITY, 0] = velocity
+    state[rows.VELOCITY, 0] = velocity
     load = np.array([0.0, *ground])
-    corners._move(h, load, Memory(state, np.zeros((1, 2)), work, np.zeros(1)), 0, 5)
+    corners._move(h, load, Memory(state, np.zeros((1, 2)), scratch, np.zeros(1)), 0, 5)
     # The cubic p with p(0) = p'(0) = 0, p(1) and p'(1) as missed.
     cubic = np.polynomial.Polynomial(
         [0.0, 0.0, 3.0 * missed - missed_rate, missed_rate - 2.0 * missed]
     )
-    moved, rates = (work[row + 1 : row + 5, 0] for row in (ROW.WAYS, ROW.RATES))
+    moved, rates = (scratch[row + 1 : row + 5, 0] for row in (ROW.WAYS, ROW.RATES))
     assert moved == pytest.approx((way + cubic)(times[1:]), rel=1e-12)
     assert rates == pytest.approx((rate + cubic.deriv())(times[1:]), rel=1e-12)
 
@@ -84,21 +84,21 @@ def test_impulse4_factors_anew_if_any_tangent_or_the_step_has_changed():
     tolerance."""
     steps = SingleSteps("impulse4")
     space, building = steps.space, steps.building
-    no_forces = np.zeros((0, at.FORCE_COLUMNS))
+    no_forces = np.zeros((0, rows.FORCE_COLUMNS))
     coefficients = steps.integrator.coefficients(building, no_forces, 1.0)
     scene = Scene(
         building.linear_terms, building.modal, building.law_parameters, no_forces, space.flags
     )
-    work, factors = space.work, equations.FACTORS
+    scratch, factors = space.scratch, equations.FACTORS
     path = (False, coefficients, scene, 1.0, space.memory, factors)
     assert equations._path(*path)  # nothing is factored yet
-    equations._factor(coefficients, building.linear_terms, building.modal, 1.0, work, factors)
+    equations._factor(coefficients, building.linear_terms, building.modal, 1.0, scratch, factors)
     assert not equations._path(*path)
     tolerance = TANGENT_TOLERANCE * 100.0  # N/m; the stories have 100 N/m
     for row in (equations._BLOCK.FACTORED_C, equations._BLOCK.FACTORED_1):
         for story in range(2):
             for change, stale in ((0.5, False), (-0.5, False), (2.0, True), (-2.0, True)):
-                work[factors + row, story] += change * tolerance
+                scratch[factors + row, story] += change * tolerance
                 assert equations._path(*path) == stale
-                work[factors + row, story] -= change * tolerance
+                scratch[factors + row, story] -= change * tolerance
     assert equations._path(False, coefficients, scene, 0.5, space.memory, factors)
