@@ -543,4 +543,6 @@ def test_loops_for_all_laws_do_not_serve_where_own_loops_are_requested(monkeypat
     )
     monkeypatch.setattr(building_module, "_load", lambda *_: True)
     assert building_module._load_existing([(kernel, variant)], own_loops=False) == []
-    assert building_module._load_existing([(kernel, variant)], own_loops=True) == [(kernel, variant)]
+    assert building_module._load_existing([(kernel, variant)], own_loops=True) == [
+        (kernel, variant)
+    ]
