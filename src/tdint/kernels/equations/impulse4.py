@@ -1,9 +1,9 @@
-"""Motion of all floors over a step of impulse4: the impulse-momentum step with the restoring force
-integrated.
+"""Response of all floors over a step of `impulse4`: the impulse-momentum step with the integrated
+restoring force.
 
-Unknowns are u1 - u0 and v1 - v0 per floor, with a1 eliminated by equilibrium. The restoring force
-is integrated over the step by a quadrature with one point inside it; `tdint.methods.impulse4` gives
-the formulas and the coefficients.
+The unknowns are u1 - u0 and v1 - v0 of each floor; a1 is eliminated by equilibrium. The restoring
+force is integrated over the step by a quadrature rule with one inner point.
+`tdint.methods.impulse4` contains the formulas and the coefficients.
 """
 
 from __future__ import annotations
@@ -64,57 +64,64 @@ ROOT_IM = 13
 
 
 class _Rows(NamedTuple):
-    """Rows of work beyond those of the momentum equations."""
+    """Scratch rows in addition to those of the momentum equations."""
 
     TANGENT_C: int = 1
     TANGENT_1: int = 1
-    SLOPE_C: int = 1  # of the power-law dashpots
+    # derivatives of the power-law dashpots at the inner point and at the end, N s/m
+    SLOPE_C: int = 1
     SLOPE_1: int = 1
-    LAST_CORRECTION: int = 2  # of DU and DV
+    LAST_CORRECTION: int = 2  # last corrections of DU and DV
     KINK: int = (
-        1  # where a story turns in the step: what its force bends there over its size; else 0
+        # relative change of the force by the kink at a reversal of the story within the step; 0
+        # otherwise
+        1
     )
-    BEFORE: int = 1  # the block of springs that its state at the end is reached from
+    BEFORE: int = 1  # block of the law state from which the state at the end is reached
     MISSED: int = (
-        1  # what the mean force of a power-law dashpot misses the mean of those at both ends by
+        # difference between the average of the dashpot forces at both endpoints and the mean
+        # dashpot force, N
+        1
     )
-    PAIR: int = 2  # r1 + l r2, which becomes w: real and imaginary part
+    PAIR: int = 2  # r1 + l r2, then w: real and imaginary part
     SAVED: int = (
         3 + rows.LAW_STATE_ROWS
-    )  # state and springs at the start of a step that is done in pieces
-    PIECE: int = 3  # motion at the start of a piece
-    WORST: int = 1  # maxima over the run of `missed` and `size` in `join`: columns 0 and 1
-    TURNS: int = 1  # drifts where stories turned in it
-    PEAKS: int = 2 * rows.PEAK_ROWS  # within such pieces
+    )  # state and law states at the start of a step that is divided into substeps
+    PIECE: int = 3  # response at the start of a substep
+    WORST: int = 1  # maxima over the run of `missed` and `norm` in `join`: columns 0 and 1
+    TURNS: int = 1  # drifts at the reversals of the stories
+    PEAKS: int = 2 * rows.PEAK_ROWS  # peaks within the substeps
     REMAINING: int = 2  # DU and DV from the start of the substep to the end of the step, as solved
 
 
 class _Block(NamedTuple):
-    """Rows of a block of factors: of the complex matrix for straight branches, and of Newton's
-    iteration."""
+    """Rows of a factorization: of the complex matrix for linear branches, and of the matrix of
+    Newton's method."""
 
-    STRAIGHT: int = 1  # the slopes of the complex one; the step stands in the last column
+    # slopes of the complex matrix; the last column contains the length of the step
+    STRAIGHT: int = 1
     PIVOT: int = 2
     MULTIPLIER: int = 2
     FACTORED_C: int = (
-        1  # the tangents of Newton's; the step stands in the last column of the next row
+        # tangents of the matrix of Newton's method; the last column of the next row contains the
+        # length of the step
+        1
     )
     FACTORED_1: int = 1
-    FACTORED_SLOPE: int = 1  # the one at the end
+    FACTORED_SLOPE: int = 1  # derivative of the dashpot force at the end
     BLOCKS: int = 4
     COUPLING: int = COUPLING_ROWS
 
 
-# Turns that a step goes over, measured on the problems with Bouc-Wen stories and power-law dashpots
-# of `tdint chart`
-# a kink over the square of what the step misses: with 5 to 50 errors and costs hardly change
-_WEAK = 15.0
-_BY_DASHPOT = (
-    0.003  # part of a dashpot's force that counts as a kink: without it small steps err tenfold
-)
-# over the peak drift so far: where a dashpot's force jumps, steps tell less well how far the story
-# went
-_FAR = 0.8
+# Reversals that are not located. The values were determined with the problems with Bouc-Wen stories
+# and power-law dashpots of `tdint chart`.
+_MAX_KINK = 15.0
+# Fraction of the dashpot force that is regarded as a kink. Without it, the errors of small steps are
+# ten times as large.
+_DASHPOT_KINK = 0.003
+# Relative to the current peak drift. If the dashpot force is discontinuous near the peak drift, the
+# steps estimate the peak less reliably.
+_NEAR_PEAK = 0.8
 
 # Dimensionless. Tolerance of the residuals over the squared relative amount by which the steps of
 # the run miss the mean acceleration (`join`), a quantity of order 4 in the time step. With 0.01 the
@@ -131,40 +138,67 @@ _BLOCK, _STORE = rows.chained(_Block)
 
 @inline
 def factor_rows(modes):
-    """Rows of a block of factors for a building with `modes` modally damped modes: behind those of
-    `_Block` come what each of both matrices keeps of the modes."""
+    """Return the number of rows of a factorization for a building with `modes` modally damped
+    modes.
+
+    The rows of `_Block` are followed by the rows for the modes of both matrices.
+    """
     return _STORE + 2 * (6 * modes + 1)
 
 
 @inline
 def loads(linear_terms, forces, t, h, ground_0, ground_1, scratch):
-    """Load at the end and exact impulse over [t, t + h]."""
+    """Store the load at the end of the step and the exact impulse over [t, t + h].
+
+    Parameters
+    ----------
+    linear_terms, forces : ndarray
+        Linear terms of the building and forces on floors.
+    t, h : float
+        Start and length of the step, s.
+    ground_0, ground_1 : float
+        Ground acceleration at both endpoints, m/s^2.
+    scratch : ndarray
+        Rows LOAD and IMPULSE are set.
+    """
     floor_load(linear_terms, forces, t + h, ground_1, scratch, momentum.LOAD)
     floor_impulse(linear_terms, forces, t, h, ground_0, ground_1, scratch, momentum.IMPULSE)
 
 
 @inline
 def solve_linear(coefficients, scene, h, memory, factors):
-    """Motion over a step in which no story leaves its branch: linear, so one solve, from no motion
-    at all.
+    """Compute the response over a step in which no story leaves its branch, by one linear solution.
 
-    Kinematics (times M) and momentum are then
+    The first guess has zero increments. Kinematics (times M) and momentum are then
 
         (M - be h^2 K) du - (th h M + be h^2 C) dv = r1,   (C + th h K) du + (M - be h^2 K) dv = r2
 
-    With l^2 - th h l + be h^2 = 0 the first one plus l times the second one is a single complex
-    equation,
+    With l^2 - th h l + be h^2 = 0, the first equation plus l times the second equation is a single
+    complex equation,
 
         (M + l C + l^2 K) w = r1 + l r2,   w = du - conj(l) dv
 
-    whose matrix is symmetric and tridiagonal.
+    with a symmetric tridiagonal matrix.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of the method.
+    scene : Scene
+        Building and forces on floors.
+    h : float
+        Length of the step, s.
+    memory : Memory
+        State, law states and scratch array.
+    factors : int
+        First scratch row of the factorization.
     """
     linear_terms, modal, _, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
     re = coefficients[ROOT_RE] * h
     im = coefficients[ROOT_IM] * h
-    kept = Factors(
+    factorization = Factors(
         scratch,
         factors + _BLOCK.PIVOT,
         factors + _BLOCK.MULTIPLIER,
@@ -176,16 +210,33 @@ def solve_linear(coefficients, scene, h, memory, factors):
         for i in range(n):
             scratch[straight, i] = law_state[rows.SLOPE, i]
         scratch[straight, n] = h
-        factor_pairs(linear_terms, law_state, (re, im), kept, damping, n)
-    solve_pairs_damped(kept, damping, ROW.PAIR, ROW.PAIR + 1, n)
-    _motion(linear_terms, modal, (re, im), state, law_state, scratch)
+        factor_pairs(linear_terms, law_state, (re, im), factorization, damping, n)
+    solve_pairs_damped(factorization, damping, ROW.PAIR, ROW.PAIR + 1, n)
+    _store_response(linear_terms, modal, (re, im), state, law_state, scratch)
 
 
 @inline
 def _right_side(coefficients, scene, h, memory, straight):
-    """What is out of balance without any motion, r1 + l r2, into the rows PAIR. True if the slopes
-    in row `straight` of work, for which the matrix was factored, are not those of the present
-    branches, or the step is another one."""
+    """Store the residual for zero increments, r1 + l r2, in the rows PAIR.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of the method.
+    scene : Scene
+        Building and forces on floors.
+    h : float
+        Length of the step, s.
+    memory : Memory
+        State, law states and scratch array.
+    straight : int
+        Scratch row with the slopes of the existing factorization.
+
+    Returns
+    -------
+    bool
+        True if the factorization is not valid for the current slopes and the length of the step.
+    """
     linear_terms, modal, _, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
@@ -196,11 +247,11 @@ def _right_side(coefficients, scene, h, memory, straight):
     )
     by_a0 = coefficients[ALPHA] * h * h
     by_a1 = coefficients[BETA] * h * h
-    stale = scratch[straight, n] != h
+    is_stale = scratch[straight, n] != h
     force_above = 0.0
     impulse_above = 0.0
     for i in range(n - 1, -1, -1):
-        stale |= law_state[rows.SLOPE, i] != scratch[straight, i]
+        is_stale |= law_state[rows.SLOPE, i] != scratch[straight, i]
         link = linear_terms[rows.LINK, i]
         mass = linear_terms[rows.MASS, i]
         geometric = linear_terms[rows.GEOMETRIC, i]
@@ -214,21 +265,33 @@ def _right_side(coefficients, scene, h, memory, straight):
             - linear_terms[rows.FLOOR_DAMPER, i] * v
             - (force - force_above)
         )
-        balance = scratch[momentum.IMPULSE, i] - (impulse - impulse_above)
+        imbalance = scratch[momentum.IMPULSE, i] - (impulse - impulse_above)
         scratch[ROW.PAIR, i] = (
-            mass * (h * v + by_a0 * state[rows.ACCELERATION, i]) - by_a1 * inertia + re * balance
+            mass * (h * v + by_a0 * state[rows.ACCELERATION, i]) - by_a1 * inertia + re * imbalance
         )
-        scratch[ROW.PAIR + 1, i] = im * balance
+        scratch[ROW.PAIR + 1, i] = im * imbalance
         force_above = link * force
         impulse_above = link * impulse
     add_modal_force(modal, state, rows.VELOCITY, by_a1, scratch, ROW.PAIR, n)
-    return stale
+    return is_stale
 
 
 @inline
-def _motion(linear_terms, modal, root, state, law_state, scratch):
-    """Motion at the end of the step from w in the rows PAIR: dv = im(w) / im(l), du = re(w) + re(l)
-    dv."""
+def _store_response(linear_terms, modal, root, state, law_state, scratch):
+    """Compute the response at the end of the step from w: dv = im(w) / im(l), du = re(w) + re(l)
+    dv.
+
+    Parameters
+    ----------
+    linear_terms, modal : ndarray
+        Linear terms of the building and rows of the modal damping matrix.
+    root : tuple of float
+        Real and imaginary part of l, s.
+    state, law_state : ndarray
+        State and law states at the start of the step.
+    scratch : ndarray
+        Scratch rows; PAIR contains w.
+    """
     n = linear_terms.shape[1] - 1
     re, im = root
     by_im = 1.0 / im
@@ -264,6 +327,17 @@ def _motion(linear_terms, modal, root, state, law_state, scratch):
 
 @outlined
 def _add_modal_acceleration(linear_terms, modal, scratch, n):
+    """Add the effect of modal damping to the acceleration at the end of the step.
+
+    Parameters
+    ----------
+    linear_terms, modal : ndarray
+        Linear terms of the building and rows of the modal damping matrix.
+    scratch : ndarray
+        Scratch rows.
+    n : int
+        Number of floors.
+    """
     for i in range(n):
         scratch[momentum.FORCE_1, i] = 0.0
     add_modal_force(modal, scratch, momentum.V1, -1.0, scratch, momentum.FORCE_1, n)
@@ -296,9 +370,9 @@ def newton(frozen, has_guess, coefficients, scene, h, memory, factors):
     h : float
         Length of the step or substep, s.
     memory : Memory
-        State, law states, work array and report.
+        State, law states, scratch array and status of the step.
     factors : int
-        First row of the block of factors in the work array.
+        First row of the factorization in the scratch array.
 
     Returns
     -------
@@ -315,11 +389,11 @@ def newton(frozen, has_guess, coefficients, scene, h, memory, factors):
         missed = scratch[ROW.WORST, 0] / scratch[ROW.WORST, 1]
         tolerance = min(_MAX_TOLERANCE, max(RESIDUAL_TOLERANCE, _TOLERANCE_PER_MISS * missed))
     iterations = 0
-    part = 1.0
+    fraction = 1.0
     before = math.inf
     last = False
     while True:
-        stale = _path(frozen, coefficients, scene, h, memory, factors)
+        is_stale = _evaluate_laws(frozen, coefficients, scene, h, memory, factors)
         residuals(
             coefficients[THETA],
             coefficients[ALPHA],
@@ -345,20 +419,20 @@ def newton(frozen, has_guess, coefficients, scene, h, memory, factors):
         ):
             break
         if iterations >= UNDAMPED_ITERATIONS:
-            size = squared_norm(linear_terms, scratch, momentum.R1, n) / (h * h) + squared_norm(
+            norm = squared_norm(linear_terms, scratch, momentum.R1, n) / (h * h) + squared_norm(
                 linear_terms, scratch, momentum.R2, n
             )
-            if must_halve(size, before, part):
-                part *= 0.5
-                add_rows(-part, scratch, ROW.LAST_CORRECTION, momentum.DU, 2, n)
+            if must_halve(norm, before, fraction):
+                fraction *= 0.5
+                add_rows(-fraction, scratch, ROW.LAST_CORRECTION, momentum.DU, 2, n)
                 continue
-            before = size
-            part = 1.0
+            before = norm
+            fraction = 1.0
         if iterations == MAX_ITERATIONS:
             return rows.NOT_CONVERGED
-        if stale:
+        if is_stale:
             _factor(coefficients, linear_terms, modal, h, scratch, factors)
-        last = correct(coefficients[BETA], modal, h, _kept(scratch, factors), n)
+        last = correct(coefficients[BETA], modal, h, _newton_factorization(scratch, factors), n)
         iterations += 1
         if iterations > UNDAMPED_ITERATIONS:
             copy_rows(scratch, momentum.R1, ROW.LAST_CORRECTION, 2, n)
@@ -366,16 +440,35 @@ def newton(frozen, has_guess, coefficients, scene, h, memory, factors):
 
 
 @inline
-def _path(frozen, coefficients, scene, h, memory, factors):
-    """Drift laws along the step: at the inner point and from there to the end.
+def _evaluate_laws(frozen, coefficients, scene, h, memory, factors):
+    """Evaluate the laws at the inner point and at the end of the step.
 
-    With `frozen`, stories that are linear on their branches stay on them. Leaves the story forces
-    at the end and the story impulses. True if the factorization does not fit the tangents.
+    The story forces at the end and the story impulses are stored.
+
+    Parameters
+    ----------
+    frozen : bool
+        True if stories with a linear branch remain on it.
+    coefficients : ndarray
+        Coefficients of the method.
+    scene : Scene
+        Building and forces on floors.
+    h : float
+        Length of the step, s.
+    memory : Memory
+        State, law states and scratch array.
+    factors : int
+        First scratch row of the factorization.
+
+    Returns
+    -------
+    bool
+        True if the factorization does not match the tangents.
     """
     linear_terms, _, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    stale = scratch[factors + _BLOCK.FACTORED_1, n] != h
+    is_stale = scratch[factors + _BLOCK.FACTORED_1, n] != h
     uc_below = 0.0
     u_below = 0.0
     v_below = 0.0
@@ -406,12 +499,12 @@ def _path(frozen, coefficients, scene, h, memory, factors):
             force_c = law_state[rows.FORCE, i] + tangent * (drift_c - law_state[rows.DRIFT, i])
             force = law_state[rows.FORCE, i] + tangent * (drift - law_state[rows.DRIFT, i])
         else:
-            turned = False
+            is_reversed = False
             if CURVES and frozen:
-                tangent_c, tangent, turned = _over_turn(
+                tangent_c, tangent, is_reversed = _evaluate_over_reversal(
                     coefficients, scene, h, i, (drift_c, drift), memory
                 )
-            if not turned:
+            if not is_reversed:
                 tangent_c = restoring_force_outlined(
                     law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c
                 )
@@ -420,10 +513,15 @@ def _path(frozen, coefficients, scene, h, memory, factors):
                 )
             force_c = law_state[rows.FIRST_TRIAL + rows.FORCE, i]
             force = law_state[rows.SECOND_TRIAL + rows.FORCE, i]
-        same = TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
-        stale = stale or abs(tangent_c - scratch[factors + _BLOCK.FACTORED_C, i]) > same
-        stale = stale or abs(tangent - scratch[factors + _BLOCK.FACTORED_1, i]) > same
-        # A drift is a difference: what the displacements round is not out of balance.
+        tangent_tolerance = TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
+        is_stale = (
+            is_stale or abs(tangent_c - scratch[factors + _BLOCK.FACTORED_C, i]) > tangent_tolerance
+        )
+        is_stale = (
+            is_stale or abs(tangent - scratch[factors + _BLOCK.FACTORED_1, i]) > tangent_tolerance
+        )
+        # A drift is a difference of displacements. The rounding errors of the displacements are not
+        # part of the residual.
         rounding = ROUNDING / RESIDUAL_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         scratch[momentum.SIZE, i] = rounding * (abs(u) + abs(link * u_below))
         scratch[ROW.TANGENT_C, i] = tangent_c
@@ -439,24 +537,45 @@ def _path(frozen, coefficients, scene, h, memory, factors):
         scratch[momentum.FORCE_1, i] = force + geometric * drift + damper * rate
         scratch[momentum.FORCE_S, i] = h * mean + damper * increment
         if linear_terms[rows.POWER_DAMPER, i] != 0.0:
-            stale = (
-                _add_damper(coefficients, linear_terms, i, h, increment, memory, factors) or stale
+            is_stale = (
+                _add_damper(coefficients, linear_terms, i, h, increment, memory, factors)
+                or is_stale
             )
         uc_below = uc
         u_below = u
         v_below = v
         du_below = du
-    return stale
+    return is_stale
 
 
 @outlined
-def _over_turn(coefficients, scene, h, i, drifts, memory):
-    """Go with story `i`, whose law is curved, over the drift at which it turns: to the inner point
-    and to the end.
+def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
+    """Evaluate a curved law of story `i` over a reversal within the step.
 
-    Between the ends of the step the drift is a cubic. Returns the tangents of the forces at both
-    points, the way of the turn with them included, and whether there is a turn; else nothing is
-    done.
+    The drift within the step is a cubic.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of the method.
+    scene : Scene
+        Building and forces on floors.
+    h : float
+        Length of the step, s.
+    i : int
+        Index of the story.
+    drifts : tuple of float
+        Drifts at the inner point and at the end, m.
+    memory : Memory
+        State, law states and scratch array.
+
+    Returns
+    -------
+    tangent_c, tangent : float
+        Derivatives of the forces at the inner point and at the end, including the change of the
+        drift at the reversal, N/m.
+    is_reversed : bool
+        True if the story reverses. Otherwise nothing is stored.
     """
     linear_terms, _, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
@@ -474,10 +593,12 @@ def _over_turn(coefficients, scene, h, i, drifts, memory):
     s = min(turning(before, 3.0 * change - before - after, after), 1.0)
     r = 1.0 - s
     peak = s * s * (3.0 - 2.0 * s) * change + s * r * (r * before - s * after)
-    top = start + turn * peak
+    reversal_drift = start + turn * peak
     c = (0.5 - coefficients[WEIGHT_1]) / coefficients[WEIGHT_C]
     if s < c:
-        loading = restoring_force_outlined(law_parameters, law_state, i, 0, rows.THIRD_TRIAL, top)
+        loading = restoring_force_outlined(
+            law_parameters, law_state, i, 0, rows.THIRD_TRIAL, reversal_drift
+        )
         tangent_c = restoring_force_outlined(
             law_parameters, law_state, i, rows.THIRD_TRIAL, rows.FIRST_TRIAL, drift_c
         )
@@ -490,37 +611,48 @@ def _over_turn(coefficients, scene, h, i, drifts, memory):
             law_parameters, law_state, i, 0, rows.FIRST_TRIAL, drift_c
         )
         loading = restoring_force_outlined(
-            law_parameters, law_state, i, rows.FIRST_TRIAL, rows.THIRD_TRIAL, top
+            law_parameters, law_state, i, rows.FIRST_TRIAL, rows.THIRD_TRIAL, reversal_drift
         )
         tangent = restoring_force_outlined(
             law_parameters, law_state, i, rows.THIRD_TRIAL, rows.SECOND_TRIAL, drift
         )
         scratch[ROW.BEFORE, i] = rows.THIRD_TRIAL
-    bend = abs(tangent - loading) * min(peak, peak - change)
+    kink = abs(tangent - loading) * min(peak, peak - change)
     if linear_terms[rows.POWER_DAMPER, i] != 0.0:
         force_0, _ = power_damper(linear_terms, i, before / h)
         force_1, _ = power_damper(linear_terms, i, after / h)
-        bend += _BY_DASHPOT * min(abs(force_0), abs(force_1))
-    scratch[ROW.KINK, i] = bend / abs(law_state[rows.THIRD_TRIAL + rows.FORCE, i])
-    # The drift at the turn takes a part of the change of that at the end, and its force with it.
-    part = s * s * (3.0 - 2.0 * s)
-    return tangent_c, tangent + part * (loading - tangent), True
+        kink += _DASHPOT_KINK * min(abs(force_0), abs(force_1))
+    scratch[ROW.KINK, i] = kink / abs(law_state[rows.THIRD_TRIAL + rows.FORCE, i])
+    # A change of the drift at the end changes the drift at the reversal by this fraction, and
+    # therefore its force.
+    fraction = s * s * (3.0 - 2.0 * s)
+    return tangent_c, tangent + fraction * (loading - tangent), True
 
 
 @outlined
 def join(scene, h, memory):
-    """Keep in the row KINK the stories that go over their turn within the motion that has been
-    found; of the others the turn is to be located.
+    """Determine the stories with a reversal that does not have to be located; row KINK of the other
+    stories is set to 0.
 
-    A kink may be no stronger than what the worst step of the run so far errs by anyhow. With one
-    frequency omega a step's accelerations miss the mean by (omega h)^2 / 12 of them, and its mean
-    force errs by about the square of that, of order 4. What a kink bends is of order 2, so that
-    small steps locate all of them. Dashpots are left out: their forces jump where a story turns.
+    A kink must not exceed the error of the worst step of the run until now. With one frequency
+    omega, the accelerations at the endpoints of a step differ from the mean by (omega h)^2 / 12 of
+    their value, and the error of the mean force is about the square of this value, which is of
+    order 4. The effect of a kink is of order 2, so that for small steps all reversals are located.
+    The dashpots are not included because their forces are discontinuous at a reversal.
+
+    Parameters
+    ----------
+    scene : Scene
+        Building and forces on floors.
+    h : float
+        Length of the step, s.
+    memory : Memory
+        State, law states and scratch array.
     """
     linear_terms = scene.linear_terms
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    missed = size = 0.0
+    missed = norm = 0.0
     for i in range(n):
         a0, a1 = state[rows.ACCELERATION, i], scratch[momentum.A1, i]
         dashpots = (
@@ -532,24 +664,46 @@ def join(scene, h, memory):
             + linear_terms[rows.INVERSE_MASS, i] * dashpots
         )
         missed += linear_terms[rows.MASS, i] * miss * miss
-        size += 0.5 * linear_terms[rows.MASS, i] * (a0 * a0 + a1 * a1)
+        norm += 0.5 * linear_terms[rows.MASS, i] * (a0 * a0 + a1 * a1)
     missed = max(missed, scratch[ROW.WORST, 0])
     scratch[ROW.WORST, 0] = missed
-    scratch[ROW.WORST, 1] = max(size, scratch[ROW.WORST, 1])
+    scratch[ROW.WORST, 1] = max(norm, scratch[ROW.WORST, 1])
     for i in range(n):
-        near = (
+        is_near_peak = (
             abs(law_state[rows.THIRD_TRIAL + rows.DRIFT, i])
-            >= _FAR * scratch[ROW.PEAKS + rows.PEAK_DRIFT, i]
+            >= _NEAR_PEAK * scratch[ROW.PEAKS + rows.PEAK_DRIFT, i]
         )
-        tells = linear_terms[rows.POWER_DAMPER, i] == 0.0 or not near
-        if not (tells and scratch[ROW.KINK, i] * size <= _WEAK * missed):
+        is_reliable = linear_terms[rows.POWER_DAMPER, i] == 0.0 or not is_near_peak
+        if not (is_reliable and scratch[ROW.KINK, i] * norm <= _MAX_KINK * missed):
             scratch[ROW.KINK, i] = 0.0
 
 
 @outlined
 def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
-    """Add the power-law dashpot of story `i` to its force and impulse. True if the factorization
-    does not fit its slope."""
+    """Add the power-law dashpot of story `i` to its force and impulse.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of the method.
+    linear_terms : ndarray
+        Linear terms of the building.
+    i : int
+        Index of the story.
+    h : float
+        Length of the step, s.
+    increment : float
+        Change of drift in the step, m.
+    memory : Memory
+        State and scratch array.
+    factors : int
+        First scratch row of the factorization.
+
+    Returns
+    -------
+    bool
+        True if the factorization does not match the derivative of the dashpot force.
+    """
     state, _, scratch, _ = memory
     link = linear_terms[rows.LINK, i]
     rate_0 = state[rows.VELOCITY, i] - link * state[rows.VELOCITY, i - 1]
@@ -579,14 +733,28 @@ def _add_damper(coefficients, linear_terms, i, h, increment, memory, factors):
 
 
 @inline
-def _kept(scratch, factors):
-    """The factorization in a block of rows."""
+def _newton_factorization(scratch, factors):
+    """Return the rows of the factorization of Newton's method."""
     return Factors(scratch, factors + _BLOCK.BLOCKS, factors + _BLOCK.COUPLING, factors + _STORE)
 
 
 @outlined
 def _factor(coefficients, linear_terms, modal, h, scratch, factors):
-    """Factor the Newton matrix for the present tangents."""
+    """Assemble and factorize the matrix of Newton's method for the current tangents.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of the method.
+    linear_terms, modal : ndarray
+        Linear terms of the building and rows of the modal damping matrix.
+    h : float
+        Length of the step, s.
+    scratch : ndarray
+        Scratch array.
+    factors : int
+        First scratch row of the factorization.
+    """
     n = linear_terms.shape[1] - 1
     by_a = coefficients[BETA] * h * h
     inner = h * (coefficients[THETA] - coefficients[WEIGHT_1])  # = h wc gd
@@ -613,5 +781,9 @@ def _factor(coefficients, linear_terms, modal, h, scratch, factors):
             coefficients[RATE_BY_VELOCITY_1] * slope_c + coefficients[WEIGHT_1] * slope_1
         )
     scratch[factors + _BLOCK.FACTORED_1, n] = h
-    assemble_blocks(linear_terms, _kept(scratch, factors), h * coefficients[THETA], by_a, n)
-    factor_blocks(_kept(scratch, factors), ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n)
+    assemble_blocks(
+        linear_terms, _newton_factorization(scratch, factors), h * coefficients[THETA], by_a, n
+    )
+    factor_blocks(
+        _newton_factorization(scratch, factors), ModalBlocks(modal, 0.0, -by_a, 1.0, 0.0), n
+    )

@@ -1,12 +1,12 @@
-"""What the two impulse-momentum families have in common: kinematics, momentum and equilibrium over
-a step.
+"""Kinematics, momentum and equilibrium over a step, shared by the two impulse-momentum families.
 
     kinematics  u1 - u0 = h ((1 - th) v0 + th v1) + h^2 (al a0 - be a1)
     momentum    M (v1 - v0) + C (u1 - u0) + S = I
     equilibrium M a1 + C v1 + f(u1) = p1
 
-Unknowns are u1 - u0 and v1 - v0 of each floor; a1 follows from equilibrium. A family brings the
-story forces at the end of the step, the story impulses S and the matrix of Newton's iteration.
+The unknowns are u1 - u0 and v1 - v0 of each floor; a1 follows from equilibrium. Each family
+provides the story forces at the end of the step, the story impulses S, and the matrix of Newton's
+method.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from tdint.kernels.equations.iteration import ROUNDING, is_balanced
 from tdint.kernels.equations.tridiagonal import ModalBlocks, solve_blocks_damped
 from tdint.kernels.linear_terms import add_modal_force
 
-# Rows of work
+# Scratch rows: load (N) and its impulse (N s), increments of displacement (m) and velocity (m/s),
+# response at the end of the step, and the following rows.
 LOAD = 0
 IMPULSE = 1
 DU = 2
@@ -25,20 +26,34 @@ DV = 3
 U1 = 4
 V1 = 5
 A1 = 6
-FORCE_1 = 7  # story force at the end, damper included
-FORCE_S = 8  # story impulse, damper included
+FORCE_1 = 7  # story force at the end of the step, including dampers, N
+FORCE_S = 8  # story impulse, including dampers, N s
 R1 = 9  # residuals, then corrections, of DU and DV
 R2 = 10
-SIZE = 11  # what the displacements round, as a force
+SIZE = 11  # rounding errors of the displacements, as a force, N
 MOMENTUM_ROWS = 12
 
 
 @inline
 def guess(factor, h, state, scratch, n):
-    """Constant acceleration as the first guess with factor 1; no increment with 0.
+    """Store the first guess of the increments: constant acceleration for `factor` 1, zero for
+    `factor` 0.
 
-    In a linear building any guess will do, and no increment is the one that rounds least where
-    omega h is large.
+    In a linear building any guess is sufficient, and zero increments have the smallest rounding
+    errors if omega h is large.
+
+    Parameters
+    ----------
+    factor : float
+        1 or 0.
+    h : float
+        Length of the step, s.
+    state : ndarray
+        State at the start of the step.
+    scratch : ndarray
+        Rows DU and DV are set.
+    n : int
+        Number of floors.
     """
     for i in range(n):
         a = factor * state[rows.ACCELERATION, i]
@@ -48,8 +63,22 @@ def guess(factor, h, state, scratch, n):
 
 @inline
 def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
-    """Minus the residuals of kinematics (times M) and momentum into their rows, and the
-    acceleration at the end."""
+    """Store minus the residuals of kinematics (times M) and momentum, and the acceleration at the
+    end of the step.
+
+    Parameters
+    ----------
+    theta, alpha, beta : float
+        Coefficients of the kinematic equation.
+    linear_terms, modal : ndarray
+        Linear terms of the building and rows of the modal damping matrix.
+    h : float
+        Length of the step, s.
+    state : ndarray
+        State at the start of the step.
+    scratch : ndarray
+        Rows R1, R2 and A1 are set.
+    """
     n = linear_terms.shape[1] - 1
     for i in range(n):
         link = linear_terms[rows.LINK, i + 1]
@@ -75,36 +104,75 @@ def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
 
 @inline
 def in_balance(last, tolerance, beta, linear_terms, h, state, scratch, step_status):
-    """Return True if the residuals of all floors are within `tolerance` times their terms. In the
-    last iteration the largest relative residual is stored in `report`."""
+    """Return True if the residuals of all floors are within `tolerance` times the sum of their
+    absolute terms.
+
+    Parameters
+    ----------
+    last : bool
+        True if no further iteration is allowed. The largest relative residual is then stored in
+        `step_status`.
+    tolerance : float
+        Maximum relative residual.
+    beta : float
+        Coefficient of the kinematic equation.
+    linear_terms : ndarray
+        Linear terms of the building.
+    h : float
+        Length of the step, s.
+    state : ndarray
+        State at the start of the step.
+    scratch : ndarray
+        Scratch rows with response and residuals.
+    step_status : ndarray
+        Rows RESIDUAL and WORST_STORY are updated.
+    """
     n = linear_terms.shape[1] - 1
     by_a = beta * h * h
     step_status[rows.RESIDUAL] = 0.0
-    small = True
+    is_small = True
     for i in range(n):
         link = linear_terms[rows.LINK, i + 1]
         mass = linear_terms[rows.MASS, i]
         rounding = scratch[SIZE, i] + link * scratch[SIZE, i + 1]
         scale = abs(scratch[DU, i]) + h * (abs(state[rows.VELOCITY, i]) + abs(scratch[V1, i]))
         scale += h * h * abs(state[rows.ACCELERATION, i]) + by_a * abs(scratch[A1, i])
-        small &= is_balanced(
+        is_small &= is_balanced(
             last, tolerance, step_status, i, scratch[R1, i], mass * scale + by_a * rounding
         )
         scale = abs(scratch[IMPULSE, i]) + abs(mass * scratch[DV, i]) + h * rounding
         scale += abs(scratch[FORCE_S, i]) + link * abs(scratch[FORCE_S, i + 1])
-        small &= is_balanced(last, tolerance, step_status, i, scratch[R2, i], scale)
-    return small
+        is_small &= is_balanced(last, tolerance, step_status, i, scratch[R2, i], scale)
+    return is_small
 
 
 @inline
 def correct(beta, modal, h, factors, n):
-    """Solve for the corrections with the factors in work and add them. True if they are
-    rounding."""
+    """Solve for the corrections and add them to the increments.
+
+    Parameters
+    ----------
+    beta : float
+        Coefficient of the kinematic equation.
+    modal : ndarray
+        Rows of the modal damping matrix.
+    h : float
+        Length of the step, s.
+    factors : Factors
+        Factorization in the scratch array.
+    n : int
+        Number of floors.
+
+    Returns
+    -------
+    bool
+        True if the corrections of the displacements are of the order of rounding errors.
+    """
     scratch = factors.table
     solve_blocks_damped(factors, ModalBlocks(modal, 0.0, -beta * h * h, 1.0, 0.0), R1, R2, n)
-    small = True
+    is_small = True
     for i in range(n):
         scratch[DU, i] += scratch[R1, i]
         scratch[DV, i] += scratch[R2, i]
-        small = small and abs(scratch[R1, i]) <= ROUNDING * abs(scratch[U1, i])
-    return small
+        is_small = is_small and abs(scratch[R1, i]) <= ROUNDING * abs(scratch[U1, i])
+    return is_small

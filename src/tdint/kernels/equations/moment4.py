@@ -1,13 +1,14 @@
-"""Motion of all floors over a step of moment4: impulse and first moment of the equation of motion.
+"""Response of all floors over a step of `moment4`: impulse and first moment of the equation of
+motion.
 
-Unknowns are the floors' rise D0 = h U0 = u1 - u0 and bend D1 = h U1 of their parabolas;
-`tdint.methods.moment4` gives the equations. Times h^2 they read
+The unknowns are the rise D0 = h U0 = u1 - u0 and the bend D1 = h U1 of the parabolas of the floors.
+`tdint.methods.moment4` contains the equations. Multiplied by h^2 they are
 
     M a0 + h C D0 + h^2 (F0 - P0) = 0                          impulse
     M a1 + h C D1 + h^2 (F1 - P1) + h^2 r K D1 = 0             first moment
     a1 = (D1 / 2 - D0 + h v0) 12 / (1 + 6 r),   a0 = D1 - r a1
 
-with the means F0 and moments F1 of `tdint.kernels.stories.path`, and K the initial stiffness.
+with the means F0 and moments F1 of `tdint.kernels.stories.path` and the initial stiffness K.
 """
 
 from __future__ import annotations
@@ -41,40 +42,44 @@ from tdint.kernels.stories.dashpot_path import follow_dashpot
 from tdint.kernels.stories.path import arrive, follow, keep_to_branch, stays, turns, turns_surely
 
 # Coefficients
-R = 0  # of dissipation
+R = 0  # r, coefficient of numerical dissipation
 BY_RISE = 1  # 12 / (1 + 6 r)
 
 
-MOST_CORNERS = 6  # in a step, at which it is looked closely
-_NODES = 2 * MOST_CORNERS + 3
+# maximum number of discontinuities within a step for which accelerations are computed
+MAX_CORNERS = 6
+_NODES = 2 * MAX_CORNERS + 3
 
 
 class _Rows(NamedTuple):
-    """Rows of work."""
+    """Scratch rows."""
 
     LOAD: int = 2  # P0, then P1
     RISE: int = 1
     BEND: int = 1
-    A0: int = 1  # a0 and a1 as in the equations above
+    A0: int = 1  # a0 and a1 of the equations above, m
     A1: int = 1
-    X: int = 2  # residuals, then corrections, of the rises, then the bends
-    CORRECTION: int = 2  # likewise
-    SIZE: int = 1  # of what the displacements round, as a force
-    LEFT: int = 1  # 1 if the story leaves its branch; in the last column if any does
-    STEADY: int = 1  # 1 if the story does not turn in the step, even if its parabola does
+    X: int = 2  # residuals, then corrections, of the rises and of the bends
+    CORRECTION: int = 2  # last corrections
+    SIZE: int = 1  # rounding errors of the displacements, as a force, N
+    LEFT: int = 1  # 1 if the story leaves its branch; the last column is 1 if any story does
+    STEADY: int = 1  # 1 if the story has no reversal in the step, even if its parabola has one
     PATH: int = path.PATH_ROWS
-    DASHPOT: int = 2  # mean and moment of the power-law dashpot's force
-    FACTORED: int = 4  # tangents; the step stands in the last column
+    DASHPOT: int = 2  # mean and first moment of the force of the power-law dashpot, N
+    # tangents of the factorization; the last column contains the length of the step
+    FACTORED: int = 4
     BLOCKS: int = 4
     COUPLING: int = COUPLING_ROWS
-    CORNERS: int = 1 + MOST_CORNERS  # how many the stories' forces have in the step, and when
-    # of the stories at the nodes of `corners`, then total shears; their times in column n
+    # number of discontinuities of the story forces in the step, and their times
+    CORNERS: int = 1 + MAX_CORNERS
+    # Forces of the stories at the nodes of `corners`, then total shears, N; column n contains the
+    # times of the nodes.
     FORCES: int = _NODES
-    MOTION: int = _NODES  # absolute accelerations of the floors there
-    WAYS: int = _NODES  # of the floors from the start of the step
-    RATES: int = _NODES  # h times their velocities
-    OTHER: int = 1  # modal damping
-    PEAKS: int = 2 * rows.PEAK_ROWS  # of the run, beside which those at corners are looked for
+    MOTION: int = _NODES  # absolute accelerations of the floors at the nodes, m/s^2
+    WAYS: int = _NODES  # displacements of the floors relative to the start of the step, m
+    RATES: int = _NODES  # h times the velocities of the floors, m
+    OTHER: int = 1  # modal damping forces, N
+    PEAKS: int = 2 * rows.PEAK_ROWS  # peaks of the run and of the step
 
 
 ROW, STORE = rows.chained(_Rows)
@@ -84,77 +89,117 @@ _BY_SLOPE = (
     -1.0 / 12.0,
     1.0,
     0.0,
-)  # tangents of a linear branch over its slope: of mean and moment
+)  # derivatives of mean and moment on a linear branch, divided by its slope
 
-# solves until what stories have decided is kept: one that goes on changing it would never balance
-_DECIDING = 4
+# Number of solutions after which the decision about a reversal is kept. A story that changes its
+# decision in each iteration would prevent convergence.
+_DECIDING_ITERATIONS = 4
 
 CLOSE = 1e-13
-"""Out of balance over the sum of the sizes of the terms: the energy balance is to close."""
+"""Maximum residual relative to the sum of the absolute values of its terms. It is small because the
+energy balance of the method must be closed."""
 
 
 def scratch_rows(modes: int) -> int:
-    """Rows of work that the step needs for a building with `modes` modally damped modes."""
+    """Return the number of scratch rows of the step for a building with `modes` modally damped
+    modes."""
     return STORE + 6 * modes + 1
 
 
 @inline
 def move(coefficients, scene, h, memory):
-    """Motion over the step; returns the number of solves, or NOT_CONVERGED.
+    """Compute the response over the step.
 
-    Where all laws are linear on their branches, the first solve is that of the branches on which
-    the stories are: in a linear building the only one. Otherwise Newton's iteration with the
-    complete tangents. A correction that does not bring the equations closer to balance is halved.
+    If all laws are piecewise linear, the first solution assumes that all stories remain on their
+    branches. For a linear building it is the only solution. Otherwise Newton's method with the
+    complete tangents is used. A correction that does not reduce the residual is halved.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of the method.
+    scene : Scene
+        Building and forces on floors.
+    h : float
+        Length of the step, s.
+    memory : Memory
+        State, law states, scratch array and status of the step.
+
+    Returns
+    -------
+    int
+        Number of linear solutions, or NOT_CONVERGED.
     """
     linear_terms, modal, law_parameters, _, flags = scene
     state, _, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
     iterations = 0
-    part = 1.0
-    before = math.inf
-    last = False
+    fraction = 1.0
+    previous_norm = math.inf
+    is_last = False
     if flags[rows.BRANCHES] == rows.ALL_BRANCHES:
-        before = _keep_to_branches(coefficients, scene, h, memory)
+        previous_norm = _keep_to_branches(coefficients, scene, h, memory)
         iterations = 1
         if not BENDING or flags[rows.LINEAR] != 0.0:
             return iterations
     else:
         _guess(h, state, scratch, n)
     while BENDING:
-        stale = _stories(coefficients, scene, h, memory, iterations <= _DECIDING)
+        is_stale = _stories(coefficients, scene, h, memory, iterations <= _DECIDING_ITERATIONS)
         size = _residuals(coefficients, linear_terms, modal, h, state, scratch)
         failing = iterations == MAX_ITERATIONS or not size < math.inf
-        if last or _in_balance(failing, coefficients, linear_terms, h, state, scratch, step_status):
+        if is_last or _in_balance(
+            failing, coefficients, linear_terms, h, state, scratch, step_status
+        ):
             break
-        if must_halve(size, before, part):
-            part *= 0.5
-            add_rows(-part, scratch, ROW.CORRECTION, ROW.RISE, 2, n)
+        if must_halve(size, previous_norm, fraction):
+            fraction *= 0.5
+            add_rows(-fraction, scratch, ROW.CORRECTION, ROW.RISE, 2, n)
             continue
         if failing:
             return rows.NOT_CONVERGED
-        if stale:
+        if is_stale:
             _factor(coefficients, linear_terms, modal, law_parameters, h, scratch)
         solve(modal, h, scratch, ROW.X, n)
-        last = _correct(state, scratch, n)
+        is_last = _correct(state, scratch, n)
         iterations += 1
-        before = size
-        part = 1.0
+        previous_norm = size
+        fraction = 1.0
     return iterations
 
 
 @inline
 def _keep_to_branches(coefficients, scene, h, memory):
-    """Motion with all stories on their present linear branches: one solve, from no motion at all,
-    which is also the correction. Returns the size of what that left out of balance."""
+    """Compute the response with all stories on their current linear branches, by one solution from
+    zero increments.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of the method.
+    scene : Scene
+        Building and forces on floors.
+    h : float
+        Length of the step, s.
+    memory : Memory
+        State, law states and scratch array.
+
+    Returns
+    -------
+    float
+        Squared norm of the residual for zero increments.
+    """
     linear_terms, modal, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    stale = scratch[ROW.FACTORED, n] != h
+    is_stale = scratch[ROW.FACTORED, n] != h
     for i in range(n):
         slope = law_state[rows.SLOPE, i]
-        same = TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
+        tangent_tolerance = TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         for row in range(4):
-            stale |= abs(scratch[ROW.FACTORED + row, i] - _BY_SLOPE[row] * slope) > same
+            is_stale |= (
+                abs(scratch[ROW.FACTORED + row, i] - _BY_SLOPE[row] * slope) > tangent_tolerance
+            )
         scratch[ROW.PATH + path.MEAN, i] = (
             law_state[rows.FORCE, i] + linear_terms[rows.GEOMETRIC, i] * law_state[rows.DRIFT, i]
         )
@@ -175,7 +220,7 @@ def _keep_to_branches(coefficients, scene, h, memory):
             size += linear_terms[rows.INVERSE_MASS, i] * (
                 by_rise * by_rise + by_bend * by_bend / 12.0
             )
-    if stale:
+    if is_stale:
         for i in range(n):
             for row in range(4):
                 scratch[ROW.PATH + path.MEAN_BY_RISE + row, i] = (
@@ -192,21 +237,52 @@ def _keep_to_branches(coefficients, scene, h, memory):
 
 @inline
 def _guess(h, state, scratch, n):
-    """Constant acceleration, that of the end of the step before."""
+    """Store the first guess of the response: constant acceleration, equal to the acceleration at
+    the end of the previous step.
+
+    Parameters
+    ----------
+    h : float
+        Length of the step, s.
+    state : ndarray
+        State at the start of the step.
+    scratch : ndarray
+        Rows RISE and BEND are set.
+    n : int
+        Number of floors.
+    """
     for i in range(n):
         scratch[ROW.BEND, i] = h * h * state[rows.ACCELERATION, i]
         scratch[ROW.RISE, i] = h * state[rows.VELOCITY, i] + 0.5 * scratch[ROW.BEND, i]
 
 
 @inline
-def _stories(coefficients, scene, h, memory, deciding):
-    """Means, moments and tangents of the stories, dampers included, for the present motion. True if
-    the factorization does not fit the tangents. Whether a story turns is decided anew only if
-    `deciding`."""
+def _stories(coefficients, scene, h, memory, is_deciding):
+    """Compute means, moments and tangents of the stories for the current response, including
+    dampers.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of the method.
+    scene : Scene
+        Building and forces on floors.
+    h : float
+        Length of the step, s.
+    memory : Memory
+        State, law states and scratch array.
+    is_deciding : bool
+        True if the decision about reversals of the stories is updated.
+
+    Returns
+    -------
+    bool
+        True if the factorization does not match the tangents.
+    """
     linear_terms, _, law_parameters, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
-    stale = scratch[ROW.FACTORED, n] != h
+    is_stale = scratch[ROW.FACTORED, n] != h
     rise_below = 0.0
     bend_below = 0.0
     size_below = 0.0
@@ -224,10 +300,10 @@ def _stories(coefficients, scene, h, memory, deciding):
         else:
             scratch[ROW.LEFT, i] = 1.0
             scratch[ROW.LEFT, n] = 1.0
-            if deciding:
-                doubtful = 2.0 * abs(rise) < abs(bend) and law_state[rows.SLOPE, i] < math.inf
+            if is_deciding:
+                may_be_steady = 2.0 * abs(rise) < abs(bend) and law_state[rows.SLOPE, i] < math.inf
                 scratch[ROW.STEADY, i] = (
-                    1.0 if doubtful and _steady(coefficients, scene, h, memory, i) else 0.0
+                    1.0 if may_be_steady and _steady(coefficients, scene, h, memory, i) else 0.0
                 )
             follow(
                 law_parameters,
@@ -241,12 +317,12 @@ def _stories(coefficients, scene, h, memory, deciding):
             )
         if DASHPOTS and linear_terms[rows.POWER_DAMPER, i] != 0.0:
             follow_dashpot(linear_terms, i, h, rise, bend, scratch, ROW.PATH, ROW.DASHPOT)
-        same = TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
+        tangent_tolerance = TANGENT_TOLERANCE * law_parameters[rows.STIFFNESS, i]
         for row in range(4):
             change = abs(
                 scratch[ROW.PATH + path.MEAN_BY_RISE + row, i] - scratch[ROW.FACTORED + row, i]
             )
-            stale |= change > same
+            is_stale |= change > tangent_tolerance
         geometric = linear_terms[rows.GEOMETRIC, i]
         damper = linear_terms[rows.STORY_DAMPER, i] / h
         drift = law_state[rows.DRIFT, i]
@@ -255,24 +331,41 @@ def _stories(coefficients, scene, h, memory, deciding):
             geometric * (drift + 0.5 * rise - bend / 12.0) + damper * rise
         )
         scratch[ROW.PATH + path.MOMENT, i] += geometric * rise + (damper + stiffness) * bend
-        # A drift is a difference: what the displacements round is not out of balance.
+        # A drift is a difference of displacements. The rounding errors of the displacements are not
+        # part of the residual.
         size = abs(state[rows.DISPLACEMENT, i]) + abs(rise_below)
         scratch[ROW.SIZE, i] = (
             ROUNDING / CLOSE * law_parameters[rows.STIFFNESS, i] * (size + link * size_below)
         )
         size_below = size
-    return stale
+    return is_stale
 
 
 @outlined
 def _steady(coefficients, scene, h, memory, i):
-    """Whether story `i`, whose parabola turns, does not by its rate: that of the state at both
-    ends, and what the equations of motion tell it to gain at the start. Without that the upper
-    stories of a building at rest, whose rates grow with the third power of time, would seem to set
-    out backwards."""
+    """Return True if story `i`, with a parabola that has an extremum, has no reversal according to
+    its drift rate.
+
+    The rate is that of the state at both endpoints; its slope at the start follows from the
+    equation of motion. Without this slope the upper stories of a building at rest, with rates that
+    increase with the third power of time, would seem to start backwards.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of the method.
+    scene : Scene
+        Building and forces on floors.
+    h : float
+        Length of the step, s.
+    memory : Memory
+        State, law states and scratch array.
+    i : int
+        Index of the story.
+    """
     linear_terms = scene.linear_terms
     state, _, scratch, _ = memory
-    rise = first = last = 0.0
+    rise = first = is_last = 0.0
     floors = 2 if i > 0 and linear_terms[rows.LINK, i] != 0.0 else 1
     for below in range(floors):
         j = i - below
@@ -281,8 +374,8 @@ def _steady(coefficients, scene, h, memory, i):
         a1 = coefficients[BY_RISE] * (0.5 * scratch[ROW.BEND, j] - scratch[ROW.RISE, j] + rate)
         rise += sign * scratch[ROW.RISE, j]
         first += sign * rate
-        last += sign * (rate + scratch[ROW.BEND, j] - coefficients[R] * a1)
-    if turns_surely(rise, first, last):
+        is_last += sign * (rate + scratch[ROW.BEND, j] - coefficients[R] * a1)
+    if turns_surely(rise, first, is_last):
         return False
     start = (
         h
@@ -292,13 +385,14 @@ def _steady(coefficients, scene, h, memory, i):
             - (_acceleration(scene, memory, i - 1) if floors == 2 else 0.0)
         )
     )
-    side, turn, _, _, _ = turns(rise, first, last, start)
+    side, turn, _, _, _ = turns(rise, first, is_last, start)
     return turn == 1.0 and rise * side > 0.0
 
 
 @inline
 def _acceleration(scene, memory, i):
-    """Acceleration of floor `i` at the start of the step, relative to the ground."""
+    """Return the acceleration of floor `i` at the start of the step, relative to the ground,
+    m/s^2."""
     linear_terms, modal, _, _, _ = scene
     state, law_state, scratch, _ = memory
     n = linear_terms.shape[1] - 1
@@ -327,7 +421,23 @@ def _acceleration(scene, memory, i):
 
 @inline
 def _residuals(coefficients, linear_terms, modal, h, state, scratch):
-    """Minus the residuals of both equations into their rows; returns their size."""
+    """Store minus the residuals of both equations and return their squared norm.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of the method.
+    linear_terms : ndarray
+        Linear terms of the building (`tdint.kernels.layout`).
+    modal : ndarray
+        Rows w of the modal damping matrix C = sum of w w^T.
+    h : float
+        Length of the step, s.
+    state : ndarray
+        State at the start of the step.
+    scratch : ndarray
+        Scratch rows; X, A0 and A1 are set.
+    """
     n = linear_terms.shape[1] - 1
     for i in range(n):
         scratch[ROW.X, i] = 0.0
@@ -365,11 +475,29 @@ def _residuals(coefficients, linear_terms, modal, h, state, scratch):
 
 
 @inline
-def _in_balance(last, coefficients, linear_terms, h, state, scratch, step_status):
-    """Whether the residuals are small beside the terms of their equations. At the last of them the
-    worst is noted."""
+def _in_balance(is_last, coefficients, linear_terms, h, state, scratch, step_status):
+    """Return True if all residuals are within the tolerance CLOSE.
+
+    Parameters
+    ----------
+    is_last : bool
+        True if no further iteration is allowed. The largest relative residual is then stored in
+        `step_status`.
+    coefficients : ndarray
+        Coefficients of the method.
+    linear_terms : ndarray
+        Linear terms of the building.
+    h : float
+        Length of the step, s.
+    state : ndarray
+        State at the start of the step.
+    scratch : ndarray
+        Scratch rows.
+    step_status : ndarray
+        Rows RESIDUAL and WORST_STORY are updated.
+    """
     step_status[rows.RESIDUAL] = 0.0
-    small = True
+    is_small = True
     for i in range(linear_terms.shape[1] - 1):
         link = linear_terms[rows.LINK, i + 1]
         mass = linear_terms[rows.MASS, i]
@@ -380,8 +508,8 @@ def _in_balance(last, coefficients, linear_terms, h, state, scratch, step_status
             + abs(scratch[ROW.LOAD, i])
         )
         inner = abs(scratch[ROW.BEND, i]) + coefficients[R] * abs(scratch[ROW.A1, i])
-        small &= is_balanced(
-            last,
+        is_small &= is_balanced(
+            is_last,
             CLOSE,
             step_status,
             i,
@@ -397,21 +525,22 @@ def _in_balance(last, coefficients, linear_terms, h, state, scratch, step_status
             abs(scratch[ROW.BEND, i]) + abs(scratch[ROW.RISE, i]) + h * abs(state[rows.VELOCITY, i])
         )
         inner *= coefficients[BY_RISE]
-        small &= is_balanced(
-            last,
+        is_small &= is_balanced(
+            is_last,
             CLOSE,
             step_status,
             i,
             scratch[ROW.X + 1, i],
             mass * inner + h * h * (forces + rounding),
         )
-    return small
+    return is_small
 
 
 @inline
 def _correct(state, scratch, n):
-    """Add the corrections. True if they are rounding."""
-    small = True
+    """Add the corrections to rises and bends, and return True if they are of the order of rounding
+    errors."""
+    is_small = True
     for i in range(n):
         for row in range(2):
             scratch[ROW.CORRECTION + row, i] = scratch[ROW.X + row, i]
@@ -419,13 +548,31 @@ def _correct(state, scratch, n):
         size = (
             abs(state[rows.DISPLACEMENT, i]) + abs(scratch[ROW.RISE, i]) + abs(scratch[ROW.BEND, i])
         )
-        small = small and abs(scratch[ROW.X, i]) + abs(scratch[ROW.X + 1, i]) <= ROUNDING * size
-    return small
+        is_small = (
+            is_small and abs(scratch[ROW.X, i]) + abs(scratch[ROW.X + 1, i]) <= ROUNDING * size
+        )
+    return is_small
 
 
 @outlined
 def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
-    """Factor the Newton matrix for the present tangents."""
+    """Assemble and factorize the matrix of Newton's method for the current tangents.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of the method.
+    linear_terms : ndarray
+        Linear terms of the building (`tdint.kernels.layout`).
+    modal : ndarray
+        Rows w of the modal damping matrix C = sum of w w^T.
+    law_parameters : ndarray
+        Parameters of the laws.
+    h : float
+        Length of the step, s.
+    scratch : ndarray
+        Scratch array.
+    """
     n = linear_terms.shape[1] - 1
     square = h * h
     for i in range(n):
@@ -463,14 +610,42 @@ def _factor(coefficients, linear_terms, modal, law_parameters, h, scratch):
 
 @inline
 def solve(modal, h, scratch, x, n):
-    """Corrections, or the motion, from the residuals, in their place: rows `x` and `x` + 1."""
+    """Solve the linear system with the right side in the rows `x` and `x` + 1, which receive the
+    solution.
+
+    Parameters
+    ----------
+    modal : ndarray
+        Rows of the modal damping matrix.
+    h : float
+        Length of the step, s.
+    scratch : ndarray
+        Scratch array with the factorization.
+    x : int
+        First row of the right side.
+    n : int
+        Number of floors.
+    """
     factors = Factors(scratch, ROW.BLOCKS, ROW.COUPLING, STORE)
     solve_blocks_damped(factors, ModalBlocks(modal, h, 0.0, 0.0, h), x, x + 1, n)
 
 
 @inline
 def finish(coefficients, scene, h, memory):
-    """Update the state, and the work done by the load and the dampers along the paths."""
+    """Update the state and the law states, and store the work of the load and of the dampers along
+    the paths.
+
+    Parameters
+    ----------
+    coefficients : ndarray
+        Coefficients of the method.
+    scene : Scene
+        Building and forces on floors.
+    h : float
+        Length of the step, s.
+    memory : Memory
+        State, law states, scratch array and status of the step.
+    """
     linear_terms, modal, law_parameters, _, flags = scene
     state, law_state, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
@@ -514,7 +689,19 @@ def finish(coefficients, scene, h, memory):
 
 @outlined
 def _modal_work(modal, h, scratch, n):
-    """Work of modal damping along the paths."""
+    """Return the work of modal damping along the paths, J.
+
+    Parameters
+    ----------
+    modal : ndarray
+        Rows of the modal damping matrix.
+    h : float
+        Length of the step, s.
+    scratch : ndarray
+        Scratch rows with rises and bends.
+    n : int
+        Number of floors.
+    """
     total = 0.0
     for j in range(modal.shape[0]):
         rise = 0.0
@@ -528,7 +715,7 @@ def _modal_work(modal, h, scratch, n):
 
 @outlined
 def _dashpot_work(linear_terms, scratch, n):
-    """Work of the power-law dashpots along the paths."""
+    """Return the work of the power-law dashpots along the paths, J."""
     total = 0.0
     rise_below = 0.0
     bend_below = 0.0
