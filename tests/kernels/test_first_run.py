@@ -96,7 +96,7 @@ def of_user(tmp_path, monkeypatch):
     monkeypatch.setattr(store, "find_object", lambda *arguments, **how: None)
     # Kernels of this process stay as they are.
     monkeypatch.setattr(
-        "tdint.kernels.building.compilable.Compilable.take", lambda *arguments, **how: None
+        "tdint.kernels.building.compilable.Compilable.install", lambda *arguments, **how: None
     )
     started = []
     monkeypatch.setattr(

@@ -69,7 +69,9 @@ def test_a_floor_moves_between_corners_as_its_accelerations_and_the_step_say():
     state = np.zeros((3, 2))
     state[rows.VELOCITY, 0] = velocity
     load = np.array([0.0, *ground])
-    corners._move(h, load, Memory(state, np.zeros((1, 2)), scratch, np.zeros(1)), 0, 5)
+    corners._integrate_accelerations(
+        h, load, Memory(state, np.zeros((1, 2)), scratch, np.zeros(1)), 0, 5
+    )
     # The cubic p with p(0) = p'(0) = 0, p(1) and p'(1) as missed.
     cubic = np.polynomial.Polynomial(
         [0.0, 0.0, 3.0 * missed - missed_rate, missed_rate - 2.0 * missed]
@@ -91,14 +93,14 @@ def test_impulse4_factors_anew_if_any_tangent_or_the_step_has_changed():
     )
     scratch, factors = space.scratch, equations.FACTORS
     path = (False, coefficients, scene, 1.0, space.memory, factors)
-    assert equations._path(*path)  # nothing is factored yet
+    assert equations._evaluate_laws(*path)  # nothing is factored yet
     equations._factor(coefficients, building.linear_terms, building.modal, 1.0, scratch, factors)
-    assert not equations._path(*path)
+    assert not equations._evaluate_laws(*path)
     tolerance = TANGENT_TOLERANCE * 100.0  # N/m; the stories have 100 N/m
     for row in (equations._BLOCK.FACTORED_C, equations._BLOCK.FACTORED_1):
         for story in range(2):
             for change, stale in ((0.5, False), (-0.5, False), (2.0, True), (-2.0, True)):
                 scratch[factors + row, story] += change * tolerance
-                assert equations._path(*path) == stale
+                assert equations._evaluate_laws(*path) == stale
                 scratch[factors + row, story] -= change * tolerance
-    assert equations._path(False, coefficients, scene, 0.5, space.memory, factors)
+    assert equations._evaluate_laws(False, coefficients, scene, 0.5, space.memory, factors)

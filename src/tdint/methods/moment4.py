@@ -42,7 +42,7 @@ from __future__ import annotations
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import kernel
-from tdint.kernels.equations.corners import look_at_corners
+from tdint.kernels.equations.corners import update_peaks_at_corners
 from tdint.kernels.equations.moment4 import ROW, R, finish, move, scratch_rows
 from tdint.kernels.laws.choosing import BENDING
 from tdint.kernels.linear_terms import finite, mean_load
@@ -73,7 +73,7 @@ def step(
     if code < 0:
         return code
     if BENDING:
-        look_at_corners(scene, h, load, memory)
+        update_peaks_at_corners(scene, h, load, memory)
     finish(coefficients, scene, h, memory)
     return code if finite(state, linear_terms.shape[1] - 1) else rows.NOT_FINITE
 

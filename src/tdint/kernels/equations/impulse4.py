@@ -116,8 +116,8 @@ class _Block(NamedTuple):
 # Reversals that are not located. The values were determined with the problems with Bouc-Wen stories
 # and power-law dashpots of `tdint chart`.
 _MAX_KINK = 15.0
-# Fraction of the dashpot force that is regarded as a kink. Without it, the errors of small steps are
-# ten times as large.
+# Fraction of the dashpot force that is regarded as a kink. Without it, the errors of small steps
+# are ten times as large.
 _DASHPOT_KINK = 0.003
 # Relative to the current peak drift. If the dashpot force is discontinuous near the peak drift, the
 # steps estimate the peak less reliably.
