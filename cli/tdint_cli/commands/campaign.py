@@ -166,7 +166,7 @@ MODES = (_RUN, _STATUS, _EXPORT, _MERGE)
 @options.spectra.of_floors
 @options.of(CampaignRequest)
 def command(request: CampaignRequest) -> None:
-    """Runs of many buildings under many records at many levels.
+    """Run many buildings under many records at many intensity levels.
 
     `tdint campaign CAMPAIGN.yaml -o DIR` does all runs that the file asks for and writes a row of
     each to DIR/runs.csv, and their mean, fractiles and largest over the motions to

@@ -151,7 +151,7 @@ class Request(options.record.RecordRequest):
 )
 @options.of(Request)
 def command(request: Request) -> None:
-    """Time against accuracy: what methods cost and how much they err on a building.
+    """Compare the accuracy and computing time of methods: work-precision diagrams.
 
     Each method integrates the building with each step. MODEL.yaml is a model file, - is standard
     input. CSV: steps and solves; processor time of the compiled loop alone, as `tdint run` without

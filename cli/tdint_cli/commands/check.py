@@ -49,7 +49,7 @@ def command(
     schema: str | None,
     output_units: OutputUnits | None,
 ) -> None:
-    """What is wrong with model files, all at once, or what they are.
+    """Validate model files and summarize them.
 
     Each MODEL.yaml and the record that it names are read, its first mode is found, and nothing is
     run. Every fault is reported with its line and column, those under misspelled keys, too; also an

@@ -137,7 +137,7 @@ class Request:
 @options.analysis.model
 @options.of(Request)
 def command(request: Request) -> None:
-    """A building's result beside what was recorded in it.
+    """Compare the computed response of a building with its recorded response.
 
     MODEL.yaml is a model file; the mean of the base's recordings drives it, in place of the record
     that it names. Several sensors of a floor are averaged. Each recording loses its offset (an

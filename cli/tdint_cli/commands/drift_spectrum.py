@@ -72,7 +72,7 @@ class DriftRequest(TablesRequest):
 @options.spectra.tables_of_records()
 @options.of(DriftRequest)
 def command(request: DriftRequest) -> None:
-    """Drift spectra: the largest story drifts of shear buildings.
+    """Compute drift spectra: maximum story drifts of shear buildings.
 
     RECORD is a file, or a folder for all records in it, - is standard input; all components are
     taken unless

@@ -96,7 +96,7 @@ class Request:
 @options.output.style_of("-o")
 @options.of(Request)
 def command(request: Request) -> None:
-    """Examples of the paper that proposed impulse: errors of methods, and its figures.
+    """Reproduce the examples and figures of the paper that proposed impulse.
 
     Example 1 is one mass on a quadratic spring, 2 a building of two stories, 3 a chain of 150
     masses. All three if none is named. The data of example 2 stand in a drawing of the paper that

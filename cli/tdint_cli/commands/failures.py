@@ -34,7 +34,7 @@ def _problems() -> list[str]:
 )
 @options.output.to_files(picture=options.output.PICTURE, in_units=False)
 def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs: Outputs) -> None:
-    """Which methods fail on hard problems with known answers, and how.
+    """Run methods on hard problems with known solutions and report failures.
 
     Stories that harden and soften, stiff parts beside soft ones, steps at the limits of stability,
     large first steps. Without --method also impulse4 and moment4 with rho_inf=0.5 and rho_inf=0,

@@ -137,7 +137,7 @@ class Request:
 )
 @options.of(Request)
 def command(request: Request) -> None:
-    """Fragility functions: the probability of exceedance over intensity.
+    """Fit fragility functions: probability of exceedance over intensity.
 
     TABLE.csv has the columns im,collapses,records (stripes), capacity[,censored] (ida) or
     im,edp[,censored] (cloud). It may have threshold, im_name, unit; - is standard input. DIR is a

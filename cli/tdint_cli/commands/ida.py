@@ -154,7 +154,7 @@ class IdaRequest(RecordsRequest):
 @options.record.of_records_if_any
 @options.of(IdaRequest)
 def command(request: IdaRequest) -> None:
-    """Incremental dynamic analysis: drift over intensity, up to collapse.
+    """Run incremental dynamic analyses: story drift over intensity, up to collapse.
 
     MODEL.yaml is a model file, RECORD a file, or a folder for all records in it; all horizontal
     components are taken, each for itself, unless --component names one. Every record is scaled up

@@ -94,7 +94,7 @@ _EXPORT = options.output.option(
 )
 @options.of(Request)
 def command(request: Request) -> None:
-    """What ground-motion records are and how strong.
+    """Summarize ground-motion records: sampling, peaks, Arias intensity, duration.
 
     RECORD is a file, or a folder for all records in it, - is standard input; all components are
     taken unless

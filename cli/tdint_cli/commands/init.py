@@ -146,7 +146,7 @@ class Request:
 )
 @options.of(Request)
 def command(request: Request) -> None:
-    """A first model of a building, with comments, that runs as it is.
+    """Create a commented example model, ready to run.
 
     FILE (building.yaml if there is none) gets the model; beside it lies an artificial ground
     motion, so that `tdint run FILE` shows something until you have a record. The motion is FILE

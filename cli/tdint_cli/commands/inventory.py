@@ -78,7 +78,7 @@ class Request:
 @options.output.to_files(more=[_MODELS])
 @options.of(Request)
 def command(request: Request) -> None:
-    """Shear buildings by rules from a table of buildings.
+    """Generate shear buildings from a table of buildings (an inventory).
 
     BUILDINGS.csv has a row per building, and the table has a row per story. The columns are id,
     NumberOfStories, YearBuilt, StructureType (W1 W2 S1-S5 C1-C3 PC1 PC2 RM1 RM2 URM MH) and

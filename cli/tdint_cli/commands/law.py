@@ -72,7 +72,7 @@ class Request:
 @options.output.to_files(picture=options.output.PICTURE)
 @options.of(Request)
 def command(request: Request) -> None:
-    """Cyclic test of one story: its force over imposed cycles of drift.
+    """Test one story under imposed drift cycles and write its hysteresis loop.
 
     The story starts at rest; each cycle goes to the amplitude, to the same drift on the other side,
     and back to zero, as in a slow test in a laboratory. Nothing else of the building and no time

@@ -101,7 +101,7 @@ class MatchRequest(RecordsRequest):
 @options.record.of_records_if_any
 @options.of(MatchRequest)
 def command(request: MatchRequest) -> None:
-    """Ground motions whose spectra are a target's, by the least change.
+    """Match ground motions to a target spectrum with the smallest changes.
 
     RECORD is a file, or a folder for all records in it; all horizontal components are taken unless
     --component names one, or together with --pairs. Each motion is scaled once and then changed as

@@ -20,7 +20,7 @@ from tdint_cli import options
 )
 @options.option("--bibtex", is_flag=True, help="The publications as BibTeX, in place of the table.")
 def command(names: tuple[str, ...], references: bool, bibtex: bool) -> None:
-    """The time-integration methods: parameters, order, stability, source.
+    """List the time-integration methods: parameters, order, stability, source.
 
     If in doubt: impulse4, which is taken where none is named.
 

@@ -46,7 +46,7 @@ MODES = (
     page=True,
 )
 def command(model: str, shapes: str | None, target: str | None, outputs: Outputs) -> None:
-    """Periods, damping ratios, modal masses and shapes of a building.
+    """Compute natural periods, damping ratios, modal masses and shapes of a building.
 
     CSV, one row per undamped mode of the initial stiffness: period, frequency, damping ratio,
     participation factor of the shape with unit roof displacement, effective modal mass over the

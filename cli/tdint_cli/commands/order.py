@@ -66,7 +66,7 @@ def command(
     stride: int,
     outputs: Outputs,
 ) -> None:
-    """Observed order of methods, from their errors over halved steps.
+    """Measure the order of convergence of methods from errors at halved time steps.
 
     An oscillator of period T = 1 s and damping ratio 0.02 starts from a displacement and a velocity
     and is integrated over 4 s with the steps 0.02, 0.01, 0.005, 0.0025 and 0.00125 s. The samples

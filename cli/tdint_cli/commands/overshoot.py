@@ -49,7 +49,7 @@ class Request(options.analysis.OscillatorRequest):
 @options.analysis.of_oscillator(_DRAWN)
 @options.of(Request)
 def command(request: Request) -> None:
-    """First steps of methods under a large step, and how they grow with it.
+    """Measure the overshoot of methods at large time steps.
 
     An oscillator without load starts from a displacement (u, v) = (1, 0), then from a velocity (0,
     1). CSV: u / U and v / (omega U) at the steps, with the amplitude U of the exact undamped

@@ -55,7 +55,7 @@ PATTERNS = ("first-mode", "uniform", "triangular")
 def command(
     model: str, pattern: str, drift: DriftSize, points: int, target: str | None, outputs: Outputs
 ) -> None:
-    """Base shear of a building over its roof displacement, pushed slowly.
+    """Run a static pushover analysis: base shear over roof displacement.
 
     Forces of one pattern on the floors grow until the first story gives way, and fall as it does,
     to zero at the most. The roof's displacement is led, through peaks and down falling branches,

@@ -85,7 +85,7 @@ class Request:
 )
 @options.of(Request)
 def command(request: Request) -> None:
-    """What the JSON file beside a table says, done again and compared.
+    """Repeat a recorded command and compare its results.
 
     The file's `arguments` are carried out in the folder that they were typed in, with the installed
     version; whatever they write goes to another place, so that no file is replaced. DIR stands for

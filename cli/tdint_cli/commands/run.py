@@ -58,7 +58,7 @@ _TOLD = 5e-4
 @options.spectra.of_floors
 @options.of(Request)
 def command(request: Request) -> None:
-    """Response of a building in time: the peaks of each story.
+    """Compute the response history of a building and the peaks of each story.
 
     MODEL.yaml is a model file and RECORD a ground motion; one of them may be -, standard input. The
     table of stories goes to standard output, as CSV; with -o it is written to a folder, too. The

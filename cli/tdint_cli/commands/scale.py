@@ -238,7 +238,7 @@ _SPECTRA = options.output.option(
 )
 @options.of(ScaleRequest)
 def command(request: ScaleRequest) -> None:
-    """Factors that scale ground motions to a value or to a target spectrum.
+    """Select and scale ground motions to an intensity or to a target spectrum.
 
     CSV: one factor for each component, the same for both of a pair. RECORD is a file, or a folder
     for all records in it; horizontal components are taken one by one unless --component names one,

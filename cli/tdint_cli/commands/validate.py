@@ -16,7 +16,7 @@ from tdint_cli.terminal import progress_bar, say
 )
 @options.output.to_files(in_units=False)
 def command(outputs: Outputs) -> None:
-    """Published and exact results beside those of this installation.
+    """Compare results of this installation with published and exact results.
 
     Closed forms, tables of textbooks and printed results of other programs that need no file,
     computed on this machine with its compiled time loops. CSV: for each case its largest difference
