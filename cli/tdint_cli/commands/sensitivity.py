@@ -73,7 +73,7 @@ MODES = (_MODEL, _CAMPAIGN)
 @options.output.to_files(picture=options.output.PICTURE)
 @options.of(Request)
 def command(request: Request) -> None:
-    """Compute the sensitivity of peak responses to building parameters (tornado).
+    """Compute the sensitivity of peak responses to building parameters.
 
     MODEL.yaml is run under the RECORDs as it is, and with one parameter of --vary at a time at its
     low and its high value. CSV, for each peak the parameters in the order of what they do: the

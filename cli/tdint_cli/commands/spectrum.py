@@ -241,7 +241,7 @@ def tables_of(files: Sequence[str], folder: Path) -> list[Path]:
 @options.spectra.tables_of_records(AXES)
 @options.of(SpectrumRequest)
 def command(request: SpectrumRequest) -> None:
-    """Compute elastic and inelastic response spectra, or Fourier spectra, of records.
+    """Compute elastic, inelastic or Fourier spectra of ground-motion records.
 
     RECORD is a file, or a folder for all records in it, - is standard input; all components are
     taken unless

@@ -39,7 +39,7 @@ class Request(options.analysis.OscillatorRequest):
 @options.analysis.of_oscillator(_DRAWN)
 @options.of(Request)
 def command(request: Request) -> None:
-    """Compute spectral radius, period error and numerical damping of methods over dt/T.
+    """Compute spectral radius, period error and numerical damping over dt/T.
 
     Measured on the compiled steps that integrate buildings, for an oscillator without load. CSV:
     spectral radius of the amplification matrix; period error (numerical over exact period, minus
