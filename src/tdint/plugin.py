@@ -1,12 +1,12 @@
-"""What plug-ins are written with: methods, drift laws, peers in charts, formats of records,
-measures of motions.
+"""Public interface for plug-ins: methods, drift laws, reference programs in charts, record formats
+and intensity measures.
 
-    from tdint.plugin import STEP, Family, Method, at, kernel
+    from tdint.plugin import STEP, Family, Method, kernel, rows
 
-These names are promised: one of them changes only after a minor release that warns of it, wherever
-it stands below `tdint`, where nothing is promised. Each is looked up when it is first asked for, so
-that a law does not load what methods need. What they are is told where they stand:
-`help(tdint.plugin.restoring)`.
+These names are stable: a name changes only after a minor release that announces the change. Names
+of other modules of tdint can change without notice. Each name is imported when it is first used, so
+that a law does not load the modules that methods need. Each name is documented in the module that
+defines it: `help(tdint.plugin.restoring_force)`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 
 from tdint.errors import did_you_mean
 
-_STANDS = {
+_NAMES_BY_MODULE = {
     "kernels.layout": "chained",
     "kernels.compiling": "F8 I8 TABLE VECTOR inline kernel local local_table outlined specialized",
     "kernels.stepping": "STEP EffectiveCoefficients Factors Memory Scene",
@@ -41,10 +41,12 @@ _STANDS = {
     "units": "Quantity",
 }
 
-HOMES = {name: f"tdint.{module}" for module, names in _STANDS.items() for name in names.split()}
-"""The modules in which the names stand."""
+HOMES = {
+    name: f"tdint.{module}" for module, names in _NAMES_BY_MODULE.items() for name in names.split()
+}
+"""Modules that define the names."""
 
-HOMES["rows"] = "tdint.kernels.layout"  # the module itself
+HOMES["rows"] = "tdint.kernels.layout"  # the name is a module
 
 
 def __getattr__(name: str) -> Any:

@@ -52,7 +52,7 @@ CALLS = {
     "drift-spectrum": ("motion.mseed --period 1", 15_150, "obspy"),
     "match": ("motion.mseed --target asce7:sds=1,sd1=0.6,tl=8 --range 0.2:1 -o m", 15_550, "obspy"),
     "campaign": ("status study", 28_150, ""),
-    "scale": ("motion.mseed --pga 0.4g", 31_650, "obspy"),
+    "scale": ("motion.mseed --pga 0.4g", 31_800, "obspy"),
     "ida": ("office.yaml motion.mseed --im pga --max-im 0.5g --precision 20%", 31_850, "obspy"),
     "sensitivity": ("office.yaml motion.mseed --vary damping=2%:5%", 33_500, "obspy"),
     "fragility": ("stripes.csv", 31_650, ""),
@@ -63,7 +63,7 @@ CALLS = {
     "failures": ("--method impulse4 --problem large-step", 17_400, ""),
     "examples": ("1 --method newmark-average", 17_550, ""),
     "chart": ("office.yaml --method impulse4 --dt 0.01 --repeat 1 --duration 1", 22_500, "obspy"),
-    "compile": ("office.yaml --show", 17_200, ""),
+    "compile": ("office.yaml --show", 17_500, ""),
     "validate": ("", 22_100, "obspy"),
     "rerun": ("loop.json", 12_700, ""),
 }

@@ -1,1 +1,1 @@
-"""The equations of a step, and how they are solved."""
+"""Equations of motion over a step and their solution."""

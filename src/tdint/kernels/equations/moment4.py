@@ -365,7 +365,7 @@ def _steady(coefficients, scene, h, memory, i):
     """
     linear_terms = scene.linear_terms
     state, _, scratch, _ = memory
-    rise = first = is_last = 0.0
+    rise = first_rate = last_rate = 0.0
     floors = 2 if i > 0 and linear_terms[rows.LINK, i] != 0.0 else 1
     for below in range(floors):
         j = i - below
@@ -373,9 +373,9 @@ def _steady(coefficients, scene, h, memory, i):
         rate = h * state[rows.VELOCITY, j]
         a1 = coefficients[BY_RISE] * (0.5 * scratch[ROW.BEND, j] - scratch[ROW.RISE, j] + rate)
         rise += sign * scratch[ROW.RISE, j]
-        first += sign * rate
-        is_last += sign * (rate + scratch[ROW.BEND, j] - coefficients[R] * a1)
-    if turns_surely(rise, first, is_last):
+        first_rate += sign * rate
+        last_rate += sign * (rate + scratch[ROW.BEND, j] - coefficients[R] * a1)
+    if turns_surely(rise, first_rate, last_rate):
         return False
     start = (
         h
@@ -385,7 +385,7 @@ def _steady(coefficients, scene, h, memory, i):
             - (_acceleration(scene, memory, i - 1) if floors == 2 else 0.0)
         )
     )
-    side, turn, _, _, _ = turns(rise, first, is_last, start)
+    side, turn, _, _, _ = turns(rise, first_rate, last_rate, start)
     return turn == 1.0 and rise * side > 0.0
 
 

@@ -8,7 +8,7 @@ drift (pinching). With the work done on the story, the strength, the capping lin
 point and the unloading stiffness of a side deteriorate at each zero crossing of the force or at
 each reversal, by
 
-    beta = ((work since the last zero crossing) / (Lambda Fy - previous work))^exponent
+    beta = ((work since the last zero crossing) / (Lambda Fy - total work))^exponent
 
 The story fails if beta exceeds 1 or if the drift exceeds the ultimate drift. Its strength is then
 zero permanently.
@@ -178,7 +178,7 @@ def _functions() -> LawFunctions:
         )
 
     @inline
-    def beta(law_parameters, i, capacity, work, previous_work):
+    def beta(law_parameters, i, capacity, work, total_work):
         """Return the deterioration beta, between 0 and 1, or 2 if it exceeds 1.
 
         Parameters
@@ -191,10 +191,10 @@ def _functions() -> LawFunctions:
             Row of the deterioration parameter Lambda, m.
         work : float
             Work since the last zero crossing of the force, J.
-        previous_work : float
-            Work until the last zero crossing of the force, J.
+        total_work : float
+            Total work until now, J.
         """
-        remaining = law_parameters[capacity, i] * law_parameters[_YIELD_FORCE, i] - previous_work
+        remaining = law_parameters[capacity, i] * law_parameters[_YIELD_FORCE, i] - total_work
         if work <= 0.0 and remaining > 0.0:
             return 0.0
         if remaining <= 0.0 or work >= remaining:
@@ -220,13 +220,13 @@ def _functions() -> LawFunctions:
         first = extra_rows(law_state, block)
         force = law_state[block + rows.FORCE, i]
         stored = 0.5 * force * force / law_state[first + _UNLOADING_STIFFNESS, i]
-        previous_work = law_state[block + rows.WORK, i] - stored
+        total_work = law_state[block + rows.WORK, i] - stored
         return beta(
             law_parameters,
             i,
             _OF_UNLOADING,
-            previous_work - law_state[first + _WORK_AT_ZERO, i],
-            previous_work,
+            total_work - law_state[first + _WORK_AT_ZERO, i],
+            total_work,
         )
 
     @outlined
@@ -452,13 +452,13 @@ def _functions() -> LawFunctions:
             True if the story fails (a beta exceeds 1).
         """
         first = extra_rows(law_state, block)
-        previous_work = law_state[block + rows.WORK, i]
-        work = previous_work - law_state[first + _WORK_AT_ZERO, i]
+        total_work = law_state[block + rows.WORK, i]
+        work = total_work - law_state[first + _WORK_AT_ZERO, i]
         rate = side_parameter(law_parameters, i, side, _RATE)
-        strength = beta(law_parameters, i, _OF_STRENGTH, work, previous_work)
-        capping = beta(law_parameters, i, _OF_CAPPING, work, previous_work)
-        reloading = beta(law_parameters, i, _OF_RELOADING, work, previous_work)
-        law_state[first + _WORK_AT_ZERO, i] = previous_work
+        strength = beta(law_parameters, i, _OF_STRENGTH, work, total_work)
+        capping = beta(law_parameters, i, _OF_CAPPING, work, total_work)
+        reloading = beta(law_parameters, i, _OF_RELOADING, work, total_work)
+        law_state[first + _WORK_AT_ZERO, i] = total_work
         law_state[first + side_row(side, _STRENGTH), i] *= 1.0 - rate * strength
         law_state[first + side_row(side, _CAPPING), i] *= 1.0 - rate * capping
         law_state[block + side_row(side, rows.HIGH_DRIFT), i] *= 1.0 + rate * reloading

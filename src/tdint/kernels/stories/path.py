@@ -150,8 +150,8 @@ def turns(rise, first, last, start):
     """Locate the reversals of a story within a step from its drift rate.
 
     The rate is the cubic with the rates `first` and `last` of the state at both endpoints, the mean
-    `rise` and the initial slope `start`. The run and its error estimate use this same decision. The
-    rate of the parabola differs from the rate of the state at both endpoints.
+    `rise` and the initial slope `start`. The rate of the parabola is not used because it differs
+    from the rate of the state at both endpoints.
 
     Parameters
     ----------
