@@ -101,7 +101,7 @@ def test_numbers_that_make_no_law_together_are_told_with_their_story(records):
     }
     law |= {"pinching": 0.5, "unloading": 0.0}
     model = tdint.load_model(MODEL | {"stories": [{**STORY, "law": law, "repeat": 2}]})
-    name, told = "stories[2].law.yield_force", "frame: story 2 cannot be varied so: "
+    name, told = "stories[2].law.yield_force", "frame: invalid variation of story 2: "
     with pytest.raises(UsageError, match=told):
         model.replace(**{name: 6e4})
     with pytest.raises(UsageError, match=rf"{told}.* \(draw 2\)"):
@@ -111,8 +111,8 @@ def test_numbers_that_make_no_law_together_are_told_with_their_story(records):
 def test_nothing_to_act_on_is_told():
     plain = tdint.load_model({"stories": [{"mass": 1.0, "stiffness": 1.0}]})
     for change, message in (
-        ("damping", "damping has no ratio to vary"),
-        ("strength_factor", "has nothing to act on"),
+        ("damping", "damping ratio cannot be changed"),
+        ("strength_factor", "has no effect"),
     ):
         with pytest.raises(UsageError, match=message):
             plain.replace(**{change: 0.5})

@@ -1,8 +1,7 @@
-"""What a model file says, as typed values in SI units; `tdint.model.config.model_file` reads the
-file.
+"""Content of a model file as typed values in SI units.
 
-Also models made from numbers, without a file: for problems that are part of tdint; and models with
-some of their numbers changed: for sweeps, and what a response is sensitive to.
+`tdint.model.config.model_file` reads the file. This module also builds models without a file, for
+problems that are part of tdint, and models with changed parameters, for sweeps and sensitivities.
 """
 
 from __future__ import annotations
@@ -33,28 +32,28 @@ from tdint.model.plugins import (
 from tdint.units import SI, OutputUnits
 from tdint.written_numbers import how_many, parse_ratio
 
-# ---- The drift laws that models may name, ours and those of others, and the law of a story
+# ---- Hysteretic laws: built-in laws, laws of plug-ins, and the law of a story
 
 LAWS: dict[str, DriftLaw] = {law.name: law for law in _LAWS}
-"""The drift laws that a model file may name: those of `tdint.kernels.laws`."""
+"""Hysteretic laws by the name in a model file: laws of `tdint.kernels.laws` and of plug-ins."""
 
 CODES: dict[str, int] = {law.name: code for code, law in enumerate(_LAWS)}
-"""The number of each law in the compiled tables."""
+"""Number of each law in the tables of the kernels."""
 
 
 def register_law(law: DriftLaw, where: str | Origin = "") -> None:
-    """Make a drift law known to models, and compiled where a model has it.
+    """Register a hysteretic law, so that models can use it.
 
-    It is compiled into the loops of the models that have it, whatever it says of `apart`. Its
-    functions stand in a module with a file, in which it has a name of its own or stands in a tuple:
-    there the process that compiles finds it.
+    The law is compiled into the time loops of the models that contain it, regardless of its
+    attribute `apart`. Its functions must be defined in a module with a file, and the module must
+    contain the law as a variable or in a tuple, so that the compiling process can import it.
 
     Parameters
     ----------
     law : DriftLaw
         See `tdint.kernels.laws.law`.
     where : str or Origin
-        Where it is from, for messages; by default its name.
+        Origin of the law for messages. Default: its name.
 
     Returns
     -------
@@ -63,8 +62,8 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
     Raises
     ------
     UsageError
-        No law; a name that is taken or is none; no file; a declaration that is missing: the force
-        is not linear, and neither `curved` nor branches are declared.
+        The argument is not a law, its name is invalid or in use, it has no file, or a declaration
+        is missing: the force is not linear, and neither `curved` nor branches are declared.
     """
     if not isinstance(law, DriftLaw):
         raise UsageError(
@@ -76,10 +75,10 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
     home = law.functions.__module__
     if home == "__main__" or getattr(sys.modules.get(home), "__file__", None) is None:
         raise UsageError(
-            f"{where}: put the law into a module of its own, a file that another process can "
-            "execute"
+            f"{where}: the law must be defined in a module with a file, so that other processes can "
+            "import it"
         )
-    # Loaded here: commands without plug-ins do without the checks.
+    # Imported here, because commands without plug-ins do not need these checks.
     from tdint.kernels.building.sources import OUTSIDE
     from tdint.model.law_checks import verify_declaration
 
@@ -96,28 +95,27 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
 
 @cache
 def laws() -> dict[str, DriftLaw]:
-    """All drift laws by name, those of installed packages (entry points `tdint.laws`) among
-    them."""
+    """Return all hysteretic laws by name, including those of entry points `tdint.laws`."""
 
-    def take(plugin: Any, origin: Origin) -> None:
+    def register(plugin: Any, origin: Origin) -> None:
         for law in declared(plugin, "LAWS", DriftLaw, origin.where):
             register_law(law, origin)
 
-    installed("tdint.laws", take)
+    installed("tdint.laws", register)
     return LAWS
 
 
 @dataclass(frozen=True)
 class Law:
-    """The drift law of a story.
+    """Hysteretic law of a story with its parameters.
 
     Attributes
     ----------
     name : str
         A key of `LAWS`.
     parameters : tuple of float
-        Values in SI in the order of `LAWS[name].parameters`; a `many` parameter comes last and is
-        flattened.
+        Values in SI units in the order of `LAWS[name].parameters`. A `many` parameter is the last
+        one and is flattened.
     """
 
     name: str
@@ -133,13 +131,23 @@ class Law:
 
 
 def _law_again(name: str, parameters: tuple[float, ...], code: int, file: str, digest: str) -> Law:
-    """A law of a plug-in, which is loaded if this process does not know it yet.
+    """Restore a law of a plug-in in another process, and load the plug-in if necessary.
+
+    Parameters
+    ----------
+    name : str
+        Name of the law.
+    parameters : tuple of float
+        Values of its parameters.
+    code : int
+        Number of the law in the arrays of buildings.
+    file, digest : str
+        Path and SHA-256 of the plug-in.
 
     Raises
     ------
     UsageError
-        The plug-in is not there or another one; the law has another number here than in the arrays
-        of buildings.
+        The plug-in is missing or has changed, or the law has a different number in this process.
     """
     if name not in LAWS:
         module = module_of(same_file(file, digest))
@@ -147,8 +155,8 @@ def _law_again(name: str, parameters: tuple[float, ...], code: int, file: str, d
             register_law(law, Origin(file, module.__name__))
     if CODES[name] != code:
         raise UsageError(
-            f"{file}: the law {name!r} is another one of the laws here: load the plug-ins in the "
-            "same order"
+            f"{file}: the law {name!r} has another number in this process: load the plug-ins in "
+            "the same order"
         )
     return Law(name, parameters)
 
@@ -157,9 +165,11 @@ LINEAR = Law("linear", ())
 
 
 def four_points(points: Sequence[Sequence[float]]) -> tuple[float, ...]:
-    """Two to four points as four, flattened: of two the others lie at the thirds between them, of
-    three the one that is missing lies midway between the last ones (as the buildings of GEM's
-    vulnerability toolkit have it)."""
+    """Return two to four points as four points, flattened.
+
+    Two points are completed by points at one and two thirds between them, three points by the
+    midpoint of the last two, as in the vulnerability toolkit of GEM.
+    """
     (*first, before, last) = points
     missing = 4 - len(points)
     parts = [j / (missing + 1) for j in range(1, missing + 1)]
@@ -170,15 +180,15 @@ def four_points(points: Sequence[Sequence[float]]) -> tuple[float, ...]:
 # ---- Definition
 
 MAX_STORIES = 100_000
-"""Stories that a model may have; it keeps a slip in `repeat` from filling the memory."""
+"""Maximum number of stories. Without it, a typing error in `repeat` would fill the memory."""
 
 
 @dataclass(frozen=True)
 class PowerDashpot:
-    """A dashpot whose force grows with a power of the drift rate v: c v (v^2 + v0^2)^((exponent -
-    1) / 2).
+    """Dashpot with the force c v (v^2 + v0^2)^((exponent - 1) / 2) at the drift rate v.
 
-    That is c |v|^exponent far above v0, and a linear dashpot far below it.
+    The force approaches c |v|^exponent for |v| much larger than v0, and a linear dashpot for |v|
+    much smaller than v0.
 
     Attributes
     ----------
@@ -187,7 +197,7 @@ class PowerDashpot:
     exponent : float
         In (0, 2].
     linear_below : float
-        v0, m/s; positive where the exponent is less than 1, else zero or positive.
+        v0, m/s; positive if the exponent is less than 1, otherwise zero or positive.
     """
 
     coefficient: float
@@ -197,27 +207,27 @@ class PowerDashpot:
 
 @dataclass(frozen=True)
 class Story:
-    """One story: the floor above it and the spring and dashpot that carry this floor.
+    """Story with the floor above it, and the spring and dashpot that support this floor.
 
     Attributes
     ----------
     mass : float
         Mass of the floor above, kg, positive.
     height : float or None
-        Story height, m, positive; None where the file gives none.
+        Story height, m, positive; None if the file does not specify it.
     stiffness : float
         Initial stiffness, N/m, positive.
     law : Law
-        Drift law.
+        Hysteretic law.
     dashpot : float
         Viscous damper between the floors, N s/m, zero or positive.
     power_dashpot : PowerDashpot or None
         Power-law damper between the floors.
     isolator : bool
-        Whether its drift is a displacement by design, and no drift ratio; its height serves P-delta
-        alone.
+        True for an isolator: its displacement is reported instead of a drift ratio, and its height
+        is used for P-delta only.
     rayleigh : bool
-        Whether Rayleigh damping reaches it.
+        True if Rayleigh damping applies to the story.
     """
 
     mass: float
@@ -231,7 +241,7 @@ class Story:
 
     @property
     def drift_height(self) -> float | None:
-        """The height that its drift is taken over, m; None where it has none, or isolates."""
+        """Height of the drift ratio, m; None for isolators and for stories without height."""
         return None if self.isolator else self.height
 
 
@@ -244,8 +254,8 @@ class RayleighRatio:
     ratios : tuple of float
         Damping ratio in each of the two modes, in [0, 1).
     modes : tuple of int
-        The two modes, counted from 1: different, or 1 twice in a building of one story, whose only
-        mode has the first ratio then, half of it from the mass and half from the stiffness.
+        Two different modes, counted from 1. For a building with one story, both are 1; its mode
+        then has the first ratio, one half from the mass and one half from the stiffness.
     """
 
     ratios: tuple[float, float]
@@ -270,33 +280,33 @@ class RayleighCoefficients:
 
 @dataclass(frozen=True)
 class ModalDamping:
-    """Modal damping, of the modes of the initial stiffness; it stays as it is when stories yield.
+    """Modal damping for the modes of the initial stiffness. It does not change during yielding.
 
     Attributes
     ----------
     ratios : tuple of float
-        Damping ratios in [0, 1). One ratio: all modes have it. Several: the first modes, one each;
-        higher modes are undamped.
+        Damping ratios in [0, 1). A single ratio applies to all modes. Several ratios apply to the
+        first modes in order, and higher modes are undamped.
     """
 
     ratios: tuple[float, ...]
 
 
 Damping = RayleighRatio | RayleighCoefficients | ModalDamping | None
-"""Damping besides the dashpots; None is none."""
+"""Damping in addition to dashpots; None for an undamped building."""
 
 
 @dataclass(frozen=True)
 class RecordSource:
-    """Where the ground motion comes from.
+    """Source of the ground motion.
 
     Attributes
     ----------
     file : str
-        Path, already resolved against the folder of the model file; `-` is standard input.
+        Path, resolved relative to the directory of the model file; `-` is standard input.
     choice : RecordChoice
-        What is taken of it, and what is done to that before it is scaled; the path of the station
-        metadata is resolved like `file`.
+        Component, units and processing before scaling. The path of the station metadata is resolved
+        like `file`.
     scale : float
         Factor on the acceleration, not zero.
     """
@@ -308,7 +318,7 @@ class RecordSource:
 
 @dataclass(frozen=True)
 class Force:
-    """A harmonic force p = cosine cos(omega t) + sine sin(omega t) on one floor.
+    """Harmonic force p = cosine cos(omega t) + sine sin(omega t) on one floor.
 
     Attributes
     ----------
@@ -328,7 +338,7 @@ class Force:
 
 @dataclass(frozen=True)
 class Excitation:
-    """Ground motion and forces; without either the building vibrates freely."""
+    """Ground motion and forces. Without both, the building performs free vibration."""
 
     record: RecordSource | None
     forces: tuple[Force, ...]
@@ -336,8 +346,7 @@ class Excitation:
 
 @dataclass(frozen=True)
 class Initial:
-    """Displacement (m) and velocity (m/s) at t = 0 relative to the ground, one entry per floor from
-    the bottom."""
+    """Displacement (m) and velocity (m/s) at t = 0 relative to the ground, one per floor."""
 
     displacement: tuple[float, ...]
     velocity: tuple[float, ...]
@@ -345,12 +354,12 @@ class Initial:
 
 @dataclass(frozen=True)
 class Analysis:
-    """Wishes of the model file for its analysis; None where it has none.
+    """Analysis settings of the model file; None for settings that it does not specify.
 
     Attributes
     ----------
     method : str or None
-        Method with its parameters, as on the command line; the catalogue of methods judges it
+        Method with its parameters, as on the command line. The catalogue of methods checks it
         later.
     dt : float or None
         Time step, s, positive.
@@ -365,44 +374,42 @@ class Analysis:
 
 @dataclass(frozen=True, repr=False)
 class Model:
-    """A model file, checked and in SI units.
+    """Validated model in SI units.
 
     Attributes
     ----------
     name : str
-        The building's name: the file's name without suffix where the file gives none, `model` for a
-        stream.
+        Name of the building. Default: name of the file without suffix, or `model` for a stream.
     source : str
-        The file as the user named it; `-` for standard input.
+        File as the user named it; `-` for standard input.
     text : bytes
-        The file's content, for its SHA-256.
+        Content of the file, for its SHA-256.
     stories : tuple of Story
-        From the ground up, `repeat` written out.
+        Stories from the ground up; entries with `repeat` are expanded.
     damping : Damping
-        Damping besides the dashpots.
+        Damping in addition to dashpots.
     p_delta : bool
-        Whether gravity acts on the displaced building; every story has a height then.
+        True if gravity acts on the displaced building. Every story has a height in this case.
     excitation : Excitation
         Ground motion and forces.
     initial : Initial
         State at t = 0.
     analysis : Analysis
-        Method, time step and duration, as far as given.
+        Method, time step and duration, if the file specifies them.
     collapse_drift : float
-        Drift ratio over which a run is flagged as collapsed, positive.
+        Drift ratio above which a run is reported as collapsed, positive.
     output_units : OutputUnits
-        What tables and summaries are written in.
+        Units of tables and summaries.
     page_units : OutputUnits
-        What pages for people are written in: the units of the file where it names none for the
-        output.
+        Units of reports: `output_units` of the file, otherwise the units of the file.
     page_head : tuple of (str, str)
-        Names and texts of the lines at the top of its page.
+        Names and texts of the lines at the top of a report.
     varied_parameters : tuple of (str, float)
         What `replace` changed, and the values.
     label : str
-        What tells it from other variations of the building.
+        Name of this variation of the building.
     damage : DamageStates or None
-        How its damage is told.
+        Damage states of the building.
     plausibility_off : str
         Why nothing that is unusual of the building is told (`plausibility: off, ...`); empty where
         it is.
@@ -427,13 +434,12 @@ class Model:
     plausibility_off: str = ""
 
     def replace(self, **changes: float | str) -> Model:
-        """The building with some of its numbers changed: `model.replace(damping=0.02,
-        stiffness_factor=1.1)`.
+        """Return the building with changed parameters: `model.replace(damping=0.02)`.
 
-        Names are those of `PARAMETERS`, which tells what they mean, or keys of the model file in SI
-        units, a story by its number from the ground: `model.replace(**{"stories[2].law.hardening":
-        0.05, "stories.mass": 2e5})`. Without a number all stories are meant that have it. What
-        changes with them (modes, drifts at yield, P-delta) follows.
+        Names are those of `PARAMETERS`, or keys of the model file in SI units, with the number of a
+        story counted from the ground: `model.replace(**{"stories[2].law.hardening": 0.05,
+        "stories.mass": 2e5})`. Without a number, all stories that have the parameter are changed.
+        Modes, yield drifts and P-delta are updated.
 
         Parameters
         ----------
@@ -447,22 +453,20 @@ class Model:
         Raises
         ------
         UsageError
-            An unknown name, a value out of range, or nothing that it could act on.
+            A name is unknown, a value is out of range, or no story has the parameter.
         """
-        # Texts such as 2% are ratios, as in a file.
         numbers = {}
-        for name, given in changes.items():
+        for name, value in changes.items():
             check_parameter(name)
             try:
-                numbers[name] = parse_ratio(given) if isinstance(given, str) else float(given)
+                numbers[name] = parse_ratio(value) if isinstance(value, str) else float(value)
             except (TypeError, ValueError, OverflowError):
-                raise UsageError(f"{name} must be a number, got {given!r:.60}") from None
+                raise UsageError(f"{name} must be a number, got {value!r:.60}") from None
         return self.changed(numbers)
 
     def changed(self, numbers: Mapping[str, float]) -> Model:
-        """The same of numbers by name."""
-        # Changes act one after the other on the numbers of the stories, factors on what was set
-        # before.
+        """Return the building with changed parameters; `numbers` contains values by name."""
+        # Changes are applied in order; factors multiply values that were set before.
         table = [list(story_numbers(story)) for story in self.stories]
         damping, touched = self.damping, dict[int, bool]()
         for name, value in numbers.items():
@@ -474,7 +478,7 @@ class Model:
                 row = table[change.story]
                 row[change.column] = row[change.column] * value if change.factor else value
                 touched[change.story] = touched.get(change.story, False) or change.of_law
-        # Only what was touched is made anew, and judged by its law as in a file.
+        # Only changed stories are built again and checked by their laws, as in a file.
         stories = list(self.stories)
         for i, law_set in touched.items():
             story, row = stories[i], table[i]
@@ -486,7 +490,7 @@ class Model:
                 story,
                 mass=row[MASS],
                 height=None if story.height is None else row[HEIGHT],
-                # Of a law that has its own stiffness it follows where the law was set.
+                # If the law defines the stiffness, a change of the law changes the stiffness.
                 stiffness=stiffness_of(law.parameters)
                 if law_set and stiffness_of
                 else row[STIFFNESS],
@@ -497,7 +501,7 @@ class Model:
             if fault := LAWS[stories[i].law.name].fault(
                 stories[i].stiffness, stories[i].law.parameters
             ):
-                raise UsageError(f"{self.name}: story {i + 1} cannot be varied so: {fault}")
+                raise UsageError(f"{self.name}: invalid variation of story {i + 1}: {fault}")
         varied = tuple({**dict(self.varied_parameters), **numbers}.items())
         return replace(self, stories=tuple(stories), damping=damping, varied_parameters=varied)
 
@@ -509,10 +513,22 @@ class Model:
 def simple_story(
     mass: float, law: Law = LINEAR, *, stiffness: float | None = None, dashpot: float = 0.0
 ) -> Story:
-    """A story without height; the stiffness (N/m) may be left out where the law has its own."""
+    """Return a story without height.
+
+    Parameters
+    ----------
+    mass : float
+        Mass of the floor, kg.
+    law : Law
+        Hysteretic law.
+    stiffness : float, optional
+        Initial stiffness, N/m. Default: the stiffness that the law defines.
+    dashpot : float
+        Coefficient of the dashpot, N s/m.
+    """
     if stiffness is None:
         stiffness_of = LAWS[law.name].initial_stiffness
-        assert stiffness_of is not None, f"the law {law.name} has no stiffness of its own"
+        assert stiffness_of is not None, f"the law {law.name} does not define a stiffness"
         stiffness = stiffness_of(law.parameters)
     return Story(mass=mass, height=None, stiffness=stiffness, law=law, dashpot=dashpot)
 
@@ -525,9 +541,20 @@ def simple_model(
     displacement: Sequence[float] = (),
     velocity: Sequence[float] = (),
 ) -> Model:
-    """A model without ground motion, damping and P-delta; it starts at rest where nothing else is
-    said (m, m/s)."""
-    rest = (0.0,) * len(stories)
+    """Return a model without ground motion, damping and P-delta.
+
+    Parameters
+    ----------
+    name : str
+        Name of the model.
+    stories : sequence of Story
+        Stories from the ground up.
+    forces : sequence of Force
+        Harmonic forces on floors.
+    displacement, velocity : sequence of float
+        Initial state of the floors, m and m/s. Default: at rest.
+    """
+    zeros = (0.0,) * len(stories)
     return Model(
         name=name,
         source=name,
@@ -536,14 +563,13 @@ def simple_model(
         damping=None,
         p_delta=False,
         excitation=Excitation(None, tuple(forces)),
-        initial=Initial(tuple(displacement) or rest, tuple(velocity) or rest),
+        initial=Initial(tuple(displacement) or zeros, tuple(velocity) or zeros),
         analysis=Analysis(None, None, None),
         collapse_drift=1.0,
     )
 
 
-# ---- What can be changed in a building: its numbers by name, the same of a model and of arrays of
-# many
+# ---- Parameters of a building that can be changed by name, in a model or in arrays of many models
 
 _PLAIN = (
     "mass",
@@ -554,19 +580,28 @@ _PLAIN = (
     "dashpot.exponent",
     "dashpot.linear_below",
 )
-"""The first numbers of a story by their keys; those of its law follow."""
+"""Keys of the first numbers of a story (`story_numbers`). Numbers of the law follow."""
 
 MASS, HEIGHT, STIFFNESS, DASHPOT, POWER, OF_LAW = 0, 1, 2, 3, slice(4, 7), len(_PLAIN)
-"""Where they stand."""
+"""Indices of these numbers; `OF_LAW` is the index of the first number of the law."""
 
 _FACTORS = ("mass_factor", "stiffness_factor", "strength_factor")
 _NAME = re.compile(r"(?:stories(?:\[(\d+)\])?|story (\d+))\.(\w.*)")
-_OF_POINT = {"drift": (0, 1), "force": (1, 0)}
+_POINT_DIMENSIONS = {"drift": (0, 1), "force": (1, 0)}  # exponents of force and length
 
 
 class Change(NamedTuple):
-    """What a parameter does to one number of a story, both counted from 0: it sets it within
-    bounds, or is a factor."""
+    """Change of one number of a story by a parameter.
+
+    Attributes
+    ----------
+    story, column : int
+        Index of the story and of the number in `story_numbers`.
+    factor : bool
+        The value is a factor on the number, otherwise its new value.
+    bounds : LawParameter, optional
+        Declaration of the parameter with its bounds.
+    """
 
     story: int
     column: int
@@ -575,11 +610,11 @@ class Change(NamedTuple):
 
     @property
     def of_law(self) -> bool:
-        """Whether it sets a number of the law, from which a stiffness may follow."""
+        """True if the change sets a parameter of the law, which may define the stiffness."""
         return self.column >= OF_LAW and not self.factor
 
     def check(self, name: str, *values: float) -> None:
-        """Raise UsageError for a value that the law does not take."""
+        """Raise UsageError if a value is outside the bounds of the law."""
         for value in values:
             low, high = (
                 (self.bounds.low, self.bounds.high) if self.bounds else (-math.inf, math.inf)
@@ -592,7 +627,7 @@ class Change(NamedTuple):
 
 
 def story_numbers(story: Story) -> tuple[float, ...]:
-    """The numbers of a story, nan for what it does not have; those of its law last."""
+    """Return the numbers of a story with the parameters of its law at the end; nan if missing."""
     power = story.power_dashpot
     dashpot = (power.coefficient, power.exponent, power.linear_below) if power else (math.nan,) * 3
     height = math.nan if story.height is None else story.height
@@ -600,21 +635,21 @@ def story_numbers(story: Story) -> tuple[float, ...]:
 
 
 def _columns(story: Story) -> dict[str, list[tuple[int, bool, LawParameter | None]]]:
-    """What each name changes in a story: columns of its numbers, whether as a factor, and bounds.
+    """Return the changes of a story by the name of the parameter.
 
-    With a law that has its own stiffness all of its forces grow with the stiffness.
+    Each change is an index in `story_numbers`, a flag for factors, and the bounds. If a law defines
+    the stiffness, a factor on the stiffness multiplies all forces of the law.
     """
     has_stiffness = LAWS[story.law.name].initial_stiffness is not None
-    # Of each number of the law its key, the exponents of force and length in its dimension, and its
-    # bounds.
+    # Key, exponents of force and length in the dimension, and declaration of each number of the law
     numbers: list[tuple[str, int, int, LawParameter]] = []
     for parameter in LAWS[story.law.name].parameters:
         path = f"law.{parameter.path}"
         if parameter.points:
             numbers += [
-                (f"{path}[{k}].{at}", *of, parameter)
+                (f"{path}[{k}].{coordinate}", *dimension, parameter)
                 for k in range(1, 5)
-                for at, of in _OF_POINT.items()
+                for coordinate, dimension in _POINT_DIMENSIONS.items()
             ]
         elif parameter.many:
             count = len(story.law.parameters) - len(numbers)
@@ -622,56 +657,57 @@ def _columns(story: Story) -> dict[str, list[tuple[int, bool, LawParameter | Non
         else:
             numbers.append((path, parameter.force, parameter.length, parameter))
     law = list(enumerate(numbers, start=OF_LAW))
-    # What has the dimension of a stiffness or a strength goes with the factor on it.
-    stiff = [
-        at for at, (_, force, length, _) in law if force == 1 and (has_stiffness or length == -1)
+    # Factors apply to all numbers with the dimension of a stiffness or of a strength.
+    stiffnesses = [
+        i for i, (_, force, length, _) in law if force == 1 and (has_stiffness or length == -1)
     ]
-    strong = [at for at, (_, force, length, _) in law if (force, length) == (1, 0)]
+    strengths = [i for i, (_, force, length, _) in law if (force, length) == (1, 0)]
     columns: dict[str, list[tuple[int, bool, LawParameter | None]]] = {
         "mass_factor": [(MASS, True, None)],
-        "stiffness_factor": [(at, True, None) for at in (STIFFNESS, *stiff)],
-        "strength_factor": [(at, True, None) for at in strong],
+        "stiffness_factor": [(i, True, None) for i in (STIFFNESS, *stiffnesses)],
+        "strength_factor": [(i, True, None) for i in strengths],
         "mass": [(MASS, False, None)],
         "height": [] if story.height is None else [(HEIGHT, False, None)],
         "stiffness": [] if has_stiffness else [(STIFFNESS, False, None)],
         "dashpot": [] if story.power_dashpot else [(DASHPOT, False, None)],
     }
     power = range(POWER.start, POWER.stop) if story.power_dashpot else ()
-    columns |= {_PLAIN[at]: [(at, False, None)] for at in power}
-    return columns | {key: [(at, False, bounds)] for at, (key, _, _, bounds) in law}
+    columns |= {_PLAIN[i]: [(i, False, None)] for i in power}
+    return columns | {key: [(i, False, bounds)] for i, (key, _, _, bounds) in law}
 
 
 def changes_of(model: Model, name: str) -> list[Change]:
-    """What a parameter changes in the stories of a model; nothing for its damping.
+    """Return the changes of the stories of a model by a parameter; empty for `damping`.
 
     Raises
     ------
     UsageError
-        An unknown name, a story that is not there, or nothing that it could act on.
+        The name is unknown, the story does not exist, or no story has the parameter.
     """
     check_parameter(name)
     if name == "damping":
         return []
-    # Keys in the words of model files, or of messages: stories[3] and story 3 are the same.
-    said = _NAME.fullmatch(name)
-    number, key = (said[1] or said[2], said[3]) if said else (None, name)
+    # `stories[3]`, as in model files, and `story 3`, as in messages, are equivalent.
+    match = _NAME.fullmatch(name)
+    number, key = (match[1] or match[2], match[3]) if match else (None, name)
     if number and not 1 <= int(number) <= len(model.stories):
         counted = "" if int(number) else "; counting starts at 1"
         raise UsageError(
             f"{name}: {model.name} has {how_many(len(model.stories), 'story')}{counted}"
         )
-    places = [int(number) - 1] if number else range(len(model.stories))
-    # In each story a key may mean another number: laws differ.
-    columns = {i: _columns(model.stories[i]) for i in places}
-    changes = [Change(i, *column) for i in places for column in columns[i].get(key, ())]
+    indices = [int(number) - 1] if number else range(len(model.stories))
+    # The index of a number depends on the law of the story.
+    columns = {i: _columns(model.stories[i]) for i in indices}
+    changes = [Change(i, *column) for i in indices for column in columns[i].get(key, ())]
     if not changes and key == "strength_factor":
-        raise UsageError(
-            f"{name} has nothing to act on: no such story of {model.name} has a strength"
-        )
+        raise UsageError(f"{name} has no effect: no such story of {model.name} has a strength")
     if not changes:
         names = list(
             dict.fromkeys(
-                there for by_name in columns.values() for there, act in by_name.items() if act
+                available
+                for changes_by_name in columns.values()
+                for available, story_changes in changes_by_name.items()
+                if story_changes
             )
         )
         where = f"story {number}" if number else "no story"
@@ -683,30 +719,30 @@ def changes_of(model: Model, name: str) -> list[Change]:
 
 
 PARAMETERS = {
-    "damping": "damping ratio, in place of the model's: of both modes of Rayleigh damping, or of "
-    "all of modal damping",
+    "damping": "damping ratio that replaces the ratio of the model: of both modes of Rayleigh "
+    "damping, or of all modes of modal damping",
     "mass_factor": "factor on the masses",
-    "stiffness_factor": "factor on the initial stiffnesses; strengths stay, drifts at yield change",
-    "strength_factor": "factor on the strengths of the drift laws; stiffnesses stay",
+    "stiffness_factor": "factor on the initial stiffnesses; strengths are unchanged, yield drifts "
+    "change",
+    "strength_factor": "factor on the strengths of the hysteretic laws; stiffnesses are unchanged",
 }
-"""What can be changed in all of a building, and what it means."""
+"""Parameters of the complete building, with their descriptions."""
 
 
 def parameter_meaning(name: str) -> str:
-    """What a parameter is, for people."""
-    said = _NAME.fullmatch(name)
-    key = said[3] if said else name
+    """Return the description of a parameter."""
+    match = _NAME.fullmatch(name)
+    key = match[3] if match else name
     return PARAMETERS.get(key, f"{key} of the model file, in SI units")
 
 
 def check_parameter(name: str) -> None:
-    """Raise UsageError for a name that cannot be a parameter of `Model.replace`, whatever the
-    model."""
-    said = _NAME.fullmatch(name)
-    key = said[3] if said else ""
+    """Raise UsageError if a name is not a parameter of `Model.replace` for any model."""
+    match = _NAME.fullmatch(name)
+    key = match[3] if match else ""
     if name in PARAMETERS or key in _PLAIN or key in _FACTORS or key.startswith("law."):
         return
-    near = nearest(key, (*_PLAIN, *_FACTORS)) if said else None
+    near = nearest(key, (*_PLAIN, *_FACTORS)) if match else None
     hint = (
         f"; did you mean {name[: -len(key)] + near!r}?" if near else did_you_mean(name, PARAMETERS)
     )
@@ -717,26 +753,34 @@ def check_parameter(name: str) -> None:
 
 
 def check_value(name: str, value: float) -> None:
-    """Raise UsageError for a value out of range, as far as its name alone tells."""
-    of_law = ".law." in name
+    """Raise UsageError if a value is outside the range that follows from its name."""
+    is_law_parameter = ".law." in name
     if name == "damping":
-        is_right, kind = 0.0 <= value < 1.0, "be a ratio from 0 to less than 1"
+        is_valid, allowed = 0.0 <= value < 1.0, "a ratio from 0 to less than 1"
     elif name.endswith((".dashpot", ".linear_below")):
-        is_right, kind = value >= 0.0, "be a number from 0 on"
+        is_valid, allowed = value >= 0.0, "zero or a positive number"
     elif name.endswith("dashpot.exponent") and 2.0 < value < math.inf:
-        is_right, kind = False, "lie in (0, 2]"
+        is_valid, allowed = False, "in (0, 2]"
+    elif is_law_parameter:
+        is_valid, allowed = True, "a number"
     else:
-        is_right, kind = of_law or value > 0.0, "be a number" if of_law else "be a positive number"
-    if not (is_right and math.isfinite(value)):
-        raise UsageError(f"{name} must {kind}, got {value!r}")
+        is_valid, allowed = value > 0.0, "a positive number"
+    if not (is_valid and math.isfinite(value)):
+        raise UsageError(f"{name} must be {allowed}, got {value!r}")
 
 
 def damped_by(model: Model, ratio: float) -> Damping:
-    """The damping of a model with another ratio; UsageError where it has none."""
+    """Return the damping of a model with another ratio.
+
+    Raises
+    ------
+    UsageError
+        The model has no damping, or specifies it by coefficients.
+    """
     match model.damping:
         case RayleighRatio(_, modes):
             return RayleighRatio((ratio, ratio), modes)
         case ModalDamping(ratios):
             return ModalDamping((ratio,) * len(ratios))
-    reason = "has none" if model.damping is None else "states it by coefficients"
-    raise UsageError(f"damping has no ratio to vary: {model.name} {reason}")
+    reason = "is undamped" if model.damping is None else "specifies damping by coefficients"
+    raise UsageError(f"damping ratio cannot be changed: {model.name} {reason}")
