@@ -75,7 +75,7 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
     home = law.functions.__module__
     if home == "__main__" or getattr(sys.modules.get(home), "__file__", None) is None:
         raise UsageError(
-            f"{where}: the law must be defined in a module with a file, so that other processes can "
+            f"{where}: define the law in a module with a file, so that another process can "
             "import it"
         )
     # Imported here, because commands without plug-ins do not need these checks.
