@@ -241,13 +241,13 @@ FAULTS = {
     "x = 1\ny = x / 0\n": "outside_plugin.py:2: ZeroDivisionError: division by zero",
     "x = 1\n": "outside_plugin.py: a plug-in has a tuple METHODS, LAWS, PEERS or MEASURES; this "
     "one has none",
-    "METHODS = (3,)\n": "outside_plugin.py: METHODS holds Method objects, not int",
+    "METHODS = (3,)\n": "outside_plugin.py: METHODS must contain Method objects, not int",
     "METHODS = 3\n": "outside_plugin.py: TypeError: ",
     "raise SystemExit(3)\n": "outside_plugin.py:1: SystemExit: 3",
     "class Odd(BaseException): pass\nraise Odd('so')": "outside_plugin.py:2: Odd: so",
     "class Odd(Exception):\n    def __str__(self): raise KeyError(1)\nraise Odd": "outside_plugin.py:3: Odd: without a",  # noqa: E501
     "from dataclasses import replace\nfrom tdint.methods.bathe import METHODS\nMETHODS = "
-    "(replace(METHODS[0]),)\n": ("there is a method 'bathe' already; give yours another name"),
+    "(replace(METHODS[0]),)\n": ("a method 'bathe' already exists; choose another name"),
     "from tdint.kernels.laws.law import DriftLaw\nLAWS = (DriftLaw('tanh', '', lambda: None),)\n": (
         "there is a law 'tanh' already"
     ),
@@ -267,12 +267,12 @@ CHANGES = {
         "verlet",
         '"verlet",\n        family',
         '"Verlet 2",\n        family',
-    ): "'Verlet 2' is no name of a method",
+    ): "invalid name of a method: 'Verlet 2'",
     ("verlet", 'Family("verlet"', 'Family("bathe"'): "there is a family 'bathe' already",
     ("verlet", "order=lambda: 2", "order=lambda: '2'"): "verlet: order gives '2', no int",
     ("verlet", "order=lambda: 2", "order=lambda x: 2"): "TypeError: ",
     ("verlet", "coefficients=lambda: ()", "coefficients=lambda: 'a'"): "ValueError: ",
-    ("hyperbolic", '"hyperbolic",', '"a,b",'): "'a,b' is no name of a law",
+    ("hyperbolic", '"hyperbolic",', '"a,b",'): "invalid name of a law: 'a,b'",
     ("hyperbolic", "    from tdint.plugin", "    from nowhere"): "ModuleNotFoundError: ",
 }
 
@@ -353,7 +353,7 @@ def test_an_installed_package_needs_no_option(tmp_path, verlet, hyperbolic, monk
     assert [*CODE["law hyperbolic"], *CODE["method verlet"]] == [*code.values()]
     (warning,) = caplog.messages
     assert warning.startswith(
-        "a plug-in is left out: outside-package 1.0, entry point wrong of tdint.methods "
+        "plug-in skipped: outside-package 1.0, entry point wrong of tdint.methods "
         "(outside_package.nothing)"
     )
 
@@ -536,7 +536,7 @@ def test_a_result_and_its_case_are_read_by_a_new_process(workshop, verlet, hyper
         forget()
         with pytest.raises(
             UsageError,
-            match=f"this is of the plug-in {file}, which is another one by now: load the",
+            match=f"the object requires the plug-in {file}, which has changed: load the",
         ):
             tdint.run_case(pickle.loads((tmp_path / "kept").read_bytes())[0], dt=0.005)
         file.write_text(text)

@@ -1,7 +1,6 @@
-"""Modules from outside the package that add to it: a file that the user names, or an installed
-package.
+"""Load plug-ins: a file that the user names, or an installed package.
 
-Nothing is looked for in the working folder, and nothing is named by a model file.
+The working directory is not searched, and model files cannot name plug-ins.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from tdint.files import digest_of, is_file
 LOG = logging.getLogger("tdint")
 
 NAME = re.compile(r"[a-z][a-z0-9]*([-_][a-z0-9]+)*")
-"""Names of methods and laws: they stand in specifications, in labels and in names of files."""
+"""Allowed names of methods and laws, which are used in specifications, labels and file names."""
 
 
 _PREFIX = "tdint_plugin_"
@@ -34,16 +33,16 @@ _PREFIX = "tdint_plugin_"
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a law or a method is from.
+    """Origin of a law or a method.
 
     Attributes
     ----------
     where : str
-        In words, for messages.
+        Description for messages.
     module : str
-        The module that lists it, beside those that its functions stand in.
+        Module that lists it, in addition to the modules of its functions.
     package : str
-        The distribution with its version, of an installed one.
+        Name and version of the installed distribution, if any.
     """
 
     where: str
@@ -51,19 +50,16 @@ class Origin:
     package: str = ""
 
     def keep_code(self, kind: str, of: Any) -> None:
-        """Keep what the files of a law or a method are while they are as they were executed
-        (`sources.CODE`)."""
-        from tdint.kernels.building.sources import (
-            CODE,
-            files_of,
-        )  # hashes, which most commands do without
+        """Store the digests of the files of a law or method as executed (`sources.CODE`)."""
+        # Imported here, because most commands do not need the digests.
+        from tdint.kernels.building.sources import CODE, files_of
 
         package = f"{self.package}: " if self.package else ""
         CODE[f"{kind} {of.name}"] = files_of([self.module, *_modules(of)], package)
 
 
 def _modules(of: Any) -> Iterator[str]:
-    """The modules of the functions in a dataclass, and in those that it has."""
+    """Yield the modules of the functions in a dataclass and in the dataclasses that it contains."""
     for field in fields(of):
         value = getattr(of, field.name)
         if is_dataclass(value):
@@ -73,23 +69,24 @@ def _modules(of: Any) -> Iterator[str]:
 
 
 def _module_name(path: Path) -> str:
+    """Return the name in `sys.modules` of the module of a plug-in."""
     return _PREFIX + re.sub(r"\W", "_", path.stem)
 
 
 def module_of(file: str) -> ModuleType:
-    """The module in a file, executed once, as `tdint_plugin_` and the file's name.
+    """Execute a plug-in once and return its module, `tdint_plugin_` and the name of the file.
 
     Raises
     ------
     UsageError
-        No such file, or it cannot be executed: what is wrong and in which line. Two files of one
-        name.
+        The file does not exist or cannot be executed (the message states error and line), or
+        another plug-in has the same file name.
     """
     path = Path(file)
     if path.suffix != ".py" or not is_file(path):
-        raise UsageError(f"{file}: a plug-in is a Python file, NAME.py; there is none of this name")
+        raise UsageError(f"{file}: no such file; a plug-in is a Python file, NAME.py")
     name = _module_name(path)
-    # Executed once in a process: another file, or another state of it, would be a second truth.
+    # A process executes a plug-in once. A second version of it would give inconsistent results.
     loaded = sys.modules.get(name)
     if loaded is not None:
         if loaded.__file__ != str(path.resolve()):
@@ -97,14 +94,13 @@ def module_of(file: str) -> ModuleType:
                 f"{file}: {loaded.__file__} has the same name; rename one of the two plug-ins"
             )
         if vars(loaded)["__digest__"] != digest_of(path):
-            raise UsageError(
-                f"{file}: has changed since this process executed it; start Python anew"
-            )
+            raise UsageError(f"{file}: has changed since this process executed it; restart Python")
         return loaded
     specification = importlib.util.spec_from_file_location(name, path.resolve())
     assert specification is not None and specification.loader is not None
     module = importlib.util.module_from_spec(specification)
-    # Known before it runs, as Python's own import has it; taken out again if it fails.
+    # The module is in `sys.modules` before it is executed, as in Python's own import, and is
+    # removed if it fails.
     sys.modules[name] = module
     vars(module)["__digest__"] = digest_of(path)
     try:
@@ -123,11 +119,13 @@ def module_of(file: str) -> ModuleType:
 
 
 def private_imports(file: str) -> list[str]:
-    """What a plug-in imports of modules that promise nothing, a line for each: where, and what to
-    write instead."""
+    """Return a message for each import of a plug-in from a private module of tdint.
+
+    Each message states the line and the import to write instead.
+    """
     from tdint.plugin import HOMES
 
-    told = []
+    messages = []
     for node in ast.walk(ast.parse(Path(file).read_bytes())):
         module = getattr(node, "module", None) or ""
         if (
@@ -142,13 +140,15 @@ def private_imports(file: str) -> list[str]:
                 if public
                 else "see the names of tdint.plugin"
             )
-            told.append(f"{file}:{node.lineno}: {module} may change without notice; {write}")
-    return told
+            messages.append(f"{file}:{node.lineno}: {module} may change without notice; {write}")
+    return messages
 
 
 def home_of(name: str, attribute: str) -> tuple[str, str] | None:
-    """File and SHA-256 of the plug-in whose tuple `attribute` has a method or a law of this name;
-    None without one."""
+    """Return path and SHA-256 of the plug-in that lists a method or law, or None.
+
+    `attribute` is the tuple of the plug-in to search, for example `LAWS`.
+    """
     for module_name, module in list(sys.modules.items()):
         if module_name.startswith(_PREFIX) and module.__file__:
             listed = getattr(module, attribute, ())
@@ -161,40 +161,41 @@ def home_of(name: str, attribute: str) -> tuple[str, str] | None:
 
 
 def same_file(file: str, digest: str) -> str:
-    """The plug-in of what comes from another process, if it is still what it was there.
+    """Return the path of a plug-in that another process used, if the file is unchanged.
 
     Raises
     ------
     UsageError
-        It is not: what to load.
+        The file is missing or has changed.
     """
     try:
         if digest_of(Path(file)) == digest:
             return file
-        why = "which is another one by now"
+        reason = "which has changed"
     except TdintError:
-        why = "which is not there"
+        reason = "which does not exist"
     raise UsageError(
-        f"this is of the plug-in {file}, {why}: load the one it was made with by tdint.load_plugin "
-        "first"
+        f"the object requires the plug-in {file}, {reason}: load the original version with "
+        "tdint.load_plugin first"
     )
 
 
 def files_to_send() -> tuple[tuple[str, bytes], ...]:
-    """Names and contents of the files that were executed, in that order, for processes that cannot
-    read them."""
+    """Return names and contents of the executed plug-ins, for processes that cannot read them."""
     files = [module.__file__ for name, module in sys.modules.items() if name.startswith(_PREFIX)]
     return tuple((Path(file).name, Path(file).read_bytes()) for file in files if file)
 
 
 def files_received(sent: Iterable[tuple[str, bytes]]) -> list[str]:
-    """The paths of files that another process sent: where this one has them already, or in a folder
-    of its own.
+    """Return the paths of plug-ins that another process sent.
+
+    A plug-in that this process has executed keeps its path. Others are written to a temporary
+    directory.
 
     Raises
     ------
     UsageError
-        This process has executed another file of this name.
+        This process has executed a different file with this name.
     """
     files = []
     for name, content in sent:
@@ -204,21 +205,24 @@ def files_received(sent: Iterable[tuple[str, bytes]]) -> list[str]:
             file.write_bytes(content)
         elif file.read_bytes() != content:
             raise UsageError(
-                f"{name}: a worker has executed another version of this plug-in; start the workers "
-                "anew"
+                f"{name}: a worker has executed another version of this plug-in; restart them"
             )
         files.append(str(file))
     return files
 
 
 def peers() -> list[tuple[str, str, Callable[[Any], Any]]]:
-    """What plug-ins bring to charts, their tuples PEERS: the plug-in's name, a name, and a function
-    of the problem.
+    """Return the reference programs of plug-ins for work-precision diagrams (their tuples PEERS).
+
+    Returns
+    -------
+    list of (str, str, callable)
+        Name of the plug-in, name of the program, and a function of the problem.
 
     Raises
     ------
     UsageError
-        PEERS holds something else.
+        PEERS contains other objects.
     """
     peers_of = []
     for module in [module for name, module in sys.modules.items() if name.startswith(_PREFIX)]:
@@ -230,7 +234,8 @@ def peers() -> list[tuple[str, str, Callable[[Any], Any]]]:
                 and callable(peer[1])
             ):
                 raise UsageError(
-                    f"{module.__file__}: PEERS holds pairs of a name and a function, not {peer!r}"
+                    f"{module.__file__}: PEERS must contain pairs of a name and a function, not "
+                    f"{peer!r}"
                 )
             check_name(peer[0].partition(":")[0], (), "peer", str(module.__file__))
             peers_of.append((Path(str(module.__file__)).stem, *peer))
@@ -239,7 +244,7 @@ def peers() -> list[tuple[str, str, Callable[[Any], Any]]]:
 
 @cache
 def _folder() -> Path:
-    """Of the files that this process was sent."""
+    """Return the temporary directory of plug-ins that this process received."""
     from tempfile import mkdtemp
 
     return Path(mkdtemp(prefix="tdint-plugins-"))
@@ -247,12 +252,12 @@ def _folder() -> Path:
 
 @contextmanager
 def faults_of(where: str) -> Iterator[None]:
-    """Whatever is raised becomes one line that begins with `where`, a file with its line."""
+    """Convert any exception to a one-line UsageError that starts with `where` and the line."""
     try:
         yield
     except (TdintError, KeyboardInterrupt):
         raise
-    except BaseException as error:  # code of others, whatever it raises
+    except BaseException as error:  # code of other people may raise any exception
         file = Path(where).name
         lines = [
             frame.lineno
@@ -262,21 +267,25 @@ def faults_of(where: str) -> Iterator[None]:
         line = error.lineno if isinstance(error, SyntaxError) else lines[-1] if lines else None
         try:
             text = " ".join((error.msg if isinstance(error, SyntaxError) else str(error)).split())
-        except Exception:  # its own words, too
-            text = "without a word that can be read"
+        except Exception:  # also in its method __str__
+            text = "without a readable message"
         place = f"{where}:{line}" if line else where
         raise UsageError(f"{place}: {type(error).__name__}: {text}") from None
 
 
 def installed(group: str, take: Callable[[Any, Origin], object]) -> None:
-    """Have what the entry points of a group name taken; a faulty one is warned of and left out.
+    """Pass the objects of all entry points of a group to a function.
+
+    An invalid entry point causes a warning and is skipped.
 
     Parameters
     ----------
+    group : str
+        Group of entry points.
     take : callable
-        (object, where it is from) -> None, an `Origin`; raises UsageError for what it cannot take.
+        Receives the object and its `Origin`; raises UsageError if the object is invalid.
     """
-    from importlib.metadata import entry_points  # 20 ms, and asked for seldom
+    from importlib.metadata import entry_points  # imported here, because it takes 20 ms
 
     for point in sorted(entry_points(group=group), key=lambda point: point.name):
         package = f"{point.dist.name} {point.dist.version}" if point.dist else ""
@@ -286,32 +295,55 @@ def installed(group: str, take: Callable[[Any, Origin], object]) -> None:
             with faults_of(origin.where):
                 take(point.load(), origin)
         except TdintError as error:
-            LOG.warning("a plug-in is left out: %s", error)
+            LOG.warning("plug-in skipped: %s", error)
 
 
 def declared(plugin: Any, attribute: str, kind: type, where: str) -> Iterator[Any]:
-    """The objects of a kind in what an entry point or a file names: itself, or what its tuple
-    `attribute` has."""
+    """Yield the objects of a type that an entry point or a file provides.
+
+    Parameters
+    ----------
+    plugin : object
+        Object of the entry point: an object of the type, several, or a module.
+    attribute : str
+        Name of the tuple in a module.
+    kind : type
+        Type of the objects.
+    where : str
+        Origin for messages.
+    """
     listed = getattr(plugin, attribute, ()) if isinstance(plugin, ModuleType) else plugin
     for item in (listed,) if isinstance(listed, kind) else listed:
         if not isinstance(item, kind):
             raise UsageError(
-                f"{where}: {attribute} holds {kind.__name__} objects, not {type(item).__name__}"
+                f"{where}: {attribute} must contain {kind.__name__} objects, not "
+                f"{type(item).__name__}"
             )
         yield item
 
 
 def check_name(name: str, names: Any, kind: str, where: str) -> None:
-    """Refuse a name that is none, or is taken: ours are never hidden, nor one plug-in's by another.
+    """Raise UsageError if a name is invalid or in use.
+
+    Built-in names cannot be hidden, and plug-ins cannot hide each other.
+
+    Parameters
+    ----------
+    name : str
+        Name of the law, method or reference program.
+    names : collection of str
+        Names in use.
+    kind : str
+        Noun for messages.
+    where : str
+        Origin for messages.
 
     Raises
     ------
     UsageError
-        See above.
+        The name is invalid or in use.
     """
     if not isinstance(name, str) or not NAME.fullmatch(name):
-        raise UsageError(
-            f"{where}: {name!r} is no name of a {kind}; write small letters, digits and hyphens"
-        )
+        raise UsageError(f"{where}: invalid name of a {kind}: {name!r}; use a-z, 0-9 and hyphens")
     if name in names:
-        raise UsageError(f"{where}: there is a {kind} {name!r} already; give yours another name")
+        raise UsageError(f"{where}: a {kind} {name!r} already exists; choose another name")

@@ -378,5 +378,5 @@ def test_what_a_program_of_a_plugin_gives_amiss_is_told(function, said, leapfrog
     assert both.points == chart.points
     assert note.startswith(f"leapfrog/other is left out: {said}")
     monkeypatch.setattr(sys.modules["tdint_plugin_leapfrog"], "PEERS", (("other",),))
-    with pytest.raises(UsageError, match="PEERS holds pairs of a name and a function"):
+    with pytest.raises(UsageError, match="PEERS must contain pairs of a name and a function"):
         with_plugins(problem, None, repeats=1)
