@@ -122,4 +122,4 @@ def test_methods_that_are_none(method):
 @pytest.mark.parametrize("size", [5e-324, 1e-61, "1e-70mm"])
 def test_drifts_too_small_to_compute_with(size):
     with pytest.raises(TdintError, match="must be a positive number between"):
-        tdint.pushover(io.StringIO(tdint.first_model()), size)
+        tdint.pushover(io.StringIO(tdint.model_template()), size)

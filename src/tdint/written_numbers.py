@@ -169,9 +169,16 @@ def parse_named(
     return given
 
 
+WARNING_LENGTH = 60
+"""Characters of a warning in the one-line description of a result; `warnings` has all of it."""
+
+
 def warned_first(warnings: Sequence[str]) -> str:
     """Return the end of a headline of results in Python: the first warning and how many follow."""
     if not warnings:
         return ""
     more = f" (and {len(warnings) - 1} more: `warnings`)" if len(warnings) > 1 else ""
-    return f"; warning: {warnings[0]}{more}"
+    first = warnings[0]
+    if len(first) > WARNING_LENGTH:
+        first = f"{first[:WARNING_LENGTH].rsplit(' ', 1)[0]} ..."
+    return f"; warning: {first}{more}"

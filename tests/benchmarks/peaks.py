@@ -25,7 +25,7 @@ from tdint.methods.catalogue import catalogue, parse
 
 NAMED = ("ten-story", "ten-story-bilinear", "fluid-dampers", "base-isolated")
 MORE = ("hht:alpha=-0.3", "newmark:gamma=0.6", "impulse4:rho_inf=0.5", "moment4:rho_inf=0.5")
-QUANTITIES = ("drift", "displacement", "velocity", "acceleration", "shear")
+QUANTITIES = ("drift", "displacement", "velocity", "absolute_acceleration", "shear")
 PARTS = (1, 2, 4, 8)
 FINE = 64
 SURE = 2e-5

@@ -15,7 +15,8 @@ from tdint.campaign.batch import Run
 from tdint.campaign.definition import AnalysisWishes, InventoryFile
 from tdint.campaign.fragility.type_states import _of_model as type_of_model
 from tdint.campaign.inputs import adapted, read_rows
-from tdint.campaign.profiles import level_ranks, motion_numbers
+from tdint.campaign.pairs import recording_numbers
+from tdint.campaign.profiles import level_ranks
 from tdint.campaign.scaling import scale, scale_asce7, scale_p695
 from tdint.campaign.store import all_differences, differences
 from tdint.errors import ModelError, UsageError
@@ -128,7 +129,7 @@ def test_records_of_a_motion_are_known_by_their_names() -> None:
         12: ("f+g", "x", 2),
     }
     alone = {number: number for number in records}
-    assert motion_numbers(records) == alone | {2: 1, 5: 4, 12: 11}
+    assert recording_numbers(records) == alone | {2: 1, 5: 4, 12: 11}
 
 
 def test_levels_are_ranked_motion_by_motion() -> None:

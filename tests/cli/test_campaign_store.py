@@ -120,7 +120,7 @@ def test_a_store_that_cannot_be_trusted_is_refused_with_a_way_out(
         ["export", "out"],
         ["merge", "out", "-o", "new"],
     ):
-        (line,) = tdint("campaign", *arguments, code=6).stderr.splitlines()
+        *_, line = tdint("campaign", *arguments, code=6).stderr.splitlines()
         assert "cannot be trusted" in line
     assert Path("out", FILE).read_bytes() == before
     assert tdint("campaign", "study.yaml", "-o", "out", "--overwrite").exit_code == 0
@@ -156,7 +156,7 @@ def test_what_is_no_file_of_ours_in_its_place(
     file.unlink(missing_ok=True)
     make(file)
     result = tdint.refused(str(file), "campaign", "study.yaml", "-o", "out", code=6)
-    assert len(result.stderr.splitlines()) == 1
+    assert str(file) in result.stderr.splitlines()[-1]
     if name == FILE:
         tdint.refused(str(file), "campaign", "status", "out", code=6)
     assert tables("out") == done

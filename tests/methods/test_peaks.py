@@ -17,7 +17,7 @@ from tdint import load_model, read_record, run
 from tdint.errors import AnalysisError
 from tdint.methods.catalogue import catalogue, parse
 
-QUANTITIES = ("drift", "displacement", "velocity", "acceleration", "shear")
+QUANTITIES = ("drift", "displacement", "velocity", "absolute_acceleration", "shear")
 METHODS = (
     *catalogue(),
     "hht:alpha=-0.3",

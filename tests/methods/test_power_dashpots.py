@@ -82,7 +82,7 @@ def test_energy_balances_in_a_yielding_building_with_fluid_dampers(name):
     response = run(building, record, method=name, dt=record.dt / 4)
     assert response.status == "done"
     assert abs(response.energy.error) < 1e-3
-    assert response.energy.devices > 0.5 * response.energy.input
+    assert response.energy.dampers > 0.5 * response.energy.input
 
 
 def test_located_yielding_agrees_with_average_acceleration_beside_dampers():

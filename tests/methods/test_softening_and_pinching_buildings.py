@@ -125,8 +125,8 @@ def test_a_story_that_fails_is_said(method):
     assert response.history.velocity[-1, 0] == pytest.approx(
         speed, rel=1e-6 if method == "impulse4" else 0.02
     )
-    assert response.energy.recoverable == 0.0
-    assert response.energy.dissipated == pytest.approx(
+    assert response.energy.strain == 0.0
+    assert response.energy.hysteretic == pytest.approx(
         work, rel=1e-6 if method == "impulse4" else 0.02
     )
     assert abs(response.energy.error) < (1e-6 if method == "impulse4" else 0.02)
