@@ -64,5 +64,7 @@ def test_a_scale_beyond_what_floats_hold():
 
 @pytest.mark.parametrize("source", [3, None, ["a.yaml"]])
 def test_a_model_is_a_file_or_a_stream(source):
-    with pytest.raises(ModelError, match="a model must be the name of a file or a text stream, not"):
+    with pytest.raises(
+        ModelError, match="a model must be the name of a file or a text stream, not"
+    ):
         load_model(source)
