@@ -1,7 +1,8 @@
 """Text files of the Turkish network (AFAD, formerly NSMN): three components in columns, gal.
 
-Lines `KEY : value`, among them the peaks of the components, the line with their names, then the
-samples (AFAD, strong ground motion records of Turkiye, text export).
+The file consists of lines `KEY : value`, including the peaks of the components, a line with the
+names of the components, and the samples (AFAD, strong ground motion records of Turkiye, text
+export).
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ _NAMES = re.compile(r"\s*(?:[NSEWUD]-[NSEWUD]\s*){1,3}", re.IGNORECASE)
 
 
 def is_afad(file: Any, **_: Any) -> bool:
-    """Whether a file begins with this network's title."""
+    """Return True if a file starts with the title of this network."""
     return recognizes(file, lambda lines: _TITLE.match(lines[0]))
 
 
@@ -51,14 +52,14 @@ def read_afad(lines: Lines) -> list[Series]:
     Raises
     ------
     RecordError
-        It is cut off, or what it holds is not what its header announces.
+        The file is cut off, or its content does not match its header.
     """
-    texts = lines.take_until(_NAMES.fullmatch, "line with the components' names")
+    texts = lines.take_until(_NAMES.fullmatch, "line with the names of the components")
     names = lines.take().split()
     points, step, peaks = (first_match(pattern, texts) for pattern in (_POINTS, _STEP, _PEAKS))
     if not (points and step and peaks):
         raise RecordError(
-            "its header does not give the number of data, the sampling interval and the units"
+            "its header must state the number of data, the sampling interval and the units"
         )
     units = required_units(peaks[1])
     stated = {name.upper(): value for name, value in _PEAK.findall(peaks[2])}

@@ -1,9 +1,9 @@
-"""PEER strong-motion files (AT2) of both header generations, and files with free header lines in
-their manner.
+"""PEER strong-motion files (AT2) with both versions of the header, and similar files with arbitrary
+header lines.
 
 Values follow a line with NPTS and DT in any number of columns (PEER, NGA database documentation).
-The lines before it are free; PEER's own name earthquake, date, station and component, and the
-units: g.
+The lines before it may contain any text. In files of PEER they state earthquake, date, station and
+component, and the units g.
 """
 
 from __future__ import annotations
@@ -35,23 +35,23 @@ _UNITS = (
 _OTHER = re.compile(r"\b(VELOCITY|DISPLACEMENT)\s+TIME\s+(?:HISTORY|SERIES)", re.IGNORECASE)
 _TITLE = re.compile(r"\s*PEER\b.*STRONG\s+MOTION\s+DATABASE|\s*PACIFIC ENGINEERING", re.IGNORECASE)
 _COMPONENT = re.compile(r"\s*([A-Z0-9]{1,6})\b", re.IGNORECASE)
-_START = re.compile(r"\d{4}-\d\d-\d\dT[\d:.]+Z")  # of the files that tdint writes
+_START = re.compile(r"\d{4}-\d\d-\d\dT[\d:.]+Z")  # start time in files written by tdint
 _WRITTEN_HERE = "PEER STRONG MOTION DATABASE RECORD, WRITTEN BY TDINT"
 
 
 def is_at2(file: Any, **_: Any) -> bool:
-    """Whether a file has a line with NPTS and DT, and numbers after it."""
+    """Return True if a file has a line with NPTS and DT, followed by numbers."""
     return recognizes(file, _matches)
 
 
 @reader
 def read_at2(lines: Lines) -> list[Series]:
-    """Read a PEER file or one in its manner; see `tdint.ground_motion.formats`.
+    """Read a PEER file or a similar file; see `tdint.ground_motion.formats`.
 
     Raises
     ------
     RecordError
-        It is cut off, holds more values than NPTS or something else than accelerations.
+        The file is cut off, has more values than NPTS, or the units are not those of the quantity.
     """
     header = [*lines.take_until(_count_and_step, "line with NPTS and DT"), lines.take()]
     while not lines.at_numbers():
@@ -59,8 +59,8 @@ def read_at2(lines: Lines) -> list[Series]:
     count, step = next(filter(None, map(_count_and_step, reversed(header))))
     values = lines.numbers(count)
 
-    # Station and component: the last two parts of the second line of PEER's own headers; the
-    # event with its date: the parts before them.
+    # The last two parts of the second line of PEER headers are station and component. The parts
+    # before them are the event and its date.
     codes: dict[str, Any] = {}
     parts = header[1].split(",") if len(header) > 2 and _TITLE.match(header[0]) else []
     is_own = header[0].strip() == _WRITTEN_HERE
@@ -72,14 +72,14 @@ def read_at2(lines: Lines) -> list[Series]:
             codes["start"] = start.astimezone(UTC).replace(tzinfo=None)
         codes["event"] = " ".join(" ".join(parts[:-2]).split())
 
-    # Words may follow the values, numbers may not.
+    # Text may follow the values, but not numbers.
     while lines.peek() is not None:
         if lines.at_numbers():
-            raise RecordError(f"line {lines.number + 1} holds more values than NPTS announces")
+            raise RecordError(f"line {lines.number + 1} contains more values than NPTS states")
         lines.take()
 
-    # Units: the first word where they may stand that is a unit of motion, of the quantity that the
-    # header names.
+    # The units are the first text at a possible position that is a unit of ground motion. They must
+    # be units of the quantity in the header.
     text = "\n".join(header)
     other = _OTHER.search(text)
     quantity = other[1].lower() if other else "acceleration"
@@ -91,10 +91,10 @@ def read_at2(lines: Lines) -> list[Series]:
 
 
 def at2_text(record: Record) -> str:
-    """Return a record in this format, in g to nine digits.
+    """Return the text of an AT2 file of a record, in g with nine digits.
 
-    The second line names event, time of the first sample (as far as known), station and component,
-    in PEER's order.
+    The second line contains event, time of the first sample (if known), station and component, in
+    the order of PEER files.
     """
     rows = record.acceleration / STANDARD_GRAVITY
     station = record.id.split(".")[1] if record.id.count(".") == 3 else ""
@@ -109,14 +109,15 @@ def at2_text(record: Record) -> str:
 
 
 def _matches(lines: list[str]) -> bool:
-    """Some line has count and step, and the next one after it that is not blank holds numbers."""
+    """Return True if a line states NPTS and DT and the next non-blank line contains numbers."""
     places = [i for i, line in enumerate(lines) if _count_and_step(line)]
     after = [line for line in lines[places[-1] + 1 :] if line.strip()] if places else []
     return bool(after) and is_row_of_numbers(after[0])
 
 
 def _count_and_step(line: str) -> tuple[int, float] | None:
-    """Number of values and sampling interval, s, if the line gives them."""
+    """Return the number of values and the sampling interval, s; None if the line does not state
+    them."""
     for pattern in _COUNT_AND_STEP:
         if match := pattern.search(line):
             return int(match[1]), float(match[2])

@@ -1,10 +1,10 @@
-"""Volume 1 files of Iran's Building and Housing Research Center (BHRC, ISMN): three components, one
-after another.
+"""Volume 1 files of the Building and Housing Research Center of Iran (BHRC, ISMN): three successive
+components.
 
-For each component lines of text, 100 integers, sixteen a line, 50 reals, eight a line, and the
-accelerations at one step that the header gives as number of points and duration, and as samples per
-second in the ninth real (BHRC, ISMN volume 1 format). The lines of the header are cut off at 70
-characters, so that the last numbers in them are not whole.
+Each component consists of lines of text, 100 integers (sixteen per line), 50 reals (eight per line)
+and accelerations at a constant time step. The header states the time step as number of points and
+duration, and as samples per second in the ninth real (BHRC, ISMN volume 1 format). The header lines
+are cut off after 70 characters, so the last numbers in them are incomplete.
 """
 
 from __future__ import annotations
@@ -37,24 +37,25 @@ _AZIMUTHS = re.compile(r"\bAzimuth\s+((?:[A-Z]\s+\d{1,3}\s*)+)", re.IGNORECASE)
 _AZIMUTH = re.compile(r"([A-Z])\s+(\d{1,3})", re.IGNORECASE)
 _STATION = re.compile(r"^\s*(\S.*?)\s+Station\b")
 _ORIGIN = re.compile(r"^\s*Origin Time\s*:\s*(\d{4}/\d+/\d+\s+\d+:\d\d(?::\d\d)?)", re.IGNORECASE)
-"""Origin time of the earthquake, UTC."""
+"""Pattern of the origin time of the earthquake, UTC."""
 _POINTS = re.compile(
     rf"\bNO\. OF POINTS\s*=\s*({COUNT})\s+DURATION\s*=\s*({NUMBER})", re.IGNORECASE
 )
 _UNITS = re.compile(r"\bUNITS ARE SECONDS AND\s+([A-Z/^0-9]+)", re.IGNORECASE)
 _ROW = re.compile(r"\s*-?\d+(?:\s+-?\d+){9,}\s*")
 _HEADER_LINES = 7
-"""Lines of integers, and of reals."""
+"""Number of lines of integers and of reals."""
 
 _COUNT, _RATE = (1, 11), (1, 0)
-"""Line and place of the number of points among the integers and of the samples per second among the
+"""Line and index of the number of points in the integers, and of the samples per second in the
 reals."""
 
 _END = "/&"
 
 
 def is_bhrc(file: Any, **_: Any) -> bool:
-    """Whether a file begins with this format's title and soon names a component."""
+    """Return True if a file starts with the title of this format and names a component within 20
+    lines."""
     return recognizes(
         file, lambda lines: _TITLE.match(lines[0]) and first_match(_COMPONENT, lines[1:20])
     )
@@ -67,25 +68,25 @@ def read_bhrc(lines: Lines) -> list[Series]:
     Raises
     ------
     RecordError
-        It is cut off, or what it holds is not what its headers announce.
+        The file is cut off, or its content does not match its header.
     """
-    # The header in words, then the two of numbers.
+    # The lines of text are followed by the integers and the reals.
     place = lines.number + 1
     texts = lines.take_until(_ROW.fullmatch, "header of integers")
     if not any(map(_TITLE.match, texts)):
-        raise RecordError(f"a component's header should begin in line {place}")
+        raise RecordError(f"the header of a component must start in line {place}")
     points, units, component = (
         first_match(pattern, texts) for pattern in (_POINTS, _UNITS, _COMPONENT)
     )
     if not (points and units and component and int(points[1])):
         raise RecordError(
-            f"the header that begins in line {place} gives no points, units or component"
+            f"the header that starts in line {place} must state points, units and component"
         )
     stated = _header_number(lines, *_COUNT)
     rate = _header_number(lines, *_RATE)
 
-    # Words and numbers must agree; the duration is rounded, so that the rate, where it stands,
-    # gives the step.
+    # The text and the numbers of the header must agree. The duration is rounded, so the time step
+    # follows from the sampling rate if the header states the rate.
     count = int(points[1])
     dt = float(points[2]) / count
     statements = [Statement(SAMPLES, stated, count)]
@@ -94,10 +95,11 @@ def read_bhrc(lines: Lines) -> list[Series]:
     compared = compare(statements)
     samples = lines.numbers(count)
     if (line := lines.peek()) is None or not line.lstrip().startswith(_END):
-        raise RecordError(f"after line {lines.number} the line with the end of the data is missing")
+        raise RecordError(f"end-of-data line not found after line {lines.number}")
     lines.take()
 
-    # A horizontal component is named by its azimuth in degrees, the vertical one by its letter.
+    # The name of a horizontal component is its azimuth in degrees. The name of the vertical
+    # component is its letter.
     letter = component[1].upper()
     azimuths = first_match(_AZIMUTHS, texts)
     directions = (
@@ -119,9 +121,12 @@ def read_bhrc(lines: Lines) -> list[Series]:
 
 
 def _header_number(lines: Lines, row: int, place: int) -> float:
-    """One of the numbers in the next seven lines."""
+    """Read the next seven lines and return the number at index `place` of line `row`."""
     rows = [lines.take() for _ in range(_HEADER_LINES)]
     numbers = row_of_numbers(rows[row]) if all(map(is_row_of_numbers, rows)) else []
     if len(numbers) <= place:
-        raise RecordError(f"the header of numbers before line {lines.number} holds something else")
+        raise RecordError(
+            f"the header before line {lines.number} must contain only numbers, and at least "
+            f"{place + 1} in its row {row + 1}"
+        )
     return numbers[place]

@@ -1,8 +1,8 @@
-"""COSMOS files, versions 1.xx: volumes 0, 1 and 2, one or several channels a file.
+"""COSMOS files, versions 1.xx: volumes 0, 1 and 2, one or more channels per file.
 
-For each channel lines of text, integers, reals and comments, the number of each announced, then
-blocks of values, each after a line that tells their number, kind, units and Fortran format (COSMOS,
-Strong motion data format, version 1.20, 2001; units in its table 2).
+Each channel consists of lines of text, integers, reals and comments, each preceded by their number,
+and of blocks of values. A line before each block states the number, quantity, units and Fortran
+format of its values (COSMOS, Strong motion data format, version 1.20, 2001; units in its table 2).
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ _ORIGIN = re.compile(
 
 _YEAR, _MONTH, _DAY, _HOUR, _MINUTE = 39, 41, 42, 43, 44
 _SECOND, _STEP = 29, 61
-"""Places among the integers and among the reals; the step is in ms."""
+"""Indices in the integers (date and time) and in the reals (second, sampling interval in ms)."""
 
 _UNITS = {
     "2": "g",
@@ -72,11 +72,11 @@ _OTHERS = ("velocity", "displacement")
 _OTHER_UNITS = {"5": "cm/s", "6": "cm", "8": "in/s", "9": "in"}
 
 _APPROXIMATE = 0.05
-"""By how much the duration in words may be off, beside one second."""
+"""Fraction of the stated duration; permitted difference from the samples, in addition to 1 s."""
 
 
 def is_cosmos(file: Any, **_: Any) -> bool:
-    """Whether the first line names this format and its version."""
+    """Return True if the first line names this format and its version."""
     return recognizes(file, lambda lines: _TITLE.search(lines[0]))
 
 
@@ -84,16 +84,16 @@ def is_cosmos(file: Any, **_: Any) -> bool:
 def read_cosmos(lines: Lines) -> list[Series]:
     """Read the accelerations of a COSMOS file; see `tdint.ground_motion.formats`.
 
-    Counts of a recorder (volume 0) come without units.
+    Counts of a recorder (volume 0) have no units.
 
     Raises
     ------
     RecordError
-        It is cut off, what it holds is not what its headers announce, or it holds no acceleration.
+        The file is cut off, or its content does not match its headers.
     """
     title = _TITLE.search(lines.take())
     if not title:
-        raise RecordError(f"a channel's header should begin in line {lines.number}")
+        raise RecordError(f"the header of a channel must start in line {lines.number}")
     texts = [lines.take() for _ in range(int(title[1]) - 1)]
     integers = _header_values(_INTEGERS, lines)
     reals = _header_values(_REALS, lines)
@@ -112,9 +112,9 @@ def read_cosmos(lines: Lines) -> list[Series]:
             if scale := motion_scale(units, kind):
                 peaks[kind] = scale * float(np.max(np.abs(samples)))
     if line is None or not _END.match(line):
-        raise RecordError(f"after line {lines.number} the line with the end of the data is missing")
+        raise RecordError(f"end-of-data line not found after line {lines.number}")
     lines.take()
-    if not series and others:  # A channel that has a velocity or a displacement only.
+    if not series and others:  # The channel has only a velocity or a displacement.
         return [_series(*others[0], texts, integers, reals)]
     return [
         replace(part, pgv=peaks.get("velocity"), pgd=peaks.get("displacement")) for part in series
@@ -122,27 +122,29 @@ def read_cosmos(lines: Lines) -> list[Series]:
 
 
 def _announced(pattern: re.Pattern[str], lines: Lines) -> re.Match[str]:
-    """What the next line, which announces others, says."""
+    """Match the next line, which states the number of values or lines that follow."""
     match = pattern.match(lines.take())
     if not match:
         raise RecordError(
-            f"line {lines.number} should tell the number of header lines or values that follow"
+            f"line {lines.number} must state the number of header lines or values that follow"
         )
     return match
 
 
 def _header_values(pattern: re.Pattern[str], lines: Lines) -> list[float]:
+    """Read the integers or the reals of the header."""
     match = _announced(pattern, lines)
     values: list[float] = lines.numbers(int(match[1]), _width(match.string)).tolist()
     if len(values) <= _STEP:
         raise RecordError(
-            f"the header that ends with line {lines.number} has only "
-            f"{how_many(len(values), 'value')}"
+            f"the header that ends in line {lines.number} must have at least {_STEP + 1} values, "
+            f"got {how_many(len(values), 'value')}"
         )
     return values
 
 
 def _width(line: str) -> int | None:
+    """Return the characters per number, from the Fortran format in a line; None if not stated."""
     match = _FORMAT.search(line)
     return int(match[1]) or None if match else None
 
@@ -154,20 +156,39 @@ def _series(
     integers: list[float],
     reals: list[float],
 ) -> Series:
-    """A block of samples with what the channel's header tells of it."""
-    # The step, against the duration that the block's own line tells.
+    """Check a block of samples and return it with the data of the channel header.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (samples,)
+        Samples of the block.
+    block : re.Match
+        Match of `_BLOCK` in the line before the samples.
+    texts : list of str
+        Lines of text and comments of the channel.
+    integers, reals : list of float
+        Header values of the channel.
+
+    Raises
+    ------
+    RecordError
+        The sampling interval is unknown or contradicts the duration, the units are not those of the
+        quantity, or samples are invalid.
+    """
+    # Compare the sampling interval with the duration stated in the line before the block.
     match = first_match(_UNKNOWN, texts)
     unknown = float(match[1]) if match else -999.0
     if reals[_STEP] == unknown:
-        raise RecordError("its header does not give the sampling interval")
+        raise RecordError("its header does not state the sampling interval")
     dt = reals[_STEP] / 1000.0
     if block[3] and abs(samples.size * dt - int(block[3])) > 1.0 + _APPROXIMATE * int(block[3]):
         raise RecordError(
-            f"{samples.size} samples at the header's {dt:g} s are not the {block[3]} s that it "
-            "tells"
+            f"{samples.size} samples at the interval of {dt:g} s in its header contradict the "
+            f"stated duration of {block[3]} s"
         )
 
-    # The unit by its name or by its number in the format's table; a recorder's counts have none.
+    # The unit is stated by name or by its number in the table of the format. Counts of a recorder
+    # have no units.
     kind = block[2].lower().split()[0]
     quantity = kind if kind in _OTHERS else "acceleration"
     units = motion_units(block[4]) or _UNITS.get(block[5] or "") or _OTHER_UNITS.get(block[5] or "")
@@ -176,14 +197,18 @@ def _series(
     counts = units is None and (block[5] == _COUNTS or block[4].strip().lower().startswith("count"))
     if units is None and not counts:
         raise RecordError(
-            f"its header gives the samples in {block[4].strip()!r}, which is no unit of {quantity}"
+            f"the units of the samples must be a unit of {quantity}, but its header states "
+            f"{block[4].strip()!r}"
         )
     missing = 0 if counts else int(np.count_nonzero(samples == unknown))
     if missing:
-        raise RecordError(f"{how_many(missing, 'sample')} marked as unknown ({unknown:g})")
+        raise RecordError(
+            f"all samples must be known, but {how_many(missing, 'sample')} marked as unknown "
+            f"({unknown:g})"
+        )
     if counts and (np.any(np.abs(samples) > np.iinfo(np.int32).max) or np.any(samples % 1.0)):
         raise RecordError(
-            "its header says that the samples are counts, but they are not integers of 32 bits"
+            "its header states that the samples are counts, but they are not 32-bit integers"
         )
 
     # The time of the first sample, if it is known and in UTC.
@@ -205,16 +230,15 @@ def _series(
 
 
 def _event(texts: list[str]) -> str:
-    """Return the name and the origin time (UTC) of the event, as far as the lines of text state
-    them."""
+    """Return the name and the origin time (UTC) of the event, if the lines of text state them."""
     named, origin = first_match(_EVENT, texts), first_match(_ORIGIN, texts)
     moment = f"{origin[1]} {origin[2]}" if origin else ""
     return " ".join(f"{named[1] if named else ''} {moment}".split())
 
 
 def _codes(texts: list[str]) -> dict[str, Any]:
-    """Codes of the channel: those of SEED where a comment gives them, else what the lines of text
-    say."""
+    """Return the codes of the channel: SEED codes from a comment, otherwise codes from the lines of
+    text."""
     if codes := first_match(_CODES, texts):
         location = codes[4].strip("-")
         return {"station": codes[1], "channel": codes[2], "network": codes[3], "location": location}

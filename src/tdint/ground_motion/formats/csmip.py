@@ -1,12 +1,12 @@
-"""Files of the California Strong Motion Instrumentation Program: volumes 1 and 2, one channel or
-several a file.
+"""Files of the California Strong Motion Instrumentation Program: volumes 1 and 2, one or more
+channels per file.
 
-For each channel lines of text, 100 integers (16I5) and reals (8F10.3): 50 in volume 1 and 100 in
-volume 2. Volume 2 has acceleration, velocity and displacement, each after a line that tells number,
-step and units. Volume 1 has accelerations after such a line, or pairs of time and acceleration,
-10F7.3 (Shakal and Huang, CDMG report OSMS 85-03, 1985). Headers and pairs of volume 1 are also
-those of USC: both descend from the California Institute of Technology's "Blue Book" tapes (Hudson
-et al., EERL 69-20, 1969).
+Each channel consists of lines of text, 100 integers (16I5) and reals (8F10.3), of which volume 1
+has 50 and volume 2 has 100. Volume 2 contains acceleration, velocity and displacement, each after a
+line that states their number, time step and units. Volume 1 contains accelerations after such a
+line, or pairs of time and acceleration, 10F7.3 (Shakal and Huang, CDMG report OSMS 85-03, 1985).
+USC files have the same headers and pairs as volume 1, because both formats are derived from the
+"Blue Book" tapes of the California Institute of Technology (Hudson et al., EERL 69-20, 1969).
 """
 
 from __future__ import annotations
@@ -41,23 +41,22 @@ from tdint.ground_motion.formats.series import (
 )
 from tdint.ground_motion.miniseed_checks import PEAK, Statement, compare, last_place
 
-REAL_WIDTH = 10  # letters of a number of the header
-REALS = 50  # in the header of volume 1
+REAL_WIDTH = 10  # characters of a real number of the header
+REALS = 50  # number of real numbers in the header of volume 1
 
 _INTEGERS = re.compile(r"\s*-?\d[-\d\s]{60,}")
 _LAST_INTEGERS = re.compile(r"[-\d\s]+")
 _POINTS = re.compile(rf"\bNO\. OF POINTS\s*=\s*({COUNT})\b", re.IGNORECASE)
 _UNITS = re.compile(r"\bSEC AND\s+([A-Z/^0-9]+)", re.IGNORECASE)
-_PAIR_WIDTH = 7  # letters of a time or of its value
+_PAIR_WIDTH = 7  # characters of a time or an acceleration
 
 _SLACK = 2e-3
-"""Part of the duration by which times on film may be off equal steps: the drive of the film was not
-even."""
+"""Fraction of the duration; permitted departure of times from equal steps, because the film drives
+of recorders were uneven."""
 
 
 def text_header(lines: Lines) -> list[str]:
-    """A channel's lines of text; the integers after them, of which nothing is needed, are passed
-    over."""
+    """Read the lines of text of a channel and skip the integers after them, which are not used."""
     texts = lines.take_until(_INTEGERS.fullmatch, "header of integers")
     while (line := lines.peek()) is not None and _LAST_INTEGERS.fullmatch(line):
         lines.take()
@@ -67,19 +66,26 @@ def text_header(lines: Lines) -> list[str]:
 def read_pairs(lines: Lines, texts: list[str]) -> Series:
     """Read the pairs of time and acceleration of a channel.
 
-    At equal steps the samples are kept as they are. Where the times are off equal steps by more
-    than their rounding, as those of a film may be, the motion is linear between the file's own
-    times, and sampled so finely that it stays the same: at the last decimal of the times, on which
-    all of them lie.
+    Samples at equal steps are used unchanged. Times of records on film may depart from equal steps
+    by more than their rounding. The motion is then interpolated linearly between the times of the
+    file. Its sampling interval is the last decimal of the times, so that all times of the file are
+    samples and the motion does not change.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines of the file; the next line is the first row of pairs.
+    texts : list of str
+        Lines of text of the channel.
 
     Raises
     ------
     RecordError
-        They are cut off, in no unit of acceleration, or too far from equal steps.
+        The pairs are cut off, not in a unit of acceleration, or too far from equal steps.
     """
     points, units = first_match(_POINTS, texts), first_match(_UNITS, texts)
     if not points:
-        raise RecordError("its header does not give the number of points")
+        raise RecordError("its header does not state the number of points")
     pairs = lines.numbers(2 * int(points[1]), _PAIR_WIDTH)
     mean, departure = equal_steps(pairs[::2], _SLACK)
     samples, dt = pairs[1::2].copy(), mean
@@ -88,8 +94,9 @@ def read_pairs(lines: Lines, texts: list[str]) -> Series:
         dt = finest_step(pairs[::2], mean)
         samples = np.interp(dt * np.arange(round(times[-1] / dt) + 1), times, samples)
         warnings.warn(
-            f"the times in the file are up to {departure:.2g} s off equal steps of {mean:.6g} s: "
-            f"the motion is linear between the file's own times, sampled at {dt:.6g} s",
+            f"the times in the file depart by up to {departure:.2g} s from equal steps of "
+            f"{mean:.6g} s: the ground motion is interpolated linearly between these times and "
+            f"sampled at {dt:.6g} s",
             stacklevel=2,
         )
     return Series(samples, dt, required_units(units[1]) if units else "")
@@ -116,10 +123,10 @@ _DATE = re.compile(
     r"(?:[\s,-]+\d{1,2}:?\d\d\s+(?:UTC|GMT|P[SD]T))?)",
     re.IGNORECASE,
 )
-"""Origin time and, if that is unknown, date of the event, as they are written."""
+"""Pattern of the date of the event, with its time if stated; used if the origin time is unknown."""
 _ZONES = {"UTC": 0.0, "GMT": 0.0, "PST": -8.0, "PDT": -7.0}
 _ERA = 50
-"""Years of two digits from here on are in the last century."""
+"""Two-digit years from this value on are years of the 20th century."""
 
 _EQUAL = re.compile(
     rf"^\s*({COUNT})\s+\w+ points at\s+({NUMBER})\s+pts/sec in units of\s+([A-Z/^0-9]+)",
@@ -137,19 +144,20 @@ _PEAK = (
     re.compile(rf"\bMAX\s*=\s*({NUMBER})\s*([A-Z/^0-9]+)", re.IGNORECASE),
     re.compile(rf"\bPEAK ACCELERATION\s*=\s*({NUMBER})\s*([A-Z/^0-9]+)", re.IGNORECASE),
 )
-"""In volume 1, and in volume 2, which tells the uncorrected one as well."""
+"""Patterns of the peak in volume 1 and in volume 2, which also states the uncorrected peak."""
 
 _QUANTITIES = {"VELOC": "velocity", "DISPL": "displacement"}
 _OTHER_PEAK = {
     kind: re.compile(rf"\bPEAK\s+{name}\s*=\s*({NUMBER})\s*CM", re.IGNORECASE)
     for kind, name in _QUANTITIES.items()
 }
-_REALS_VOLUME_2 = 100  # in its header
+_REALS_VOLUME_2 = 100  # number of real numbers in the header of volume 2
 _END = "/&"
 
 
 def is_csmip(file: Any, **_: Any) -> bool:
-    """Whether a file begins with this format's title and soon names a channel."""
+    """Return True if a file starts with the title of this format and names a channel within 25
+    lines."""
     return recognizes(
         file, lambda lines: _TITLE.match(lines[0]) and first_match(_CHANNEL, lines[1:25])
     )
@@ -162,20 +170,20 @@ def read_csmip(lines: Lines) -> list[Series]:
     Raises
     ------
     RecordError
-        It is cut off, or what it holds is not what its headers announce.
+        The file is cut off, or its content does not match its header.
     """
     place = lines.number + 1
     texts = text_header(lines)
     title = first_match(_TITLE, texts[:1])
     if not title:
-        raise RecordError(f"a channel's header should begin in line {place}")
+        raise RecordError(f"the header of a channel must start in line {place}")
     series = _volume_1(lines, texts) if title[1] else _volume_2(lines, texts)
     if (line := lines.peek()) is not None and line.lstrip().startswith(_END):
         lines.take()
     stated = first_match(_PEAK[0 if title[1] else 1], texts)
     peak = stated_peak(stated[1], stated[2], series.units or "") if stated else None
 
-    # The first sample is that of the trigger for recorders on film, which started with it.
+    # Film recorders started at the trigger, so the trigger time is the time of the first sample.
     started = None
     if clock := first_match(_START, texts):
         month, day, year, hour, minute, second = map(float, clock.groups()[:6])
@@ -186,6 +194,7 @@ def read_csmip(lines: Lines) -> list[Series]:
 
 
 def _volume_1(lines: Lines, texts: list[str]) -> Series:
+    """Read the acceleration of a channel of volume 1."""
     lines.numbers(REALS, REAL_WIDTH)
     line = lines.peek() or ""
     if (block := _BLOCK.match(line)) and block[2].upper() == "ACCEL":
@@ -193,19 +202,21 @@ def _volume_1(lines: Lines, texts: list[str]) -> Series:
         return Series(
             lines.numbers(int(block[1]), _width(line)), float(block[3]), required_units(block[4])
         )
-    # Older files have pairs of time and acceleration, later ones equal steps.
+    # Older files contain pairs of time and acceleration; later files have equal steps.
     if not (equal := _EQUAL.match(line)):
         return read_pairs(lines, texts)
     lines.take()
     samples = lines.numbers(int(equal[1]), _width(line))
     rate = float(equal[2])
     if not rate > 0.0:
-        raise RecordError(f"line {lines.number} gives a sampling rate of {rate:g}")
+        raise RecordError(
+            f"the sampling rate must be positive, but line {lines.number} states {rate:g}"
+        )
     return Series(samples, 1.0 / rate, required_units(equal[3]))
 
 
 def _volume_2(lines: Lines, texts: list[str]) -> Series:
-    """The acceleration, and the peaks of velocity and displacement."""
+    """Read the acceleration and the peaks of velocity and displacement of a channel of volume 2."""
     lines.numbers(_REALS_VOLUME_2, REAL_WIDTH)
     blocks = {}
     while (line := lines.peek()) is not None and (block := _BLOCK.match(line)):
@@ -215,8 +226,8 @@ def _volume_2(lines: Lines, texts: list[str]) -> Series:
     for kind in expected:
         if kind not in blocks:
             raise RecordError(
-                f"the file is cut off or damaged: after line {lines.number} there is no block of "
-                f"{kind}"
+                f"the file is cut off or corrupt: no block of {kind} found after line "
+                f"{lines.number}"
             )
     block, samples = blocks["ACCEL"]
     others = [
@@ -229,12 +240,28 @@ def _volume_2(lines: Lines, texts: list[str]) -> Series:
 def _peak_of(
     kind: str, block: re.Match[str], samples: NDArray[np.float64], texts: list[str]
 ) -> float | None:
-    """Peak of a block of velocity or displacement, SI units; None if its units are unknown.
+    """Return the peak of a block of velocity or displacement.
+
+    Parameters
+    ----------
+    kind : str
+        `VELOC` or `DISPL`.
+    block : re.Match
+        Match of `_BLOCK` in the line before the samples.
+    samples : ndarray, shape (samples,)
+        Samples in the units of the block.
+    texts : list of str
+        Lines of text of the channel.
+
+    Returns
+    -------
+    float or None
+        Peak, m/s or m; None if the units are unknown.
 
     Raises
     ------
     RecordError
-        The header states another one.
+        The header states a different peak.
     """
     scale = motion_scale(block[4], _QUANTITIES[kind])
     peak = float(np.max(np.abs(samples), initial=0.0))
@@ -247,13 +274,13 @@ def _peak_of(
 
 
 def _width(line: str) -> int:
+    """Return the characters per number of a block, from the Fortran format in its first line."""
     match = _FORMAT.search(line)
     return int(match[1]) or REAL_WIDTH if match else REAL_WIDTH
 
 
 def _event(texts: list[str]) -> str:
-    """Return the name of the event and its origin time or date, as far as the lines of text state
-    them."""
+    """Return the name of the event and its origin time or date, if the lines of text state them."""
     name = header_field(_EVENT, texts).strip()
     stated = first_match(_ORIGIN, texts) or (first_match(_DATE, texts) if name else None)
     moment = " ".join(stated[1].replace(" - ", " ").split()) if stated else ""
@@ -261,7 +288,10 @@ def _event(texts: list[str]) -> str:
 
 
 def _codes(texts: list[str]) -> dict[str, Any]:
-    """The channel's number as location code, because several channels may have one azimuth."""
+    """Return the codes of a channel.
+
+    The channel number is the location code, because several channels may have the same azimuth.
+    """
     channel = first_match(_CHANNEL, texts)
     named = {"location": channel[1], "channel": code(channel[2]).upper()} if channel else {}
     return {"station": header_field(_STATION, texts), **named}

@@ -1,8 +1,8 @@
 """Text files of the Central Weather Bureau of Taiwan: time and three components in columns.
 
-A header of lines `#Key: value`, among them the largest and smallest sample of each component and
-the order of the columns (`#DataSequence: Time U(+); N(+); E(+)`), then rows in 4F10.3 (CWB
-free-field strong-motion data, TSMIP).
+The header consists of lines `#Key: value`, including the maximum and minimum sample of each
+component and the order of the columns (`#DataSequence: Time U(+); N(+); E(+)`). Rows in 4F10.3
+follow (CWB free-field strong-motion data, TSMIP).
 """
 
 from __future__ import annotations
@@ -51,13 +51,13 @@ _EXTREMES = re.compile(
 )
 _SEQUENCE = re.compile(r"^#\s*DataSequence\s*:\s*Time\s+(.*)", re.IGNORECASE)
 _MOST = 1e12
-"""Samples that a header may speak of."""
+"""Maximum number of samples according to a header; a larger number is not compared."""
 
 _NAME = re.compile(r"(\w+)\s*\(\+\)")
 
 
 def is_cwb(file: Any, **_: Any) -> bool:
-    """Whether a file's header, in lines after #, tells station, rate and order of the columns."""
+    """Return True if comment lines (#) in a file state station, rate and order of the columns."""
     return recognizes(
         file,
         lambda lines: all(
@@ -73,15 +73,15 @@ def read_cwb(lines: Lines) -> list[Series]:
     Raises
     ------
     RecordError
-        It is cut off, its times are not in equal steps, or what it holds is not what its header
-        announces.
+        The file is cut off, its times are not in equal steps, or its content does not match its
+        header.
     """
     texts = lines.take_until(is_row_of_numbers, "row of numbers")
     sequence, units, rate = (first_match(pattern, texts) for pattern in (_SEQUENCE, _UNITS, _RATE))
     names = _NAME.findall(sequence[1]) if sequence else []
     if not (names and rate and units):
         raise RecordError(
-            "its header does not give the sampling rate, the units and the order of the columns"
+            "its header must state the sampling rate, the units and the order of the columns"
         )
     times, *columns = lines.rest(1 + len(names))
     dt, _ = equal_steps(times)
@@ -90,13 +90,13 @@ def read_cwb(lines: Lines) -> list[Series]:
     ]
     length = first_match(_LENGTH, texts)
     if length and abs(float(length[1]) * float(rate[1])) < _MOST:
-        # The length is that of all samples or, in some files, the time of the last one.
+        # The length is the duration of all samples or, in some files, the time of the last sample.
         stated = round(float(length[1]) * float(rate[1]))
         statements.append(Statement(SAMPLES, stated, times.size - (times.size == stated + 1)))
     compared = compare(statements)
     unit = required_units(units[1])
 
-    # The peak of a component is the larger of its two extremes, without their signs.
+    # The peak of a component is the larger absolute value of its maximum and minimum.
     peaks: dict[str, StatedPeak | None] = {}
     for match in filter(None, map(_EXTREMES.search, texts)):
         largest = max(match[2], match[3], key=lambda number: abs(float(number)))

@@ -1,7 +1,7 @@
 """ASCII files of the Engineering Strong Motion database and of ITACA (header format DYNA).
 
-A header of lines `KEY: value`, then one value a line (ESM, Luzi et al. 2016; the keys are those of
-DYNA 1.0 to 1.2).
+Header lines `KEY: value` are followed by one value per line (ESM, Luzi et al. 2016; keys of DYNA
+1.0 to 1.2).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _TIME = re.compile(
 
 
 def is_esm(file: Any, **_: Any) -> bool:
-    """Whether a file begins with the keys of this header."""
+    """Return True if a file starts with the keys of this header."""
     return recognizes(
         file,
         lambda lines: (
@@ -43,7 +43,7 @@ def is_esm(file: Any, **_: Any) -> bool:
 
 
 def _event(header: dict[str, str]) -> str:
-    """Return name, date and origin time (UTC) of the event, as far as the header states them."""
+    """Return name, date and origin time (UTC) of the event, if the header states them."""
     name = header.get("EVENT_NAME", "").replace("_", " ")
     date = re.fullmatch(r"(\d{4})(\d\d)(\d\d)", header.get("EVENT_DATE_YYYYMMDD", ""))
     clock = re.match(r"(\d\d)(\d\d)(\d\d)", header.get("EVENT_TIME_HHMMSS", ""))
@@ -60,8 +60,7 @@ def read_esm(lines: Lines) -> list[Series]:
     Raises
     ------
     RecordError
-        It is cut off, holds more values than its header announces or something else than an
-        acceleration.
+        The file is cut off, has more values than its header states, or contains no ground motion.
     """
     header = {}
     for line in lines.take_until(is_row_of_numbers, "value"):
@@ -69,11 +68,11 @@ def read_esm(lines: Lines) -> list[Series]:
         header[key.strip()] = value.strip()
     quantity = header.get("DATA_TYPE", "ACCELERATION").lower()
     if quantity not in _PEAKS:
-        raise RecordError(f"the file holds {quantity[:40]!r}, no ground motion")
+        raise RecordError(f"the file must contain a ground motion, got {quantity[:40]!r}")
     try:
         count, dt = int(header[_COUNT]), float(header[_STEP])
     except (KeyError, ValueError):
-        raise RecordError(f"its header does not give {_COUNT} and {_STEP}") from None
+        raise RecordError(f"its header must state {_COUNT} and {_STEP} as numbers") from None
     units = required_units(header[_UNITS], quantity) if header.get(_UNITS) else ""
     # The key of the peak ends with its unit.
     peaks = ((_PEAKS[quantity].fullmatch(key), value) for key, value in header.items())
@@ -96,6 +95,7 @@ def read_esm(lines: Lines) -> list[Series]:
     )
     if lines.peek() is not None:
         raise RecordError(
-            f"after the {count} values that {_COUNT} announces, line {lines.number + 1} is left"
+            f"line {lines.number + 1} follows the {count} values stated by {_COUNT}; the file must "
+            "end before this line"
         )
     return [series]

@@ -1,9 +1,9 @@
 """Files of GNS Science, New Zealand (GeoNet): V1A (uncorrected) and V2A (corrected), three
-components a file.
+components per file.
 
-For each component 16 lines of text, 40 integers (10I8), 60 reals (10F8.0), then accelerations in
-mm/s^2, and in V2A velocities in mm/s and displacements in mm, ten a line (Cousins, GNS accelerogram
-data files, standard format, 2008).
+Each component consists of 16 lines of text, 40 integers (10I8), 60 reals (10F8.0) and accelerations
+in mm/s^2. V2A files also contain velocities in mm/s and displacements in mm. Each line has ten
+values (Cousins, GNS accelerogram data files, standard format, 2008).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _COMPONENT = re.compile(r"^\s*Component\s+(\S+)", re.IGNORECASE)
 _ORIGIN = re.compile(
     r"^\s*(\d{4}\s+[A-Z]{3,9}\s+\d{1,2}\s+\d\d:\d\d:\d\d)(?:\.\d*)?\s+UTC?\b", re.IGNORECASE
 )
-"""Origin time of the earthquake, UTC."""
+"""Pattern of the origin time of the earthquake, UTC."""
 _PEAK = re.compile(rf"^\s*Acceleration:\s+peak\s+({NUMBER})\s*mm/s/s", re.IGNORECASE)
 _RAW_UNITS = re.compile(rf"^\s*Raw readings in units of\s+({NUMBER})\s*mm/s/s", re.IGNORECASE)
 _INTERVAL = re.compile(
@@ -41,17 +41,17 @@ _INTERVAL = re.compile(
 )
 
 _YEAR, _MONTH, _DAY, _HOUR, _MINUTE, _MILLISECONDS = 8, 9, 18, 19, 38, 39
-"""Places of the time of the first sample (UTC) among the integers."""
+"""Indices of the time of the first sample (UTC) in the integers."""
 
 _COUNTS = (33, 34, 35)
-"""Places of the numbers of accelerations, velocities and displacements."""
+"""Indices of the numbers of accelerations, velocities and displacements in the integers."""
 
-_STEP = 25  # place of the sampling interval among the reals of the header
+_STEP = 25  # index of the sampling interval in the reals of the header
 _MILLI = 1e-3  # velocity is in mm/s, displacement in mm
 
 
 def is_geonet(file: Any, **_: Any) -> bool:
-    """Whether a file begins with this format's title and the name of the site."""
+    """Return True if a file starts with the title of this format and the name of the site."""
     return recognizes(file, lambda lines: _TITLE.match(lines[0]) and _SITE.match(lines[1]))
 
 
@@ -62,29 +62,35 @@ def read_geonet(lines: Lines) -> list[Series]:
     Raises
     ------
     RecordError
-        It is cut off, or what it holds is not what its headers announce.
+        The file is cut off, or its content does not match its header.
     """
     texts = [lines.take() for _ in range(_TEXTS)]
     if not _TITLE.match(texts[0]):
-        raise RecordError(f"a component's header should begin in line {lines.number - _TEXTS + 1}")
+        raise RecordError(
+            f"the header of a component must start in line {lines.number - _TEXTS + 1}"
+        )
     integers = lines.numbers(_INTEGERS, _WIDTH).tolist()
     reals = lines.numbers(_REALS, _WIDTH).tolist()
     accelerations, *others = (lines.numbers(int(integers[place]), _WIDTH) for place in _COUNTS)
     pgv, pgd = (
         _MILLI * float(np.max(np.abs(samples))) if samples.size else None for samples in others
     )
-    # The sampling interval stands in the header twice, as a number and in words.
+    # The header states the sampling interval twice, as a number and in a sentence.
     dt = reals[_STEP]
     match = first_match(_INTERVAL, texts)
-    in_words = match[1] or match[2] if match else ""
-    if in_words and not isclose(float(in_words), dt, rel_tol=1e-3):
+    in_text = match[1] or match[2] if match else ""
+    if in_text and not isclose(float(in_text), dt, rel_tol=1e-3):
         raise RecordError(
-            f"its header gives the sampling interval as {dt:g} s and, in words, as {in_words} s"
+            f"its header states the sampling interval as {dt:g} s in the numbers, but as "
+            f"{in_text} s in the text"
         )
-    # Volume 1 may be in readings of a film, a part of the unit each.
+    # Samples of volume 1 may be film readings, in a fraction or multiple of the unit.
     factor = header_field(_RAW_UNITS, texts)
     if factor and not 0.0 < float(factor) < inf:
-        raise RecordError(f"its header gives readings in units of {factor} mm/s/s")
+        raise RecordError(
+            f"the unit of readings must be positive and finite, but its header states {factor} "
+            "mm/s/s"
+        )
     units = f"{factor} mm/s^2" if factor and float(factor) != 1.0 else "mm/s^2"
     year, month, day, hour, minute = (
         integers[place] for place in (_YEAR, _MONTH, _DAY, _HOUR, _MINUTE)

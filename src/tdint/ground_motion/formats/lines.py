@@ -1,5 +1,5 @@
-"""The lines of a text file and the numbers in them, read one after another; the interval of the
-times among them."""
+"""Sequential reading of lines and numbers from a text file, and the sampling interval of printed
+times."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ from tdint.errors import RecordError
 from tdint.written_numbers import how_many
 
 _WIDE = (b"\xff\xfe", b"\xfe\xff")
-"""Byte-order marks of text in UTF-16, as spreadsheets save it."""
+"""Byte-order marks of UTF-16 text, which some spreadsheets write."""
 
-_HEAD = 8192
-_LARGEST = 2**26
-_LONGEST_LINE = 2**22
-_LONGEST_WORD = 1000
+_HEAD = 8192  # bytes; read to identify the format
+_LARGEST = 2**26  # bytes; maximum size of a file
+_LONGEST_LINE = 2**22  # characters; maximum length of a row of numbers
+_LONGEST_WORD = 1000  # characters; maximum length of a number
 _HEADER_LINE = 1000
-"""Characters of a line of words that are looked at: patterns take their time with endless ones."""
+"""Characters; maximum part of a header line that is searched, because patterns are slow in very
+long lines."""
 
 _FEW, _ROWS = 5, 50
-"""Rows by which a last number that is cut off is known."""
+"""Minimum and maximum number of rows used to check the decimals of the last number in a file."""
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[Ee][-+]?\d+)?"
 """Pattern of a number in a header."""
@@ -36,32 +37,33 @@ COUNT = r"\d{1,12}"
 """Pattern of a number of samples in a header."""
 
 ROW = re.compile(r"[-+.,;\dEeDd\s]*\d[-+.,;\dEeDd\s]*")
-"""Lines made of the characters of numbers and of what may stand between them."""
+"""Pattern of a line that contains only characters of numbers and separators."""
 
 _NUMBER = NUMBER.replace("Ee", "EeDd")
 _ONE = re.compile(_NUMBER)
 _GLUED = re.compile(rf"{_NUMBER}(?:(?=[-+]){_NUMBER})*")
-"""Numbers that a sign alone divides, as Fortran writes them where they fill their columns."""
+"""Pattern of numbers separated only by signs, as in Fortran output that fills its columns."""
 
 _PLAIN = re.compile(r"[-+.\dEe\s]*")
-"""Characters of the numbers that float() may read; it would take nan and 1_000 as well."""
+"""Characters of numbers that float() converts; without this check it would also accept nan and
+1_000."""
 
-_MOST_DECIMALS = 9
+_MOST_DECIMALS = 9  # decimals; maximum considered in printed times
 _FINEST = 40
-"""Parts that an interval between printed times is divided into at most."""
+"""Maximum number of substeps between two printed times."""
 
-_SHORTEST, _LATEST = 1e-6, 1e9
+_SHORTEST, _LATEST = 1e-6, 1e9  # s; minimum sampling interval, maximum absolute time
 _SLIP = 0.02
-"""Part of an interval by which a time may be off, beside its rounding."""
+"""Fraction of the sampling interval; permitted deviation of a time in addition to its rounding."""
 
 
 class Lines:
-    """The lines of a text file, read one after another.
+    """Lines of a text file, read sequentially.
 
     Parameters
     ----------
     text : str
-        The whole file.
+        Content of the file.
     """
 
     def __init__(self, text: str) -> None:
@@ -73,24 +75,26 @@ class Lines:
 
     @property
     def number(self) -> int:
-        """The line read last, counted from 1."""
+        """Number of the last line read, counted from 1."""
         return self._next
 
     def skip(self, count: int) -> None:
-        """Pass over so many lines.
+        """Skip `count` lines.
 
         Raises
         ------
         RecordError
-            There are fewer.
+            The file has fewer lines.
         """
         if self._next + count > len(self._lines):
-            raise RecordError(f"there are {len(self._lines)} lines, fewer than the {count} to skip")
+            raise RecordError(
+                f"the file has {len(self._lines)} lines, fewer than the {count} to skip"
+            )
         self._next += count
 
     def peek(self) -> str | None:
-        """The beginning of the next line that is not blank, None at the end; what is before it is
-        passed over."""
+        """Return the start of the next non-blank line without reading it; None at the end of the
+        file. Blank lines before it are skipped."""
         while self._next < len(self._lines):
             line = self._lines[self._next]
             if line and not line.isspace():
@@ -99,80 +103,93 @@ class Lines:
         return None
 
     def at_numbers(self) -> bool:
-        """Whether the next line that is not blank holds numbers and nothing else."""
+        """Return True if the next non-blank line contains only numbers."""
         return is_row_of_numbers(self.peek())
 
     def take(self) -> str:
-        """The next line, blank or not; of an endless one the beginning.
+        """Read the next line, including a blank line; return only the start of a very long line.
 
         Raises
         ------
         RecordError
-            There is none.
+            The file has no further line.
         """
         return _beginning(self._take())
 
     def _take(self) -> str:
+        """Read the complete next line."""
         if self._next >= len(self._lines):
             raise RecordError(f"the file is cut off: it ends with line {self._next}")
         self._next += 1
         return self._lines[self._next - 1]
 
     def take_until(self, accept: Callable[[str], object], expected: str) -> list[str]:
-        """The lines before the next one that `accept` takes; that one is left to be read.
+        """Read the lines before the next line for which `accept` returns a true value.
+
+        The accepted line is read by the next call.
+
+        Parameters
+        ----------
+        accept : callable
+            Function of the start of a line.
+        expected : str
+            Description of the accepted line, for the error message.
 
         Raises
         ------
         RecordError
-            No line is accepted; `expected` names it.
+            No line is accepted.
         """
         start = self._next
         for place in range(start, len(self._lines)):
             if accept(_beginning(self._lines[place])):
                 self._next = place
                 return list(map(_beginning, self._lines[start:place]))
-        raise RecordError(
-            f"the file is cut off or damaged: after line {start} there is no {expected}"
-        )
+        raise RecordError(f"the file is cut off or corrupt: no {expected} found after line {start}")
 
     def numbers(self, count: int, width: int | None = None) -> NDArray[np.float64]:
-        """So many numbers, to the end of a line; shape (count,).
+        """Read `count` numbers, which must end at the end of a line.
 
         Parameters
         ----------
         count : int
-            What the header announces.
+            Number of values stated in the header.
         width : int, optional
-            Columns of a number where the format fixes them, for numbers without a blank or a sign
-            between them.
+            Characters per number in formats with fixed columns, for numbers that are not separated
+            by a blank or a sign.
+
+        Returns
+        -------
+        ndarray, shape (count,)
 
         Raises
         ------
         RecordError
-            There are fewer or more, something else stands among them, or the last one is cut off.
+            The file has fewer or more numbers, a line contains other text, or the last number is
+            cut off.
         """
         values = array("d")
         first = self._next
         while len(values) < count:
             if self.peek() is None:
                 raise RecordError(
-                    f"the file is cut off: {count} values are announced after line {first}, there "
-                    f"are {len(values)}"
+                    f"the file is cut off: the header states {count} values after line {first}, "
+                    f"the file has {len(values)}"
                 )
             values.extend(self._row(width))
         if len(values) > count:
             raise RecordError(
-                f"more than the {count} values that are announced stand after line {first}"
+                f"more than the {count} values stated in the header follow line {first}"
             )
         return self.checked(values, first)
 
     def table(self, rows: int, columns: int) -> NDArray[np.float64]:
-        """So many rows of so many numbers; shape (columns, rows).
+        """Read a table of `rows` rows with `columns` numbers each; return shape (columns, rows).
 
         Raises
         ------
         RecordError
-            There are fewer, a row has more or fewer numbers, or the last one is cut off.
+            The file has fewer rows, a row has more or fewer numbers, or the last number is cut off.
         """
         values = array("d")
         first = self._next
@@ -180,14 +197,15 @@ class Lines:
             if self.peek() is None:
                 count = len(values) // columns
                 raise RecordError(
-                    f"the file is cut off: {rows} rows are announced after line {first}, there are "
-                    f"{count}"
+                    f"the file is cut off: the header states {rows} rows after line {first}, the "
+                    f"file has {count}"
                 )
             values.extend(self._row_of(columns))
         return self.checked(values, first).reshape(-1, columns).T.copy()
 
     def rest(self, columns: int) -> NDArray[np.float64]:
-        """All rows to the end of the file, each of so many numbers; shape (columns, rows)."""
+        """Read all rows to the end of the file, with `columns` numbers each; return shape
+        (columns, rows)."""
         values = array("d")
         first = self._next
         while self.peek() is not None:
@@ -195,52 +213,57 @@ class Lines:
         return self.checked(values, first).reshape(-1, columns).T.copy()
 
     def expect_end(self) -> None:
-        """Raise RecordError if anything but blank lines is left."""
+        """Raise RecordError if a non-blank line remains in the file."""
         if self.peek() is not None:
             raise RecordError(
-                f"line {self._next + 1} stands after the last row that the header announces"
+                f"line {self._next + 1} follows the last row stated in the header; the file must "
+                "end before this line"
             )
 
     def _row_of(self, columns: int) -> list[float]:
+        """Read a row, which must contain `columns` numbers."""
         row = self._row(None)
         if len(row) != columns:
             raise RecordError(
-                f"line {self._next} holds {how_many(len(row), 'number')}, not {columns}"
+                f"line {self._next} contains {how_many(len(row), 'number')}, not {columns}"
             )
         return row
 
     def _row(self, width: int | None) -> list[float]:
+        """Read a row of numbers, with `width` characters per number if the columns are fixed."""
         line = self._take()
         try:
             return row_of_numbers(line, width)
         except ValueError:
             raise RecordError(
-                f"line {self._next}: {line.strip()[:60]!r} stands where numbers should"
+                f"line {self._next} must contain numbers, got {line.strip()[:60]!r}"
             ) from None
 
     def checked(self, values: array[float], first: int) -> NDArray[np.float64]:
-        """The values of the rows after line `first`, up to the last line taken; shape (values,).
+        """Convert the values of the rows after line `first`, up to the last line read, and check
+        them; return shape (values,).
 
-        Where the file ends without an end of line, its last number must have as many places after
-        the point as the last numbers of the rows before it, if these all have the same.
+        If the file ends without a newline, its last number must not have fewer decimals than the
+        last numbers of the preceding rows. This check applies if all of these have the same number
+        of decimals.
 
         Raises
         ------
         RecordError
-            A value is too large for a float, or the last one is cut off.
+            A value is too large for a float, or the last number is cut off.
         """
         numbers = np.array(values, dtype=np.float64)
         if not np.all(np.isfinite(numbers)):
-            raise RecordError(f"a value after line {first} is beyond 1.8e308")
+            raise RecordError(f"a value after line {first} exceeds 1.8e308")
         if self._is_whole or self._next < len(self._lines) or not ROW.fullmatch(self._lines[-1]):
             return numbers
 
-        # Zeros written without a point tell nothing in a file that has several of them.
+        # Zeros without a decimal point are not evidence if the file contains several of them.
         if _ends_with_zero(self._lines[-1]) and any(map(_ends_with_zero, self._lines[first:-1])):
             return numbers
 
-        # Places of the last numbers of the rows before; in a file of few long rows, of the numbers
-        # of the last one.
+        # Compare with the decimals of the last numbers of the preceding rows. If the file has only
+        # a few long rows, compare with the other numbers of the last row.
         last = _places(self._lines[-1])
         rows = self._lines[max(first, len(self._lines) - _ROWS) : -1]
         before = (
@@ -254,12 +277,12 @@ class Lines:
 
 
 def row_of_numbers(line: str, width: int | None = None) -> list[float]:
-    """The numbers in a line, at blanks, signs or, if need be, fixed columns.
+    """Return the numbers in a line, separated by blanks, signs or, if necessary, fixed columns.
 
     Raises
     ------
     ValueError
-        The line holds something else.
+        The line contains other text.
     """
     if len(line) > _LONGEST_LINE:
         raise ValueError("no row of numbers")
@@ -275,7 +298,7 @@ def row_of_numbers(line: str, width: int | None = None) -> list[float]:
         return [_to_float(part) for word in words for part in _ONE.findall(word)]
     if width is None:
         raise ValueError("no row of numbers")
-    end = len(line.rstrip())  # that of the last field: numbers stand at the right of theirs
+    end = len(line.rstrip())  # end of the last field: numbers are right-aligned in their fields
     fields = [line[i : i + width].strip() for i in range(end % width, end, width)]
     if line[: end % width].strip() or not all(map(_ONE.fullmatch, fields)):
         raise ValueError("no row of numbers in fixed columns")
@@ -283,7 +306,7 @@ def row_of_numbers(line: str, width: int | None = None) -> list[float]:
 
 
 def is_row_of_numbers(line: str | None) -> bool:
-    """Whether a line holds numbers, one at least, and nothing else."""
+    """Return True if a line contains at least one number and no other text."""
     try:
         return bool(line and row_of_numbers(line))
     except ValueError:
@@ -291,30 +314,37 @@ def is_row_of_numbers(line: str | None) -> bool:
 
 
 def read_lines(file: Any, *, text_only: bool = False) -> Lines:
-    """All lines of a file (name, path, or object open for reading bytes).
-
-    Raises
-    ------
-    RecordError
-        The file is larger than 64 MiB, or with `text_only` begins with bytes that no text has.
-    """
-    data = _read(file, _LARGEST + 1)
-    if len(data) > _LARGEST:
-        raise RecordError("the file is larger than 64 MiB; cut the event out of it first")
-    if text_only and _is_binary(data[:_HEAD]):
-        raise RecordError("this is no text")
-    return Lines(_decode(data))
-
-
-def recognizes(file: Any, check: Callable[[list[str]], object]) -> bool:
-    """Whether a check accepts the first whole lines of a file; False whatever goes wrong.
+    """Read all lines of a file.
 
     Parameters
     ----------
     file : str, Path or object open for reading bytes
-        Left at its position.
+        File to read.
+    text_only : bool
+        Raise RecordError if the file starts with binary data. Default False.
+
+    Raises
+    ------
+    RecordError
+        The file is larger than 64 MiB, or it is binary and `text_only` is set.
+    """
+    data = _read(file, _LARGEST + 1)
+    if len(data) > _LARGEST:
+        raise RecordError("the file must not exceed 64 MiB; extract the event from it first")
+    if text_only and _is_binary(data[:_HEAD]):
+        raise RecordError("this is not a text file")
+    return Lines(_decode(data))
+
+
+def recognizes(file: Any, check: Callable[[list[str]], object]) -> bool:
+    """Return True if a check accepts the first complete lines of a file; False after any exception.
+
+    Parameters
+    ----------
+    file : str, Path or object open for reading bytes
+        File to check; its position is kept.
     check : callable
-        Takes a list of lines.
+        Function of a list of lines.
     """
     try:
         position = file.tell() if hasattr(file, "read") else None
@@ -324,26 +354,28 @@ def recognizes(file: Any, check: Callable[[list[str]], object]) -> bool:
         if _is_binary(data):
             return False
         *lines, last = _decode(data).split("\n")
-        # A last line that is cut off counts only if a long line of values begins in it.
+        # The incomplete last line is used only if it is the start of a long line of values.
         if len(data) < _HEAD or len(last) > _HEADER_LINE:
             lines.append(last)
         return bool(check(list(map(_beginning, lines))))
-    except Exception:  # A check that stumbles over foreign bytes has not recognized them.
+    except Exception:  # A check that fails on the bytes of another format has not recognized them.
         return False
 
 
 def _is_binary(data: bytes) -> bool:
+    """Return True if the data contain a zero byte and are not UTF-16 text."""
     return b"\0" in data and data[:2] not in _WIDE
 
 
 def _beginning(line: str) -> str:
-    """As much of a line as words or the first numbers of a long row take, to a blank."""
+    """Return a line, or the start of a very long line up to a blank."""
     if len(line) <= _HEADER_LINE:
         return line
     return line[:_HEADER_LINE].rpartition(" ")[0] or line[:_HEADER_LINE]
 
 
 def _read(file: Any, size: int) -> bytes:
+    """Read up to `size` bytes from a file name or an open file."""
     if not hasattr(file, "read"):
         with Path(os.fspath(file)).open("rb") as stream:
             return stream.read(size)
@@ -352,58 +384,67 @@ def _read(file: Any, size: int) -> bytes:
 
 
 def _decode(data: bytes) -> str:
-    """Text with LF ends; names of stations may be in any encoding, numbers are the same in all."""
+    """Return the text with LF line ends. Station names may have any encoding; numbers have the same
+    bytes in all of them."""
     try:
         text = data.decode("utf-16" if data[:2] in _WIDE else "utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("latin-1")
-    # DOS marked the end of a text with Ctrl-Z.
+    # DOS programs mark the end of a text with Ctrl-Z.
     return text.rstrip("\x1a\0").replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _to_float(number: str) -> float:
+    """Convert a number that may have a Fortran exponent (D)."""
     return float(number.replace("D", "E").replace("d", "e"))
 
 
 def _ends_with_zero(line: str) -> bool:
+    """Return True if the last number of a line is a zero without a decimal point."""
     return line.split()[-1:] == ["0"]
 
 
 def _places(line: str) -> list[int]:
-    """The number of characters after the point of each number in a line."""
+    """Return the number of characters after the decimal point of each number in a line."""
     return [len(number.partition(".")[2]) for number in _ONE.findall(line)]
 
 
 def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, float]:
-    """Sampling interval of printed times, s, and how far they are from equal steps, s; 0 if
-    rounding explains it.
+    """Return the sampling interval of printed times and their departure from equal steps.
 
     Parameters
     ----------
     times : ndarray, shape (samples,)
-        s, rounded to some decimal.
+        Times, s, rounded to a decimal.
     slack : float
-        Part of the duration by which a time may depart from equal steps: film turned unevenly.
+        Permitted departure as a fraction of the duration, for records on film with an uneven drive.
+        Default 0.
+
+    Returns
+    -------
+    tuple of float
+        Sampling interval, s; maximum departure from equal steps, s, or 0 if rounding explains it.
 
     Raises
     ------
     RecordError
-        The times do not grow, or not in equal steps.
+        The times do not increase, or the steps are not equal.
     """
     if times.size < 2:
-        raise RecordError("one sample only; a record needs two at least")
+        raise RecordError("the file has only one sample; a record needs at least two")
     if np.max(np.abs(times)) > _LATEST:
-        raise RecordError(f"the times go up to {np.max(np.abs(times)):g} s")
+        raise RecordError(f"times must be at most {_LATEST:g} s, got {np.max(np.abs(times)):g} s")
     intervals = np.diff(times)
     if not np.all(intervals > 0.0):
         place = int(np.argmin(intervals > 0.0))
         raise RecordError(
-            f"the times do not grow after sample {place} (counted from 0) at {times[place]:g} s"
+            f"times must increase, but do not after sample {place} (counted from 0) at "
+            f"{times[place]:g} s"
         )
     duration = float(times[-1] - times[0])
     rounding = _rounding(times)
     dt = duration / (times.size - 1)
-    # A whole number of samples per second, if there is one within the rounding of the times.
+    # Use an integer number of samples per second if it agrees with the times within their rounding.
     rate = round(1.0 / dt) if dt > _SHORTEST else 0
     is_whole = rate and abs(1.0 / rate - dt) <= rounding / (times.size - 1)
     dt = 1.0 / rate if is_whole else float(f"{dt:.12g}")
@@ -417,20 +458,29 @@ def equal_steps(times: NDArray[np.float64], slack: float = 0.0) -> tuple[float, 
         return dt, departure
     place = int(np.argmax(off_interval))
     raise RecordError(
-        f"the samples are not at equal steps of {dt:.6g} s: they are {intervals[place]:.6g} s "
-        f"apart after {times[place]:g} s, and up to {np.max(off_grid):.3g} s off; resample the "
-        "record to equal steps first"
+        f"the samples are not at equal steps of {dt:.6g} s: the interval after {times[place]:g} s "
+        f"is {intervals[place]:.6g} s, and the maximum departure is {np.max(off_grid):.3g} s; "
+        "resample the record to equal steps first"
     )
 
 
 def finest_step(times: NDArray[np.float64], mean: float) -> float:
-    """A step on which all of printed times lie, s: their last decimal, or a small part of their
-    mean interval."""
+    """Return the step, s, of a grid that contains all printed times.
+
+    The step is the last decimal of the times, but at least a fraction of their mean interval.
+
+    Parameters
+    ----------
+    times : ndarray, shape (samples,)
+        Printed times, s.
+    mean : float
+        Mean interval, s.
+    """
     return max(_rounding(times), mean / _FINEST)
 
 
 def _rounding(times: NDArray[np.float64]) -> float:
-    """Value of the last decimal that the times need, s."""
+    """Return the value of the last decimal of the printed times, s."""
     scale = float(np.max(np.abs(times)))
     for decimals in range(_MOST_DECIMALS):
         if np.max(np.abs(times - np.round(times, decimals))) <= 1e-14 * scale:

@@ -1,4 +1,4 @@
-"""From what a reader found in a file to ObsPy's traces, with the checks that all formats share."""
+"""Conversion of the components of a file to ObsPy traces, with the checks for all formats."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ with quiet_import():
 
 
 CLOCK = r"(?P<hour>\d+):(?P<minute>\d+):(?P<second>\d+(?:\.\d*)?)"
-"""Pattern of a time of the day, for `moment_in`."""
+"""Pattern of a time of day, for `moment_in`."""
 
 
 @dataclass(frozen=True)
 class StatedPeak:
-    """The largest absolute acceleration that a header states.
+    """Maximum absolute acceleration stated in a header.
 
     Attributes
     ----------
     value, rounding : float
-        In `units`.
+        Stated value and value of its last decimal, in `units`.
     units : str
-        Those of the header.
+        Units in the header.
     factor : float
-        From the units of the samples to these.
+        Factor from the units of the samples to `units`.
     """
 
     value: float
@@ -56,33 +56,33 @@ class StatedPeak:
 
 @dataclass(frozen=True)
 class Series:
-    """One component as it stands in a file.
+    """One component of a file.
 
     Attributes
     ----------
     samples : ndarray, shape (samples,)
-        In `units`.
+        Samples in `units`.
     dt : float
         Sampling interval, s.
     units : str or None
-        Text for `parse_units`; empty if the file does not tell, None for counts of a recorder.
+        Text for `parse_units`; empty if the file does not state the units, None for counts of a
+        recorder.
     channel, station, location, network : str
-        As the file names them; `channel` is the component.
+        Codes in the file; `channel` is the component.
     start : datetime or None
         Time of the first sample, UTC.
     peak : StatedPeak or None
-        None if the header does not state it.
+        Peak acceleration in the header; None if the header does not state it.
     units_from : str
-        `format` where all files of the format have these units, else `file`.
+        `format` if all files of the format have these units, otherwise `file`.
     pgv, pgd : float or None
-        Peaks of the velocity (m/s) and the displacement (m) that the file has beside the
-        acceleration.
+        Peaks of the velocity (m/s) and the displacement (m) if the file also contains these.
     compared : tuple of str
-        What the reader has compared with the header beside the peak.
+        Quantities, other than the peak, that the reader has compared with the header.
     quantity : str
-        What the header calls the samples (`velocity`); empty if it does not tell.
+        Quantity of the samples stated in the header (`velocity`); empty if it is not stated.
     event : str
-        The earthquake as the header names it, on one line; empty if it names none.
+        Earthquake named in the header, on one line; empty if it is not named.
     """
 
     samples: NDArray[Any]
@@ -103,32 +103,33 @@ class Series:
 
     @property
     def id(self) -> str:
-        """The codes joined by dots."""
+        """Codes joined by dots."""
         return ".".join((self.network, self.station, self.location, self.channel))
 
 
 def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
-    """ObsPy's stream of the components of a file.
+    """Convert the components of a file to an ObsPy stream.
 
     Parameters
     ----------
     series : sequence of Series
-        In the order of the file.
+        Components in the order of the file.
     headonly : bool
-        Leave the samples out.
+        Omit the samples. Default False.
 
     Raises
     ------
     RecordError
-        There is no component, or one with an impossible sampling interval, or the peak in the
-        header is not that of the samples.
+        The file has no component, a component has an invalid sampling interval, or the peak in the
+        header differs from the peak of the samples.
     """
     if not series:
-        raise RecordError("the file holds no acceleration")
+        raise RecordError("the file contains no acceleration")
     stream = Stream()
     count = Counter(part.id for part in series)
     for number, channel in enumerate(series, start=1):
-        # Components that share an id are told apart by their number in the file, as location code.
+        # Components with the same id are distinguished by their number in the file, which is
+        # appended to the location code.
         is_alone = count[channel.id] == 1
         part = channel if is_alone else replace(channel, location=f"{channel.location}{number}")
         check_step(part.dt)
@@ -147,8 +148,8 @@ def to_stream(series: Sequence[Series], *, headonly: bool = False) -> Stream:
 
 
 def reader(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]:
-    """The function `read_<format>(file, headonly=False)` of a format, of what reads the components
-    from its lines."""
+    """Decorate a function that reads components from lines; return the function
+    `read_<format>(file, headonly=False)` of the format."""
 
     @wraps(read)
     def read_file(file: Any, headonly: bool = False, **_: Any) -> Stream:
@@ -158,8 +159,8 @@ def reader(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]:
 
 
 def by_parts(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]:
-    """The same of a format whose files are made of one part after another, each read to its end by
-    `read`."""
+    """Decorate a function that reads one part of a file, for formats with several successive parts;
+    return the function `read_<format>(file, headonly=False)`."""
 
     def read_all(lines: Lines) -> list[Series]:
         series: list[Series] = []
@@ -171,6 +172,7 @@ def by_parts(read: Callable[[Lines], Sequence[Series]]) -> Callable[..., Stream]
 
 
 def _trace(part: Series, compared: tuple[str, ...], headonly: bool) -> Trace:
+    """Convert a component to an ObsPy trace with the attributes of tdint in its header."""
     codes = {name: getattr(part, name) for name in ("network", "station", "location", "channel")}
     header: dict[str, Any] = codes | {
         "delta": part.dt,
@@ -189,10 +191,10 @@ def _trace(part: Series, compared: tuple[str, ...], headonly: bool) -> Trace:
 
 
 def motion_units(text: str) -> str | None:
-    """Units of a ground motion in tdint's spelling from those of a file's header; None if they are
-    none.
+    """Convert the units in a file header to the spelling of tdint; None if the text is not a unit
+    of ground motion.
 
-    `CM/SEC/SEC` are cm/s^2, `G'S` g, `CM/SEC` cm/s, and `G/10` is a tenth of g: `0.1 g`.
+    `CM/SEC/SEC` gives cm/s^2, `G'S` gives g, `CM/SEC` gives cm/s, and `G/10` gives `0.1 g`.
     """
     words = text.strip().strip(".,;:()[]").removesuffix("'S").removesuffix("'s").strip()
     tenth = re.fullmatch(r"(.*\S)\s*/\s*10", words)
@@ -208,39 +210,46 @@ def motion_units(text: str) -> str | None:
 
 
 def required_units(text: str, quantity: str = "acceleration") -> str:
-    """The units of a block of samples that must be those of this quantity.
+    """Return the units of samples, which must be units of `quantity`.
+
+    Parameters
+    ----------
+    text : str
+        Units in the header.
+    quantity : str
+        `acceleration` (default), `velocity` or `displacement`.
 
     Raises
     ------
     RecordError
-        They are something else's.
+        The text is not a unit of the quantity.
     """
     units = motion_units(text)
     if units is None or parse_units(units).quantity != quantity:
         raise RecordError(
-            f"its header gives the samples in {text.strip()[:40]!r}, which is no unit of {quantity}"
+            f"the units of the samples must be a unit of {quantity}, but its header states "
+            f"{text.strip()[:40]!r}"
         )
     return units
 
 
 def motion_scale(text: str, quantity: str) -> float | None:
-    """Value in SI units of the unit of a velocity or a displacement; None if it is something
-    else's."""
+    """Return the value of a unit of velocity or displacement in SI units; None if the text is not a
+    unit of `quantity`."""
     motion = motion_units(text)
     units = parse_units(motion) if motion else None
     return units.scale if units and units.quantity == quantity else None
 
 
 def stated_peak(number: str, units: str, of_samples: str) -> StatedPeak | None:
-    """A peak as a header states it, in the units of the samples; None if units are missing or no
-    acceleration's.
+    """Return the peak stated in a header; None if units are missing or of another quantity.
 
     Parameters
     ----------
     number : str
-        As it is written.
+        Peak in the spelling of the header.
     units, of_samples : str
-        Those of the peak, and of the samples (`Series.units`).
+        Units of the peak and of the samples (`Series.units`).
     """
     stated = motion_units(units)
     if not (stated and of_samples and re.fullmatch(NUMBER, number)):
@@ -253,12 +262,13 @@ def stated_peak(number: str, units: str, of_samples: str) -> StatedPeak | None:
 
 
 def first_match(pattern: re.Pattern[str], texts: Sequence[str]) -> re.Match[str] | None:
-    """Where a pattern is found first in lines of text."""
+    """Return the first match of a pattern in lines of text; None if no line matches."""
     return next(filter(None, map(pattern.search, texts)), None)
 
 
 def header_field(pattern: re.Pattern[str], texts: Sequence[str]) -> str:
-    """What a pattern's group finds in the first line of text that fits, empty if none does."""
+    """Return the first group of the first match of a pattern in lines of text; empty if no line
+    matches."""
     match = first_match(pattern, texts)
     return match[1] if match else ""
 
@@ -272,7 +282,15 @@ def moment(
     second: float,
     zone: float = 0.0,
 ) -> datetime | None:
-    """A time in UTC from its numbers and the zone's hours east of it; None if they are no date."""
+    """Return a time in UTC; None if the numbers are not a valid date.
+
+    Parameters
+    ----------
+    year, month, day, hour, minute, second : float
+        Local time.
+    zone : float
+        Offset of the local time from UTC, hours, positive to the east. Default 0.
+    """
     try:
         start = datetime(int(year), int(month), int(day), int(hour), int(minute))
         return start + timedelta(seconds=float(second), hours=-zone)
@@ -281,8 +299,15 @@ def moment(
 
 
 def moment_in(pattern: re.Pattern[str], texts: Sequence[str]) -> datetime | None:
-    """The time where a pattern is found first, whose groups are named as the numbers of `moment`;
-    None for none."""
+    """Return the time in the first match of a pattern; None if no line matches.
+
+    Parameters
+    ----------
+    pattern : re.Pattern
+        Pattern with groups named after the parameters of `moment`.
+    texts : sequence of str
+        Lines of text.
+    """
     match = first_match(pattern, texts)
     return (
         moment(**{name: float(number) for name, number in match.groupdict().items()})
@@ -292,6 +317,6 @@ def moment_in(pattern: re.Pattern[str], texts: Sequence[str]) -> datetime | None
 
 
 def code(name: str) -> str:
-    """A name as a code: what is neither letter nor digit becomes a hyphen, so that dots can divide
-    codes."""
+    """Convert a name to a code: replace all characters except letters and digits by hyphens, so
+    that codes can be joined by dots."""
     return re.sub(r"[\W_]+", "-", name).strip("-")

@@ -1,10 +1,9 @@
-"""What stands above the numbers of a text table: declarations `key = value`, and the names of
-columns.
+"""Header of a text table: declarations `key = value` and names of columns.
 
 A column is a time, an acceleration, a velocity, a displacement, or a component of the acceleration:
-`Time,Acc,Vel,Disp`, `t N V E`, `time_s,HNE_m_s2,HNN_m_s2`, `Time (s); Acceleration (g)`. Blanks,
-commas, semicolons or tabs divide the names, units stand in brackets or after an underscore. Beside
-a time, another name with a unit of acceleration (`base_m_s2`) is that of a component.
+`Time,Acc,Vel,Disp`, `t N V E`, `time_s,HNE_m_s2,HNN_m_s2`, `Time (s); Acceleration (g)`. Names are
+separated by blanks, commas, semicolons or tabs. Units are in brackets or after an underscore. In a
+table with a time, any other name with a unit of acceleration (`base_m_s2`) is a component.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ SECONDS = {
     "ms": 1e-3,
     "msec": 1e-3,
 }
-"""Units of times, s."""
+"""Values of the units of time, s."""
 
 MOTIONS = ("acceleration", "velocity", "displacement")
 
@@ -53,21 +52,21 @@ _KINDS = {
     ),
 }
 _BARE = {"v": "velocity", "d": "displacement"}
-"""What these letters mean beside a column called acceleration; else they are components."""
+"""Quantities of these letters if a column is named acceleration; otherwise they are components."""
 
 
 @dataclass(frozen=True)
 class ColumnName:
-    """What a column is.
+    """Name of a column and its meaning.
 
     Attributes
     ----------
     kind : str
-        `TIME`, one of `MOTIONS`, or `OTHER` for what the name does not tell.
+        `TIME`, one of `MOTIONS`, or `OTHER` if the name does not state the quantity.
     component, units : str
-        Empty where the name has none.
+        Component and units in the name; empty if the name does not include them.
     text, plain : str
-        The name as it is written, and without its units.
+        The name in the spelling of the file, and the name in lower case without units.
     """
 
     kind: str
@@ -78,9 +77,10 @@ class ColumnName:
 
 
 def column_names(text: str) -> list[ColumnName]:
-    """What a line says about the columns below it; empty if it is no line of names.
+    """Return the column names in a line; empty if the line is not a line of names.
 
-    One name alone must be that of a motion; of several, the first may be a time.
+    A single name must be that of a ground motion. If a line has several names, the first may be a
+    time.
     """
     columns = _columns(_parts(text))
     if not columns or any(column.kind == OTHER for column in columns):
@@ -89,7 +89,7 @@ def column_names(text: str) -> list[ColumnName]:
     if not motions or (len(columns) == 1 and columns[0].component):
         return []
     if any(column.kind == "acceleration" and not column.component for column in motions):
-        # Beside an acceleration, v and d are the velocity and the displacement.
+        # If a column is an acceleration, v and d are the velocity and the displacement.
         for place, column in enumerate(columns):
             if kind := _BARE.get(column.component.lower()):
                 columns[place] = replace(column, kind=kind, component="")
@@ -97,15 +97,22 @@ def column_names(text: str) -> list[ColumnName]:
 
 
 def any_names(text: str, width: int) -> tuple[ColumnName, ...]:
-    """The names of so many columns in any words, divided as above or by two blanks; empty if they
-    are not so many.
+    """Return `width` column names in arbitrary text; empty if the line has another number of names.
 
-    A first column in seconds is a time, whatever it is called.
+    Names are separated as described above or by two blanks. A first column in seconds is a time,
+    regardless of its name.
+
+    Parameters
+    ----------
+    text : str
+        Line of the header.
+    width : int
+        Number of columns.
 
     Raises
     ------
     RecordError
-        A time is in another unit.
+        The time is in a unit other than s or ms.
     """
     for parts in (_parts(text), re.split(r"\s{2,}|\t", text.strip())):
         columns = _columns(parts)
@@ -115,36 +122,49 @@ def any_names(text: str, width: int) -> tuple[ColumnName, ...]:
         if width > 1 and first.kind == OTHER and first.units and first.units in SECONDS:
             columns[0] = first = replace(first, kind=TIME)
         if first.kind == TIME and first.units not in SECONDS:
-            raise RecordError(f"its header gives the times in {first.units!r}, not in s or ms")
+            raise RecordError(
+                f"the times must be in s or ms, but its header states {first.units!r}"
+            )
         return tuple(columns)
     return ()
 
 
 def place_of(text: str, names: tuple[ColumnName, ...], width: int) -> int:
-    """The place, counted from 0, of the column with a number, counted from 1, or a name; case does
-    not matter.
+    """Return the index, counted from 0, of a column selected by number or name.
+
+    Parameters
+    ----------
+    text : str
+        Number, counted from 1, or name in upper or lower case.
+    names : tuple of ColumnName
+        Names of the columns; may be empty.
+    width : int
+        Number of columns.
 
     Raises
     ------
     RecordError
-        There is none, or there are several, or it is that of the time.
+        No column matches, several columns match, or the column is the time.
     """
     if text.isdecimal():
         place = int(text) - 1 if len(text) < 10 else -1
         if not 0 <= place < width:
-            raise RecordError(f"there is no column {text[:40]}; the table has {width}")
+            raise RecordError(f"column {text[:40]} not found; the table has columns 1 to {width}")
     elif not names:
         raise RecordError(
-            f"there is no column {text[:40]!r}: the table has no names of columns; give its number"
+            f"column {text[:40]!r} not found: the table has no column names; specify the number"
         )
     else:
         place = _named(text, names)
     if names and names[place].kind == TIME:
-        raise RecordError(f"column {text} is the time ({names[place].text})")
+        raise RecordError(
+            f"column {text} is the time ({names[place].text}); select a ground motion"
+        )
     return place
 
 
 def _named(words: str, names: tuple[ColumnName, ...]) -> int:
+    """Return the index of the only column with a name."""
     name = " ".join(words.lower().split())
     ways = [
         [column.text.lower() for column in names],
@@ -157,26 +177,26 @@ def _named(words: str, names: tuple[ColumnName, ...]) -> int:
             return places[0]
         if places:
             numbers = " and ".join(str(place + 1) for place in places)
-            raise RecordError(f"columns {numbers} are called {words[:40]!r}; give the number")
+            raise RecordError(f"columns {numbers} have the name {words[:40]!r}; specify the number")
     raise RecordError(
-        f"there is no column {words[:40]!r}; there are "
+        f"column {words[:40]!r} not found; the columns are "
         f"{', '.join(column.text[:40] for column in names)}"
     )
 
 
 def lacks_first_name(line: str) -> bool:
-    """Whether a line names columns but for the first one, as pandas does where it writes its
-    index."""
+    """Return True if a line names all columns except the first, as pandas does for its index."""
     parts = re.split("[,;\t]", line)
     return len(parts) > 1 and not parts[0].strip().strip("\"'") and bool(_columns(parts[1:]))
 
 
 def _parts(text: str) -> list[str]:
+    """Split a line into names at its separators, otherwise at blanks."""
     return re.split("[,;\t]", text) if re.search("[,;\t]", text) else _NAME.findall(text)
 
 
 def _columns(parts: list[str]) -> list[ColumnName]:
-    """What each name says; nothing if one of them is empty."""
+    """Interpret the names of columns; return an empty list if a name is empty."""
     words = [name_and_units(part) for part in parts]
     if not words or any(not name for name, _ in words):
         return []
@@ -199,7 +219,10 @@ def _columns(parts: list[str]) -> list[ColumnName]:
 
 
 def name_and_units(text: str) -> tuple[str, str]:
-    """`Time (s)` and `time_s` as time and s, `acceleration_m_s2` as acceleration and m/s^2."""
+    """Split a column name into name and units, in lower case.
+
+    `Time (s)` and `time_s` give time and s; `acceleration_m_s2` gives acceleration and m/s^2.
+    """
     name = text.strip().strip("\"'").lower()
     match = _UNITS_IN_BRACKETS.fullmatch(name) or _UNITS_AT_END.fullmatch(name)
     name, units = (match[1], match[2]) if match else (name, "")
@@ -224,7 +247,7 @@ _KEYS = {
     "event": ("event", "earthquake"),
 }
 COLUMNS = "columns"
-"""Key of the names of columns, as they stand in the header."""
+"""Key of the line of column names in the header."""
 
 _MEANINGS = {name: meaning for meaning, names in _KEYS.items() for name in names}
 _PER_SECOND = {"": 1.0, "hz": 1.0, "sps": 1.0, "/s": 1.0}
@@ -232,17 +255,17 @@ _PER_SECOND = {"": 1.0, "hz": 1.0, "sps": 1.0, "/s": 1.0}
 
 @dataclass(frozen=True)
 class TableHeader:
-    """What is declared, by the keys above, and the names of the columns; none if it has none."""
+    """Declarations of a header, with the keys above, and column names (may be empty)."""
 
     declared: dict[str, str]
     names: tuple[ColumnName, ...] = ()
 
     def get(self, key: str) -> str:
-        """What is declared for a key, empty if nothing."""
+        """Return the declared value of a key; empty if it is not declared."""
         return self.declared.get(key, "")
 
     def intervals(self) -> list[float]:
-        """The sampling intervals that are declared, s."""
+        """Return the declared sampling intervals, s."""
         stated = []
         if "dt" in self.declared:
             stated.append(_quantity(self.declared["dt"], SECONDS, "dt"))
@@ -252,8 +275,8 @@ class TableHeader:
 
     @property
     def start(self) -> datetime | None:
-        """The time declared as ISO 8601, UTC if it names no zone; None for none, or another
-        text."""
+        """Start time declared in ISO 8601, in UTC if it has no time zone; None if the header
+        declares no time or other text."""
         try:
             start = datetime.fromisoformat(self.get("start"))
             return start.astimezone(UTC).replace(tzinfo=None) if start.tzinfo else start
@@ -262,26 +285,26 @@ class TableHeader:
 
 
 def read_header(lines: list[str], width: int) -> TableHeader:
-    """The header of a table that is recognized by it.
+    """Read the header of a table that was recognized without a user-specified layout.
 
     Parameters
     ----------
     lines : list of str
-        All that stands above the numbers.
+        All lines above the numbers.
     width : int
-        Columns of the table.
+        Number of columns of the table.
 
     Raises
     ------
     RecordError
-        It contradicts itself, or names more or fewer columns.
+        The header contradicts itself, or names more or fewer columns.
     """
-    # What lines declare, by the keys of _KEYS.
+    # Collect the declarations of all lines, with the keys of _KEYS.
     declared: dict[str, str] = {}
     for line in lines:
         for key, value in declared_in(line) or []:
             if declared.setdefault(key, value) != value:
-                raise RecordError(f"its header gives {key} twice: {declared[key]!r} and {value!r}")
+                raise RecordError(f"its header states {key} twice: {declared[key]!r} and {value!r}")
     names = tuple(column_names(declared.get(COLUMNS, "")))
     if names and len(names) != width:
         raise RecordError(
@@ -291,14 +314,24 @@ def read_header(lines: list[str], width: int) -> TableHeader:
 
 
 def read_foreign_header(lines: list[str], width: int, skipped: int) -> TableHeader:
-    """The header of a table whose user tells what else is needed: its last line may name the
-    columns in any words.
+    """Read the header of a table with a user-specified layout.
+
+    The last line may name the columns in arbitrary text.
+
+    Parameters
+    ----------
+    lines : list of str
+        All lines between the skipped lines and the numbers.
+    width : int
+        Number of columns of the table.
+    skipped : int
+        Number of lines skipped before the header, for error messages.
 
     Raises
     ------
     RecordError
-        As above, or a line is neither understood nor such names: `skipped` lines were passed over
-        before.
+        The header contradicts itself, names more or fewer columns, or has a line that is neither a
+        declaration nor a line of column names.
     """
     header = read_header(lines, width)
     filled = [place for place, line in enumerate(lines) if line.strip()]
@@ -307,21 +340,33 @@ def read_foreign_header(lines: list[str], width: int, skipped: int) -> TableHead
     comment = COMMENT.fullmatch(last)
     names = any_names(comment[1] if comment else last, width) if last else ()
     if comment and names and names[0].kind != TIME:
-        names = ()  # A sentence of so many words.
+        names = ()  # The comment is a sentence with the same number of words as columns.
     if not comment and names:
         unknown = unknown[:-1]
     if unknown:
         place = unknown[-1]
         raise RecordError(
             f"line {skipped + place + 1}: {lines[place].strip()[:60]!r} is neither a declaration "
-            f"(dt = 0.01 s) nor the names of {width} columns; pass over it with "
+            f"(dt = 0.01 s) nor the names of {width} columns; skip it with "
             f"`skip_lines={skipped + place + 1}`"
         )
     return TableHeader(header.declared, header.names or names)
 
 
 def declared_in(line: str) -> list[tuple[str, str]] | None:
-    """What a line of the header declares; None if it is neither blank nor of the kinds above."""
+    """Return the declarations in a header line.
+
+    Parameters
+    ----------
+    line : str
+        Line of the header.
+
+    Returns
+    -------
+    list of tuple of str, or None
+        Keys and values; empty for blank lines and other comments. None if the line is neither
+        blank, a comment, a declaration nor a line of column names.
+    """
     comment = COMMENT.fullmatch(line)
     content = comment[1] if comment else line
     if names := column_names(content):
@@ -336,7 +381,7 @@ def declared_in(line: str) -> list[tuple[str, str]] | None:
     declarations = []
     for part in parts:
         match = _DECLARATION.fullmatch(part)
-        # Keys in any case, with blanks or underscores.
+        # Keys may be in upper or lower case, with blanks or underscores.
         if match and (
             meaning := _MEANINGS.get(" ".join(match[1].lower().replace("_", " ").split()))
         ):
@@ -345,12 +390,12 @@ def declared_in(line: str) -> list[tuple[str, str]] | None:
 
 
 def _quantity(text: str, units: dict[str, float], quantity: str) -> float:
-    """A positive number with one of these units."""
+    """Convert a positive number with one of the units; `quantity` names it in the error message."""
     match = _QUANTITY.fullmatch(text)
     factor = units.get(match[2].lower()) if match else None
     if not match or factor is None or not float(match[1]) > 0.0:
         names = ", ".join(filter(None, units))
         raise RecordError(
-            f"its header gives {quantity} as {text!r}; write a positive number, in {names}"
+            f"{quantity} must be a positive number in {names}, but its header states {text!r}"
         )
     return float(match[1]) * factor

@@ -1,17 +1,18 @@
-"""Plain text: a column of accelerations, or a time and one or several columns, with what they are
-in a header.
+"""Plain text tables: a column of accelerations, or a time and one or more columns, described by a
+header.
 
-The header is made of comments (after #, %, ;, ! or //), of declarations `key = value` or `key:
-value`, bare or in comments (`# dt = 0.01 s, units = g`), and of names of columns
-(`time_s,acceleration_m_s2`, `Time (s); Acceleration (g)`). Commas, semicolons, tabs or blanks
-divide columns; beside semicolons and tabs, a comma is a decimal point.
+The header consists of comments (after #, %, ;, ! or //), declarations `key = value` or `key:
+value`, with or without a comment mark (`# dt = 0.01 s, units = g`), and names of columns
+(`time_s,acceleration_m_s2`, `Time (s); Acceleration (g)`). Columns are separated by commas,
+semicolons, tabs or blanks. If the separator is a semicolon or a tab, a comma is a decimal point.
 
-One column needs its sampling interval declared; of several, the first must be a time in equal
-steps, unless the names of the columns have none. Columns without names are components called by
-their number (2 is the one after the time). Velocity and displacement beside an acceleration give
-its peaks; alone they are differentiated. Nothing is guessed: without declared units the user must
-give them. What a table does not tell of its step, its columns and the lines above it a user may say
-(`TextLayout`); the names of columns are any words then.
+A table with one column must declare its sampling interval. If a table has several columns, the
+first must be a time in equal steps, unless the column names include no time. Columns without names
+are components named by their number (the column after the time is 2). Velocity and displacement
+columns next to an acceleration supply its peaks; without an acceleration column they are
+differentiated. Units are not guessed: if the file does not declare them, the user must specify
+them. The user may also specify the time step, the columns and the number of header lines
+(`TextLayout`); column names may then be arbitrary text.
 """
 
 from __future__ import annotations
@@ -68,25 +69,35 @@ Columns = list[NDArray[np.float64]]
 Names = tuple[ColumnName, ...]
 
 _OTHER_FORMAT = re.compile(r"#\s*DataSequence\s*:", re.IGNORECASE)
-"""A comment that belongs to a format of its own (CWB)."""
+"""Pattern of a comment that identifies another format (CWB)."""
 
 _MOST = 50
-"""Columns that a table may have."""
+"""Maximum number of columns of a table."""
 
 
 def is_text(file: Any, layout: TextLayout = AS_STATED, **_: Any) -> bool:
-    """Whether a file has a header as above, if any, then rows of one number, or of several the
-    first of which grows; with a layout, whether a table of numbers begins below the lines to
-    skip."""
+    """Return True if a file contains a text table.
+
+    Without a layout, an optional header as described above must be followed by rows of one number,
+    or by rows of several numbers with an increasing first number. With a layout, a table of numbers
+    must follow the lines to skip.
+
+    Parameters
+    ----------
+    file : str, Path or object open for reading bytes
+        File to check.
+    layout : TextLayout
+        Description of the table by the user. Default: none.
+    """
     return _begins(_first_rows(file, layout)[1]) if layout else recognizes(file, _matches)
 
 
 def _first_rows(file: Any, layout: TextLayout) -> tuple[list[str], list[int]]:
-    """What stands above the numbers, below the lines to skip; and how many of them each of their
-    first two rows has."""
+    """Return the lines between the lines to skip and the first row of numbers, and the number of
+    values in each of the first two rows."""
     above: list[str] = []
     widths: list[int] = []
-    with suppress(RecordError):  # the file ends
+    with suppress(RecordError):  # end of the file
         lines = read_lines(file, text_only=True)
         lines.skip(layout.skip_lines or 0)
         above = lines.take_until(ROW.fullmatch, "row of numbers")
@@ -96,66 +107,88 @@ def _first_rows(file: Any, layout: TextLayout) -> tuple[list[str], list[int]]:
 
 
 def _begins(widths: list[int]) -> bool:
+    """Return True if the first two rows have the same valid number of values."""
     return len(widths) == 2 and widths[0] == widths[1] <= _MOST
 
 
 def table_in(data: bytes, layout: TextLayout) -> str:
-    """What a file of unknown format has of a table, and what is to be told of it, in words; empty
-    if it has none."""
+    """Describe the table in a file of unknown format and the options that are required to read it.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the file.
+    layout : TextLayout
+        Description of the table by the user.
+
+    Returns
+    -------
+    str
+        Part of an error message; empty if the file contains no table.
+    """
     above, widths = _first_rows(BytesIO(data), layout)
     if len(widths) == 1:
         return (
-            "one row of numbers; a record has two samples at least: is the rest of the file "
-            "missing?"
+            "the file has only one row of numbers; a record needs at least two samples: check "
+            "that the file is complete"
         )
     if not _begins(widths):
         is_quoted = b'"' in data and _begins(
             _first_rows(BytesIO(data.replace(b'"', b"")), layout)[1]
         )
-        return "its numbers stand in quotation marks; write them without" if is_quoted else ""
+        return "its numbers are in quotation marks; remove the quotation marks" if is_quoted else ""
     names = any_names(above[-1], widths[0]) if above else ()
     if len(names) > 2 and names[0].kind == TIME:
         return (
-            "tell by `column` which is the motion: "
+            "select the ground motion by `column`: "
             f"{', '.join(name.text[:40] for name in names[1:])}"
         )
-    passed = f", past the lines above by `skip_lines={len(above)}`," if above else ""
+    passed = f" and skip the lines above by `skip_lines={len(above)}`" if above else ""
     return (
-        f"a table of numbers begins in line {len(above) + 1}: tell by `step` and `column`{passed} "
-        "what it is"
+        f"a table of numbers starts in line {len(above) + 1}: specify it by `step` and "
+        f"`column`{passed}"
     )
 
 
 def read_text(
     file: Any, headonly: bool = False, layout: TextLayout = AS_STATED, **_: Any
 ) -> Stream:
-    """Read a table; see above and `tdint.ground_motion.formats`.
+    """Read a text table; see the module description and `tdint.ground_motion.formats`.
+
+    Parameters
+    ----------
+    file : str, Path or object open for reading bytes
+        File to read.
+    headonly : bool
+        Omit the samples. Default False.
+    layout : TextLayout
+        Description of the table by the user. Default: none.
 
     Raises
     ------
     RecordError
         The sampling interval is not declared, times are not in equal steps, declarations contradict
-        each other or the values, or something else than numbers stands among them.
+        each other or the values, or a row contains text other than numbers.
     """
     lines = read_lines(file)
     skipped = layout.skip_lines or 0
     lines.skip(skipped)
     above = lines.take_until(ROW.fullmatch, "row of numbers")
 
-    # Without a name for the first column the others would stand one place off.
+    # If the first column has no name, the other names would be shifted by one column.
     place = next((place for place in reversed(range(len(above))) if above[place].strip()), -1)
     if place >= 0 and lacks_first_name(above[place]):
         raise RecordError(
             f"line {skipped + place + 1}: {above[place].strip()[:60]!r} has no name for the first "
-            "column, as where pandas writes its index; leave that out (index=False), or name it "
-            "time if it is"
+            "column, as if pandas wrote its index; omit the index (index=False), or name the "
+            "column time if it contains times"
         )
     columns = _columns(lines, sum(map(_names_of, above)))
     width, size = len(columns), columns[0].size
     header = read_foreign_header(above, width, skipped) if layout else read_header(above, width)
     chosen = list(dict.fromkeys(place_of(column, header.names, width) for column in layout.column))
 
-    # All that tells the sampling interval must agree: declarations, and the times.
+    # The declarations and the times must state the same sampling interval.
     times = _times(columns, header.names, chosen, layout)
     stated = header.intervals()
     if times is not None:
@@ -167,11 +200,11 @@ def read_text(
     dt = next(iter(stated), None) or layout.step
     if dt is None:
         raise RecordError(
-            "a column of numbers without its sampling interval; declare it in a first line `# dt = "
-            "0.01 s, units = g`, or give it by `step`"
+            "the sampling interval of the column of numbers is required; declare it in a first "
+            "line `# dt = 0.01 s, units = g`, or specify it by `step`"
         )
     if header.declared.get("samples", str(size)) != str(size):
-        raise RecordError(f"its header announces {header.get('samples')} samples, there are {size}")
+        raise RecordError(f"its header states {header.get('samples')} samples, the file has {size}")
     compared = (
         *((SAMPLES,) if header.get("samples") else ()),
         *((STEP,) if times is not None else ()),
@@ -188,23 +221,25 @@ def read_text(
         event=" ".join(header.get("event").split()),
         compared=compared,
     )
-    # Where nothing has a name, a first column with the times or a count is no motion.
+    # A first column without a name that contains times or a sample count is not a ground motion.
     is_leading = times is not None or (width > 1 and _counts(columns[0], layout.step))
     taken = chosen or _accelerations(header.names, range(int(is_leading), width))
     if skipped:
         warnings.warn(
-            f"{how_many(skipped, 'line')} at its beginning passed over, as asked", stacklevel=2
+            f"{how_many(skipped, 'line')} skipped at the beginning, as requested", stacklevel=2
         )
     if not stated:
         warnings.warn(
-            f"the sampling interval of {dt:g} s is given, the file tells none", stacklevel=2
+            f"using the specified sampling interval of {dt:g} s; the file states none", stacklevel=2
         )
-    # Five samples to a line look alike: each column would be every fifth of them, at the wrong
-    # times.
+    # A file with five samples per line of one motion looks the same. Each column would then be
+    # read as every fifth sample, at wrong times.
     if width > 2 and not header.names and not is_leading:
-        told = f"each of {width} columns without names is taken for a motion"
+        assumption = f"each of {width} columns without names is read as a separate ground motion"
         warnings.warn(
-            f"{told}: one that runs on along the lines must have one sample to a line", stacklevel=2
+            f"{assumption}; if the lines continue a single ground motion, write one sample per "
+            "line",
+            stacklevel=2,
         )
     return to_stream(
         [_series(common, columns, header, place, taken) for place in taken], headonly=headonly
@@ -212,15 +247,15 @@ def read_text(
 
 
 def _names_of(line: str) -> int:
-    """How many columns a line above the numbers names."""
+    """Return the number of column names in a header line."""
     return next(
         (len(column_names(value)) for key, value in declared_in(line) or [] if key == COLUMNS), 0
     )
 
 
 def _accelerations(names: Names, places: range) -> list[int]:
-    """Places of the accelerations among the columns; without any, of the velocities or else the
-    displacements."""
+    """Return the indices of the acceleration columns; if there are none, those of the velocity
+    columns, otherwise those of the displacement columns."""
     if not names:
         return list(places)
     for kind in MOTIONS:
@@ -229,7 +264,7 @@ def _accelerations(names: Names, places: range) -> list[int]:
     unknown = [place for place, name in enumerate(names) if name.kind != TIME]
     if len(unknown) > 1:
         raise RecordError(
-            "the names of the columns do not tell the acceleration; choose one by `column`: "
+            "the column names do not identify the acceleration; select a column by `column`: "
             f"{', '.join(names[place].text[:40] for place in unknown)}"
         )
     return unknown
@@ -238,7 +273,21 @@ def _accelerations(names: Names, places: range) -> list[int]:
 def _series(
     common: Series, columns: Columns, header: TableHeader, place: int, taken: list[int]
 ) -> Series:
-    """The component in a column."""
+    """Return the component in a column.
+
+    Parameters
+    ----------
+    common : Series
+        Codes, sampling interval and event of all components.
+    columns : list of ndarray
+        All columns of the table.
+    header : TableHeader
+        Declarations and column names.
+    place : int
+        Index of the column.
+    taken : list of int
+        Indices of all columns that are read as components.
+    """
     names, declared = header.names, header.get("units")
     part = replace(common, samples=columns[place])
     if not names:
@@ -250,7 +299,7 @@ def _series(
         )
     name = names[place]
     text = name.units or declared
-    # What is in the column by its name or else by its units.
+    # The quantity follows from the name of the column, otherwise from its units.
     quantity = name.kind
     if name.kind == OTHER:
         motion = motion_units(name.units) if name.units else None
@@ -265,7 +314,7 @@ def _series(
     if name.kind != "acceleration":
         return part
 
-    # The columns of its velocity and displacement give their peaks, where these have units.
+    # Columns of velocity and displacement supply the peaks if the columns have units.
     peaks: dict[str, float] = {}
     for other, column in zip(names, columns, strict=True):
         is_beside = other.kind in MOTIONS[1:] and other.component == name.component
@@ -277,7 +326,7 @@ def _series(
 def _times(
     columns: Columns, names: Names, chosen: list[int], layout: TextLayout
 ) -> NDArray[np.float64] | None:
-    """The times, s; None if there are none."""
+    """Return the times, s; None if the table has no column of times."""
     if names:
         return columns[0] * SECONDS[names[0].units] if names[0].kind == TIME else None
     if len(columns) == 1 or 0 in chosen:
@@ -291,13 +340,14 @@ def _times(
 
 
 def _counts(column: NDArray[np.float64], step: float | None) -> bool:
-    """Whether a column counts the samples, from 0 or 1, beside a given step that is not 1 s."""
+    """Return True if a column counts the samples from 0 or 1 and the specified step is not 1 s."""
     return (
         step not in (None, 1.0) and column[0] in (0.0, 1.0) and bool(np.all(np.diff(column) == 1.0))
     )
 
 
 def _matches(lines: list[str]) -> bool:
+    """Return True if the first lines of a file are those of a text table."""
     first = next(place for place, line in enumerate(lines) if ROW.fullmatch(line))
     unnamed = first > 0 and lacks_first_name(lines[first - 1])
     declared = [declared_in(line) for line in lines[: first - unnamed]]
@@ -309,8 +359,8 @@ def _matches(lines: list[str]) -> bool:
     if any(map(_OTHER_FORMAT.match, lines[:first])):
         return False
     others = sum(len(row) != width for row in rows)
-    # A table with the names of its columns is one with some cells empty, too, which reading it
-    # tells.
+    # A table with column names is recognized even if some cells are empty. The error message of the
+    # reader then names the line.
     if (
         None in declared
         or len(rows) < 2
@@ -327,8 +377,15 @@ def _matches(lines: list[str]) -> bool:
 
 
 def _columns(lines: Lines, named: int) -> Columns:
-    """Columns of numbers, some of them with names, to the end of the file; comments may stand among
-    them."""
+    """Read the columns of numbers to the end of the file; comment lines are skipped.
+
+    Parameters
+    ----------
+    lines : Lines
+        Lines of the file; the next line is the first row.
+    named : int
+        Number of column names in the header.
+    """
     first, width = lines.number, 0
     values = array("d")
     while (line := lines.peek()) is not None:
@@ -340,21 +397,20 @@ def _columns(lines: Lines, named: int) -> Columns:
         if len(numbers) != width or not 1 <= width <= _MOST:
             lack = "; a cell is empty" if _lacks(line) else ""
             raise RecordError(
-                f"line {lines.number}: {line.strip()[:60]!r} is not {width or 'a row of'} "
-                f"numbers{lack}"
+                f"line {lines.number} must contain {width or 'a row of'} numbers, got "
+                f"{line.strip()[:60]!r}{lack}"
             )
         values.extend(numbers)
     return list(lines.checked(values, first).reshape(-1, width).T.copy())
 
 
 def _lacks(line: str) -> bool:
-    """Whether a row has a cell without a number, at its end, too."""
+    """Return True if a row has an empty cell, including an empty last cell."""
     return any(mark in line and not all(map(str.strip, line.split(mark))) for mark in ";\t,")
 
 
 def _numbers(line: str) -> list[float]:
-    """The numbers of a row; empty if there is something else, or nothing, between two
-    separators."""
+    """Return the numbers of a row; empty if a cell is empty or contains other text."""
     separator = next((mark for mark in ";\t," if mark in line.strip()), None)
     cells = line.strip().removesuffix(separator or " ").split(separator)
     point = "," if separator in (";", "\t") else "."

@@ -1,9 +1,9 @@
 """Standard acceleration files of the Mexican networks (ASA, version 2): up to twelve channels in
 columns.
 
-A header of lines `KEY : value` in Spanish, in which the values of channels are divided by slashes,
-then a line with the channels' directions between two rulers and the samples (Base mexicana de
-sismos fuertes, archivo estandar de aceleracion, 2.0).
+The header consists of lines `KEY : value` in Spanish, with the values of channels separated by
+slashes. A line with the directions of the channels between two rulers and the samples follow (Base
+mexicana de sismos fuertes, archivo estandar de aceleracion, 2.0).
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _GAL = "gal"
 
 
 def is_unam(file: Any, **_: Any) -> bool:
-    """Whether a file's first lines have this format's title."""
+    """Return True if the first 20 lines of a file contain the title of this format."""
     return recognizes(file, lambda lines: any(map(_TITLE.match, lines[:20])))
 
 
@@ -62,10 +62,10 @@ def read_unam(lines: Lines) -> list[Series]:
     Raises
     ------
     RecordError
-        It is cut off, or what it holds is not what its header announces.
+        The file is cut off, or its content does not match its header.
     """
-    texts = lines.take_until(_DATA.match, "line with the beginning of the data")
-    # The values of all channels stand in a line for the first six and one for the others.
+    texts = lines.take_until(_DATA.match, "start-of-data line")
+    # Each key has one line for the first six channels and one line for the remaining channels.
     of_channels = []
     for pattern in (_STEPS, _COUNTS, _PEAKS, _NAMES):
         matches = filter(None, map(pattern.search, texts))
@@ -79,14 +79,14 @@ def read_unam(lines: Lines) -> list[Series]:
         or not counts[0].isdigit()
     ):
         raise RecordError(
-            "its header does not give direction, interval and one number of samples for each "
-            "channel"
+            "its header must state direction, sampling interval and the same number of samples for "
+            "each channel"
         )
     for _line in range(2):
         lines.take_until(_RULER.fullmatch, "ruler before the samples")
         lines.take()
     columns = lines.table(int(counts[0]), len(names))
-    # Pass over rows beyond the announced ones that repeat the last one, with which some files end.
+    # Some files end with extra rows that repeat the last row stated in the header. Skip these rows.
     last = [float(column[-1]) for column in columns]
     repeated = 0
     while (
@@ -97,17 +97,17 @@ def read_unam(lines: Lines) -> list[Series]:
         lines.take()
         repeated += 1
     lines.expect_end()
-    # If a row is missing, a repeated row takes the place of the last row announced.
+    # If a row is missing, the last row stated in the header is already a repeated row.
     if repeated and all(column.size > 1 and column[-2] == column[-1] for column in columns):
         warnings.warn(
-            f"of the {counts[0]} rows announced the last one repeats the one before it, as the "
-            f"{how_many(repeated, 'row')} beyond do: a row may be missing from the file",
+            f"the last of the {counts[0]} rows stated in the header repeats the row before it, and "
+            f"{how_many(repeated, 'extra row')} repeat it again: a row may be missing from the "
+            "file",
             stacklevel=2,
         )
     if repeated:
         warnings.warn(
-            f"beyond the rows announced the last one is repeated: {how_many(repeated, 'row')} left "
-            "out",
+            f"{how_many(repeated, 'row')} omitted that repeat the last row stated in the header",
             stacklevel=2,
         )
     units, station = first_match(_UNITS, texts), first_match(_STATION, texts)
@@ -118,9 +118,12 @@ def read_unam(lines: Lines) -> list[Series]:
         try:
             intervals.append(float(step))
         except ValueError:
-            raise RecordError(f"its header gives a sampling interval of {step!r}") from None
+            raise RecordError(
+                f"the sampling interval must be a number, but its header states {step!r}"
+            ) from None
 
-    # The first sample's date is that of the earthquake or, just after midnight, the next one.
+    # The date of the first sample is the date of the earthquake, or the next day if the record
+    # starts just after midnight.
     started = None
     date, origin, first = (first_match(pattern, texts) for pattern in (_DATE, _ORIGIN, _FIRST))
     if date and first:
@@ -129,12 +132,12 @@ def read_unam(lines: Lines) -> list[Series]:
         late = 24.0 if origin and int(origin[1]) - int(first[1]) > 12 else 0.0
         started = moment(year, month, day, hour, minute, second, -late)
 
-    # The date and the origin time of the earthquake are in UTC. The date has the year first.
+    # The date and the origin time of the earthquake are in UTC. The date starts with the year.
     event = "-".join(date.groups()) if date else ""
     if date and origin:
         event += f" {int(origin[1]):02d}:{int(origin[2]):02d}:{int(float(origin[3])):02d}"
 
-    # Directions are N90E as it is, V for the vertical; words may stand before them.
+    # Directions are, for example, N90E, or V for vertical. Other text may precede a direction.
     return [
         Series(
             column,

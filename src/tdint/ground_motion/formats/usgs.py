@@ -1,12 +1,12 @@
-"""SMC files of the U.S. Geological Survey, and volume 1 of the University of Southern California:
-one component a file.
+"""SMC files of the U.S. Geological Survey and volume 1 of the University of Southern California,
+with one component per file.
 
-SMC, of the National Strong-Motion Program: eleven lines of text, 48 integers (8I10), 50 reals
-(5E15.7), comments, values (8(1PE10.4E1)), all in cm and s. The first integer and the first real
-mark what is not known (USGS, SMC-format data files, version 2).
+SMC (National Strong-Motion Program): eleven lines of text, 48 integers (8I10), 50 reals (5E15.7),
+comments and values (8(1PE10.4E1)), all in cm and s. The first integer and the first real are the
+values that mark unknown quantities (USGS, SMC-format data files, version 2).
 
-USC, of the Los Angeles Strong Motion Network: lines of text, 100 integers (16I5), 50 reals (8F10.3)
-and pairs of time and acceleration, 10F7.3, in seconds and g/10.
+USC (Los Angeles Strong Motion Network): lines of text, 100 integers (16I5), 50 reals (8F10.3) and
+pairs of time and acceleration, 10F7.3, in seconds and g/10.
 """
 
 from __future__ import annotations
@@ -37,23 +37,24 @@ _KINDS = re.compile(
 )
 _EIGHT = re.compile(r"\s*-*\d+(?:\s+-*\d+){7}\s*")
 _UNITS = {"0": "", "1": "cm/s^2", "2": "cm/s^2", "3": "cm/s", "4": "cm"}
-"""By the kind of series, where it is or may be a ground motion."""
+"""Units by type of series, for the types that are or may be a ground motion."""
 
 _YEAR, _DAY, _HOUR, _MILLISECOND = 1, 2, 3, 6
-_TOLD = re.compile(r"^\s*(\d{4})\s+(\d{1,2})\s+(\d{1,2})\b")
-"""Year, month and day of the earthquake in the text."""
+_DATE = re.compile(r"^\s*(\d{4})\s+(\d{1,2})\s+(\d{1,2})\b")
+"""Pattern of year, month and day of the earthquake in the text."""
 _EVENT = re.compile(r"^\s*(\d{4})\s+(\d{1,2})\s+(\d{1,2})\s+(\d{4})?\s*(.*)")
-"""Date, time (UTC) and name of the earthquake in the text."""
+"""Pattern of date, time (UTC) and name of the earthquake in the text."""
 _NEAR = timedelta(days=1.5)
 _FROM_VERTICAL, _AZIMUTH, _COMMENTS, _SAMPLES = 12, 13, 15, 16
 _ROUNDING = 1e-4
-"""Part of a value by which its five digits may be off."""
+"""Fraction of a value; rounding error of five digits."""
 
 _RATE, _MAXIMUM, _MINIMUM = 1, 29, 31
 
 
 def is_smc(file: Any, **_: Any) -> bool:
-    """Whether a file begins with this format's kind of series and has eight integers in line 12."""
+    """Return True if a file starts with a type of series of this format and has eight integers in
+    line 12."""
     return recognizes(
         file, lambda lines: _KINDS.match(lines[0]) and _EIGHT.fullmatch(lines[_TEXTS])
     )
@@ -66,33 +67,37 @@ def read_smc(lines: Lines) -> list[Series]:
     Raises
     ------
     RecordError
-        It is cut off, holds more or fewer values than its header announces, or something else than
-        an acceleration.
+        The file is cut off, has more or fewer values than its header states, or contains no ground
+        motion.
     """
     texts = [lines.take() for _ in range(_TEXTS)]
     kind = _KINDS.match(texts[0])
     if not kind or kind[1] not in _UNITS:
-        raise RecordError(f"the file holds {texts[0].strip().lower()!r}, no ground motion")
+        raise RecordError(
+            f"the file must contain a ground motion, got {texts[0].strip().lower()!r}"
+        )
     integers = lines.numbers(_INTEGERS, _INTEGER_WIDTH).tolist()
     reals = lines.numbers(_REALS, _REAL_WIDTH).tolist()
     if reals[_RATE] == reals[0] or not reals[_RATE] > 0.0:
         raise RecordError(
-            "its header does not give the sampling rate: the samples may be unevenly spaced"
+            "its header does not state the sampling rate: the samples may be unevenly spaced"
         )
     for _line in range(int(integers[_COMMENTS])):
         comment = lines.take()
         if not comment.startswith("|"):
             raise RecordError(
-                f"line {lines.number} should be one of {integers[_COMMENTS]:g} comments"
+                f"line {lines.number} must be one of the {integers[_COMMENTS]:g} comments stated "
+                "in the header"
             )
 
-    # A component is up, down or an azimuth in degrees; it has no name where none is known.
+    # A component is up, down or an azimuth in degrees. If the azimuth is unknown, the component has
+    # no name.
     unknown, vertical, azimuth = integers[0], integers[_FROM_VERTICAL], integers[_AZIMUTH]
     channel = "" if azimuth == unknown else f"{azimuth:g}"
     if vertical in (0, 180) and vertical != unknown:
         channel = "DOWN" if vertical else "UP"
 
-    # The peak is the larger of the stated maximum and minimum, where both are known.
+    # If the header states the maximum and the minimum, the peak is the larger absolute value.
     units = _UNITS[kind[1]]
     extremes = [abs(reals[i]) for i in (_MAXIMUM, _MINIMUM) if reals[i] != reals[0]]
     peak = (
@@ -110,7 +115,7 @@ def read_smc(lines: Lines) -> list[Series]:
         units_from="format",
     )
     if lines.at_numbers():
-        raise RecordError(f"line {lines.number + 1} holds more values than its header announces")
+        raise RecordError(f"line {lines.number + 1} contains more values than its header states")
     return [series]
 
 
@@ -124,22 +129,24 @@ def _event(texts: list[str]) -> str:
 
 
 def _start(integers: list[float], texts: list[str]) -> datetime | None:
-    """Time of the first sample, if it is known to the second and no further than a day from that of
-    the text.
+    """Return the time of the first sample; None if it is not known to the second or not within 1.5
+    days of noon on the date in the text.
 
-    The format has the day of the year; some writers have month and day instead, and all that
-    follows one place on.
+    The format specifies the day of the year. Some programs write month and day instead, which
+    shifts all following integers by one position.
     """
     year, day = integers[_YEAR], integers[_DAY]
     by_day = _moment(integers[0], year, 1.0, day, *integers[_HOUR : _MILLISECOND + 1])
-    told = first_match(_TOLD, texts)
-    if told is None:
+    date = first_match(_DATE, texts)
+    if date is None:
         return by_day
-    year_told, month_told, day_told = map(float, told.groups())
-    event = moment(year_told, month_told, day_told, 12, 0, 0)
+    stated_year, stated_month, stated_day = map(float, date.groups())
+    event = moment(stated_year, stated_month, stated_day, 12, 0, 0)
     by_month = _moment(integers[0], year, day, *integers[_DAY + 1 : _MILLISECOND + 2])
-    fitting = (date for date in (by_day, by_month) if date and event and abs(date - event) <= _NEAR)
-    return next(fitting, None)
+    candidates = (
+        start for start in (by_day, by_month) if start and event and abs(start - event) <= _NEAR
+    )
+    return next(candidates, None)
 
 
 def _moment(
@@ -152,12 +159,26 @@ def _moment(
     second: float,
     thousandths: float,
 ) -> datetime | None:
-    """A time of the integer header; the day may be counted from the first one of any month."""
+    """Return a time from the integer header; None if a number is unknown.
+
+    Parameters
+    ----------
+    unknown : float
+        Value that marks unknown numbers.
+    year, month, day, hour, minute, second, thousandths : float
+        Time in UTC. The day is counted from the first day of the month and may be up to 366.
+        Unknown thousandths of a second count as 0.
+    """
     if unknown in (year, month, day, hour, minute, second) or not 1 <= day <= 366:
         return None
-    rest = 0.0 if thousandths == unknown else thousandths / 1e3
+    fraction = 0.0 if thousandths == unknown else thousandths / 1e3
     return moment(
-        year, month, 1, 0, 0, ((day - 1.0) * 24.0 + hour) * 3600.0 + minute * 60.0 + second + rest
+        year,
+        month,
+        1,
+        0,
+        0,
+        ((day - 1.0) * 24.0 + hour) * 3600.0 + minute * 60.0 + second + fraction,
     )
 
 
@@ -168,11 +189,11 @@ _EARTHQUAKE = re.compile(
     r"^(.*\bEARTHQUAKE\s+[A-Z]{3,9}\.?\s+\d{1,2},?\s+\d{4}(?:[\s,-]+\d{4}\s+(?:GMT|UTC))?)",
     re.IGNORECASE,
 )
-"""Name, date and time of the earthquake, which are on one line."""
+"""Pattern of name, date and time of the earthquake, which are on one line."""
 
 
 def is_usc(file: Any, **_: Any) -> bool:
-    """Whether the first line is the title of this format."""
+    """Return True if the first line is the title of this format."""
     return recognizes(file, lambda lines: _TITLE.match(lines[0]))
 
 
@@ -183,7 +204,7 @@ def read_usc(lines: Lines) -> list[Series]:
     Raises
     ------
     RecordError
-        It is cut off, or its times are not in equal steps.
+        The file is cut off, or its times are not in equal steps.
     """
     texts = text_header(lines)
     lines.numbers(REALS, REAL_WIDTH)
@@ -194,6 +215,7 @@ def read_usc(lines: Lines) -> list[Series]:
     )
     if lines.peek() is not None:
         raise RecordError(
-            f"line {lines.number + 1} stands after the last point that the header announces"
+            f"line {lines.number + 1} follows the last point stated in the header; the file must "
+            "end before this line"
         )
     return [series]
