@@ -98,7 +98,8 @@ def test_run_by_the_model_and_by_options(tables, tdint):
         (
             "info tables/a.txt",
             4,
-            "begins in line 4: tell by --step and --column, past the lines above by --skip-lines",
+            "starts in line 4: specify it by --step and --column and skip the lines above by "
+            "--skip-lines",
         ),
         ("run forced.yaml --step 0.01", 2, "needs a record"),
     ],
@@ -113,11 +114,11 @@ def test_refused(tables, tdint, words, code, message):
     [
         (
             lambda line, i: line[:5] if i == 50 else line,
-            "line 51: '0.49,' is not 2 numbers; a cell is empty",
+            "line 51 must contain 2 numbers, got '0.49,'; a cell is empty",
         ),
         (
             lambda line, i: line[:5] if i == 1 else line,
-            "line 2: '0.00,' is not 2 numbers; a cell is empty",
+            "line 2 must contain 2 numbers, got '0.00,'; a cell is empty",
         ),
         (
             lambda line, i: f"{i - 1 if i else ''},{line}",

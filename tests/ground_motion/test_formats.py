@@ -90,11 +90,12 @@ class TestAt2:
     def test_units_of_another_quantity(self):
         for units in ("CM/S", "CM", "IN/SEC"):
             refused(
-                files.at2(units=units), f"samples in '{units}', which is no unit of acceleration"
+                files.at2(units=units),
+                f"must be a unit of acceleration, but its header states '{units}'",
             )
         refused(
             files.at2().replace("ACCELERATION", "VELOCITY"),
-            "samples in 'G', which is no unit of velocity",
+            "must be a unit of velocity, but its header states 'G'",
         )
 
     def test_a_velocity_is_read_as_one(self, tmp_path):
@@ -111,10 +112,11 @@ class TestAt2:
 
     def test_other_numbers_of_values(self):
         refused(
-            files.at2(npts=121), "cut off: 121 values are announced after line 4, there are 120"
+            files.at2(npts=121),
+            "cut off: the header states 121 values after line 4, the file has 120",
         )
         refused(files.at2(npts=119), "more than the 119 values")
-        refused(files.at2(npts=115), "more values than NPTS announces")
+        refused(files.at2(npts=115), "more values than NPTS states")
 
     def test_values_without_blanks(self):
         trace = only("NPTS= 4, DT= .01\n-1.5E-01-2.5E+00 1.D-2\n-.125\n")
@@ -161,20 +163,22 @@ class TestCosmos:
         assert [trace.id for trace in traces] == ["XX.FAR.101.HNE", "XX.FAR.102.HNE"]
 
     def test_refused(self):
-        refused(files.cosmos(kind="velocity"), "'cm/sec2', which is no unit of velocity")
+        refused(files.cosmos(kind="velocity"), "unit of velocity, but its header states 'cm/sec2'")
         assert only(files.cosmos(kind="velocity", units="cm/sec(05)")).stats.tdint_units == "cm/s"
-        refused(files.cosmos(units="volts(51)"), "'volts', which is no unit of acceleration")
+        refused(
+            files.cosmos(units="volts(51)"), "unit of acceleration, but its header states 'volts'"
+        )
         refused(
             files.cosmos().replace("    10.000000", "  -999.000000"),
-            "does not give the sampling interval",
+            "does not state the sampling interval",
         )
         refused(
             files.cosmos(np.where(motion() == 1.5, -999.0, motion())), "1 sample marked as unknown"
         )
-        refused(files.cosmos().replace("/& ", "// "), "line with the end of the data is missing")
+        refused(files.cosmos().replace("/& ", "// "), "end-of-data line not found")
         refused(
             files.cosmos().replace("approx   1 secs", "approx  90 secs"),
-            "120 samples at the header's 0.01 s",
+            "120 samples at the interval of 0.01 s",
         )
 
     def test_values_without_blanks_in_fixed_columns(self):
@@ -281,17 +285,20 @@ class TestCsmip:
         between = np.interp(np.arange(trace.data.size) * 0.001, printed - printed[0], motion(4000))
         np.testing.assert_allclose(trace.data, between, atol=1e-12)
         (note,) = found.notes
-        assert note.startswith("the times in the file are up to")
-        assert "linear between the file's own times, sampled at 0.001 s" in note
+        assert note.startswith("the times in the file depart by up to")
+        assert "interpolated linearly between these times and sampled at 0.001 s" in note
 
     def test_refused(self):
         times = np.arange(120) * 0.005
         times[60:] += 0.02  # a piece missing on film
         refused(files.usc(times=times), "not at equal steps")
         text = files.csmip_v2()
-        refused(text[: text.index("120 POINTS OF DISPL")], "there is no block of DISPL")
-        refused(files.csmip_pairs(units="VOLTS"), "no unit of acceleration")
-        refused(files.csmip_v1().replace("at 200 pts", "at 0 pts"), "sampling rate of 0")
+        refused(text[: text.index("120 POINTS OF DISPL")], "no block of DISPL found")
+        refused(files.csmip_pairs(units="VOLTS"), "must be a unit of acceleration")
+        refused(
+            files.csmip_v1().replace("at 200 pts", "at 0 pts"),
+            "sampling rate must be positive, but line 37 states 0",
+        )
 
     def test_a_peak_that_is_another(self):
         sound = files.csmip_v2()
@@ -336,12 +343,12 @@ class TestSmc:
         (tmp_path / "a.smc").write_text(files.smc(kind="0 UNKNOWN"))
         refused(tmp_path / "a.smc", "does not tell the units")
         assert only(files.smc(kind="3 VELOCITY")).stats.tdint_units == "cm/s"
-        refused(files.smc(kind="5 RESPONSE SPECTRA"), "no ground motion")
-        refused(files.smc(rate=1.7e38), "does not give the sampling rate")
+        refused(files.smc(kind="5 RESPONSE SPECTRA"), "must contain a ground motion")
+        refused(files.smc(rate=1.7e38), "does not state the sampling rate")
         refused(files.smc(npts=119), "more than the 119")
         last = len(files.smc().splitlines())
-        refused(files.smc(npts=112), f"line {last} holds more values than its header announces")
-        refused(files.smc(comments=3), "should be one of 3 comments")
+        refused(files.smc(npts=112), f"line {last} contains more values than its header states")
+        refused(files.smc(comments=3), "must be one of the 3 comments")
 
 
 class TestEsm:
@@ -356,13 +363,15 @@ class TestEsm:
         assert str(trace.stats.starttime) == "2019-07-28T16:09:19.870000Z"
 
     def test_refused(self):
-        refused(files.esm(kind="VELOCITY"), "no unit of velocity")
+        refused(files.esm(kind="VELOCITY"), "must be a unit of velocity")
         assert only(files.esm(kind="VELOCITY", units="cm/s")).stats.tdint_units == "cm/s"
-        refused(files.esm(kind="SPECTRUM"), "holds 'spectrum', no ground motion")
-        refused(files.esm(units="cm/s"), "'cm/s', which is no unit of acceleration")
-        refused(files.esm(ndata=121), "121 values are announced")
-        refused(files.esm(ndata=119), "after the 119 values that NDATA announces, line 138 is left")
-        refused(files.esm(ndata="many"), "does not give NDATA and SAMPLING_INTERVAL_S")
+        refused(files.esm(kind="SPECTRUM"), "must contain a ground motion, got 'spectrum'")
+        refused(
+            files.esm(units="cm/s"), "must be a unit of acceleration, but its header states 'cm/s'"
+        )
+        refused(files.esm(ndata=121), "states 121 values")
+        refused(files.esm(ndata=119), "line 138 follows the 119 values stated by NDATA")
+        refused(files.esm(ndata="many"), "must state NDATA and SAMPLING_INTERVAL_S")
         for dt in ("0.0", "-1.0", "1000.0"):
             refused(files.esm().replace("0.005000", dt), "sampling interval of")
 
@@ -384,7 +393,7 @@ class TestGeonet:
     def test_refused(self):
         refused(
             files.geonet().replace("at 0.020 sec", "at 0.010 sec"),
-            "0.02 s and, in words, as 0.010 s",
+            "0.02 s in the numbers, but as 0.010 s",
         )
         refused(files.geonet() + "one line more\n", "cut off")
 
@@ -392,7 +401,7 @@ class TestGeonet:
 class TestLargeFiles:
     def test_refused_before_they_fill_the_memory(self, monkeypatch):
         monkeypatch.setattr("tdint.ground_motion.formats.lines._LARGEST", 1000)
-        refused(files.at2(), "larger than 64 MiB")
+        refused(files.at2(), "must not exceed 64 MiB")
 
 
 class TestNumbersOfSmc:

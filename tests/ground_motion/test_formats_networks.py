@@ -61,8 +61,8 @@ def test_components(write, units, dt, names, start):
 
 def test_other_counts():
     for write in (files.afad, files.unam):
-        refused(write(count=121), "121 rows are announced after line .*, there are 120")
-        refused(write(count=119), "stands after the last row that the header announces")
+        refused(write(count=121), "121 rows after line .*, the file has 120")
+        refused(write(count=119), "follows the last row stated in the header")
     refused(files.bhrc(count=121), "states a number of samples of 121, what was read has 120")
     for length in (2.36, 2.42):
         refused(files.cwb(length=length), r"states a number of samples of \d+, what was read has")
@@ -73,7 +73,7 @@ def test_a_row_that_ends_before_the_number_of_points():
     for numbers in (11, 10):
         lines = files.bhrc().splitlines()
         lines[7] = lines[7][: 5 * numbers]
-        refused("\n".join(lines), "the header of numbers before line 13 holds something else")
+        refused("\n".join(lines), "the header before line 13 must contain only numbers")
 
 
 def test_other_steps_and_peaks():
@@ -90,7 +90,7 @@ def test_other_steps_and_peaks():
 def test_rows_that_repeat_the_last_one():
     found = contents(files.unam(repeated=2))
     assert {trace.data.size for trace in found.traces} == {120}
-    assert found.notes == ("beyond the rows announced the last one is repeated: 2 rows left out",)
+    assert found.notes == ("2 rows omitted that repeat the last row stated in the header",)
 
 
 def test_a_row_that_is_missing_before_repeated_rows():
@@ -104,7 +104,7 @@ def test_a_row_that_is_missing_before_repeated_rows():
 def test_a_row_with_another_number_of_numbers():
     lines = files.afad().splitlines()
     lines[20] += " 0.1"
-    refused("\n".join(lines) + "\n", "holds 4 numbers, not 3")
+    refused("\n".join(lines) + "\n", "contains 4 numbers, not 3")
 
 
 @pytest.mark.parametrize(

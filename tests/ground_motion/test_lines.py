@@ -33,18 +33,18 @@ def test_lines_are_taken_blank_or_not():
 
 def test_messages_name_the_line():
     lines = Lines(TEXT)
-    with pytest.raises(RecordError, match="there are 7 lines, fewer than the 8 to skip"):
+    with pytest.raises(RecordError, match="the file has 7 lines, fewer than the 8 to skip"):
         lines.skip(8)
     lines.skip(4)
-    with pytest.raises(RecordError, match="after line 4 there is no trailer"):
+    with pytest.raises(RecordError, match="no trailer found after line 4"):
         lines.take_until(lambda line: line == "trailer", "trailer")
-    with pytest.raises(RecordError, match="line 5 holds 2 numbers, not 3"):
+    with pytest.raises(RecordError, match="line 5 contains 2 numbers, not 3"):
         lines.table(1, 3)
     with pytest.raises(
-        RecordError, match=r"more than the 1 values that are announced stand after line 5"
+        RecordError, match=r"more than the 1 values stated in the header follow line 5"
     ):
         lines.numbers(1)
-    with pytest.raises(RecordError, match="line 7 stands after the last row"):
+    with pytest.raises(RecordError, match="line 7 follows the last row"):
         lines.expect_end()
-    with pytest.raises(RecordError, match="line 7: 'end' stands where numbers should"):
+    with pytest.raises(RecordError, match="line 7 must contain numbers, got 'end'"):
         lines.numbers(1)

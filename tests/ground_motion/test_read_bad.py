@@ -90,7 +90,7 @@ class TestNoRecord:
     def test_unknown_format(self, data):
         refused(
             data,
-            "unknown format(; those that are read: MSEED, KNET|: a table of numbers begins in line "
+            "unknown format(; those that are read: MSEED, KNET|: a table of numbers starts in line "
             "1)",
         )
 

@@ -47,7 +47,10 @@ class TestStep:
     def test_of_a_bare_column(self, file):
         (record,) = read(file, one_column(header=None), "gal", step=0.005)
         assert (record.dt, record.pga) == (0.005, 0.015)
-        assert record.notes[0] == "the sampling interval of 0.005 s is given, the file tells none"
+        assert (
+            record.notes[0]
+            == "using the specified sampling interval of 0.005 s; the file states none"
+        )
 
     def test_of_columns_without_a_time(self, file):
         records = read(file, table([], *COLUMNS, separator="  "), "gal", step=0.02)
@@ -59,8 +62,8 @@ class TestStep:
         np.testing.assert_allclose(records[2].acceleration, 0.01 * COLUMNS[2], rtol=1e-15)
         # The samples of one motion may stand so, too.
         told = (
-            "each of 3 columns without names is taken for a motion: one that runs on along the "
-            "lines must have one"
+            "each of 3 columns without names is read as a separate ground motion; if the lines "
+            "continue"
         )
         assert all(any(note.startswith(told) for note in record.notes) for record in records)
         timed = read(file, table([], 0.02 * np.arange(60), *COLUMNS[:2], separator=" "), "gal")
@@ -132,12 +135,12 @@ class TestColumn:
     @pytest.mark.parametrize(
         ("wanted", "units", "message"),
         [
-            ("6", None, "there is no column 6; the table has 5"),
-            ("0", None, "there is no column 0"),
-            ("9" * 400, None, "there is no column 9{40}; the table has 5"),
+            ("6", None, "column 6 not found; the table has columns 1 to 5"),
+            ("0", None, "column 0 not found"),
+            ("9" * 400, None, "column 9{40} not found; the table has columns 1 to 5"),
             ("1", None, r"column 1 is the time \(Time \(s\)\)"),
-            ("sensor", None, "no column 'sensor'; there are Time"),
-            ("5", None, "'c', which is no unit of"),
+            ("sensor", None, "column 'sensor' not found; the columns are Time"),
+            ("5", None, "must be a unit of acceleration, but its header states 'c'"),
             ("3", "gal", r"gives its units \(g\), gal contradicts"),
             ("2", None, "does not tell the units"),
             (
@@ -163,12 +166,12 @@ class TestColumn:
     @pytest.mark.parametrize(
         ("names", "layout", "message"),
         [
-            (["t,a,a"], {"column": "a"}, "columns 2 and 3 are called 'a'; give the number"),
-            ([], {"column": "a"}, "the table has no names of columns; give its number"),
+            (["t,a,a"], {"column": "a"}, "columns 2 and 3 have the name 'a'; specify the number"),
+            ([], {"column": "a"}, "the table has no column names; specify the number"),
             (
                 ["s,P1,P2"],
                 {"step": 0.02},
-                "do not tell the acceleration; choose one by `column`: P1, P2",
+                "do not identify the acceleration; select a column by `column`: P1, P2",
             ),
         ],
     )
@@ -192,7 +195,7 @@ class TestSkippedLines:
                 file, text(above, one_column(header=None)), "gal", skip_lines=2, step=0.01
             )
             assert (record.dt, record.pga) == (0.01, 0.015)
-            assert "2 lines at its beginning passed over, as asked" in record.notes
+            assert "2 lines ignored at the beginning, as requested" in record.notes
 
     @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
     def test_above_names_with_a_byte_order_mark(self, file, mark):
@@ -220,7 +223,7 @@ class TestSkippedLines:
             "g",
             skip_lines=500,
         )
-        fails(r"begins in line 3: tell by `step` and `column`, past", file, content, "g")
+        fails(r"starts in line 3: specify it by `step` and `column` and skip", file, content, "g")
 
 
 def test_a_unit_of_acceleration_tells_a_motion(file):
@@ -231,7 +234,7 @@ def test_a_unit_of_acceleration_tells_a_motion(file):
     (record,) = read(file, base)
     assert (record.component, record.units, record.pga) == ("base", "m/s^2", pytest.approx(1.0))
     fails(
-        r"tell by `column` which is the motion: base_m_s2, drift_m$",
+        r"select the ground motion by `column`: base_m_s2, drift_m$",
         file,
         text(["time_s,base_m_s2,drift_m"], drift),
     )
@@ -241,14 +244,14 @@ def test_a_unit_of_acceleration_tells_a_motion(file):
 def test_what_a_table_lacks_is_named(file, layout):
     quoted = "\n".join(f'"{t:.2f}","{a:.4f}"' for t, a in zip(times(), COLUMNS[0], strict=True))
     fails(
-        "its numbers stand in quotation marks; write them without",
+        "its numbers are in quotation marks; remove the quotation marks",
         file,
         '"time_s","a_m_s2"\n' + quoted,
         **layout,
     )
     if not layout:
         fails(
-            "one row of numbers; a record has two samples at least",
+            "only one row of numbers; a record needs at least two samples",
             file,
             "time_s,a_m_s2\n0.0,1.0\n",
         )

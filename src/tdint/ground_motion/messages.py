@@ -1,5 +1,4 @@
-"""What ObsPy and its C libraries say while they work, caught before it reaches the user's
-terminal."""
+"""Capture of messages that ObsPy and its C libraries print or warn about."""
 
 from __future__ import annotations
 
@@ -15,12 +14,12 @@ from typing import IO, Any
 from tdint.system import unnamed_file
 
 _LONGEST = 300
-"""Characters of a message; ObsPy's may quote a whole file."""
+"""Characters; maximum length of a message, because ObsPy may quote an entire file."""
 
 _DRAWING = "obspy.imaging.source"
 
-# Warnings about code, not about a file: obspy's plugins are imported late, and Python's own changes
-# show up here.
+# Warnings about code instead of a file. The plugins of ObsPy are imported late and may use
+# deprecated Python features.
 _ABOUT_CODE = (
     DeprecationWarning,
     PendingDeprecationWarning,
@@ -32,72 +31,74 @@ _ABOUT_CODE = (
 
 @contextmanager
 def quiet_import() -> Iterator[None]:
-    """Import a part of obspy without the warnings that its own code (not the user's file) gives
-    rise to.
+    """Import a part of ObsPy without warnings about the code of ObsPy.
 
-    And without what its earthquakes are drawn by, a quarter of the time that all of obspy takes.
+    The import of the module that plots earthquakes is postponed, because it needs a quarter of the
+    import time of ObsPy.
     """
-    with warnings.catch_warnings(), _put_off(_DRAWING):
+    with warnings.catch_warnings(), _postponed_import(_DRAWING):
         for category in _ABOUT_CODE:
             warnings.simplefilter("ignore", category)
         yield
 
 
 @contextmanager
-def _put_off(name: str) -> Iterator[None]:
-    """Give who imports functions of a module such ones as import it when they are called."""
+def _postponed_import(name: str) -> Iterator[None]:
+    """Postpone the import of a module: functions imported from it inside the block import the
+    module when they are called."""
     if name in sys.modules:
         yield
         return
 
-    def later(function: str) -> Any:
+    def importing_function(function: str) -> Any:
         if function.startswith("__"):
             raise AttributeError(function)
-        return lambda *given, **named: getattr(import_module(name), function)(*given, **named)
+        return lambda *args, **kwargs: getattr(import_module(name), function)(*args, **kwargs)
 
-    stand_in = ModuleType(name)
-    stand_in.__dict__["__getattr__"] = later
-    sys.modules[name] = stand_in
+    placeholder = ModuleType(name)
+    placeholder.__dict__["__getattr__"] = importing_function
+    sys.modules[name] = placeholder
     try:
         yield
     finally:
-        if sys.modules.get(name) is stand_in:
+        if sys.modules.get(name) is placeholder:
             del sys.modules[name]
 
 
 @contextmanager
 def caught_messages() -> Iterator[list[str]]:
-    """Collect Python warnings and what C code prints to standard error.
+    """Collect Python warnings and the text that C code prints to standard error.
 
-    Both are the whole process's: another thread that writes to standard error at this time is
-    caught as well.
+    Warnings and standard error belong to the process: output of other threads during the block is
+    also collected.
 
     Yields
     ------
     list of str
-        Empty inside the block; afterwards every message once, in the order of appearance, without
-        the warnings that are about code.
+        Empty inside the block. After the block, each message once, in the order of appearance,
+        without warnings about code.
     """
     messages: list[str] = []
     with (
         warnings.catch_warnings(record=True) as caught,
-        _lost_in_callbacks() as lost,
+        _callback_errors() as lost,
         _printed_by_c() as printed,
     ):
         warnings.simplefilter("always")
         yield messages
-    # ObsPy's own deprecation warning is a UserWarning; importing its class here would load obspy.
-    told = [w for w in caught if w.category.__name__ != "ObsPyDeprecationWarning"]
-    texts = [one_line(str(w.message)) for w in told if not issubclass(w.category, _ABOUT_CODE)]
+    # The deprecation warning of ObsPy is a UserWarning. It is compared by name, because an import
+    # of its class would load ObsPy.
+    others = [w for w in caught if w.category.__name__ != "ObsPyDeprecationWarning"]
+    texts = [one_line(str(w.message)) for w in others if not issubclass(w.category, _ABOUT_CODE)]
     messages.extend(dict.fromkeys(texts + lost + printed))
 
 
 @contextmanager
-def _lost_in_callbacks() -> Iterator[list[str]]:
-    """Catch what goes wrong in Python functions that C code calls: nothing can be raised through
-    the C code.
+def _callback_errors() -> Iterator[list[str]]:
+    """Collect the messages of exceptions in Python functions called by C code, which cannot
+    propagate through the C code.
 
-    ObsPy loses libmseed's messages this way when a channel code in them is not ASCII.
+    For example, ObsPy loses messages of libmseed if they contain a channel code that is not ASCII.
     """
     lost: list[str] = []
 
@@ -120,12 +121,12 @@ def _lost_in_callbacks() -> Iterator[list[str]]:
 
 @contextmanager
 def _printed_by_c() -> Iterator[list[str]]:
-    """Catch standard error at the level of the operating system, where libgse2 and evalresp print
-    to."""
+    """Capture standard error at the level of the operating system, because libgse2 and evalresp
+    print to it directly."""
     lines: list[str] = []
     try:
         saved = os.dup(2)
-    except OSError:  # There is no standard error to guard.
+    except OSError:  # The process has no standard error.
         yield lines
         return
     with _spool() as spool:
@@ -144,8 +145,8 @@ def _printed_by_c() -> Iterator[list[str]]:
 
 
 def _spool() -> IO[bytes]:
-    """A file without a name; in memory where there is no folder for temporary files."""
-    from tempfile import TemporaryFile  # for formats that need the guard alone
+    """Open a file without a name, in memory if there is no directory for temporary files."""
+    from tempfile import TemporaryFile  # imported late: only a few formats need it
 
     try:
         return TemporaryFile()
@@ -154,7 +155,6 @@ def _spool() -> IO[bytes]:
 
 
 def one_line(text: str) -> str:
-    """A message of another program as one line that a person can read: what is too long ends in an
-    ellipsis."""
+    """Convert a message of another program to one line; shorten a long message with an ellipsis."""
     line = " ".join(text[: 2 * _LONGEST].split())
     return line if len(line) <= _LONGEST else f"{line[:_LONGEST]} ..."

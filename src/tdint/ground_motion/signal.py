@@ -1,5 +1,4 @@
-"""What one sensor recorded: samples of an acceleration, a velocity or a displacement, brought to
-other times."""
+"""Signal of one sensor (acceleration, velocity or displacement): offset, filters and resampling."""
 
 from __future__ import annotations
 
@@ -14,23 +13,25 @@ from tdint.ground_motion.processing_steps import resampled, zero_phase
 from tdint.ground_motion.record import Input
 
 _QUIET = 1e-6
-"""Part of the squared velocities of a displacement that comes before the shaking."""
+"""Fraction of the sum of squared velocities of a displacement that belongs to the time before the
+shaking."""
 
-_TOLD = 3.0
-"""Standard errors from which an offset is told: chance is beyond them once in 370 times."""
+_MAX_STANDARD_ERRORS = 3.0
+"""Standard errors; an offset is reported above this value, which chance exceeds once in 370
+cases."""
 
 _SAME = 1e-9
-"""Relative difference up to which two sampling intervals are one."""
+"""Relative difference up to which two sampling intervals are considered equal."""
 
 
 @dataclass(frozen=True)
 class Signal:
-    """One channel as it was recorded, in SI units.
+    """One recorded channel in SI units.
 
     Attributes
     ----------
     samples : ndarray, shape (samples,)
-        m, m/s or m/s^2.
+        Samples, m, m/s or m/s^2.
     dt : float
         Sampling interval, s.
     quantity : str
@@ -38,13 +39,13 @@ class Signal:
     label : str
         File and channel, for messages.
     start : float or None
-        Time of the first sample, s, on the `clock`; None if the file does not tell.
+        Time of the first sample, s, on the `clock`; None if the file does not state it.
     clock : str
         `UTC`, or `table` for the times of a table; empty without a start.
     notes, warnings : tuple of str
-        What the reader assumed or did.
+        Assumptions and changes made by the reader.
     input : Input
-        The file that it was read from.
+        File from which the channel was read.
     """
 
     samples: Array
@@ -58,21 +59,31 @@ class Signal:
     input: Input
 
     def with_samples(self, samples: Array, quantity: str | None = None) -> Signal:
-        """The same channel with other samples, of another quantity if one is named."""
+        """Return the channel with other samples and, if specified, another quantity."""
         return replace(self, samples=samples, quantity=quantity or self.quantity)
 
     def centered(self) -> Signal:
-        """Without the sensor's offset."""
+        """Return the channel without the offset of the sensor."""
         return self.with_samples(without_offset(self.samples, self.quantity))
 
     def times(self, factor: float) -> Signal:
-        """Multiplied by a factor."""
+        """Return the channel multiplied by a factor."""
         return self.with_samples(factor * self.samples)
 
 
 def without_offset(samples: Array, quantity: str) -> Array:
-    """Samples less what they are at rest: an acceleration its median; a displacement, which may
-    remain when all is over, the median of what it is before the shaking."""
+    """Subtract the value at rest from samples.
+
+    The value at rest of an acceleration or a velocity is the median. A displacement may be
+    permanent after the shaking; its value at rest is therefore the median before the shaking.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (samples,)
+        Samples of the quantity.
+    quantity : str
+        `acceleration`, `velocity` or `displacement`.
+    """
     if quantity != "displacement":
         return np.asarray(samples - np.median(samples))
     moved = np.cumsum(np.diff(samples) ** 2)
@@ -81,16 +92,17 @@ def without_offset(samples: Array, quantity: str) -> Array:
 
 
 def has_offset(acceleration: Array) -> bool:
-    """Whether samples tell an offset: they lie on one side of zero more often than chance lets
-    them.
+    """Return True if samples have an offset: they are on one side of zero more often than explained
+    by chance.
 
-    By the sign test: the mean of the signs is beyond three times its standard error, 1 /
-    sqrt(stays), where a stay on one side of the median is one draw. The median of a motion without
-    an offset is not zero; who takes it off adds a step to the ground, which the building answers.
+    The sign test is used: the mean of the signs exceeds three times its standard error,
+    1 / sqrt(stays). A stay is an interval on one side of the median and counts as one sample. The
+    median of a motion without an offset is not exactly zero. Subtracting it would add a step to the
+    ground acceleration, which would excite the building.
     """
     centered = acceleration - np.median(acceleration)
     stays = 1 + np.count_nonzero(np.diff(np.sign(centered)))
-    return bool(abs(np.mean(np.sign(acceleration))) > _TOLD / math.sqrt(stays))
+    return bool(abs(np.mean(np.sign(acceleration))) > _MAX_STANDARD_ERRORS / math.sqrt(stays))
 
 
 def in_band(
@@ -100,13 +112,26 @@ def in_band(
     label: str,
     quantity: str = "acceleration",
 ) -> Array:
-    """Samples (along the first axis) between two frequencies, Hz, by filters without shift of
-    phase; as they are without a band. A displacement stays where it ends.
+    """Filter samples to a frequency band with zero-phase filters.
+
+    Parameters
+    ----------
+    samples : ndarray
+        Samples along the first axis.
+    dt : float
+        Sampling interval, s.
+    band : tuple of float or None
+        Lower and upper frequency, Hz; None returns the samples unchanged.
+    label : str
+        Name of the samples in error messages.
+    quantity : str
+        A `displacement` keeps its last value after the end; other quantities are zero after the
+        end. Default `acceleration`.
 
     Raises
     ------
     RecordError
-        The band is out of the reach of such samples; `label` names them.
+        The band cannot be represented at this sampling interval.
     """
     if band is None:
         return samples
@@ -116,28 +141,36 @@ def in_band(
 
 
 def at_times(samples: Array, dt: float, first: float, interval: float, count: int) -> Array:
-    """The band-limited motion through samples dt (s) apart, at the times 0, interval, ..., (count -
-    1) interval.
+    """Evaluate the band-limited motion through samples at the times 0, interval, ...,
+    (count - 1) interval.
 
     Parameters
     ----------
+    samples : ndarray, shape (samples,)
+        Samples of the motion.
+    dt : float
+        Sampling interval, s.
     first : float
         Time of the first sample, s.
+    interval : float
+        Interval of the requested times, s.
+    count : int
+        Number of requested times.
 
     Returns
     -------
     ndarray, shape (count,)
-        nan before the first sample and after the last one.
+        Values of the motion; nan before the first and after the last sample.
     """
     if not math.isclose(dt, interval, rel_tol=_SAME):
         samples, _ = resampled(samples, dt, interval)
     whole = math.floor(first / interval + 0.5)
-    rest = first / interval - whole
-    if abs(rest) > _SAME * max(1, count):
-        # The band-limited motion a part of the sampling interval later; it is zero outside its
-        # samples.
+    fraction = first / interval - whole
+    if abs(fraction) > _SAME * max(1, count):
+        # Shift the band-limited motion, which is zero outside its samples, by a fraction of the
+        # sampling interval.
         size = 2 * samples.size
-        phase = np.exp(-2j * math.pi * rest * np.fft.rfftfreq(size))
+        phase = np.exp(-2j * math.pi * fraction * np.fft.rfftfreq(size))
         samples = np.fft.irfft(np.fft.rfft(samples, size) * phase, size)[: samples.size]
     result = np.full(count, np.nan)
     begin, end = max(0, whole), min(count, whole + samples.size)

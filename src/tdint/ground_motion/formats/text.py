@@ -226,7 +226,7 @@ def read_text(
     taken = chosen or _accelerations(header.names, range(int(is_leading), width))
     if skipped:
         warnings.warn(
-            f"{how_many(skipped, 'line')} skipped at the beginning, as requested", stacklevel=2
+            f"{how_many(skipped, 'line')} ignored at the beginning, as requested", stacklevel=2
         )
     if not stated:
         warnings.warn(
