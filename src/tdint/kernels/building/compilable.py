@@ -26,6 +26,7 @@ class Scalar:
     name: str
 
     def __call__(self, *arguments: Argument) -> Signature:
+        """Return the signature of a function of these arguments with this type of result."""
         return Signature(self, arguments)
 
 

@@ -153,7 +153,7 @@ def _compile(
 
     Parameters
     ----------
-    requested : sequence of (Compilable, Variant)
+    missing : sequence of (Compilable, Variant)
         Kernels without object file.
     progress : callable
         Is called with the completed fraction.

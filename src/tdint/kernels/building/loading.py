@@ -89,6 +89,7 @@ class Loaded:
         self._function = prototype(self.address)
 
     def __call__(self, *arguments: Any) -> Any:
+        """Call the kernel and return its result."""
         flat: list[Any] = []
         for part, argument in zip(self._parts, arguments, strict=True):
             part(argument, flat)

@@ -32,13 +32,37 @@ _MIN_DISTANCE = 1e-6
 @inline
 def _story_value(linear_terms, scratch, row, i):
     """Return the value of story `i` from a row with values of floors: the value of its floor minus
-    the value of the floor below."""
+    the value of the floor below.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building (`tdint.kernels.layout`).
+    scratch : ndarray
+        Scratch array of the step.
+    row : int
+        Row of the table.
+    i : int
+        Index of the story.
+    """
     return scratch[row, i] - linear_terms[rows.LINK, i] * scratch[row, max(i - 1, 0)]
 
 
 @inline
 def _story_path(linear_terms, law_state, scratch, i):
-    """Return the parabola of drift of story `i`."""
+    """Return the parabola of drift of story `i`.
+
+    Parameters
+    ----------
+    linear_terms : ndarray
+        Linear terms of the building (`tdint.kernels.layout`).
+    law_state : ndarray
+        States of the laws.
+    scratch : ndarray
+        Scratch array of the step.
+    i : int
+        Index of the story.
+    """
     rise, bend = (
         _story_value(linear_terms, scratch, ROW.RISE, i),
         _story_value(linear_terms, scratch, ROW.BEND, i),
@@ -51,13 +75,39 @@ def _story_path(linear_terms, law_state, scratch, i):
 
 @inline
 def _skip_branch(law_state, i, block, stretch, results):
-    """Do nothing on a branch."""
+    """Do nothing on a branch.
+
+    Parameters
+    ----------
+    law_state : ndarray
+        States of the laws.
+    i : int
+        Index of the story.
+    block : int
+        First row of the state.
+    stretch : Stretch
+        Part of the path.
+    results : Integrals
+        Rows of the results.
+    """
     pass
 
 
 @inline
 def _ignore(results, i, t, force):
-    """Ignore the end of a branch."""
+    """Ignore the end of a branch.
+
+    Parameters
+    ----------
+    results : Integrals
+        Rows of the results.
+    i : int
+        Index of the story.
+    t : float
+        Time of the end of the branch.
+    force : float
+        Force, N.
+    """
     pass
 
 

@@ -668,7 +668,21 @@ def _solve_function(solve_undamped):
 
     @inline
     def solve_with_modes(factors, damping, x, y, n):
-        """Solve a linear system with right side and solution in the rows `x` and `y`."""
+        """Solve a linear system with right side and solution in the rows `x` and `y`.
+
+        Parameters
+        ----------
+        factors : Factors
+            Rows of the factorization.
+        damping : ModalBlocks
+            Modal damping.
+        x : int
+            Row of the first component of the right side and of the solution.
+        y : int
+            Row of the second component of the right side and of the solution.
+        n : int
+            Number of floors.
+        """
         solve_undamped(factors, x, y, n)
         if _MODAL and damping.modal.shape[0] > 0:
             _correct_pairs(factors, damping, x, y, n)

@@ -19,12 +19,27 @@ _HARDENING = rows.FIRST_PARAMETER + 1
 
 
 def _functions() -> LawFunctions:
+    """Return the compiled functions of the law."""
     from tdint.kernels.compiling import inline
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
         """Return the tangent stiffness, N/m (k, or a k while the story yields), and write FORCE and
-        INTERNAL to block `trial`."""
+        INTERNAL to block `trial`.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        previous : int
+            First row of the state at the start of the path.
+        trial : int
+            First row of the state at the end of the path.
+        drift : float
+            Drift, m.
+        """
         k = law_parameters[rows.STIFFNESS, i]
         hardening = law_parameters[_HARDENING, i]
         strength = (1.0 - hardening) * law_parameters[_YIELD_FORCE, i]
@@ -53,7 +68,19 @@ def _functions() -> LawFunctions:
 
     @inline
     def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
-        """Add |z| times the plastic drift of the path to row DISSIPATED of block `trial`, J."""
+        """Add |z| times the plastic drift of the path to row DISSIPATED of block `trial`, J.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        previous : int
+            First row of the state at the start of the path.
+        trial : int
+            First row of the state at the end of the path.
+        """
         law_state[trial + rows.DISSIPATED, i] = law_state[previous + rows.DISSIPATED, i]
         z = law_state[trial + rows.INTERNAL, i]
         plastic_share = 1.0 - law_parameters[_HARDENING, i]
@@ -82,7 +109,21 @@ def _functions() -> LawFunctions:
     @inline
     def advance(law_parameters, law_state, i, block, step, mean_force):
         """Update z on an elastic branch or the dissipated energy on a yielding branch (RATE_SIGN
-        not 0)."""
+        not 0).
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        step : float
+            Change of drift, m.
+        mean_force : float
+            Mean force on the path, N.
+        """
         if law_state[block + rows.RATE_SIGN, i] == 0.0:
             elastic = (
                 law_parameters[_HARDENING, i]
@@ -95,7 +136,19 @@ def _functions() -> LawFunctions:
 
     @inline
     def switch(law_parameters, law_state, i, block, event):
-        """Set the elastic branch after a reversal, or the yielding branch after a limit."""
+        """Set the elastic branch after a reversal, or the yielding branch after a limit.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        event : float
+            End of the branch: ABOVE, BELOW or REVERSED.
+        """
         k = law_parameters[rows.STIFFNESS, i]
         hardening = law_parameters[_HARDENING, i]
         strength = (1.0 - hardening) * law_parameters[_YIELD_FORCE, i]

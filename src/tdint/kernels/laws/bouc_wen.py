@@ -51,6 +51,7 @@ half."""
 
 
 def _functions() -> LawFunctions:
+    """Return the compiled functions of the law."""
     import numpy as np
 
     from tdint.kernels.compiling import inline, outlined
@@ -66,6 +67,17 @@ def _functions() -> LawFunctions:
     @inline
     def unloading(u, q, n, r):
         """Integrate u' = -(1 + q u^n) over the drift change `r` by one Runge-Kutta step.
+
+        Parameters
+        ----------
+        u : float
+            |w| at the start of the path.
+        q : float
+            2 beta - 1.
+        n : int
+            Number of floors.
+        r : float
+            Drift change, in Fy / k.
 
         Returns
         -------
@@ -138,6 +150,19 @@ def _functions() -> LawFunctions:
 
         The path is integrated in three parts: unloading to w = 0, loading by the series near w = 0,
         and loading by Runge-Kutta steps.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        previous : int
+            First row of the state at the start of the path.
+        trial : int
+            First row of the state at the end of the path.
+        drift : float
+            Drift, m.
         """
         k = law_parameters[rows.STIFFNESS, i]
         strength = law_parameters[_YIELD_FORCE, i]
@@ -226,7 +251,19 @@ def _functions() -> LawFunctions:
 
     @inline
     def accumulate_dissipation(law_parameters, law_state, i, previous, trial):
-        """Do nothing: the law computes the dissipated energy together with the force."""
+        """Do nothing: the law computes the dissipated energy together with the force.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        previous : int
+            First row of the state at the start of the path.
+        trial : int
+            First row of the state at the end of the path.
+        """
         pass  # `force` computes the dissipated energy.
 
     @outlined
@@ -236,6 +273,17 @@ def _functions() -> LawFunctions:
 
         The integral of dx = du / (1 + q u^n) from 0 to u is computed with Gauss points in the
         square root of u / |w|.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
         """
         u = -side * law_state[block + rows.INTERNAL, i]
         if not u > 0.0:
@@ -278,7 +326,19 @@ def _functions() -> LawFunctions:
 
     @inline
     def keep(law_parameters, law_state, i, previous, trial):
-        """Commit the direction of the path; for small exponents also the limits of the branch."""
+        """Commit the direction of the path; for small exponents also the limits of the branch.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        previous : int
+            First row of the state at the start of the path.
+        trial : int
+            First row of the state at the end of the path.
+        """
         drift_change = law_state[trial + rows.DRIFT, i] - law_state[previous + rows.DRIFT, i]
         if drift_change != 0.0:
             law_state[rows.RATE_SIGN, i] = math.copysign(1.0, drift_change)
@@ -291,6 +351,17 @@ def _functions() -> LawFunctions:
         of sign of w.
 
         The tangent stiffness is discontinuous at a reversal.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        event : float
+            End of the branch: ABOVE, BELOW or REVERSED.
         """
         if event == rows.REVERSED:
             law_state[block + rows.RATE_SIGN, i] = -law_state[block + rows.RATE_SIGN, i]
@@ -301,15 +372,25 @@ def _functions() -> LawFunctions:
             law_state[block + rows.LOWER, i] = -math.inf
 
     @inline
-    def points(law_parameters, law_state, i, path):
+    def points(law_parameters, law_state, i, way):
         """Return the number of Gauss points for an integration error of about 1e-6 of the yield
-        force."""
+        force.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        way : float
+            Change of drift along the path, m.
+        """
         n = law_parameters[_EXPONENT, i]
         return (
             1.9
             + 4.0
             * (n + 1.0)
-            * path
+            * way
             * law_parameters[rows.STIFFNESS, i]
             / law_parameters[_YIELD_FORCE, i]
         )

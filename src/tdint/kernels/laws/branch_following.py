@@ -21,7 +21,21 @@ reversals."""
 
 @inline
 def no_operation(law_parameters, law_state, i, block, step, mean_force):
-    """Update no row (an `advance` for a law with a state that consists of drift and force)."""
+    """Update no row (an `advance` for a law with a state that consists of drift and force).
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    block : int
+        First row of the state.
+    step : float
+        Change of drift, m.
+    mean_force : float
+        Mean force on the path, N.
+    """
 
 
 def add_work(law_parameters, law_state, i, block, step, mean_force):
@@ -56,7 +70,19 @@ def extra_rows(law_state, block):
 @inline
 def copy_extra_rows(law_state, i, previous, trial):
     """Copy the extra rows of story `i` from block `previous` to block `trial`, if the table has
-    extra rows."""
+    extra rows.
+
+    Parameters
+    ----------
+    law_state : ndarray
+        States of the laws.
+    i : int
+        Index of the story.
+    previous : int
+        First row of the state at the start of the path.
+    trial : int
+        First row of the state at the end of the path.
+    """
     for row in range((law_state.shape[0] - rows.EXTRA_ROWS) // rows.LAW_STATE_BLOCKS):
         law_state[extra_rows(law_state, trial) + row, i] = law_state[
             extra_rows(law_state, previous) + row, i
@@ -96,6 +122,17 @@ def fail(law_state, i, block, failed):
     """Remove the strength and stiffness of story `i` permanently.
 
     Sets FORCE to 0, a branch with zero slope and without limits, and INTERNAL to `failed`.
+
+    Parameters
+    ----------
+    law_state : ndarray
+        States of the laws.
+    i : int
+        Index of the story.
+    block : int
+        First row of the state.
+    failed : float
+        Value of INTERNAL after the failure.
     """
     law_state[block + rows.INTERNAL, i] = failed
     law_state[block + rows.FORCE, i] = 0.0
@@ -161,6 +198,19 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
 
         The path remains on the branch if `drift` is within the limits, the direction is that of
         RATE_SIGN, and the branch is linear.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        previous : int
+            First row of the state at the start of the path.
+        trial : int
+            First row of the state at the end of the path.
+        drift : float
+            Drift, m.
         """
         branch_block = branch_owner(law_state, i, previous)
         slope = law_state[branch_block + rows.SLOPE, i]
@@ -188,8 +238,19 @@ def branch_first(functions: LawFunctions) -> LawFunctions:
 
     @inline
     def commit_changed_rows(law_parameters, law_state, i, previous, trial):
-        """Commit the rows other than the common rows, depending on the reference in block
-        `trial`."""
+        """Commit the rows other than the common rows, depending on the reference in block `trial`.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        previous : int
+            First row of the state at the start of the path.
+        trial : int
+            First row of the state at the end of the path.
+        """
         if law_state[trial + rows.BRANCH_OFFSET, i] == float(rows.COMMITTED - trial):
             # The complete path is on the committed branch, so only WORK has to be committed.
             # INTERNAL is written because `commit` copies all common rows, INTERNAL included.
@@ -219,6 +280,19 @@ def advancing(move: Any) -> Any:
 
     @inline
     def advance(law_parameters, law_state, i, block, drift):
+        """Move the state to a drift on its current linear branch.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        drift : float
+            Drift, m.
+        """
         step = drift - law_state[block + rows.DRIFT, i]
         force = law_state[block + rows.FORCE, i]
         new = force + law_state[block + rows.SLOPE, i] * step
@@ -250,6 +324,21 @@ def branch_follower(switch: Any, move: Any = None) -> Any:
 
     @specialized
     def follow(law_parameters, law_state, i, previous, trial, drift):
+        """Follow the branches to a drift and return the slope of the last branch, N/m.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        previous : int
+            First row of the state at the start of the path.
+        trial : int
+            First row of the state at the end of the path.
+        drift : float
+            Drift, m.
+        """
         for row in range(rows.LAW_STATE_ROWS):
             law_state[trial + row, i] = law_state[previous + row, i]
         copy_extra_rows(law_state, i, previous, trial)
@@ -287,10 +376,24 @@ def follow_branches(switch: Any, strain_energy: Any, enter: Any) -> LawFunctions
 
     @inline
     def hysteretic_energy(law_parameters, law_state, i):
+        """Return the work done minus the strain energy, J."""
         return law_state[rows.WORK, i] - strain_energy(law_parameters, law_state, i)
 
     @inline
     def keep(law_parameters, law_state, i, previous, trial):
+        """Commit all rows except the common rows.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        previous : int
+            First row of the state at the start of the path.
+        trial : int
+            First row of the state at the end of the path.
+        """
         for row in range(rows.COMMON_ROWS, rows.LAW_STATE_ROWS):
             law_state[row, i] = law_state[trial + row, i]
         copy_extra_rows(law_state, i, trial, 0)

@@ -32,9 +32,11 @@ class _Codes:
     """
 
     def __init__(self, has: Callable[[DriftLaw], bool]) -> None:
+        """Store the property `has`."""
         self.has = has
 
     def __contains__(self, code: Any) -> bool:
+        """Return True if the law with number `code` has the property."""
         return self.has(LAWS[int(code)])
 
 

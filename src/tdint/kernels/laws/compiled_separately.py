@@ -49,13 +49,48 @@ if COMPILES:
         """Call the kernel at `address`, see `_all_hooks`.
 
         A float64 represents the address exactly, because addresses have at most 48 bits.
+
+        Parameters
+        ----------
+        address : float
+            Address of the kernel.
+        hook : int
+            Number of the function, see `_all_hooks`.
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        previous : int
+            First row of the state at the start of the path.
+        trial : int
+            First row of the state at the end of the path.
+        x : float
+            Drift for `force`, m; event for `switch`.
         """
         return _call_at(int(address), hook, law_parameters, law_state, i, previous, trial, x)
 
 else:
 
     def _call(address, hook, law_parameters, law_state, i, previous, trial, x):
-        """Call the Python function of the law; an address is not required without compilation."""
+        """Call the Python function of the law; an address is not required without compilation.
+
+        Parameters
+        ----------
+        address : float
+            Address of the kernel.
+        hook : int
+            Number of the function, see `_all_hooks`.
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        previous : int
+            First row of the state at the start of the path.
+        trial : int
+            First row of the state at the end of the path.
+        x : float
+            Drift for `force`, m; event for `switch`.
+        """
         return _kernel(int(law_parameters[rows.CODE, i])).function(
             hook, law_parameters, law_state, i, previous, trial, x
         )
@@ -63,6 +98,21 @@ else:
 
 @inline
 def _force(law_parameters, law_state, i, previous, trial, drift):
+    """Call the force function of the law.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    previous : int
+        First row of the state at the start of the path.
+    trial : int
+        First row of the state at the end of the path.
+    drift : float
+        Drift, m.
+    """
     return _call(
         law_state[rows.ADDRESS, i], _FORCE, law_parameters, law_state, i, previous, trial, drift
     )
@@ -70,6 +120,7 @@ def _force(law_parameters, law_state, i, previous, trial, drift):
 
 @inline
 def _strain_energy(law_parameters, law_state, i):
+    """Call the strain energy of the law."""
     return _call(
         law_state[rows.ADDRESS, i], _STRAIN_ENERGY, law_parameters, law_state, i, 0, 0, 0.0
     )
@@ -77,6 +128,7 @@ def _strain_energy(law_parameters, law_state, i):
 
 @inline
 def _hysteretic_energy(law_parameters, law_state, i):
+    """Call the hysteretic energy of the law."""
     return _call(
         law_state[rows.ADDRESS, i], _HYSTERETIC_ENERGY, law_parameters, law_state, i, 0, 0, 0.0
     )
@@ -84,16 +136,43 @@ def _hysteretic_energy(law_parameters, law_state, i):
 
 @inline
 def _keep(law_parameters, law_state, i, previous, trial):
+    """Call the commit function of the law.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    previous : int
+        First row of the state at the start of the path.
+    trial : int
+        First row of the state at the end of the path.
+    """
     _call(law_state[rows.ADDRESS, i], _KEEP, law_parameters, law_state, i, previous, trial, 0.0)
 
 
 @inline
 def _enter(law_parameters, law_state, i):
+    """Call the function that sets the first branch of the law."""
     _call(law_state[rows.ADDRESS, i], _ENTER, law_parameters, law_state, i, 0, 0, 0.0)
 
 
 @inline
 def _switch(law_parameters, law_state, i, block, event):
+    """Call the function that sets the next branch of the law.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    block : int
+        First row of the state.
+    event : float
+        End of the branch: ABOVE, BELOW or REVERSED.
+    """
     _call(law_state[rows.ADDRESS, i], _SWITCH, law_parameters, law_state, i, block, 0, event)
 
 

@@ -17,12 +17,27 @@ _STOP_STIFFNESS = rows.FIRST_PARAMETER + 1
 
 
 def _functions() -> LawFunctions:
+    """Return the compiled functions of the law."""
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import set_branch
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """Return the tangent stiffness, N/m, and write the force to block `trial`."""
+        """Return the tangent stiffness, N/m, and write the force to block `trial`.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        previous : int
+            First row of the state at the start of the path.
+        trial : int
+            First row of the state at the end of the path.
+        drift : float
+            Drift, m.
+        """
         force = law_parameters[rows.STIFFNESS, i] * drift
         tangent = law_parameters[rows.STIFFNESS, i]
         penetration = abs(drift) - law_parameters[_GAP, i]
@@ -76,8 +91,19 @@ def _functions() -> LawFunctions:
 
     @inline
     def switch(law_parameters, law_state, i, block, event):
-        """Set the branch that follows: contact on the side of the event, or the gap after
-        contact."""
+        """Set the branch that follows: contact on the side of the event, or the gap after contact.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        event : float
+            End of the branch: ABOVE, BELOW or REVERSED.
+        """
         inside = law_state[block + rows.UPPER, i] + law_state[block + rows.LOWER, i] == 0.0
         set_contact(law_parameters, law_state, i, block, event if inside else 0.0)
 

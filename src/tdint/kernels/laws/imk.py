@@ -77,6 +77,7 @@ _SAME_REVERSAL_TOLERANCE = 1e-6
 
 
 def _functions() -> LawFunctions:
+    """Return the compiled functions of the law."""
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import extra_rows, fail, follow_branches
 
@@ -91,7 +92,19 @@ def _functions() -> LawFunctions:
 
     @inline
     def side_parameter(law_parameters, i, side, parameter):
-        """Return a parameter that can differ between the sides."""
+        """Return a parameter that can differ between the sides.
+
+        Parameters
+        ----------
+        law_parameters : ndarray
+            Parameters of the laws.
+        i : int
+            Index of the story.
+        side : float
+            Direction of loading, 1 or -1.
+        parameter : int
+            Row of the parameter of the positive side.
+        """
         return law_parameters[parameter if side > 0.0 else parameter + _SIDE, i]
 
     @inline
@@ -564,7 +577,19 @@ def _functions() -> LawFunctions:
 
     @outlined
     def switch(law_parameters, law_state, i, block, event):
-        """Set the branch that follows, depending on the type of the branch and on the event."""
+        """Set the branch that follows, depending on the type of the branch and on the event.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        event : float
+            End of the branch: ABOVE, BELOW or REVERSED.
+        """
         branch_type = abs(law_state[block + rows.INTERNAL, i])
         if event == rows.REVERSED:
             side = law_state[block + rows.RATE_SIGN, i]

@@ -7,13 +7,27 @@ from tdint.kernels.laws.law import DriftLaw, LawFunctions
 
 
 def _functions() -> LawFunctions:
+    """Return the compiled functions of the law."""
     from tdint.kernels.compiling import inline
     from tdint.kernels.laws.branch_following import no_operation
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """Return the constant tangent stiffness k, N/m, and write the force k d to block
-        `trial`."""
+        """Return the constant tangent stiffness k, N/m, and write the force k d to block `trial`.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        previous : int
+            First row of the state at the start of the path.
+        trial : int
+            First row of the state at the end of the path.
+        drift : float
+            Drift, m.
+        """
         law_state[trial + rows.FORCE, i] = law_parameters[rows.STIFFNESS, i] * drift
         return law_parameters[rows.STIFFNESS, i]
 

@@ -74,6 +74,7 @@ _MIN_SLOPE = 1e-8  # relative to the stiffness; minimum slope of a path
 
 
 def _functions() -> LawFunctions:
+    """Return the compiled functions of the law."""
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import extra_rows, fail, follow_branches
 
@@ -88,17 +89,53 @@ def _functions() -> LawFunctions:
 
     @inline
     def point_drift(law_parameters, i, side, point):
-        """Return the drift of point `point` (1 to 4) of the backbone curve, m."""
+        """Return the drift of point `point` (1 to 4) of the backbone curve, m.
+
+        Parameters
+        ----------
+        law_parameters : ndarray
+            Parameters of the laws.
+        i : int
+            Index of the story.
+        side : float
+            Direction of loading, 1 or -1.
+        point : int
+            Number of the point, 1 to 4.
+        """
         return law_parameters[(_POINTS if side > 0.0 else _POINTS + _SIDE) + 2 * (point - 1), i]
 
     @inline
     def point_force(law_parameters, i, side, point):
-        """Return the force of point `point` (1 to 4) of the backbone curve, N."""
+        """Return the force of point `point` (1 to 4) of the backbone curve, N.
+
+        Parameters
+        ----------
+        law_parameters : ndarray
+            Parameters of the laws.
+        i : int
+            Index of the story.
+        side : float
+            Direction of loading, 1 or -1.
+        point : int
+            Number of the point, 1 to 4.
+        """
         return law_parameters[(_POINTS if side > 0.0 else _POINTS + _SIDE) + 2 * point - 1, i]
 
     @inline
     def pinching(law_parameters, i, side, index):
-        """Return a pinching parameter of a side: 0 is `drift`, 1 is `force`, 2 is `unloading`."""
+        """Return a pinching parameter of a side: 0 is `drift`, 1 is `force`, 2 is `unloading`.
+
+        Parameters
+        ----------
+        law_parameters : ndarray
+            Parameters of the laws.
+        i : int
+            Index of the story.
+        side : float
+            Direction of loading, 1 or -1.
+        index : int
+            Index of the parameter.
+        """
         return law_parameters[(_PINCHING if side > 0.0 else _PINCHING + _PINCHING_SIDE) + index, i]
 
     @inline
@@ -116,8 +153,19 @@ def _functions() -> LawFunctions:
 
     @outlined
     def backbone(law_parameters, i, side, drift):
-        """Return the force of the backbone curve without degradation, N, at a drift (m) of a
-        side."""
+        """Return the force of the backbone curve without degradation, N, at a drift (m) of a side.
+
+        Parameters
+        ----------
+        law_parameters : ndarray
+            Parameters of the laws.
+        i : int
+            Index of the story.
+        side : float
+            Direction of loading, 1 or -1.
+        drift : float
+            Drift, m.
+        """
         x, y = 0.0, 0.0
         for point in range(1, 5):
             end, force = (
@@ -182,8 +230,17 @@ def _functions() -> LawFunctions:
 
     @inline
     def has_yielded(law_parameters, law_state, i, block):
-        """Return True if the maximum drift of a side exceeds the first drift of the backbone
-        curve."""
+        """Return True if the maximum drift of a side exceeds the first drift of the backbone curve.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        """
         side = 1.0 if law_state[block + rows.INTERNAL, i] > 0.0 else -1.0
         loading = abs(law_state[block + rows.INTERNAL, i]) == _ON_BACKBONE
         if loading and side * law_state[block + rows.DRIFT, i] > point_drift(
@@ -530,7 +587,19 @@ def _functions() -> LawFunctions:
 
     @outlined
     def switch(law_parameters, law_state, i, block, event):
-        """Set the branch that follows, depending on the type of the branch and on the event."""
+        """Set the branch that follows, depending on the type of the branch and on the event.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        event : float
+            End of the branch: ABOVE, BELOW or REVERSED.
+        """
         branch_type = abs(law_state[block + rows.INTERNAL, i])
         reached_drift = event * law_state[block + rows.DRIFT, i]
         if event == rows.REVERSED:

@@ -37,6 +37,7 @@ _UNLOADING = 3.0
 
 
 def _functions() -> LawFunctions:
+    """Return the compiled functions of the law."""
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import follow_branches
 
@@ -93,7 +94,19 @@ def _functions() -> LawFunctions:
     @outlined
     def switch(law_parameters, law_state, i, block, event):
         """Set the unloading branch after a reversal, otherwise the reloading or the yielding
-        branch."""
+        branch.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        event : float
+            End of the branch: ABOVE, BELOW or REVERSED.
+        """
         branch_type = law_state[block + rows.INTERNAL, i]
         drift = law_state[block + rows.DRIFT, i]
         force = law_state[block + rows.FORCE, i]

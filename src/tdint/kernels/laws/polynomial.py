@@ -7,6 +7,7 @@ from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter
 
 
 def _functions() -> LawFunctions:
+    """Return the compiled functions of the law."""
     from tdint.kernels.compiling import inline
 
     @inline
@@ -15,6 +16,19 @@ def _functions() -> LawFunctions:
 
         Horner's scheme is used because the compiler can contract a sum of two products in two ways,
         depending on the variant, and the results would differ by rounding.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        previous : int
+            First row of the state at the start of the path.
+        trial : int
+            First row of the state at the end of the path.
+        drift : float
+            Drift, m.
         """
         secant = 0.0
         slope = 0.0  # derivative of the secant stiffness, N/m^2
@@ -39,6 +53,15 @@ def _functions() -> LawFunctions:
 
         With force of degree q in the drift and drift quadratic in the time s, the force times s is
         of degree 2 q + 1 in s, which q + 1 points integrate exactly.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        way : float
+            Change of drift along the path, m.
         """
         degree = law_parameters.shape[0] - rows.FIRST_PARAMETER
         while degree > 1 and law_parameters[rows.FIRST_PARAMETER + degree - 1, i] == 0.0:

@@ -9,12 +9,26 @@ from tdint.kernels.laws.law import DriftLaw, LawFunctions, LawParameter
 
 
 def _functions() -> LawFunctions:
+    """Return the compiled functions of the law."""
     from tdint.kernels.compiling import inline
 
     @inline
     def force(law_parameters, law_state, i, previous, trial, drift):
-        """Return the tangent stiffness k (1 - tanh^2), N/m, and write the force to block
-        `trial`."""
+        """Return the tangent stiffness k (1 - tanh^2), N/m, and write the force to block `trial`.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        previous : int
+            First row of the state at the start of the path.
+        trial : int
+            First row of the state at the end of the path.
+        drift : float
+            Drift, m.
+        """
         strength = law_parameters[rows.FIRST_PARAMETER, i]
         ratio = math.tanh(law_parameters[rows.STIFFNESS, i] * drift / strength)
         law_state[trial + rows.FORCE, i] = strength * ratio
@@ -39,6 +53,15 @@ def _functions() -> LawFunctions:
         strength.
 
         The poles of tanh x nearest to the real axis are at +-i pi / 2.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        way : float
+            Change of drift along the path, m.
         """
         return (
             3.0

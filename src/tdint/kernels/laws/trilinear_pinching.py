@@ -42,6 +42,7 @@ _REACHED_TOLERANCE = (
 
 
 def _functions() -> LawFunctions:
+    """Return the compiled functions of the law."""
     from tdint.kernels.compiling import inline, outlined
     from tdint.kernels.laws.branch_following import follow_branches
 
@@ -66,7 +67,19 @@ def _functions() -> LawFunctions:
     @inline
     def max_drift(law_state, i, block, side):
         """Return the absolute maximum drift on side `side`, m; during yielding, the current drift
-        is included."""
+        is included.
+
+        Parameters
+        ----------
+        law_state : ndarray
+            States of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        side : float
+            Direction of loading, 1 or -1.
+        """
         reached = (
             law_state[block + rows.HIGH_DRIFT, i]
             if side > 0.0
@@ -301,7 +314,19 @@ def _functions() -> LawFunctions:
 
     @outlined
     def switch(law_parameters, law_state, i, block, event):
-        """Set the branch that follows, depending on the type of the branch and on the event."""
+        """Set the branch that follows, depending on the type of the branch and on the event.
+
+        Parameters
+        ----------
+        law_parameters, law_state : ndarray
+            Parameters and states of the laws.
+        i : int
+            Index of the story.
+        block : int
+            First row of the state.
+        event : float
+            End of the branch: ABOVE, BELOW or REVERSED.
+        """
         branch_type = law_state[block + rows.INTERNAL, i]
         if branch_type == 0.0:
             continue_loading(law_parameters, law_state, i, block, event)

@@ -125,8 +125,19 @@ def _acceleration(series, terms, t):
 
 @outlined
 def _derivative(series, terms, order, t):
-    """Return the derivative of order `order` (0 to 2) of a series with `terms` terms at time
-    `t`."""
+    """Return the derivative of order `order` (0 to 2) of a series with `terms` terms at time `t`.
+
+    Parameters
+    ----------
+    series : ndarray
+        Coefficients.
+    terms : int
+        Number of coefficients.
+    order : int
+        Order of the derivative, 0 to 2.
+    t : float
+        Time, s.
+    """
     if order == 0:
         return _displacement(series, terms, t)
     if order == 1:
@@ -179,6 +190,17 @@ def _velocity_zero(series, terms, start, end):
     """Return the time at which the velocity changes its sign between `start` and `end`, or `end`.
 
     The velocity must be monotonic between both times.
+
+    Parameters
+    ----------
+    series : ndarray
+        Coefficients.
+    terms : int
+        Number of coefficients.
+    start : float
+        Start of the interval, s.
+    end : float
+        End of the interval, s.
     """
     if _velocity(series, terms, start) * _velocity(series, terms, end) < 0.0:
         return _root(series, terms, 1, 0.0, start, end)

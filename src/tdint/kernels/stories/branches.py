@@ -58,7 +58,19 @@ def _keep_branch(law_parameters, law_state, i):
 
 @inline
 def _keep_branch_after(law_parameters, law_state, i, block, event):
-    """Do nothing, for laws without `switch`."""
+    """Do nothing, for laws without `switch`.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    block : int
+        First row of the state.
+    event : float
+        End of the branch: ABOVE, BELOW or REVERSED.
+    """
     pass
 
 

@@ -64,6 +64,7 @@ def split_at_zero_rate(part):
 
     @inline
     def over_parts(linear_terms, i, move):
+        """Integrate over the parts of the path."""
         first_rate = move.rise - 0.5 * move.bend  # h times the rates at both endpoints
         last_rate = move.rise + 0.5 * move.bend
         if first_rate * last_rate < 0.0:

@@ -30,13 +30,37 @@ hysteretic_energy = chosen("hysteretic_energy", case_of_3, _hysteretic_energy)
 
 @inline
 def _copy_dissipation(law_parameters, law_state, i, previous, trial):
-    """Copy the dissipated energy to the trial state, for laws that do not accumulate it."""
+    """Copy the dissipated energy to the trial state, for laws that do not accumulate it.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    previous : int
+        First row of the state at the start of the path.
+    trial : int
+        First row of the state at the end of the path.
+    """
     law_state[trial + rows.DISSIPATED, i] = law_state[previous + rows.DISSIPATED, i]
 
 
 @inline
 def _no_rows(law_parameters, law_state, i, previous, trial):
-    """Do nothing, for laws without additional rows."""
+    """Do nothing, for laws without additional rows.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    previous : int
+        First row of the state at the start of the path.
+    trial : int
+        First row of the state at the end of the path.
+    """
     pass
 
 

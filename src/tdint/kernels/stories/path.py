@@ -94,7 +94,17 @@ NODES, WEIGHTS = _gauss()
 
 @inline
 def _default_points(law_parameters, law_state, i, drift_change):
-    """Return the default number of Gauss points."""
+    """Return the default number of Gauss points.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    drift_change : float
+        Change of drift along the path, m.
+    """
     return _DEFAULT_POINTS
 
 
@@ -103,13 +113,35 @@ _points = chosen("points", case_of_4, _default_points)
 
 @inline
 def points_wanted(law_parameters, law_state, i, drift_change):
-    """Return the number of Gauss points on a path with a drift change of `way` (m)."""
+    """Return the number of Gauss points on a path with a drift change of `drift_change` (m).
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    drift_change : float
+        Change of drift along the path, m.
+    """
     return min(_points(law_parameters, law_state, i, drift_change), _MAX_POINTS)
 
 
 @inline
 def _smooth(law_parameters, law_state, i, block, side):
-    """Return infinity, for laws without a sharp bend."""
+    """Return infinity, for laws without a sharp bend.
+
+    Parameters
+    ----------
+    law_parameters, law_state : ndarray
+        Parameters and states of the laws.
+    i : int
+        Index of the story.
+    block : int
+        First row of the state.
+    side : float
+        Direction of loading, 1 or -1.
+    """
     return math.inf
 
 
@@ -118,7 +150,17 @@ _kink = chosen("kink", case_of_5, _smooth)
 
 @inline
 def stays(law_state, i, rise, bend):
-    """Return True if story `i` remains on its current linear branch along the complete path."""
+    """Return True if story `i` remains on its current linear branch along the complete path.
+
+    Parameters
+    ----------
+    law_state : ndarray
+        States of the laws.
+    i : int
+        Index of the story.
+    rise, bend : float
+        Coefficient of the parabola of drift, m.
+    """
     if not law_state[rows.SLOPE, i] < math.inf:
         return False
     start = law_state[rows.DRIFT, i]
@@ -371,7 +413,19 @@ def _clear(results, i):
 
 @inline
 def copy(law_state, i, source, target):
-    """Copy the state of story `i` from block `source` to block `target`."""
+    """Copy the state of story `i` from block `source` to block `target`.
+
+    Parameters
+    ----------
+    law_state : ndarray
+        States of the laws.
+    i : int
+        Index of the story.
+    source : int
+        First row of the source.
+    target : int
+        First row of the target.
+    """
     for row in range(rows.LAW_STATE_ROWS):
         law_state[target + row, i] = law_state[source + row, i]
     copy_extra_rows(law_state, i, source, target)
@@ -548,7 +602,19 @@ def _piece(law_state, i, block, stretch, results):
 
 @inline
 def _ignore_end(results, i, t, force):
-    """Ignore the end of a branch."""
+    """Ignore the end of a branch.
+
+    Parameters
+    ----------
+    results : Integrals
+        Rows of the results.
+    i : int
+        Index of the story.
+    t : float
+        Time of the end of the branch.
+    force : float
+        Force, N.
+    """
     pass
 
 

@@ -674,7 +674,19 @@ def call_initialize_laws(initialize_laws, scene, memory):
 
 @inline
 def update_law_energies(sum_law_energies, scene, memory, seen):
-    """Call the kernel `sum_law_energies` that the time loop has received."""
+    """Call the kernel `sum_law_energies` that the time loop has received.
+
+    Parameters
+    ----------
+    sum_law_energies : Kernel
+        Kernel that sums the energies of the laws.
+    scene : Scene
+        Building and forces on floors.
+    memory : Memory
+        State, law states, scratch array and status of the step.
+    seen : Seen
+        Arrays of the observer.
+    """
     _call_sum_law_energies(
         sum_law_energies,
         scene.linear_terms,
@@ -687,7 +699,19 @@ def update_law_energies(sum_law_energies, scene, memory, seen):
 
 @inline
 def update_reversal_shears(update_shear_peaks, scene, memory, seen):
-    """Call the kernel `update_shear_peaks` that the time loop has received."""
+    """Call the kernel `update_shear_peaks` that the time loop has received.
+
+    Parameters
+    ----------
+    update_shear_peaks : Kernel
+        Kernel that computes the shears at reversals.
+    scene : Scene
+        Building and forces on floors.
+    memory : Memory
+        State, law states, scratch array and status of the step.
+    seen : Seen
+        Arrays of the observer.
+    """
     _call_update_shear_peaks(
         update_shear_peaks,
         scene.law_parameters,
