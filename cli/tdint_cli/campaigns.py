@@ -232,7 +232,10 @@ class Profiles:
             if limit is None
             else [(profile, *_verdict(profile, limit)) for profile in self.found]
         )
-        lost = [text for profile in self.found if (text := self._lost(profile))]
+        # A building that collapsed is the headline; failed runs are a warning.
+        lost = [
+            (profile.collapsed, text) for profile in self.found if (text := self._lost(profile))
+        ]
         # Units and head of the page: the models', as far as they agree.
         models = {profile.source: profile for profile in plan.models}.values()
         units, heads = (
@@ -240,12 +243,18 @@ class Profiles:
             {profile.page_head for profile in models},
         )
         told = Told(
-            warnings=[*(str(error) for error in plan.failures), *lost],
+            warnings=[
+                *(str(error) for error in plan.failures),
+                *(text for collapsed, text in lost if not collapsed),
+            ],
             head=request.report_head or (heads.pop() if len(heads) == 1 else ()),
             inputs=files_read(),
             verdict=[
-                (kept, kept_words(kept) + self._told(profile, text))
-                for profile, text, kept in verdicts
+                *((False, text) for collapsed, text in lost if collapsed),
+                *(
+                    (kept, kept_words(kept) + self._told(profile, text))
+                    for profile, text, kept in verdicts
+                ),
             ],
         )
         ratios = self.ratios(stories=False) if request.baseline is not None else None
@@ -300,7 +309,10 @@ class Profiles:
                 return [AnalysisError(text)]
             warn(text)
             return []
-        lost = [text for profile in self.found if (text := self._lost(profile))]
+        # A building that collapsed is the headline; failed runs are a warning.
+        lost = [
+            (profile.collapsed, text) for profile in self.found if (text := self._lost(profile))
+        ]
         if (more := len(lost) - _MOST_TOLD) > 0:
             rest = (
                 f"{how_many(more, 'building')} or levels more: the columns collapsed and failed of "

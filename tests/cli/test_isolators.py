@@ -10,7 +10,7 @@ from csv_rows import rows
 from tdint.errors import ModelError
 from tdint.model.building import assemble, falling_stories, stiffness_after_yield
 from tdint.model.config.model_file import load_model
-from tdint.output.report import damping_words
+from tdint.output.report import damping_text
 from tdint.units import STANDARD_GRAVITY
 from tdint_cli.terminal import note
 
@@ -57,14 +57,14 @@ def test_rayleigh_damping_reaches_them_if_asked(tmp_path):
 def test_a_report_says_where_rayleigh_damping_is_not(tmp_path, damping):
     """The ratio of the first mode is not the one given then."""
     said = {
-        how: damping_words(
+        how: damping_text(
             model(tmp_path, f"mass: 25, stiffness: 300, isolator: {how}", more=damping)
         )
         for how in ("true", "rayleigh", "false")
     }
     assert (
         said["rayleigh"] == said["false"]
-        and said["true"] == said["false"] + ", less what it would be in isolators"
+        and said["true"] == said["false"] + ", without the share of the isolators"
     )
 
 

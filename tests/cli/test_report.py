@@ -19,6 +19,7 @@ from matplotlib.image import imread
 
 from cli.conftest import Command, change
 from csv_rows import rows
+from tdint.output.spectrum_text import spectrum_text
 
 CONFIGS, RECORDS = (Path(__file__).parents[2] / name for name in ("configs", "records"))
 EMPTY = {"meta", "img", "br"}
@@ -186,6 +187,32 @@ def test_the_verdict_of_a_run_comes_first(folder: Path, tdint: Command) -> None:
         verdict = body[body.index('<p class="v ') : body.index("<h2")]
         assert ("Limit kept." if kept else "Limit NOT kept.") in verdict
         assert f'class="v {"kept" if kept else "broken"}"' in verdict
+
+
+def test_a_collapse_is_the_headline(folder: Path, tdint: Command) -> None:
+    """The report states a collapse with its story and time before the limit."""
+    table = rows(tdint("run", "shaken.yaml", code=0).stdout)
+    drifts = [float(row["peak_drift_ratio"]) for row in table]
+    text = Path("shaken.yaml").read_text() + f"collapse_drift: {0.5 * max(drifts):.6f}\n"
+    Path("weak.yaml").write_text(text)
+    tdint("run", "weak.yaml", "--limit", "90%", "--report", "weak.html", code=0)
+    body = Path("weak.html").read_text().partition("<body>")[2]
+    verdicts = re.findall(r'<p class="v ?(\w*)">(.*?)</p>', body)
+    assert [color for color, _ in verdicts] == ["broken", "kept"]
+    assert "collapsed" in verdicts[0][1] and "Limit" not in verdicts[0][1]
+    assert re.search(r"story \d .* [0-9.]+ s", verdicts[0][1])
+
+
+def test_targets_are_printed_in_the_words_of_the_code() -> None:
+    """Parameters have their symbols and units; files and unknown texts are unchanged."""
+    expected = {
+        "asce7:sds=1.0,sd1=0.6,tl=8": "ASCE 7, SDS = 1.0 g, SD1 = 0.6 g, TL = 8 s",
+        "ec8:type=1,soil=C,ag=0.25g": "EN 1998-1, type 1, soil C, ag = 0.25 g",
+        "ec8:type=2,soil=B,ag=1.9613300m/s^2": "EN 1998-1, type 2, soil B, ag = 0.2 g",
+        "spectra/site.csv": "spectra/site.csv",
+        "c:site.csv": "c:site.csv",
+    }
+    assert {source: spectrum_text(source) for source in expected} == expected
 
 
 def test_the_page_of_a_scaled_suite_shows_the_motions_as_they_were_run(

@@ -335,14 +335,17 @@ def _files(
         )
         if judged := _judged(response, request.limit):
             verdict = (judged[0], kept_words(judged[0]) + judged[1])
-        # What changes the meaning of a number: a collapse, what is odd about the record, what the
-        # run warns of
-        warnings = [_collapsed(response, response.collapse)] if response.collapse else []
+        # A collapse is the headline of the report, before the limit and the maximum demands.
+        collapse: list[tuple[bool | None, str]] = []
+        if response.collapse:
+            collapse = [(False, _collapsed(response, response.collapse))]
+        # Warnings of the record come before warnings of the run.
+        warnings = []
         if response.record is not None:
             warnings += [f"{response.record.source}: {text}" for text in response.record.warnings]
         told = Told(
             said=_paragraph(response, page, page=True).splitlines(),
-            verdict=[verdict],
+            verdict=[*collapse, verdict],
             warnings=[*warnings, *response.warnings],
             head=model.page_head,
             inputs=merged_inputs(content["inputs"], files_read()),

@@ -1,5 +1,4 @@
-"""A page for people: one HTML file with tables and pictures in it, which needs no network and
-prints on A4."""
+"""HTML reports: one file that contains its tables and figures, works offline and prints on A4."""
 
 from __future__ import annotations
 
@@ -21,13 +20,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_COLUMNS = 9
-"""Of a table on a page of A4: numbers of four digits, at 8.5 points, do not break."""
+"""Maximum number of columns of a table on A4, so that four-digit numbers at 8.5 pt do not wrap."""
 
 DIGEST = "SHA-256"
-"""Name of the column of digests, which are long."""
+"""Name of the column of SHA-256 digests, which has a small font because digests are long."""
 
 _LARGE = 160_000
-"""Bytes of a picture as SVG, from which it is put in as PNG: a long history has many points."""
+"""Size of an SVG figure, bytes, above which PNG is used instead: long histories have many points.
+"""
 
 _STYLE = """
 @page { size: A4; margin: 15mm 15mm 18mm; @bottom-center { content: counter(page) " / " counter(pages);
@@ -49,38 +49,38 @@ code { font-size: 8pt; overflow-wrap: anywhere } ul { margin: 1mm 0 2.5mm; paddi
 @media print { body { margin: 0; padding: 0; max-width: none } }
 """  # noqa: E501
 
-# Of a printed page, mm: what lies between its margins, and what Helvetica of the sizes above takes.
+# Dimensions of the printed page, mm: area between the margins, and text sizes in Helvetica.
 _PAGE, _WIDTH = 262.0, 180.0
-_LINE, _LETTERS = 4.94, 96  # of a paragraph: 10 points times 1.4, letters of 1.87 mm
+_LINE, _LETTERS = 4.94, 96  # line height (10 pt times 1.4), characters per line (1.87 mm each)
 _TABLE_LINE, _TABLE_LETTER = 4.2, 1.65
 _PARAGRAPH, _HEADING, _ROW, _FIGURE = (
     2.5,
     12.0,
     1.3,
     9.5,
-)  # margins, of which the larger counts; a caption with them
-_KEPT = 34.0  # a heading with less below it goes to the next page with what it heads
-_WHITE = 52.0  # less than a quarter of a page: so much may stay white before a picture
-_LEAST_PART = 0.6  # of a picture's size: one that would be smaller waits for what comes behind it
-_SURE = 1.5 * _PAGE  # estimates of longer ways are off by more than a heading
-_TALLEST, _USUAL = 195.0, 110.0  # of the first picture, and of what comes after it
+)  # vertical margins; the figure margin includes the caption
+_KEPT = 34.0  # minimum height below a heading; otherwise the heading moves to the next page
+_WHITE = 52.0  # maximum height left blank before a figure; less than a quarter of a page
+_LEAST_PART = 0.6  # minimum fraction of a figure's full size; a smaller figure is postponed
+_SURE = 1.5 * _PAGE  # distance from a fixed break up to which estimated positions are reliable
+_TALLEST, _USUAL = 195.0, 110.0  # maximum heights of the first figure and of later figures
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture and what stands below it."""
+    """Figure with its caption."""
 
     draw: Callable[[], Figure]
     caption: str
 
 
 Part = str | Table | Picture | Sequence[str]
-"""A paragraph, a table, a picture, or a list of points."""
+"""Paragraph, table, figure, or list of points."""
 
 
 @dataclass(frozen=True)
 class Chapter:
-    """A heading and what stands below it."""
+    """Heading with its content."""
 
     title: str
     parts: Sequence[Part]
@@ -88,20 +88,21 @@ class Chapter:
 
 @dataclass(frozen=True)
 class Told:
-    """What a page says beside the numbers that it is made of.
+    """Texts of a report that are not computed from its tables.
 
     Attributes
     ----------
     said : sequence of str
-        The result in a few sentences.
+        Results in a few sentences.
     verdict : sequence of (bool or None, str)
-        What was judged, and whether it is kept; None where nothing was asked for.
+        Headline sentences. True: the limit is met; False: the limit is exceeded or the building
+        collapsed; None: no limit was requested.
     warnings : sequence of str
-        What changes the meaning of a number.
+        Warnings about the results.
     head : sequence of (str, str)
-        Names and texts of the lines at its top: project, author, date.
+        Names and texts of the first lines: project, author, date.
     inputs : sequence of mapping
-        The files that were read, with their SHA-256.
+        Input files with their SHA-256.
     """
 
     said: Sequence[str] = ()
@@ -112,26 +113,43 @@ class Told:
 
 
 def page_units(units: OutputUnits) -> OutputUnits:
-    """The units of a page: as given, but kN in place of N, t beside kN, accelerations in g where
-    none is named; so tables have the units of pictures and no number needs a power of ten."""
+    """Return the units of a report.
+
+    N is replaced by kN, kg by t if forces are in kN, and accelerations are in g unless a unit was
+    selected. Tables then have the same units as figures, and no number needs a power of ten.
+    """
     force = "kN" if units.force == "N" else units.force
     mass = "t" if (force, units.mass) == ("kN", "kg") else units.mass
     return replace(units, force=force, mass=mass).in_pictures
 
 
 class _Flow:
-    """The parts of a page one after the other, and how far down the printed page they have come,
-    mm, by estimate: what would part from its heading or leave much of a page white is moved, and
-    pictures shrink to the space there is."""
+    """Parts of a report in their order, with an estimate of the position on the printed page.
+
+    The estimated position (`down`, mm) is used to keep headings with their content, to avoid large
+    blank areas and to reduce figures to the available space.
+    """
 
     def __init__(self) -> None:
         self.body: list[str] = []
         self.down = 0.0
-        self.since = 0.0  # the last break that is sure
+        self.since = 0.0  # mm since the last page break whose position is known
         self.waiting: list[tuple[str, str, float]] = []
 
     def text(self, element: str, text: str, *, more: str = "", height: float = 0.0) -> None:
-        """A paragraph: its element, what stands in it, and mm beside its lines."""
+        """Add a paragraph.
+
+        Parameters
+        ----------
+        element : str
+            Name of the HTML element.
+        text : str
+            HTML content.
+        more : str
+            Attributes of the element; empty by default.
+        height : float
+            Height in addition to the text lines, mm; 0 selects the margin of a paragraph.
+        """
         lines = sum(
             -(-max(len(line), 1) // _LETTERS) for line in re.sub("<br>", "\n", text).split("\n")
         )
@@ -139,13 +157,15 @@ class _Flow:
         self.go(lines * _LINE + (height or _PARAGRAPH))
 
     def go(self, height: float) -> None:
-        """Down by something that may break between pages."""
+        """Advance the position by the height (mm) of content that may break between pages."""
         self.since += height
         self.down = (self.down + height) % _PAGE
 
     def kept(self, height: float) -> str:
-        """The class of what needs so much room below it: on the next page where that is not there,
-        which is left to the browser far from the last sure break."""
+        """Return the HTML class that moves content to the next page if less than `height` is left.
+
+        Far from the last known break, the decision is left to the browser.
+        """
         if _PAGE - self.down >= height:
             return ""
         sure, self.down = self.since < _SURE, 0.0
@@ -153,64 +173,90 @@ class _Flow:
         return ' class="n"' if sure else ""
 
     def heading(self, title: str) -> None:
-        """A chapter's heading, with what begins it on the same page."""
+        """Add the heading of a chapter; it remains on the page of the content that follows."""
         self.body.append(f"<h2{self.kept(_KEPT)}>{escape(title)}</h2>")
         self.go(_HEADING)
 
     def picture(self, image: str, caption: str, ratio: float, *, last: bool = False) -> None:
-        """A picture as large as there is room for; one that would be small waits for what comes
-        behind it."""
+        """Add a figure as large as the space allows, or postpone a figure that would be small.
+
+        Parameters
+        ----------
+        image : str
+            Attributes of the HTML image.
+        caption : str
+            Caption.
+        ratio : float
+            Height divided by width.
+        last : bool
+            True if no content follows, so that the figure cannot be postponed; false by default.
+        """
         first = not any(text.startswith("<figure") for text in self.body)
-        whole, room = (
+        full, room = (
             min(_WIDTH * ratio, _TALLEST if first else _USUAL),
             _PAGE - self.down - _FIGURE,
         )
-        large = whole <= room
-        if not large and room >= _WHITE - _FIGURE and room < _LEAST_PART * whole and not last:
+        large = full <= room
+        if not large and room >= _WHITE - _FIGURE and room < _LEAST_PART * full and not last:
             self.waiting.append((image, caption, ratio))
             return
-        onward = self.kept(_WHITE) if not large else ""
+        page_class = self.kept(_WHITE) if not large else ""
         height = min(
-            whole, _PAGE - self.down - _FIGURE, math.inf if self.since < _SURE or first else _WHITE
+            full, _PAGE - self.down - _FIGURE, math.inf if self.since < _SURE or first else _WHITE
         )
         size = f'style="width: {min(height / ratio, _WIDTH):.0f}mm"'
         self.body.append(
-            f"<figure{onward}><img {size} {image}><figcaption>{caption}</figcaption></figure>"
+            f"<figure{page_class}><img {size} {image}><figcaption>{caption}</figcaption></figure>"
         )
         self.go(height + _FIGURE)
 
     def place(self, *, last: bool = False) -> None:
-        """The pictures that wait, where there is room for them now."""
+        """Add the postponed figures, as far as there is space now."""
         waiting, self.waiting = self.waiting, []
         for image, caption, ratio in waiting:
             self.picture(image, caption, ratio, last=last)
 
 
 def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> bytes:
-    """The page, UTF-8: title, head, a sentence about it, warnings, chapters, the files; and the
-    versions that made it."""
-    # Sixteen digits of a plug-in's digest tell its versions apart.
-    of_all = versions()
-    code = {f"plug-in {name}": digest[:16] for name, digest in of_all.pop("plugins", {}).items()}
-    made = ", ".join(f"{name} {number}" for name, number in (of_all | code).items() if number)
+    """Return a report as UTF-8 HTML.
+
+    The order is: title, verdict, introduction, warnings, chapters, input files, software versions.
+
+    Parameters
+    ----------
+    title : str
+        Title of the report.
+    about : str
+        Introduction of one sentence.
+    chapters : iterable of Chapter
+        Chapters; a chapter without content is omitted.
+    told : Told
+        Verdict, warnings, lines of the head and input files.
+    """
+    # The first 16 digits of a plug-in's digest are enough to distinguish its versions.
+    packages = versions()
+    plugins = {
+        f"plug-in {name}": digest[:16] for name, digest in packages.pop("plugins", {}).items()
+    }
+    made = ", ".join(f"{name} {number}" for name, number in (packages | plugins).items() if number)
     flow = _Flow()
     flow.text("h1", escape(title), height=_LINE)
     if told.head:
         lines = (f"<strong>{escape(name)}:</strong> {escape(text)}" for name, text in told.head)
         flow.text("p", "<br>".join(lines), more=' class="h"')
-    # What was judged comes first, and what changes the meaning of a number before all numbers.
+    # The verdict comes first; warnings precede all numbers.
     for kept, text in told.verdict:
         kind = "" if kept is None else " kept" if kept else " broken"
         flow.text("p", _said(text), more=f' class="v{kind}"', height=7.0)
     flow.text("p", _said(about))
     for text in once(told.warnings):
         flow.text("p", f"<strong>Warning:</strong> {_said(text)}", more=' class="w"')
-    # Last come the files, each once.
+    # The last chapter lists each input file once.
     files: list[tuple[Cell, ...]] = list(
-        dict.fromkeys((given["file"], given["sha256"]) for given in told.inputs)
+        dict.fromkeys((item["file"], item["sha256"]) for item in told.inputs)
     )
     for chapter in (*chapters, Chapter("Inputs", (Table(("file", DIGEST), files),))):
-        # What there is nothing to say of has no heading.
+        # A chapter without content has no heading.
         if parts := [part for part in chapter.parts if _has(part)]:
             flow.place()
             flow.heading(chapter.title)
@@ -228,10 +274,12 @@ def page(title: str, about: str, chapters: Iterable[Chapter], told: Told) -> byt
 
 
 def _has(part: Part) -> bool:
+    """Return True if the part has content."""
     return bool(part.rows) if isinstance(part, Table) else bool(part)
 
 
 def _add(flow: _Flow, part: Part) -> None:
+    """Add a part to the page."""
     if isinstance(part, str):
         flow.text("p", _said(part), more=' class="k"' if part.endswith(":") else "")
     elif isinstance(part, Table):
@@ -247,7 +295,7 @@ def _add(flow: _Flow, part: Part) -> None:
 
 
 def _said(text: str) -> str:
-    """Text of files' names and headers, lines kept, numbers without powers of ten."""
+    """Return a text as HTML: lines are kept, and numbers are written without powers of ten."""
     return "<br>".join(escape(_plain(line)) for line in text.splitlines())
 
 
@@ -255,11 +303,13 @@ _POWER = re.compile(r"(?<![\w.])(-?)(\d(?:\.\d+)?)e([+-]\d+)\b")
 
 
 def _plain(text: str) -> str:
-    """A text whose numbers have no powers of ten: four digits, and what is next to nothing by what
-    it is below."""
+    """Return a text in which numbers have four digits and no power of ten.
 
-    def written(found: re.Match[str]) -> str:
-        value = float(found[0])
+    Numbers below 0.0001 are written as "below 0.0001".
+    """
+
+    def written(match: re.Match[str]) -> str:
+        value = float(match[0])
         return (
             "below 0.0001"
             if 0.0 < abs(value) < 1e-4
@@ -272,17 +322,19 @@ def _plain(text: str) -> str:
 
 
 def once(texts: Iterable[str]) -> list[str]:
-    """Texts, each once: what is said of several files (`FILE: text`) with their names before it."""
-    files: dict[str, dict[str, None]] = {}  # sets in the order of arrival
+    """Return distinct texts; texts `FILE: text` that differ only in the file name are merged."""
+    files: dict[str, dict[str, None]] = {}  # dictionaries keep the order of the texts
     for text in texts:
-        file, colon, rest = text.partition(": ")
-        files.setdefault(rest if colon else text, {})[file if colon else ""] = None
+        file, colon, message = text.partition(": ")
+        files.setdefault(message if colon else text, {})[file if colon else ""] = None
     return [f"{'; '.join(names)}: {text}" if any(names) else text for text, names in files.items()]
 
 
 def _drawn(picture: Picture) -> tuple[str, bytes, tuple[float, float]]:
-    """The format, the content and the size of a picture: lines of thousands of points make a
-    drawing that is larger than its pixels."""
+    """Return the format, the content and the size of a figure.
+
+    PNG is used instead of SVG if lines with thousands of points make the SVG file large.
+    """
     for kind in ("svg+xml", "png"):
         drawing, stream = figures.style.picture(f".{kind[:3]}", picture.draw), io.BytesIO()
         figure = drawing.figure()
@@ -293,11 +345,13 @@ def _drawn(picture: Picture) -> tuple[str, bytes, tuple[float, float]]:
 
 
 def _add_table(flow: _Flow, table: Table) -> None:
-    """A table with its units in the heading and drift ratios in percent, columns without any value
-    and zeros of dampers that are not there left out; one that is wider than a page goes on below
-    with its first column again."""
-    # A heading is the name of its column in words, the unit in brackets; words and digests stand on
-    # the left.
+    """Add a table with units in its heading and drift ratios in percent.
+
+    Empty columns and the zero forces of absent dampers are omitted. A table that is wider than the
+    page is continued below, again with its first column.
+    """
+    # The heading is the column name with spaces and the unit in parentheses. Text and digests are
+    # left-aligned.
     heads, sides, cells = [], [], []
     for i, name in enumerate(table.columns):
         column = [row[i] for row in table.rows]
@@ -318,21 +372,20 @@ def _add_table(flow: _Flow, table: Table) -> None:
             )
         )
         sides.append(' class="d"' if name == DIGEST else ' class="t"' if unit == TEXT else "")
-        if (
-            name == "record"
-        ):  # files by the names that tell them apart: where they lie stands under Inputs
-            called = figures.style.record_names(map(str, column))
-            column = [called[str(cell)] for cell in column]
+        if name == "record":
+            # Files have short, distinct names here; the chapter Inputs lists their paths.
+            short_names = figures.style.record_names(map(str, column))
+            column = [short_names[str(cell)] for cell in column]
         written = [_shown(converted(cell, factor), largest / factor) for cell in column]
         cells.append([""] * len(written) if "damper_force" in name and largest == 0.0 else written)
     kept = [i for i, column in enumerate(cells) if any(column)]
-    # The first column says which row it is, on each width.
+    # Each part of a divided table repeats the first column, which identifies the row.
     widths = [kept[:MOST_COLUMNS]]
     for first in range(MOST_COLUMNS, len(kept), MOST_COLUMNS - 1):
         widths.append([kept[0], *kept[first : first + MOST_COLUMNS - 1]])
     for columns in widths:
-        # As wide as their longest cells and words of headings; columns of words share what those of
-        # numbers leave.
+        # The width of a number column follows from its longest cell and heading word. The remaining
+        # width is divided between the text columns.
         most = {i: max(map(len, cells[i])) for i in columns}
         wide = [i for i in columns if sides[i] and "d" not in sides[i]]
         numbers = sum(max(most[i], *map(len, heads[i].split())) for i in columns if i not in wide)
@@ -343,7 +396,7 @@ def _add_table(flow: _Flow, table: Table) -> None:
         high = (
             1 if one_line else max(-(-len(heads[i]) // 15) for i in columns)
         ) * _TABLE_LINE + _ROW
-        onward = flow.kept(high + 3.0 * (_TABLE_LINE + _ROW))
+        page_class = flow.kept(high + 3.0 * (_TABLE_LINE + _ROW))
         flow.go(high + 1.0)
         lines = []
         for number in range(len(table.rows)):
@@ -354,22 +407,23 @@ def _add_table(flow: _Flow, table: Table) -> None:
                 default=1,
             )
             step = max(tall, 1) * _TABLE_LINE + _ROW
-            # The heading is there again on each page.
+            # The heading is repeated on each page.
             flow.go(step if flow.down + step <= _PAGE else _PAGE - flow.down + high + step)
         rows = "\n".join(lines)
         flow.body.append(
-            f"<table{onward}><thead><tr>{head}</tr></thead><tbody>\n{rows}\n</tbody></table>"
+            f"<table{page_class}><thead><tr>{head}</tr></thead><tbody>\n{rows}\n</tbody></table>"
         )
 
 
 _MILLIMETERS = 0.01
-"""Lengths in m below this are told in mm: a column of them has four digits without a power of
-ten."""
+"""m; a column of lengths with smaller values is printed in mm, so that it needs no power of ten."""
 
 
 def _shown(cell: Cell, largest: float = 1.0) -> str:
-    """A cell in four digits, without a power of ten: what is next to nothing beside the largest of
-    its column is 0."""
+    """Return a cell with four digits and no power of ten.
+
+    A value below 0.0001 times `largest`, the maximum of its column, is written as 0.
+    """
     if cell is None or (isinstance(cell, float) and math.isnan(cell)):
         return ""
     if not isinstance(cell, float):

@@ -1,4 +1,5 @@
-"""The pages of --report: which chapters a run, a suite, a pushover, modes and a comparison have."""
+"""HTML reports of --report: chapters for a run, a suite, a pushover, a response spectrum analysis
+and a comparison with recordings."""
 
 from __future__ import annotations
 
@@ -26,6 +27,7 @@ from tdint.model.building import assemble
 from tdint.model.definition import ModalDamping, Model, RayleighCoefficients, RayleighRatio
 from tdint.output import figures
 from tdint.output.page import Chapter, Part, Picture, Told, once, page, page_units
+from tdint.output.spectrum_text import spectrum_text
 from tdint.output.summary import campaign_summary
 from tdint.output.tables import buildings
 from tdint.output.tables.campaign import profile_error_table, profile_table
@@ -48,41 +50,52 @@ if TYPE_CHECKING:
     from tdint.campaign.profiles import FloorSuite, Profile
     from tdint.campaign.store import Store
 
-LEFT_OUT = (
-    "Each floor is one mass that moves sideways in one direction; there is no torsion, no floor "
-    "flexibility, no overturning and no axial force in columns, no soil.",
-    "Each story is one spring from floor to floor: what columns, beams and joints do apart is in "
-    "its law or not at all, and two directions of a motion act one at a time.",
-    "Story laws do not know of one another; strength does not depend on axial force.",
+MODEL_LIMITS = (
+    "Each floor is one mass that moves horizontally in one direction. Torsion, floor flexibility, "
+    "overturning, axial forces in columns and the soil are not modeled.",
+    "Each story is one spring between two floors. Columns, beams and joints are represented only "
+    "by the hysteretic law of their story. The two directions of a ground motion act separately.",
+    "The hysteretic laws of stories are independent; strength does not depend on axial force.",
 )
-"""What a shear building leaves out."""
+"""Simplifications of a shear building."""
 
 
 def model_chapter(
     model: Model, units: OutputUnits = SI, peaks: StoryPeaks | None = None
 ) -> Chapter:
-    """The building: its stories from the ground up, period and damping ratio of its first mode,
-    P-delta; with the peaks of a run the period of the isolators' secant stiffness there, too."""
+    """Return the chapter about the building: its properties and the table of its stories.
+
+    Parameters
+    ----------
+    model : Model
+        The building.
+    units : OutputUnits
+        Units of the table; SI by default.
+    peaks : StoryPeaks, optional
+        Peak responses of a run. If the building has isolators, the chapter also states the period
+        with the secant stiffness of the isolators at these peak drifts.
+    """
     omega, damping = assemble(model).first_mode()
     p_delta = "with P-delta" if model.p_delta else "without P-delta"
-    of_isolators = ""
+    isolator_note = ""
     if any(story.isolator for story in model.stories):
-        told = (
-            f"; {_period_at(model, peaks):.4g} s with their secant stiffness at the peak drift"
+        secant = (
+            f"; {_secant_period(model, peaks):.4g} s with their secant stiffness at the peak drift"
             if peaks
             else ""
         )
-        of_isolators = f" (before the isolators yield{told})"
+        isolator_note = f" (before the isolators yield{secant})"
     facts = (
         f"{how_many(len(model.stories), 'story')}, first period {2.0 * math.pi / omega:.4g} "
-        f"s{of_isolators} with {100.0 * damping:.3g} % damping, {p_delta}, {damping_words(model)}. "
+        f"s{isolator_note} with {100.0 * damping:.3g} % damping, {p_delta}, "
+        f"{damping_text(model)}. "
         f"A drift ratio over {100.0 * model.collapse_drift:g} % counts as collapse."
     )
     return Chapter(f"Building: {model.name}", (facts, buildings.model_table(model, units)))
 
 
-def _period_at(model: Model, peaks: StoryPeaks) -> float:
-    """The first period with the secant stiffness of isolators at their peak drifts, s."""
+def _secant_period(model: Model, peaks: StoryPeaks) -> float:
+    """Return the first period, s, with the secant stiffness of the isolators at peak drift."""
     stories = tuple(
         replace(story, stiffness=shear / drift) if story.isolator and drift > 0.0 else story
         for story, shear, drift in zip(
@@ -92,44 +105,44 @@ def _period_at(model: Model, peaks: StoryPeaks) -> float:
     return 2.0 * math.pi / assemble(replace(model, stories=stories)).first_mode()[0]
 
 
-def damping_words(model: Model) -> str:
-    """The damping besides dashpots, in a few words."""
-    left_out = (
+def damping_text(model: Model) -> str:
+    """Return a short description of the damping of the model, dashpots excluded."""
+    exception = (
         ""
         if all(story.rayleigh for story in model.stories)
-        else ", less what it would be in isolators"
+        else ", without the share of the isolators"
     )
     match model.damping:
         case RayleighRatio(ratios, modes):
             pairs = dict.fromkeys(zip(ratios, modes, strict=True))
-            told = " and ".join(f"{100.0 * ratio:g} % in mode {mode}" for ratio, mode in pairs)
-            return f"Rayleigh damping of {told}{left_out}"
+            listed = " and ".join(f"{100.0 * ratio:g} % in mode {mode}" for ratio, mode in pairs)
+            return f"Rayleigh damping of {listed}{exception}"
         case RayleighCoefficients(mass, stiffness):
             return (
                 f"Rayleigh damping of {mass:.4g} 1/s times mass and {stiffness:.4g} s times "
-                f"stiffness{left_out}"
+                f"stiffness{exception}"
             )
         case ModalDamping(ratios):
             return f"modal damping of {', '.join(f'{100.0 * ratio:g}' for ratio in ratios)} %"
-    return "no damping besides dashpots"
+    return "no damping except dashpots"
 
 
-# ---- The pages of a run and of a suite: which chapters they have
+# ---- Reports of a run and of a suite
 
 _MOST_MOTIONS = 60
-"""Motions whose spectra are drawn."""
+"""Maximum number of ground motions in the table of runs and in the figure of spectra."""
 
 _NAMED_SPECTRA = 6
-"""Spectra of which each has its name in a low picture."""
+"""Maximum number of spectra in a low figure, which labels each spectrum."""
 
 _MOST_LEVELS = 4
-"""Levels of which the motions are listed."""
+"""Maximum number of intensity levels that list their ground motions."""
 
 _MOST_MODELS = 8
-"""Buildings whose stories are listed."""
+"""Maximum number of buildings that list their stories."""
 
 _MOST_DAMAGE = 60
-"""Rows of damage that are listed."""
+"""Maximum number of rows in tables of damage."""
 
 _PERIODS = (0.05, 5.0, 100)
 _OF_STORIES = (
@@ -150,38 +163,42 @@ _OF_SUITE = (
     "peak_damper_force",
 )
 _ERRORS = (
-    "Estimated errors of the time integration, in percent; of residual drifts in percent of the "
-    "peak drifts:"
+    "Estimated errors of the time integration, in percent. Errors of residual drifts are in "
+    "percent of the peak drifts:"
 )
 
 
 def run_page(
     response: Response, told: Told, *, floors: Sequence[FloorSpectrum] = (), units: OutputUnits = SI
 ) -> bytes:
-    """The page of a run.
+    """Return the report of a run.
 
     Parameters
     ----------
     response : Response
-        With its history, for the picture.
+        Result of the run, with its response history if the report has its figure.
+    told : Told
+        Verdict, warnings and inputs of the report.
     floors : sequence of FloorSpectrum
-        The spectra of its floors that were asked for.
+        Requested floor spectra; none by default.
+    units : OutputUnits
+        Units of the report; SI by default.
     """
     model, check, units = response.model, response.check, page_units(units)
-    whole = story_table(response.stories, check.errors if check else None).in_units(units)
-    # A building with dampers has their forces in place of the restoring ones, a page has no room
-    # for both.
+    table = story_table(response.stories, check.errors if check else None).in_units(units)
+    # The table of a building with dampers shows the damper forces instead of the restoring forces,
+    # because the page is too narrow for both.
     damped = any(response.stories.peak_damper_force)
-    places = {_quantity(whole, name): name for name in whole.columns}
+    columns = {_quantity(table, name): name for name in table.columns}
     names = [
-        places[name]
+        columns[name]
         for name in _OF_STORIES
-        if name in places and not (damped and name == "peak_shear")
+        if name in columns and not (damped and name == "peak_shear")
     ]
     drawn = [
         Picture(
             lambda: figures.runs.run_picture(response, units),
-            "Histories, energies, profiles, hysteresis",
+            "Response histories, energies, profiles, hysteresis loops",
         )
     ]
     spectra = Picture(
@@ -191,62 +208,79 @@ def run_page(
         Chapter("Result", (list(told.said), *(drawn if response.history is not None else ()))),
         Chapter(
             "Peaks of the stories",
-            (whole.chosen(["story", *names]), *_errors_of_run(response, whole, names)),
+            (table.chosen(["story", *names]), *_errors_of_run(response, table, names)),
         ),
         Chapter("Floor spectra", (spectra,) if floors else ()),
         model_chapter(model, units, response.stories),
         _motions([[(response.record, 1.0)]] if response.record else [], units),
         _assumptions(
-            f"{method_words(response.method)}, {how_many(response.steps, 'step')} of "
+            f"{method_text(response.method)}, {how_many(response.steps, 'time step')} of "
             f"{response.dt:.6g} s",
             (),
         ),
         Chapter("Notes", (once(response.notes),)),
     ]
     return page(
-        model.name, f"Response in time of {model.name}: status {response.status}.", chapters, told
+        model.name,
+        f"Time history analysis of {model.name}: status {response.status}.",
+        chapters,
+        told,
     )
 
 
-def method_words(specification: str) -> str:
-    """A method by its name and who published it."""
+def method_text(specification: str) -> str:
+    """Return the name of a method and its publication.
+
+    Parameters that differ from their defaults are included in the name.
+    """
     chosen = parse(specification)
-    usual = chosen.values == parse(chosen.method.name).values
-    return f"{chosen.method.name if usual else specification} ({chosen.method.source})"
+    is_default = chosen.values == parse(chosen.method.name).values
+    return f"{chosen.method.name if is_default else specification} ({chosen.method.source})"
 
 
 def _quantity(table: Table, name: str) -> str:
-    """The name of a column without its unit."""
+    """Return the name of a column without its unit."""
     return name.removesuffix(suffix(table.meanings[name].get("unit", TEXT)))
 
 
-def _errors_of_run(response: Response, whole: Table, names: Sequence[str]) -> tuple[Part, ...]:
-    """The errors of these columns in percent."""
+def _errors_of_run(response: Response, table: Table, names: Sequence[str]) -> tuple[Part, ...]:
+    """Return a heading and a table of estimated errors in percent.
+
+    Parameters
+    ----------
+    response : Response
+        Result of the run.
+    table : Table
+        Table of the stories with error columns.
+    names : sequence of str
+        Columns of `table` that the report shows.
+    """
     check = response.check
     if check is None or check.drift_error is None:
-        return ("The error of the time integration was not told: --no-check leaves it out.",)
-    cells = {name: [row[i] for row in whole.rows] for i, name in enumerate(whole.columns)}
-    # Ratios have the errors of their drifts, in percent the same ones.
-    drift = next(name for name in names if _quantity(whole, name) == "peak_drift")
+        return ("The error of the time integration was not estimated (--no-check).",)
+    cells = {name: [row[i] for row in table.rows] for i, name in enumerate(table.columns)}
+    # The relative errors of drift ratios are equal to those of the drifts, so they are not
+    # repeated.
+    drift = next(name for name in names if _quantity(table, name) == "peak_drift")
     shown, columns = [name for name in names if "_ratio" not in name], [cells["story"]]
     for name in shown:
-        # A residual drift may be next to nothing, and its error a large part of that.
-        over = cells[drift if name.startswith("residual") else name]
+        # A residual drift can be close to zero, so its error is given relative to the peak drift.
+        reference = cells[drift if name.startswith("residual") else name]
         columns.append(
             [
                 _percent(error, size)
-                for error, size in zip(cells[f"{name}_error"], over, strict=True)
+                for error, size in zip(cells[f"{name}_error"], reference, strict=True)
             ]
         )
-    labels = [_quantity(whole, name) for name in shown]
+    labels = [_quantity(table, name) for name in shown]
     meanings = {label: {"meaning": "", "unit": "%"} for label in labels} | {
-        "story": whole.meanings["story"]
+        "story": table.meanings["story"]
     }
     return _ERRORS, Table(("story", *labels), list(zip(*columns, strict=True)), meanings)
 
 
 def _percent(error: Cell, size: Cell) -> float | None:
-    """An error in percent of what it is one of, two digits; none where that is nothing."""
+    """Return an error in percent of a value, with two digits; None if the value is 0 or missing."""
     if (
         not isinstance(error, float)
         or not isinstance(size, float)
@@ -268,18 +302,26 @@ def suite_page(
     floors: Sequence[FloorSuite] = (),
     units: OutputUnits = SI,
 ) -> bytes:
-    """The page of several runs.
+    """Return the report of a campaign.
 
     Parameters
     ----------
+    plan : Plan
+        Buildings, ground motions and settings of the campaign.
     store : Store
-        All runs of the plan, done.
+        Store of the campaign, in which all runs of the plan are completed.
     profiles : sequence of Profile
-        Of each building and level.
+        Statistics over the ground motions, for each building and intensity level.
+    told : Told
+        Verdict, warnings and inputs of the report.
+    limit : float, optional
+        Limit of the drift ratio, which the figure shows.
     ratios : Table, optional
-        The buildings over a baseline.
+        Responses of the buildings divided by the responses of a baseline building.
     floors : sequence of FloorSuite
-        The spectra of floors over the motions that were asked for.
+        Requested floor spectra over the ground motions; none by default.
+    units : OutputUnits
+        Units of the report; SI by default.
     """
     content, units = campaign_summary(store), page_units(units)
     runs = content["runs"]
@@ -287,29 +329,29 @@ def suite_page(
     limits = "" if limit is None else f", limit {100.0 * limit:g} %"
     profile = Picture(
         lambda: figures.runs.profile_picture(profiles, units, limit=limit, title=plan.name),
-        f"Drifts, floor accelerations, total shears: motions, mean, largest{limits}",
+        f"Drifts, floor accelerations, total shears: ground motions, mean, maximum{limits}",
     )
     spectra = Picture(
         lambda: figures.runs.floor_suite_picture(floors, units), "Floor spectra: mean, envelope"
     )
-    # Of many buildings the first ones: a page is read, not searched.
+    # Only the first buildings are described, because the report must remain readable.
     models = [
         item.subject()
         for item in {item.name: item for item in plan.buildings[:_MOST_MODELS]}.values()
     ]
-    methods = ", ".join(dict.fromkeys(method_words(item.method) for item in models))
-    step_given = plan.settings.dt
+    methods = ", ".join(dict.fromkeys(method_text(item.method) for item in models))
+    fixed_step = plan.settings.dt
     step = (
-        f"{methods}, steps of {step_given:g} s"
-        if step_given
-        else f"{methods}, steps of the models or the records"
+        f"{methods}, time step {fixed_step:g} s"
+        if fixed_step
+        else f"{methods}, time steps of the models or the records"
     )
-    rest = (
-        ("runs go on with the ground at rest until the building is",)
+    free_vibration = (
+        ("runs continue after the end of the record until free vibration has decayed",)
         if plan.settings.until_rest
         else ()
     )
-    # What scaling and records leave doubtful stands at the top, as a warning.
+    # Doubts about the scaling and the records are printed as warnings at the top.
     scaled, doubts = _scaling(plan, units)
     of_records = [
         f"{item.record.source}: {text}" for item in plan.motions for text in item.record.warnings
@@ -324,11 +366,11 @@ def suite_page(
         Chapter("Floor spectra", (spectra,) if floors else ()),
         *(model_chapter(item.model, units) for item in models),
         _motions(_as_run(plan, store), units, scaled),
-        _assumptions(step, [*rest, *_of_pairs(store), _SUITE]),
+        _assumptions(step, [*free_vibration, *_of_pairs(store), _SUITE]),
         Chapter("Notes", (once(note for note in plan.notes if not note.endswith(tuple(warned))),)),
     ]
-    whole = {"file": "the whole campaign, its fingerprint", "sha256": content["fingerprint"]}
-    inputs = [*(told.inputs or content["inputs"]), whole]
+    campaign = {"file": "complete campaign (fingerprint)", "sha256": content["fingerprint"]}
+    inputs = [*(told.inputs or content["inputs"]), campaign]
     told = replace(
         told, warnings=[*plan.warnings, *told.warnings, *doubts, *of_records], inputs=inputs
     )
@@ -338,20 +380,23 @@ def suite_page(
 
 
 def _over_motions(profile: Profile, units: OutputUnits) -> Chapter:
-    """Means and largest values of a building, and where they were estimated their errors."""
+    """Return the chapter of means and maxima of a building, with their estimated errors."""
     has_heights = not np.isnan(profile.height).any()
-    # An isolator has no height: its drift stands beside the ratios, which limits are for.
+    # Isolators have no height, so their drifts in length units are listed in addition to the
+    # ratios.
     drifts = ("peak_drift_ratio",) if has_heights else ("peak_drift_ratio", "peak_drift")
     parts: list[Part] = [profile_table(profile, (*drifts, *_OF_SUITE), units)]
     if profile.peak_errors:
         parts += [_ERRORS, profile_error_table(profile, ("peak_drift", *_OF_SUITE))]
     building = ", ".join(filter(None, [profile.building, profile.level_text]))
-    return Chapter(f"Over the motions: {building}", parts)
+    return Chapter(f"Statistics over the ground motions: {building}", parts)
 
 
 def _one_by_one(store: Store) -> Chapter:
-    """A row for each run, the largest drift first: which motions carry the mean, and which brought
-    a building down."""
+    """Return the chapter that lists the runs in the order of decreasing drift.
+
+    The list shows which ground motions dominate the mean and which caused collapse.
+    """
     query = (
         "SELECT b.name, r.name, r.component, u.scale, u.peak_drift_ratio, u.peak_drift_m, "
         "u.peak_drift_story, (SELECT max(s.ductility) FROM story_rows s WHERE (s.building, "
@@ -366,35 +411,35 @@ def _one_by_one(store: Store) -> Chapter:
     meanings = {name: {"meaning": "", "unit": "1"} for name in numbers} | {
         "peak_drift_m": {"unit": "m"}
     }
-    whole = Table(
+    table = Table(
         ("building", "record", "component", *numbers, "status"), rows[:_MOST_MOTIONS], meanings
     )
-    # A drift ratio says more than its length.
-    left_out = of_drift[any(row[4] is not None for row in rows)]
-    shown = whole.chosen(
-        [name for name in whole.columns if name != left_out and (several or name != "building")]
+    # If any story has a height, the drift ratio is shown and the drift is omitted.
+    omitted = of_drift[any(row[4] is not None for row in rows)]
+    shown = table.chosen(
+        [name for name in table.columns if name != omitted and (several or name != "building")]
     )
     more = (
-        f"The first {_MOST_MOTIONS} of {len(rows)} runs; runs.csv has all."
+        f"The first {_MOST_MOTIONS} of {len(rows)} runs; runs.csv lists all runs."
         if len(rows) > _MOST_MOTIONS
         else ""
     )
-    return Chapter("Motions one by one, largest drift first", (shown, more))
+    return Chapter("Individual ground motions, largest drift first", (shown, more))
 
 
 def _compared(ratios: Table) -> Table:
-    """The ratios that there are, their quantities in words."""
-    place = ratios.columns.index("quantity")
+    """Return the rows that contain a ratio, with spaces instead of underscores in quantities."""
+    column = ratios.columns.index("quantity")
     rows = [
-        (*row[:place], str(row[place]).replace("_", " "), *row[place + 1 :])
+        (*row[:column], str(row[column]).replace("_", " "), *row[column + 1 :])
         for row in ratios.rows
-        if any(isinstance(cell, float) and not math.isnan(cell) for cell in row[place + 1 :])
+        if any(isinstance(cell, float) and not math.isnan(cell) for cell in row[column + 1 :])
     ]
     return replace(ratios, rows=rows)
 
 
 def _damage(store: Store) -> tuple[Part, ...]:
-    """The damage of each type, and what it costs; nothing where it is not told."""
+    """Return the tables of damage and loss by building type; empty without damage states."""
     if not store.damage():
         return ()
     from tdint.output.tables.damage_states import loss_table, type_table
@@ -402,18 +447,20 @@ def _damage(store: Store) -> tuple[Part, ...]:
     tables = [type_table(store), loss_table(store)]
     more = any(len(table.rows) > _MOST_DAMAGE for table in tables)
     short = [replace(table, rows=table.rows[:_MOST_DAMAGE]) for table in tables]
-    return *short, "The first rows; damage-types.csv and losses.csv have all." if more else ""
+    return *short, "The first rows; damage-types.csv and losses.csv list all." if more else ""
 
 
 def _as_run(plan: Plan, store: Store) -> list[list[tuple[Record, float]]]:
-    """The motions with the factors on them, level by level from the smallest; what several
-    buildings share once."""
+    """Return the ground motions with their scale factors for each level, smallest factors first.
+
+    Lists that several buildings share are returned once.
+    """
     factors: dict[tuple[int, int, int], list[float]] = {}
     for building, motion, scale, sample, *_ in store.runs():
         factors.setdefault((building, motion, sample), []).append(scale)
     levels: dict[tuple[int, int], list[tuple[int, float]]] = {}
     for (building, motion, _), scales in factors.items():
-        # Each motion's smallest factor belongs to the first level, whatever its size.
+        # The smallest factor of each ground motion belongs to the first level, whatever its value.
         for rank, scale in enumerate(sorted(scales, key=abs)):
             levels.setdefault((building, rank), []).append((motion, scale))
     return [
@@ -423,8 +470,8 @@ def _as_run(plan: Plan, store: Store) -> list[list[tuple[Record, float]]]:
 
 
 _RULES = {
-    "value": "each motion to this value",
-    "mean": "least squares of ln Sa, each motion for itself",
+    "value": "each ground motion to this value",
+    "mean": "least squares of ln Sa, each ground motion separately",
     "asce7": "ASCE 7-16, 16.2.3.2",
     "ec8": "EN 1998-1:2004, 3.2.3.1.2",
     "p695": "FEMA P-695, A.8",
@@ -432,53 +479,53 @@ _RULES = {
 
 
 def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str]]:
-    """What the factors of a campaign were found for, with a picture where that is a spectrum, and
-    what a reviewer would ask about them; as `tdint scale` told it beside them."""
+    """Return the description of the scaling, with a figure for a target spectrum, and warnings.
+
+    The data are read from the JSON file that `tdint scale` writes next to the scale factors.
+    """
     if not plan.factors:
         return (), []
     if not plan.scaled:
         return (
-            f"Factors: {plan.factors}; no file of `tdint scale` beside it says how they came "
-            "about.",
+            f"Scale factors: {plan.factors}; the method of scaling is unknown, because there is no "
+            "JSON file of `tdint scale` next to the factors.",
         ), []
-    # In the words of the command: target or measure, rule, range, damping, pairs.
+    # The settings of the command: target or intensity measure, rule, period range, damping, pairs.
     settings = plan.scaled["settings"]
-    aim = settings["target"] or " ".join(
+    aim = spectrum_text(settings["target"] or "") or " ".join(
         f"{settings['measure']} = {settings['value']:.4g} {settings['unit']}".split()
         if settings["measure"]
         else ()
     )
-    words = [
-        f"Factors: {plan.factors}, found by `tdint scale`",
+    facts = [
+        f"Scale factors: {plan.factors}, computed by `tdint scale`",
         f"rule {settings['rule']} ({_RULES[settings['rule']]})",
     ]
-    words += [f"target {aim}"] if aim else []
+    facts += [f"target {aim}"] if aim else []
     if settings["periods_s"]:
-        words.append("compared from {:.4g} to {:.4g} s".format(*settings["periods_s"]))
-    words.append(f"{100.0 * settings['damping']:g} % damping")
-    words += [f"pairs by their {settings['pairs']}"] if settings["pairs"] else []
+        facts.append("compared from {:.4g} to {:.4g} s".format(*settings["periods_s"]))
+    facts.append(f"{100.0 * settings['damping']:g} % damping")
+    facts += [f"pairs represented by {settings['pairs']}"] if settings["pairs"] else []
     if settings["least_average_over_target"] is not None:
-        words.append(
-            f"the average is {100.0 * settings['least_average_over_target']:.3g} % of the target "
-            "at the least"
-        )
-    parts: list[Part] = ["; ".join(words) + "."]
+        least_ratio = 100.0 * settings["least_average_over_target"]
+        facts.append(f"the minimum ratio of average to target is {least_ratio:.3g} %")
+    parts: list[Part] = ["; ".join(facts) + "."]
     if settings["target"] and isinstance(plan.levels, GivenFactors):
-        wholes = _as_scaled(plan, plan.levels, paired=bool(settings["pairs"]))
-        # The average of the text is that of pairs: it is not drawn of single components.
-        singles = settings["pairs"] and any(isinstance(whole, Record) for whole, _ in wholes)
-        # Several factors for a motion are several suites, which one picture does not show.
-        if all(len(factors) == 1 for _, factors in wholes):
+        motions = _as_scaled(plan, plan.levels, paired=bool(settings["pairs"]))
+        # The average in the text is the average of pairs; it is not drawn for single components.
+        singles = settings["pairs"] and any(isinstance(motion, Record) for motion, _ in motions)
+        # Several factors per ground motion define several suites; the figure shows only one suite.
+        if all(len(factors) == 1 for _, factors in motions):
             scaling = Scaling(
-                tuple(whole for whole, _ in wholes),
-                np.array([factors[0] for _, factors in wholes]),
+                tuple(motion for motion, _ in motions),
+                np.array([factors[0] for _, factors in motions]),
                 settings["rule"],
                 settings["pairs"] or GEOMETRIC_MEAN,
                 settings["damping"],
                 target=read_target(settings["target"]),
                 periods=np.geomspace(*settings["periods_s"]),
-                # Of the rules that check the average: the picture shows it, and 90 % of the target,
-                # by this.
+                # For rules that check the average, the figure also shows the average and 90 % of
+                # the target.
                 least=None
                 if (least := settings["least_average_over_target"]) is None or singles
                 else (least, math.nan),
@@ -486,7 +533,7 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
             parts.append(
                 Picture(
                     partial(figures.collapse.suite_picture, scaling, units),
-                    "The scaled motions and the target",
+                    "Scaled ground motions and target spectrum",
                 )
             )
     return tuple(parts), [f"{plan.factors}: {text}" for text in plan.scaled.get("warnings", ())]
@@ -495,21 +542,23 @@ def _scaling(plan: Plan, units: OutputUnits) -> tuple[tuple[Part, ...], list[str
 def _as_scaled(
     plan: Plan, levels: GivenFactors, *, paired: bool
 ) -> list[tuple[GroundMotion, tuple[float, ...]]]:
-    """Return the motions as they were scaled, with their factors: pairs if `paired`, also those
-    that the runs have as single components."""
+    """Return the scaled ground motions with their factors.
+
+    If `paired` is true, pairs are returned as pairs, also if the runs use single components.
+    """
     partners = PairRule.of_motions(plan.motions, None).partners if paired else {}
     seconds = {first: second for second, first in partners.items()}
-    wholes: dict[int, tuple[GroundMotion, tuple[float, ...]]] = {}
-    for number, motion in enumerate(plan.motions):
-        whole = motion.whole
-        if number in partners and isinstance(whole, Record):
-            continue  # it is the second component of a pair that is in the list
-        if number in seconds and isinstance(whole, Record):
-            both = [whole, plan.motions[seconds[number]].record]
-            with suppress(RecordError):  # no pair after all: the component stays alone
-                whole = find_horizontals(both)
-        wholes[id(motion.whole)] = whole, tuple(levels.by_motion[number])
-    return list(wholes.values())
+    motions: dict[int, tuple[GroundMotion, tuple[float, ...]]] = {}
+    for number, item in enumerate(plan.motions):
+        motion = item.whole
+        if number in partners and isinstance(motion, Record):
+            continue  # the second component of a pair that the list already contains
+        if number in seconds and isinstance(motion, Record):
+            both = [motion, plan.motions[seconds[number]].record]
+            with suppress(RecordError):  # the files are not a pair: the component remains single
+                motion = find_horizontals(both)
+        motions[id(item.whole)] = motion, tuple(levels.by_motion[number])
+    return list(motions.values())
 
 
 def _motions(
@@ -517,128 +566,166 @@ def _motions(
     units: OutputUnits,
     scaled: Sequence[Part] = (),
 ) -> Chapter:
-    """The ground motions as they were run, and their spectra, level by level, unless a picture of
-    their scaling has these."""
+    """Return the chapter of the ground motions of each level, with their response spectra.
+
+    Parameters
+    ----------
+    levels : sequence of sequence of (Record, float)
+        Records and scale factors of each level.
+    units : OutputUnits
+        Units of the report.
+    scaled : sequence of Part
+        Description of the scaling. If it contains a figure, the spectra are not drawn again.
+    """
     parts: list[Part] = list(scaled)
     drawn = any(isinstance(part, Picture) for part in scaled)
     for number, level in enumerate(levels[:_MOST_LEVELS], start=1):
-        # Factors that are all alike are told once.
+        # A factor that all ground motions share is stated once.
         records = [record.scaled(factor) for record, factor in level]
         factors = {factor for _, factor in level}
-        times = f"times {level[0][1]:.4g}" if len(factors) == 1 else "each times its factor"
-        said = "" if factors == {1.0} else f", {times}"
-        parts += [f"Level {number} of {len(levels)}{said}:"] * (len(levels) > 1)
+        times = f"times {level[0][1]:.4g}" if len(factors) == 1 else "each times its scale factor"
+        scaling = "" if factors == {1.0} else f", {times}"
+        parts += [f"Level {number} of {len(levels)}{scaling}:"] * (len(levels) > 1)
         parts.append(motion_table(records, component_names(records)).in_units(units))
-        # More spectra than these in one picture are a gray area.
+        # A figure of more spectra would be a gray area.
         if len(records) <= _MOST_MOTIONS and not drawn:
             periods = np.geomspace(_PERIODS[0], _PERIODS[1], int(_PERIODS[2]))
             spectra = [spectrum(record, periods) for record in records]
             draw = partial(figures.spectrum_curves.low_picture, spectra, units)
             if len(spectra) > _NAMED_SPECTRA:
                 draw = partial(figures.spectrum_curves.spectrum_picture, spectra, "periods", units)
-            parts.append(Picture(draw, f"Response spectra, 5 % damping{said}"))
+            parts.append(Picture(draw, f"Response spectra, 5 % damping{scaling}"))
     return Chapter("Ground motions", parts)
 
 
-_SUITE = "means are over the motions under which the building stood"
+_SUITE = "means are over the ground motions without collapse"
 
 
 def _of_pairs(store: Store) -> list[str]:
-    """How the components of pairs count; nothing without pairs."""
+    """Return how the two components of pairs are counted; empty without pairs."""
     rule = store.pair_rule()
     return [f"{in_words(rule.demand)} (pair_demand: {rule.demand})"] if rule.pairs else []
 
 
 def _assumptions(step: str, more: Sequence[str]) -> Chapter:
+    """Return the chapter of assumptions.
+
+    `step` describes the method and the time step; `more` lists assumptions of the analysis.
+    """
     points = (
         f"Time integration: {step}.",
         *(f"{text[0].upper()}{text[1:]}." for text in more),
-        "A shear building: " + LEFT_OUT[0][0].lower() + LEFT_OUT[0][1:],
-        *LEFT_OUT[1:],
-        "Drifts and displacements are relative to the floor below and to the ground; accelerations "
-        "are absolute.",
+        f"Shear building: {MODEL_LIMITS[0][0].lower()}{MODEL_LIMITS[0][1:]}",
+        *MODEL_LIMITS[1:],
+        "Drifts are relative to the floor below, displacements relative to the ground; "
+        "accelerations are absolute.",
     )
     return Chapter("Assumptions", (points,))
 
 
-# ---- The pages of a pushover, of modal peaks and of a comparison
+# ---- Reports of a pushover, of a response spectrum analysis and of a comparison
 
 
 def pushover_page(
     result: Pushover, targets: Sequence[TargetDisplacement], told: Told, units: OutputUnits = SI
 ) -> bytes:
-    """The page of a pushover, and of where a design spectrum pushes the building to."""
+    """Return the report of a pushover analysis and of its target displacements.
+
+    Parameters
+    ----------
+    result : Pushover
+        Pushover curve of the building.
+    targets : sequence of TargetDisplacement
+        Target displacements under a design spectrum; may be empty.
+    told : Told
+        Verdict, warnings and inputs of the report.
+    units : OutputUnits
+        Units of the report; SI by default.
+    """
     model, units = result.model, page_units(units)
     drawn = partial(figures.comparison.pushover_picture, result, units)
-    # The rows of a curve are for a plot; of a target displacement each story's drift is judged.
+    # The figure shows the curve; the tables list the story drifts at the target displacements.
     parts: list[Part] = []
     if targets:
         drawn = partial(figures.comparison.target_picture, targets, units)
         parts = [
-            _words_of_methods(buildings.target_table(targets)),
-            "The equivalent oscillators, and the building where they push it to:",
-            _words_of_methods(buildings.target_building_table(targets)).in_units(units),
+            _with_method_names(buildings.target_table(targets)),
+            "The equivalent oscillators, and the building at the target displacement:",
+            _with_method_names(buildings.target_building_table(targets)).in_units(units),
         ]
     chapters = [
         Chapter("Result", (list(told.said), Picture(drawn, f"Pushover, {result.pattern} pattern"))),
         Chapter("Stories at the target displacement", parts),
         model_chapter(model, units),
-        Chapter("Assumptions", ((*_PUSHED, *LEFT_OUT),)),
+        Chapter("Assumptions", ((*_PUSHED, *MODEL_LIMITS),)),
     ]
     return page(
-        model.name, f"Pushover of {model.name}, {result.pattern} pattern of forces.", chapters, told
+        model.name, f"Pushover of {model.name}, {result.pattern} force pattern.", chapters, told
     )
 
 
-def _words_of_methods(table: Table) -> Table:
-    """The methods in words."""
-    place = table.columns.index("method")
+def _with_method_names(table: Table) -> Table:
+    """Replace the keys of methods by their names."""
+    column = table.columns.index("method")
     return replace(
         table,
-        rows=[(*row[:place], _METHODS[str(row[place])], *row[place + 1 :]) for row in table.rows],
+        rows=[
+            (*row[:column], _METHODS[str(row[column])], *row[column + 1 :]) for row in table.rows
+        ],
     )
 
 
 _METHODS = {"n2": "N2, EN 1998-1 annex B", "coefficients": "ASCE 41-17, 7.4.3.3"}
 _PUSHED = (
-    "The building is pushed slowly by forces of one pattern; without dashpots and damping, with "
-    "its P-delta if it has.",
-    "A target displacement is an estimate from one curve and an elastic spectrum; time histories "
-    "may differ.",
+    "The building is pushed slowly by forces of one pattern, without dashpots and damping; P-delta "
+    "effects are included if the model has them.",
+    "A target displacement is an estimate from one curve and an elastic spectrum; time history "
+    "analyses may give other results.",
 )
 
 
 def modal_page(result: ModalResponse, told: Told, units: OutputUnits = SI) -> bytes:
-    """The page of the peaks of a linear building under a design spectrum."""
+    """Return the report of a response spectrum analysis.
+
+    Parameters
+    ----------
+    result : ModalResponse
+        Combined modal responses of the linear building.
+    told : Told
+        Verdict, warnings and inputs of the report.
+    units : OutputUnits
+        Units of the report; SI by default.
+    """
     model, units = result.model, page_units(units)
     drawn = partial(figures.comparison.modal_response_picture, result, units)
-    # The page has one of both sums, CQC, which holds for close modes, too; the base shear by SRSS
-    # stands in its words.
+    # The table has only the CQC values, which are also valid for close modes. The text states the
+    # base shear by SRSS.
     table = buildings.modal_response_table(result)
     table = table.chosen([name for name in table.columns if name == "story" or "_cqc" in name])
+    target = spectrum_text(result.target.source)
     chapters = [
         Chapter(
             "Result",
-            (list(told.said), Picture(drawn, f"Peaks of the stories under {result.target.source}")),
+            (list(told.said), Picture(drawn, f"Peaks of the stories under {target}")),
         ),
         Chapter("Peaks of the stories", (table.in_units(units),)),
         Chapter("Modes", (buildings.modal_share_table(result).in_units(units),)),
         model_chapter(model, units),
-        Chapter("Assumptions", ((*_MODAL, *LEFT_OUT),)),
+        Chapter("Assumptions", ((*_MODAL, *MODEL_LIMITS),)),
     ]
     return page(
         model.name,
-        f"Response spectrum analysis of {model.name}: {result.target.source}.",
+        f"Response spectrum analysis of {model.name}: {target}.",
         chapters,
         told,
     )
 
 
 _MODAL = (
-    "The building is linear with its initial stiffness; peaks of modes are combined by the square "
-    "root of the sum of squares (SRSS) and by the complete quadratic combination (CQC), each "
-    "response from its own modal peaks.",
-    "The target spectrum is that of all modes, whatever damping the model has.",
+    "The building is linear with its initial stiffness. The modal peaks of each response are "
+    "combined by the square root of the sum of squares (SRSS) and by the complete quadratic "
+    "combination (CQC).",
+    "The same target spectrum applies to all modes, independently of the damping of the model.",
 )
 
 
@@ -649,10 +736,23 @@ def comparison_page(
     fitted: Table | None,
     units: OutputUnits,
 ) -> bytes:
-    """The page of a building's result beside recordings; `fitted` are the values that were fitted
-    to one of them."""
+    """Return the report of a comparison of computed and recorded responses.
+
+    Parameters
+    ----------
+    comparisons : sequence of Comparison
+        Comparisons of the building with its recordings.
+    draw : callable
+        Function that draws the figure.
+    told : Told
+        Verdict, warnings and inputs of the report.
+    fitted : Table or None
+        Values that were fitted to one of the recordings.
+    units : OutputUnits
+        Units of the report.
+    """
     response, units = comparisons[0].response, page_units(units)
-    words = f"{method_words(response.method)}, steps of {response.dt:.6g} s"
+    integration = f"{method_text(response.method)}, time step {response.dt:.6g} s"
     chapters = [
         Chapter("Result", (list(told.said), buildings.comparison_table(comparisons))),
         Chapter(
@@ -662,7 +762,13 @@ def comparison_page(
         Chapter("Fitted", (fitted,) if fitted else ()),
         model_chapter(response.model, units),
         _assumptions(
-            words, ("recording and result are taken to the same band, without shift of phase",)
+            integration,
+            ("recorded and computed responses are filtered to the same band (zero phase)",),
         ),
     ]
-    return page(response.model.name, f"{response.model.name} beside recordings.", chapters, told)
+    return page(
+        response.model.name,
+        f"Comparison of {response.model.name} with recordings.",
+        chapters,
+        told,
+    )

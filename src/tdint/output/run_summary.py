@@ -1,4 +1,4 @@
-"""summary.json of a run: what it was, how it ended, and what every number in it means."""
+"""Content of summary.json of a run: settings, status, results, and the meaning of every number."""
 
 from __future__ import annotations
 
@@ -31,20 +31,23 @@ if TYPE_CHECKING:
 
 MEANINGS = {
     "time_s": ("s", "last time reached"),
-    "story": ("1", "story of the failure or collapse, from 1 at the ground"),
-    "residual": ("1", "forces out of balance over the story's forces"),
+    "story": ("1", "story of the failure or collapse; 1 is the first story"),
+    "residual": ("1", "residual of the equilibrium equations divided by the story forces"),
     "largest_stable_dt_s": ("s", "largest stable time step"),
-    "dt_s": ("s", "time step; of a record its sampling interval"),
-    "steps": ("1", "time steps"),
-    "duration_s": ("s", "time integrated; of a record from its first to its last sample"),
-    "iterations": ("1", "solves of the equations"),
-    "halved_steps": ("1", "steps divided because they did not converge"),
-    "branch_changes": ("1", "changes of branch of a drift law that were located in time"),
+    "dt_s": ("s", "time step; for a record the sampling interval"),
+    "steps": ("1", "number of time steps"),
+    "duration_s": ("s", "integrated time; for a record the time from its first to its last sample"),
+    "iterations": ("1", "number of solutions of the equations"),
+    "halved_steps": ("1", "number of time steps divided because the iteration did not converge"),
+    "branch_changes": (
+        "1",
+        "number of branch changes of hysteretic laws that were located in time",
+    ),
     "wall_time_s": ("s", "wall time of the command"),
     "time_loop_s": (
         "s",
-        "processor time of the compiled time loop alone; wall time where the former ticks coarsely "
-        "(time_loop_clock)",
+        "processor time of the compiled time loop; wall time if the processor clock has a coarse "
+        "resolution (time_loop_clock)",
     ),
     "stories": ("1", "number of stories"),
     "t1_s": ("s", "fundamental period of the initial stiffness, P-delta included"),
@@ -52,39 +55,43 @@ MEANINGS = {
     "sa_t1_m_s2": ("m/s^2", "pseudo-acceleration of the ground motion at t1_s"),
     "sa_t1_damping": ("1", "viscous damping ratio of sa_t1_m_s2"),
     "ratios": ("1", "viscous damping ratios of the modes"),
-    "modes": ("1", "modes that the ratios belong to, from 1"),
+    "modes": ("1", "mode numbers of the ratios, from 1"),
     "mass_1_s": ("s", "Rayleigh coefficient of the mass matrix"),
     "stiffness_s": ("s", "Rayleigh coefficient of the initial stiffness matrix"),
-    "initial_J": ("J", "kinetic and stored energy at the start, relative to the ground"),
-    "error": ("1", "imbalance of the energies over the largest input energy"),
+    "initial_J": ("J", "kinetic and strain energy at the start, relative to the ground"),
+    "error": ("1", "energy balance error divided by the maximum input energy"),
     "time_steps_s": (
         "s",
-        "time step of the run that the errors come from; of a tolerance those of the pair",
+        "time step of the run for the error estimate; with a tolerance, time steps of the two runs",
     ),
-    "drift_error": ("1", "largest estimated error of a peak drift over that drift"),
-    "drift_error_story": ("1", "its story"),
-    "tolerance": ("1", "what drift_error was asked to stay below"),
-    "runs_for_the_step": ("1", "runs that were made to choose the step for the tolerance"),
-    "samples_in_the_step": ("1", "sampling intervals of the record in the step that was chosen"),
+    "drift_error": (
+        "1",
+        "maximum over the stories of the estimated error of the peak drift over the peak drift",
+    ),
+    "drift_error_story": ("1", "story of drift_error"),
+    "tolerance": ("1", "requested upper limit of drift_error"),
+    "runs_for_the_step": ("1", "number of runs to choose the time step for the tolerance"),
+    "samples_in_the_step": ("1", "chosen time step divided by the sampling interval of the record"),
     "solves_at_record_step": (
         "1",
-        "solves of a run with the record's own step, where one was made to choose",
+        "number of solutions of the equations with the sampling interval of the record as time "
+        "step, if such a run was made",
     ),
     "residual_oscillation_m": (
         "m",
-        "amplitude with which a drift still moves about its rest at the end, about",
+        "approximate amplitude of the residual oscillation of a drift at the end",
     ),
-    "residual_oscillation_story": ("1", "its story"),
+    "residual_oscillation_story": ("1", "story of residual_oscillation_m"),
     "time_at_rest_s": (
         "s",
-        "time by which the building was at rest, where the run went on until then",
+        "time at which free vibration had decayed, if the run continued until then",
     ),
-    "start_s": ("s", "time of a shock's first sample in the sequence"),
-    "collapse_drift": ("1", "drift ratio beyond which a run counts as collapsed"),
-    "samples": ("1", "samples of the record"),
+    "start_s": ("s", "time of the first sample of an event in the sequence"),
+    "collapse_drift": ("1", "drift ratio above which a run counts as collapsed"),
+    "samples": ("1", "number of samples of the record"),
     "pga_m_s2": ("m/s^2", "peak ground acceleration"),
-    "scale": ("1", "factor on the record's acceleration"),
-    "probability": ("1", "probability of an outcome: none, a damage state, or an end by falling"),
+    "scale": ("1", "scale factor of the recorded acceleration"),
+    "probability": ("1", "probability of an outcome: no damage, a damage state, or collapse"),
     "loss_ratio": ("1", "mean loss ratio"),
     "version": ("1", "version of this file's layout"),
 }
@@ -96,12 +103,12 @@ MEANINGS |= {
     f"{name}{suffix(one.unit)}": (one.unit, one.meaning) for name, one in DEMANDS_OF_DAMAGE.items()
 }
 MEANINGS |= {one.column: (one.unit, one.meaning) for one in DEMANDS}
-MEANINGS |= {one.of_place: ("1", f"its {one.place}") for one in DEMANDS}
+MEANINGS |= {one.of_place: ("1", f"{one.place} of {one.column}") for one in DEMANDS}
 MEANINGS |= {
     f"{one.column}_error": (one.unit, f"estimated absolute error of {one.column}")
     for one in DEMANDS
 }
-"""Unit and meaning of the number under a key."""
+"""Unit and meaning of the number of each key."""
 
 UNITS = {key: unit for key, (unit, _) in MEANINGS.items()}
 
@@ -114,21 +121,23 @@ def run_summary(
     first: FirstMode | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Content of summary.json for a run that came to its end.
+    """Return the content of summary.json for a completed run.
 
     Parameters
     ----------
+    response : Response
+        Result of the run.
     inputs : sequence of Input
-        The files that were read.
+        Input files.
     wall_time : float
-        From the command's start, s.
+        Wall time since the start of the command, s.
     first : FirstMode, optional
-        The building's first mode.
+        First mode of the building.
     settings : mapping, optional
-        Settings of the command line beside those of the model.
+        Options of the command line that are not part of the model.
     """
     energy = response.energy
-    # The story that still moves most.
+    # The story with the largest residual oscillation.
     moving = int(response.residual_oscillation.argmax())
     content = {
         "schema": schema("run"),
@@ -176,8 +185,10 @@ def failure_summary(
     first: FirstMode | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Content of summary.json for a run without a result; `time_s` is the last time reached. See
-    `run_summary`."""
+    """Return the content of summary.json for a failed run.
+
+    `time_s` is the last time reached; the parameters are those of `run_summary`.
+    """
     content = {
         "schema": schema("run"),
         "status": failure.status,
@@ -205,10 +216,10 @@ def _ended(
     notes: Sequence[str],
     inputs: Sequence[Input],
 ) -> dict[str, Any]:
-    """The content with what every summary of a run ends with."""
+    """Return the content with the parts that end every summary of a run."""
     content |= {
         "record": motion_summary(record) if record else None,
-        # What was not asked for is left out: `tdint rerun` goes by the arguments.
+        # Unused options are omitted, because `tdint rerun` uses the stored arguments.
         "settings": {
             name: value for name, value in (settings or {}).items() if value not in (None, [])
         },
@@ -220,21 +231,20 @@ def _ended(
 
 
 def meanings(content: Mapping[str, Any]) -> dict[str, dict[str, str]]:
-    """Unit and meaning of every key of a summary under which there is a number."""
-    # Settings are as they were given, and mean what the help says; parameters what the method's
-    # paper says.
-    apart = ("settings", "method_parameters")
+    """Return unit and meaning of every key with a number in a summary."""
+    # Settings are documented by --help, parameters of methods by the publications of the methods.
+    skipped = ("settings", "method_parameters")
     names = dict.fromkeys(
-        _numbers({key: part for key, part in content.items() if key not in apart})
+        _numbers({key: part for key, part in content.items() if key not in skipped})
     )
     return {key: {"meaning": MEANINGS[key][1], "unit": MEANINGS[key][0]} for key in names}
 
 
 def _numbers(content: Mapping[str, Any]) -> Iterator[str]:
-    """Keys of numbers, and of lists of them, however deep."""
+    """Yield the keys of numbers and of lists of numbers, at any depth."""
     for key, value in content.items():
         parts = value if isinstance(value, list) else [value]
-        # Of shocks and outcomes one may have numbers that another one lacks.
+        # Events and outcomes can have different keys, so all of them are searched.
         if parts and isinstance(parts[0], Mapping):
             for part in parts:
                 yield from _numbers(part)
@@ -247,20 +257,22 @@ def _is_number(value: object) -> bool:
 
 
 def peaks(stories: StoryPeaks) -> dict[str, float | int | None]:
-    """The largest demands, SI units, and the story or floor (from 1) that has them; None where
-    unknown."""
+    """Return the maximum demands in SI units, each with its story or floor (from 1).
+
+    Unknown values are None.
+    """
     result: dict[str, float | int | None] = {}
     for demand in DEMANDS:
         largest = only(demand.of(stories))
         result[demand.column] = None if math.isnan(largest.value) else largest.value
-        # A demand of one story by its definition needs no place beside it.
+        # A demand that is defined for one story has no key for the story.
         if demand.story is None:
             result[demand.of_place] = largest.place
     return result
 
 
 def peak_errors(stories: StoryPeaks, errors: StoryErrors) -> dict[str, float | None]:
-    """Estimated errors of the numbers in `peaks`; None where there is none."""
+    """Return the estimated errors of the values of `peaks`; None if an error is unknown."""
     errors_by_column = {
         f"{demand.column}_error": demand.error(stories, errors) for demand in DEMANDS
     }
@@ -281,7 +293,7 @@ def _building(model: Model, first: FirstMode | None) -> dict[str, Any]:
         "p_delta": model.p_delta,
         "damping": damping,
     }
-    # Without a first mode, or a record, there is no spectral acceleration at its period.
+    # Without a first mode or a record, there is no spectral acceleration at the first period.
     if first is not None:
         content |= {"t1_s": first.period, "t1_damping": first.damping}
         if first.sa is not None:
@@ -319,16 +331,16 @@ def _check(check: ErrorEstimate | None, stories: StoryPeaks) -> dict[str, Any] |
 
 
 def _damage(response: Response) -> dict[str, Any]:
-    """The damage that the model's states tell; nothing without any."""
+    """Return the damage and loss of the model's damage states; empty without damage states."""
     if response.model.damage is None:
         return {}
-    # Not above: runs of buildings without states need none of it.
+    # Imported here, because runs of buildings without damage states do not need it.
     from tdint.campaign.fragility.runs import damage_of_run
 
     damage = damage_of_run(response.model, response.stories, response.status)
     assert damage is not None
     states = damage.states
-    told = {
+    content = {
         f"{states.demand}{suffix(DEMANDS_OF_DAMAGE[states.demand].unit)}": float(damage.demand[0]),
         "state": damage.state[0],
         "outcomes": [
@@ -339,7 +351,7 @@ def _damage(response: Response) -> dict[str, Any]:
         ],
         **({"loss_ratio": float(damage.loss[0])} if states.losses else {}),
     }
-    return {"damage": told}
+    return {"damage": content}
 
 
 def _collapse(collapse: Collapse | None) -> dict[str, Any] | None:

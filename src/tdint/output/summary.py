@@ -1,5 +1,8 @@
-"""What a result was, how it came about, and from which inputs and versions: what all JSON files
-have in common, and those beside tables of records, of a campaign, of charts and of comparisons."""
+"""JSON summaries: results, settings, input files and versions.
+
+This module has the parts that all JSON files share, and the summaries of tables, campaigns, charts
+and comparisons.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +36,8 @@ if TYPE_CHECKING:
     from tdint.analysis.fit import Fit
     from tdint.campaign.store import Store
 
-_LINE = 160  # characters of a line of JSON, without what it is indented by
-_SCHEMA = 1  # raised when a key goes or changes its meaning
+_LINE = 160  # maximum characters of a JSON line, indentation excluded
+_SCHEMA = 1  # version of the layout; increased when a key is removed or changes its meaning
 
 _UNITS = {"pga_m_s2": "m/s^2", "pgv_m_s": "m/s"}
 
@@ -42,17 +45,17 @@ _PACKAGES = ("numpy", "scipy", "numba", "obspy")
 
 
 def model_input(model: Model) -> Input:
-    """The input that a model file was, with the content that was read."""
+    """Return the input entry of a model file, with the SHA-256 of the content that was read."""
     return input_of(model.source, model.text)
 
 
 def input_of(source: str, text: bytes) -> Input:
-    """The input that a file with this content was."""
+    """Return the input entry of a file with this content."""
     return Input(source, hashlib.sha256(text).hexdigest())
 
 
 def record_summary(record: Record) -> dict[str, Any]:
-    """What a record is, where it came from and what was done to it."""
+    """Return the description of a record: its data, its origin and its processing."""
     notes = [note for note in record.notes if note not in record.processing]
     return {**motion_summary(record), "notes": notes, "inputs": inputs_summary(record.inputs)}
 
@@ -63,18 +66,18 @@ def table_summary(
     records: Sequence[dict[str, Any]],
     meanings: Mapping[str, Mapping[str, str]],
 ) -> dict[str, Any]:
-    """Content of the JSON file beside a table.
+    """Return the content of the JSON file that accompanies a table.
 
     Parameters
     ----------
     command : str
-        The command that made the table.
+        Command that wrote the table.
     settings : dict
-        Its settings, those of the command line and the defaults.
+        Options of the command line and defaults.
     records : sequence of dict
         The `record_summary` of each record in the table.
     meanings : mapping
-        What the table's columns mean: `Table.meanings`.
+        Units and meanings of the columns: `Table.meanings`.
     """
     return {
         "schema": schema(command),
@@ -88,12 +91,12 @@ def table_summary(
 
 
 def campaign_summary(store: Store) -> dict[str, Any]:
-    """What a campaign is, how far it has come, and what the columns of runs.csv mean."""
+    """Return the settings, progress and inputs of a campaign, and the columns of runs.csv."""
     from tdint.output.tables.campaign import PROFILE_ERRORS, PROFILES, run_columns
     from tdint.output.tables.damage_states import damage_summary
 
     statuses, unused = store.statuses(), store.unused()
-    # From the store, not the files: these may be gone, or others by now.
+    # The store is used instead of the files, because these may have been deleted or changed.
     records = store.connection.execute(
         "SELECT name, component, direction, dt_s, samples, pga_m_s2, pgv_m_s, sha256 FROM records "
         "ORDER BY id"
@@ -129,7 +132,7 @@ def campaign_summary(store: Store) -> dict[str, Any]:
 
 
 def without_error(store: Store) -> int | None:
-    """Runs with demands whose errors could not be estimated; None where this was not asked for."""
+    """Return the number of runs without an error estimate; None if no estimates were requested."""
     return (
         store.count("peak_drift_m IS NOT NULL AND peak_drift_m_error IS NULL")
         if store.checked
@@ -138,22 +141,26 @@ def without_error(store: Store) -> int | None:
 
 
 def schema(name: str) -> dict[str, str | int]:
-    """Name and version of a JSON file's layout; the version grows when a key changes or goes."""
+    """Return the name and the version of the layout of a JSON file."""
     return {"name": f"tdint {name}", "version": _SCHEMA}
 
 
 def in_units(
     content: dict[str, Any], units: OutputUnits, keys: Mapping[str, str] = MappingProxyType({})
 ) -> dict[str, Any]:
-    """A summary with its numbers in other units, under keys that say so.
+    """Convert the numbers of a summary to other units and rename their keys accordingly.
 
-    What `columns` and `meanings` tell of names changes with them; `settings` stay as they were
-    given.
+    Names in `columns` and `meanings` are renamed also; `settings` keep the values of the command
+    line.
 
     Parameters
     ----------
+    content : dict
+        Summary in SI units.
+    units : OutputUnits
+        Units of the result.
     keys : mapping
-        SI units of keys, beside those that summaries share.
+        SI units of keys, in addition to the keys that all summaries share.
     """
     result: dict[str, Any] = (
         content if units == SI else _in_units(content, units, {**_UNITS, **keys}, 1.0)
@@ -168,7 +175,7 @@ def _in_units(value: Any, units: OutputUnits, keys: Mapping[str, str], factor: f
         return converted(value, factor)
     result: dict[str, Any] = {}
     for key, part in value.items():
-        # Settings stay as they were typed; what columns mean changes with their units.
+        # Settings keep the values of the command line; columns are described with their new units.
         if key == "settings":
             result[key] = {**part, "output_units": str(units)}
         elif key in ("columns", "meanings") and isinstance(part, Mapping):
@@ -180,26 +187,27 @@ def _in_units(value: Any, units: OutputUnits, keys: Mapping[str, str], factor: f
 
 
 def json_bytes(content: dict[str, Any]) -> bytes:
-    """JSON with 12 significant digits, null for what is no finite number, keys in the order given,
-    LF ends."""
+    """Return JSON with 12 significant digits, null for non-finite numbers, and LF line ends."""
     # A file name that is not UTF-8 has surrogates; escaped (ASCII) they are still valid JSON.
     text = json.dumps(_plain(content), indent=2, allow_nan=False)
-    # What holds no other part, and fits, stands on a line of its own: in strings there are no ends
-    # of lines.
+    # A short list or object without nested parts is written on one line. Strings contain no line
+    # ends here, because JSON escapes them.
     text = re.sub(r"[\[{]\n[^\[\]{}]*[\]}]", _on_a_line, text)
     return (text + "\n").encode()
 
 
 def _on_a_line(part: re.Match[str]) -> str:
-    """A part of indented JSON without ends of lines, if it is short."""
+    """Return a part of indented JSON on one line if it is short enough, otherwise unchanged."""
     line = re.sub(r"\n *", " ", part[0])
     line = f"{line[0]}{line[1:-1].strip()}{line[-1]}"
     return line if len(line) <= _LINE else part[0]
 
 
 def listed_files(summary: Path) -> dict[str, str]:
-    """SHA-256 of the files that a run's summary lists beside it, by name; none where it is no such
-    summary."""
+    """Return the SHA-256 of each file that the summary of a run lists, by file name.
+
+    The result is empty if the file is not the summary of a run.
+    """
     try:
         return {file["file"]: file["sha256"] for file in told_of(summary)["files"]}
     except (LookupError, TypeError):
@@ -207,10 +215,10 @@ def listed_files(summary: Path) -> dict[str, str]:
 
 
 def told_of(summary: Path) -> dict[str, Any]:
-    """What a JSON file of ours holds; nothing where there is none, or it is none."""
+    """Return the content of a JSON file of tdint; empty if the file is missing or foreign."""
     try:
-        told = json.loads(summary.read_bytes())
-        return dict(told) if told["schema"]["name"].startswith("tdint ") else {}
+        content = json.loads(summary.read_bytes())
+        return dict(content) if content["schema"]["name"].startswith("tdint ") else {}
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         return {}
 
@@ -226,11 +234,11 @@ def _plain(value: Any) -> Any:
 
 
 def motion_summary(record: Record) -> dict[str, Any]:
-    """The numbers of a ground motion, as it is after its processing and scaling."""
-    words = ("id", "component", "event", "start", "quantity", "units", "units_from")
+    """Return the data of a ground motion after processing and scaling."""
+    attributes = ("id", "component", "event", "start", "quantity", "units", "units_from")
     return {
         "file": record.source,
-        **{name: getattr(record, name) for name in words},
+        **{name: getattr(record, name) for name in attributes},
         "dt_s": record.dt,
         "samples": record.acceleration.size,
         "duration_s": record.duration,
@@ -239,59 +247,70 @@ def motion_summary(record: Record) -> dict[str, Any]:
         "processing": list(record.processing),
         "warnings": list(record.warnings),
         "compared_with_file": list(record.header_checks)
-        or ["nothing: the file states no number that its samples tell too"],
+        or ["no comparison: the file states no value that can be computed from its samples"],
     }
 
 
-def merged_inputs(*some: Iterable[Mapping[str, str]]) -> list[dict[str, str]]:
-    """Inputs of several parts, each once, by name."""
-    # A file that several parts have read stands there once.
-    merged = {(given["file"], given["sha256"]): dict(given) for inputs in some for given in inputs}
+def merged_inputs(*lists: Iterable[Mapping[str, str]]) -> list[dict[str, str]]:
+    """Return the distinct inputs of several lists, sorted by name."""
+    merged = {(item["file"], item["sha256"]): dict(item) for inputs in lists for item in inputs}
+    # Files with the same content and different names remain separate entries.
     return [merged[key] for key in sorted(merged)]
 
 
 def files_read() -> list[dict[str, str]]:
-    """All files that the command that runs has read so far, with their SHA-256."""
+    """Return all files that the running command has read so far, with their SHA-256."""
     return [{"file": file, "sha256": digest} for file, digest in (READ.get() or {}).items()]
 
 
 def inputs_summary(inputs: Sequence[Input]) -> list[dict[str, str]]:
-    """Files and the SHA-256 of what was read of them."""
+    """Return files with the SHA-256 of the content that was read."""
     return list(map(asdict, inputs))
 
 
 def versions() -> dict[str, Any]:
-    """Versions of tdint, of the packages it computes with, and of Python; the hash of tdint's
-    sources; and the SHA-256 of the files of plug-ins, by name, where there are any."""
+    """Return the versions of tdint, its numerical packages and Python, and the hash of the sources.
+
+    If plug-ins are loaded, the SHA-256 of their files is included, by name.
+    """
     packages = {package: _version(package) for package in _PACKAGES}
     own_version, sources = version_of_sources()
-    told = {
+    content = {
         "tdint": own_version,
         **packages,
         "python": platform.python_version(),
         "sources": sources,
     }
-    return told | ({"plugins": code_of(CODE)} if CODE else {})
+    return content | ({"plugins": code_of(CODE)} if CODE else {})
 
 
 @cache
 def _version(package: str) -> str | None:
-    from importlib.metadata import (
-        PackageNotFoundError,
-        version,
-    )  # 14 ms, and asked for where a JSON file is written
+    # This import takes 14 ms and is needed only for JSON files.
+    from importlib.metadata import PackageNotFoundError, version
 
     try:
         return version(package)
-    except PackageNotFoundError:  # Imported from a folder, not installed.
+    except PackageNotFoundError:  # imported from a source directory, not installed
         return None
 
 
 @dataclass(frozen=True)
 class Advice:
-    """What is recommended for an error within a limit, None where no point of the chart is; the
-    best of another method; and the largest error of a peak drift, over it, that `tdint run`
-    tells."""
+    """Recommended method and time step for an error limit.
+
+    Attributes
+    ----------
+    limit : float
+        Limit of the relative error.
+    point : Point or None
+        Recommended point of the chart; None if no point meets the limit.
+    next_best : Point or None
+        Best point of another method.
+    told : float
+        Error of a peak drift that `tdint run` estimates at this point: maximum over the stories,
+        divided by the peak drift; nan if it is unknown.
+    """
 
     limit: float
     point: Point | None
@@ -309,8 +328,27 @@ def chart_summary(
     notes: Sequence[str],
     meanings: Mapping[str, Mapping[str, str]],
 ) -> dict[str, Any]:
-    """Content of the JSON file beside the table: the references and how well they are known, what
-    is recommended."""
+    """Return the content of the JSON file of a work-precision diagram.
+
+    It contains the reference solutions with their estimated accuracy, and the recommended methods.
+
+    Parameters
+    ----------
+    charts : sequence of Chart
+        Measured charts.
+    model : Model
+        The building.
+    record : Record, optional
+        The ground motion.
+    target : str
+        Quantity whose error is compared.
+    advice : sequence of Advice
+        Recommended points for each error limit.
+    notes : sequence of str
+        Notes of the command.
+    meanings : mapping
+        Units and meanings of the columns of the table.
+    """
     return {
         "schema": schema("chart"),
         "command": "chart",
@@ -356,8 +394,20 @@ def chart_summary(
 def field_summary(
     chart: FieldChart, *, notes: Sequence[str], meanings: Mapping[str, Mapping[str, str]]
 ) -> dict[str, Any]:
-    """Content of the JSON file beside the table of performance profiles: the problems, how well
-    their references are known, all that was measured, what is recommended."""
+    """Return the content of the JSON file of performance profiles.
+
+    It contains the problems, the accuracy of their reference solutions, all measurements and the
+    recommended methods.
+
+    Parameters
+    ----------
+    chart : FieldChart
+        Measurements of all problems.
+    notes : sequence of str
+        Notes of the command.
+    meanings : mapping
+        Units and meanings of the columns of the table.
+    """
     peaks = [name.replace("-", "_") for name in PEAKS]
     names = (
         "name",
@@ -377,7 +427,7 @@ def field_summary(
         "problems": [
             {name: getattr(case, name) for name in names}
             | {
-                "reference": "impulse4, 32 steps an interval",
+                "reference": "impulse4, 32 time steps per interval",
                 "gap": asdict(case.gap),
                 "points": [
                     [point.method, point.dt, point.outcome, point.iterations, point.fastest]
@@ -387,8 +437,8 @@ def field_summary(
             }
             for case in chart.measured
         ],
-        # What stands in the lists of points: a field has thousands, and each would name its
-        # numbers.
+        # Order of the values in the lists of points. There are thousands of points, so their
+        # values have no keys.
         "points": [
             "method",
             "dt_s",
@@ -407,9 +457,12 @@ def field_summary(
 
 
 def _parameters_of(lines: Iterable[str]) -> dict[str, dict[str, float]]:
-    """The parameters of each of our methods: a line of another program has a slash, one by
-    tolerance a space."""
-    from tdint.methods.catalogue import resolved  # which most tables do without
+    """Return the parameters of each method of tdint.
+
+    Lines of other programs contain a slash and lines with a tolerance contain a space; both are
+    skipped.
+    """
+    from tdint.methods.catalogue import resolved  # most summaries do not need the catalogue
 
     return {line: resolved(line) for line in lines if not set("/ ") & set(line)}
 
@@ -442,24 +495,25 @@ def comparison_summary(
     settings: Mapping[str, Any],
     units: OutputUnits = SI,
 ) -> dict[str, Any]:
-    """Content of the JSON file beside the table.
+    """Return the content of the JSON file of a comparison.
 
     Parameters
     ----------
     model : Model
-        As it was read.
+        Model as read from its file.
     comparisons : sequence of Comparison
-        The event that was asked for, then those it was not fitted to.
+        The selected event first, then the events that were not used for the fit.
     fitted : Fit or None
-        What was fitted to the first one.
+        Result of the fit to the first event.
     settings : mapping
-        Settings of the command line.
+        Options of the command line.
     units : OutputUnits
-        Of the fitted values, whose names say them; the keys' units are those of `in_units`.
+        Units of the fitted values, which are included in their names; SI by default. Other keys are
+        converted by `in_units`.
     """
     from tdint.output.tables.buildings import comparison_table, fitted_table
 
-    # Values and what their columns mean, in the units of the output.
+    # The fitted values and their descriptions, in output units.
     fit: dict[str, Any] | None = None
     if fitted is not None:
         table = fitted_table(fitted.values, units)

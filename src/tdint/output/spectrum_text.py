@@ -1,0 +1,58 @@
+"""Design spectra in the words of their code, for titles and reports."""
+
+from __future__ import annotations
+
+from tdint.units import STANDARD_GRAVITY, parse_with_unit
+
+_CODES = {
+    "asce7": "ASCE 7",
+    "mcer": "ASCE 7 MCER",
+    "ec8": "EN 1998-1",
+}
+"""Printed names of the codes. The command line has the keys."""
+
+_PARAMETERS = {
+    "sds": "SDS = {} g",
+    "sd1": "SD1 = {} g",
+    "tl": "TL = {} s",
+    "type": "type {}",
+    "soil": "soil {}",
+    "ag": "ag = {}",
+    "damping": "damping {}",
+    "s": "S = {}",
+    "tb": "TB = {} s",
+    "tc": "TC = {} s",
+    "td": "TD = {} s",
+}
+"""Printed form of each parameter of a design spectrum."""
+
+
+def spectrum_text(source: str) -> str:
+    """Return the printed form of a target spectrum.
+
+    Parameters
+    ----------
+    source : str
+        A file name, or a code and its parameters as on the command line
+        (`asce7:sds=1.0,sd1=0.6,tl=8`).
+
+    Returns
+    -------
+    str
+        For example "ASCE 7, SDS = 1.0 g, SD1 = 0.6 g, TL = 8 s". A file name is returned unchanged,
+        and so is a text with an unknown parameter.
+    """
+    code, colon, listed = source.partition(":")
+    if not colon or code not in _CODES:
+        return source
+    parts = [_CODES[code]]
+    for item in listed.split(","):
+        key, _, value = item.partition("=")
+        if key.strip() not in _PARAMETERS:
+            return source
+        if key.strip() == "ag":
+            # The command line accepts any unit of acceleration; engineers compare ag in g.
+            acceleration = parse_with_unit(value, "acceleration", "0.25g", "ag")
+            value = f"{acceleration / STANDARD_GRAVITY:.4g} g"
+        parts.append(_PARAMETERS[key.strip()].format(value.strip()))
+    return ", ".join(parts)
