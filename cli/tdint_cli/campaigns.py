@@ -309,10 +309,7 @@ class Profiles:
                 return [AnalysisError(text)]
             warn(text)
             return []
-        # A building that collapsed is the headline; failed runs are a warning.
-        lost = [
-            (profile.collapsed, text) for profile in self.found if (text := self._lost(profile))
-        ]
+        lost = [text for profile in self.found if (text := self._lost(profile))]
         if (more := len(lost) - _MOST_TOLD) > 0:
             rest = (
                 f"{how_many(more, 'building')} or levels more: the columns collapsed and failed of "

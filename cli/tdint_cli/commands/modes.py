@@ -8,6 +8,7 @@ import click
 
 from tdint.errors import UsageError
 from tdint.output import figures, tables
+from tdint.output.spectrum_text import spectrum_text
 from tdint_cli import options
 from tdint_cli.options.grammar import Mode, refuse_idle
 from tdint_cli.terminal import note, say, warn
@@ -140,7 +141,8 @@ def _peak_words(result: ModalResponse, units: OutputUnits) -> str:
     roof = units.text(float(result.displacement_cqc[-1]), "m")
     share = 100.0 * result.base_shear[0] ** 2 / float((result.base_shear**2).sum())
     return (
-        f"{result.model.name}, linear with its initial stiffness, under {result.target.source}: "
+        f"{result.model.name}, linear with its initial stiffness, under "
+        f"{spectrum_text(result.target.source)}: "
         f"base shear {cqc} by CQC, {srss} by SRSS, {share:.3g} % of its square from the first "
         f"mode; roof {roof}."
         + (" All modes are in it: no mass is missing." if not result.left_out else "")

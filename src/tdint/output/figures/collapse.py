@@ -34,6 +34,7 @@ from tdint.output.figures.style import (
     record_name,
     titled,
 )
+from tdint.output.spectrum_text import spectrum_text
 from tdint.units import ACCELERATION, SI, STANDARD_GRAVITY, OutputUnits
 from tdint.written_numbers import how_many
 
@@ -128,7 +129,9 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI) -> Figure:
     draw_suite(figure.subplots(), scaling, units)
     # What it was scaled to, in words.
     aim = scaling.target
-    target = "" if aim is None else aim.source if aim.curve else record_name(aim.source)
+    target = (
+        "" if aim is None else spectrum_text(aim.source) if aim.curve else record_name(aim.source)
+    )
     value = ""
     if scaling.measure is not None and scaling.value is not None:
         unit = scaling.measure.unit

@@ -39,6 +39,7 @@ from tdint.output.figures.style import (
     titled,
     write_note,
 )
+from tdint.output.spectrum_text import spectrum_text
 from tdint.output.tables.methods import PEER
 from tdint.output.tables.spectra import RecordInfo
 from tdint.system import CLOCKS, version_of_sources
@@ -241,7 +242,8 @@ def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Fi
     displacement.set_xlabel(f"displacement ({units.label('m')})")
     displacement.yaxis.get_major_locator().set_params(integer=True)
     return titled(
-        figure, f"{result.model.name}\nModal peaks under {result.target.source}, combined"
+        figure,
+        f"{result.model.name}\nModal peaks under {spectrum_text(result.target.source)}, combined",
     )
 
 
@@ -383,7 +385,9 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
         profile, pushed, units, [(made.drift, i + 1, made.method) for i, made in enumerate(results)]
     )
     return titled(
-        figure, f"{pushed.model.name}\nPushover, {pushed.pattern} pattern, under {n2.target.source}"
+        figure,
+        f"{pushed.model.name}\nPushover, {pushed.pattern} pattern, under "
+        f"{spectrum_text(n2.target.source)}",
     )
 
 
@@ -531,7 +535,11 @@ def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
         if len(parts) > 1:
             below[0].set_title(part.after.component, fontsize="medium")
     subject = f"{record_name(matched.seed.source)} {matched.seed.component}".rstrip()
-    aim = matched.target.source if matched.target.curve else record_name(matched.target.source)
+    aim = (
+        spectrum_text(matched.target.source)
+        if matched.target.curve
+        else record_name(matched.target.source)
+    )
     of_pair = ", RotD100" if len(parts) > 1 else ""
     return titled(
         figure, f"{subject} matched to {aim}\n{100.0 * matched.damping:g} % damping{of_pair}"

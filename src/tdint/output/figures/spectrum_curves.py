@@ -30,6 +30,7 @@ from tdint.output.figures.style import (
     record_names,
     titled,
 )
+from tdint.output.spectrum_text import spectrum_text
 from tdint.units import SI, OutputUnits
 from tdint.written_numbers import how_many
 
@@ -724,7 +725,7 @@ def target_picture(target: TargetSpectrum, units: OutputUnits = SI) -> Figure:
 
 def _target_name(target: TargetSpectrum) -> str:
     """A design spectrum as it was named, or the name of the file without its folder."""
-    return target.source if target.curve else record_name(target.source)
+    return spectrum_text(target.source) if target.curve else record_name(target.source)
 
 
 def _add_target(

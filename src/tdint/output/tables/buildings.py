@@ -1,5 +1,7 @@
-"""Tables of buildings: models, modes, statics, inventories, results beside recordings; those of
-runs: `responses`."""
+"""Tables of buildings: models, modes, static analyses, inventories and comparisons with recordings.
+
+Tables of runs are in `responses`.
+"""
 
 from __future__ import annotations
 
@@ -26,28 +28,40 @@ if TYPE_CHECKING:
     from tdint.model.modes import Modes
 
 CYCLIC = (
-    Column("story", "1", "story", "story, from 1 at the ground"),
+    Column("story", "1", "story", "story, numbered from the ground"),
     Column(
         "step",
         "1",
         lambda test: np.arange(test.path.drift.size),
-        "point of the path; 0 is the start at rest",
+        "point of the displacement path; 0 is the undeformed state",
     ),
-    Column("cycle", "1", "cycle_numbers", "cycle, from 1; 0 for the start; empty for a path given"),
+    Column(
+        "cycle",
+        "1",
+        "cycle_numbers",
+        "cycle, from 1; 0 for the start; empty for a user-defined displacement path",
+    ),
     Column("drift_m", "m", "path.drift", "imposed drift"),
     Column(
-        "drift_ratio", "1", lambda test: test.path.drift / test.height, "drift over story height"
+        "drift_ratio",
+        "1",
+        lambda test: test.path.drift / test.height,
+        "drift divided by story height",
     ),
-    Column("shear_N", "N", "path.shear", "restoring force of the law"),
+    Column("shear_N", "N", "path.shear", "restoring force of the hysteretic law"),
     Column(
         "shear_with_p_delta_N",
         "N",
         "shear_with_p_delta",
         "restoring force with the geometric stiffness",
     ),
-    Column("tangent_stiffness_N_m", "N/m", "path.tangent", "tangent stiffness of the law"),
-    Column("strain_energy_J", "J", "path.strain_energy", "energy that the law stores"),
-    Column("hysteretic_energy_J", "J", "path.hysteretic_energy", "energy dissipated so far"),
+    Column(
+        "tangent_stiffness_N_m", "N/m", "path.tangent", "tangent stiffness of the hysteretic law"
+    ),
+    Column("strain_energy_J", "J", "path.strain_energy", "strain energy of the hysteretic law"),
+    Column(
+        "hysteretic_energy_J", "J", "path.hysteretic_energy", "energy dissipated since the start"
+    ),
 )
 
 
@@ -59,8 +73,8 @@ _OF_STORIES = (
     Column(
         "story",
         "1",
-        lambda one: np.arange(1, one.building.mass.size + 1),
-        "story, from 1 at the ground",
+        lambda item: np.arange(1, item.building.mass.size + 1),
+        "story, numbered from the ground",
     ),
     Column("mass_kg", "kg", "building.mass", "mass of the floor"),
     Column("height_m", "m", "building.height", "story height"),
@@ -70,25 +84,25 @@ INVENTORY = (
     Column(
         "design_level", "text", "building.design_level", "design level: pre, low, moderate, high"
     ),
-    Column("hazus_type", "text", "building.type", "structure type with its class of height"),
+    Column("hazus_type", "text", "building.type", "structure type with its height class"),
     Column("period_rule_s", "s", "building.rule_period", "fundamental period by the rules"),
     _SHEAR_BEAM,
     *_OF_STORIES,
     Column("stiffness_N_m", "N/m", "building.stiffness", "initial stiffness"),
     Column("yield_force_N", "N", "building.yield_force", "force at first yield"),
-    Column("ultimate_force_N", "N", "building.ultimate_force", "largest force"),
+    Column("ultimate_force_N", "N", "building.ultimate_force", "maximum force"),
     Column("yield_drift_m", "m", "building.yield_drift", "drift at first yield"),
     Column(
         "ultimate_drift_m",
         "m",
         "building.ultimate_drift",
-        "drift at which the largest force is reached",
+        "drift at the maximum force",
     ),
     Column(
         "pinching",
         "1",
         "building.pinching",
-        "part of the force at which the first part of reloading ends",
+        "fraction of the force at which the first branch of reloading ends",
     ),
     Column("unloading_exponent", "1", "building.unloading", "exponent of the unloading stiffness"),
 )
@@ -99,14 +113,14 @@ OF_CLASSES = (
         "period_curve_s",
         "s",
         "building.curve_period",
-        "period of the first line of the capacity curve",
+        "period of the initial branch of the capacity curve",
     ),
     _SHEAR_BEAM,
     Column(
         "participation",
         "1",
         "building.participation",
-        "roof displacement over spectral displacement",
+        "roof displacement divided by spectral displacement",
     ),
     *_OF_STORIES,
     *(
@@ -120,32 +134,37 @@ OF_CLASSES = (
         for name, unit, of in (("drift", "m", "drifts"), ("force", "N", "forces"))
     ),
 )
-"""Of buildings with capacity curves."""
+"""Columns of buildings with capacity curves."""
 
 
 def pushover(stories: int) -> tuple[Column, ...]:
-    """The columns of a pushover of a building with so many stories."""
+    """Return the columns of a pushover of a building with this number of stories."""
     return (
         Column(
             "step",
             "1",
             lambda result: np.arange(result.base_shear.size),
-            "step; 0 is the start at rest",
+            "load step; 0 is the undeformed state",
         ),
-        Column("roof_displacement_m", "m", "roof_displacement", "relative to the ground"),
+        Column(
+            "roof_displacement_m",
+            "m",
+            "roof_displacement",
+            "roof displacement relative to the ground",
+        ),
         Column(
             "roof_drift_ratio",
             "1",
             "roof_drift_ratio",
-            "roof displacement over the height of the building",
+            "roof displacement divided by the height of the building",
         ),
-        Column("base_shear_N", "N", "base_shear", "sum of the forces on the floors"),
+        Column("base_shear_N", "N", "base_shear", "base shear: sum of the forces on the floors"),
         *(
             Column(
                 f"story_{i + 1}_drift_m",
                 "m",
                 part("drift", np.s_[:, i]),
-                "relative to the floor below",
+                "drift: displacement relative to the floor below",
             )
             for i in range(stories)
         ),
@@ -153,7 +172,7 @@ def pushover(stories: int) -> tuple[Column, ...]:
 
 
 def pushover_table(result: Pushover) -> Table:
-    """One row per step; row 0 is the start at rest."""
+    """Return the table with one row per load step; row 0 is the undeformed state."""
     return Table.of_results(pushover(result.drift.shape[1]), [result])
 
 
@@ -162,41 +181,57 @@ TARGET_DISPLACEMENT = (
         "method", "text", "method", "n2 (EN 1998-1, annex B) or coefficients (ASCE 41-17, 7.4.3.3)"
     ),
     Column(
-        "story", "1", lambda made: np.arange(1, made.drift.size + 1), "story, from 1 at the ground"
+        "story",
+        "1",
+        lambda made: np.arange(1, made.drift.size + 1),
+        "story, numbered from the ground",
     ),
     Column("drift_m", "m", "drift", "drift at the target displacement"),
-    Column("drift_ratio", "1", "drift_ratio", "that over the story height"),
-    Column("ductility", "1", "ductility", "that over the drift at first yield"),
+    Column("drift_ratio", "1", "drift_ratio", "drift divided by story height"),
+    Column("ductility", "1", "ductility", "drift divided by the drift at first yield"),
 )
 TARGET_OF_BUILDING = (
     TARGET_DISPLACEMENT[0],
     Column("roof_displacement_m", "m", "roof_displacement", "target displacement of the roof"),
-    Column("base_shear_N", "N", "base_shear", "base shear there"),
+    Column("base_shear_N", "N", "base_shear", "base shear at the target displacement"),
     Column("period_s", "s", "period", "period of the equivalent oscillator: T*, Te"),
-    Column("sa_m_s2", "m/s^2", "spectral_acceleration", "of the target spectrum at that period"),
     Column(
-        "participation", "1", "participation", "roof displacement over the oscillator's: Gamma, C0"
+        "sa_m_s2",
+        "m/s^2",
+        "spectral_acceleration",
+        "pseudo-acceleration of the target spectrum at period_s",
     ),
     Column(
-        "mass_kg", "kg", "mass", "of the equivalent oscillator; of the building with coefficients"
+        "participation",
+        "1",
+        "participation",
+        "roof displacement divided by the displacement of the oscillator: Gamma, C0",
+    ),
+    Column(
+        "mass_kg",
+        "kg",
+        "mass",
+        "mass of the equivalent oscillator; with coefficients, mass of the building",
     ),
     Column("yield_force_N", "N", "yield_force", "base shear at which the idealized curve yields"),
     Column(
         "yield_displacement_m", "m", "yield_displacement", "roof displacement at which it yields"
     ),
-    Column("strength_ratio", "1", "strength_ratio", "elastic force over yield force"),
-    Column("c1", "1", part("factors", 0), "C1; with n2 the displacement over the elastic one"),
+    Column("strength_ratio", "1", "strength_ratio", "elastic force divided by yield force"),
+    Column(
+        "c1", "1", part("factors", 0), "C1; with n2 displacement divided by elastic displacement"
+    ),
     Column("c2", "1", part("factors", 1), "C2; 1 with n2"),
 )
 
 
 def target_table(results: Sequence[TargetDisplacement]) -> Table:
-    """One row per method and story."""
+    """Return the table with one row per method and story."""
     return Table.of_results(TARGET_DISPLACEMENT, results)
 
 
 def target_building_table(results: Sequence[TargetDisplacement]) -> Table:
-    """One row per method: the oscillators and where they are pushed to."""
+    """Return the table with one row per method: equivalent oscillators and target displacements."""
     return Table.of_results(TARGET_OF_BUILDING, results)
 
 
@@ -209,7 +244,7 @@ MODAL_RESPONSE = (
         "story",
         "1",
         lambda made: np.arange(1, made.drift_cqc.size + 1),
-        "story, from 1 at the ground",
+        "story, numbered from the ground",
     ),
     *(
         Column(f"drift_{rule}_m", "m", f"drift_{rule}", f"drift, {words}")
@@ -219,7 +254,7 @@ MODAL_RESPONSE = (
         "drift_ratio_cqc",
         "1",
         lambda made: made.drift_cqc / made.height,
-        "drift_cqc_m over the story height",
+        "drift_cqc_m divided by story height",
     ),
     *(
         Column(f"shear_{rule}_N", "N", f"shear_{rule}", f"story shear, {words}")
@@ -230,7 +265,7 @@ MODAL_RESPONSE = (
             f"displacement_{rule}_m",
             "m",
             f"displacement_{rule}",
-            f"of the floor to the ground, {words}",
+            f"floor displacement relative to the ground, {words}",
         )
         for rule, words in _COMBINED
     ),
@@ -238,49 +273,57 @@ MODAL_RESPONSE = (
         "absolute_acceleration_cqc_m_s2",
         "m/s^2",
         "acceleration_cqc",
-        "of the floor, forces over mass",
+        "absolute acceleration of the floor: floor force divided by mass",
     ),
-    Column("floor_force_cqc_N", "N", "force_cqc", "on the floor above the story"),
-    Column("overturning_moment_cqc_Nm", "N*m", "moment_cqc", "at the foot of the story"),
+    Column("floor_force_cqc_N", "N", "force_cqc", "force on the floor above the story"),
+    Column(
+        "overturning_moment_cqc_Nm",
+        "N*m",
+        "moment_cqc",
+        "overturning moment at the base of the story",
+    ),
 )
 MODAL_SHARE = (
     Column(
         "mode",
         "1",
         lambda made: np.arange(1, made.period.size + 1),
-        "mode, from 1 at the longest period",
+        "mode number, from the longest period",
     ),
     Column("period_s", "s", "period", "natural period"),
     Column(
-        "sa_m_s2", "m/s^2", "spectral_acceleration", "of the target; 0 of a mode that is left out"
+        "sa_m_s2",
+        "m/s^2",
+        "spectral_acceleration",
+        "pseudo-acceleration of the target spectrum; 0 for an omitted mode",
     ),
-    Column("mass_ratio", "1", "mass_ratio", "effective modal mass over the total mass"),
-    Column("base_shear_N", "N", "base_shear", "of the mode alone"),
+    Column("mass_ratio", "1", "mass_ratio", "effective modal mass divided by the total mass"),
+    Column("base_shear_N", "N", "base_shear", "base shear of this mode"),
     Column(
         "base_shear_share",
         "1",
         lambda made: made.base_shear**2 / np.sum(made.base_shear**2),
-        "its square over the sum of the squares of all modes",
+        "square of base_shear_N divided by the sum of the squares over all modes",
     ),
 )
 
 
 def modal_share_table(result: ModalResponse) -> Table:
-    """One row per mode: what it has in the combined peaks."""
+    """Return the table with one row per mode: its contribution to the combined peaks."""
     return Table.of_results(MODAL_SHARE, [result])
 
 
 def modal_response_table(result: ModalResponse) -> Table:
-    """One row per story."""
+    """Return the table with one row per story."""
     return Table.of_results(MODAL_RESPONSE, [result])
 
 
 OVERVIEW = (
-    Column("model", "text", "model.source", "the model file"),
-    Column("name", "text", "model.name", "the building's name"),
+    Column("model", "text", "model.source", "model file"),
+    Column("name", "text", "model.name", "name of the building"),
     Column("stories", "1", "stories", "number of stories"),
-    Column("height_m", "m", "height", "height of the building; empty where a story has none"),
-    Column("mass_kg", "kg", "mass", "mass of all floors"),
+    Column("height_m", "m", "height", "height of the building; empty if a story has no height"),
+    Column("mass_kg", "kg", "mass", "total mass of the floors"),
     Column("t1_s", "s", "period", "fundamental period of the initial stiffness, P-delta included"),
     Column(
         "t1_damping",
@@ -292,7 +335,7 @@ OVERVIEW = (
         "laws",
         "text",
         "laws",
-        "drift laws, with the number of stories of each where there are several",
+        "hysteretic laws; with several laws, also the number of stories of each law",
     ),
     METHOD_SPEC,
     Column("record", "text", "record", "file of the ground motion"),
@@ -303,7 +346,7 @@ MODE = (
         "mode",
         "1",
         lambda modes: np.arange(1, modes.omega.size + 1),
-        "mode, from 1 at the longest period",
+        "mode number, from the longest period",
     ),
     Column("period_s", "s", lambda modes: 2.0 * math.pi / modes.omega, "natural period"),
     Column("frequency_hz", "Hz", lambda modes: modes.omega / (2.0 * math.pi), "natural frequency"),
@@ -312,23 +355,23 @@ MODE_END = (
     Column(
         "participation", "1", "participation", "participation factor for unit roof displacement"
     ),
-    Column("mass_ratio", "1", "mass_ratio", "effective modal mass over the total mass"),
+    Column("mass_ratio", "1", "mass_ratio", "effective modal mass divided by the total mass"),
     Column(
         "cumulative_mass_ratio",
         "1",
         lambda modes: np.cumsum(modes.mass_ratio),
-        "sum of that up to this mode",
+        "sum of mass_ratio up to this mode",
     ),
 )
 
 
 def mode_damping(ratios: Any) -> Column:
-    """The column of the modes' damping ratios, shape (n,)."""
+    """Return the column of the damping ratios of the modes, shape (n,)."""
     return Column(
         "damping",
         "1",
         lambda modes: ratios,
-        "damping ratio, of the mode moving alone where damping couples the modes",
+        "damping ratio; if damping couples the modes, of the mode without the coupling terms",
     )
 
 
@@ -344,14 +387,19 @@ COMPARISON = (
         "correlation",
         "1",
         "correlation",
-        "Pearson's coefficient of the computed and the recorded motion",
+        "Pearson correlation coefficient of the computed and the recorded response",
     ),
-    Column("peak_ratio", "1", "peak_ratio", "largest absolute value computed over that recorded"),
+    Column(
+        "peak_ratio",
+        "1",
+        "peak_ratio",
+        "maximum absolute computed value divided by the maximum absolute recorded value",
+    ),
     Column(
         "rms_difference",
         "1",
         "rms_difference",
-        "root mean square of the difference over that of the recording",
+        "root mean square of the difference divided by the root mean square of the recording",
     ),
 )
 COMPARISON_SPECTRA = (
@@ -361,38 +409,43 @@ COMPARISON_SPECTRA = (
         "computed_sa_m_s2",
         "m/s^2",
         "computed",
-        "largest absolute acceleration on the computed motion of the floor",
+        "spectral acceleration (absolute) of the computed floor motion",
     ),
     Column(
         "recorded_sa_m_s2",
         "m/s^2",
         "recorded",
-        "largest absolute acceleration on the recorded motion of the floor",
+        "spectral acceleration (absolute) of the recorded floor motion",
     ),
 )
 FITTED = (
-    Column("parameter", "text", "name", "what was fitted, with its unit"),
-    Column("place", "1", "place", "its story or mode, from 1; empty where it holds for all"),
-    Column("start", "1", "start", "value of the model file"),
-    Column("fitted", "1", "value", "value with which the model comes closest to the recording"),
-    Column("lower_bound", "1", "low", "least value that the fit may take"),
-    Column("upper_bound", "1", "high", "largest value that the fit may take"),
+    Column("parameter", "text", "name", "fitted parameter, with its unit"),
+    Column(
+        "place",
+        "1",
+        "place",
+        "story or mode of the parameter, from 1; empty if it applies to the whole building",
+    ),
+    Column("start", "1", "start", "value in the model file"),
+    Column("fitted", "1", "value", "value with the best agreement with the recording"),
+    Column("lower_bound", "1", "low", "lower bound of the fit"),
+    Column("upper_bound", "1", "high", "upper bound of the fit"),
     Column(
         "standard_error",
         "1",
         "standard_error",
-        "of the fitted value, for differences that are independent; inf: untold",
+        "standard error of the fitted value if the differences are independent; inf: unknown",
     ),
 )
 
 
 def of_event(name: str) -> Column:
-    """The column that tells events apart, the last one."""
+    """Return the last column, which identifies the event by its file."""
     return Column("recorded", "text", lambda _: name, "file of the recordings")
 
 
 def cyclic_table(test: CyclicTest) -> Table:
-    """One row per point of the path; row 0 is the start at rest."""
+    """Return the table with one row per point of the displacement path."""
     return Table.of_results(CYCLIC, [test])
 
 
@@ -401,7 +454,7 @@ MODEL = (
         "story",
         "1",
         lambda model: np.arange(1, len(model.stories) + 1),
-        "story, from 1 at the ground",
+        "story, numbered from the ground",
     ),
     Column("mass_kg", "kg", lambda model: _of_stories(model, "mass"), "mass of the floor above"),
     Column("height_m", "m", lambda model: _of_stories(model, "height"), "story height"),
@@ -409,7 +462,7 @@ MODEL = (
         "stiffness_N_m", "N/m", lambda model: _of_stories(model, "stiffness"), "initial stiffness"
     ),
 )
-"""The stories of a model; words on their laws and dashpots come behind."""
+"""Stories of a model; the text columns of hysteretic laws and dashpots follow."""
 
 
 def _of_stories(model: Model, name: str) -> Array:
@@ -419,22 +472,26 @@ def _of_stories(model: Model, name: str) -> Array:
 
 
 def law_words(story: Story, units: OutputUnits = SI) -> str:
-    """The law of a story with its parameters, named as in a model file; those are left out that say
-    nothing by themselves: what they are where a file has none of them, or a negative side like the
-    positive one."""
+    """Return the hysteretic law of a story with its parameters, named as in a model file.
+
+    Parameters are omitted if their value is the default, or if the negative side is equal to the
+    positive side.
+    """
     numbers = iter(story.law.parameters)
     described: list[str] = []
-    words: dict[str, tuple[float, ...]] = {}
+    by_name: dict[str, tuple[float, ...]] = {}
     for parameter in LAWS[story.law.name].parameters:
         values = tuple(islice(numbers, 8 if parameter.points else None if parameter.many else 1))
-        # A default may be another parameter's value, which stands before it.
-        usual = (
-            words[parameter.default] if isinstance(parameter.default, str) else (parameter.default,)
+        # A default can be the name of another parameter, which precedes this parameter.
+        default = (
+            by_name[parameter.default]
+            if isinstance(parameter.default, str)
+            else (parameter.default,)
         )
-        words.setdefault(parameter.name, values)
-        if values in (usual, (parameter.without,)):
+        by_name.setdefault(parameter.name, values)
+        if values in (default, (parameter.without,)):
             continue
-        # The points of a backbone, force at drift; the numbers of a list; or a single one.
+        # The value is a list of backbone points (force at drift), a list of numbers, or one number.
         if parameter.points:
             points = zip(values[::2], values[1::2], strict=True)
             text = ", ".join(
@@ -452,7 +509,7 @@ def law_words(story: Story, units: OutputUnits = SI) -> str:
 
 
 def _in_units(value: float, force: int, length: int, units: OutputUnits) -> str:
-    """A number of the dimension force^i length^j and its unit: 5000 kN/m."""
+    """Return a number of the dimension force^i length^j with its unit, for example 5000 kN/m."""
     above: list[str] = []
     below: list[str] = []
     for si, power in (("N", force), ("m", length)):
@@ -461,18 +518,18 @@ def _in_units(value: float, force: int, length: int, units: OutputUnits) -> str:
         (above if power > 0 else below).extend(
             [name if abs(power) == 1 else f"{name}^{abs(power)}"] * bool(power)
         )
-    # Powers above and below the stroke, so that a stiffness is in kN/m.
+    # Positive powers are in the numerator, so that a stiffness is in kN/m.
     unit = "/".join(["*".join(above) or "1", *below])
     return f"{value:.4g}" if unit == "1" else f"{value:.4g} {unit}"
 
 
 def model_table(model: Model, units: OutputUnits = SI) -> Table:
-    """One row per story, from the ground up."""
+    """Return the table with one row per story, from the ground up."""
     numbers = Table.of_results(MODEL, [model]).in_units(units)
     (force, newton), (speed, rate) = units.unit("N"), units.unit("m/s")
     rows = []
     for row, story in zip(numbers.rows, model.stories, strict=True):
-        # Force over the rate of drift v: of a dashpot, or of one that follows a power law.
+        # The force of a linear or power-law dashpot, as a function of the drift rate v.
         power = story.power_dashpot
         coefficient, exponent = (
             (story.dashpot, 1.0) if power is None else (power.coefficient, power.exponent)
@@ -493,8 +550,18 @@ def model_table(model: Model, units: OutputUnits = SI) -> Table:
 
 
 def mode_table(modes: Modes, damping: Array, norm: str | None = None) -> Table:
-    """One row per mode, longest period first, with damping ratios of shape (n,); with `norm` a
-    column for the ordinate of each floor (`tdint.model.modes.Modes.normalized`)."""
+    """Return the table with one row per mode, longest period first.
+
+    Parameters
+    ----------
+    modes : Modes
+        Modes of the building.
+    damping : ndarray, shape (n,)
+        Damping ratios of the modes.
+    norm : str, optional
+        Normalization (`tdint.model.modes.Modes.normalized`). If it is specified, the mode shape has
+        a column for each floor.
+    """
     shapes = modes.normalized(norm) if norm else ()
     size = "1 at the roof" if norm == "roof" else "with a participation factor of 1"
     meaning = f"ordinate of the mode at the floor, {size}"
@@ -506,14 +573,17 @@ def mode_table(modes: Modes, damping: Array, norm: str | None = None) -> Table:
 
 
 def comparison_table(comparisons: Sequence[Comparison]) -> Table:
-    """A row per floor; of several events, the file of each in the last column."""
+    """Return the table with one row per floor; several events are identified in the last column."""
     return _by_event(COMPARISON, [(comparison, comparison.floors) for comparison in comparisons])
 
 
 def comparison_spectra_table(
     comparisons: Sequence[Comparison], periods: Array, damping: float
 ) -> Table:
-    """A row per floor and period; of several events, the file of each in the last column."""
+    """Return the table with one row per floor and period.
+
+    Several events are identified in the last column.
+    """
     return _by_event(
         COMPARISON_SPECTRA,
         [(comparison, comparison.spectra(periods, damping)) for comparison in comparisons],
@@ -521,12 +591,12 @@ def comparison_spectra_table(
 
 
 def fitted_table(values: Sequence[FittedValue], units: OutputUnits = SI) -> Table:
-    """A row per fitted value, whose name says its unit."""
+    """Return the table with one row per fitted value; the name contains the unit."""
     return Table.of_results(FITTED, [fitted_in(value, units) for value in values])
 
 
 def fitted_in(value: FittedValue, units: OutputUnits) -> FittedValue:
-    """A fitted value in other units, with the name that goes with them."""
+    """Return a fitted value in other units, with the corresponding name."""
     name, factor = units.column(value.name, value.unit)
     numbers = {
         key: getattr(value, key) / factor
@@ -540,7 +610,7 @@ def _by_event(
 ) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for comparison, results in events:
-        # Of a single event the caller knows which one it is.
+        # For a single event, the column of its file is not needed.
         every = (
             (*columns, of_event(comparison.event.recording.source)) if len(events) > 1 else columns
         )

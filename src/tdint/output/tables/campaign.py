@@ -1,5 +1,4 @@
-"""The tables of a campaign, written from its store row by row: however many there are, few are held
-at a time."""
+"""Tables of a campaign, written from its store in batches, so that memory use is limited."""
 
 from __future__ import annotations
 
@@ -46,13 +45,14 @@ if TYPE_CHECKING:
 OF_BUILDING = (
     Column("building", "text", "building", "name of the building"),
     *OF_NAMED_RECORD,
-    Column("scale", "1", "scale", "factor on the ground acceleration"),
+    Column("scale", "1", "scale", "scale factor of the ground motion"),
 )
 SAMPLE = Column(
     "sample",
     "1",
     "sample",
-    "number of the draw from a grid of ground motions, or of the event, from 1; 0 where neither is",
+    "number of the random sample from a grid of ground motions, or of the event, from 1; 0 without "
+    "samples and events",
 )
 EVENT = Column("event", "text", "event", "event of a ground motion field")
 RUNS = (
@@ -61,31 +61,41 @@ RUNS = (
     METHOD_SPEC,
     *(Column.of_quantity(one) for one in RUN if one.shown != HIDDEN),
 )
-"""Of runs.csv."""
+"""Columns of runs.csv."""
 
 _WITH_ERROR = tuple(Column.of_quantity(one) for one in RUN_WITH_ERROR)
 RUN_ERRORS = error_columns(_WITH_ERROR)
-"""Behind them, of a campaign that has estimated them."""
+"""Additional columns of a campaign with error estimates."""
 
 STORIES = (*OF_BUILDING, *STORY)
-"""Of stories.csv of a campaign."""
+"""Columns of stories.csv of a campaign."""
 
 LEVEL = Column(
     "level",
     "1",
     "level",
-    "value of the intensity measure, SI units, or number of each motion's own factors, from the "
-    "smallest",
+    "value of the intensity measure in SI units; if each ground motion has its own scale factors, "
+    "their number, from the smallest",
 )
 COUNTS = (
-    Column("runs", "1", "runs", "motions; a pair is one unless its components count separately"),
+    Column(
+        "runs",
+        "1",
+        "runs",
+        "number of ground motions; a pair counts as one unless its components count separately",
+    ),
     Column(
         "collapsed",
         "1",
         "collapsed",
-        "motions under which the building collapsed: in no number before",
+        "number of ground motions with collapse; they are excluded from the statistics",
     ),
-    Column("failed", "1", "failed", "motions whose run has no result: in no number before"),
+    Column(
+        "failed",
+        "1",
+        "failed",
+        "number of ground motions without a result; they are excluded from the statistics",
+    ),
 )
 PROFILES = (
     OF_BUILDING[0],
@@ -93,48 +103,49 @@ PROFILES = (
         "scale",
         "1",
         "scale",
-        "factor on the ground acceleration; empty where each motion has its own",
+        "scale factor of the ground motions; empty if each ground motion has its own factor",
     ),
     Column(
         "quantity",
         "text",
         "quantity",
-        "column of stories.csv without its unit: largest absolute values over time",
+        "column of stories.csv without its unit: maximum absolute value over time",
     ),
-    Column("story", "1", "story", "story, or the floor above it, from 1 at the ground"),
+    Column("story", "1", "story", "story (or the floor above), numbered from the ground"),
     Column("unit", "text", "unit", "unit of the quantity"),
     Column(
         "mean",
         "1",
         "mean",
-        "over the motions that came to their end; the demand of a pair is the one in pair_demand",
+        "mean over the ground motions with a result and without collapse; pair_demand states the "
+        "demand of a pair",
     ),
-    Column("median", "1", "median", "over the same motions"),
-    Column("p16", "1", "p16", "value that 16 % of them do not exceed"),
-    Column("p84", "1", "p84", "value that 84 % of them do not exceed"),
-    Column("max", "1", "max", "the largest of them"),
+    Column("median", "1", "median", "median over the same ground motions"),
+    Column("p16", "1", "p16", "16 % fractile over the same ground motions"),
+    Column("p84", "1", "p84", "84 % fractile over the same ground motions"),
+    Column("max", "1", "max", "maximum over the same ground motions"),
     *COUNTS,
 )
-"""Of profiles.csv."""
+"""Columns of profiles.csv."""
 
 PROFILE_ERRORS = error_columns(PROFILES[5:10])
-"""Behind them, of a campaign that has estimated errors."""
+"""Additional columns of a campaign with error estimates."""
 
 SHOCKS = (
     *OF_BUILDING,
-    Column("shock", "1", "shock", "shock of the sequence, from 1"),
-    Column("start_s", "s", "start", "time of its first sample in the sequence"),
-    Column("pga_m_s2", "m/s^2", "pga", "peak ground acceleration of the shock, scaled"),
+    Column("shock", "1", "shock", "event of the sequence, from 1"),
+    Column("start_s", "s", "start", "time of the first sample of the event in the sequence"),
+    Column("pga_m_s2", "m/s^2", "pga", "peak ground acceleration of the scaled event"),
     *(Column.of_quantity(one) for one in DEMANDED),
 )
-"""Of shocks.csv: what each shock of a sequence did; runs.csv has the sequences as a whole."""
+"""Columns of shocks.csv: response to each event of a sequence. runs.csv has complete sequences."""
 
 FLOOR_SUITES = (*PROFILES[:2], FLOOR, DAMPING, PERIOD, *OF_FLOORS, *COUNTS)
-"""Of floor-spectra-mean.csv."""
+"""Columns of floor-spectra-mean.csv."""
 
 RATIOS = (
     OF_BUILDING[0],
-    Column("baseline", "text", "baseline", "the building that it is compared with"),
+    Column("baseline", "text", "baseline", "name of the baseline building"),
     PROFILES[1],
     Column(
         "quantity",
@@ -146,17 +157,22 @@ RATIOS = (
         "story",
         "1",
         lambda one: np.array([None, *range(1, one.mean.size)], dtype=object),
-        "story, or the floor above it; empty for the largest of all stories",
+        "story (or the floor above); empty for the maximum over the stories",
     ),
-    Column("mean_ratio", "1", "mean", "mean over the motions, over that of the baseline"),
-    Column("median_ratio", "1", "median", "the same of the median"),
-    Column("max_ratio", "1", "max", "the same of the largest of any motion"),
+    Column(
+        "mean_ratio",
+        "1",
+        "mean",
+        "mean over the ground motions divided by the mean of the baseline",
+    ),
+    Column("median_ratio", "1", "median", "median divided by the median of the baseline"),
+    Column("max_ratio", "1", "max", "maximum divided by the maximum of the baseline"),
 )
-"""Of ratios.csv."""
+"""Columns of ratios.csv."""
 
 
 def measures_table(measures: Sequence[RunMeasure], runs: Iterable[MeasuredRun]) -> Table:
-    """What tells each run, and its intensities."""
+    """Return the table that identifies each run and lists its intensities."""
     rows = (
         (run.building, run.record, run.component, run.scale, run.sample, *run.values)
         for run in runs
@@ -165,7 +181,7 @@ def measures_table(measures: Sequence[RunMeasure], runs: Iterable[MeasuredRun]) 
 
 
 def measure_columns(measures: Sequence[RunMeasure]) -> tuple[Column, ...]:
-    """Of measures.csv."""
+    """Return the columns of measures.csv."""
     columns = [
         Column(
             f"{measure.column}{suffix(measure.unit)}", measure.unit, measure.column, measure.meaning
@@ -176,25 +192,25 @@ def measure_columns(measures: Sequence[RunMeasure]) -> tuple[Column, ...]:
 
 
 STATUS = (
-    Column("status", "text", "status", "how runs ended; left: not done yet"),
-    Column("runs", "1", "runs", "how many"),
+    Column("status", "text", "status", "status of runs; left: not completed yet"),
+    Column("runs", "1", "runs", "number of runs"),
 )
 
 
 _PLACED = {
-    "site": "site of the fields whose motions the building has: the nearest one",
-    "distance_km": "its distance from the building, km",
+    "site": "site of the ground motion fields that is nearest to the building",
+    "distance_km": "distance between site and building, km",
 }
-"""Columns before those of an inventory, of fields with places."""
+"""Columns that precede the inventory columns if the ground motion fields have sites."""
 
-_ROWS_AT_ONCE = 2048  # of runs, formatted together: some MB
+_ROWS_AT_ONCE = 2048  # number of runs formatted together, which takes some MB
 
 _NUMBER = re.compile(r"-?(?:0|[1-9][0-9]*)(?:\.[0-9]+)?(?:[eE][-+]?[0-9]{1,2})?")
-"""As JSON writes numbers: 02138 is a word."""
+"""Numbers as in JSON; for example, 02138 is text."""
 
 
 def run_columns(store: Store) -> tuple[Column, ...]:
-    """Of runs.csv of a campaign; last come what a sweep varied and the columns of an inventory."""
+    """Return the columns of runs.csv; varied parameters and inventory columns are the last ones."""
     columns = (*RUNS, *RUN_ERRORS * store.checked, *varied_columns(_swept(store.varied())))
     return (*columns, *carried_columns(store, names(columns)))
 
@@ -204,8 +220,8 @@ def _swept(varied: Sequence[Mapping[str, float]]) -> list[str]:
 
 
 def varied_columns(names: Iterable[str]) -> list[Column]:
-    """Of what was varied from building to building, by name."""
-    # `story 3.mass_factor` is story_3_mass_factor; a key of model files is itself.
+    """Return the columns of the parameters that differ between buildings."""
+    # `story 3.mass_factor` becomes story_3_mass_factor; a key of model files is unchanged.
     return [
         Column(
             name
@@ -220,20 +236,22 @@ def varied_columns(names: Iterable[str]) -> list[Column]:
 
 
 def run_heads(store: Store) -> Callable[[int, int], list[str]]:
-    """What names a run, by the numbers of its building and record: building, record and
-    component."""
-    # Once for each of them and not for each run, of which there may be millions.
+    """Return a function that returns building, record and component of a run.
+
+    The arguments of the function are the numbers of the building and the record.
+    """
+    # The names are formatted once, because there can be millions of runs.
     buildings = {number: cell_text(name) for number, (name, _) in store.buildings().items()}
     records = {number: [*map(cell_text, named[:2])] for number, named in store.records().items()}
     return lambda building, record: [buildings[building], *records[record]]
 
 
 def run_rows(store: Store) -> Iterator[list[Any]]:
-    """The rows of runs.csv, in the order of buildings, records, scales and draws."""
+    """Yield the rows of runs.csv in the order of buildings, records, scale factors and samples."""
     varied = store.varied()
     swept = [[values.get(name) for name in _swept(varied)] for values in varied]
     methods = {number: cell_text(method) for number, (_, method) in store.buildings().items()}
-    # A row of the store has room for all errors, also where none were estimated.
+    # A row of the store has all error columns, even if no errors were estimated.
     estimated, named, carried = (
         len(RUN_ERRORS) * store.checked,
         run_heads(store),
@@ -252,14 +270,17 @@ def run_rows(store: Store) -> Iterator[list[Any]]:
 
 
 def story_columns(store: Store) -> tuple[Column, ...]:
-    """Of stories.csv of a campaign; with `sample` where motions were drawn, for two draws may be
-    the same motion."""
+    """Return the columns of stories.csv of a campaign.
+
+    The column `sample` is included if ground motions were sampled, because two samples can be the
+    same ground motion.
+    """
     drawn = (SAMPLE,) if store.count("sample > 0") else ()
     return (*OF_BUILDING, *drawn, *STORY, *STORY_ERROR * store.checked)
 
 
 def story_rows(store: Store) -> Iterator[list[Any]]:
-    """The rows of stories.csv, in the order of runs.csv and from the ground up."""
+    """Yield the rows of stories.csv, in the order of runs.csv and from the ground up."""
     drawn, named = store.count("sample > 0") > 0, run_heads(store)
     count = len(STORY) + len(STORY_ERROR) * store.checked
     for building, record, scale, sample, *rest in store.stories():
@@ -267,18 +288,17 @@ def story_rows(store: Store) -> Iterator[list[Any]]:
 
 
 def write_runs(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write runs.csv."""
+    """Write runs.csv to a stream."""
     write_rows(run_columns(store), run_rows(store), stream, units)
 
 
 def write_stories(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write stories.csv."""
+    """Write stories.csv to a stream."""
     write_rows(story_columns(store), story_rows(store), stream, units)
 
 
 def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterator[list[Any]]:
-    """The rows of profiles.csv: of each building and level the quantities of its stories, from the
-    ground up."""
+    """Yield the rows of profiles.csv by building, level and quantity, from the ground up."""
     for profile in profiles:
         counts = (profile.runs, profile.collapsed, profile.failed)
         level = () if math.isnan(profile.level) else (profile.level,)
@@ -287,7 +307,7 @@ def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterat
             unit, factor = units.unit(quantity.unit)
             statistics = profile.statistics(quantity)
             errors = profile.errors(quantity)
-            # Statistics of their stories; a campaign without errors has nothing behind them.
+            # Statistics and errors of the stories; there are no errors if none were estimated.
             columns, behind = (
                 (np.array(list(vars(of).values())).T / factor).tolist()
                 if of
@@ -309,21 +329,21 @@ def profile_rows(profiles: Iterable[Profile], units: OutputUnits = SI) -> Iterat
 
 
 def _with_level(store: Store, columns: tuple[Column, ...], place: int) -> tuple[Column, ...]:
-    """The columns; where a level is more than a factor, it has one at this place."""
+    """Insert the column LEVEL at index `place` if levels are not scale factors."""
     from tdint.campaign.profiles import has_levels
 
     return (*columns[:place], *((LEVEL,) if has_levels(store) else ()), *columns[place:])
 
 
 def with_pair_demand(store: Store, columns: Sequence[Column]) -> tuple[Column, ...]:
-    """Return the columns and, if there are pairs, the one that states how they count."""
+    """Return the columns and, if there are pairs, the column that states how they are counted."""
 
     stated = store.pair_rule().stated
     return (*columns, *(replace(PAIR_DEMAND, value=lambda _: stated),) * bool(stated))
 
 
 def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write profiles.csv; with a column `level` where a level is more than a factor."""
+    """Write profiles.csv; levels that are not scale factors have a column `level`."""
     from tdint.campaign.profiles import profiles
 
     columns = [*_with_level(store, PROFILES, 2), *PROFILE_ERRORS * store.checked]
@@ -332,7 +352,7 @@ def write_profiles(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> N
 
 
 def write_shocks(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write shocks.csv."""
+    """Write shocks.csv to a stream."""
     named = run_heads(store)
     rows = (
         [*named(building, record), scale, *rest]
@@ -342,8 +362,10 @@ def write_shocks(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> Non
 
 
 def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = SI) -> Table:
-    """Mean and largest of some quantities side by side, a row per story; a quantity that is nowhere
-    is left out."""
+    """Return mean and maximum of quantities, with one row per story.
+
+    A quantity that is zero or missing in all stories is omitted.
+    """
     columns: list[Column] = [_STORY_OF_PROFILE]
     for quantity in _named(names):
         statistics = profile.statistics(quantity)
@@ -359,7 +381,7 @@ def profile_table(profile: Profile, names: Sequence[str], units: OutputUnits = S
                     f"max_{quantity.column}",
                     quantity.unit,
                     statistics.max,
-                    f"largest: {quantity.meaning}",
+                    f"maximum: {quantity.meaning}",
                 ),
             ]
     return Table.of_results(columns, [profile]).in_units(units)
@@ -371,7 +393,7 @@ _STORY_OF_PROFILE = replace(
 
 
 def _named(names: Sequence[str]) -> list[Quantity]:
-    """The quantities of these names, in their order."""
+    """Return the quantities with these names, in the order of the names."""
     quantities_by_name = {
         quantity.called or quantity.name: quantity for quantity in STORY_QUANTITIES
     }
@@ -379,18 +401,20 @@ def _named(names: Sequence[str]) -> list[Quantity]:
 
 
 def profile_error_table(profile: Profile, names: Sequence[str]) -> Table:
-    """By how many percent the errors of the runs may change means and largest values; of residual
-    drifts in percent of the peak drifts."""
+    """Return the effect of the errors of the runs on means and maxima, in percent.
+
+    Errors of residual drifts are in percent of the peak drifts.
+    """
     columns: list[Column] = [_STORY_OF_PROFILE]
     drift = profile.statistics(_named(["peak_drift"])[0])
     for quantity in _named(names):
         statistics, errors = profile.statistics(quantity), profile.errors(quantity)
         if errors is None or not np.any(np.nan_to_num(statistics.max)):
             continue
-        # A residual drift may be next to nothing, and its error a large part of that.
-        over = drift if quantity.name.startswith("residual") else statistics
+        # A residual drift can be close to zero, so its error is given relative to the peak drift.
+        reference = drift if quantity.name.startswith("residual") else statistics
         for name in ("mean", "max"):
-            size = np.where(getattr(over, name) > 0.0, getattr(over, name), np.nan)
+            size = np.where(getattr(reference, name) > 0.0, getattr(reference, name), np.nan)
             percent = [float(f"{value:.2g}") for value in 100.0 * getattr(errors, name) / size]
             columns.append(
                 Column(
@@ -404,10 +428,11 @@ def profile_error_table(profile: Profile, names: Sequence[str]) -> Table:
 
 
 def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Table:
-    """Buildings over a baseline: of the largest value of all stories, and with `stories` of each
-    story, too."""
+    """Return ratios to a baseline of the maxima over the stories; with `stories`, of each story
+    also.
+    """
     table = Table.of_results(with_pair_demand(store, _with_level(store, RATIOS, 3)), ratios)
-    # The largest of all stories stands in the row without a story.
+    # The row without a story has the maximum over the stories.
     place = table.columns.index("story")
     return (
         table if stories else replace(table, rows=[row for row in table.rows if row[place] is None])
@@ -415,8 +440,8 @@ def ratio_table(store: Store, ratios: Sequence[Ratios], *, stories: bool) -> Tab
 
 
 def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
-    """The spectra of the floors of every run: a row per run, floor, damping ratio and period."""
-    # Two draws may be the same motion, so that their number tells rows apart.
+    """Return floor spectra of all runs, with one row per run, floor, damping ratio and period."""
+    # Two samples can be the same ground motion; their numbers distinguish the rows.
     drawn = store.count("sample > 0") > 0
     columns = (*OF_BUILDING, *((SAMPLE,) if drawn else ()), FLOOR, *SPECTRUM)
     buildings, records = store.buildings(), store.records()
@@ -435,15 +460,29 @@ def run_floor_table(store: Store, floors: Sequence[RunFloors]) -> Table:
 
 
 def floor_suite_table(store: Store, suites: Sequence[FloorSuite]) -> Table:
-    """Mean and envelope of them over the motions: a row per building, level, floor, damping ratio
-    and period."""
+    """Return mean and envelope of floor spectra over the ground motions.
+
+    There is one row per building, level, floor, damping ratio and period.
+    """
     return Table.of_results(with_pair_demand(store, _with_level(store, FLOOR_SUITES, 2)), suites)
 
 
 def write_rows(
     columns: Iterable[Column], rows: Iterable[list[Any]], stream: BinaryIO, units: OutputUnits = SI
 ) -> None:
-    """Write rows whose texts are as they shall be (`cell_text`), a few thousand at a time."""
+    """Write rows in batches.
+
+    Parameters
+    ----------
+    columns : iterable of Column
+        Columns of the table.
+    rows : iterable of list
+        Rows in SI units; texts were formatted by `cell_text`.
+    stream : BinaryIO
+        Output.
+    units : OutputUnits
+        Units of the output; SI by default.
+    """
     headed = [units.column(column.name, column.unit) for column in columns]
     stream.write(csv_bytes([[harmless(name) for name, _ in headed]]))
     if units != SI:
@@ -452,57 +491,68 @@ def write_rows(
             [converted(cell, factor) for cell, factor in zip(row, factors, strict=True)]
             for row in rows
         )
-    # Formatted a batch at a time: a campaign may have more rows than memory holds.
+    # Rows are formatted in batches, because a campaign may have more rows than fit into memory.
     source = iter(rows)
     while batch := list(islice(source, _ROWS_AT_ONCE)):
         stream.write(csv_bytes([number_text(cell) for cell in row] for row in batch))
 
 
 def number_text(cell: Any) -> str:
-    """`cell_text` of a number, a text that has gone through it, or nothing; it is called for every
-    cell of millions."""
+    """Return a number, a formatted text or None as text.
+
+    It is a fast version of `cell_text`, because it is called for millions of cells.
+    """
     if type(cell) is float:
         return format(cell + 0.0, ".12g") if cell == cell else ""
     return "" if cell is None else str(cell)
 
 
 def runs_table(store: Store) -> Table:
-    """runs.csv as a table, for a small campaign."""
+    """Return runs.csv of a small campaign as a table."""
     return Table.of(run_columns(store), run_rows(store))
 
 
 def status_table(statuses: dict[str, int], left: int) -> Table:
-    """How many runs ended how, and how many are left."""
+    """Return the number of runs of each status and the number of remaining runs."""
     return Table.of(STATUS, [*statuses.items(), ("left", left)])
 
 
 def carried_columns(store: Store, others: Iterable[str]) -> tuple[Column, ...]:
-    """The event, where there are fields, and the columns of an inventory, which stand behind others
-    of these names; one that is among them gets `inventory_` before its own."""
+    """Return the column of the event, if there are fields, and the columns of the inventory.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
+    others : iterable of str
+        Names of the preceding columns. An inventory column with one of these names gets the prefix
+        `inventory_`.
+    """
     columns = [EVENT] if store.events() else []
     taken, titles = {*others, *names(columns)}, store.inventory_columns()
-    # Of fields with places the first columns are ours, and say what they mean.
+    # If the fields have sites, tdint has added the first columns.
     placed = _PLACED if columns and titles[: len(_PLACED)] == tuple(_PLACED) else {}
     for place, title in enumerate(titles):
         name = title
         while name in taken:
             name = f"inventory_{name}"
         taken.add(name)
-        told = f"column {title} of the inventory, as it is written there"
-        columns.append(
-            Column(name, TEXT, name, placed.get(title, told) if place < len(placed) else told)
-        )
+        description = f"column {title} of the inventory, unchanged"
+        if place < len(placed):
+            description = placed.get(title, description)
+        columns.append(Column(name, TEXT, name, description))
     return tuple(columns)
 
 
 def carried_cells(store: Store) -> Callable[[int, int], list[str]]:
-    """What stands in these columns, by a building's number and the draw's; it is asked building by
-    building."""
+    """Return a function that returns the cells of these columns.
+
+    The arguments of the function are the numbers of the building and the sample.
+    """
     events = [cell_text(event) for event in store.events()]
 
-    @lru_cache(
-        maxsize=1
-    )  # one building's cells serve all of its runs, which come one after the other
+    # The runs of a building are consecutive, so the cells of one building are cached.
+    @lru_cache(maxsize=1)
     def of_building(building: int) -> list[str]:
         return [cell_text(cell) for cell in store.carried(building)]
 
@@ -510,11 +560,10 @@ def carried_cells(store: Store) -> Callable[[int, int], list[str]]:
 
 
 def numeric(store: Store) -> list[bool]:
-    """Of each column of the inventory whether all that stands there are numbers, empty cells
-    aside."""
-    said: list[set[bool]] = [set() for _ in store.inventory_columns()]
+    """Return, for each inventory column, True if it contains only numbers and empty cells."""
+    matches: list[set[bool]] = [set() for _ in store.inventory_columns()]
     for number in store.buildings():
-        for kinds, text in zip(said, store.carried(number), strict=False):
+        for column, text in zip(matches, store.carried(number), strict=False):
             if text:
-                kinds.add(_NUMBER.fullmatch(text) is not None)
-    return [kinds == {True} for kinds in said]
+                column.add(_NUMBER.fullmatch(text) is not None)
+    return [column == {True} for column in matches]

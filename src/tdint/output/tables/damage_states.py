@@ -1,4 +1,4 @@
-"""The tables of the damage of a campaign: after each run, of each type of buildings, and losses."""
+"""Tables of the damage in a campaign: damage by run, damage by building type, and losses."""
 
 from __future__ import annotations
 
@@ -27,33 +27,41 @@ from tdint.output.tables.campaign import (
 from tdint.output.tables.table import Column, Table, cell_text, describe, names
 from tdint.units import SI, OutputUnits, suffix
 
-_STATUS = Column("status", "text", "status", "how the run ended")
+_STATUS = Column("status", "text", "status", "status of the run")
 _STATE = Column(
     "state",
     "text",
     "state",
-    "damage state that the medians tell, none below the first; collapsed and failed-story as the "
-    "run ended; empty without a result",
+    "damage state by comparison with the median thresholds, none below the first; collapsed or "
+    "failed-story if the run ended so; empty without a result",
 )
 TYPE = Column(
-    "type", "text", "type", "class of buildings, Hazus' type and design level, or name of the model"
+    "type",
+    "text",
+    "type",
+    "building type: Hazus type with design level, or name of the model",
 )
 LEVEL = Column(
     "level",
     "1",
     "level",
-    "value of the intensity measure, SI units, or factor on the motions, or number of each "
-    "motion's own factors",
+    "value of the intensity measure in SI units, or scale factor of the ground motions, or number "
+    "of the scale factor if each ground motion has its own factors",
 )
 COUNTS = (
-    Column("buildings", "1", "buildings", "buildings of the type"),
+    Column("buildings", "1", "buildings", "number of buildings of the type"),
     Column(
         "runs",
         "1",
         "runs",
-        "their runs; those under a pair are one unless its components count separately",
+        "number of runs; a pair counts as one unless its components count separately",
     ),
-    Column("failed", "1", "failed", "those of them without a result: in no number behind"),
+    Column(
+        "failed",
+        "1",
+        "failed",
+        "number of runs without a result; they are excluded from the other columns",
+    ),
 )
 LOSS = Column("loss_ratio", "1", "loss", "mean loss ratio")
 TYPES = (
@@ -64,61 +72,69 @@ TYPES = (
         "state",
         "text",
         "state",
-        "none, a damage state, or an end by falling: together they have probability 1",
+        "none, a damage state or a type of collapse; their probabilities sum to 1",
     ),
     Column("probability", "1", "probability", "mean probability over runs and buildings"),
     Column(
-        "probability_error", "1", "probability_error", "its standard error over the ground motions"
+        "probability_error",
+        "1",
+        "probability_error",
+        "standard error of probability over the ground motions",
     ),
 )
-"""Of damage-types.csv."""
+"""Columns of damage-types.csv."""
 
 _MONEY = (
     Column(
         "value",
         "1",
         "value",
-        "what the buildings with a result cost: cost times number of the inventory, summed",
+        "value of the buildings with a result: sum of cost times number in the inventory",
     ),
-    Column("loss", "1", "money", "mean loss of all of them together, in the unit of cost"),
-    Column("loss_error", "1", "money_error", "its standard error over the ground motions"),
+    Column("loss", "1", "money", "mean total loss of these buildings, in the unit of cost"),
+    Column("loss_error", "1", "money_error", "standard error of loss over the ground motions"),
 )
-"""Of an inventory with costs."""
+"""Columns of an inventory with costs."""
 
 LOSSES = (
     TYPE,
-    Column("building", "text", "building", "name of the building; empty for all of the type"),
+    Column("building", "text", "building", "name of the building; empty for the complete type"),
     *TYPES[1:5],
     LOSS,
-    Column("loss_ratio_error", "1", "loss_error", "its standard error over the ground motions"),
+    Column(
+        "loss_ratio_error",
+        "1",
+        "loss_error",
+        "standard error of loss_ratio over the ground motions",
+    ),
     Column(
         "loss_ratio_sd",
         "1",
         "loss_sd",
-        "standard deviation of the loss ratio of one building in one motion",
+        "standard deviation of the loss ratio of one building under one ground motion",
     ),
 )
-"""Of losses.csv."""
+"""Columns of losses.csv."""
 
 
 def demand_column(states: DamageStates) -> Column:
-    """What the states are told by."""
+    """Return the column of the demand that determines the damage state."""
     demand = DEMANDS[states.demand]
     return Column(
         f"{states.demand}{suffix(demand.unit)}",
         demand.unit,
         "demand",
-        f"{demand.meaning}: its state is told",
+        f"{demand.meaning}; it determines the damage state",
     )
 
 
 def probability_name(outcome: str) -> str:
-    """The column of the probability of an outcome."""
+    """Return the name of the column of the probability of an outcome."""
     return f"probability_{outcome.replace('-', '_')}"
 
 
 def damage_columns(states: DamageStates) -> tuple[Column, ...]:
-    """Of damage.csv of a campaign, whose types all have these states."""
+    """Return the columns of damage.csv of a campaign in which all types have these states."""
     outcomes = (
         Column(
             probability_name(name),
@@ -133,31 +149,31 @@ def damage_columns(states: DamageStates) -> tuple[Column, ...]:
 
 
 def damage_table_columns(store: Store) -> tuple[Column, ...]:
-    """Those of a store, the columns of an inventory last."""
+    """Return the columns of damage.csv of a store; inventory columns are the last ones."""
     columns = damage_columns(next(iter(stored_states(store).values())))
     return (*columns, *carried_columns(store, names(columns)))
 
 
 def damage_rows(store: Store) -> Iterator[list[Any]]:
-    """The rows of damage.csv, in the order of runs.csv."""
+    """Yield the rows of damage.csv, in the order of runs.csv."""
     records = {
         number: tuple(map(cell_text, named[:2])) for number, named in store.records().items()
     }
     carried = carried_cells(store)
     for of in building_damages(store):
         head, kind = cell_text(of.building), cell_text(of.type)
-        # Probabilities and losses of the runs, a row of each.
+        # One row of probabilities and losses for each run.
         damage = np.column_stack(
             [of.probability, *((of.loss,) if of.states.losses else ())]
         ).tolist()
         cells = zip(of.keys, of.status, of.demand.tolist(), of.state, damage, strict=True)
         for (record, scale, sample), status, demand, state, numbers in cells:
-            told = [scale, sample, kind, status, demand, state, *numbers]
-            yield [head, *records[record], *told, *carried(of.number, sample)]
+            results = [scale, sample, kind, status, demand, state, *numbers]
+            yield [head, *records[record], *results, *carried(of.number, sample)]
 
 
 def damage_summary(store: Store) -> dict[str, Any]:
-    """The damage states of each type, SI units, and what the columns mean."""
+    """Return the damage states of each type in SI units, and the descriptions of the columns."""
     types = stored_states(store)
     columns = {
         "damage.csv": damage_table_columns(store),
@@ -171,27 +187,30 @@ def damage_summary(store: Store) -> dict[str, Any]:
 
 
 def write_damage(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write damage.csv."""
+    """Write damage.csv to a stream."""
     write_rows(damage_table_columns(store), damage_rows(store), stream, units)
 
 
 def type_columns(store: Store) -> tuple[Column, ...]:
-    """Of damage-types.csv; of ground motion fields the last one is the event."""
+    """Return the columns of damage-types.csv; with ground motion fields, the event is the last."""
     return with_pair_demand(store, (*TYPES, *(EVENT,) * bool(store.events())))
 
 
 def has_costs(store: Store) -> bool:
-    """Whether the inventory says what buildings cost."""
+    """Return True if the inventory has costs of buildings."""
     return COST in [title.lower() for title in store.inventory_columns()]
 
 
 def loss_columns(store: Store, by: str | None = None) -> tuple[Column, ...]:
-    """Of losses.csv, likewise; `by` a column of the inventory with what stands there."""
+    """Return the columns of losses.csv.
+
+    If `by` names a column of the inventory, the column is included.
+    """
     part = Column(
         by or "",
         "text",
         "part",
-        f"column {by} of the inventory: all types of these buildings together",
+        f"value of column {by} of the inventory; the row applies to all types of these buildings",
     )
     columns = (
         *LOSSES[:2],
@@ -204,12 +223,12 @@ def loss_columns(store: Store, by: str | None = None) -> tuple[Column, ...]:
 
 
 def write_types(store: Store, stream: BinaryIO) -> None:
-    """Write damage-types.csv."""
+    """Write damage-types.csv to a stream."""
     write_rows(type_columns(store), _type_rows(store), stream)
 
 
 def type_table(store: Store) -> Table:
-    """damage-types.csv as a table, for a page."""
+    """Return damage-types.csv as a table for a report."""
     return Table.of(type_columns(store), _type_rows(store))
 
 
@@ -228,8 +247,10 @@ def _type_rows(store: Store) -> Iterator[list[Any]]:
 
 
 def write_losses(store: Store, stream: BinaryIO, by: str | None = None) -> None:
-    """Write losses.csv: where there are costs, first all buildings together; all buildings of each
-    type, those with each value of the column `by`, then each building.
+    """Write losses.csv.
+
+    The rows are: all buildings (if there are costs), all buildings of each type, all buildings with
+    each value of the column `by`, and each building.
 
     Raises
     ------
@@ -243,14 +264,14 @@ def write_losses(store: Store, stream: BinaryIO, by: str | None = None) -> None:
 
 
 def loss_table(store: Store) -> Table:
-    """losses.csv as a table, for a page; without a row where the states have no losses."""
+    """Return losses.csv as a table for a report; it has no rows if the states have no losses."""
     lost = any(states.losses for states in stored_states(store).values())
     return Table.of(loss_columns(store), _loss_rows(store) if lost else ())
 
 
 def _loss_rows(store: Store, by: str | None = None) -> Iterator[list[Any]]:
     costs, demand = has_costs(store), _pair_demand(store)
-    # The sum over all types has a meaning where there are costs, or parts to hold beside it.
+    # The total over all types is meaningful if there are costs, or for comparison with its parts.
     groups = chain(
         group_damages(store, by="") if costs or by else (),
         group_damages(store),
@@ -269,7 +290,7 @@ def _loss_rows(store: Store, by: str | None = None) -> Iterator[list[Any]]:
 
 
 def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...]:
-    """Of exceedance.csv."""
+    """Return the columns of exceedance.csv."""
     lost = _MONEY[1] if has_costs(store) else LOSS
     columns = (
         *(
@@ -280,12 +301,20 @@ def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...
         * bool(by),
         LEVEL,
         EVENT,
-        Column("rate", "1", "rate", "how often the event comes, in a year"),
+        Column("rate", "1", "rate", "annual rate of the event"),
         lost,
-        Column(f"{lost.name}_error", "1", "error", "its standard error over the ground motions"),
+        Column(
+            f"{lost.name}_error",
+            "1",
+            "error",
+            f"standard error of {lost.name} over the ground motions",
+        ),
         *(
             Column(
-                f"{lost.name}_sd_{name}", "1", name, f"its standard deviation in the event, {how}"
+                f"{lost.name}_sd_{name}",
+                "1",
+                name,
+                f"standard deviation of {lost.name} in the event, {how}",
             )
             for name, how in _HOW
         ),
@@ -293,14 +322,14 @@ def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...
             "exceedance_rate",
             "1",
             "exceedance",
-            "how often an event of a mean loss as large comes, in a year",
+            "annual rate of exceedance of the loss, from the mean losses of the events",
         ),
         *(
             Column(
                 f"exceedance_rate_{name}",
                 "1",
                 name,
-                "how often a loss as large comes, in a year, with that scatter (beta "
+                "annual rate of exceedance of the loss, with its scatter in each event (beta "
                 f"distributions), {how}",
             )
             for name, how in _HOW
@@ -309,24 +338,38 @@ def exceedance_columns(store: Store, by: str | None = None) -> tuple[Column, ...
             "annual_loss",
             "1",
             "annual",
-            "rate times loss: its sum over the events is the average annual loss",
+            "rate times loss; the sum over the events is the average annual loss",
         ),
-        Column("cumulative_annual_loss", "1", "cumulative", "the same summed down to this row"),
+        Column(
+            "cumulative_annual_loss",
+            "1",
+            "cumulative",
+            "sum of annual_loss from the first row to this row",
+        ),
     )
     return with_pair_demand(store, columns)
 
 
 _HOW = (
-    ("independent", "each building's loss independent of the others"),
-    ("correlated", "all buildings' losses fully correlated"),
+    ("independent", "losses of buildings independent"),
+    ("correlated", "losses of buildings fully correlated"),
 )
 
 
 def _exceeding(loss: float, means: Array, deviations: Array, most: Array) -> Array:
-    """The probability that losses of a beta distribution from 0 to `most` are as large as a loss,
-    by their means and standard deviations, shape (k,)."""
+    """Return the probability that losses with beta distributions reach a loss.
+
+    Parameters
+    ----------
+    loss : float
+        Loss that is reached or exceeded.
+    means, deviations : ndarray, shape (k,)
+        Means and standard deviations of the losses.
+    most : ndarray, shape (k,)
+        Maximum losses, the upper bounds of the distributions.
+    """
     mean, part = means / most, loss / most
-    # At most that of a loss of nothing or all; without any scatter the mean itself.
+    # The variance is limited to its maximum at these means. Without scatter, the loss is the mean.
     variance = np.minimum((deviations / most) ** 2, (1.0 - 1e-9) * mean * (1.0 - mean))
     sharp = variance <= 1e-12 * mean**2
     weight = mean * (1.0 - mean) / np.where(sharp, 1.0, variance) - 1.0
@@ -335,14 +378,16 @@ def _exceeding(loss: float, means: Array, deviations: Array, most: Array) -> Arr
 
 
 def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> None:
-    """Write exceedance.csv: of all buildings, and of those with each value of the column `by`, the
-    events from the largest mean loss down."""
+    """Write exceedance.csv: events in the order of decreasing mean loss.
+
+    The events are listed for all buildings and for the buildings with each value of the column
+    `by`.
+    """
     rates, costs, demand = store.rates(), has_costs(store), _pair_demand(store)
 
     def rows() -> Iterator[list[Any]]:
         groups = chain(group_damages(store, by=""), group_damages(store, by=by) if by else ())
-        # A curve for each part and level, from the largest loss down; events without a result are
-        # on none.
+        # Each part and level has a curve. Events without a result are omitted.
         curves: dict[tuple[str, float], list[tuple[float, TypeDamage]]] = {}
         for of in groups:
             lost = float((of.money if costs else of.loss).value[0])
@@ -372,14 +417,14 @@ def write_exceedance(store: Store, stream: BinaryIO, by: str | None = None) -> N
                 error = float((of.money if costs else of.loss).error[0])
                 head = [*[cell_text(part)] * bool(by), level, cell_text(of.event), rate[place]]
                 sums = [float(np.sum(values[: place + 1])) for values in (rate, annual)]
-                told = (lost, error, *of.scatter, sums[0], *often, annual[place], sums[1])
-                yield [*head, *told, *demand]
+                results = (lost, error, *of.scatter, sums[0], *often, annual[place], sums[1])
+                yield [*head, *results, *demand]
 
     write_rows(exceedance_columns(store, by), rows(), stream)
 
 
 def _pair_demand(store: Store) -> tuple[str, ...]:
-    """Return the cell that states how pairs count, if there are pairs."""
+    """Return the cell that states how pairs are counted, if there are pairs."""
     stated = store.pair_rule().stated
     return (stated,) * bool(stated)
 

@@ -1,4 +1,4 @@
-"""Tables of runs: stories, shocks, histories."""
+"""Tables of runs: stories, events of sequences, response histories."""
 
 from __future__ import annotations
 
@@ -27,18 +27,16 @@ if TYPE_CHECKING:
 
 STORY = (
     Column(
-        "story", "1", numbered("peak_drift"), "story, or the floor above it, from 1 at the ground"
+        "story", "1", numbered("peak_drift"), "story (or the floor above), numbered from the ground"
     ),
     Column("height_m", "m", "height", "story height"),
     *(Column.of_quantity(quantity) for quantity in STORY_QUANTITIES if "table" in quantity.shown),
 )
 STORY_ERROR = error_columns(STORY[2:])
-"""Behind them, of a run whose errors are told."""
+"""Additional columns of a run with error estimates."""
 
 _ALL = "all"
-SHOCK = Column(
-    "shock", "text", "shock", f"shock of a sequence, from 1; {_ALL}: over the whole sequence"
-)
+SHOCK = Column("shock", "text", "shock", f"event of a sequence, from 1; {_ALL}: the whole sequence")
 
 HISTORY_START, HISTORY_FLOOR, HISTORY_STORY = (
     tuple(
@@ -54,7 +52,10 @@ HISTORY_ENERGY = (
         for name, meaning in ENERGY_TERMS.items()
     ),
     Column(
-        "energy_error", "1", "energy.error", "imbalance over the largest input energy of the run"
+        "energy_error",
+        "1",
+        "energy.error",
+        "energy balance error divided by the maximum input energy of the run",
     ),
 )
 
@@ -68,45 +69,52 @@ HISTORY_FLOOR_ERROR, HISTORY_STORY_ERROR = (
     )
     for place in ("floor", "story")
 )
-"""Behind all others, of a run whose errors are told there, too."""
+"""Last columns of a response history with error estimates."""
 
-_ROWS_AT_ONCE = 256  # of a history, formatted together: 1 MB for a hundred columns
+_ROWS_AT_ONCE = 256  # rows formatted together, which takes 1 MB for a hundred columns
 
 
 def story_table(stories: StoryPeaks, errors: StoryErrors | None = None) -> Table:
-    """One row per story, from the ground up; with errors a column `<name>_error` for each peak,
-    after all peaks."""
-    told = [
+    """Return the table with one row per story, from the ground up.
+
+    With `errors`, a column `<name>_error` for each peak follows after all peaks.
+    """
+    groups = [
         (columns, values)
         for columns, values in ((STORY, stories), (STORY_ERROR, errors))
         if values is not None
     ]
-    rows = zip(*(rows_of(columns, values) for columns, values in told), strict=True)
+    rows = zip(*(rows_of(columns, values) for columns, values in groups), strict=True)
     return Table.of(
-        [column for columns, _ in told for column in columns],
+        [column for columns, _ in groups for column in columns],
         [tuple(chain.from_iterable(row)) for row in rows],
     )
 
 
 def response_table(response: Response) -> Table:
-    """`story_table` of a run; of a sequence once for each shock and, last, for all, the shock in
-    the first column."""
-    whole = story_table(response.stories, response.check.errors if response.check else None)
+    """Return `story_table` of a run.
+
+    For a sequence, the rows are repeated for each event and then for the whole sequence; the first
+    column identifies the event.
+    """
+    table = story_table(response.stories, response.check.errors if response.check else None)
     if not response.events:
-        return whole
+        return table
     rows: list[tuple[Cell, ...]] = []
-    for number, shock in enumerate(response.events, start=1):
-        of_shock = story_table(shock.stories, shock.errors)
-        # A shock at whose time another run had ended has no errors.
-        empty = (None,) * (len(whole.columns) - len(of_shock.columns))
-        rows += [(str(number), *row, *empty) for row in of_shock.rows]
-    rows += [(_ALL, *row) for row in whole.rows]
-    return Table((SHOCK.name, *whole.columns), rows, describe([SHOCK]) | whole.meanings)
+    for number, event in enumerate(response.events, start=1):
+        event_table = story_table(event.stories, event.errors)
+        # An event has no errors if the run for the error estimate had ended before it.
+        empty = (None,) * (len(table.columns) - len(event_table.columns))
+        rows += [(str(number), *row, *empty) for row in event_table.rows]
+    rows += [(_ALL, *row) for row in table.rows]
+    return Table((SHOCK.name, *table.columns), rows, describe([SHOCK]) | table.meanings)
 
 
 def history_groups(error: bool) -> tuple[tuple[str, tuple[Column, ...]], ...]:
-    """The columns of a history by what each of them is there for: every floor, every story, or
-    nothing."""
+    """Return the columns of a response history in groups that repeat for each floor or story.
+
+    An empty group name marks columns that do not repeat.
+    """
     errors = (("floor", HISTORY_FLOOR_ERROR), ("story", HISTORY_STORY_ERROR)) if error else ()
     return (
         ("", HISTORY_START),
@@ -118,10 +126,10 @@ def history_groups(error: bool) -> tuple[tuple[str, tuple[Column, ...]], ...]:
 
 
 def history_columns(stories: int, error: bool = False) -> tuple[Column, ...]:
-    """Columns of a history; at the end those of its error, if it has quantity."""
+    """Return the columns of a response history; with `error`, error columns follow at the end."""
     columns_of_history: list[Column] = []
-    for place, columns in history_groups(error):
-        heads = [f"{place}_{i}_" for i in range(1, stories + 1)] if place else [""]
+    for location, columns in history_groups(error):
+        heads = [f"{location}_{i}_" for i in range(1, stories + 1)] if location else [""]
         columns_of_history += (
             replace(column, name=head + column.name) for head in heads for column in columns
         )
@@ -129,7 +137,7 @@ def history_columns(stories: int, error: bool = False) -> tuple[Column, ...]:
 
 
 def write_pieces(pieces: Iterable[History], stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write a history that comes in pieces as `write_history` writes it whole."""
+    """Write a response history given in chunks, with the same result as `write_history`."""
     for number, history in enumerate(pieces):
         write_history(history, stream, units, header=number == 0)
 
@@ -137,8 +145,19 @@ def write_pieces(pieces: Iterable[History], stream: BinaryIO, units: OutputUnits
 def write_history(
     history: History, stream: BinaryIO, units: OutputUnits = SI, *, header: bool = True
 ) -> None:
-    """Write a history as CSV, quantity row per step; some hundred rows are held as text at a
-    time."""
+    """Write a response history as CSV with one row per time step.
+
+    Parameters
+    ----------
+    history : History
+        Response history.
+    stream : BinaryIO
+        Output.
+    units : OutputUnits
+        Units of the columns; SI by default.
+    header : bool
+        True to write the header; true by default.
+    """
     error = history.error is not None
     columns = [
         units.column(column.name, column.unit)
@@ -155,6 +174,6 @@ def write_history(
         table = np.hstack([block.reshape(len(block), -1) for block in blocks])
         if factors is not None:
             table /= factors
-        table += 0.0  # zero has no sign
+        table += 0.0  # removes the sign of negative zero
         text = line * len(table) % tuple(table.ravel().tolist())
         stream.write((text.replace("nan", "") if np.isnan(table).any() else text).encode("ascii"))

@@ -1,10 +1,12 @@
-"""A table as CSV: UTF-8, LF ends, a header, 12 significant digits, true/false, an empty cell for no
-value; and what a column of it is.
+"""Tables and their columns, and their output as CSV and Parquet.
 
-Every column is declared once, in the module of its subject: its name, its unit, where its value
-comes from, and what it means. A name ends with the unit's `tdint.units.suffix`; a quantity that is
-absolute says so, all others are relative to the ground or to the floor below. An estimated error of
-a column is called `<column>_error`.
+CSV files are UTF-8 with LF line ends and a header. Numbers have 12 significant digits, Booleans are
+true or false, and a missing value is an empty cell.
+
+Every column is declared once, in the module of its subject, with its name, unit, value and meaning.
+The name ends with the suffix of the unit (`tdint.units.suffix`). Names of absolute quantities
+contain "absolute"; all other quantities are relative to the ground or to the floor below. The
+estimated error of a column is called `<column>_error`.
 """
 
 from __future__ import annotations
@@ -28,36 +30,39 @@ from tdint.units import SI, OutputUnits, Quantity, quantities
 Cell = bool | int | float | str | None
 
 TEXT = "text"
-"""Unit of a column of words."""
+"""Unit of a column of text."""
 
 _UNFIT = re.compile(
     r"[\x00-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udc7f\udd00-\udfff]"
 )
-"""What steers a terminal, and halves of letters; not the bytes that Python could not read."""
+"""Control characters that terminals execute, and unpaired surrogates.
+
+Surrogates of bytes that Python could not decode are not included; `harmless` writes them out.
+"""
 
 _WORD = re.compile(r"\w+")
 _FORMULA = frozenset("=+-@\t\r")
 _BEHIND = re.compile(r";\s*['\"]?[=+@-]")
 _HARMLESS = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|[-+]")
-"""Plain numbers, and a sign alone: - is the name of standard input."""
+"""Plain numbers, and a single sign, because - is the name of standard input."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table.
+    """Column of a table.
 
     Attributes
     ----------
     name : str
-        As in the header.
+        Name in the header.
     unit : str
-        In SI; 1 for a number without one, `text` for words.
+        SI unit; 1 for a dimensionless number, `text` for text.
     value : str, callable or ndarray
-        The attribute of a result (dots lead on) or the function of it that gives the cells: one for
-        each row if it is an array, else the same for all rows of the result. Or the cells
-        themselves, where one result has the table.
+        Source of the cells: the attribute of a result (dots select attributes of attributes), a
+        function of the result, or the cells themselves. An array gives one cell per row; any other
+        value applies to all rows of the result.
     meaning : str
-        What it is, for people.
+        Description for users.
     """
 
     name: str
@@ -67,19 +72,26 @@ class Column:
 
     @classmethod
     def of_quantity(cls, quantity: Quantity) -> Column:
-        """The column of a declared quantity, which is an attribute of the result."""
+        """Return the column of a declared quantity, which is an attribute of the result."""
         return cls(quantity.column, quantity.unit, quantity.name, quantity.meaning)
 
     def of(self, result: Any) -> Any:
-        """The value for a result."""
+        """Return the value of this column for a result."""
         if isinstance(self.value, np.ndarray):
             return self.value
         return self.value(result) if callable(self.value) else attrgetter(self.value)(result)
 
 
 def columns_of(kind: type, *asked: str) -> tuple[Column, ...]:
-    """The columns that a result declares in its fields; of those that are shown when asked for the
-    ones named."""
+    """Return the columns that a class of results declares in its fields.
+
+    Parameters
+    ----------
+    kind : type
+        Class of the results.
+    *asked : str
+        Names of quantities that are included in addition to the quantities of every table.
+    """
     return tuple(
         Column(quantity.column, quantity.unit, quantity.value or quantity.name, quantity.meaning)
         for quantity in quantities(kind)
@@ -87,24 +99,23 @@ def columns_of(kind: type, *asked: str) -> tuple[Column, ...]:
     )
 
 
-def part(name: str, place: Any) -> Callable[[Any], Any]:
-    """The value of a column that is a part of an array: the attribute of a result, and the place in
-    it."""
-    return lambda result: attrgetter(name)(result)[place]
+def part(name: str, index: Any) -> Callable[[Any], Any]:
+    """Return a function that returns the elements `index` of an array attribute of a result."""
+    return lambda result: attrgetter(name)(result)[index]
 
 
 def numbered(name: str) -> Callable[[Any], Any]:
-    """The value of a column of numbers from 1, as many as an attribute has members."""
+    """Return a function that returns the numbers from 1 to the length of an attribute."""
     return lambda result: np.arange(1, len(attrgetter(name)(result)) + 1)
 
 
 def names(columns: Iterable[Column]) -> tuple[str, ...]:
-    """The names of some columns."""
+    """Return the names of columns."""
     return tuple(column.name for column in columns)
 
 
 def describe(columns: Iterable[Column]) -> dict[str, dict[str, str]]:
-    """Unit and meaning of each column, for a JSON file beside the table."""
+    """Return unit and meaning of each column, for the JSON file of a table."""
     return {
         column.name: {"meaning": column.meaning}
         | ({} if column.unit == TEXT else {"unit": column.unit})
@@ -115,29 +126,32 @@ def describe(columns: Iterable[Column]) -> dict[str, dict[str, str]]:
 def described_in(
     meanings: Mapping[str, Mapping[str, str]], units: OutputUnits
 ) -> dict[str, dict[str, str]]:
-    """What columns or keys mean (`describe`), under the names that they have in these units."""
-    # Meanings name other columns: these words change with them.
-    shown = {name: units.column(name, said.get("unit", TEXT))[0] for name, said in meanings.items()}
+    """Convert the names and units in descriptions of columns or keys to output units."""
+    # Descriptions refer to other columns by name; these names change also.
+    renamed = {
+        name: units.column(name, text.get("unit", TEXT))[0] for name, text in meanings.items()
+    }
     result = {}
-    for name, said in meanings.items():
-        told = {"meaning": _WORD.sub(lambda word: shown.get(word[0], word[0]), said["meaning"])}
-        told |= {"unit": units.unit(said["unit"])[0]} if "unit" in said else {}
-        result[shown[name]] = {**said, **told}
+    for name, text in meanings.items():
+        meaning = _WORD.sub(lambda word: renamed.get(word[0], word[0]), text["meaning"])
+        description = {"meaning": meaning}
+        description |= {"unit": units.unit(text["unit"])[0]} if "unit" in text else {}
+        result[renamed[name]] = {**text, **description}
     return result
 
 
 def converted(value: Cell, factor: float) -> Cell:
-    """A cell over a unit's value in SI; what is no number stays."""
-    # To Python true is a number.
+    """Return a number divided by `factor`, the SI value of a unit; other cells are unchanged."""
+    # In Python, True and False are integers.
     if factor == 1.0 or isinstance(value, bool) or not isinstance(value, int | float | np.number):
         return value
     return float(value) / factor
 
 
 def rows_of(columns: Sequence[Column], result: Any) -> list[tuple[Cell, ...]]:
-    """The rows that a result has: as many as its arrays are long."""
+    """Return the rows of a result; their number is the length of its arrays."""
     values = [column.of(result) for column in columns]
-    # What is no array holds for every row.
+    # A value that is not an array applies to every row.
     sizes = {value.size for value in values if isinstance(value, np.ndarray)}
     if not sizes:
         return [tuple(values)]
@@ -149,7 +163,7 @@ def rows_of(columns: Sequence[Column], result: Any) -> list[tuple[Cell, ...]]:
 
 
 def error_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
-    """The columns of the estimated errors of others."""
+    """Return the columns of the estimated errors of columns."""
     return tuple(
         replace(
             column,
@@ -162,7 +176,7 @@ def error_columns(columns: Iterable[Column]) -> tuple[Column, ...]:
 
 @dataclass(frozen=True)
 class Table:
-    """Column names, rows of as many cells, and what the columns mean, as `describe` tells it."""
+    """Column names, rows with one cell per column, and descriptions of columns (`describe`)."""
 
     columns: tuple[str, ...]
     rows: list[tuple[Cell, ...]]
@@ -170,7 +184,7 @@ class Table:
 
     @classmethod
     def of(cls, columns: Sequence[Column], rows: Iterable[Iterable[Any]]) -> Table:
-        """A table of declared columns."""
+        """Return a table of declared columns."""
         return cls(names(columns), list(map(tuple, rows)), describe(columns))
 
     @classmethod
@@ -180,15 +194,14 @@ class Table:
         results: Iterable[Any],
         heads: Iterable[tuple[Cell, ...]] = repeat(()),
     ) -> Table:
-        """The rows of each result, in the order given; with `heads` what stands in the first
-        columns of each."""
+        """Return the rows of results in their order; `heads` are the first cells of their rows."""
         rows: list[tuple[Cell, ...]] = []
         for result, head in zip(results, heads, strict=False):
             rows += ((*head, *row) for row in rows_of(columns[len(head) :], result))
         return cls.of(columns, rows)
 
     def in_units(self, units: OutputUnits) -> Table:
-        """The same table in other units: columns renamed with them, numbers converted."""
+        """Return the table in other units, with renamed columns and converted numbers."""
         if units == SI:
             return self
         headed = [
@@ -200,45 +213,46 @@ class Table:
         return Table(tuple(name for name, _ in headed), rows, described_in(self.meanings, units))
 
     def as_summary(self, key: str) -> dict[str, Any]:
-        """What a JSON file has of it: its rows under a key, and what their numbers mean."""
+        """Return the rows for a JSON file under `key`, with the descriptions of the columns."""
         rows = [dict(zip(self.columns, row, strict=True)) for row in self.rows]
         return {key: rows, "meanings": dict(self.meanings)}
 
     def chosen(self, names: Iterable[str]) -> Table:
-        """Some columns, by their names; what it has not is left out."""
-        places = [self.columns.index(name) for name in names if name in self.columns]
-        rows = [tuple(row[i] for i in places) for row in self.rows]
-        return Table(tuple(self.columns[i] for i in places), rows, self.meanings)
+        """Return the columns with these names; names that the table does not have are ignored."""
+        indices = [self.columns.index(name) for name in names if name in self.columns]
+        rows = [tuple(row[i] for i in indices) for row in self.rows]
+        return Table(tuple(self.columns[i] for i in indices), rows, self.meanings)
 
     def by_column(self) -> list[tuple[Column, Any]]:
-        """Each column with its cells: numbers as an array, nan for none; words as a list."""
+        """Return each column with its cells: an array (nan if missing), or a list with text."""
         columns = []
-        for place, name in enumerate(self.columns):
+        for index, name in enumerate(self.columns):
             about = self.meanings[name]
             unit = about.get("unit", TEXT)
-            cells = [row[place] for row in self.rows]
-            # Columns of numbers may have a word among them: a limit that is none.
-            words = unit == TEXT or any(isinstance(cell, str) for cell in cells)
+            cells = [row[index] for row in self.rows]
+            # A column of numbers can contain text, for example if there is no limit.
+            has_text = unit == TEXT or any(isinstance(cell, str) for cell in cells)
             values = (
-                cells if words else np.array([np.nan if cell is None else cell for cell in cells])
+                cells
+                if has_text
+                else np.array([np.nan if cell is None else cell for cell in cells])
             )
             columns.append((Column(name, unit, name, about["meaning"]), values))
         return columns
 
     def csv(self) -> bytes:
-        """The table as CSV."""
+        """Return the table as CSV."""
         return csv_bytes([map(harmless, self.columns), *(map(cell_text, row) for row in self.rows)])
 
     def parquet(self) -> bytes:
-        """The table as Parquet: each column with its unit and meaning, numbers with all their
-        digits.
+        """Return the table as Parquet, with units and meanings, and with all digits of numbers.
 
         Raises
         ------
         UsageError
             pyarrow is not installed.
         """
-        # Numbers among words are words as well: a column of Parquet has one kind.
+        # Numbers in a column with text become text, because a Parquet column has one type.
         columns = {
             column.name: [cell if cell is None else cell_text(cell) for cell in cells]
             if isinstance(cells, list)
@@ -249,13 +263,19 @@ class Table:
 
 
 PARQUET = ("a Parquet file", "parquet")
-"""What needs pyarrow, and the extra that brings it."""
+"""Name of the feature that requires pyarrow, and the optional dependency group for it."""
 
 
 def parquet(columns: Mapping[str, Any], meanings: Mapping[str, Mapping[str, str]]) -> bytes:
-    """Columns, arrays or lists, as Parquet, each with its meaning; UsageError without pyarrow."""
+    """Return columns (arrays or lists) with their descriptions as Parquet.
+
+    Raises
+    ------
+    UsageError
+        pyarrow is not installed.
+    """
     pyarrow, writer = (optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
-    # Of a column of words in which nothing stands the kind would be none.
+    # pyarrow cannot infer the type of a text column without any text.
     empty = [
         isinstance(cells, list) and all(cell is None for cell in cells)
         for cells in columns.values()
@@ -274,43 +294,46 @@ def parquet(columns: Mapping[str, Any], meanings: Mapping[str, Mapping[str, str]
 
 
 def digits(value: float | np.floating[Any]) -> float:
-    """Twelve significant digits, as in tables."""
+    """Return a number with 12 significant digits, as in tables."""
     return float(format(value + 0.0, ".12g"))
 
 
 def cell_text(value: Cell) -> str:
-    """One cell as text: 12 significant digits, true/false, nothing for None and nan."""
+    """Return a cell as text: 12 significant digits, true or false, empty for None and nan."""
     match value:
         case None:
             return ""
         case bool() | np.bool_():
             return "true" if value else "false"
         case float() | np.floating():
-            return (
-                "" if math.isnan(value) else format(value + 0.0, ".12g")
-            )  # + 0.0: zero has no sign
+            # Adding 0.0 removes the sign of negative zero.
+            return "" if math.isnan(value) else format(value + 0.0, ".12g")
         case _:
             return harmless(str(value))
 
 
 def harmless(text: str) -> str:
-    """Text of a file's header or name, which may hold anything: nothing that steers a terminal, is
-    no UTF-8 (written out), or is a formula.
+    """Return text from a file header or file name in a form that is safe in CSV files.
 
-    Spreadsheets run what begins with = + - @, a tab or a return and is no number; an apostrophe
-    before it makes it a text.
+    Control characters and bytes that are not valid UTF-8 are written out. Spreadsheets execute text
+    that starts with = + - @, a tab or a carriage return and is not a number; an apostrophe before
+    the text prevents this.
     """
     plain = _UNFIT.sub(lambda match: repr(match[0])[1:-1], text)
-    # Bytes of a name that Python could not read in this locale reach it as surrogates.
+    # Bytes of a file name that Python could not decode in this locale are stored as surrogates.
     plain = plain.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
     return f"'{plain}" if text[:1] in _FORMULA and not _HARMLESS.fullmatch(plain) else plain
 
 
 def csv_bytes(rows: Iterable[Iterable[str]]) -> bytes:
-    """Rows of harmless cells as CSV. One in which a formula would stand behind a semicolon, the
-    separator of many spreadsheets, has quotation marks."""
+    """Return rows of harmless cells as CSV.
+
+    A cell that contains a formula after a semicolon is quoted, because many spreadsheets use the
+    semicolon as separator.
+    """
     text = io.StringIO()
-    # No harmless cell has a return: one at its end has the writer quote it, and goes again.
+    # A carriage return at the end of a cell makes the writer quote the cell. Harmless cells contain
+    # no carriage returns, so all of them can be removed from the result.
     writer = csv.writer(text, lineterminator="\r\n")
     writer.writerows(
         [f"{cell}\r" if ";" in cell and _BEHIND.search(cell) else cell for cell in row]
@@ -323,23 +346,22 @@ OF_RECORD = (
     Column("record", "text", "record.source", "file of the record"),
     Column("component", "text", "record.component", "component of the record"),
 )
-"""The first columns of tables over records; of several records the components' cells are found
-together."""
+"""First columns of tables over records. The components of several records are named together."""
 
 PAIR_DEMAND = Column(
     "pair_demand",
     "text",
     "pair_demand",
-    "how the two components of a recording count: larger or mean (one motion, with the larger or "
-    "the mean demand) or separate (two motions)",
+    "how the two components of a recording are counted: larger or mean (one ground motion with the "
+    "larger or the mean demand) or separate (two ground motions)",
 )
-"""Last column of tables over motions among which there are pairs."""
+"""Last column of tables over ground motions that include pairs."""
 
 OF_NAMED_RECORD = (
     Column("record", "text", "record", "file of the record"),
     Column("component", "text", "component", "component of the record"),
 )
-"""The same, of what has the names alone."""
+"""First columns of tables over results that store only the names of record and component."""
 
 DAMPING = Column("damping", "1", "damping", "viscous damping ratio")
 PERIOD = Column("period_s", "s", "periods", "natural period")
