@@ -65,8 +65,8 @@ def errors(building, record, method, parts, truth):
     for one in QUANTITIES:
         peak = getattr(truth.stories, f"peak_{one}")
         history, exact = (
-            getattr(response.history, one),
-            getattr(truth.history, one)[:: FINE // parts],
+            getattr(response.history, one.removeprefix("absolute_")),
+            getattr(truth.history, one.removeprefix("absolute_"))[:: FINE // parts],
         )
         at_steps = np.abs(np.max(np.abs(history), axis=0) / peak - 1.0)
         own = np.max(np.abs(history - exact), axis=0) / peak
