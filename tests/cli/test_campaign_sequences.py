@@ -46,6 +46,8 @@ RECORDS = (
     "m/s^2",
     "--precision",
     "10%",
+    "--pair-demand",
+    "separate",
 )
 AFTERSHOCKS = (*RECORDS, "--after", "other.mseed")
 

@@ -354,7 +354,7 @@ def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch):
         (["--tolerance", "0"], 2, "Invalid value for '--tolerance'"),
         (["--halvings", "-1"], 2, "Invalid value for '--halvings'"),
         (["--repeat", "0"], 2, "Invalid value for '--repeat'"),
-        (["--target-error", "force"], 2, "Invalid value for '--target'"),
+        (["--target-error", "force"], 2, "Invalid value for '--target-error'"),
         (
             ["--highlight", "hht", "--plot", "y.png", *QUICK],
             2,
@@ -457,7 +457,7 @@ def test_a_file_of_problems_and_its_picture(folder, tdint):
         "x.svg",
         "--target-error",
     )
-    result = tdint(*words, "peak-acceleration", "--peers", "--tolerance", "1%", code=0)
+    result = tdint(*words, "peak-absolute-acceleration", "--peers", "--tolerance", "1%", code=0)
     assert re.search(
         r"two stories, near: openseespy: (left out: it is not installed|\S+ from the reference, "
         r"extrapolated)",

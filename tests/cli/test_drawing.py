@@ -63,7 +63,11 @@ def test_a_terminal_gets_a_drawing_and_a_pipe_the_table(folder, tdint):
     shown, code = at_a_terminal("modes forced.yaml")
     piped = tdint("modes", "forced.yaml").stdout
     assert code == 0 and piped.startswith("mode,period_s,frequency_hz,")
-    assert b"," not in shown
+    assert not any(
+        b"," in line
+        for line in shown.splitlines()
+        if b"Warning" not in line and b"usual" not in line
+    )
     first = float(piped.splitlines()[1].split(",")[1])
     assert f"{first:.5g}" in shown.decode().split()
 

@@ -223,7 +223,7 @@ def test_whatever_integrates_a_model_shows_the_warnings_of_check_first(
             assert first.startswith("Warning: ") and first.endswith(expected), (words, first)
     response = api.run("plain.yaml")
     assert response.warnings[0] == expected
-    assert repr(response).endswith(f"; warning: {expected}>")
+    assert f"; warning: {expected[:40]}" in repr(response)
     motion = api.read_record("motion.mseed", component="HNE", units="m/s^2")
     for results in (api.run_many(["plain.yaml"], [motion]), api.campaign("study.yaml")):
         assert results.warnings == (f"plain.yaml: {expected}",)

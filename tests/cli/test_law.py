@@ -148,7 +148,7 @@ def test_pictures_of_any_size(folder, tdint, model, drift, drawn):
             "other.mseed: exists already; give --overwrite",
         ),
         (
-            ["cubic.yaml", "--drift", "1e90m"],
+            ["cubic.yaml", "--drift", "1e59m"],
             5,
             "story 1: its law has no finite force and energy at drift ",
         ),

@@ -336,6 +336,7 @@ def test_records_of_the_table_of_factors(folder, tdint, make_record):
 
     # IDA and match
     words = ("ida", "shaken.yaml", *UNITS, "--factors", "factors.csv", "--max-im", "1m/s^2")
+    words += ("--pair-demand", "separate")
     capacities = rows(tdint(*words, code=0).stdout)
     assert {(row["record"], row["component"]) for row in capacities} == {row[:2] for row in listed}
     words = ("match", *UNITS, "--factors", "factors.csv", *target, "-o", "matched")

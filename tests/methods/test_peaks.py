@@ -106,7 +106,7 @@ def test_peaks_of_linear_buildings_fall_with_the_order(buildings, method):
                 )
                 errors[row, column] += np.sum(np.abs(found / exact - 1.0))
     order = parse(method).order
-    expected = [min(order, 2 if one == "acceleration" else 4) for one in QUANTITIES]
+    expected = [min(order, 2 if one == "absolute_acceleration" else 4) for one in QUANTITIES]
     observed = np.log2(errors[:, 0] / errors[:, 1]) / 2.0
     assert np.all((observed >= np.array(expected) - 0.5) | (errors[:, 1] <= 1e-7))
 

@@ -11,7 +11,6 @@ import click
 from tdint.errors import AnalysisError, UsageError
 from tdint.files import check_outputs, write_files
 from tdint.output import figures, tables
-from tdint.output.motion_files import FORMATS, motion_contents, motion_file_names
 from tdint_cli import options
 from tdint_cli.options.grammar import PairsType, PairWish, Ratio, span
 from tdint_cli.options.output import Outputs
@@ -56,8 +55,8 @@ class MatchRequest(RecordsRequest):
     )
     damping: float = options.analysis.damping_of("the spectra", rare=True)
     format: str = options.option(
-        type=click.Choice(FORMATS),
-        default=FORMATS[0],
+        type=click.Choice(("mseed", "at2", "csv")),
+        default="mseed",
         help="Of the motions: mseed (MiniSEED, by default), at2 (PEER, in g) or csv.",
     )
     pairs: PairWish | None = options.option(
@@ -120,6 +119,8 @@ def command(request: MatchRequest) -> None:
     plot = str(folder / PICTURE) if request.plot == options.grammar.BESIDE else request.plot
     outputs = Outputs.checked(str(folder / MATCHED), plot, request.overwrite)
     target = read_target(request.target)
+    from tdint.output.motion_files import motion_file_names
+
     suite, factors = read_table_of_factors(
         request.records, request.factors, request.choice, request.pairs
     )
@@ -149,6 +150,8 @@ def command(request: MatchRequest) -> None:
         return table_summary("match", settings, seeds, table.meanings) | {
             "motions": [file.name for file in files]
         }
+
+    from tdint.output.motion_files import motion_contents
 
     contents, notes = motion_contents([matched.record for matched in matches], request.format)
     write_files(dict(zip(files, contents, strict=True)), overwrite=request.overwrite)

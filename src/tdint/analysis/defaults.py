@@ -37,7 +37,7 @@ QUANTITIES = {
 
 PEAKS = {
     "peak-drift": "largest error of a story's peak drift",
-    "peak-acceleration": "largest error of a floor's peak absolute acceleration",
+    "peak-absolute-acceleration": "largest error of a floor's peak absolute acceleration",
     "peak-total-shear": "largest error of a story's peak total shear",
 }
 """The same of many problems: the fields of `tdint.analysis.chart.profiles.PeakErrors`."""

@@ -193,9 +193,9 @@ def history(case, method, record=None, **more):
     return result.displacement, result.velocity, result.acceleration
 
 
-def assert_same(one, other):
+def assert_same(one, other, tolerance=1e-10):
     for a, b in zip(one, other, strict=True):
-        np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-10 * np.max(np.abs(b)))
+        np.testing.assert_allclose(a, b, rtol=0.0, atol=tolerance * np.max(np.abs(b)))
 
 
 @pytest.mark.parametrize(
@@ -263,7 +263,8 @@ def test_impulse4_with_rho_inf_0_is_radau_iia(law):
 
     u, v, _ = history(case, "impulse4:rho_inf=0", record)
     expected = radau_iia(rate, (0.3, 1.0), record.dt, 100)
-    assert_same((u[:, 0], v[:, 0]), expected.T)
+    # The residual tolerance of impulse4 is of order 4 in the time step for nonlinear laws.
+    assert_same((u[:, 0], v[:, 0]), expected.T, 1e-8 if law == "duffing" else 1e-10)
 
 
 def test_order_over_several_samples_in_a_step():

@@ -94,7 +94,7 @@ def test_no_estimate_is_smaller_than_what_the_steps_leave_unresolved():
 
     def unresolved(value):
         of_all = StoryErrors(**{name: np.full(10, value) for name in names})
-        return story_errors(replace(response, unresolved=of_all), other)
+        return story_errors(replace(response, interstep_bound=of_all), other)
 
     resolved = unresolved(0.0)
     assert np.all(resolved.peak_drift < 1.0) and np.all(resolved.peak_total_shear > 1.0)
