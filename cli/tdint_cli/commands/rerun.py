@@ -598,7 +598,7 @@ def _compare_file(
     but = f" (not compared: {', '.join(measured)}, which are measured)" if measured else ""
     # All numbers of a chart except those of its table are measured, or derived from measured times;
     # its figure shows them.
-    if measured and lower.endswith((JSON, ".png", ".svg", ".pdf")):
+    if measured and lower.endswith((*JSON, ".png", ".svg", ".pdf")):
         return f"{name}: not compared, because it contains measured times", True, []
     if lower.endswith(JSON):
         return _judge(name, tables.differences.json_differences(before, now), "value by value")
