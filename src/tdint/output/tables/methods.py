@@ -1,5 +1,4 @@
-"""Tables of methods: what they are, what is measured of them, what they cost; and of validation
-cases."""
+"""Tables of methods: properties, measured behavior, cost; and table of validation cases."""
 
 from __future__ import annotations
 
@@ -26,17 +25,17 @@ if TYPE_CHECKING:
 
 
 def _uncut(name: str) -> Callable[[Any], str]:
-    """A text of ours without commas, that a table can be split at them."""
+    """Return a function that returns a text without commas, which could be taken for separators."""
     return lambda row: str(attrgetter(name)(row)).replace(",", ";")
 
 
 def _power(value: float) -> float:
-    """A power; nan for that of nothing, minus infinity."""
+    """Return a power; nan instead of the infinite power of a zero value."""
     return value if math.isfinite(value) else math.nan
 
 
 def _or_none(name: str) -> Callable[[Any], float | str]:
-    """A limit; none where there is none."""
+    """Return a function that returns a limit, or the text none for infinity."""
     return lambda row: "none" if math.isinf(limit := attrgetter(name)(row)) else limit
 
 
@@ -47,7 +46,7 @@ METHOD = (
         "parameters",
         "text",
         # beta=0.25 in [0 to 1]; theta=1.02 in [1 to 10] computed: a computed default follows from
-        # the ones before it.
+        # the parameters before it.
         lambda integrator: "; ".join(
             f"{parameter.name}={cell_text(value)} in {parameter.range.replace(',', ' to')}"
             + " computed" * callable(parameter.default)
@@ -55,31 +54,34 @@ METHOD = (
                 integrator.method.parameters, integrator.values, strict=True
             )
         ),
-        "defaults and ranges",
+        "default values and ranges",
     ),
-    Column("order", "1", "order", "order of displacement and velocity for a smooth load"),
     Column(
-        "implicit", "text", "implicit", "whether a step solves for the restoring force at its end"
+        "order", "1", "order", "order of accuracy of displacement and velocity for a smooth load"
+    ),
+    Column(
+        "implicit", "text", "implicit", "true if a step solves for the restoring force at its end"
     ),
     Column(
         "stability_limit",
         "1",
         _or_none("stability_limit"),
-        "largest stable omega dt without damping; none for stable at any step",
+        "largest stable omega dt without damping; none if stable for all time steps",
     ),
     Column("rho_inf", "1", "rho_inf", "spectral radius for omega dt to infinity"),
-    Column("source", "text", _uncut("method.source"), "who published it"),
+    Column("source", "text", _uncut("method.source"), "publication"),
 )
 
 
 DECLARATION = (
     Column("method", "text", "integrator.label", "method with its parameters"),
-    Column("order", "1", "integrator.order", "declared order"),
+    Column("order", "1", "integrator.order", "declared order of accuracy"),
     Column(
         "observed_order",
         "1",
         "order",
-        "smallest of displacement and velocity, free and under a harmonic force",
+        "minimum of the orders of displacement and velocity, in free vibration and under a "
+        "harmonic force",
     ),
     Column(
         "stability_limit",
@@ -87,16 +89,16 @@ DECLARATION = (
         _or_none("integrator.stability_limit"),
         "declared largest stable omega dt without damping",
     ),
-    Column("measured_limit", "1", _or_none("limit"), "the same as measured"),
+    Column("measured_limit", "1", _or_none("limit"), "measured largest stable omega dt"),
     Column(
         "rho_inf", "1", "integrator.rho_inf", "declared spectral radius for omega dt to infinity"
     ),
-    Column("measured_rho_inf", "1", "rho_inf", "the same as measured"),
-    Column("faults", "1", lambda one: len(one.faults), "declarations that do not hold"),
+    Column("measured_rho_inf", "1", "rho_inf", "measured spectral radius for omega dt to infinity"),
+    Column("faults", "1", lambda one: len(one.faults), "number of incorrect declarations"),
 )
 
 _DT_OVER_T = Column(
-    "dt_over_t", "1", "dt_over_t", "step over the undamped period of the oscillator"
+    "dt_over_t", "1", "dt_over_t", "time step divided by the undamped period of the oscillator"
 )
 
 STABILITY = (
@@ -107,49 +109,64 @@ STABILITY = (
         "spectral_radius",
         "1",
         "spectral_radius",
-        "largest modulus of the eigenvalues of the amplification matrix",
+        "maximum modulus of the eigenvalues of the amplification matrix",
     ),
-    Column("period_error", "1", "period_error", "numerical over exact damped period, less 1"),
+    Column(
+        "period_error",
+        "1",
+        "period_error",
+        "numerical damped period divided by exact damped period, minus 1",
+    ),
     Column(
         "numerical_damping",
         "1",
         "numerical_damping",
-        "damping ratio of the numerical oscillation less the exact one",
+        "damping ratio of the numerical oscillation minus the exact damping ratio",
     ),
     Column(
         "amplitude_decay",
         "1",
         "amplitude_decay",
-        "part of the amplitude that the method takes in one cycle",
+        "fraction by which the method reduces the amplitude in one cycle",
     ),
     Column(
         "spurious_radius",
         "1",
         "spurious_radius",
-        "largest modulus of eigenvalues beside the principal pair",
+        "maximum modulus of the eigenvalues other than the principal pair",
     ),
 )
 OVERSHOOT = (
     METHOD_SPEC,
     DAMPING,
     _DT_OVER_T,
-    Column("start", "text", "start", "what the oscillator starts from"),
-    Column("step", "1", lambda motion: np.arange(motion.displacement.size), "step; 0 is the start"),
-    Column("displacement", "1", "displacement", "over the largest one of the exact motion"),
-    Column("velocity", "1", "velocity", "over the largest one of the exact motion"),
+    Column("start", "text", "start", "initial condition of the oscillator"),
+    Column(
+        "step",
+        "1",
+        lambda motion: np.arange(motion.displacement.size),
+        "number of the time step; 0 is the start",
+    ),
+    Column(
+        "displacement",
+        "1",
+        "displacement",
+        "displacement divided by the maximum of the exact displacement",
+    ),
+    Column("velocity", "1", "velocity", "velocity divided by the maximum of the exact velocity"),
     Column(
         "displacement_power",
         "1",
         lambda one: _power(one.displacement_power),
-        "power of omega dt in the first step's displacement; empty where the step leaves nothing "
-        "of it",
+        "exponent of omega dt in the displacement after the first step; empty if this displacement "
+        "is zero",
     ),
     Column(
         "velocity_power",
         "1",
         lambda one: _power(one.velocity_power),
-        "power of omega dt in the first step's velocity times dt; empty where the step leaves "
-        "nothing of it",
+        "exponent of omega dt in the velocity times dt after the first step; empty if this "
+        "velocity is zero",
     ),
     Column("law", "text", "law", "restoring force of the oscillator"),
 )
@@ -160,26 +177,26 @@ def _order(quantity: str) -> Column:
         f"{quantity}_order",
         "1",
         lambda order: order.order(quantity),
-        f"observed order of the {quantity}",
+        f"observed order of accuracy of the {quantity}",
     )
 
 
 ORDER = (
     METHOD_SPEC,
     Column("load", "text", "load", "load of the oscillator"),
-    Column("law", "text", "law", "drift law of the oscillator"),
+    Column("law", "text", "law", "hysteretic law of the oscillator"),
     Column(
         "frequency_ratio",
         "1",
         "frequency_ratio",
-        "frequency of the load over that of the oscillator",
+        "frequency of the load divided by the frequency of the oscillator",
     ),
     *map(_order, ("displacement", "velocity", "acceleration", "algorithmic_acceleration")),
     Column(
         "displacement_error",
         "1",
         lambda one: float(one.displacement[-1]),
-        "largest error with the smallest step, over the largest displacement",
+        "maximum error with the smallest time step, divided by the maximum displacement",
     ),
 )
 
@@ -189,35 +206,44 @@ def _chart_error(quantity: str, meaning: str, name: str = "") -> Column:
         f"{name or quantity}_error",
         "1",
         lambda point: math.nan if point.errors is None else getattr(point.errors, quantity),
-        f"{meaning}, over that of the reference",
+        f"{meaning}, relative to the reference",
     )
 
 
-CHART_STORIES = Column("stories", "1", "stories", "stories of the building")
+CHART_STORIES = Column("stories", "1", "stories", "number of stories of the building")
 CHART = (
     METHOD_SPEC,
     Column("dt_s", "s", "dt", "time step"),
-    Column("steps", "1", "steps", "time steps"),
-    Column("iterations", "1", "iterations", "solves; of scipy evaluations of the rate"),
+    Column("steps", "1", "steps", "number of time steps"),
+    Column(
+        "iterations",
+        "1",
+        "iterations",
+        "number of solutions of the equations; for scipy, number of evaluations of the derivatives",
+    ),
     Column(
         "time_s",
         "s",
         "time",
-        "median time of the compiled loop, on the clock that the summary names",
+        "median time of the compiled loop, on the clock that the summary states",
     ),
-    Column("time_min_s", "s", "fastest", "least time of the compiled loop"),
+    Column("time_min_s", "s", "fastest", "minimum time of the compiled loop"),
     _chart_error(
-        "displacement", "error of the displacements relative to the ground (L2 of the history)"
+        "displacement",
+        "error of the displacements relative to the ground (L2 norm of the response history)",
     ),
-    _chart_error("drift", "error of the drifts (L2 of the history)"),
-    _chart_error("peak_drift", "largest error of a story's peak drift"),
+    _chart_error("drift", "error of the drifts (L2 norm of the response history)"),
+    _chart_error("peak_drift", "maximum error of the peak drift of a story"),
     _chart_error(
         "acceleration",
-        "error of the absolute accelerations (L2 of the history)",
+        "error of the absolute accelerations (L2 norm of the response history)",
         name="absolute_acceleration",
     ),
-    Column("outcome", "text", "outcome", "how `tdint run` ends"),
-    _chart_error("velocity", "error of the velocities relative to the ground (L2 of the history)"),
+    Column("outcome", "text", "outcome", "status with which `tdint run` ends"),
+    _chart_error(
+        "velocity",
+        "error of the velocities relative to the ground (L2 norm of the response history)",
+    ),
 )
 FAILURE = (
     Column("problem", "text", "problem", "problem"),
@@ -227,25 +253,25 @@ FAILURE = (
         "energy_ratio_min",
         "1",
         "energy_ratio_min",
-        "least energy over the largest of the exact motion",
+        "minimum energy divided by the maximum energy of the exact motion",
     ),
     Column(
         "energy_ratio_max",
         "1",
         "energy_ratio_max",
-        "largest energy over the largest of the exact motion",
+        "maximum energy divided by the maximum energy of the exact motion",
     ),
-    Column("error", "1", "error", "what error_of says"),
-    Column("outcome", "text", "outcome", "how `tdint run` ends"),
-    Column("verdict", "text", "verdict", "pass, the fault found, or how the run failed"),
+    Column("error", "1", "error", "error of the quantity in error_of"),
+    Column("outcome", "text", "outcome", "status with which `tdint run` ends"),
+    Column("verdict", "text", "verdict", "pass, the detected defect, or the type of failure"),
     Column("end_s", "s", "time", "last time reached"),
-    Column("error_of", "text", _uncut("error_of"), "what the error is"),
+    Column("error_of", "text", _uncut("error_of"), "quantity of the error"),
 )
 
 
 def _example_errors(reference: str, against: str, prefix: str = "") -> tuple[Column, ...]:
     def column(quantity: str, unit: str) -> Column:
-        about = f"largest error of the {quantity}, all floors, against {against}"
+        about = f"maximum error of the {quantity} over all floors, relative to {against}"
         name = f"{prefix}{quantity}{suffix(unit)}_error"
         return Column(name, unit, lambda run: run.error(quantity, reference), about)
 
@@ -255,42 +281,44 @@ def _example_errors(reference: str, against: str, prefix: str = "") -> tuple[Col
 EXAMPLE = (
     Column("example", "1", "example", "example of the paper"),
     METHOD_SPEC,
-    Column("variant", "text", lambda run: run.variant or None, "what was done otherwise"),
+    Column("variant", "text", lambda run: run.variant or None, "variant of the analysis"),
     Column("dt_s", "s", "dt", "time step"),
-    *_example_errors("paper", "what the paper calls exact: newmark-linear with 0.001 or 0.002 s"),
-    *_example_errors("finer", "rk5 with steps 8 times finer", "finer_"),
+    *_example_errors(
+        "paper", "the reference of the paper: newmark-linear with time steps of 0.001 or 0.002 s"
+    ),
+    *_example_errors("finer", "rk5 with 8 times smaller time steps", "finer_"),
 )
-OUTCOME = Column("outcome", "text", "outcome", "how the run ended")
+OUTCOME = Column("outcome", "text", "outcome", "status of the run")
 
 
 def rank(of: Callable[[Any], int | None]) -> Column:
-    """The column of a method's rank among others."""
+    """Return the column of the rank of a method."""
     return Column(
         "rank",
         "1",
         of,
-        "place by the displacement's error (that of --reference) among the methods, from 1",
+        "rank of the method by the displacement error (relative to --reference), from 1",
     )
 
 
 REFERENCE = (
-    Column("method", "text", "method", "name"),
+    Column("method", "text", "method", "name of the method"),
     Column(
         "reference",
         "text",
         "reference",
-        "authors, year, title, place; of a plug-in's method its source",
+        "authors, year, title, publication; for a method of a plug-in its source",
     ),
-    Column("doi", "text", "doi", "where it is known for sure"),
+    Column("doi", "text", "doi", "DOI, if it is known with certainty"),
 )
 
 
 def reference_table(methods: Iterable[Method]) -> Table:
-    """The publications of methods, a row for each."""
+    """Return the publications of methods, with one row per publication."""
     rows: list[tuple[Cell, ...]] = []
     for method in methods:
         references = references_of(method)
-        # The DOI has a column of its own; a plug-in's method has its source alone.
+        # The DOI has a separate column. A method of a plug-in has only its source.
         rows += [
             (method.name, reference.text.partition(" doi:")[0].replace(",", ";"), reference.doi)
             for reference in references
@@ -300,41 +328,42 @@ def reference_table(methods: Iterable[Method]) -> Table:
 
 
 def method_table(integrators: Iterable[Integrator]) -> Table:
-    """One row per method with its parameters' defaults and ranges; the other values are those at
-    the defaults."""
+    """Return the table with one row per method.
+
+    The properties are those of the method with default parameters.
+    """
     return Table.of_results(METHOD, integrators)
 
 
 def stability_table(curves: Iterable[StabilityCurve]) -> Table:
-    """One row per method, damping ratio and step over period."""
+    """Return the table with one row per method, damping ratio and ratio of time step to period."""
     return Table.of_results(STABILITY, curves)
 
 
 def overshoot_table(motions: Iterable[Overshoot]) -> Table:
-    """One row per method, start and step; step 0 is the start."""
+    """Return the table with one row per method, start and time step; step 0 is the start."""
     return Table.of_results(OVERSHOOT, motions)
 
 
 def order_table(measured: Iterable[ObservedOrder]) -> Table:
-    """One row per method and frequency ratio."""
+    """Return the table with one row per method and frequency ratio."""
     return Table.of_results(ORDER, measured)
 
 
 def failure_table(trials: Iterable[Trial]) -> Table:
-    """One row per problem, method and step."""
+    """Return the table with one row per problem, method and time step."""
     return Table.of_results(FAILURE, trials)
 
 
 def example_table(runs: Sequence[ExampleRun], reference: str = "paper") -> Table:
-    """One row per example, step, method and variant; methods are ranked by the displacement's
-    error, best first.
+    """Return the table with one row per example, time step, method and variant.
 
-    The rank is by the error against this one of
+    Methods are ranked by the displacement error relative to `reference`, a key of
     `tdint.analysis.assessment.paper_examples.REFERENCES`.
     """
 
     def place(ranked: ExampleRun) -> int | None:
-        """Among the methods as they are; none for a variant and for a run without an end."""
+        """Return the rank of a method; None for a variant and for a failed run."""
         error = ranked.error("displacement", reference)
         if ranked.variant or math.isnan(error):
             return None
@@ -349,16 +378,16 @@ def example_table(runs: Sequence[ExampleRun], reference: str = "paper") -> Table
 
 
 PEER = "/"
-"""In the name of a line that is another program's: program/method."""
+"""Separator in names of methods of other programs: program/method."""
 
 
 def chart_table(chart: Chart) -> Table:
-    """One row per method and step; empty cells for what there is not."""
+    """Return the table with one row per method and time step; missing values are empty cells."""
     return Table.of_results(CHART, chart.points)
 
 
 def sizes_table(charts: Iterable[Chart]) -> Table:
-    """The tables of several charts, with the number of stories before all."""
+    """Return the rows of several charts, with the number of stories in the first column."""
     points = [((chart.stories,), point) for chart in charts for point in chart.points]
     return Table.of_results(
         (CHART_STORIES, *CHART), [point for _, point in points], [head for head, _ in points]
@@ -366,35 +395,41 @@ def sizes_table(charts: Iterable[Chart]) -> Table:
 
 
 def _within(factor: float, name: str = "") -> Column:
-    meaning = f"of these, at no more than {factor:g} times the least cost"
+    meaning = f"number of these problems with a cost of at most {factor:g} times the minimum cost"
     return Column(
         name or f"within_{factor:g}", "1", lambda profile: profile.within(factor), meaning
     )
 
 
 PROFILE = (
-    Column("quantity", "text", "quantity", "what the error is of"),
-    Column("tolerance", "1", "tolerance", "largest relative error of a story"),
+    Column("quantity", "text", "quantity", "quantity of the error"),
+    Column("tolerance", "1", "tolerance", "maximum relative error over the stories"),
     METHOD_SPEC,
     Column(
         "problems",
         "1",
         "problems",
-        "problems whose reference is known well enough, less those of not_run",
+        "number of problems with a sufficiently accurate reference, minus those of not_run",
     ),
-    Column("taken", "1", "taken", "of these, those that it takes; the others it does not solve"),
+    Column(
+        "taken",
+        "1",
+        "taken",
+        "number of these problems that the method accepts; the others count as not solved",
+    ),
     Column(
         "not_run",
         "1",
         "not_run",
-        "problems that are not counted, because the method has no step within the tolerance and "
-        "its smaller steps were not run",
+        "number of excluded problems, for which no time step of the method is within the tolerance "
+        "and smaller time steps were not run",
     ),
     Column(
         "solved",
         "1",
         "solved",
-        "of these, with a step that is within the tolerance, as are all smaller ones",
+        "number of these problems that are within the tolerance with one time step and all smaller "
+        "time steps",
     ),
     _within(1.1, "cheapest"),
     *map(_within, (2.0, 5.0, 10.0)),
@@ -402,42 +437,47 @@ PROFILE = (
         "median_ratio",
         "1",
         lambda one: _power(one.median),
-        "median of its cost over the least of our methods, of those taken; empty where half of "
-        "these are not solved",
+        "median over the problems in taken of cost divided by the minimum cost of the methods of "
+        "tdint; empty if half of these problems are not solved",
     ),
-    Column("worst_ratio", "1", "worst", "the largest of those solved"),
+    Column("worst_ratio", "1", "worst", "maximum of this cost ratio over the solved problems"),
 )
 
 
 def profile_table(chart: FieldChart) -> Table:
-    """One row per quantity, tolerance and method."""
+    """Return the table with one row per quantity, tolerance and method."""
     return Table.of_results(PROFILE, chart.profiles)
 
 
 MEASURED = ("time_s", "time_min_s", *(column.name for column in PROFILE[7:]))
-"""Columns of a chart that hang on measured times: other ones in each run."""
+"""Columns of a chart that depend on measured times and differ between runs."""
 
 VALIDATION = (
     Column("case", "text", "case.name", "name of the case"),
-    Column("what", "text", _uncut("case.title"), "what it shows"),
-    Column("source", "text", _uncut("case.source"), "where its numbers come from"),
-    Column("numbers", "1", lambda one: len(one.case.published), "how many numbers are compared"),
+    Column("what", "text", _uncut("case.title"), "subject of the case"),
+    Column("source", "text", _uncut("case.source"), "source of the published numbers"),
+    Column(
+        "numbers", "1", lambda one: len(one.case.published), "number of compared published numbers"
+    ),
     Column("unit", "text", _uncut("case.unit"), "unit of the numbers"),
     Column(
-        "relative", "text", "case.relative", "whether differences are over the published numbers"
+        "relative",
+        "text",
+        "case.relative",
+        "true if differences are relative to the published numbers",
     ),
     Column(
         "largest_difference",
         "1",
         "largest",
-        "largest difference of computed from published numbers",
+        "maximum difference between computed and published numbers",
     ),
-    Column("tolerance", "1", "case.tolerance", "the largest difference that the case allows"),
-    Column("difference_is", "text", _uncut("case.difference_is"), "what differences are made of"),
-    Column("within", "text", "within", "whether all numbers are within the tolerance"),
+    Column("tolerance", "1", "case.tolerance", "maximum allowed difference"),
+    Column("difference_is", "text", _uncut("case.difference_is"), "definition of the difference"),
+    Column("within", "text", "within", "true if all differences are within the tolerance"),
 )
 
 
 def validation_table(results: Iterable[ValidationResult]) -> Table:
-    """One row per case."""
+    """Return the table with one row per validation case."""
     return Table.of_results(VALIDATION, results)

@@ -1,4 +1,4 @@
-"""Tables of ground motions: what they are and how strong, and their spectra."""
+"""Tables of ground motions: properties, intensity measures and spectra."""
 
 from __future__ import annotations
 
@@ -39,17 +39,17 @@ INFO = (
         "id",
         "text",
         lambda info: info.record.id if info.record.id.strip(".") else "",
-        "full id of the channel",
+        "full identifier of the channel",
     ),
     Column("start", "text", "record.start", "time of the first sample, UTC"),
-    Column("samples", "1", "record.acceleration.size", "samples"),
+    Column("samples", "1", "record.acceleration.size", "number of samples"),
     Column("dt_s", "s", "record.dt", "sampling interval"),
     Column("duration_s", "s", "record.duration", "time from the first to the last sample"),
     Column(
         "units",
         "text",
         lambda info: f"{info.record.units} ({info.record.units_from})",
-        "units of the file's samples and how they are known",
+        "units of the samples in the file, and their source",
     ),
     *(
         Column(
@@ -60,17 +60,27 @@ INFO = (
         )
         for name, one in MEASURES.items()
     ),
-    Column("housner_intensity_m", "m", "housner_intensity", "Housner's spectrum intensity"),
+    Column("housner_intensity_m", "m", "housner_intensity", "Housner spectrum intensity"),
     Column("mean_m_s2", "m/s^2", "measures.mean", "mean of the acceleration"),
-    Column("leading_zeros", "1", "measures.leading_zeros", "samples at the start that are zero"),
-    Column("trailing_zeros", "1", "measures.trailing_zeros", "samples at the end that are zero"),
+    Column(
+        "leading_zeros",
+        "1",
+        "measures.leading_zeros",
+        "number of samples at the start that are zero",
+    ),
+    Column(
+        "trailing_zeros",
+        "1",
+        "measures.trailing_zeros",
+        "number of samples at the end that are zero",
+    ),
     Column(
         "notes",
         "text",
         lambda info: "; ".join(
             (*info.record.warnings, *info.record.notes, *info.measures.notes)
         ).replace(",", ";"),
-        "remarks",
+        "notes and warnings",
     ),
 )
 
@@ -78,10 +88,10 @@ MOTION = (
     *OF_RECORD,
     Column("dt_s", "s", "dt", "sampling interval"),
     Column("duration_s", "s", "duration", "time from the first to the last sample"),
-    Column("scale", "1", "scale", "factor on the record's acceleration"),
+    Column("scale", "1", "scale", "scale factor of the recorded acceleration"),
     Column("pga_m_s2", "m/s^2", "pga", "peak ground acceleration"),
 )
-"""Of ground motions as they were used."""
+"""Columns of ground motions after processing and scaling."""
 
 SAMPLES = (
     Column(
@@ -90,9 +100,9 @@ SAMPLES = (
         lambda record: record.dt * np.arange(record.acceleration.size),
         "time from the first sample",
     ),
-    Column("acceleration_m_s2", "m/s^2", "acceleration", "acceleration of the ground"),
+    Column("acceleration_m_s2", "m/s^2", "acceleration", "ground acceleration"),
 )
-"""Of a record itself."""
+"""Columns of a record."""
 
 GROUND = (
     *SAMPLES,
@@ -100,25 +110,25 @@ GROUND = (
         "velocity_m_s",
         "m/s",
         "velocity",
-        "its integral from rest at the first sample; its peak (pgv) may lie between samples",
+        "integral of the acceleration from rest; its peak (pgv) may occur between samples",
     ),
-    Column("displacement_m", "m", "displacement", "the integral of that"),
+    Column("displacement_m", "m", "displacement", "integral of the velocity"),
 )
-"""Of the ground's motion, as it is exported."""
+"""Columns of an exported ground motion."""
 
 
 def ground_table(record: Record) -> Table:
-    """Acceleration, velocity and displacement of a record at its samples."""
+    """Return acceleration, velocity and displacement of a record at its samples."""
     motion = integrate(record)
-    told = {"dt": record.dt, "acceleration": record.acceleration} | vars(motion)
-    return Table.of_results(GROUND, [SimpleNamespace(**told)])
+    attributes = {"dt": record.dt, "acceleration": record.acceleration} | vars(motion)
+    return Table.of_results(GROUND, [SimpleNamespace(**attributes)])
 
 
 OF_MOTION = (
     Column("record", "text", "motion.source", "file of the first component"),
     Column("component", "text", "motion.component", "both components"),
 )
-"""The first columns of tables over pairs of components."""
+"""First columns of tables over pairs of components."""
 
 SPECTRUM = columns_of(Spectrum)
 
@@ -126,15 +136,15 @@ SPECTRUM = columns_of(Spectrum)
 TARGET = (
     Column("target", "text", "source", "design spectrum with its parameters, or file"),
     SPECTRUM[1],
-    Column("sd_m", "m", "sd", "displacement, psa over omega^2"),
-    Column("psv_m_s", "m/s", "psv", "pseudo-velocity, psa over omega"),
+    Column("sd_m", "m", "sd", "displacement, psa divided by omega^2"),
+    Column("psv_m_s", "m/s", "psv", "pseudo-velocity, psa divided by omega"),
     Column("psa_m_s2", "m/s^2", "psa", "pseudo-acceleration"),
 )
-"""A target spectrum alone."""
+"""Columns of a target spectrum."""
 
 
 def difference(published: str) -> tuple[Column, ...]:
-    """The columns of spectra beside a published one, of this column of `SPECTRUM`."""
+    """Return the columns of a comparison with the column `published` of a published spectrum."""
     ours = next(column for column in SPECTRUM if column.name == published)
     return (
         *SPECTRUM[:2],
@@ -144,7 +154,7 @@ def difference(published: str) -> tuple[Column, ...]:
             "relative_difference",
             "1",
             "relative_difference",
-            "computed over published value, less 1",
+            "computed value divided by published value, minus 1",
         ),
     )
 
@@ -160,13 +170,13 @@ ROTATED_END = (
         "rotd100_angle_deg",
         "degree",
         "angle",
-        "direction of the largest, from the first component towards the second",
+        "direction of the maximum, from the first component towards the second",
     ),
 )
 
 
 def rotated(percentiles: Sequence[int]) -> tuple[Column, ...]:
-    """The columns of a spectrum over all directions with these percentiles."""
+    """Return the columns of a spectrum over all directions with these percentiles."""
     middle = (
         Column(
             f"rotd{p:02d}_psa_m_s2",
@@ -181,7 +191,7 @@ def rotated(percentiles: Sequence[int]) -> tuple[Column, ...]:
 
 @dataclass(frozen=True, repr=False)
 class RecordInfo(Tabular):
-    """A record, its measures and its spectrum intensity, m."""
+    """Record with its intensity measures and its Housner intensity, m."""
 
     record: Record
     measures: Measures
@@ -196,16 +206,16 @@ class RecordInfo(Tabular):
 
 
 _HOUSNER = 481
-"""Periods of the spectrum whose integral is the Housner intensity: 0.005 s apart."""
+"""Number of periods of the spectrum that the Housner intensity integrates, 0.005 s apart."""
 
 
 def record_info(record: AnyRecord) -> RecordInfo:
-    """What a record is and how strong: the columns of `tdint info`.
+    """Return properties and intensity measures of a record: the columns of `tdint info`.
 
     Parameters
     ----------
     record : Record, str, Path or ObsPy trace
-        What `run` takes.
+        Record, in any form that `run` accepts.
 
     Returns
     -------
@@ -215,7 +225,7 @@ def record_info(record: AnyRecord) -> RecordInfo:
     Raises
     ------
     RecordError
-        The record is none, or cannot be read.
+        The record is invalid or cannot be read.
     """
     from tdint.analysis.given import record_of
 
@@ -223,15 +233,14 @@ def record_info(record: AnyRecord) -> RecordInfo:
     periods = np.linspace(*HOUSNER_PERIODS, _HOUSNER)
     try:
         intensity = spectrum_intensity(periods, spectrum(of_file, periods, SA_DAMPING).psv)
-    except (
-        AnalysisError
-    ):  # samples that are too far apart for the shortest period, which nobody has asked for
+    except AnalysisError:
+        # The sampling interval is too long for the shortest period, which the user did not request.
         intensity = math.nan
     return RecordInfo(of_file, measure(of_file), intensity)
 
 
 _OF_BOTH = ("pga", "pgv", "pgd", "arias", "d5-95")
-"""What a matched motion and its scaled seed are compared by."""
+"""Intensity measures of both the matched ground motion and its scaled seed."""
 
 
 def _of_measures(place: int, name: str) -> Callable[[Any], Any]:
@@ -243,15 +252,20 @@ def _at_end(place: int) -> Callable[[Any], Any]:
 
 
 MATCHED = (
-    Column("factor", "1", "factor", "factor on the seed before it was changed"),
+    Column("factor", "1", "factor", "scale factor of the seed before matching"),
     Column(
         "largest_misfit",
         "1",
         "largest_misfit",
-        "largest difference from the target over it, at 1000 periods, of a pair in RotD100",
+        "maximum relative difference from the target at 1000 periods; for a pair of RotD100",
     ),
-    Column("mean_misfit", "1", "mean_misfit", "mean of these differences"),
-    Column("change", "1", "change", "root mean square of the change over that of the scaled seed"),
+    Column("mean_misfit", "1", "mean_misfit", "mean relative difference from the target"),
+    Column(
+        "change",
+        "1",
+        "change",
+        "root mean square of the change divided by the root mean square of the scaled seed",
+    ),
     *(
         Column(
             f"{seed}{MEASURES[name].head}{suffix(MEASURES[name].unit)}",
@@ -267,50 +281,57 @@ MATCHED = (
             f"{seed}end_displacement_m",
             "m",
             _at_end(place),
-            "displacement of the ground at the end, from "
+            "ground displacement at the end, starting from "
             f"rest{', of the scaled seed' if seed else ''}",
         )
         for place, seed in enumerate(("", "seed_"))
     ),
 )
-"""Of matched.csv."""
+"""Columns of matched.csv."""
 
 
 def match_table(matches: Sequence[Match]) -> Table:
-    """A row for each component of the motions that were matched to a target."""
+    """Return the table with one row per component of the matched ground motions."""
     return record_table(MATCHED, [part for matched in matches for part in matched.parts])
 
 
 def info_table(infos: Iterable[RecordInfo]) -> Table:
-    """One row per record."""
+    """Return the table with one row per record."""
     return Table.of_results(INFO, infos)
 
 
 def record_table(columns: Sequence[Column], results: Sequence[Any]) -> Table:
-    """The rows of results that are each of one record, after the record's name and component."""
-    # Components are named together: one that a file has twice gets its full id.
+    """Return the rows of results that have one record each, preceded by record and component."""
+    # Components are named together: a component that a file contains twice gets its full
+    # identifier.
     names = component_names([result.record for result in results])
     heads = [(result.record.source, name) for result, name in zip(results, names, strict=True)]
     return Table.of_results((*OF_RECORD, *columns), results, heads)
 
 
 def result_table(results: Sequence[Any], asked: Sequence[str] = ()) -> Table:
-    """The rows of results of one kind, each of one record: what their class declares, and what is
-    `asked` for."""
+    """Return the rows of results of one type that have one record each.
+
+    The columns are those that the class declares, with the additional columns in `asked`.
+    """
     return record_table(columns_of(type(results[0]), *asked), results)
 
 
 def difference_table(lines: Sequence[SpectrumDifference]) -> Table:
-    """One row per record, component, damping ratio and period: computed and published values and
-    their difference."""
+    """Return computed and published values and their difference.
+
+    There is one row per record, component, damping ratio and period.
+    """
     from tdint.analysis.spectra.target import QUANTITIES
 
     return record_table(difference(QUANTITIES[lines[0].published.quantity][1]), lines)
 
 
 def rotated_table(spectra: Sequence[RotatedSpectrum], stated: Sequence[str] = ()) -> Table:
-    """One row per motion, damping ratio and period, a column per percentile; `stated`: choices with
-    columns."""
+    """Return the table with one row per ground motion, damping ratio and period.
+
+    Each percentile has a column; `stated` names settings that have columns.
+    """
     columns = (*rotated(spectra[0].percentiles), *columns_of(Spectrum, *stated)[len(SPECTRUM) :])
     return Table.of_results((*OF_MOTION, *columns), spectra)
 
@@ -320,15 +341,15 @@ OF_FLOORS = (
         "mean_psa_m_s2",
         "m/s^2",
         "mean",
-        "mean pseudo-acceleration of the motions; the demand of a pair is the one in pair_demand",
+        "mean pseudo-acceleration over the ground motions; pair_demand states the demand of a pair",
     ),
-    Column("max_psa_m_s2", "m/s^2", "envelope", "the largest of any motion"),
+    Column("max_psa_m_s2", "m/s^2", "envelope", "maximum over the ground motions"),
 )
-"""Of a floor's spectra over the motions of a suite, after floor, damping and period."""
+"""Columns of floor spectra over the ground motions, after floor, damping and period."""
 
 
 def motion_table(records: Sequence[Record], components: Sequence[str]) -> Table:
-    """A row for each motion, whose component is called as given."""
+    """Return the table with one row per ground motion, with these names of the components."""
     heads = [
         (record.source, component) for record, component in zip(records, components, strict=True)
     ]
@@ -336,7 +357,7 @@ def motion_table(records: Sequence[Record], components: Sequence[str]) -> Table:
 
 
 def floor_spectrum_table(spectra: Sequence[FloorSpectrum]) -> Table:
-    """A row per floor, damping ratio and period, in the order given."""
+    """Return the table with one row per floor, damping ratio and period, in their order."""
     heads = [(floor_spectrum.floor,) for floor_spectrum in spectra]
     return Table.of_results(
         (FLOOR, *SPECTRUM), [floor_spectrum.spectrum for floor_spectrum in spectra], heads

@@ -1,5 +1,4 @@
-"""Tables of studies: factors of a suite, incremental dynamic analyses and their capacities,
-fragility functions."""
+"""Tables of studies: scale factors of suites, incremental dynamic analyses, fragility functions."""
 
 from __future__ import annotations
 
@@ -33,41 +32,44 @@ _PEAK = (
         "quantity",
         "text",
         lambda one: one.quantity.called or one.quantity.name,
-        "peak: median over the motions",
+        "peak response: median over the ground motions",
     ),
-    Column("unit", "text", "quantity.unit", "its unit"),
+    Column("unit", "text", "quantity.unit", "unit of the quantity"),
 )
 PARAMETER_EFFECTS = (
     Column("building", "text", "building", "name of the building"),
     *_PEAK,
-    Column("parameter", "text", "parameter", "what is changed, all else as it is"),
-    Column("low", "1", "low", "its low value"),
-    Column("high", "1", "high", "its high value"),
-    Column("at_low", "1", "at_low", "the peak with it"),
-    Column("as_it_is", "1", "as_it_is", "the peak of the building as it is"),
-    Column("at_high", "1", "at_high", "the peak with the high value"),
+    Column("parameter", "text", "parameter", "parameter that is changed while others are constant"),
+    Column("low", "1", "low", "low value of the parameter"),
+    Column("high", "1", "high", "high value of the parameter"),
+    Column("at_low", "1", "at_low", "peak response with the low value"),
+    Column("as_it_is", "1", "as_it_is", "peak response of the unchanged building"),
+    Column("at_high", "1", "at_high", "peak response with the high value"),
     Column(
         "effect",
         "1",
         "effect",
-        "what lies between the peaks at both ends, over that of the building as it is",
+        "difference of the peak responses at the two values divided by the peak response of the "
+        "unchanged building",
     ),
 )
-"""Of what a building is sensitive to."""
+"""Columns of the effects of parameters (sensitivity)."""
 
 CORRELATIONS = (
     Column("building", "text", "building", "name of the building"),
-    Column("scale", "1", "scale", "factor on the ground acceleration"),
+    Column("scale", "1", "scale", "scale factor of the ground motion"),
     *_PEAK,
-    Column("parameter", "text", "parameter", "what a sweep varied"),
-    Column("rank_correlation", "1", "coefficient", "Spearman's, over the variations"),
-    Column("draws", "1", "draws", "variations with a peak"),
+    Column("parameter", "text", "parameter", "parameter that the sweep varied"),
+    Column("rank_correlation", "1", "coefficient", "Spearman rank correlation over the variations"),
+    Column("draws", "1", "draws", "number of variations with a peak response"),
 )
-"""Of the ranks of a sweep."""
+"""Columns of the rank correlations of a sweep."""
 
 FACTORS = (
     *OF_RECORD,
-    Column("factor", "1", "factor", "factor on the record, the same for both components of a pair"),
+    Column(
+        "factor", "1", "factor", "scale factor of the record, equal for both components of a pair"
+    ),
 )
 
 SCALED = (
@@ -75,13 +77,13 @@ SCALED = (
         "curve",
         "text",
         "curve",
-        "`scaled`: a motion times its factor; `mean` of all of these; `target`",
+        "`scaled`: scaled ground motion; `mean`: mean of the scaled ground motions; `target`",
     ),
     *OF_NAMED_RECORD,
     PERIOD,
     Column("psa_m_s2", "m/s^2", "psa", "pseudo-acceleration"),
 )
-"""Of the spectra of a scaled suite."""
+"""Columns of the spectra of a scaled suite."""
 
 _RECORD = (
     *OF_NAMED_RECORD,
@@ -91,38 +93,39 @@ _RECORD = (
         "study.im_name",
         "intensity measure: sa(T) and sa-avg(T) with the period in s, pga, pgv, arias, cav",
     ),
-    Column("unit", "text", "study.measure.unit", "its unit"),
+    Column("unit", "text", "study.measure.unit", "unit of the intensity measure"),
 )
-"""The first columns of the tables of an incremental dynamic analysis."""
+"""First columns of the tables of an incremental dynamic analysis."""
 
 
 def _of_runs(name: str) -> Callable[[Any], Any]:
-    """What gives a value of all runs."""
+    """Return a function that returns an attribute of all runs."""
     return lambda curve: curve.of_runs(name)
 
 
 IDA = (
     *_RECORD,
-    Column(
-        "level", "1", numbered("curve.runs"), "number of the level of intensity, from the lowest"
-    ),
+    Column("level", "1", numbered("curve.runs"), "number of the intensity level, from the lowest"),
     Column("im", "1", _of_runs("im"), "intensity"),
-    Column("scale", "1", _of_runs("scale"), "factor on the record"),
-    Column("status", "text", _of_runs("status"), "how the run ended"),
+    Column("scale", "1", _of_runs("scale"), "scale factor of the record"),
+    Column("status", "text", _of_runs("status"), "status of the run"),
     Column(
-        "peak_drift_ratio", "1", _of_runs("drift_ratio"), "largest peak drift over story height"
+        "peak_drift_ratio",
+        "1",
+        _of_runs("drift_ratio"),
+        "maximum over the stories of peak drift divided by story height",
     ),
     Column(
         "peak_absolute_acceleration_m_s2",
         "m/s^2",
         _of_runs("acceleration"),
-        "largest absolute acceleration of a floor",
+        "maximum absolute acceleration over the floors",
     ),
     Column(
         "residual_drift_ratio",
         "1",
         _of_runs("residual_drift_ratio"),
-        "largest drift at the end of the run over story height",
+        "maximum over the stories of residual drift divided by story height",
     ),
 )
 _DEMANDS = ("drift_ratio", "acceleration", "residual_drift_ratio")
@@ -130,16 +133,16 @@ IDA_ERRORS = tuple(
     replace(column, value=_of_runs(f"{name}_error"))
     for column, name in zip(error_columns(IDA[-3:]), _DEMANDS, strict=True)
 )
-"""Behind them, of a study that has estimated them."""
+"""Additional columns of a study with error estimates."""
 
 DAMAGE = Column(
     "damage",
     "1",
     "curve.damage",
-    "drift ratio to which a mainshock has damaged the building; 0: intact",
+    "drift ratio of the damage by the main shock; 0: intact",
 )
 INTENSITIES = ("im", "capacity", "lower", "upper")
-"""Columns in the unit that the column `unit` tells."""
+"""Columns in the unit of the column `unit`."""
 
 CAPACITIES = (
     *_RECORD,
@@ -147,33 +150,33 @@ CAPACITIES = (
         "threshold",
         "1",
         "capacity.threshold",
-        "drift ratio; the collapse drift, the largest one, stands for collapse",
+        "drift ratio; the largest threshold is the collapse drift and represents collapse",
     ),
     Column(
         "capacity",
         "1",
         "capacity.capacity",
-        "intensity at which it is first exceeded; if censored one that it is above",
+        "lowest intensity at which the threshold is exceeded; if censored, a lower bound",
     ),
-    Column("lower", "1", "capacity.lower", "level next below at which the building was run"),
+    Column("lower", "1", "capacity.lower", "next lower intensity level with a run"),
     Column(
         "upper",
         "1",
         "capacity.upper",
-        "level next above at which the building was run; empty if censored",
+        "next higher intensity level with a run; empty if censored",
     ),
     Column(
         "censored",
         "text",
         "capacity.censored",
-        "whether it was not exceeded up to the largest level",
+        "true if the threshold was not exceeded up to the largest level",
     ),
     Column(
         "resurrection",
         "text",
         "curve.resurrection",
-        "whether the building stood again at a level tried above its first collapse: 1.25 and 1.5 "
-        "times it, and those of the search",
+        "true if the building did not collapse at a level above the first collapse: 1.25 or 1.5 "
+        "times its intensity, or a level of the search",
     ),
 )
 FRAGILITY_DAMAGE = Column("damage", "1", "damage", DAMAGE.meaning)
@@ -182,81 +185,79 @@ FRAGILITY_STATES = (
         "type",
         "text",
         "type",
-        "type of buildings: class, Hazus' type and design level, or name of the model",
+        "building type: class, Hazus type with design level, or name of the model",
     ),
     Column("state", "text", "state", "damage state that is reached or exceeded"),
 )
-"""Before those of functions by type; their errors are over the ground motions."""
+"""First columns of functions by type; their errors are over the ground motions."""
 
 FRAGILITY_BUILDING = (
     Column("building", "text", "type", "name of the building"),
     FRAGILITY_STATES[1],
 )
-"""Of functions by building."""
+"""First columns of functions by building."""
 
 FRAGILITY = (
-    Column("threshold", "1", "threshold", "demand whose exceedance is meant"),
+    Column("threshold", "1", "threshold", "threshold of the demand"),
     Column("fit", "text", "fit", "stripes, ida or cloud"),
     Column("theta", "1", "theta", "median intensity"),
     Column(
         "beta",
         "1",
         "beta",
-        "standard deviation of the logarithm of the intensity, from record to record",
+        "standard deviation of the logarithm of the intensity (record-to-record variability)",
     ),
     Column(
         "theta_error",
         "1",
         "theta_error",
-        "standard error of ln theta: of theta, as a part of it; of runs whose motions (or events) "
-        "are known by leaving these out one by one; empty where the median is extrapolated or less "
-        "than three motions tell it",
+        "standard error of ln theta, which is the relative standard error of theta; a jackknife "
+        "estimate over ground motions (or events) if they are known; empty if the median is "
+        "extrapolated or less than three ground motions determine it",
     ),
-    Column("beta_error", "1", "beta_error", "standard error of beta, likewise"),
+    Column("beta_error", "1", "beta_error", "standard error of beta, by the same method"),
     Column(
         "records",
         "1",
         "records",
-        "records; of stripes those of the largest one, of a cloud of runs the runs",
+        "number of records; for stripes of the largest stripe, for a cloud number of runs",
     ),
-    Column(
-        "censored", "1", "censored", "records of which the value is known only to lie above a limit"
-    ),
-    Column("im", "text", "im", "intensity measure, as far as the table tells it"),
-    Column("unit", "text", "unit", "its unit, as far as the table tells it"),
+    Column("censored", "1", "censored", "number of records with only a lower bound of the value"),
+    Column("im", "text", "im", "intensity measure, if the table states it"),
+    Column("unit", "text", "unit", "unit of the intensity measure, if the table states it"),
 )
 _SEEN = (
-    "; of damage states with a dispersion s each run stands three times, with its demand times "
-    "exp(-1.2247 s), 1 and exp(1.2247 s), known only to be above the heaviest state, or below the "
-    "lightest one, where it is"
+    "; for damage states with dispersion s, each run is used three times, with its demand times "
+    "exp(-1.2247 s), 1 and exp(1.2247 s); demands above the heaviest or below the lightest state "
+    "are censored"
 )
 CLOUD = (
     Column(
         "b0",
         "1",
         lambda one: _of_line(one, "intercept"),
-        f"of a cloud: intercept of ln EDP over ln IM{_SEEN}",
+        f"cloud analysis: intercept of the regression of ln EDP on ln IM{_SEEN}",
     ),
     Column(
         "b1",
         "1",
         lambda one: _of_line(one, "slope"),
-        "of a cloud: slope of ln EDP over ln IM, likewise",
+        "cloud analysis: slope of the regression of ln EDP on ln IM",
     ),
     Column(
         "sigma",
         "1",
         lambda one: _of_line(one, "sigma"),
-        "of a cloud: standard deviation of ln EDP, likewise",
+        "cloud analysis: standard deviation of ln EDP about the regression line",
     ),
     Column(
         "below",
         "1",
         lambda one: _of_line(one, "light"),
-        "of a cloud: runs that count only as below all states",
+        "cloud analysis: number of runs that count only as below all states",
     ),
 )
-"""Beside a cloud: its line."""
+"""Columns of the regression line of a cloud analysis."""
 
 
 def _of_line(function: Fragility, name: str) -> float:
@@ -269,27 +270,27 @@ def _bound(place: int, name: str) -> Column:
         f"{name}_failed_{word}",
         "1",
         lambda fit: getattr(fit.bounds[place], name, np.nan),
-        f"{name} with all failed runs counted as {meaning}; empty where that tells none",
+        f"{name} if all failed runs are counted as {meaning}; empty if it cannot be estimated",
     )
 
 
 FAILED = (
-    Column("failed", "1", "failed", "runs without a result, which the fit leaves out"),
+    Column("failed", "1", "failed", "number of runs without a result, which the fit omits"),
     *(_bound(place, name) for place in (0, 1) for name in ("theta", "beta")),
 )
-"""Beside a fit of runs some of which have no result."""
+"""Columns of fits in which some runs have no result."""
 
 _COUNTS = {
     "im": ("1", "geometric mean of the intensities in bin {}, from the lowest"),
-    "runs": ("1", "runs in this bin"),
-    "share": ("1", "share of them that is beyond, as counted"),
-    "fitted": ("1", "share that the function has there"),
-    "bound": ("1", "what may lie between both until a warning tells it"),
+    "runs": ("1", "number of runs in bin {}"),
+    "share": ("1", "fraction of the runs in bin {} that exceed the threshold"),
+    "fitted": ("1", "fraction in bin {} by the fitted function"),
+    "bound": ("1", "difference of both fractions in bin {} above which a warning is printed"),
 }
 
 
 def _of_bin(place: int, name: str) -> Callable[[Fragility], float]:
-    """What was counted in a bin; nan where there are fewer."""
+    """Return a function that returns the count of a bin; nan if there are fewer bins."""
 
     def value(function: Fragility) -> float:
         values = getattr(function.counted, name, ())
@@ -303,18 +304,18 @@ COUNTED = tuple(
     for place in range(BINS)
     for name, (unit, meaning) in _COUNTS.items()
 )
-"""Behind the others: what was counted in bins of the intensity."""
+"""Last columns: counts in bins of the intensity."""
 
 FRAGILITY_TOTAL = Column(
     "beta_total",
     "1",
     "beta_total",
-    "beta with what is not known of the model (--modeling-dispersion)",
+    "beta including the modeling dispersion (--modeling-dispersion)",
 )
 
 
 def factor_table(scaling: Scaling) -> Table:
-    """A row for each component of a suite."""
+    """Return the table with one row per component of a suite."""
     records = [record for motion in scaling.motions for record in components(motion)]
     factors = [
         factor
@@ -331,17 +332,19 @@ def factor_table(scaling: Scaling) -> Table:
 
 
 def scaled_table(scaling: Scaling) -> Table:
-    """The spectra of a suite as it is scaled, their mean and the target, at the periods where it
-    was compared."""
+    """Return the spectra of a scaled suite, their mean and the target.
+
+    The periods are those at which mean and target were compared.
+    """
     target, periods = scaling.target, scaling.periods
     if target is None or periods is None:
-        raise ValueError("a suite that was scaled to a value has no target to stand beside")
+        raise ValueError("a suite that was scaled to a value has no target spectrum")
     spectra = scaling.spectra(periods)
     curves = [
         ("scaled", motion.source, motion.component, psa)
         for motion, psa in zip(scaling.motions, spectra, strict=True)
     ]
-    # Below the motions their mean and the target, which are of no record.
+    # Mean and target follow after the ground motions; they belong to no record.
     curves += [("mean", "", "", np.mean(spectra, axis=0)), ("target", "", "", target.at(periods))]
     rows = (
         (*head, period, value)
@@ -353,7 +356,7 @@ def scaled_table(scaling: Scaling) -> Table:
 
 @dataclass(frozen=True)
 class _CurveRows:
-    """The rows of a curve, or the row of one of its capacities."""
+    """Rows of a curve, or the row of one of its capacities."""
 
     record: str
     component: str
@@ -362,18 +365,21 @@ class _CurveRows:
     capacity: Capacity | None = None
 
     def of_runs(self, name: str) -> Any:
-        """A value of all runs, shape (runs,)."""
+        """Return an attribute of all runs, shape (runs,)."""
         return np.array([getattr(run, name) for run in self.curve.runs])
 
 
 def ida_table(study: IdaStudy) -> Table:
-    """A row for each run of each record, from the lowest level."""
+    """Return the table with one row per run of each record, from the lowest level."""
     columns = (*_with_damage(IDA, study), *IDA_ERRORS * study.checked)
     return _with_unit(Table.of_results(columns, _curves(study)), study.measure.unit)
 
 
 def capacity_table(study: IdaStudy) -> Table:
-    """A row for each motion and threshold. A pair is a motion, or its components are."""
+    """Return the table with one row per ground motion and threshold.
+
+    A pair is one ground motion unless its components count separately.
+    """
     stated = (replace(PAIR_DEMAND, value="study.pair_demand"),) * bool(study.partners)
     columns = (*_with_damage(CAPACITIES, study), *stated)
     capacities = (
@@ -390,10 +396,19 @@ def fragility_table(
     total: bool = False,
     states: Sequence[Column] = FRAGILITY_STATES,
 ) -> Table:
-    """A row for each function; with `total` a column of the standard deviation with that of the
-    model. Functions of states have the columns `states` first, clouds bring those of their line,
-    runs without a result those that bound what they may change, and last stands what was
-    counted."""
+    """Return the table with one row per fragility function.
+
+    Columns that do not apply are omitted: regression line, failed runs, counts in bins.
+
+    Parameters
+    ----------
+    functions : sequence of Fragility
+        Fragility functions.
+    total : bool
+        True to add the standard deviation with the modeling dispersion; false by default.
+    states : sequence of Column
+        First columns of functions of damage states.
+    """
     columns = (
         *(states if any(function.type for function in functions) else ()),
         *(
@@ -417,24 +432,26 @@ def fragility_table(
 
 
 COMPARED = (
-    Column("im", "text", "im", "intensity measure, as it was asked for"),
-    Column("unit", "text", "unit", "its unit"),
-    Column("runs", "1", "runs", "runs on the line: those that ended"),
+    Column("im", "text", "im", "intensity measure, as specified"),
+    Column("unit", "text", "unit", "unit of the intensity measure"),
+    Column("runs", "1", "runs", "number of completed runs in the regression"),
     Column(
         "left_out",
         "1",
         "left_out",
-        "runs left out: collapsed, without a result, or without the measure",
+        "number of omitted runs: collapsed, without a result, or without the intensity measure",
     ),
-    Column("slope", "1", "slope", "of the line of ln drift ratio over ln IM"),
+    Column("slope", "1", "slope", "slope of the regression of ln drift ratio on ln IM"),
     Column(
         "slope_error",
         "1",
         "slope_error",
-        "its standard error, by leaving out motions (or events) one by one",
+        "standard error of slope (jackknife over ground motions or events)",
     ),
-    Column("beta", "1", "beta", "efficiency: standard deviation of ln drift ratio about the line"),
-    Column("proficiency", "1", "proficiency", "beta over the slope"),
+    Column(
+        "beta", "1", "beta", "efficiency: standard deviation of ln drift ratio about the regression"
+    ),
+    Column("proficiency", "1", "proficiency", "beta divided by slope"),
     Column("r_squared", "1", "r_squared", "squared correlation of the logarithms"),
 )
 DEPENDENCE = (
@@ -442,30 +459,32 @@ DEPENDENCE = (
         "characteristic",
         "text",
         "characteristic",
-        "of the motions, on which the residuals may depend",
+        "characteristic of the ground motions on which the residuals may depend",
     ),
     Column(
         "residual_slope",
         "1",
         "slope",
-        "sufficiency: slope of the residuals over the characteristic",
+        "sufficiency: slope of the residuals as a function of the characteristic",
     ),
     Column(
         "p_value",
         "1",
         "p_value",
-        "chance of a slope as large where the residuals do not depend on it",
+        "probability of a slope of this size if the residuals do not depend on the characteristic",
     ),
 )
 
 
 def comparison_of_measures(fits: Sequence[MeasureFit]) -> Table:
-    """A row for each measure and characteristic of the motions; one for each measure where there is
-    none."""
+    """Return the table with one row per intensity measure and characteristic.
+
+    An intensity measure without characteristics has one row.
+    """
     rows: list[tuple[Cell, ...]] = []
     for fit in fits:
         columns = tuple(column.of(fit) for column in COMPARED)
-        # A measure whose residuals were held beside nothing still has its row.
+        # An intensity measure without characteristics has a row with empty cells.
         ends = [
             tuple(column.of(dependence) for column in DEPENDENCE) for dependence in fit.dependences
         ]
@@ -474,24 +493,25 @@ def comparison_of_measures(fits: Sequence[MeasureFit]) -> Table:
 
 
 def _with_damage(columns: tuple[Column, ...], study: IdaStudy) -> tuple[Column, ...]:
-    """The columns, the state of the building before them where a study has several."""
+    """Return the columns, preceded by the damage if a study has several damaged states."""
     return (DAMAGE, *columns) if any(curve.damage for curve in study.curves) else columns
 
 
 def _with_unit(table: Table, unit: str) -> Table:
-    """The table with the unit of its intensities among its meanings: their columns' names do not
-    tell it."""
-    told = {
+    """Add the unit of the intensities to the descriptions, because column names do not have it."""
+    units = {
         name: {**table.meanings[name], "unit": unit}
         for name in INTENSITIES
         if name in table.meanings
     }
-    return replace(table, meanings=table.meanings | told)
+    return replace(table, meanings=table.meanings | units)
 
 
 def _motion_curves(study: IdaStudy) -> Iterator[_CurveRows]:
-    """The curves of the motions; a pair is named by the file of its first component and both
-    components."""
+    """Yield the curves of the ground motions.
+
+    A pair has the file name of its first component and the names of both components.
+    """
     rows = {id(row.curve): row for row in _curves(study)}
     for curve in study.motion_curves:
         if isinstance(curve, PairCurve):
@@ -503,6 +523,7 @@ def _motion_curves(study: IdaStudy) -> Iterator[_CurveRows]:
 
 
 def _curves(study: IdaStudy) -> Iterator[_CurveRows]:
-    names = component_names([curve.record for curve in study.curves])  # of all states alike
+    # The names are distinct over all states of damage.
+    names = component_names([curve.record for curve in study.curves])
     for curve, name in zip(study.curves, names, strict=True):
         yield _CurveRows(curve.record.source, name, study, curve)

@@ -1,4 +1,4 @@
-"""The columns of a result by name, as pandas takes them, and its first rows for a notebook."""
+"""Conversion of results to columns by name (as for pandas), Parquet, xarray and HTML tables."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from tdint.units import SI, parse_output_units, quantities
 if TYPE_CHECKING:
     from tdint.analysis.run.run_many import Runs
 
-_ROWS = 20  # of a notebook's table
-_DIGITS = 5  # of its numbers
+_ROWS = 20  # number of rows in the table of a notebook
+_DIGITS = 5  # significant digits in the table of a notebook
 
 
 def to_dict(result: Any, units: str = "") -> dict[str, Any]:
-    """The columns of a result's table by name: arrays of one length, words as lists.
+    """Return the columns of a result's table by name: arrays of equal length, text as lists.
 
     Parameters
     ----------
     result : object
-        A result of `run`, `spectrum`, `modes`, `cyclic_test`, `pushover`, `stability` and the
-        other functions; also the history of a response, a record, and several results of one kind.
+        A result of `run`, `spectrum`, `modes`, `cyclic_test`, `pushover`, `stability` or another
+        function; also the response history of a run, a record, or several results of one type.
     units : str
-        Units in place of SI, such as `kip,in,g`; the names change with them.
+        Units instead of SI, such as `kip,in,g`; the column names change accordingly.
 
     Returns
     -------
@@ -55,15 +55,15 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
         return _joined([to_dict(item, units) for item in result])
     output_units = parse_output_units(units) if units else SI
     values = _values(result)
-    # What is no array holds for all rows.
+    # A value that is not an array applies to all rows.
     size = max((len(value) for _, value in values if isinstance(value, np.ndarray)), default=1)
     tables: dict[str, Any] = {}
     for column, value in values:
         renamed, factor = output_units.column(column.name, column.unit)
         if isinstance(value, np.ndarray):
-            words = value.dtype.kind == "U"
+            is_text = value.dtype.kind == "U"
             tables[renamed] = (
-                value.tolist() if words else value if factor == 1.0 else value / factor
+                value.tolist() if is_text else value if factor == 1.0 else value / factor
             )
         elif isinstance(value, list | str):
             tables[renamed] = [value] * size if isinstance(value, str) else value
@@ -75,15 +75,15 @@ def to_dict(result: Any, units: str = "") -> dict[str, Any]:
 
 
 def _joined(tables: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """The columns of several tables, one below the other.
+    """Concatenate the columns of several tables.
 
     Raises
     ------
     UsageError
-        There is none, or their columns differ.
+        There are no tables, or their columns differ.
     """
     if not tables or any(table.keys() != tables[0].keys() for table in tables):
-        raise UsageError("a table is of one or several results of one kind")
+        raise UsageError("a table needs one or more results of the same type")
     return {
         name: [cell for table in tables for cell in table[name]]
         if isinstance(first, list)
@@ -93,13 +93,13 @@ def _joined(tables: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def to_parquet(result: Any, file: str | Path) -> None:
-    """What `Tabular.to_parquet` writes."""
+    """Write the table of a result; see `Tabular.to_parquet`."""
     about = describe(column for column, _ in _values(result))
     write_files({Path(file): parquet(to_dict(result), about)}, overwrite=True)
 
 
 def to_xarray(runs: Runs) -> Any:
-    """What `Runs.to_xarray` gives."""
+    """Return runs as an xarray data set; see `Runs.to_xarray`."""
     xarray = optional("xarray", "to_xarray")
     table = to_dict(runs)
     along = [*OF_RUN, *(column.name for column in campaign.varied_columns(runs.varied))]
@@ -108,34 +108,34 @@ def to_xarray(runs: Runs) -> Any:
         "run": np.arange(len(runs.model)),
         "story": 1 + np.arange(runs.stories.peak_drift.shape[1]),
     }
-    told: dict[str, Any] = {}
+    variables: dict[str, Any] = {}
     for story_quantity in STORY:
         about = {"units": story_quantity.unit, "long_name": story_quantity.meaning}
-        told[story_quantity.name] = (
+        variables[story_quantity.name] = (
             ("run", "story"),
             getattr(runs.stories, story_quantity.name),
             about,
         )
         if hasattr(runs.errors, story_quantity.name):
             errors = getattr(runs.errors, story_quantity.name)
-            told[f"{story_quantity.name}_error"] = (
+            variables[f"{story_quantity.name}_error"] = (
                 ("run", "story"),
                 errors,
                 {"units": story_quantity.unit},
             )
     for name, values in runs.history.items():
-        told[name] = ("run", "time", "story"), values, {"units": _HISTORY_UNITS[name]}
+        variables[name] = ("run", "time", "story"), values, {"units": _HISTORY_UNITS[name]}
     if runs.history:
-        # Times that differ from run to run are no axis.
+        # Times that differ between runs cannot be an axis.
         alike = len(runs.time) == 1
         coordinates["time" if alike else "times"] = (
             ("time", runs.time[0]) if alike else (("run", "time"), runs.time)
         )
-    return xarray.Dataset(told, coordinates)
+    return xarray.Dataset(variables, coordinates)
 
 
 OF_RUN = ("building", "record", "component", "method", "scale", "dt_s", "status", "steps")
-"""What a run is: coordinates beside its number."""
+"""Coordinates of a run in addition to its number."""
 
 _HISTORY_UNITS = {
     quantity.called or quantity.name: quantity.unit for quantity in quantities(History)
@@ -143,7 +143,7 @@ _HISTORY_UNITS = {
 
 
 def to_html(result: Any, caption: str) -> str:
-    """The first rows of a result's table."""
+    """Return the first rows of a result's table as HTML."""
     tables = to_dict(result)
     size = len(next(iter(tables.values())))
     head = "".join(f"<th>{escape(name)}</th>" for name in tables)
@@ -152,7 +152,7 @@ def to_html(result: Any, caption: str) -> str:
         for row in range(min(size, _ROWS))
     )
     body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
-    # A table of thousands of rows would fill the notebook.
+    # A table with thousands of rows would fill the notebook.
     more = f"<p>{size - _ROWS} more rows</p>" if size > _ROWS else ""
     return f"<table><caption>{escape(caption)}</caption><tr>{head}</tr>{body}</table>{more}"
 
@@ -166,12 +166,12 @@ def _cell(value: Any) -> str:
 _Values = list[tuple[Column, Any]]
 
 OF_RUNS: dict[str, Column] = {str(column.value): column for column in campaign.RUNS}
-"""The columns of runs.csv by their attributes."""
+"""Columns of runs.csv by their attributes."""
 
 
 def _values(result: Any) -> _Values:
-    """The value of each column: an array, or what all rows have."""
-    # Several results of a kind without a table for rows are joined before they come here.
+    """Return each column with its values: an array, or a value that applies to all rows."""
+    # Several results of a class without entry in _IN_ROWS were joined before this call.
     if isinstance(result, list | tuple | ResultList):
         return _in_rows(list(result))
     kinds = (kind.__name__ for kind in type(result).__mro__)
@@ -196,8 +196,8 @@ _IN_ROWS: dict[str, Callable[[Sequence[Any]], Table]] = {
     "Trial": methods.failure_table,
     "ValidationResult": methods.validation_table,
 }
-"""Tables with a row for each of several results, by the names of their classes, whose modules are
-not loaded for it."""
+"""Tables with one row per result, by class name, so that the modules of the classes need not be
+imported."""
 
 
 def _in_rows(results: Sequence[Any]) -> _Values:
@@ -223,7 +223,7 @@ def _of_campaign(result: Any) -> _Values:
 
 def _of_runs(result: Runs) -> _Values:
     demands = {quantity.name: np.full(len(result.model), np.nan) for quantity in DEMANDED}
-    # Building by building: arrays have room for the tallest, and nan above the others.
+    # Arrays have space for the tallest building; the values above a lower building are nan.
     for number in range(len(result.models)):
         runs, stories = result.of_building(number)
         for name, column in demand_columns(stories).items():
@@ -247,7 +247,7 @@ def _of_runs(result: Runs) -> _Values:
 
 
 def _estimated(result: Runs) -> _Values:
-    """Errors of the demands, as runs.csv has them."""
+    """Return the errors of the demands as in runs.csv."""
     if result.errors is None:
         return []
     rows = []
@@ -258,7 +258,7 @@ def _estimated(result: Runs) -> _Values:
 
 
 def _one(values: Any, *, run: int, stories: int) -> Any:
-    """The values of a run of several."""
+    """Return the values of one run."""
     return type(values)(
         **{field.name: getattr(values, field.name)[run, :stories] for field in fields(values)}
     )
@@ -274,7 +274,7 @@ def _of_history(result: History) -> _Values:
     values: list[Any] = []
     for place, columns in responses.history_groups(error):
         arrays = [column.of(result) for column in columns]
-        # A column for each floor or story, in the order of the CSV file.
+        # Each floor or story has a column, in the order of the CSV file.
         values += [array[:, i] for i in range(stories) for array in arrays] if place else arrays
     return list(zip(responses.history_columns(stories, error), values, strict=True))
 
@@ -310,4 +310,4 @@ _VALUES |= dict.fromkeys(("Fragility", "Overview", "RecordInfo"), lambda result:
 _VALUES |= dict.fromkeys(
     ("Spectrum", "InelasticSpectrum", "DriftSpectrum", "FourierSpectrum"), _of_record
 )
-"""Tables of a single result, likewise."""
+"""Tables of a single result, by class name."""
