@@ -4,7 +4,7 @@ import numpy as np
 
 from tdint.analysis.static import follow_path
 from tdint.kernels import layout
-from tdint.kernels.laws.compiled_separately import spring_table
+from tdint.kernels.laws.compiled_separately import law_state_table
 from tdint.kernels.stories import law_state
 from tdint.model.building import assemble
 from tdint.model.definition import CODES, simple_model, simple_story
@@ -27,7 +27,7 @@ def follow(law_parameters, path):
     """Force along a path that begins at zero, and what is stored and dissipated at its end."""
     drifts = np.array([0.0, *path])
     result = np.zeros((drifts.size, law_state.RESULT_COLUMNS))
-    law_state.follow.compiled(law_parameters, 0, drifts, spring_table(law_parameters), result)
+    law_state.follow.compiled(law_parameters, 0, drifts, law_state_table(law_parameters), result)
     return (
         result[1:, law_state.SHEAR],
         result[-1, law_state.STRAIN_ENERGY],

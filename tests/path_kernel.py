@@ -14,6 +14,6 @@ def forces_behind(law_parameters, begun, law_state, rises, scratch, forces):
         for row in range(law_state.shape[0]):
             law_state[row, 0] = begun[row, 0]
         path.follow(law_parameters, law_state, 0, rises[j], 0.0, False, scratch, 0)
-        path.arrive(law_parameters, law_state, 0, rises[j])
+        path.commit_path_end(law_parameters, law_state, 0, rises[j])
         forces[j] = law_state[rows.FORCE, 0]
     return 0.0

@@ -11,7 +11,7 @@ from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
 from path_kernel import forces_behind
 from tdint.kernels.building import compilable
 from tdint.kernels.building.compilable import Variant
-from tdint.kernels.laws.compiled_separately import spring_table
+from tdint.kernels.laws.compiled_separately import law_state_table
 from tdint.kernels.stories import path
 from tdint.kernels.stories.law_state import start
 
@@ -89,7 +89,7 @@ def gone_straight(law_parameters, turn, drifts):
 
 def gone_along(law_parameters, turn, drifts, go=forces_behind.function):
     """The same, as moment4 goes there; by the kernel as it is written."""
-    begun = spring_table(law_parameters)
+    begun = law_state_table(law_parameters)
     start(law_parameters, begun, 0, 0.0)
     scratch, forces = np.zeros((path.PATH_ROWS, 2)), np.zeros(len(drifts))
     turned = np.zeros_like(begun)

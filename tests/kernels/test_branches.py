@@ -9,9 +9,9 @@ from law_paths import CYCLE, FY, HARDENING, K, follow, law_table
 from tdint.kernels import layout as rows
 from tdint.kernels.laws import branch_following
 from tdint.kernels.laws.branch_following import branch_follower
-from tdint.kernels.laws.compiled_separately import CALLING, spring_table
+from tdint.kernels.laws.compiled_separately import SEPARATE_LAW_FUNCTIONS, law_state_table
 from tdint.kernels.laws.law import DriftLaw
-from tdint.kernels.stories.branches import NONE, _crossing, turning
+from tdint.kernels.stories.branches import NONE, _crossing, find_sign_change
 from tdint.kernels.stories.law_state import restoring_force, start
 from tdint.model.definition import LAWS
 from tdint.model.law_checks import path_faults
@@ -41,7 +41,7 @@ def test_every_law_has_a_case():
 def test_what_a_law_says_of_itself_is_what_its_functions_do(name):
     assert LAWS[name].kinked == (LAWS[name].functions().switch is not None)
     law_parameters = law_table(name, *LAW_CASES[name])
-    state = spring_table(law_parameters)
+    state = law_state_table(law_parameters)
     start(law_parameters, state, 0, 0.0)
     assert math.isinf(state[rows.SLOPE, 0]) == LAWS[name].curved
     # Force, tangent and branches agree along paths from elastic to far beyond yielding.
@@ -53,7 +53,7 @@ def test_what_a_law_says_of_itself_is_what_its_functions_do(name):
 @pytest.mark.parametrize("name", LAW_CASES)
 def test_the_tangent_is_the_slope(name):
     law_parameters = law_table(name, *LAW_CASES[name])
-    state = spring_table(law_parameters)
+    state = law_state_table(law_parameters)
     start(law_parameters, state, 0, 0.01)
     for drift in (-0.05, 0.004, 0.015, 0.07):
         tangent = restoring_force(law_parameters, state, 0, 0, rows.FIRST_TRIAL, drift)
@@ -79,7 +79,7 @@ def test_branch_by_branch_is_the_closed_form(name):
     law_parameters = law_table(name, *LAW_CASES[name])
     functions = LAWS[name].functions()
     walk = branch_follower(functions.switch, *([functions.advance] if name == "bilinear" else []))
-    by_branches = spring_table(law_parameters)
+    by_branches = law_state_table(law_parameters)
     start(law_parameters, by_branches, 0, 0.0)
     forces, _, hysteretic_energy = follow(law_parameters, CYCLE)
     for drift, force in zip(CYCLE, forces, strict=True):
@@ -166,7 +166,7 @@ def test_a_look_at_the_branch_first_changes_no_bit(name, monkeypatch):
     """Of forces, tangents, work and committed states, on random ways over up to three blocks, done
     again with other drifts as iterations do, against the plain walk."""
     law = (LAWS | PLUGINS)[name]
-    looking = CALLING if law.apart else law.functions()
+    looking = SEPARATE_LAW_FUNCTIONS if law.compiled_separately else law.functions()
     with monkeypatch.context() as patch:
         patch.setattr(branch_following, "branch_first", lambda functions: functions)
         plain = law.functions()
@@ -261,6 +261,6 @@ def test_the_first_turn_of_a_quadratic(seed):
     s = np.linspace(0.0, 1.0, 200001)
     values = (1 - s) ** 2 * r[0] + 2 * s * (1 - s) * r[1] + s * s * r[2]
     below = np.flatnonzero(values < 0.0)
-    found = turning(*r)
+    found = find_sign_change(*r)
     assert found == pytest.approx(s[below[0]], abs=1e-5) if below.size else found == NONE
     assert math.isfinite(found)

@@ -13,7 +13,7 @@ from law_examples import example
 from law_paths import FY, K, law_table
 from tdint.kernels import layout as rows
 from tdint.kernels.laws import LAWS as COMPILED
-from tdint.kernels.laws.compiled_separately import spring_table
+from tdint.kernels.laws.compiled_separately import law_state_table
 from tdint.kernels.stories.law_state import (
     commit,
     hysteretic_energy,
@@ -26,11 +26,11 @@ from tdint.kernels.stories.path import (
     NODES,
     PATH_ROWS,
     WEIGHTS,
-    arrive,
+    commit_path_end,
     follow,
-    keep_to_branch,
-    stays,
-    turns,
+    integrate_on_branch,
+    locate_reversals,
+    remains_on_branch,
 )
 
 LAWS = {law.name: law for law in COMPILED}
@@ -82,7 +82,7 @@ def results(law_parameters, state, rise, bend, steady=False):
     """Mean, moment and the four tangents; the story goes along the path."""
     out = np.zeros((PATH_ROWS, 2))
     follow(law_parameters, state, 0, rise, bend, steady, out, 0)
-    arrive(law_parameters, state, 0, rise)
+    commit_path_end(law_parameters, state, 0, rise)
     return out[:6, 0].copy()
 
 
@@ -119,7 +119,7 @@ def any_journey(request):
 
 def journey_of(name, steady):
     law_parameters = table(name)
-    state = spring_table(law_parameters)
+    state = law_state_table(law_parameters)
     start(law_parameters, state, 0, 0.0)
     visited = []
     for rise, bend in random_paths():
@@ -181,9 +181,9 @@ def test_a_story_on_its_branch_needs_no_walk(journey):
     kept = 0
     for state, rise, bend in visited:
         out = np.zeros((PATH_ROWS, 2))
-        if stays(state, 0, rise, bend):
+        if remains_on_branch(state, 0, rise, bend):
             kept += 1
-            keep_to_branch(state, 0, rise, bend, out, 0)
+            integrate_on_branch(state, 0, rise, bend, out, 0)
             walked = results(law_parameters, state.copy(), rise, bend)
             scale = K * (abs(rise) + abs(bend)) + abs(state[rows.FORCE, 0]) + K
             assert out[:6, 0] == pytest.approx(walked, abs=1e-11 * scale)
@@ -227,7 +227,7 @@ def test_turns_are_the_zeros_of_the_rate():
             t.real for t in rate.deriv().roots() if abs(t.imag) < 1e-9 and 0.0 < t.real < 1.0
         ]
         mean = rate.integ()(1.0) - rate.integ()(0.0)
-        side, *times, nearest = turns(mean, rate(0.0), rate(1.0), rate.deriv()(0.0))
+        side, *times, nearest = locate_reversals(mean, rate(0.0), rate(1.0), rate.deriv()(0.0))
         inside = sorted(zeros[(zeros > 0.0) & (zeros < 1.0)])
         assert side == np.sign(rate(0.0))
         assert times == pytest.approx([*inside, *[1.0] * (3 - len(inside))], abs=1e-7)
@@ -241,9 +241,9 @@ def test_from_rest_a_rate_sets_out_with_what_grows_first():
     parabolas start backwards; what the floors' loads leave of an acceleration by rounding is
     none."""
     for rise, noise in ((0.25, 0.0), (0.2, 1e-14), (0.17, -1e-14)):
-        assert turns(rise, 0.0, 1.0, noise) == (1.0, 1.0, 1.0, 1.0, np.inf)
-    assert turns(-0.25, 0.0, -1.0, 0.0)[:2] == (-1.0, 1.0)
-    side, turn, *_ = turns(
+        assert locate_reversals(rise, 0.0, 1.0, noise) == (1.0, 1.0, 1.0, 1.0, np.inf)
+    assert locate_reversals(-0.25, 0.0, -1.0, 0.0)[:2] == (-1.0, 1.0)
+    side, turn, *_ = locate_reversals(
         0.0, 0.0, 1.0, -0.5
     )  # -t/2 + 0 t^2 + 3/2 t^3 - ... : back at first, then ahead
     assert side == -1.0 and 0.0 < turn < 1.0

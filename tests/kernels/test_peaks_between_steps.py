@@ -120,7 +120,7 @@ def observed(seed, everything):
     peaks *= 0.8 if seed % 3 == 0 else 1.0
     observer_state = np.zeros((rows.OBSERVER_ROWS, STORIES + 1))
     observer_state[rows.U_PREVIOUS : rows.A_EARLIER + 1] = passage.old
-    memory = Memory(passage.state, law_state, np.zeros((0, 0)), np.zeros(rows.REPORT_SIZE))
+    memory = Memory(passage.state, law_state, np.zeros((0, 0)), np.zeros(rows.STEP_STATUS_SIZE))
     seen = Seen(
         observer_state, peaks, np.zeros((3, STORIES)), np.zeros(rows.TOTALS_SIZE), np.zeros((0, 0))
     )

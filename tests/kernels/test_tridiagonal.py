@@ -145,7 +145,7 @@ def test_a_straight_step_of_impulse4_is_newtons(rho_inf, omega_h):
         )
         scratch = np.zeros((FACTORS + factor_rows(modes), n + 1))
         scratch[[momentum.LOAD, momentum.IMPULSE], :n] = generator.normal(size=(2, n))
-        memory = Memory(state, law_state, scratch, np.zeros(rows.REPORT_SIZE))
+        memory = Memory(state, law_state, scratch, np.zeros(rows.STEP_STATUS_SIZE))
         motion = (momentum.DU, momentum.DV, momentum.A1)
         solve_linear(coefficients(rho_inf), scene, h, memory, FACTORS)
         straight = scratch[motion, :n].copy()

@@ -25,7 +25,7 @@ RATES = [
 ]  # of drift, for dashpots, of which there are none
 METHODS = ("newmark-average", "impulse4", "moment4")
 
-APART = tuple(name for name in LAWS if LAWS[name].apart)
+APART = tuple(name for name in LAWS if LAWS[name].compiled_separately)
 """Compiled on their own, once for all scenes: to loops that call them at an address they are all
 one."""
 

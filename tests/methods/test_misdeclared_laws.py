@@ -123,7 +123,7 @@ def law_of(name):
         LAWS[base],
         name=name,
         functions=lambda: replace(LAWS[base].functions(), **functions),
-        apart=False,
+        compiled_separately=False,
         **declarations,
     )
 

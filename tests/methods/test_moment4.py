@@ -27,7 +27,7 @@ from tdint.analysis.assessment.failures import attempt, problems
 from tdint.analysis.run.workspace import amplification, spectral_radius
 from tdint.kernels import layout as rows
 from tdint.kernels.equations import moment4 as equations
-from tdint.kernels.laws.compiled_separately import spring_table
+from tdint.kernels.laws.compiled_separately import law_state_table
 from tdint.kernels.linear_terms import force_moment
 from tdint.kernels.stories import path
 from tdint.kernels.stories.branches import enter
@@ -351,7 +351,7 @@ def turns_from_rest(monkeypatch, damping):
     is written."""
     given = model([story(1e5, 4e7, Law("peak-oriented", (1e-9, 0.9, 0.3)))] * 2, damping=damping)
     built = assemble(given)
-    law_state = spring_table(built.law_parameters)
+    law_state = law_state_table(built.law_parameters)
     for i in range(2):
         enter(built.law_parameters, law_state, i)
     turned, switch = [], path.switch
@@ -365,7 +365,7 @@ def turns_from_rest(monkeypatch, damping):
     flags = np.zeros(rows.FLAGS_SIZE)
     flags[rows.BRANCHES] = rows.ALL_BRANCHES
     scratch = np.zeros((equations.scratch_rows(len(built.modal)), 16))
-    state, step_status, h = np.zeros((3, 3)), np.zeros(rows.REPORT_SIZE), 0.02
+    state, step_status, h = np.zeros((3, 3)), np.zeros(rows.STEP_STATUS_SIZE), 0.02
     forces = np.zeros((0, rows.FORCE_COLUMNS))
     scene = (
         np.array(moment4.coefficients(1.0)),

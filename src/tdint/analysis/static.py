@@ -22,7 +22,7 @@ from tdint.arrays import Array, halved
 from tdint.csv_table import read_table
 from tdint.errors import AnalysisError, UsageError
 from tdint.kernels import layout as rows
-from tdint.kernels.laws.compiled_separately import spring_table
+from tdint.kernels.laws.compiled_separately import law_state_table
 from tdint.kernels.stories.law_state import (
     HYSTERETIC_ENERGY,
     RESULT_COLUMNS,
@@ -330,7 +330,7 @@ def follow_path(building: Building, story: int, drifts: Array) -> LawPath:
     AnalysisError
         The law has no finite force somewhere on the way.
     """
-    springs = spring_table(building.law_parameters)
+    springs = law_state_table(building.law_parameters)
     result = np.empty((drifts.size, RESULT_COLUMNS))
     follow.variant(variant(building))(building.law_parameters, story - 1, drifts, springs, result)
     wrong = np.flatnonzero(~np.all(np.isfinite(result), axis=1))

@@ -208,7 +208,7 @@ WORK_VISCOUS = 6  # work of the viscous dampers in the last step, J
 WORST_STORY = 7  # index of the equation with the largest relative residual if a step failed
 RESIDUAL = 8  # largest residual relative to the sum of the absolute values of the terms
 BRANCH_CHANGES = 9  # number of located changes of branch
-REPORT_SIZE = 10
+STEP_STATUS_SIZE = 10
 
 # Return values of a step that failed; otherwise the number of iterations
 NOT_CONVERGED = -1

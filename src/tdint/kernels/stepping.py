@@ -201,7 +201,7 @@ class Integrals(NamedTuple):
     first: int
 
 
-class Stretch(NamedTuple):
+class PathSegment(NamedTuple):
     """Part of a parabola of drift, start + rise t + bend (t^2 - t) / 2, from t = `begin` to t =
     `end`.
 

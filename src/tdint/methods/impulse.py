@@ -59,7 +59,12 @@ from typing import NamedTuple
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, kernel, outlined
 from tdint.kernels.equations import impulse_momentum as momentum
-from tdint.kernels.equations.impulse_momentum import correct, guess, in_balance, residuals
+from tdint.kernels.equations.impulse_momentum import (
+    correct,
+    has_converged,
+    residuals,
+    store_first_guess,
+)
 from tdint.kernels.equations.iteration import (
     MAX_ITERATIONS,
     RESIDUAL_TOLERANCE,
@@ -117,7 +122,7 @@ def step(
     memory = Memory(state, law_state, scratch, step_status)
     factors = Factors(scratch, _ROW.BLOCKS, _ROW.COUPLING, _STORE)
     _loads(linear_terms, forces, h, load, scratch)
-    guess(0.0 if flags[rows.LINEAR] != 0.0 else 1.0, h, state, scratch, n)
+    store_first_guess(0.0 if flags[rows.LINEAR] != 0.0 else 1.0, h, state, scratch, n)
     iterations = 0
     last = False
     while True:
@@ -125,7 +130,7 @@ def step(
         # Eqs. 11, 12 (kinematics), 13 (momentum) and equilibrium at the end: what they are out of
         # balance
         residuals(_THETA, _BY_A, _BY_A, linear_terms, modal, h, state, scratch)
-        balanced = in_balance(
+        balanced = has_converged(
             iterations == MAX_ITERATIONS,
             RESIDUAL_TOLERANCE,
             _BY_A,

@@ -31,11 +31,11 @@ from tdint.kernels.equations.impulse4 import (
 )
 from tdint.kernels.equations.iteration import add_rows, copy_rows
 from tdint.kernels.laws.branch_following import copy_extra_rows
-from tdint.kernels.laws.choosing import BENDING, CURVES, CURVING
+from tdint.kernels.laws.selection import HAS_CURVED_FORCE, HAS_CURVED_LAW, HAS_NONLINEAR_FORCE
 from tdint.kernels.linear_terms import FORCES, finite, force_value
 from tdint.kernels.peaks_between_steps import find_interstep_peaks, raise_peak
 from tdint.kernels.stepping import STEP, Memory, Passage, Scene, Span
-from tdint.kernels.stories.branches import NONE, advance, first_event, go_along, switch
+from tdint.kernels.stories.branches import NONE, advance, advance_outlined, first_event, switch
 from tdint.kernels.stories.law_state import (
     accumulate_dissipation,
     commit,
@@ -73,7 +73,7 @@ def step(
     straight on."""
     scene = Scene(linear_terms, modal, law_parameters, forces, flags)
     memory = Memory(state, law_state, scratch, step_status)
-    if not BENDING:
+    if not HAS_NONLINEAR_FORCE:
         return _by_branches(coefficients, scene, h, load, memory)
     n = linear_terms.shape[1] - 1
     if flags[rows.BRANCHES] != rows.NO_BRANCHES:
@@ -137,7 +137,7 @@ def _by_branches(coefficients, scene, h, load, memory):
             ground + slope * piece,
             scratch,
         )
-        if not CURVING or straight:
+        if not HAS_CURVED_FORCE or straight:
             solve_linear(coefficients, scene, piece, memory, factors)
             solves += 1
         else:
@@ -148,9 +148,9 @@ def _by_branches(coefficients, scene, h, load, memory):
                 return code
             solves += code
             join(scene, piece, memory)
-            if CURVES and ending and how == rows.REVERSED:
+            if HAS_CURVED_LAW and ending and how == rows.REVERSED:
                 scratch[ROW.KINK, story] = 0.0
-        if BENDING and flags[rows.LINEAR] == 0.0:
+        if HAS_NONLINEAR_FORCE and flags[rows.LINEAR] == 0.0:
             miss = (
                 _miss(linear_terms, piece, state, law_state, scratch, story, how)
                 if ending
@@ -176,7 +176,7 @@ def _by_branches(coefficients, scene, h, load, memory):
                         _restore(state, law_state, scratch, n)
                         return rows.NOT_CONVERGED
                     if fraction * piece > _AT_ONCE * h:
-                        if CURVING and not straight:
+                        if HAS_CURVED_FORCE and not straight:
                             if not is_shortened:
                                 copy_rows(scratch, momentum.DU, ROW.REMAINING, 2, n)
                             _shorten(fraction, piece, state, scratch, n)
@@ -187,21 +187,21 @@ def _by_branches(coefficients, scene, h, load, memory):
                         _change(linear_terms, law_parameters, state, law_state, story, how)
                         events += 1
                         piece = h - done
-                        if CURVING and is_shortened:
+                        if HAS_CURVED_FORCE and is_shortened:
                             copy_rows(scratch, ROW.REMAINING, momentum.DU, 2, n)
                             is_shortened = False
                     continue
             elif miss == _SHORT:
                 ending = False
-        if BENDING and pieces > 0:
+        if HAS_NONLINEAR_FORCE and pieces > 0:
             for row in range(3):
                 for i in range(n):
                     scratch[ROW.PIECE + row, i] = state[row, i]
-        if not CURVING or straight:
+        if not HAS_CURVED_FORCE or straight:
             _advance(linear_terms, law_parameters, state, law_state, scratch)
         else:
             _arrive(True, linear_terms, law_parameters, state, law_state, scratch)
-        if BENDING and pieces > 0:
+        if HAS_NONLINEAR_FORCE and pieces > 0:
             t = load[rows.TIME] + done + piece
             _look(
                 scene,
@@ -218,18 +218,18 @@ def _by_branches(coefficients, scene, h, load, memory):
             )
             step_status[rows.STEP_PEAKS] = ROW.PEAKS
             step_status[rows.RUN_PEAKS] = ROW.PEAKS
-        if CURVING and is_shortened:
+        if HAS_CURVED_FORCE and is_shortened:
             # What is left of the motion is the first estimate of the next substep.
             add_rows(-1.0, scratch, momentum.DU, ROW.REMAINING, 2, n)
             copy_rows(scratch, ROW.REMAINING, momentum.DU, 2, n)
             is_shortened = False
         done += piece
-        if BENDING and ending:
+        if HAS_NONLINEAR_FORCE and ending:
             _change(linear_terms, law_parameters, state, law_state, story, how)
             events += 1
             ending = False
         piece = h - done
-        if not BENDING or piece <= _AT_ONCE * h:
+        if not HAS_NONLINEAR_FORCE or piece <= _AT_ONCE * h:
             break
     step_status[rows.BRANCH_CHANGES] += events
     return solves if finite(state, n) else rows.NOT_FINITE
@@ -280,7 +280,7 @@ def _change(linear_terms, law_parameters, state, law_state, story, how):
     if how == rows.REVERSED or not law_state[rows.SLOPE, story] < math.inf:
         switch(law_parameters, law_state, story, 0, how)
     else:
-        go_along(
+        advance_outlined(
             law_parameters,
             law_state,
             story,
@@ -288,7 +288,7 @@ def _change(linear_terms, law_parameters, state, law_state, story, how):
             law_state[rows.UPPER, story] if how == rows.ABOVE else law_state[rows.LOWER, story],
         )
         switch(law_parameters, law_state, story, 0, how)
-        go_along(law_parameters, law_state, story, 0, drift)
+        advance_outlined(law_parameters, law_state, story, 0, drift)
     jump = law_state[rows.FORCE, story] - force
     if jump != 0.0:
         state[rows.ACCELERATION, story] -= jump * linear_terms[rows.INVERSE_MASS, story]
@@ -363,7 +363,7 @@ def _arrive(frozen, linear_terms, law_parameters, state, law_state, scratch):
         state[rows.ACCELERATION, i] = scratch[momentum.A1, i]
         if frozen and law_state[rows.SLOPE, i] < math.inf:
             advance(law_parameters, law_state, i, 0, u - linear_terms[rows.LINK, i] * below)
-        elif CURVES and frozen and scratch[ROW.KINK, i] != 0.0:
+        elif HAS_CURVED_LAW and frozen and scratch[ROW.KINK, i] != 0.0:
             # The inner point and the turn, in the order in which the motion comes to them
             second = int(scratch[ROW.BEFORE, i])
             first = rows.THIRD_TRIAL if second == rows.FIRST_TRIAL else rows.FIRST_TRIAL

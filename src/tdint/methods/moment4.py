@@ -44,7 +44,7 @@ from tdint.kernels import layout as rows
 from tdint.kernels.compiling import kernel
 from tdint.kernels.equations.corners import update_peaks_at_corners
 from tdint.kernels.equations.moment4 import ROW, R, finish, move, scratch_rows
-from tdint.kernels.laws.choosing import BENDING
+from tdint.kernels.laws.selection import HAS_NONLINEAR_FORCE
 from tdint.kernels.linear_terms import finite, mean_load
 from tdint.kernels.stepping import STEP, Memory, Scene
 from tdint.methods.method import Family, Method, Parameter
@@ -72,7 +72,7 @@ def step(
     code = move(coefficients, scene, h, memory)
     if code < 0:
         return code
-    if BENDING:
+    if HAS_NONLINEAR_FORCE:
         update_peaks_at_corners(scene, h, load, memory)
     finish(coefficients, scene, h, memory)
     return code if finite(state, linear_terms.shape[1] - 1) else rows.NOT_FINITE

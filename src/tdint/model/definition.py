@@ -45,7 +45,8 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
     """Register a hysteretic law, so that models can use it.
 
     The law is compiled into the time loops of the models that contain it, regardless of its
-    attribute `apart`. Its functions must be defined in a module with a file, and the module must
+    attribute `compiled_separately`. Its functions must be defined in a module with a file, and
+    the module must
     contain the law as a variable or in a tuple, so that the compiling process can import it.
 
     Parameters
@@ -85,7 +86,7 @@ def register_law(law: DriftLaw, where: str | Origin = "") -> None:
     with faults_of(where):
         verify_declaration(law, where)
 
-    together = replace(law, apart=False)
+    together = replace(law, compiled_separately=False)
     OUTSIDE[law.name] = home
     CODES[law.name] = len(_LAWS)
     LAWS[law.name] = together

@@ -40,7 +40,7 @@ from tdint.kernels.building.load_or_compile import (
 )
 from tdint.kernels.building.sources import CODE
 from tdint.kernels.compiling import Kernel
-from tdint.kernels.laws.compiled_separately import kernels_apart
+from tdint.kernels.laws.compiled_separately import separate_kernels
 from tdint.kernels.oscillators.elastic import peaks
 from tdint.kernels.stepping import Memory, Scene
 from tdint.kernels.stories.law_state import follow
@@ -685,7 +685,7 @@ def _of_building(
     prepared: PreparedBuilding, integrator: Integrator
 ) -> tuple[list[tuple[Kernel, Variant]], ...]:
     """What a march calls, and what else a run does."""
-    others = (peaks, *kernels_apart(prepared.building.law_parameters))
+    others = (peaks, *separate_kernels(prepared.building.law_parameters))
     of_scene = [(follow, prepared.variant), *((kernel, EVERYTHING) for kernel in others)]
     # Of a method that has a limit, what finds whether a step is beyond it
     if integrator.stability_limit != math.inf:
@@ -737,7 +737,7 @@ def of_everything() -> list[tuple[Kernel, Variant]]:
         rotated_peaks,
         largest_drifts,
         bilinear_response,
-        *kernels_apart(),
+        *separate_kernels(),
     )
     return [*steps, *((kernel, EVERYTHING) for kernel in others)]
 

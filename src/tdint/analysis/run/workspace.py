@@ -19,7 +19,7 @@ from tdint.kernels import layout as rows
 from tdint.kernels.building.compilable import Variant
 from tdint.kernels.building.sources import digest
 from tdint.kernels.compiling import Kernel
-from tdint.kernels.laws.compiled_separately import spring_table
+from tdint.kernels.laws.compiled_separately import law_state_table
 from tdint.kernels.stepping import Memory, Scene, Seen
 from tdint.kernels.time_loop.loop import integrate
 from tdint.kernels.time_loop.observer import initialize_laws, sum_law_energies, update_shear_peaks
@@ -109,10 +109,10 @@ def workspace(
     totals[rows.COLLAPSE_STEP] = rows.NO_COLLAPSE
     return Workspace(
         state=np.zeros((family.state_rows, n + 1)),
-        law_state=spring_table(building.law_parameters),
+        law_state=law_state_table(building.law_parameters),
         scratch=np.zeros((family.scratch_rows(modes), max(n + 1, 2 * modes + 1))),
         flags=flags,
-        step_status=np.zeros(rows.REPORT_SIZE),
+        step_status=np.zeros(rows.STEP_STATUS_SIZE),
         observer_state=np.zeros((rows.OBSERVER_ROWS, n + 1)),
         peaks=np.zeros((2 * rows.PEAK_ROWS, n)),
         limits=np.array([np.full(n, collapse_drift), building.heights, failed]),

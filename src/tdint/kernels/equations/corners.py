@@ -13,10 +13,10 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.equations.moment4 import MAX_CORNERS, ROW
-from tdint.kernels.laws.choosing import CURVES
+from tdint.kernels.laws.selection import HAS_CURVED_LAW
 from tdint.kernels.linear_terms import FORCES, add_modal_force, force_value, power_damper
 from tdint.kernels.peaks_between_steps import raise_peak, raise_peak_at_nodes
-from tdint.kernels.stepping import Integrals, Stretch
+from tdint.kernels.stepping import Integrals, PathSegment
 from tdint.kernels.stories import path
 
 # Relative to the stiffness of a story times its change of drift: maximum difference between its
@@ -67,14 +67,14 @@ def _story_path(linear_terms, law_state, scratch, i):
         _story_value(linear_terms, scratch, ROW.RISE, i),
         _story_value(linear_terms, scratch, ROW.BEND, i),
     )
-    return Stretch(law_state[rows.DRIFT, i], rise, bend, 0.0, 1.0)
+    return PathSegment(law_state[rows.DRIFT, i], rise, bend, 0.0, 1.0)
 
 
 # ---- Path of a story
 
 
 @inline
-def _skip_branch(law_state, i, block, stretch, results):
+def _skip_branch(law_state, i, block, segment, results):
     """Do nothing on a branch.
 
     Parameters
@@ -85,7 +85,7 @@ def _skip_branch(law_state, i, block, stretch, results):
         Index of the story.
     block : int
         First row of the state.
-    stretch : Stretch
+    segment : PathSegment
         Part of the path.
     results : Integrals
         Rows of the results.
@@ -144,21 +144,21 @@ _go = path.along_branches(_skip_branch, _ignore)
 
 
 @inline
-def _direction(stretch, steady):
+def _direction(segment, steady):
     """Return the direction in which a story moves along a part of its path: 1, -1 or 0.
 
     Parameters
     ----------
-    stretch : Stretch
+    segment : PathSegment
         Part of the path.
     steady : bool
         True if the story has no reversal in the step; the direction is then that of its complete
         path.
     """
     drift_change = (
-        stretch.rise
+        segment.rise
         if steady
-        else path.drift_at(stretch, stretch.end) - path.drift_at(stretch, stretch.begin)
+        else path.drift_at(segment, segment.end) - path.drift_at(segment, segment.begin)
     )
     return math.copysign(1.0, drift_change) if drift_change != 0.0 else 0.0
 
@@ -173,7 +173,7 @@ def _find_corners(law_parameters, law_state, i, complete, steady, corners):
         Parameters and states of the laws.
     i : int
         Index of the story.
-    complete : Stretch
+    complete : PathSegment
         Complete path.
     steady : bool
         True if the story has no reversal in the step.
@@ -181,8 +181,8 @@ def _find_corners(law_parameters, law_state, i, complete, steady, corners):
         Rows of the corners.
     """
     path.copy(law_state, i, 0, rows.SECOND_TRIAL)
-    turn = 1.0 if steady else path.turning_point(complete)
-    path_forth, drift = path.part_of(complete, 0.0, turn), path.drift_at(complete, turn)
+    turn = 1.0 if steady else path.time_of_extremum(complete)
+    path_forth, drift = path.path_segment(complete, 0.0, turn), path.drift_at(complete, turn)
     _go_storing_corners(
         law_parameters,
         law_state,
@@ -195,7 +195,7 @@ def _find_corners(law_parameters, law_state, i, complete, steady, corners):
     )
     if turn < 1.0:
         _store_corner(corners, i, turn, law_state[rows.SECOND_TRIAL + rows.FORCE, i])
-        path_back, drift = path.part_of(complete, turn, 1.0), path.drift_at(complete, 1.0)
+        path_back, drift = path.path_segment(complete, turn, 1.0), path.drift_at(complete, 1.0)
         _go_storing_corners(
             law_parameters,
             law_state,
@@ -250,7 +250,7 @@ def _store_forces(scene, h, memory, i, count):
     complete = _story_path(linear_terms, law_state, scratch, i)
     geometric = linear_terms[rows.GEOMETRIC, i]
     has_left = scratch[ROW.LEFT, i] != 0.0
-    curved = CURVES and not law_state[rows.SLOPE, i] < math.inf
+    curved = HAS_CURVED_LAW and not law_state[rows.SLOPE, i] < math.inf
     mean = moment = 0.0
     if curved:
         # The force is approximated by a parabola with its mean, its moment and its value at the
@@ -276,7 +276,7 @@ def _store_forces(scene, h, memory, i, count):
         elif not has_left:
             force += law_state[rows.SLOPE, i] * (drift - complete.start)
         elif t > 0.0:
-            part = path.part_of(complete, previous, t)
+            part = path.path_segment(complete, previous, t)
             side, reached = (
                 _direction(part, scratch[ROW.STEADY, i] != 0.0),
                 path.drift_at(complete, t),

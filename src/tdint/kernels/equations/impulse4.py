@@ -14,7 +14,12 @@ from typing import NamedTuple
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.equations import impulse_momentum as momentum
-from tdint.kernels.equations.impulse_momentum import correct, guess, in_balance, residuals
+from tdint.kernels.equations.impulse_momentum import (
+    correct,
+    has_converged,
+    residuals,
+    store_first_guess,
+)
 from tdint.kernels.equations.iteration import (
     MAX_ITERATIONS,
     RESIDUAL_TOLERANCE,
@@ -34,7 +39,7 @@ from tdint.kernels.equations.tridiagonal import (
     factor_pairs,
     solve_pairs_damped,
 )
-from tdint.kernels.laws.choosing import CURVES
+from tdint.kernels.laws.selection import HAS_CURVED_LAW
 from tdint.kernels.linear_terms import (
     MODAL,
     add_modal_force,
@@ -43,7 +48,7 @@ from tdint.kernels.linear_terms import (
     power_damper,
 )
 from tdint.kernels.stepping import Factors
-from tdint.kernels.stories.branches import turning
+from tdint.kernels.stories.branches import find_sign_change
 from tdint.kernels.stories.law_state import restoring_force_outlined
 
 # Coefficients
@@ -383,7 +388,7 @@ def newton(frozen, has_guess, coefficients, scene, h, memory, factors):
     state, _, scratch, step_status = memory
     n = linear_terms.shape[1] - 1
     if not has_guess:
-        guess(1.0, h, state, scratch, n)
+        store_first_guess(1.0, h, state, scratch, n)
     tolerance = RESIDUAL_TOLERANCE
     if scratch[ROW.WORST, 1] > 0.0:
         missed = scratch[ROW.WORST, 0] / scratch[ROW.WORST, 1]
@@ -405,7 +410,7 @@ def newton(frozen, has_guess, coefficients, scene, h, memory, factors):
             scratch,
         )
         if (
-            in_balance(
+            has_converged(
                 iterations == MAX_ITERATIONS,
                 tolerance,
                 coefficients[BETA],
@@ -500,7 +505,7 @@ def _evaluate_laws(frozen, coefficients, scene, h, memory, factors):
             force = law_state[rows.FORCE, i] + tangent * (drift - law_state[rows.DRIFT, i])
         else:
             is_reversed = False
-            if CURVES and frozen:
+            if HAS_CURVED_LAW and frozen:
                 tangent_c, tangent, is_reversed = _evaluate_over_reversal(
                     coefficients, scene, h, i, (drift_c, drift), memory
                 )
@@ -590,7 +595,7 @@ def _evaluate_over_reversal(coefficients, scene, h, i, drifts, memory):
         return 0.0, 0.0, False
     start = law_state[rows.DRIFT, i]
     change = turn * (drift - start)
-    s = min(turning(before, 3.0 * change - before - after, after), 1.0)
+    s = min(find_sign_change(before, 3.0 * change - before - after, after), 1.0)
     r = 1.0 - s
     peak = s * s * (3.0 - 2.0 * s) * change + s * r * (r * before - s * after)
     reversal_drift = start + turn * peak

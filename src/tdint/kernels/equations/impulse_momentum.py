@@ -35,7 +35,7 @@ MOMENTUM_ROWS = 12
 
 
 @inline
-def guess(factor, h, state, scratch, n):
+def store_first_guess(factor, h, state, scratch, n):
     """Store the first guess of the increments: constant acceleration for `factor` 1, zero for
     `factor` 0.
 
@@ -103,7 +103,7 @@ def residuals(theta, alpha, beta, linear_terms, modal, h, state, scratch):
 
 
 @inline
-def in_balance(last, tolerance, beta, linear_terms, h, state, scratch, step_status):
+def has_converged(last, tolerance, beta, linear_terms, h, state, scratch, step_status):
     """Return True if the residuals of all floors are within `tolerance` times the sum of their
     absolute terms.
 

@@ -33,13 +33,20 @@ from tdint.kernels.equations.tridiagonal import (
     link_blocks,
     solve_blocks_damped,
 )
-from tdint.kernels.laws.choosing import BENDING
+from tdint.kernels.laws.selection import HAS_NONLINEAR_FORCE
 from tdint.kernels.linear_terms import DASHPOTS, MODAL, add_modal_force, power_damper
 from tdint.kernels.stepping import Factors
 from tdint.kernels.stories import path
 from tdint.kernels.stories.branches import advance
 from tdint.kernels.stories.dashpot_path import follow_dashpot
-from tdint.kernels.stories.path import arrive, follow, keep_to_branch, stays, turns, turns_surely
+from tdint.kernels.stories.path import (
+    commit_path_end,
+    follow,
+    has_certain_reversal,
+    integrate_on_branch,
+    locate_reversals,
+    remains_on_branch,
+)
 
 # Coefficients
 R = 0  # r, coefficient of numerical dissipation
@@ -140,11 +147,11 @@ def move(coefficients, scene, h, memory):
     if flags[rows.BRANCHES] == rows.ALL_BRANCHES:
         previous_norm = _keep_to_branches(coefficients, scene, h, memory)
         iterations = 1
-        if not BENDING or flags[rows.LINEAR] != 0.0:
+        if not HAS_NONLINEAR_FORCE or flags[rows.LINEAR] != 0.0:
             return iterations
     else:
         _guess(h, state, scratch, n)
-    while BENDING:
+    while HAS_NONLINEAR_FORCE:
         is_stale = _stories(coefficients, scene, h, memory, iterations <= _DECIDING_ITERATIONS)
         size = _residuals(coefficients, linear_terms, modal, h, state, scratch)
         failing = iterations == MAX_ITERATIONS or not size < math.inf
@@ -216,7 +223,7 @@ def _keep_to_branches(coefficients, scene, h, memory):
         by_bend = h * h * scratch[ROW.LOAD + 1, i] - inertia
         scratch[ROW.X, i] = by_rise
         scratch[ROW.X + 1, i] = by_bend
-        if BENDING:
+        if HAS_NONLINEAR_FORCE:
             size += linear_terms[rows.INVERSE_MASS, i] * (
                 by_rise * by_rise + by_bend * by_bend / 12.0
             )
@@ -293,10 +300,10 @@ def _stories(coefficients, scene, h, memory, is_deciding):
         bend = scratch[ROW.BEND, i] - link * bend_below
         rise_below = scratch[ROW.RISE, i]
         bend_below = scratch[ROW.BEND, i]
-        if stays(law_state, i, rise, bend):
+        if remains_on_branch(law_state, i, rise, bend):
             scratch[ROW.LEFT, i] = 0.0
             scratch[ROW.STEADY, i] = 0.0
-            keep_to_branch(law_state, i, rise, bend, scratch, ROW.PATH)
+            integrate_on_branch(law_state, i, rise, bend, scratch, ROW.PATH)
         else:
             scratch[ROW.LEFT, i] = 1.0
             scratch[ROW.LEFT, n] = 1.0
@@ -375,7 +382,7 @@ def _steady(coefficients, scene, h, memory, i):
         rise += sign * scratch[ROW.RISE, j]
         first_rate += sign * rate
         last_rate += sign * (rate + scratch[ROW.BEND, j] - coefficients[R] * a1)
-    if turns_surely(rise, first_rate, last_rate):
+    if has_certain_reversal(rise, first_rate, last_rate):
         return False
     start = (
         h
@@ -385,7 +392,7 @@ def _steady(coefficients, scene, h, memory, i):
             - (_acceleration(scene, memory, i - 1) if floors == 2 else 0.0)
         )
     )
-    side, turn, _, _, _ = turns(rise, first_rate, last_rate, start)
+    side, turn, _, _, _ = locate_reversals(rise, first_rate, last_rate, start)
     return turn == 1.0 and rise * side > 0.0
 
 
@@ -674,10 +681,10 @@ def finish(coefficients, scene, h, memory):
         bend_below = scratch[ROW.BEND, i]
         damped_rise += linear_terms[rows.STORY_DAMPER, i] * rise * rise
         damped_bend += linear_terms[rows.STORY_DAMPER, i] * bend * bend
-        if not BENDING or scratch[ROW.LEFT, i] == 0.0:
+        if not HAS_NONLINEAR_FORCE or scratch[ROW.LEFT, i] == 0.0:
             advance(law_parameters, law_state, i, 0, law_state[rows.DRIFT, i] + rise)
         else:
-            arrive(law_parameters, law_state, i, rise)
+            commit_path_end(law_parameters, law_state, i, rise)
     damped = by_h * (damped_rise + damped_bend / 12.0)
     if MODAL and modal.shape[0] > 0:
         damped += _modal_work(modal, h, scratch, n)

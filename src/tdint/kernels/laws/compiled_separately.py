@@ -180,7 +180,7 @@ _HOOKS = ("force", "strain_energy", "hysteretic_energy", "keep", "enter", "switc
 """Names of the `LawFunctions` that a separately compiled law must have, in the order of their
 numbers."""
 
-CALLING = branch_first(
+SEPARATE_LAW_FUNCTIONS = branch_first(
     LawFunctions(
         force=_force,
         strain_energy=_strain_energy,
@@ -253,12 +253,12 @@ def _kernel(code: int) -> Kernel:
 def __getattr__(name: str) -> Kernel:
     """Return the kernel of the law with this name, for the process that compiles it."""
     for code, law in enumerate(LAWS):
-        if law.apart and law.name == name:
+        if law.compiled_separately and law.name == name:
             return _kernel(code)
     raise AttributeError(name)
 
 
-def kernels_apart(law_parameters: NDArray[np.float64] | None = None) -> list[Kernel]:
+def separate_kernels(law_parameters: NDArray[np.float64] | None = None) -> list[Kernel]:
     """Return the kernels of the separately compiled laws.
 
     Parameters
@@ -271,7 +271,7 @@ def kernels_apart(law_parameters: NDArray[np.float64] | None = None) -> list[Ker
         if law_parameters is None
         else sorted(set(law_parameters[rows.CODE, :-1].astype(int).tolist()))
     )
-    return [_kernel(code) for code in codes if LAWS[code].apart]
+    return [_kernel(code) for code in codes if LAWS[code].compiled_separately]
 
 
 @cache
@@ -280,7 +280,7 @@ def _address(code: int) -> float:
     return float(getattr(_kernel(code).compiled, "address", 0))
 
 
-def spring_table(law_parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+def law_state_table(law_parameters: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return a new table of law states filled with zeros, except for the addresses of separately
     compiled laws.
 
@@ -303,6 +303,6 @@ def spring_table(law_parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         (rows.EXTRA_ROWS + rows.LAW_STATE_BLOCKS * extra_rows, law_parameters.shape[1])
     )
     for code in used_codes:
-        if LAWS[code].apart:
+        if LAWS[code].compiled_separately:
             law_state[rows.ADDRESS, :-1][codes == code] = _address(code)
     return law_state

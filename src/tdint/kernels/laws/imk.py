@@ -710,7 +710,7 @@ LAW = DriftLaw(
         LawParameter("drift", low=0.0, high=1.0, group="pinching", without=1.0),
     ),
     kinked=True,
-    apart=True,
+    compiled_separately=True,
     extra_rows=_EXTRA_ROWS,
     yield_drift=yields_at_its_strength,
     fault=_fault,

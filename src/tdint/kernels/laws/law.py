@@ -148,7 +148,7 @@ class DriftLaw:
     kinked : bool
         True if the tangent stiffness is discontinuous. The law then has a `switch`, and the changes
         of branch are located within a time step.
-    apart : bool
+    compiled_separately : bool
         True if the law is compiled separately when a model uses it and is called by address. False
         if the law is part of every time loop.
     extra_rows : int
@@ -176,7 +176,7 @@ class DriftLaw:
     parameters: tuple[LawParameter, ...] = ()
     curved: bool = False
     kinked: bool = False
-    apart: bool = False
+    compiled_separately: bool = False
     extra_rows: int = 0
     stiffens: Callable[[Sequence[float]], bool] = lambda values: False
     initial_stiffness: Callable[[Sequence[float]], float] | None = None

@@ -410,7 +410,7 @@ LAW = DriftLaw(
         LawParameter("unloading", low=0.0, high=1.0, high_allowed=False),
     ),
     kinked=True,
-    apart=True,
+    compiled_separately=True,
     yield_drift=yields_at_its_strength,
     fault=_fault,
 )

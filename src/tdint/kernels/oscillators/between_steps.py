@@ -60,7 +60,7 @@ class Vibration(NamedTuple):
 
 
 @outlined
-def divide(samples, parts, ground):
+def interpolate_samples(samples, parts, ground):
     """Interpolate the samples linearly, with `parts` steps per sampling interval, and store them in
     `ground`."""
     for i in range(samples.size - 1):
@@ -215,7 +215,7 @@ def _value(coefficients, n, x):
 
 
 @inline
-def narrowed(left, at_left, right, at_right, side, t, value):
+def narrow_bracket(left, at_left, right, at_right, side, t, value):
     """Narrow the bracket of a root by regula falsi with halved weights (Illinois method, Dowell and
     Jarratt 1971).
 

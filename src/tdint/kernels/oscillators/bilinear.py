@@ -18,7 +18,7 @@ import math
 from typing import NamedTuple
 
 from tdint.kernels.compiling import F8, I8, VECTOR, inline, kernel, local, outlined
-from tdint.kernels.oscillators.between_steps import narrowed
+from tdint.kernels.oscillators.between_steps import narrow_bracket
 
 # Elements of the state of an oscillator: displacement (m), velocity (m/s) and the branch.
 U = 0
@@ -177,7 +177,7 @@ def _root(series, terms, order, level, left, right):
         value = _derivative(series, terms, order, t) - level
         if value == 0.0 or not left < t < right:
             return t
-        left, at_left, right, at_right, side, moved = narrowed(
+        left, at_left, right, at_right, side, moved = narrow_bracket(
             left, at_left, right, at_right, side, t, value
         )
         if right - left <= 4e-16 * right or (moved <= 4e-16 * right and i % 4 != 3):

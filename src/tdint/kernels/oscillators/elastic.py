@@ -46,7 +46,7 @@ from tdint.kernels.oscillators.between_steps import (
     RECURSION_ROWS,
     TERMS,
     Vibration,
-    divide,
+    interpolate_samples,
     largest_between,
     may_exceed,
     rise,
@@ -144,7 +144,7 @@ def peaks(
         0.
     """
     h = dt / parts
-    divide(samples, parts, ground)
+    interpolate_samples(samples, parts, ground)
     steps = ground.size - 1
     intervals = steps // INTERVAL_STEPS
     # Separate arrays, so that the compiler detects that they do not overlap.

@@ -26,7 +26,7 @@ from tdint.kernels.oscillators.between_steps import (
     B20,
     B21,
     RECURSION_ROWS,
-    narrowed,
+    narrow_bracket,
 )
 from tdint.kernels.stepping import Array
 
@@ -298,7 +298,7 @@ def _maximum_after(sums, steps, row, c, size):
         size = max(size, abs(value))
         if speed == 0.0 or right - left < 1e-7 * h:
             break
-        left, left_speed, right, right_speed, side, change = narrowed(
+        left, left_speed, right, right_speed, side, change = narrow_bracket(
             left, left_speed, right, right_speed, side, t, speed
         )
         if change < 1e-7 * h:

@@ -41,7 +41,7 @@ from tdint.kernels.oscillators.between_steps import (
     B21,
     TERMS,
     Vibration,
-    divide,
+    interpolate_samples,
     largest_between,
     may_exceed,
     rise,
@@ -154,8 +154,8 @@ def rotated_peaks(
         0.
     """
     h = dt / parts
-    divide(first, parts, ground[0])
-    divide(second, parts, ground[1])
+    interpolate_samples(first, parts, ground[0])
+    interpolate_samples(second, parts, ground[1])
     intervals = (ground.shape[1] - 1) // INTERVAL_STEPS
     lane = local(_ROWS * LANES)
     best, scratch = local(ANGLES), local_table(_SECTOR_ROWS, _SECTORS + 1)

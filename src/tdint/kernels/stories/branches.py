@@ -13,7 +13,13 @@ import math
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.laws.branch_following import add_work, advancing
-from tdint.kernels.laws.choosing import CURVED, case_of_3, case_of_5, case_of_6, chosen
+from tdint.kernels.laws.selection import (
+    CURVED_LAWS,
+    case_with_3_arguments,
+    case_with_5_arguments,
+    case_with_6_arguments,
+    select_function,
+)
 
 NONE = 2.0
 """Fraction of the step that represents "no change of branch"; any value above 1."""
@@ -27,13 +33,13 @@ _ROOT_TOLERANCE = 1e-10
 # Relative to the drifts at both endpoints. A smaller movement backwards is not a reversal.
 _REVERSAL_TOLERANCE = 1e-12
 
-advance = advancing(chosen("advance", case_of_6, outlined(add_work)))
+advance = advancing(select_function("advance", case_with_6_arguments, outlined(add_work)))
 """(law_parameters, law_state, i, block, drift). Moves the state in `block` to `drift` (m) on its
 current linear branch."""
 
 
 @outlined
-def go_along(law_parameters, law_state, i, block, drift):
+def advance_outlined(law_parameters, law_state, i, block, drift):
     """Call `advance`; compiled as a separate function, for rare calls.
 
     Parameters
@@ -74,8 +80,8 @@ def _keep_branch_after(law_parameters, law_state, i, block, event):
     pass
 
 
-_enter = chosen("enter", case_of_3, _keep_branch)
-_switch = chosen("switch", case_of_5, _keep_branch_after)
+_enter = select_function("enter", case_with_3_arguments, _keep_branch)
+_switch = select_function("switch", case_with_5_arguments, _keep_branch_after)
 
 
 @outlined
@@ -85,7 +91,9 @@ def enter(law_parameters, law_state, i):
     The default branch has the initial stiffness (or is curved) and no limits.
     """
     law_state[rows.SLOPE, i] = (
-        math.inf if law_parameters[rows.CODE, i] in CURVED else law_parameters[rows.STIFFNESS, i]
+        math.inf
+        if law_parameters[rows.CODE, i] in CURVED_LAWS
+        else law_parameters[rows.STIFFNESS, i]
     )
     law_state[rows.RATE_SIGN, i] = 0.0
     law_state[rows.UPPER, i] = math.inf
@@ -180,7 +188,9 @@ def first_event(linear_terms, h, state, law_state, scratch, u1, v1, joined):
             and scratch[joined, i] == 0.0
             and (rate_sign * (d2 - d1) < -slack or rate_sign * (d3 - d2) < -slack)
         ):
-            fraction = turning(rate_sign * (d1 - d0), rate_sign * (d2 - d1), rate_sign * (d3 - d2))
+            fraction = find_sign_change(
+                rate_sign * (d1 - d0), rate_sign * (d2 - d1), rate_sign * (d3 - d2)
+            )
             if fraction < first:
                 first, story, event = fraction, i, rows.REVERSED
     return first, story, event
@@ -310,7 +320,7 @@ def _root(cubic, limit, low, high, before):
 
 
 @outlined
-def turning(r0, r1, r2):
+def find_sign_change(r0, r1, r2):
     """Return the smallest s in [0, 1] from which on a quadratic is negative, or NONE.
 
     Parameters

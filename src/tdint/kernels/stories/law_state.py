@@ -8,12 +8,18 @@ from __future__ import annotations
 
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import I8, TABLE, VECTOR, inline, kernel, outlined
-from tdint.kernels.laws.choosing import KNOWING, case_of_3, case_of_5, case_of_6, chosen
+from tdint.kernels.laws.selection import (
+    BRANCH_STORING_LAWS,
+    case_with_3_arguments,
+    case_with_5_arguments,
+    case_with_6_arguments,
+    select_function,
+)
 from tdint.kernels.stories.branches import enter
 
-_force = chosen("force", case_of_6)
+_force = select_function("force", case_with_6_arguments)
 
-strain_energy = chosen("strain_energy", case_of_3)
+strain_energy = select_function("strain_energy", case_with_3_arguments)
 """(law_parameters, law_state, i) -> energy stored in the committed state of the law, J."""
 
 
@@ -24,7 +30,7 @@ def _hysteretic_energy(law_parameters, law_state, i):
     return law_state[rows.DISSIPATED, i]
 
 
-hysteretic_energy = chosen("hysteretic_energy", case_of_3, _hysteretic_energy)
+hysteretic_energy = select_function("hysteretic_energy", case_with_3_arguments, _hysteretic_energy)
 """(law_parameters, law_state, i) -> energy dissipated by the law until the committed state, J."""
 
 
@@ -64,11 +70,13 @@ def _no_rows(law_parameters, law_state, i, previous, trial):
     pass
 
 
-accumulate_dissipation = chosen("accumulate_dissipation", case_of_5, _copy_dissipation)
+accumulate_dissipation = select_function(
+    "accumulate_dissipation", case_with_5_arguments, _copy_dissipation
+)
 """(law_parameters, law_state, i, previous, trial). Sets the dissipated energy of block `trial` to
 that of block `previous` plus the energy dissipated between the two states, J."""
 
-_keep = chosen("keep", case_of_5, _no_rows)
+_keep = select_function("keep", case_with_5_arguments, _no_rows)
 
 
 @inline
@@ -171,7 +179,7 @@ def resume(law_parameters, law_state, i):
     A step that does not follow branches must call this function before a step that follows
     branches. It has no effect for laws that store their branch in every state.
     """
-    if law_parameters[rows.CODE, i] not in KNOWING:
+    if law_parameters[rows.CODE, i] not in BRANCH_STORING_LAWS:
         enter(law_parameters, law_state, i)
 
 

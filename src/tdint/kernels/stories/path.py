@@ -25,8 +25,14 @@ import numpy as np
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import inline, outlined
 from tdint.kernels.laws.branch_following import copy_extra_rows
-from tdint.kernels.laws.choosing import CURVES, DISSIPATING, case_of_4, case_of_5, chosen
-from tdint.kernels.stepping import Integrals, Stretch
+from tdint.kernels.laws.selection import (
+    DISSIPATING_LAWS,
+    HAS_CURVED_LAW,
+    case_with_4_arguments,
+    case_with_5_arguments,
+    select_function,
+)
+from tdint.kernels.stepping import Integrals, PathSegment
 from tdint.kernels.stories.branches import advance, switch
 from tdint.kernels.stories.law_state import (
     accumulate_dissipation,
@@ -108,11 +114,11 @@ def _default_points(law_parameters, law_state, i, drift_change):
     return _DEFAULT_POINTS
 
 
-_points = chosen("points", case_of_4, _default_points)
+_points = select_function("points", case_with_4_arguments, _default_points)
 
 
 @inline
-def points_wanted(law_parameters, law_state, i, drift_change):
+def required_points(law_parameters, law_state, i, drift_change):
     """Return the number of Gauss points on a path with a drift change of `drift_change` (m).
 
     Parameters
@@ -145,11 +151,11 @@ def _smooth(law_parameters, law_state, i, block, side):
     return math.inf
 
 
-_kink = chosen("kink", case_of_5, _smooth)
+_kink = select_function("kink", case_with_5_arguments, _smooth)
 
 
 @inline
-def stays(law_state, i, rise, bend):
+def remains_on_branch(law_state, i, rise, bend):
     """Return True if story `i` remains on its current linear branch along the complete path.
 
     Parameters
@@ -188,7 +194,7 @@ def stays(law_state, i, rise, bend):
 
 
 @outlined
-def turns(rise, first, last, start):
+def locate_reversals(rise, first, last, start):
     """Locate the reversals of a story within a step from its drift rate.
 
     The rate is the cubic with the rates `first` and `last` of the state at both endpoints, the mean
@@ -258,10 +264,11 @@ def turns(rise, first, last, start):
 
 
 @inline
-def turns_surely(rise, first, last):
+def has_certain_reversal(rise, first, last):
     """Return True if a rate at an endpoint of the step is opposite to the change of drift.
 
-    The tolerance is the rounding error. `turns` then returns a reversal for any acceleration.
+    The tolerance is the rounding error. `locate_reversals` then returns a reversal for any
+    acceleration.
     """
     rounded = _RATE_ROUNDING * (abs(rise) + abs(last))
     return (rise * first < 0.0 and abs(first) > rounded) or (
@@ -301,7 +308,7 @@ def _find_zero(cubic, lower, upper, at_right):
 
 
 @inline
-def keep_to_branch(law_state, i, rise, bend, scratch, out):
+def integrate_on_branch(law_state, i, rise, bend, scratch, out):
     """Compute the results of a story that remains on its current linear branch.
 
     Parameters
@@ -330,7 +337,7 @@ def keep_to_branch(law_state, i, rise, bend, scratch, out):
 def follow(law_parameters, law_state, i, rise, bend, steady, scratch, out):
     """Compute the results of a story along its path.
 
-    `arrive` commits the state at the end of the path.
+    `commit_path_end` commits the state at the end of the path.
 
     Parameters
     ----------
@@ -349,27 +356,27 @@ def follow(law_parameters, law_state, i, rise, bend, steady, scratch, out):
     out : int
         First row of the results.
     """
-    complete = Stretch(law_state[rows.DRIFT, i], rise, bend, 0.0, 1.0)
+    complete = PathSegment(law_state[rows.DRIFT, i], rise, bend, 0.0, 1.0)
     results = Integrals(scratch, out)
     _clear(results, i)
-    if not CURVES or law_state[rows.SLOPE, i] < math.inf:
+    if not HAS_CURVED_LAW or law_state[rows.SLOPE, i] < math.inf:
         _over_branches(
             law_parameters,
             law_state,
             i,
             complete,
-            1.0 if steady else turning_point(complete),
+            1.0 if steady else time_of_extremum(complete),
             results,
         )
-    elif law_parameters[rows.CODE, i] in DISSIPATING:
+    elif law_parameters[rows.CODE, i] in DISSIPATING_LAWS:
         _with_memory(law_parameters, law_state, i, complete, results)
     else:
-        count = points_wanted(law_parameters, law_state, i, abs(rise) + 0.5 * abs(bend))
+        count = required_points(law_parameters, law_state, i, abs(rise) + 0.5 * abs(bend))
         _integrate(law_parameters, law_state, i, 0, True, count, complete, results)
 
 
 @outlined
-def arrive(law_parameters, law_state, i, rise):
+def commit_path_end(law_parameters, law_state, i, rise):
     """Commit the state at the end of the path of the last call of `follow`.
 
     Parameters
@@ -381,10 +388,10 @@ def arrive(law_parameters, law_state, i, rise):
     rise : float
         Change of drift along the path, m.
     """
-    if not CURVES or law_state[rows.SLOPE, i] < math.inf:
+    if not HAS_CURVED_LAW or law_state[rows.SLOPE, i] < math.inf:
         copy(law_state, i, rows.FIRST_TRIAL, 0)
         return
-    previous = rows.FIRST_TRIAL if law_parameters[rows.CODE, i] in DISSIPATING else 0
+    previous = rows.FIRST_TRIAL if law_parameters[rows.CODE, i] in DISSIPATING_LAWS else 0
     restoring_force_outlined(
         law_parameters, law_state, i, previous, rows.SECOND_TRIAL, law_state[rows.DRIFT, i] + rise
     )
@@ -393,15 +400,15 @@ def arrive(law_parameters, law_state, i, rise):
 
 
 @inline
-def drift_at(stretch, t):
+def drift_at(segment, t):
     """Return the drift at time t of the parabola, m."""
-    return stretch.start + t * (stretch.rise + 0.5 * stretch.bend * (t - 1.0))
+    return segment.start + t * (segment.rise + 0.5 * segment.bend * (t - 1.0))
 
 
 @inline
-def part_of(stretch, begin, end):
+def path_segment(segment, begin, end):
     """Return another part of the same parabola."""
-    return Stretch(stretch.start, stretch.rise, stretch.bend, begin, end)
+    return PathSegment(segment.start, segment.rise, segment.bend, begin, end)
 
 
 @inline
@@ -432,11 +439,11 @@ def copy(law_state, i, source, target):
 
 
 @inline
-def turning_point(stretch):
+def time_of_extremum(segment):
     """Return the time in (0, 1) at which the parabola has its extremum; 1 if there is none."""
-    if 2.0 * abs(stretch.rise) >= abs(stretch.bend):
+    if 2.0 * abs(segment.rise) >= abs(segment.bend):
         return 1.0
-    t = 0.5 - stretch.rise / stretch.bend
+    t = 0.5 - segment.rise / segment.bend
     return t if 0.0 < t < 1.0 else 1.0
 
 
@@ -503,27 +510,27 @@ def _join(results, i, turn, shift):
 
 
 @inline
-def time_to(limit, stretch, t_now, side):
+def time_to(limit, segment, t_now, side):
     """Return the time that the path needs from time `t_now` to the drift `limit`.
 
     Parameters
     ----------
     limit : float
         Drift, m.
-    stretch : Stretch
+    segment : PathSegment
         Path.
     t_now : float
         Time on the path.
     side : float
         Direction of the movement, 1 or -1.
     """
-    rate = side * (stretch.rise + stretch.bend * (t_now - 0.5))
-    lower = side * (limit - drift_at(stretch, t_now))
+    rate = side * (segment.rise + segment.bend * (t_now - 0.5))
+    lower = side * (limit - drift_at(segment, t_now))
     if not lower > 0.0:
         return 0.0
-    root = math.sqrt(max(rate * rate + 2.0 * side * stretch.bend * lower, 0.0))
-    if -rate > _OPPOSITE_RATE * root and side * stretch.bend > 0.0:
-        return (root - rate) / (side * stretch.bend)
+    root = math.sqrt(max(rate * rate + 2.0 * side * segment.bend * lower, 0.0))
+    if -rate > _OPPOSITE_RATE * root and side * segment.bend > 0.0:
+        return (root - rate) / (side * segment.bend)
     return 2.0 * lower / (max(rate, 0.0) + root) if max(rate, 0.0) + root > 0.0 else 1.0
 
 
@@ -545,22 +552,22 @@ def along_branches(add_part, note_end):
     """
 
     @outlined
-    def go(law_parameters, law_state, i, block, stretch, side, target, results):
+    def go(law_parameters, law_state, i, block, segment, side, target, results):
         if side == 0.0:
-            add_part(law_state, i, block, stretch, results)
+            add_part(law_state, i, block, segment, results)
             return
         if law_state[block + rows.RATE_SIGN, i] * side < 0.0:
             switch(law_parameters, law_state, i, block, rows.REVERSED)
-        t_now = stretch.begin
+        t_now = segment.begin
         for branch_count in range(_MAX_BRANCHES):
             limit = (
                 law_state[block + rows.UPPER, i] if side > 0.0 else law_state[block + rows.LOWER, i]
             )
             leaves_branch = side * (target - limit) > 0.0 and branch_count < _MAX_BRANCHES - 1
-            t_end = stretch.end
+            t_end = segment.end
             if leaves_branch:
-                t_end = min(t_now + time_to(limit, stretch, t_now, side), stretch.end)
-            add_part(law_state, i, block, part_of(stretch, t_now, t_end), results)
+                t_end = min(t_now + time_to(limit, segment, t_now, side), segment.end)
+            add_part(law_state, i, block, path_segment(segment, t_now, t_end), results)
             advance(law_parameters, law_state, i, block, limit if leaves_branch else target)
             if not leaves_branch:
                 break
@@ -572,7 +579,7 @@ def along_branches(add_part, note_end):
 
 
 @inline
-def _piece(law_state, i, block, stretch, results):
+def _piece(law_state, i, block, segment, results):
     """Add a part on one linear branch to the results, by two Gauss points.
 
     The rule is exact because the force times s is a cubic in t.
@@ -585,17 +592,17 @@ def _piece(law_state, i, block, stretch, results):
         Index of the story.
     block : int
         First row of the state.
-    stretch : Stretch
+    segment : PathSegment
         Part of the path.
     results : Integrals
         Rows of the results.
     """
-    length = stretch.end - stretch.begin
+    length = segment.end - segment.begin
     slope = law_state[block + rows.SLOPE, i]
     for point in range(2):
-        t = stretch.begin + length * NODES[2, point]
+        t = segment.begin + length * NODES[2, point]
         force = law_state[block + rows.FORCE, i] + slope * (
-            drift_at(stretch, t) - law_state[block + rows.DRIFT, i]
+            drift_at(segment, t) - law_state[block + rows.DRIFT, i]
         )
         _add(results, i, 0.5 * length, t, force, slope)
 
@@ -622,7 +629,7 @@ _go = along_branches(_piece, _ignore_end)
 
 
 @inline
-def _follow(law_parameters, law_state, i, block, stretch, results):
+def _follow(law_parameters, law_state, i, block, segment, results):
     """Integrate along a part of a path without reversal.
 
     Parameters
@@ -633,15 +640,15 @@ def _follow(law_parameters, law_state, i, block, stretch, results):
         Index of the story.
     block : int
         First row of the state.
-    stretch : Stretch
+    segment : PathSegment
         Part of the path.
     results : Integrals
         Rows of the results.
     """
-    target = drift_at(stretch, stretch.end)
-    drift_change = target - drift_at(stretch, stretch.begin)
+    target = drift_at(segment, segment.end)
+    drift_change = target - drift_at(segment, segment.begin)
     side = math.copysign(1.0, drift_change) if drift_change != 0.0 else 0.0
-    _go(law_parameters, law_state, i, block, stretch, side, target, results)
+    _go(law_parameters, law_state, i, block, segment, side, target, results)
 
 
 @outlined
@@ -654,7 +661,7 @@ def _over_branches(law_parameters, law_state, i, complete, turn, results):
         Parameters and states of the laws.
     i : int
         Index of the story.
-    complete : Stretch
+    complete : PathSegment
         Complete path.
     turn : float
         Time of the reversal; 1 for no reversal.
@@ -662,12 +669,14 @@ def _over_branches(law_parameters, law_state, i, complete, turn, results):
         Rows of the results.
     """
     copy(law_state, i, 0, rows.FIRST_TRIAL)
-    _follow(law_parameters, law_state, i, rows.FIRST_TRIAL, part_of(complete, 0.0, turn), results)
+    _follow(
+        law_parameters, law_state, i, rows.FIRST_TRIAL, path_segment(complete, 0.0, turn), results
+    )
     if turn == 1.0:
         return
     back = Integrals(results.table, results.first + _BACK)
     shifted = Integrals(results.table, results.first + _SHIFTED)
-    path_back = part_of(complete, turn, 1.0)
+    path_back = path_segment(complete, turn, 1.0)
     side = math.copysign(1.0, complete.bend)
     shift = 0.0
     if (
@@ -704,16 +713,16 @@ def in_two_parts(integrate):
     """
 
     @outlined
-    def go(law_parameters, law_state, i, previous, stretch, results):
-        t_now = drift_at(stretch, stretch.begin)
-        drift_change = drift_at(stretch, stretch.end) - t_now
+    def go(law_parameters, law_state, i, previous, segment, results):
+        t_now = drift_at(segment, segment.begin)
+        drift_change = drift_at(segment, segment.end) - t_now
         side = math.copysign(1.0, drift_change)
         drift_change = abs(drift_change)
-        begin = stretch.begin
+        begin = segment.begin
         ahead = _kink(law_parameters, law_state, i, previous, side)
         if ahead < drift_change:
-            count = points_wanted(law_parameters, law_state, i, ahead)
-            t_end = min(begin + time_to(t_now + side * ahead, stretch, begin, side), stretch.end)
+            count = required_points(law_parameters, law_state, i, ahead)
+            t_end = min(begin + time_to(t_now + side * ahead, segment, begin, side), segment.end)
             previous = integrate(
                 law_parameters,
                 law_state,
@@ -721,12 +730,12 @@ def in_two_parts(integrate):
                 previous,
                 False,
                 count,
-                part_of(stretch, begin, t_end),
+                path_segment(segment, begin, t_end),
                 results,
             )
             begin = t_end
             drift_change -= ahead
-        count = points_wanted(law_parameters, law_state, i, drift_change)
+        count = required_points(law_parameters, law_state, i, drift_change)
         return integrate(
             law_parameters,
             law_state,
@@ -734,7 +743,7 @@ def in_two_parts(integrate):
             previous,
             False,
             count,
-            part_of(stretch, begin, stretch.end),
+            path_segment(segment, begin, segment.end),
             results,
         )
 
@@ -742,7 +751,7 @@ def in_two_parts(integrate):
 
 
 @outlined
-def _integrate(law_parameters, law_state, i, previous, elastic, count, stretch, results):
+def _integrate(law_parameters, law_state, i, previous, elastic, count, segment, results):
     """Add a part of a path to the results, by at least `count` Gauss points.
 
     Parameters
@@ -757,7 +766,7 @@ def _integrate(law_parameters, law_state, i, previous, elastic, count, stretch, 
         True for an elastic law. Other laws advance from each Gauss point to the next.
     count : float
         Minimum number of Gauss points.
-    stretch : Stretch
+    segment : PathSegment
         Part of the path.
     results : Integrals
         Rows of the results.
@@ -770,17 +779,17 @@ def _integrate(law_parameters, law_state, i, previous, elastic, count, stretch, 
     scratch, out = results
     parts = math.ceil(count / MAX_POINTS)
     points = math.ceil(count / parts)
-    length = (stretch.end - stretch.begin) / parts
+    length = (segment.end - segment.begin) / parts
     mean = moment = 0.0
     mean_by_rise = mean_by_bend = moment_by_rise = moment_by_bend = 0.0
     trial = rows.FIRST_TRIAL
     for part in range(parts):
         for point in range(points):
-            t = stretch.begin + length * (part + NODES[points, point])
+            t = segment.begin + length * (part + NODES[points, point])
             if not elastic:
                 trial = rows.FIRST_TRIAL if previous != rows.FIRST_TRIAL else rows.SECOND_TRIAL
             tangent = restoring_force(
-                law_parameters, law_state, i, previous, trial, drift_at(stretch, t)
+                law_parameters, law_state, i, previous, trial, drift_at(segment, t)
             )
             if not elastic:
                 accumulate_dissipation(law_parameters, law_state, i, previous, trial)
@@ -821,17 +830,17 @@ def _with_memory(law_parameters, law_state, i, complete, results):
         Parameters and states of the laws.
     i : int
         Index of the story.
-    complete : Stretch
+    complete : PathSegment
         Complete path.
     results : Integrals
         Rows of the results.
     """
-    turn = turning_point(complete)
-    previous = _pass(law_parameters, law_state, i, 0, part_of(complete, 0.0, turn), results)
+    turn = time_of_extremum(complete)
+    previous = _pass(law_parameters, law_state, i, 0, path_segment(complete, 0.0, turn), results)
     if turn < 1.0:
         back = Integrals(results.table, results.first + _BACK)
         shifted = Integrals(results.table, results.first + _SHIFTED)
-        path_back = part_of(complete, turn, 1.0)
+        path_back = path_segment(complete, turn, 1.0)
         drift = drift_at(complete, turn)
         restoring_force_outlined(law_parameters, law_state, i, previous, rows.THIRD_TRIAL, drift)
         accumulate_dissipation(law_parameters, law_state, i, previous, rows.THIRD_TRIAL)

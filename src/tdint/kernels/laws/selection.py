@@ -1,6 +1,6 @@
 """Compiled functions that select the drift law of a story by its number.
 
-`chosen` builds a chain of conditions that calls the function of the law of each story. The
+`select_function` builds a chain of conditions that calls the function of the law of each story. The
 constants of this module state which features the laws of the compiled variant have; the compiler
 omits code for other features.
 """
@@ -14,14 +14,14 @@ from typing import Any
 from tdint.kernels import layout as rows
 from tdint.kernels.compiling import COMPILES, VARIANT, inline, specialized
 from tdint.kernels.laws import LAWS
-from tdint.kernels.laws.compiled_separately import CALLING
+from tdint.kernels.laws.compiled_separately import SEPARATE_LAW_FUNCTIONS
 from tdint.kernels.laws.law import DriftLaw, LawFunctions
 
 
 @cache
 def _functions(law: DriftLaw) -> LawFunctions:
     """Return the functions of a law; of a separately compiled law, the functions that call it."""
-    return CALLING if law.apart else law.functions()
+    return SEPARATE_LAW_FUNCTIONS if law.compiled_separately else law.functions()
 
 
 class _Codes:
@@ -53,19 +53,19 @@ _NAMED = {name.partition("@")[0] for name in VARIANT.laws}
 COMPILED = tuple(code for code, law in enumerate(LAWS) if not _NAMED or law.name in _NAMED)
 """Numbers of the laws for which the kernels are compiled."""
 
-CURVED = _codes(lambda law: law.curved)
+CURVED_LAWS = _codes(lambda law: law.curved)
 
-CURVES = any(LAWS[code].curved for code in COMPILED)
+HAS_CURVED_LAW = any(LAWS[code].curved for code in COMPILED)
 """True if a law of the variant is curved."""
 
-CURVING = VARIANT.dashpots or CURVES
+HAS_CURVED_FORCE = VARIANT.dashpots or HAS_CURVED_LAW
 """True if a story can have a force that is not piecewise linear: a curved law or a power-law
 dashpot."""
 
-BENDING = CURVING or any(LAWS[code].kinked for code in COMPILED)
+HAS_NONLINEAR_FORCE = HAS_CURVED_FORCE or any(LAWS[code].kinked for code in COMPILED)
 """True if a story can have a force that is not linear in its motion."""
 
-ANY_APART = any(LAWS[code].apart for code in COMPILED)
+HAS_SEPARATE_LAW = any(LAWS[code].compiled_separately for code in COMPILED)
 """True if a law of the variant is compiled separately. The stiffness of its branches can depend on
 the response history."""
 
@@ -75,17 +75,19 @@ the response history."""
 _FREQUENT = 2
 """Number of laws that are inlined: linear and bilinear."""
 
-_APART = -1
+_SEPARATE = -1
 """Number that represents all separately compiled laws in the order of selection."""
 
 # Numbers of the laws that store their branch in every state.
-KNOWING = _codes(lambda law: _functions(law).keep is not None)
+BRANCH_STORING_LAWS = _codes(lambda law: _functions(law).keep is not None)
 
 # Numbers of the laws that accumulate their dissipated energy.
-DISSIPATING = _codes(lambda law: _functions(law).accumulate_dissipation is not None)
+DISSIPATING_LAWS = _codes(lambda law: _functions(law).accumulate_dissipation is not None)
 
 
-def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any = None) -> Any:
+def select_function(
+    hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any = None
+) -> Any:
     """Return the compiled function that calls the function `hook` of the law of a story.
 
     The call is omitted for a frequent law and for a separately compiled law without this function.
@@ -96,7 +98,7 @@ def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any 
         Name of an attribute of `LawFunctions`.
     case : callable
         Function that combines the function of one law with the function of the remaining laws:
-        `case_of_3` to `case_of_6`, by the number of arguments.
+        `case_with_3_arguments` to `case_with_6_arguments`, by the number of arguments.
     otherwise : function, optional
         Function for laws whose attribute is None.
 
@@ -111,7 +113,10 @@ def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any 
         )(law_parameters, law_state, i, *more)
     order = _selection_order()
     candidates = [
-        (code, getattr(CALLING if code == _APART else _functions(LAWS[code]), hook))
+        (
+            code,
+            getattr(SEPARATE_LAW_FUNCTIONS if code == _SEPARATE else _functions(LAWS[code]), hook),
+        )
         for code in order
     ]
     implementations = [
@@ -138,12 +143,12 @@ def chosen(hook: str, case: Callable[[Any, int, Any, Any], Any], otherwise: Any 
 
 
 def _selection_order() -> list[int]:
-    """Return the numbers of the compiled laws in the order of the tests, with `_APART` after the
+    """Return the numbers of the compiled laws in the order of the tests, with `_SEPARATE` after the
     frequent laws."""
-    apart = [_APART] if ANY_APART else []
-    remaining = [code for code in COMPILED if not LAWS[code].apart]
+    separate = [_SEPARATE] if HAS_SEPARATE_LAW else []
+    remaining = [code for code in COMPILED if not LAWS[code].compiled_separately]
     frequent = [code for code in remaining if code < _FREQUENT]
-    return [*frequent, *apart, *remaining[len(frequent) :]]
+    return [*frequent, *separate, *remaining[len(frequent) :]]
 
 
 @inline
@@ -154,8 +159,8 @@ def _is_separate(law_parameters, law_state, i):
 
 def _test(code: int) -> Any:
     """Return a function (law_parameters, law_state, i) that returns True if the story has the law
-    `code`, or a separately compiled law for `_APART`."""
-    if code == _APART:
+    `code`, or a separately compiled law for `_SEPARATE`."""
+    if code == _SEPARATE:
         return _is_separate
 
     @inline
@@ -165,7 +170,7 @@ def _test(code: int) -> Any:
     return has
 
 
-def case_of_3(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
+def case_with_3_arguments(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
     """Return a function that calls `implementation` if `has` returns True, and otherwise `other`.
 
     Parameters
@@ -187,8 +192,8 @@ def case_of_3(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
     return choose
 
 
-def case_of_4(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
-    """Return the function of `case_of_3` for functions of four arguments."""
+def case_with_4_arguments(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
+    """Return the function of `case_with_3_arguments` for functions of four arguments."""
 
     @decorate
     def choose(law_parameters, law_state, i, more):
@@ -199,8 +204,8 @@ def case_of_4(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
     return choose
 
 
-def case_of_5(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
-    """Return the function of `case_of_3` for functions of five arguments."""
+def case_with_5_arguments(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
+    """Return the function of `case_with_3_arguments` for functions of five arguments."""
 
     @decorate
     def choose(law_parameters, law_state, i, block, more):
@@ -211,8 +216,8 @@ def case_of_5(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
     return choose
 
 
-def case_of_6(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
-    """Return the function of `case_of_3` for functions of six arguments."""
+def case_with_6_arguments(decorate: Any, has: Any, implementation: Any, other: Any) -> Any:
+    """Return the function of `case_with_3_arguments` for functions of six arguments."""
 
     @decorate
     def choose(law_parameters, law_state, i, block, more, last):
