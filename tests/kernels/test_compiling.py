@@ -81,9 +81,7 @@ def test_a_kernel_is_compiled_once_and_then_loaded_without_the_compiler(small):
     said = [printed(process).splitlines() for process in running]
     assert all(lines[-3:] == ["24.0", "24.0", "False"] for lines in said)
     (told,) = (line for lines in said for line in lines if line.startswith("compiling"))
-    assert told.startswith(
-        "compiling 1 time loop for this machine, once, about 5 s: small (kept in "
-    )
+    assert told.startswith("compiling 1 time loop for this machine (about 5 s): small; stored in ")
     (file,) = (small / "cache").rglob("*.object")
     whole = file.read_bytes()
     code, about = unpack(whole)
@@ -131,7 +129,7 @@ def test_what_cannot_be_kept_costs_only_time_and_what_is_cut_off_is_compiled_ane
     monkeypatch.setattr("tdint.kernels.building.process.run_all", run_all)
     caplog.set_level("INFO", "tdint")
     (cache / "file").write_text("")
-    for place, said in ((cache / "file", "not kept: "), (cache / "folder", "kept in ")):
+    for place, said in ((cache / "file", "not stored: "), (cache / "folder", "; stored in ")):
         monkeypatch.setenv("TDINT_CACHE_DIR", str(place))
         assert computed() == 24.0
         assert said in caplog.messages[-1]
@@ -159,8 +157,8 @@ def test_where_no_more_can_be_written_the_kernel_runs_from_memory(cache, monkeyp
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     first, second = caplog.messages
-    assert "(kept in " in first
-    assert second.endswith("cannot be written: what was compiled serves this run only")
+    assert "; stored in " in first
+    assert second.endswith("is not writable: the compiled time loops are only used in this run")
     assert not list(cache.rglob("*.object")) + list(cache.rglob("*.part"))
 
 

@@ -154,7 +154,7 @@ def test_where_no_process_can_be_started_the_run_goes_on(of_user, monkeypatch, c
     monkeypatch.setattr(load_or_compile, "start_apart", refused)
     assert begun()
     assert "no process can be started" in caplog.text
-    assert "beside it" not in caplog.text
+    assert "in the background" not in caplog.text
 
 
 @pytest.mark.slow

@@ -65,24 +65,24 @@ _MATH = {
     ),
     *("sincos", "sinh", "sqrt", "tan", "tanh", "trunc", "memcpy", "memmove", "memset"),
 }
-"""What an object may leave to the C library."""
+"""Functions of the C library that an object file may call."""
 
 _OF_NUMBAS_MACHINE = re.compile(r"^target (datalayout|triple) = .*\n", re.MULTILINE)
 
 _OF_PYTHON = re.compile(r"^@(_ZN08NumbaEnv|\.const\.pickle).*\n", re.MULTILINE)
-"""Python's objects: pointers that nothing refers to, and exceptions, pickled with the file that
-raises them."""
+"""Python objects in the text of a module: pointers without references, and pickled exceptions with
+the file that raises them."""
 
 _EXCEPTION = re.compile(r"@\.const\.picklebuf\.\w+")
-"""What is handed to the caller beside the code that tells of an exception."""
+"""Exception that the calling convention passes to the caller in addition to the error code."""
 
 _DEFINED = re.compile(r'^(?:define [^@]*)?@"?((?<=")[^"]+|[\w.$-]+)"?(?= =|\()', re.MULTILINE)
 _SYMBOL = re.compile(r'([@$])"?((?<=")[^"]+|[\w.$-]+)"?')
 
 
 def _constant_of_module(context: Any, module: Any, name: str) -> Any:
-    """The type of `module.name`: one of its own for each number, as of one imported by name
-    (`specialized`)."""
+    """Return the type of `module.name`: a separate type for each number, as for a constant that is
+    imported by name (`specialized`)."""
     value = getattr(module.pymod, name)
     return maybe_literal(value) or context.resolve_value_type(value)
 
@@ -107,9 +107,9 @@ _PROBE = "\n".join(
         *("2:", "subq %rax, %rcx", "testq %rcx, (%rcx)", "popq %rax", "popq %rcx", "retq"),
     )
 )
-"""What Windows' compilers call before an array goes onto the stack: each page is touched, in order,
-for the system adds them one by one. `rax` has the size, and no register changes. It is in no
-library that a process is sure to have."""
+"""Function that compilers on Windows call before an array is placed on the stack. It accesses each
+page in order, because the system allocates the pages in order. `rax` contains the size, and no
+register is changed. The function is not part of a library that is loaded in every process."""
 
 
 def inline(function: Callable[..., Any]) -> Any:

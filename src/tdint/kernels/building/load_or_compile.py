@@ -171,12 +171,12 @@ def _compile(
             f"TDINT_COMPILE=never, and not compiled yet: {names}; `tdint compile MODEL.yaml` does "
             "it"
         )
-    destination = f"kept in {folder}" if folder else "not kept: no folder to write to"
+    destination = f"stored in {folder}" if folder else "not stored: no writable directory"
     count = len(missing)
     loops = "loop" if count == 1 else "loops"
     names = ", ".join(dict.fromkeys(map(_label, missing)))
     LOG.info(
-        "compiling %d time %s for this machine, once, about %d s: %s (%s)",
+        "compiling %d time %s for this machine (about %d s): %s; %s",
         count,
         loops,
         duration(missing),
@@ -192,7 +192,9 @@ def _compile(
             store.save(data, kernel.name, variant.text, compilation.targets[NATIVE]) is None
             and folder
         ):
-            LOG.info("%s cannot be written: what was compiled serves this run only", folder)
+            LOG.info(
+                "%s is not writable: the compiled time loops are only used in this run", folder
+            )
         if not _load(kernel, variant, code, about["symbol"]):
             raise RuntimeError(f"{kernel.name}: the object cannot be loaded")
 
@@ -323,9 +325,9 @@ def interpret_while_compiling(
                 f"; no process can be started that compiles them ({error.strerror or error})"
             )
         else:
-            background = ", and they are compiled beside it for the next ones"
-            background += " (TDINT_COMPILE=wait compiles first)"
-    LOG.info("no compiled time loops for this run yet: it goes as they are written%s", background)
+            background = ", and the time loops are compiled in the background for the next runs"
+            background += " (TDINT_COMPILE=wait compiles them first)"
+    LOG.info("first run: uncompiled time loops are used%s", background)
     return True
 
 
@@ -465,7 +467,7 @@ def compile_ahead(
         except OSError as error:
             raise OutputError(f"{folder}: cannot be written: {error.strerror or error}") from error
         if path is None:
-            raise OutputError("no folder for compiled kernels can be written; give -o DIR")
+            raise OutputError("no writable directory for compiled kernels; specify one with -o DIR")
         written.append(path)
         progress(len(written) / len(requested))
     return written

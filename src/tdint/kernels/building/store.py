@@ -125,7 +125,8 @@ def _search_path(platform: str) -> Iterator[tuple[Path, bool]]:
     if shared := os.environ.get("TDINT_KERNELS_DIR"):
         if not Path(shared).is_dir():
             raise UsageError(
-                f"TDINT_KERNELS_DIR={shared}: there is no such folder; `tdint compile -o` makes it"
+                f"TDINT_KERNELS_DIR={shared}: directory not found; create it with "
+                "`tdint compile -o`"
             )
         yield Path(shared) / folder_name(platform), False
     if root := cache_home():

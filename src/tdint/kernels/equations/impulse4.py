@@ -352,19 +352,19 @@ def _add_modal_acceleration(linear_terms, modal, scratch, n):
 
 @outlined
 def newton(frozen, has_guess, coefficients, scene, h, memory, factors):
-    """Find the motion over a step by Newton's method for all stories together.
+    """Compute the response over a step by Newton's method for all stories together.
 
     The unknowns are u1 - u0 and v1 - v0 of each floor; a1 is eliminated by equilibrium. If the
     iteration cycles, corrections are halved until they reduce the residuals.
 
-    The residuals must fall below a small part of what the steps of the run err by. Both are of
-    order 4 in the time step, so the order of the method remains 4, and coarse steps need fewer
-    iterations.
+    The tolerance of the residuals is a small fraction of the error of the steps of the run. Both
+    are of order 4 in the time step. The order of the method therefore remains 4, and coarse steps
+    need fewer iterations.
 
     Parameters
     ----------
     frozen : bool
-        True if stories that are linear on their branches stay on them.
+        True if stories with a linear branch remain on this branch.
     has_guess : bool
         True if the rows DU and DV contain the first estimate; otherwise it is the motion with
         constant acceleration.

@@ -25,10 +25,9 @@ def _functions(law: DriftLaw) -> LawFunctions:
 
 
 class _Codes:
-    """Set of the numbers of laws with a property, if kernels run as Python.
+    """Numbers of the laws with a property, if kernels run as Python functions.
 
-    The property is evaluated on each test, because plug-ins register laws after the import of this
-    module.
+    The property is evaluated on each test, because plug-ins can register laws later.
     """
 
     def __init__(self, has: Callable[[DriftLaw], bool]) -> None:
