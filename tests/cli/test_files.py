@@ -535,7 +535,7 @@ def test_a_run_removes_what_an_earlier_one_wrote_and_nothing_else(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--plot=x.jpg",), "a picture is written as .png, .pdf or .svg"),
+        (("--plot=x.jpg",), "a figure must be written as .png, .pdf or .svg"),
         (("--plot", "mine.png"), "mine.png: exists already"),
         (("--report", "mine.html"), "mine.html: exists already"),
         (("--report", "many/no/r.html"), "many is a file, not a folder"),

@@ -183,9 +183,9 @@ def test_a_picture_lies_beside_the_output_or_where_it_is_named(folder, tdint):
         (
             ["spectrum", "other.mseed", "--plot", "x.jpg"],
             2,
-            "a picture is written as .png, .pdf or .svg, not .jpg",
+            "a figure must be written as .png, .pdf or .svg, got .jpg",
         ),
-        (["run", "forced.yaml", "--plot=x"], 2, "a picture is written as .png, .pdf or .svg"),
+        (["run", "forced.yaml", "--plot=x"], 2, "a figure must be written as .png, .pdf or .svg"),
         (["info", "other.mseed", "--plot", "-o", "x.png"], 6, "two outputs would have this name"),
     ],
 )

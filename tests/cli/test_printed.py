@@ -58,16 +58,22 @@ def test_words_are_those_of_the_paper(here, tdint, drawn):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("90", "--style '90': no such word; the words are width, font, title, label:NAME, file"),
-        ("width=90", "--style width '90': write a length from 30 to 600 mm"),
-        ("9m", "--style width '9m': write a length from 30 to 600 mm"),
-        ("widht=90mm", "--style 'widht=90mm': no such word; did you mean 'width'?"),
-        ("title=maybe", "--style 'title=maybe': title is yes or no"),
-        ("font=", "--style 'font=': font has no value"),
+        ("90", "--style '90': unknown key; the keys are width, font, title, label:NAME, file"),
+        (
+            "width=90",
+            "--style: width must be a length from 30 to 600 mm, such as 90mm or 3.5in, got '90'",
+        ),
+        (
+            "9m",
+            "--style: width must be a length from 30 to 600 mm, such as 90mm or 3.5in, got '9m'",
+        ),
+        ("widht=90mm", "--style 'widht=90mm': unknown key; did you mean 'width'?"),
+        ("title=maybe", "--style 'title=maybe': title must be yes or no"),
+        ("font=", "--style 'font=': font requires a value"),
         ("font='Times", "write a width (90mm), a style sheet (paper.mplstyle) or KEY=VALUE,..."),
         ("font=No Such Font", "font 'No Such Font': this machine has no such font"),
         ("label:impulse4", "--style 'label:impulse4': write label:NAME=TEXT"),
-        ("label:nothing=x", "label 'nothing': nothing in the picture is called so"),
+        ("label:nothing=x", "label 'nothing': the figure contains no label with this name"),
         ("none.mplstyle", "style sheet none.mplstyle: "),
     ],
 )
@@ -89,7 +95,7 @@ def test_panels_without_room_are_refused(folder, tdint):
         "--style",
         "30mm",
     )
-    assert "the panels of this picture find no room at 30 mm" in tdint(*words, code=2).stderr
+    assert "do not fit into a width of 30 mm" in tdint(*words, code=2).stderr
     assert not list((folder / "out").glob("*.png"))
 
 
@@ -131,7 +137,7 @@ def test_a_campaign_keeps_the_looks_of_its_file(folder, tdint, monkeypatch):
 @pytest.mark.parametrize(
     ("style", "message"),
     [
-        ("widht=90mm", "study.yaml: style: 'widht=90mm': no such word; did you mean 'width'?"),
+        ("widht=90mm", "study.yaml: style: 'widht=90mm': unknown key; did you mean 'width'?"),
         ("none.mplstyle", "study.yaml: style sheet "),
         ("font=No Such Font", "study.yaml: font 'No Such Font': this machine has no such font"),
     ],

@@ -133,8 +133,8 @@ def test_a_function_for_each_type_of_buildings():
     [
         (OFFICE, ("one",), "4 thresholds"),
         (OFFICE, ("a", "b", "c", "d e"), "a word each"),
-        ([function(0.1, 1.0, im="sa(T1)")], (), "OpenQuake knows"),
-        ([function(0.1, 1.0, unit="")], (), "OpenQuake knows"),
+        ([function(0.1, 1.0, im="sa(T1)")], (), "for OpenQuake; got"),
+        ([function(0.1, 1.0, unit="")], (), "for OpenQuake; got"),
     ],
 )
 def test_refusals(functions, states, text):

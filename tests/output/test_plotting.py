@@ -83,7 +83,7 @@ def test_the_main_panel_goes_onto_axes(results):
     for name, result in results.items():
         axes = Figure().subplots()
         if name not in ON_AXES:
-            with pytest.raises(UsageError, match="no single panel"):
+            with pytest.raises(UsageError, match="no main panel"):
                 tdint.plot(result, ax=axes)
             continue
         assert tdint.plot(result, axes) is axes
@@ -320,7 +320,7 @@ def test_looks_are_said_as_on_the_command_line(results, tmp_path):
         assert 4.5 in [line.get_linewidth() for line in figure.axes[0].lines]
         assert figure.get_figwidth() == pytest.approx(90 / 25.4)
     with pytest.raises(
-        UsageError, match="plot: style 'widht=90mm': no such word; did you mean 'width'"
+        UsageError, match="plot: style 'widht=90mm': unknown key; did you mean 'width'"
     ):
         tdint.plot(results["stability"], style="widht=90mm")
     with pytest.raises(UsageError, match=r"style sheet none\.mplstyle: "):

@@ -1,1 +1,1 @@
-"""What is written: tables as CSV, summaries as JSON, figures."""
+"""Output of results: tables as CSV, summaries as JSON, figures and reports."""

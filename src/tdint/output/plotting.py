@@ -1,4 +1,4 @@
-"""Pictures from Python: the figure of any result, or its main panel on axes of the caller."""
+"""Figures from Python: a figure of any result, or its main panel on existing axes."""
 
 from __future__ import annotations
 
@@ -25,14 +25,22 @@ if TYPE_CHECKING:
 
 _Shown = Sequence[Any]
 _PERIODS = (0.04, 4.0, 100)
-"""Of the spectra beside recordings, s."""
+"""Range (s) and number of periods of spectra in comparisons with recordings."""
 
 
 @dataclass(frozen=True)
 class _Look:
-    """How results of a kind are drawn: as a picture, and on axes where one panel says what they
-    are; `alone`: a picture shows one of them, which is then what these functions take in place of
-    all."""
+    """Functions that draw results of a type.
+
+    Attributes
+    ----------
+    picture : callable
+        Draws a figure.
+    on_axes : callable or None
+        Draws the main panel on axes; None for results without a main panel.
+    alone : bool
+        True if a figure shows only one result, which the functions accept instead of a sequence.
+    """
 
     picture: Callable[[Any, OutputUnits], Figure]
     on_axes: Callable[[Any, Any, OutputUnits], None] | None = None
@@ -70,45 +78,44 @@ def plot(
     label: Mapping[str, str] | None = None,
     style: str | Path | None = None,
 ) -> Figure | Axes:
-    """Draw a result, or several of one kind in one picture.
+    """Draw a result, or several results of one type in one figure.
 
     Parameters
     ----------
     result : object
-        What `run`, `spectrum`, `stability`, `ida`, `fragility`, ... give; a record; or a sequence
-        of those that share a picture: spectra, curves of methods.
+        Result of `run`, `spectrum`, `stability`, `ida`, `fragility` or another function; a record;
+        or a sequence of results that can share a figure, such as spectra or curves of methods.
     ax : matplotlib.axes.Axes, optional
-        Draw the main panel alone on these axes: pseudo-accelerations of spectra, peak drifts of a
-        run, the spectral radius of methods, ...
+        Axes on which only the main panel is drawn: pseudo-accelerations of spectra, peak drifts of
+        a run, the spectral radius of methods, ...
     units : str
-        Units in place of SI, such as `kip,in,g`.
+        Units instead of SI, such as `kip,in,g`.
     file : str or Path, optional
-        Also write the figure: .png, .pdf (with TrueType letters) or .svg.
+        File to which the figure is also written: .png, .pdf (with TrueType fonts) or .svg.
     width : float or str, optional
-        Of print, m, or with its unit, `90mm`: letters have 6 to 8 points then, symbols are those of
-        the field.
+        Printed width in m, or with its unit (`90mm`). Font sizes are 6 to 8 pt and mathematical
+        symbols are used.
     font : str, optional
-        Name of a font of this machine.
+        Name of an installed font.
     title : bool
-        Whether the figure has a title; papers have captions.
+        True for a figure with a title, the default; figures of papers have captions instead.
     label : mapping of str to str, optional
-        Words in the picture and what shall stand for them: `{"moment4": "present method"}`.
+        Replacements of labels in the figure: `{"moment4": "present method"}`.
     style : str or Path, optional
-        A style sheet of matplotlib, or all looks as `--style` has them: `"90mm,title=no"`.
+        A matplotlib style sheet, or all settings as for `--style`: `"90mm,title=no"`.
 
     Returns
     -------
     matplotlib.figure.Figure or matplotlib.axes.Axes
-        The figure, of this call alone: a notebook shows it, pyplot does not know it; or the axes
-        given.
+        The figure, which notebooks show and pyplot does not manage; or the given axes.
 
     Raises
     ------
     UsageError
-        The result has no picture, or no main panel; a unit, font or style sheet is unknown; panels
-        find no room.
+        The result has no figure or no main panel, a unit, font or style sheet is unknown, or the
+        width is too small for the panels.
     OutputError
-        The file is of another kind, or cannot be written.
+        The file format is unknown, or the file cannot be written.
     """
     several = list(result) if isinstance(result, list | tuple | ResultList) else [result]
     kind = _kind_of(several)
@@ -122,23 +129,22 @@ def plot(
     )
     printed = PrintedAs(wide, font, title, tuple((label or {}).items())).over(written)
     if ax is not None:
-        # Axes of others: their figure decides on all but the lines.
+        # The figure of existing axes determines all settings except line styles.
         if file is not None or printed != PrintedAs():
             raise UsageError(
-                "on axes that are there, size, letters and file are those of their figure"
+                "width, font, title, label, style and file cannot be used with ax; set them for its "
+                "figure"
             )
         if kind.on_axes is None:
-            raise UsageError(
-                f"a {type(several[0]).__name__} has no single panel: plot it without axes"
-            )
+            raise UsageError(f"a {type(several[0]).__name__} has no main panel; plot it without ax")
         with style_context():
             kind.on_axes(ax, shown, output_units.in_pictures)
         return ax
-    # What draws asks for the looks where it stands, deep inside; they hold for this call alone.
+    # Drawing functions read the settings from a context variable, which is valid for this call.
     before = PRINTED.set(printed)
     try:
         path = Path(file) if file is not None else None
-        # Drawn once, for the file as for the notebook.
+        # The figure is drawn once, for the file and for the notebook.
         made = picture(path.suffix if path else ".png", lambda: kind.picture(shown, output_units))
         figure = made.figure()
         if path is not None:
@@ -149,20 +155,18 @@ def plot(
 
 
 def _kind_of(results: _Shown) -> _Look:
-    # A picture of several shows one kind, side by side or in one panel.
+    # All results of a figure must have the same type.
     kinds = {type(result) for result in results}
     looks = _LOOKS.get(next(iter(kinds)).__name__) if len(kinds) == 1 else None
     if looks and (len(results) == 1 or not looks.alone):
         return looks
-    kinds_named = " and ".join(sorted(result.__name__ for result in kinds)) or "nothing"
-    raise UsageError(
-        f"{'several of ' * (len(results) > 1)}{kinds_named}: there is no picture of it"
-    )
+    names = " and ".join(sorted(result.__name__ for result in kinds)) or "an empty sequence"
+    raise UsageError(f"{'several of ' * (len(results) > 1)}{names}: no figure is available")
 
 
 def _compared(results: _Shown, units: OutputUnits) -> Figure:
     least, most, count = _PERIODS
-    # Below two sampling intervals a spectrum shows how samples are joined.
+    # Below two sampling intervals, a spectrum depends on the interpolation between samples.
     periods = np.geomspace(max(least, 2.0 * results[0].event.base.dt), most, count)
     return comparison.comparison_picture(results, periods, SA_DAMPING, units)
 
@@ -178,7 +182,7 @@ _INFO = _Look(
 _LOOKS: dict[str, _Look] = {
     "Chart": _Look(
         lambda result, _: assessment.chart_picture(
-            result, name="Time against accuracy", target="peak-drift"
+            result, name="Work-precision diagram", target="peak-drift"
         ),
         alone=True,
     ),
@@ -234,4 +238,4 @@ _LOOKS: dict[str, _Look] = {
     "TargetDisplacement": _Look(comparison.target_picture),
     "Trial": _Look(lambda results, _: assessment.failure_picture(results)),
 }
-"""By the names of the results' classes, whose modules are not loaded for it."""
+"""Drawing functions by class name of the results, so that their modules need not be imported."""

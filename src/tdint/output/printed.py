@@ -1,5 +1,5 @@
-"""How pictures are drawn for print: a column's width, a journal's font, the words of the paper. No
-matplotlib here."""
+"""Settings of figures for print: width, font, title and labels. This module does not need
+matplotlib."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from tdint.errors import UsageError, did_you_mean
 from tdint.units import LENGTH
 
 NARROWEST, WIDEST = 0.03, 0.6
-"""Widths of a figure, m: no panel has room on less than a narrow column, no journal's page is
-wider."""
+"""Minimum and maximum width of a figure, m: panels need a narrow column, and no journal page is
+wider than the maximum."""
 
 
 @dataclass(frozen=True)
 class PrintedAs:
-    """What is asked of a picture beside what it shows.
+    """Settings of a figure for print.
 
     Attributes
     ----------
     width : float or None
-        Width of the figure, m; letters have 6 to 8 points then, and lines are thinner.
+        Width of the figure, m; with a width, font sizes are 6 to 8 pt and lines are thinner.
     font : str or None
-        Name of a font of this machine.
+        Name of an installed font.
     title : bool
-        Whether it has a title; papers have captions.
+        True if the figure has a title; figures of papers have captions instead.
     labels : tuple of (str, str)
-        What stands in the picture, and what shall: `trio` and `present method`.
+        Labels and their replacements: `trio` and `present method`.
     style : str or None
-        A style sheet of matplotlib, which has the last word on sizes, lines and colors.
+        A matplotlib style sheet, which overrides sizes, lines and colors.
     """
 
     width: float | None = None
@@ -40,7 +40,7 @@ class PrintedAs:
     style: str | None = None
 
     def over(self, other: PrintedAs) -> PrintedAs:
-        """The same, and where nothing is asked for what the other one asks."""
+        """Return these settings, with settings of `other` for those that are not set."""
         return PrintedAs(
             self.width or other.width,
             self.font or other.font,
@@ -53,11 +53,10 @@ class PrintedAs:
 ON_SCREEN = PrintedAs()
 
 PRINTED: ContextVar[PrintedAs] = ContextVar("printed", default=ON_SCREEN)
-"""What is asked for in the command that runs."""
+"""Settings of the running command."""
 
 TRUSTED: ContextVar[bool] = ContextVar("trusted", default=True)
-"""Whether a style sheet may have programs started: not one that came with a file of somebody
-else."""
+"""True if a style sheet may start programs; false for style sheets named in a foreign file."""
 
 _PART = re.compile(r"""(?:'[^']*'|"[^"]*"|[^,'"])+""")
 _QUOTED = re.compile(r"""'([^']*)'|"([^"]*)\"""")
@@ -66,25 +65,27 @@ _WORDS = ("width", "font", "title", "label:NAME", "file")
 
 
 def parse_style(text: str, of: str = "--style", before: PrintedAs = ON_SCREEN) -> PrintedAs:
-    """Looks as they are written: a width, a style sheet or KEY=VALUE, with commas between them,
-    quotes around commas.
+    """Return the settings that a text specifies.
+
+    The text contains a width, a style sheet or KEY=VALUE, separated by commas; values with commas
+    are quoted.
 
     Parameters
     ----------
     text : str
-        Such as `90mm`, `paper.mplstyle`, `width=90mm,font='Times New
+        For example `90mm`, `paper.mplstyle`, `width=90mm,font='Times New
         Roman',title=no,label:moment4=present method`.
     of : str
-        Where it stands, for errors.
+        Source of the text, for error messages.
     before : PrintedAs
-        What was asked for before; the text goes over it.
+        Previous settings, which the text overrides.
 
     Raises
     ------
     UsageError
-        A part that is none of these, or a width out of range.
+        A part is invalid, or a width is out of range.
     """
-    # What is left between the parts are commas, or a quotation mark that nothing closes.
+    # Between the parts there may be only commas; anything else is an unclosed quotation mark.
     if not text.strip() or re.sub(_PART, "", text).strip(","):
         raise UsageError(
             f"{of} {text!r}: write a width (90mm), a style sheet (paper.mplstyle) or KEY=VALUE,..."
@@ -97,7 +98,7 @@ def parse_style(text: str, of: str = "--style", before: PrintedAs = ON_SCREEN) -
             for words in (key, value)
         )
         name = key.removeprefix("label:")
-        # A style sheet and a width say by themselves what they are.
+        # A style sheet and a width are recognized without a key.
         if not equals and key.lower().endswith(".mplstyle"):
             printed = replace(printed, style=key)
         elif not equals and _LENGTH.fullmatch(key):
@@ -113,25 +114,30 @@ def parse_style(text: str, of: str = "--style", before: PrintedAs = ON_SCREEN) -
         elif key.startswith("label:") and name and value:
             printed = replace(printed, labels=(*printed.labels, (name, value)))
         else:
-            raise UsageError(f"{of} {part!r}: {_told(key, bool(equals))}")
+            raise UsageError(f"{of} {part!r}: {_style_error(key, bool(equals))}")
     return printed
 
 
-def _told(key: str, has_value: bool) -> str:
-    """What is wrong with a part of a style."""
+def _style_error(key: str, has_value: bool) -> str:
+    """Return the error message for an invalid part of a style."""
     if key == "title":
-        return "title is yes or no"
+        return "title must be yes or no"
     if key.partition(":")[0] == "label":
-        return "write label:NAME=TEXT, such as label:moment4='present method'"
+        return "a label must be label:NAME=TEXT, such as label:moment4='present method'"
     if has_value and key in _WORDS:
-        return f"{key} has no value"
-    hint = did_you_mean(key, _WORDS) or f"; the words are {', '.join(_WORDS)}"
-    return f"no such word{hint}"
+        return f"{key} requires a value"
+    hint = did_you_mean(key, _WORDS) or f"; the keys are {', '.join(_WORDS)}"
+    return f"unknown key{hint}"
 
 
 def figure_width(text: str, of: str = "--style") -> float:
-    """A width in m of what is written with its unit, 90mm or 3.5in; UsageError outside of what a
-    page has."""
+    """Return the width in m of a text with a unit, such as 90mm or 3.5in.
+
+    Raises
+    ------
+    UsageError
+        The text is invalid, or the width is out of range.
+    """
     length = _LENGTH.fullmatch(text.strip())
     try:
         width = float(length[1]) * LENGTH[length[2]] if length else 0.0
@@ -139,7 +145,7 @@ def figure_width(text: str, of: str = "--style") -> float:
         width = 0.0
     if not NARROWEST <= width <= WIDEST:
         raise UsageError(
-            f"{of} width {text!r}: write a length from 30 to 600 mm, such as 90mm or 3.5in"
+            f"{of}: width must be a length from 30 to 600 mm, such as 90mm or 3.5in, got {text!r}"
         )
     return width
 
@@ -158,13 +164,12 @@ SYMBOLS = {
     "^2": "²",
     "^3": "³",
 }
-"""Of print, for words that can be typed; the first ones go first."""
+"""Printed symbols of ASCII text, replaced in this order."""
 
 
 def in_print(text: str, printed: PrintedAs) -> str:
-    """A text of a picture as it is printed: another label in its place, symbols as the field writes
-    them."""
-    # Words of the paper stay as they were given; symbols are put into all others.
+    """Return a text of a figure as printed: with the replaced label, or with symbols."""
+    # Replacements of labels are used unchanged; symbols are inserted into all other text.
     for before, after in printed.labels:
         if text.strip() == before or text.strip().startswith(before + ":"):
             return text.replace(text.strip(), after)

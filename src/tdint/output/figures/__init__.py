@@ -1,8 +1,8 @@
-"""Pictures; matplotlib is imported here alone, and each module when a picture of it is drawn.
+"""Figures. Only this package imports matplotlib, and only when a figure is drawn.
 
-A picture is the same wherever it is drawn: matplotlib would take settings from a file
-`matplotlibrc` in the working directory or in the user's home, some of which call other programs
-(`text.usetex`). Its own defaults are used.
+A figure is the same on every machine: matplotlib would read settings from a file `matplotlibrc` in
+the working directory or in the home directory, and some of these settings start other programs
+(`text.usetex`). Therefore, the defaults of matplotlib are used.
 """
 
 import logging
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tdint.output.figures import spectrum_curves as spectrum_curves
     from tdint.output.figures import style as style
 
-# Where to keep its list of fonts is no one's matter here.
+# The messages of matplotlib about its font cache are not relevant to users.
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 _found = modules_on_use(__name__)
@@ -29,5 +29,5 @@ _found = modules_on_use(__name__)
 
 def __getattr__(name: str) -> ModuleType:
     if name != "style":
-        import_module(f"{__name__}.style")  # It is the first that imports matplotlib.
+        import_module(f"{__name__}.style")  # this module must be the first that imports matplotlib
     return _found(name)

@@ -1,7 +1,7 @@
-"""What all figures share: readable in black and white, PNG, PDF or SVG, in the units of the output.
+"""Style shared by all figures: readable in black and white, as PNG, PDF or SVG.
 
-Only the modules of figures import matplotlib, and by its objects: no window system, no state shared
-between figures.
+Only the modules of figures import matplotlib. They use its classes instead of pyplot, so that no
+window system is needed and figures do not share a state.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from tdint.files import read_whole
 
 try:
     import matplotlib as mpl
-except ValueError as error:  # of a variable that we do not need
+except ValueError as error:  # an invalid variable such as MPLBACKEND, which tdint does not need
     raise UsageError(f"matplotlib cannot be loaded, is MPLBACKEND right? {error}") from None
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Figure
@@ -41,7 +41,7 @@ from tdint.units import OutputUnits
 
 mpl.rcdefaults()
 
-_TITLE = 10.5  # height of its letters
+_TITLE = 10.5  # font size of titles, points
 
 _STYLE = {
     "font.size": 9.0,
@@ -53,14 +53,14 @@ _STYLE = {
     "lines.linewidth": 1.2,
     "legend.fontsize": 8.0,
     "legend.frameon": False,
-    "agg.path.chunksize": 20_000,  # a long hysteresis is more than Agg draws in one piece
-    "pdf.fonttype": 42,  # TrueType, which editors and publishers take
+    "agg.path.chunksize": 20_000,  # a long hysteresis loop exceeds the limit of Agg for one path
+    "pdf.fonttype": 42,  # TrueType fonts, which editors and publishers require
     "ps.fonttype": 42,
     "svg.fonttype": "none",
     "svg.hashsalt": "tdint",
 }
 _LATEX = ("latex", "dvipng")
-"""Programs that matplotlib starts for text.usetex."""
+"""Programs that matplotlib starts if text.usetex is set."""
 
 _PRINT = {
     "font.size": 8.0,
@@ -79,14 +79,14 @@ _LAID_OUT_HERE = {"figure.autolayout": False, "figure.constrained_layout.use": F
 _SMALLEST, _LARGEST = 6.0, 8.0
 INCH = 0.0254  # m
 _RESOLUTION = {True: 600, False: 160}
-_ON_PAGE = 100  # of a notebook, which shows a pixel as one; matplotlib's own
+_ON_PAGE = 100  # dpi of figures in a notebook, which is the default of matplotlib
 _MAX_SHEET = 1_000_000  # bytes; a style sheet that sets every parameter of matplotlib has 40 kB
 INK = "#1f4e79"
 LIGHT = "0.55"
 MARK = "#b03a2e"
-"""Colors of a single line, of what is beside it, and of what is marked."""
+"""Colors of a single line, of secondary lines, and of highlighted parts."""
 
-# A copy in black and white keeps dashes and markers.
+# In black and white, lines are distinguished by dashes and markers.
 COLORS = ("#1f4e79", "#d1782c", "#4a9a62", "#8e2f6d", "#7d7d7d", "#2aa1b3")
 DASHES: tuple[Any, ...] = (
     "-",
@@ -100,8 +100,8 @@ METHOD_COLORS = (
     *("#1f4e79", "#d1782c", "#000000", "#26664d", "#d90059", "#9980ff"),
     *("#59261a", "#7373a6", "#0000f2", "#660040", "#8c400d", "#7d7d7d"),
 )
-"""At least 13.7 apart (CIEDE2000) for readers who see no green, or no red, and 3.05 from white in
-contrast."""
+"""Color differences are at least 13.7 (CIEDE2000) for readers with red-green color blindness, and
+the contrast with white is at least 3.05."""
 _METHOD_MARKERS = ("o", "s", "^", "D", "v", "P", "x", "*", "<", ">", "h")
 _PLACES = (
     *(
@@ -118,12 +118,12 @@ _PLACES = (
     *(f"scipy/{name}" for name in ("RK45", "Radau", "LSODA")),
     *("moment4 by tolerance", "impulse4 by tolerance"),
 )
-"""Lines that stand in one picture most often: a color each for our methods."""
-_FRONT_WIDTH = 3.0  # points, of the line that is highlighted
+"""Methods that are often drawn together; each method of tdint has a separate color."""
+_FRONT_WIDTH = 3.0  # points; width of the highlighted line
 NARROW = 31
-"""Characters of a label up to which those of methods stand in three columns."""
+"""Maximum number of characters of method labels in a legend with three columns."""
 
-_IN_LEGEND = 24  # lines beyond these are drawn, and counted in the legend
+_IN_LEGEND = 24  # maximum number of legend entries; further lines are drawn and counted
 
 _METADATA: dict[str, dict[str, Any]] = {
     "png": {"Software": "tdint"},
@@ -133,14 +133,14 @@ _METADATA: dict[str, dict[str, Any]] = {
 
 
 _LONG = 1e5
-"""A number from which a unit other than N and J gets a power of ten before it."""
+"""Value above which units other than N and J get a power of ten."""
 
 _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LABEL_SIZE = 6.5  # points
-_LETTER = 0.6  # of a character, over its height
+_LETTER = 0.6  # width of a character divided by its height
 _COLUMN = 0.12
-"""Width in m below which a figure is one of the two columns of a page: these have 80 to 95 mm, a
-page 160 to 190 mm."""
+"""Figure width, m, below which a figure occupies one of two columns: columns are 80 to 95 mm wide,
+pages 160 to 190 mm."""
 _MARKER = 3.5  # half the size of a marker, points
 _LABEL_PLACES = (
     (8, 0, "left", "center"),
@@ -153,23 +153,33 @@ Box = tuple[float, float, float, float]
 
 
 def is_narrow() -> bool:
-    """Whether the picture is printed in one column of a journal, where panels stand below each
-    other."""
+    """Return True if the figure is printed in one column, where panels are below each other."""
     return 0.0 < (PRINTED.get().width or 0.0) < _COLUMN
 
 
 def line_look(number: int, dash: int | None = None) -> dict[str, Any]:
-    """Color and dashes of a line by its number, to be told apart without color; another number for
-    the dashes."""
+    """Return color and dashes of a line by its number.
+
+    `dash` is the number of the dashes if it differs. Lines are also distinguishable without color.
+    """
     dash = number if dash is None else dash
     return {"color": COLORS[number % len(COLORS)], "linestyle": DASHES[dash % len(DASHES)]}
 
 
 def method_looks(methods: Iterable[str], highlight: str = "") -> dict[str, dict[str, Any]]:
-    """Color, dashes and marker of each method, by its name in all pictures: those of the catalogue
-    and other programs' at a place of their own, plug-ins behind them; of what has parameters those
-    that are left, in their order. The one to highlight, or else the only one of a plug-in, has a
-    width and stands in front."""
+    """Return color, dashes and marker of each method, which are the same in all figures.
+
+    Methods of the catalogue and of other programs have fixed looks. Plug-ins and methods with
+    parameters use the remaining looks in their order. The method to highlight, or the only plug-in,
+    has a wider line in front of the others.
+
+    Parameters
+    ----------
+    methods : iterable of str
+        Methods with their parameters.
+    highlight : str
+        Method to highlight; empty by default.
+    """
     from tdint.methods.catalogue import catalogue, is_ours
 
     lines = dict.fromkeys(methods)
@@ -178,7 +188,7 @@ def method_looks(methods: Iterable[str], highlight: str = "") -> dict[str, dict[
     front = highlight or (mine[0] if len(mine) == 1 else "")
     looks: dict[str, dict[str, Any]] = {}
     for place, method in enumerate((*named, *(line for line in lines if line not in named))):
-        # Twelve colors and eleven markers: no pair of them comes twice among 132.
+        # With twelve colors and eleven markers, the first 132 combinations differ.
         color, marker = (
             METHOD_COLORS[place % len(METHOD_COLORS)],
             _METHOD_MARKERS[place % len(_METHOD_MARKERS)],
@@ -190,30 +200,29 @@ def method_looks(methods: Iterable[str], highlight: str = "") -> dict[str, dict[
 
 
 def picture_format(suffix: str) -> str:
-    """The format that a suffix stands for; OutputError for one that no picture has."""
+    """Return the figure format of a file suffix; raise OutputError for an unknown suffix."""
     kind = suffix.lower().lstrip(".")
     if kind not in _METADATA:
         raise OutputError(
-            f"a picture is written as .png, .pdf or .svg, not {suffix or 'without a suffix'}"
+            f"a figure must be written as .png, .pdf or .svg, got {suffix or 'no suffix'}"
         )
     return kind
 
 
 def picture(suffix: str, draw: Callable[[], Figure]) -> Picture:
-    """What draws a figure and writes it to a binary stream.
+    """Return an object that draws a figure and writes it to a binary stream.
 
     Parameters
     ----------
     suffix : str
         .png, .pdf or .svg.
     draw : callable
-        Makes the figure, by a function `..._picture` of the modules of figures; it is called when
-        the picture is written.
+        Function that draws the figure, called when the figure is written.
 
     Raises
     ------
     OutputError
-        Another suffix.
+        The suffix is unknown.
     """
     kind = picture_format(suffix)
     check_print(PRINTED.get())
@@ -221,12 +230,12 @@ def picture(suffix: str, draw: Callable[[], Figure]) -> Picture:
 
 
 class ShownFigure(Figure):
-    """A figure that shows itself where it is the last line of a notebook's cell, without pyplot.
+    """Figure that is shown as the result of a notebook cell, without pyplot.
 
     Attributes
     ----------
     printed : PrintedAs
-        What it was drawn with.
+        Settings with which the figure was drawn.
     """
 
     printed: PrintedAs
@@ -246,13 +255,13 @@ class ShownFigure(Figure):
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure that is drawn when it is asked for, or written to a binary stream."""
+    """Figure that is drawn on request or when it is written to a binary stream."""
 
     kind: str
     draw: Callable[[], Figure]
 
     def figure(self) -> Figure:
-        """The figure, by itself: matplotlib's pyplot does not know it, a notebook shows it."""
+        """Draw the figure and return it; pyplot does not manage it, and notebooks show it."""
         printed = PRINTED.get()
         with mpl.rc_context(_settings(printed)), _quiet():
             figure = self.draw()
@@ -269,10 +278,10 @@ class Picture:
         self.save(self.figure(), stream)
 
     def save(self, figure: Figure, stream: BinaryIO) -> None:
-        """Write a figure that was drawn."""
+        """Write a drawn figure."""
         printed = PRINTED.get()
         dpi, metadata = _RESOLUTION[bool(printed.width)], _METADATA[self.kind]
-        # In other formats letters are as wide as their renderers find them.
+        # In vector formats, the viewer determines the widths of characters.
         placed = _laid_out(figure, dpi) if self.kind == "png" else nullcontext()
         with (
             mpl.rc_context(_settings(printed) | _LAID_OUT_HERE),
@@ -285,8 +294,9 @@ class Picture:
 
 @contextmanager
 def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
-    """A figure whose parts have found their places: to save it, matplotlib draws all of it twice to
-    let them do so."""
+    """Compute the layout of a figure once; otherwise, matplotlib would draw all parts twice to save
+    it.
+    """
     engine, before = figure.get_layout_engine(), figure.dpi
     figure.dpi = dpi
     try:
@@ -301,8 +311,10 @@ def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """A name in a script that the font does not have is drawn with boxes; that is no reason to
-    fail. Where LaTeX fails, which a style sheet may ask for: UsageError."""
+    """Ignore missing glyphs, which are drawn as boxes, and report errors of LaTeX as UsageError.
+
+    A style sheet can select LaTeX (text.usetex).
+    """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
         try:
@@ -317,19 +329,23 @@ def _quiet() -> Iterator[None]:
 
 @contextmanager
 def _room(width: float | None) -> Iterator[None]:
-    """Raise UsageError where panels find no room at a width."""
+    """Raise UsageError if the panels do not fit into the width."""
     warnings.filterwarnings("error", message="constrained_layout not applied")
     try:
         yield
     except UserWarning:
-        asked = f"{1e3 * (width or 0.0):.0f} mm"
+        requested = f"{1e3 * (width or 0.0):.0f} mm"
         raise UsageError(
-            f"the panels of this picture find no room at {asked}; it takes a larger width"
+            f"the panels of this figure do not fit into a width of {requested}; specify a larger "
+            "width"
         ) from None
 
 
 def _settings(printed: PrintedAs) -> dict[str, Any]:
-    """matplotlib's settings; a style sheet goes over ours, a font over both."""
+    """Return the settings of matplotlib.
+
+    A style sheet overrides the settings of tdint, and a font overrides both.
+    """
     settings = _STYLE | (_PRINT if printed.width else {})
     if printed.style:
         settings = settings | dict(
@@ -339,28 +355,29 @@ def _settings(printed: PrintedAs) -> dict[str, Any]:
 
 
 def style_context() -> AbstractContextManager[None]:
-    """Our settings of lines, for what is drawn on axes of others: sizes of letters and grids are
-    theirs."""
+    """Return a context with the line settings of tdint for existing axes.
+
+    The owner of the axes determines font sizes and grids.
+    """
     return mpl.rc_context(
         {name: _STYLE[name] for name in ("lines.linewidth", "legend.frameon", "agg.path.chunksize")}
     )
 
 
 def check_print(printed: PrintedAs) -> None:
-    """Raise UsageError for a font or a style sheet that is not there, or that starts what is not or
-    is not trusted."""
+    """Raise UsageError for a font or a style sheet that is missing, invalid or not trusted."""
     if printed.font and printed.font not in get_font_names():
         hint = did_you_mean(printed.font, get_font_names())
-        raise UsageError(f"font {printed.font!r}: this machine has no such font{hint}")
+        raise UsageError(f"font {printed.font!r} is not installed on this machine{hint}")
     if printed.style:
-        # A pipe may never end, and a large file would fill the memory: the readers of records and
+        # A pipe may never end, and a large file would fill the memory. The readers of records and
         # models refuse both in the same way.
         large = f"is larger than {_MAX_SHEET // 1_000_000} MB, and no style sheet of matplotlib"
         try:
             text = read_whole(printed.style, UsageError, {}, large, _MAX_SHEET)
         except UsageError as error:
             raise UsageError(f"style sheet {error}") from None
-        # matplotlib evaluates lists of colors and starts LaTeX, so a style sheet is code.
+        # matplotlib evaluates lists of colors and starts LaTeX, so a style sheet can execute code.
         if not TRUSTED.get():
             digest = hashlib.sha256(text).hexdigest()
             raise UsageError(
@@ -379,8 +396,7 @@ def check_print(printed: PrintedAs) -> None:
 
 
 def _print(figure: Figure, printed: PrintedAs) -> None:
-    """Bring a figure to its width, its letters to the sizes of print, its words to those of the
-    paper."""
+    """Set the width of a figure, its font sizes for print, and its labels."""
     width, height = figure.get_size_inches()
     if printed.width:
         narrow = printed.width / INCH / width
@@ -395,14 +411,13 @@ def _print(figure: Figure, printed: PrintedAs) -> None:
         figure.suptitle("\n".join(lines) if printed.title else "")
     engine = figure.get_layout_engine()
     figure.set_layout_engine("none")
-    figure.draw_without_rendering()  # numbers at ticks are made now, wherever the panels are
+    figure.draw_without_rendering()  # creates tick labels, which do not depend on the layout
     figure.set_layout_engine(engine)
     before: set[str] = set()
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         words = [text.get_text() for text in axis.get_ticklabels()]
-        if isinstance(axis.get_major_locator(), FixedLocator) and any(
-            words
-        ):  # each drawing writes them anew
+        if isinstance(axis.get_major_locator(), FixedLocator) and any(words):
+            # Fixed tick labels would be restored by each drawing.
             before.update(words)
             axis.set_ticklabels([in_print(word, printed) for word in words])
     for text in figure.findobj(Text):
@@ -414,32 +429,33 @@ def _print(figure: Figure, printed: PrintedAs) -> None:
         _fit(figure)
     for label, _ in printed.labels:
         if not any(text == label or text.startswith(label + ":") for text in before):
-            raise UsageError(f"label {label!r}: nothing in the picture is called so")
+            raise UsageError(f"label {label!r}: the figure contains no label with this name")
 
 
 _MOST_THINNINGS = 3
-"""So often an axis gets half of its ticks: of eight one is left, and more drawings would change
-nothing."""
+"""Maximum number of times that the ticks of an axis are halved: of eight ticks one remains."""
 
 
 def _fit(figure: Figure) -> None:
-    """Bring the words of a narrow figure to their room: labels and titles go on in another line,
-    and axes have fewer ticks, until no number stands over another."""
+    """Fit the texts of a narrow figure into the available space.
+
+    Labels and titles are wrapped, and axes get fewer ticks, until tick labels do not overlap.
+    """
     FigureCanvasAgg(figure)
     page = figure.bbox
     for axes in figure.axes:
-        # Before the layout: the share of the page that the panel and its own labels have.
+        # Before the layout, the space is the share of the page of the panel with its labels.
         part = (
             spec.get_position(figure) if (spec := axes.get_subplotspec()) else axes.get_position()
         )
         wide, high = page.width * part.width, page.height * part.height
-        told = [
+        titles = [
             child
             for child in axes.get_children()
             if isinstance(child, Text) and child not in axes.texts and child.get_text()
         ]
-        for title in told:
-            _wrap(title, _SHARE * wide / len(told))
+        for title in titles:
+            _wrap(title, _SHARE * wide / len(titles))
         for panel in (axes, *axes.child_axes):
             _wrap(panel.xaxis.label, _SHARE * wide)
             _wrap(panel.yaxis.label, _SHARE * high)
@@ -450,14 +466,12 @@ def _fit(figure: Figure) -> None:
         _wrap(text, page.width)
     panels = [panel for axes in figure.axes for panel in (axes, *axes.child_axes)]
     every = [axis for panel in panels for axis in (panel.xaxis, panel.yaxis)]
-    counted = [
-        axis for axis in every if not isinstance(axis.get_major_locator(), FixedLocator)
-    ]  # no names
+    # Axes with fixed ticks show names, which must all remain.
+    counted = [axis for axis in every if not isinstance(axis.get_major_locator(), FixedLocator)]
     for _ in range(_MOST_THINNINGS):
         _grow(figure)
         changed = [_thin(axis) for axis in counted]
-        # Now the panels have their places, and what is below or above has taken some of their
-        # height.
+        # The panels now have their final positions, and other parts have reduced their height.
         changed += [_wrap(panel.xaxis.label, 1.2 * panel.bbox.width) for panel in panels]
         changed += [_wrap(panel.yaxis.label, 1.1 * panel.bbox.height) for panel in panels]
         if not any(changed):
@@ -468,7 +482,7 @@ def _fit(figure: Figure) -> None:
         boxes: list[Any] = []
         for text in points:
             box = text.get_window_extent()
-            # A narrower panel has its points, and their labels, nearer to the numbers of its axes.
+            # Points in a narrow panel, and their labels, are closer to the tick labels of the axes.
             within = (
                 frame.x0 < box.x0 and box.x1 < frame.x1 and frame.y0 < box.y0 and box.y1 < frame.y1
             )
@@ -478,20 +492,19 @@ def _fit(figure: Figure) -> None:
 
 
 _OF_POINT = "point"
-"""Marks labels of points, which are left out where they find no room."""
+"""Identifier of point labels, which are omitted if there is no space."""
 
 _TALLEST = 2.0
-"""So much taller a figure may get for the lines that its words take: beyond, its panels are too
-narrow, not too low."""
+"""Maximum factor by which a figure grows for wrapped text; beyond it, the panels are too narrow."""
 
 
 def _grow(figure: Figure) -> None:
-    """Draw a figure, as much taller as its layout needs.
+    """Draw a figure and increase its height as its layout requires.
 
     Raises
     ------
     UserWarning
-        No height gives its panels room.
+        The panels do not fit at any height.
     """
     width, height = figure.get_size_inches()
     for taller in (1.0, 1.15, 1.3, 1.5, 1.75, _TALLEST):
@@ -505,12 +518,11 @@ def _grow(figure: Figure) -> None:
 
 
 _SHARE = 0.8
-"""Of a panel's part of the page: what its title and labels may take; the rest are the numbers of
-the other axis."""
+"""Fraction of the space of a panel for its title and labels; the rest is for tick labels."""
 
 
 def _wrap(text: Text, room: float) -> bool:
-    """Break the lines of a text that are longer than their room, pixels; whether they were."""
+    """Wrap lines of a text that exceed `room`, pixels; return True if the text has changed."""
     box = text.get_window_extent()
     long = max(box.width, box.height)
     lines = text.get_text().splitlines()
@@ -525,7 +537,7 @@ def _wrap(text: Text, room: float) -> bool:
 
 
 def _thin(axis: Any) -> bool:
-    """Leave half of an axis's ticks away if a number stands over another; whether that was so."""
+    """Remove half of the ticks of an axis if tick labels overlap; return True if they did."""
     boxes = [
         label.get_window_extent()
         for tick in axis._update_ticks()
@@ -544,18 +556,20 @@ def _thin(axis: Any) -> bool:
 
 
 def titled(figure: Figure, title: str) -> Figure:
-    """The figure with a title of one or more lines above its panels, as it is: no formulas. A line
-    that is wider than the figure goes on in another one, as far as that."""
+    """Add a title above the panels and return the figure.
+
+    The title has one or more lines and no formulas. A line that is wider than the figure is
+    wrapped; a line of more than twice the width is shortened.
+    """
     room = int(figure.get_size_inches()[0] * 72.0 / (_TITLE * _LETTER))
-    told = (shorten(line, 2 * room, placeholder=" ...") for line in title.splitlines())
-    lines = (part for line in told for part in _evenly(line, room))
+    short = (shorten(line, 2 * room, placeholder=" ...") for line in title.splitlines())
+    lines = (part for line in short for part in _evenly(line, room))
     figure.suptitle("\n".join(lines), fontsize=_TITLE, parse_math=False)
     return figure
 
 
 def _evenly(line: str, room: int) -> list[str]:
-    """A line in as few lines of at most so many letters as it takes, as even as they come: no word
-    is left alone."""
+    """Wrap a line into the minimum number of lines of similar length, at most `room` characters."""
     few = len(wrap(line, room, break_on_hyphens=False))
     parts = (
         wrap(line, width, break_on_hyphens=False)
@@ -565,16 +579,27 @@ def _evenly(line: str, room: int) -> list[str]:
 
 
 def write_note(axes: Any, text: str, x: float = 0.99, y: float = 0.95) -> None:
-    """Numbers in the upper right of a panel, the corner of the text at x and y of the axes, from 0
-    to 1."""
+    """Write text in the upper right of a panel.
+
+    `x` and `y` are the position of its upper right corner in axes coordinates, from 0 to 1.
+    """
     white = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
     place = {"transform": axes.transAxes, "ha": "right", "va": "top"}
     axes.text(x, y, text, **place, fontsize=8.0, color=MARK, bbox=white)
 
 
 def legend_columns(labels: Sequence[str], most: int, width: float | None = None) -> int:
-    """Columns of a legend below the panels: as many as stand beside each other within a width,
-    inches, or that given for print."""
+    """Return the number of columns of a legend below the panels.
+
+    Parameters
+    ----------
+    labels : sequence of str
+        Labels of the legend.
+    most : int
+        Maximum number of columns.
+    width : float, optional
+        Available width, inches; the printed width has precedence.
+    """
     columns = max(1, min(len(labels), most))
     printed = PRINTED.get().width
     if labels and (inches := printed / INCH if printed else width):
@@ -586,9 +611,10 @@ def legend_columns(labels: Sequence[str], most: int, width: float | None = None)
 def add_legend(
     figure: Figure, axes: Any, lines: list[Any], labels: list[str], narrow: int = 24
 ) -> None:
-    """A legend below the panels, for which the figure grows; none for a single line.
+    """Add a legend below the panels, and increase the height of the figure accordingly.
 
-    Labels of up to `narrow` characters stand in three columns.
+    A single line has no legend. If all labels have at most `narrow` characters, there are three
+    columns.
     """
     if len(lines) == 1:
         return
@@ -597,7 +623,7 @@ def add_legend(
         lines = [*lines[: _IN_LEGEND - 1], axes.plot([], [], linestyle="none")[0]]
     columns = legend_columns(labels, 2 if max(map(len, labels)) > narrow else 3)
     figure.set_figheight(figure.get_figheight() + 0.17 * math.ceil(len(labels) / columns))
-    labels = [" " + label for label in labels]  # a label that begins with _ would be left out
+    labels = [" " + label for label in labels]  # matplotlib ignores labels that start with _
     legend = figure.legend(
         lines, labels, loc="outside lower center", ncols=columns, handlelength=3.6
     )
@@ -606,10 +632,9 @@ def add_legend(
 
 
 def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str]:
-    """The factor from an SI unit to the unit that stands for it, and that one's label.
+    """Return the factor from an SI unit to the unit of the output, and the label of this unit.
 
-    N and J, which no building has few of, have M, k or nothing before them, so that the largest
-    number is 1 at least.
+    N and J get the prefix M or k if the maximum value is then at least 1.
     """
     if units.unit(si)[0] != si:
         factor, label = 1.0 / units.unit(si)[1], units.label(si)
@@ -627,8 +652,8 @@ def scaled_unit(largest: float, si: str, units: OutputUnits) -> tuple[float, str
 
 
 def changed(records: Iterable[Record]) -> str:
-    """` (processed)` behind the name of records of which some were changed on request, ` x 1.7`
-    where all were scaled by that, else nothing."""
+    """Return a suffix for the name of records: ` (processed)` for processed records, ` x 1.7` for
+    records that are scaled by the same factor, or nothing."""
     changed_records = list(records)
     scales = {record.scale for record in changed_records}
     scaled = f" x {next(iter(scales)):.4g}" if len(scales) == 1 and scales != {1.0} else ""
@@ -636,15 +661,19 @@ def changed(records: Iterable[Record]) -> str:
 
 
 def record_name(source: str) -> str:
-    """What a picture calls a record; bytes of a file name that are no UTF-8 have no letters to be
-    drawn with."""
+    """Return the name of a record in figures.
+
+    Bytes of a file name that are not valid UTF-8 are replaced, because they cannot be drawn.
+    """
     name = "standard input" if source == "-" else Path(source).name
     return name.encode("utf-8", "replace").decode("utf-8")
 
 
 def record_names(sources: Iterable[str]) -> dict[str, str]:
-    """What a picture calls each of several records: its file, with as many folders as tell it from
-    others."""
+    """Return the name of each record in figures.
+
+    The name is the file name with as many directories as are needed to distinguish the records.
+    """
     names = {source: record_name(source) for source in sources}
     named: dict[str, list[str]] = {}
     for source, name in names.items():
@@ -663,29 +692,28 @@ def record_names(sources: Iterable[str]) -> dict[str, str]:
 
 
 def over_stories(axes: Any, values: Array, **style: Any) -> None:
-    """Values of the stories over the height, a step for each."""
+    """Draw values of the stories over the height as steps."""
     axes.stairs(values, np.arange(values.size + 1) + 0.5, orientation="horizontal", **style)
 
 
 def plain_numbers(axis: Any) -> None:
-    """Numbers as they are read aloud: 0.2, not a power of ten."""
+    """Write tick labels as decimal numbers (0.2) instead of powers of ten."""
     axis.set_major_formatter(FuncFormatter(_plain))
 
 
 def plain_minor_numbers(axis: Any, *, every: bool = False) -> None:
-    """The same between the powers of ten: at 2 and 5, or at all ticks."""
+    """Write minor tick labels of a logarithmic axis as decimals: at 2 and 5, or at all ticks."""
 
     def written(value: float, at: Any) -> str:
-        decade = (
-            math.floor(math.log10(value) + 1e-9) if value > 0.0 else 0
-        )  # 1e-9: the rounding of a logarithm
+        # 1e-9 allows for the rounding of the logarithm.
+        decade = math.floor(math.log10(value) + 1e-9) if value > 0.0 else 0
         return _plain(value, at) if every or f"{value / 10.0**decade:.0f}" in "25" else ""
 
     axis.set_minor_formatter(FuncFormatter(written))
 
 
 def plain_logarithmic(axes: Any) -> None:
-    """Both axes logarithmic with plain numbers, ticks at each digit."""
+    """Make both axes logarithmic with decimal tick labels and ticks at each digit."""
     axes.set(xscale="log", yscale="log")
     for axis in (axes.xaxis, axes.yaxis):
         plain_numbers(axis)
@@ -693,7 +721,7 @@ def plain_logarithmic(axes: Any) -> None:
 
 
 def minor_ticks(axis: Any) -> None:
-    """Ticks of a logarithmic axis at each digit, numbers at 2 and 5."""
+    """Set minor ticks of a logarithmic axis at each digit, with labels at 2 and 5."""
     axis.set_minor_locator(LogLocator(subs=tuple(range(2, 10)), numticks=50))
     plain_minor_numbers(axis)
 
@@ -703,8 +731,10 @@ def _plain(value: float, _: Any) -> str:
 
 
 def add_ratio_axis(axes: Any, height: float, label: str) -> None:
-    """On top of an axis of displacements their ratios to a height (of the same unit), in percent;
-    none without one."""
+    """Add an axis of displacement ratios in percent above an axis of displacements.
+
+    `height` has the unit of the displacements; without a height (nan) there is no such axis.
+    """
     if math.isnan(height):
         return
     percent = axes.secondary_xaxis(
@@ -720,14 +750,19 @@ def write_labels(
     labels: Iterable[tuple[float, float, str]],
     marks: Sequence[tuple[float, float]],
 ) -> None:
-    """Write each label (x, y, text) beside its point, the first ones first, where it covers no mark
-    and no other label.
+    """Write each label next to its point if it covers no mark and no other label.
 
-    Labels that find no room are left out. Call this when everything else of the figure is in its
-    place.
+    The order of the labels is their priority; a label without space is omitted. Call this function
+    after the layout of the figure is complete.
 
     Parameters
     ----------
+    figure : Figure
+        The figure.
+    axes : Axes
+        Axes of the labels.
+    labels : iterable of (x, y, text)
+        Positions and texts.
     marks : sequence of (x, y)
         Points that no label may cover.
     """

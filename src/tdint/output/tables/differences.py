@@ -1,7 +1,7 @@
-"""Differences between two files that one command wrote: tables, JSON files and others.
+"""Differences between two versions of a file: tables, JSON files and others.
 
-Numbers that differ by rounding alone are told from numbers that differ: interpreted and compiled
-time loops, and other processors, give other last digits.
+Differences by rounding are distinguished from other differences, because interpreted and compiled
+time loops, and different processors, give different last digits.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from tdint.tabular import optional
 from tdint.written_numbers import how_many
 
 ROUNDING = 1e-9
-"""Difference over a number, below which two results are equal within rounding. Time integration of
-some 1e4 steps amplifies the rounding of 1e-16 to 1e-12 at most; tables have 12 digits."""
+"""Relative difference below which two results are equal within rounding. Time integration over
+about 1e4 time steps amplifies the rounding of 1e-16 to at most 1e-12; tables have 12 digits."""
 
 TIME = "time_s"
-"""First column of a table whose rows are instants of one time history."""
+"""First column of tables of a response history."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,11 @@ class Difference:
     file : str
         Name of the file.
     row : int or None
-        Row of a table from 1; None for a difference of the whole table.
+        Row number from 1; None for a difference of the complete table.
     column : str
         Name of the column, or the path of a value in a JSON file.
     before, now : str or None
-        The values as text; None where a file has no such value.
+        The values as text; None if a file does not have the value.
     is_rounding : bool
         True if the values are equal within rounding.
     """
@@ -56,7 +56,7 @@ class Difference:
 
     @property
     def relative(self) -> float:
-        """Difference over the larger of both numbers; nan where a value is not a number."""
+        """Difference divided by the larger magnitude; nan if a value is not a number."""
         before, now = _number(self.before), _number(self.now)
         largest = max(abs(before), abs(now))
         return abs(now - before) / largest if 0.0 < largest < math.inf else math.nan
@@ -68,22 +68,22 @@ DIFFERENCE = (
         "row",
         "1",
         "row",
-        "row below the header, from 1; empty for what the whole table has otherwise",
+        "row below the header, from 1; empty for a difference of the complete table",
     ),
     Column("column", "text", "column", "name of the column, or the path of a value in a JSON file"),
-    Column("before", "text", "before", "the cell as it was; empty where there was none"),
-    Column("now", "text", "now", "the cell as it is now; empty where there is none"),
+    Column("before", "text", "before", "previous cell; empty if it did not exist"),
+    Column("now", "text", "now", "current cell; empty if it does not exist"),
     Column(
         "relative_difference",
         "1",
         "relative",
-        "difference over the larger of both; empty where one is no number",
+        "difference divided by the larger magnitude; empty if a cell is not a number",
     ),
 )
 
 
 def _number(text: str | None) -> float:
-    """Return the number that a cell shows; nan for an empty cell and for words."""
+    """Return the number in a cell; nan for an empty cell and for text."""
     try:
         return float(text or "nan")
     except ValueError:
@@ -113,7 +113,7 @@ def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterat
     name = now.name
     first, second = _cells(before), _cells(now)
     old, new = next(first, []), next(second, [])
-    # Columns that one of them alone has, then the cells of the others.
+    # First the columns that only one file has, then the cells of shared columns.
     for column in dict.fromkeys((*old, *new)):
         if (column in old) != (column in new):
             then, today = ("a column" if column in header else None for header in (old, new))
@@ -129,7 +129,7 @@ def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterat
             if column in {*new} - {*but}
         ]
     scale = _Scale(before, old)
-    # Row beside row, as far as both go: files may be longer than memory.
+    # Rows are compared while they are read, because files may be larger than memory.
     counts = [0, 0]
     for number, (row, other) in enumerate(zip_longest(first, second), start=1):
         counts = [counts[0] + (row is not None), counts[1] + (other is not None)]
@@ -140,11 +140,11 @@ def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterat
             if cells[0] != cells[1]:
                 is_rounding = scale.is_rounding(column, row, cells)
                 yield Difference(name, number, column, *cells, is_rounding)
-        # Cells that stand in no column
+        # Cells outside of the columns of the header.
         if max(0, len(row) - len(old)) != max(0, len(other) - len(new)):
             then, today = (how_many(len(cells), "cell") for cells in (row, other))
             yield Difference(name, number, "", then, today)
-    # Rows that one of them alone has are counted, not listed.
+    # Additional rows of one file are counted, not listed.
     if counts[0] != counts[1]:
         then, today = (how_many(count, "row") for count in counts)
         yield Difference(name, None, "", then, today)
@@ -152,12 +152,12 @@ def differences(before: Path, now: Path, *, but: Collection[str] = ()) -> Iterat
 
 @dataclass(frozen=True)
 class _Scale:
-    """The numbers that differences of the cells of a table are relative to.
+    """Reference values for relative differences of the cells of a table.
 
     Attributes
     ----------
     file : Path
-        The table before.
+        The previous table.
     header : sequence of str
         Its columns.
     """
@@ -180,14 +180,14 @@ class _Scale:
             size = max(size, 1.0)
         elif reference in self.header:
             size = max(size, abs(_finite(row, self.header.index(reference))))
-        # In a time history a number near a zero crossing has the rounding of its peak.
+        # In a response history, the rounding of a number near a zero crossing is that of the peak.
         if self.header[:1] == [TIME]:
             size = max(size, self._peaks.get(column, 0.0), self._peaks.get(reference, 0.0))
         return abs(now - before) <= ROUNDING * size
 
     @cached_property
     def _peaks(self) -> dict[str, float]:
-        """The largest magnitude in each column."""
+        """Maximum magnitude in each column."""
         rows = _cells(self.file)
         header = next(rows, [])
         peaks = [0.0] * len(header)
@@ -203,17 +203,17 @@ def _is_whole(text: str | None) -> bool:
 
 
 def _finite(row: Sequence[str], place: int) -> float:
-    """Return the number in a cell of a row; 0 for a cell that is missing or no finite number."""
+    """Return the number in a cell of a row; 0 for a missing cell and for a non-finite value."""
     number = _number(row[place]) if place < len(row) else 0.0
     return number if math.isfinite(number) else 0.0
 
 
 def _reference(column: str) -> str:
-    """Return the name of the number that the rounding of another one is relative to.
+    """Return the name of the number that determines the rounding of another number.
 
-    An estimated error is the difference of two results, and a residual or a vibration at rest is
-    small beside the peak before it: their last digits are those of the peak. An energy error is
-    itself relative, to the input energy: the empty name.
+    An estimated error is the difference of two results, and a residual drift or oscillation is
+    small compared with the peak, so their rounding is that of the peak. An energy error is relative
+    to the input energy; the name is empty in this case.
     """
     if column in ("error", "energy_error", "drift_error"):
         return ""
@@ -224,7 +224,7 @@ def _reference(column: str) -> str:
 
 
 def _cells(file: Path) -> Iterator[list[str]]:
-    """Yield the rows of a table, its header first; numbers of Parquet with all their digits."""
+    """Yield the rows of a table, the header first; numbers of Parquet files have all digits."""
     import gzip
     import zlib
 
@@ -263,17 +263,19 @@ _NOT_RESULTS = frozenset(
         *("message", "wall_time_s", "time_loop_s", "time_loop_clock", "processor_time_s"),
     )
 )
-"""Keys of a JSON file next to tables that describe how the results were made, and measured times:
-they may differ where the results are the same. Inputs and versions are compared by themselves."""
+"""Keys of JSON files with descriptions and measured times, which may differ between equal results.
+
+Inputs and versions are compared separately.
+"""
 
 
 _MAX_NUMBER = 1e300
-"""Largest number of a JSON file that is compared as a number; whole numbers of Python have no
-limit."""
+"""Maximum number of a JSON file that is compared as a number, because whole numbers of Python are
+unlimited."""
 
 
 def json_differences(before: Path, now: Path) -> Iterator[Difference]:
-    """Yield the results that differ between two JSON files: numbers, words and lengths of lists.
+    """Yield the results that differ between two JSON files: numbers, text and lengths of lists.
 
     Raises
     ------
@@ -288,13 +290,13 @@ def json_differences(before: Path, now: Path) -> Iterator[Difference]:
             why = getattr(error, "strerror", None) or error
             raise OutputError(f"{file}: cannot be read as JSON: {why}") from None
     sizes: dict[str, float] = {}
-    # The file that is written now is not nested deeply: of the two alone this one is looked at.
+    # The current file was written by this program, so its nesting is limited; only it is searched.
     _collect_sizes(contents[1], sizes)
     yield from _json_differences(now.name, "", contents[0], contents[1], sizes)
 
 
 def _collect_sizes(value: Any, sizes: dict[str, float]) -> None:
-    """Collect the largest magnitude of the numbers under each key, however deep."""
+    """Collect the maximum magnitude of the numbers of each key at any depth."""
     for key, part in value.items() if isinstance(value, Mapping) else ():
         if _is_number(part):
             sizes[key] = max(sizes.get(key, 0.0), abs(part))
@@ -313,13 +315,13 @@ def _json_differences(
     file : str
         Name of the file.
     path : str
-        Keys that lead to the values, with dots between them.
+        Keys that lead to the values, separated by dots.
     before, now : object
         The values.
     sizes : mapping
-        The largest magnitude of the numbers under each key.
+        Maximum magnitude of the numbers of each key.
     """
-    # A key that one version of tdint alone writes is no difference of results.
+    # A key that only one version of tdint writes is not a difference of results.
     if isinstance(before, Mapping) and isinstance(now, Mapping):
         for key in before:
             if key in now and key not in _NOT_RESULTS:
@@ -343,11 +345,11 @@ def _json_differences(
 
 
 def _json_size(key: str, sizes: Mapping[str, float]) -> float:
-    """Return the magnitude that the rounding of the number under a key is relative to."""
+    """Return the magnitude that determines the rounding of the number of a key."""
     reference = _reference(key)
     if reference == "":
         return 1.0
-    # Energies at the end are relative to the input energy.
+    # Final energies are relative to the input energy.
     name, _, unit = key.rpartition("_")
     energy = sizes.get(f"input_{unit}", 0.0) if name else 0.0
     names = (reference, reference.removeprefix("peak_"))
@@ -355,7 +357,7 @@ def _json_size(key: str, sizes: Mapping[str, float]) -> float:
 
 
 def _is_number(value: object) -> bool:
-    """Return True for a number to compute with; True and False, nan and 10**400 are none."""
+    """Return True for a finite number; False for Booleans, nan and very large whole numbers."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return abs(value) <= _MAX_NUMBER

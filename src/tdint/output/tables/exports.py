@@ -1,5 +1,7 @@
-"""What a campaign is exported as: Parquet where pyarrow is there, demands under the names of
-SimCenter's workflows, and points on a map, GeoJSON (RFC 7946)."""
+"""Exports of a campaign: Parquet, demands for SimCenter workflows, GeoJSON maps (RFC 7946).
+
+Parquet requires pyarrow. Fragility and vulnerability functions are exported for OpenQuake.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,7 @@ if TYPE_CHECKING:
     from tdint.campaign.profiles import SuiteLevel
     from tdint.campaign.store import Store
 
-_ROWS_AT_ONCE = 131_072  # a row group of Parquet
+_ROWS_AT_ONCE = 131_072  # rows per row group of a Parquet file
 
 _COUNTED = {
     SAMPLE.name,
@@ -62,19 +64,19 @@ _COUNTED = {
 
 
 def write_runs_parquet(store: Store, stream: BinaryIO) -> None:
-    """Write runs.parquet."""
+    """Write runs.parquet to a stream."""
     _write_parquet(
         store, stream, run_columns(store), run_rows(store), carried=len(store.inventory_columns())
     )
 
 
 def write_stories_parquet(store: Store, stream: BinaryIO) -> None:
-    """Write stories.parquet."""
+    """Write stories.parquet to a stream."""
     _write_parquet(store, stream, story_columns(store), story_rows(store))
 
 
 def write_damage_parquet(store: Store, stream: BinaryIO) -> None:
-    """Write damage.parquet."""
+    """Write damage.parquet to a stream."""
     columns = damage_table_columns(store)
     _write_parquet(
         store, stream, columns, damage_rows(store), carried=len(store.inventory_columns())
@@ -89,19 +91,32 @@ def _write_parquet(
     *,
     carried: int = 0,
 ) -> None:
-    """Write rows under some columns, the last `carried` of which are the inventory's.
+    """Write rows as Parquet.
 
-    A column of words is one of strings, unless it is of the inventory and has numbers alone.
+    Text columns have the type string, except columns of the inventory that contain only numbers.
+
+    Parameters
+    ----------
+    store : Store
+        Store of the campaign.
+    stream : BinaryIO
+        Output.
+    columns : sequence of Column
+        Columns of the rows.
+    rows : iterable of sequence
+        Rows.
+    carried : int
+        Number of inventory columns, which are the last columns; 0 by default.
     """
     pyarrow, parquet = (optional(name, *PARQUET) for name in ("pyarrow", "pyarrow.parquet"))
-    # Of an inventory's columns those are numbers that have nothing else in them.
+    # Inventory columns that contain only numbers are numeric.
     first = len(columns) - carried
     places = (
         [first + place for place, is_number in enumerate(numeric(store)) if is_number]
         if carried
         else []
     )
-    words = {
+    texts = {
         column.name
         for place, column in enumerate(columns)
         if column.unit == TEXT and place not in places
@@ -110,12 +125,12 @@ def _write_parquet(
         column.name: pyarrow.int64() if column.name in _COUNTED else pyarrow.float64()
         for column in columns
     }
-    # Each column says its unit and what it means, the file which campaign it is of.
+    # Columns have unit and meaning as metadata; the file has the name of the campaign.
     about = describe(columns)
     schema = pyarrow.schema(
         [
             pyarrow.field(name, kind, metadata=about[name])
-            for name, kind in (kinds | dict.fromkeys(words, pyarrow.string())).items()
+            for name, kind in (kinds | dict.fromkeys(texts, pyarrow.string())).items()
         ],
         {
             "tdint": json.dumps(
@@ -127,7 +142,7 @@ def _write_parquet(
         source = iter(rows)
         while batch := list(islice(source, _ROWS_AT_ONCE)):
             cells = list(zip(*batch, strict=True))
-            # The inventory's cells are text, also where a column has numbers alone.
+            # Cells of the inventory are text, also in numeric columns.
             for place in places:
                 cells[place] = tuple(float(text) if text else None for text in cells[place])
             arrays = [
@@ -138,11 +153,13 @@ def _write_parquet(
 
 
 def write_simcenter(store: Store, stream: BinaryIO) -> None:
-    """Write building, record, scale, sample and, for each direction: 1-PFA-FLOOR-DIR (absolute
-    acceleration, m/s^2; floor 0 is the ground), 1-PID-STORY-DIR (drift ratio), 1-PRD-1-DIR (roof
-    displacement over height), 1-PFD-FLOOR-DIR (displacement, m). The two components of a pair share
-    a row; components that are no pairs but of one record are told apart by a column `component`
-    after `record`. Cells of runs without a result are empty.
+    """Write the demands of all runs under the names of SimCenter.
+
+    The columns are building, record, scale, sample and, for each direction, 1-PFA-FLOOR-DIR
+    (absolute acceleration, m/s^2; floor 0 is the ground), 1-PID-STORY-DIR (drift ratio),
+    1-PRD-1-DIR (roof displacement divided by height) and 1-PFD-FLOOR-DIR (displacement, m). The two
+    components of a pair share a row. If several rows have the same record, a column `component`
+    after `record` distinguishes the components. Cells of runs without a result are empty.
 
     Raises
     ------
@@ -152,14 +169,14 @@ def write_simcenter(store: Store, stream: BinaryIO) -> None:
     (stories,) = store.connection.execute("SELECT max(story) FROM story_rows").fetchone()
     if stories is None:
         raise UsageError(
-            "SimCenter's names are those of stories: ask for them in the campaign file, outputs: "
-            "{stories: true}"
+            "the SimCenter export requires story results; set outputs: {stories: true} in the "
+            "campaign file"
         )
     (directions,) = store.connection.execute("SELECT max(direction) FROM records").fetchone()
     names = [
         name for direction in range(1, directions + 1) for name in demand_names(stories, direction)
     ]
-    # Motions that have rows of their own may bear one name.
+    # Ground motions in separate rows can have the same name.
     sources = [source for source, _, direction in store.records().values() if direction == 1]
     apart = len(set(sources)) < len(sources)
     rows = (
@@ -170,7 +187,7 @@ def write_simcenter(store: Store, stream: BinaryIO) -> None:
 
 
 def demand_names(stories: int, direction: int) -> list[str]:
-    """SimCenter's names of the demands of a building with so many stories, in one direction."""
+    """Return SimCenter's names of the demands of a building in one direction."""
     floors = range(1, stories + 1)
     return [
         *(f"1-PFA-{floor}-{direction}" for floor in (0, *floors)),
@@ -181,17 +198,17 @@ def demand_names(stories: int, direction: int) -> list[str]:
 
 
 def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[Any], list[Any]]]:
-    """Of each building, motion, scale and draw what tells it from others, and its demands."""
+    """Yield identifiers and demands of each building, ground motion, scale factor and sample."""
     named, records = run_heads(store), store.records()
     peaks = dict(store.connection.execute("SELECT id, pga_m_s2 FROM records"))
     size = len(demand_names(stories, 1))
-    # The first component of a pair, whose row it is: the motion itself, or the one before it.
+    # A row belongs to the first component: the ground motion, or the component before it.
     firsts = {number: number - (direction - 1) for number, (_, _, direction) in records.items()}
     for building, of_building in groupby(store.stories(), key=lambda row: row[0]):
         rows: dict[tuple[int, float, int], list[Any]] = {}
         for (record, scale, sample), of_run in groupby(of_building, key=lambda row: row[1:4]):
             direction = records[record][2]
-            # Both components of a pair stand in one row, side by side.
+            # Both components of a pair are in the same row.
             cells = rows.setdefault((firsts[record], scale, sample), [None] * (size * directions))
             start = size * (direction - 1)
             cells[start : start + size] = _demands_of_run(
@@ -202,11 +219,11 @@ def _rows(store: Store, stories: int, directions: int) -> Iterator[tuple[list[An
 
 
 def _demands_of_run(rows: list[tuple[Any, ...]], pga: float, stories: int) -> list[Any]:
-    """The cells of one run, those of stories that the building does not have empty."""
+    """Return the cells of one run; cells of stories above the building are empty."""
     columns = dict(zip(STORIES.columns, zip(*rows, strict=True), strict=False))
     rest = [None] * (stories - len(rows))
     heights, displacements = columns["height_m"], columns["peak_displacement_m"]
-    # A story without a height leaves the building without one.
+    # The building has a height only if all its stories have heights.
     roof_ratio = displacements[-1] / sum(heights) if all(heights) else None
     return [
         *(pga, *columns["peak_absolute_acceleration_m_s2"], *rest),
@@ -226,15 +243,15 @@ Feature = dict[str, Any]
 
 
 def write_geojson(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> None:
-    """Write a FeatureCollection of points: longitude and latitude, degrees; null for a building
-    without a place.
+    """Write a GeoJSON FeatureCollection of points.
 
-    Properties are the columns of the inventory, the event of a field, the level (`scale`, and
-    `level` as in profiles.csv), how many motions there were and under how many the building
-    collapsed or a run failed, and of the demands the mean and the largest over the others.
-    `pair_demand` states how the components of pairs count, if there are pairs. Where damage is
-    told, the mean probability of each state and the mean loss ratio follow. What is not known is
-    null. The store must have places (`is_mapped`).
+    Coordinates are longitude and latitude in degrees; the geometry is null for a building without a
+    location. The properties are: the columns of the inventory; the event of a field; the level
+    (`scale`, and `level` as in profiles.csv); the numbers of ground motions, collapses and failed
+    runs; mean and maximum of the demands over the other runs. `pair_demand` states how the
+    components of pairs are counted, if there are pairs. With damage states, the mean probability of
+    each state and the mean loss ratio follow. Unknown values are null. The inventory must have
+    locations (`is_mapped`).
     """
     stream.write(b'{"type": "FeatureCollection", "features": [')
     between = b"\n"
@@ -248,7 +265,7 @@ def write_geojson(store: Store, stream: BinaryIO, units: OutputUnits = SI) -> No
 
 
 def is_mapped(store: Store) -> bool:
-    """Whether its inventory has places."""
+    """Return True if the inventory has locations."""
     return {"longitude", "latitude"} <= {title.lower() for title in store.inventory_columns()}
 
 
@@ -264,7 +281,7 @@ def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
         store.buildings(),
         building_damages(store),
     )
-    # The inventory's columns are carried along under names that no other property has.
+    # Inventory columns get names that differ from all other properties.
     demands = [
         f"{statistic}_{demand.column}" for demand in _DEMANDS for statistic in ("mean", "max")
     ]
@@ -286,8 +303,8 @@ def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
             name: (json.loads(text) if text else None) if is_number else text
             for name, text, is_number in zip(columns, cells, kinds, strict=True)
         }
-        # A position from -180 to 180 degrees: east of the meridian of Greenwich, then north of the
-        # equator.
+        # Longitudes are between -180 and 180 degrees, positive to the east; latitudes are positive
+        # to the north.
         geometry: Feature | None = None
         if cells[longitude] and cells[latitude]:
             east = float(cells[longitude])
@@ -300,20 +317,22 @@ def _features(store: Store, units: OutputUnits) -> Iterator[Feature]:
             head: Feature = {"building": buildings[number][0]} | (
                 {"event": events[event - 1]} if events else {}
             )
-            # Without events all runs are those of event 0.
+            # Without events, all runs belong to event 0.
             mine = {key: row for key, row in runs.items() if event in (0, key.sample)}
             for rank, level in enumerate(
                 rules.levels({key: row[_STATUS] for key, row in mine.items()})
             ):
-                told = _damage(damage, rank, event) if damage else {}
-                told |= {"pair_demand": level.pair_demand} if level.pair_demand else {}
-                feature = head | _of_level(level, mine, units) | told | carried
+                results = _damage(damage, rank, event) if damage else {}
+                results |= {"pair_demand": level.pair_demand} if level.pair_demand else {}
+                feature = head | _of_level(level, mine, units) | results | carried
                 yield {"type": "Feature", "geometry": geometry, "properties": feature}
 
 
 def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: OutputUnits) -> Feature:
-    """The level, what became of its motions, and mean and largest of each demand: None without a
-    motion, or without the demand (no heights, no ratio)."""
+    """Return the level, the counts of its ground motions, and mean and maximum of each demand.
+
+    A demand is None without completed runs, or if it is undefined (no drift ratio without height).
+    """
     feature: Feature = {"scale": level.scale, "level": level.level}
     feature = {name: digits(value) for name, value in feature.items() if not math.isnan(value)}
     feature |= {"runs": level.runs, "collapsed": level.collapsed, "failed": level.failed}
@@ -331,8 +350,10 @@ def _of_level(level: SuiteLevel, runs: Mapping[Run, Sequence[Any]], units: Outpu
 
 
 def _damage(of: BuildingDamage, rank: int, event: int) -> Feature:
-    """Mean probability of each damage state and mean loss ratio over the runs of a level, of one
-    event if not 0."""
+    """Return mean probabilities of damage states and the mean loss ratio of the runs of a level.
+
+    If `event` is not 0, only the runs of this event are included.
+    """
     mine = np.array([event in (0, sample) for _, _, sample in of.keys])
     chosen = of.known & (of.rank == rank) & mine
     means = (
@@ -349,10 +370,10 @@ def _damage(of: BuildingDamage, rank: int, event: int) -> Feature:
     }
 
 
-# ---- Fragility functions as OpenQuake reads them: NRML 0.5, lognormal, with mean and standard
-# deviation of the intensity itself
+# ---- Fragility functions for OpenQuake: NRML 0.5, lognormal functions defined by mean and standard
+# deviation of the intensity (not of its logarithm)
 
-_FAR = 4.0  # standard deviations beyond the medians at which the intensities end
+_FAR = 4.0  # range of the intensities in standard deviations from the medians
 _GRAVITY = ACCELERATION["g"]
 _PERIOD = r"\((?P<period>[0-9.]+)\)"
 _IMTS: tuple[tuple[str, str, Mapping[str, float], float], ...] = (
@@ -365,31 +386,36 @@ _IMTS: tuple[tuple[str, str, Mapping[str, float], float], ...] = (
     (r"cav", "CAV", VELOCITY, _GRAVITY),
     (r"sdi\((?P<period>[0-9.]+),(?P<strength>[0-9.]+)\)", "SDi({period},{strength})", LENGTH, 0.01),
 )
-"""Our name of a measure, that of OpenQuake 3.26 (`openquake.hazardlib.imt`), the units in which
-ours may be, and OpenQuake's, SI: g, cm/s, m/s, g s and cm."""
+"""Pattern of tdint's name of an intensity measure, its name in OpenQuake 3.26
+(`openquake.hazardlib.imt`), possible units, and OpenQuake's unit in SI: g, cm/s, m/s, g s, cm."""
 
 STRENGTH = (
-    "SDi's second number is the yield force over the weight here; ground-motion models of "
-    "OpenQuake mean by it the elastic force over the yield force: take hazard of the same measure"
+    "the second number of SDi is the yield force divided by the weight here; in ground-motion "
+    "models of OpenQuake it is the elastic force divided by the yield force: use the hazard of "
+    "this measure"
 )
 
 
 def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[str] = ()) -> bytes:
-    """The fragility model of functions of one intensity measure: one for each state of the building
-    before, or for each type of buildings, under whose name it stands.
+    """Return fragility functions of one intensity measure as an OpenQuake fragility model.
+
+    There is one function for each state of the building before the ground motion, or for each
+    building type.
 
     Parameters
     ----------
+    functions : sequence of Fragility
+        Fragility functions.
     name : str
-        Taxonomy of the building, where the functions are of no type: the function's id.
+        Taxonomy of the building, which is the id of functions without building type.
     states : sequence of str
-        Limit states, by rising thresholds; by default ds1, ds2, ...; those of the types where they
-        are of some.
+        Limit states by increasing threshold; ds1, ds2, ... by default. Functions by building type
+        have the states of their types.
 
     Raises
     ------
     UsageError
-        The measure is none that OpenQuake knows; as many states as thresholds are not given.
+        OpenQuake does not support the intensity measure, or the number of states is wrong.
     """
     named = {} if functions[0].type else _named(functions, states)
     every = list(
@@ -398,22 +424,22 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
     )
     lines = [f"    <limitStates>{' '.join(every)}</limitStates>"]
     for of_one in _grouped(functions):
-        told = [function.state or named[function.threshold] for function in of_one]
+        listed = [function.state or named[function.threshold] for function in of_one]
         first = of_one[0]
-        # OpenQuake wants a function of each state for every building or type.
-        if told != every:
-            missing = ", ".join(state for state in every if state not in told)
+        # OpenQuake requires a function of each state for every building or type.
+        if listed != every:
+            missing = ", ".join(state for state in every if state not in listed)
             subject = first.type or f"damage {first.damage:g}"
             raise UsageError(
-                f"{subject}: no function of {missing}, and OpenQuake needs one of every state of "
-                "all; more levels of intensity tell it, or leave it out with --threshold"
+                f"{subject}: no function of {missing}; OpenQuake requires a function of every state "
+                "for each type; add intensity levels, or omit the state with --threshold"
             )
         suffix = f"-damaged-{first.damage:g}" if first.damage > 0.0 else ""
         imt, factor = _measure(first)
         params: list[str] = []
         far: list[float] = []
-        # Mean and standard deviation of the intensity itself, not of its logarithm.
-        for function, state in zip(of_one, told, strict=True):
+        # Mean and standard deviation are those of the intensity, not of its logarithm.
+        for function, state in zip(of_one, listed, strict=True):
             median, beta = function.theta * factor, function.beta_total
             far += [median * math.exp(sign * _FAR * beta) for sign in (-1.0, 1.0)]
             mean = median * math.exp(0.5 * beta**2)
@@ -432,8 +458,8 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
 
 
 def _nrml(model: str, name: str, functions: Sequence[Fragility], lines: Iterable[str]) -> bytes:
-    """A model of OpenQuake around the lines of its functions."""
-    whole = [
+    """Return an OpenQuake model that contains the lines of functions."""
+    document = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         '<nrml xmlns="http://openquake.org/xmlns/nrml/0.5">',
         f'  <{model} id="tdint" assetCategory="buildings" lossCategory="structural">',
@@ -442,58 +468,61 @@ def _nrml(model: str, name: str, functions: Sequence[Fragility], lines: Iterable
         f"  </{model}>",
         "</nrml>\n",
     ]
-    return "\n".join(whole).encode()
+    return "\n".join(document).encode()
 
 
 def whole_types(functions: Sequence[Fragility]) -> tuple[list[Fragility], list[str]]:
-    """The functions of the types that have one of every state, and the names of the others."""
+    """Return the functions of types that have every state, and the names of other types."""
     most = max(len(of_one) for of_one in _grouped(functions))
     partial = [of_one[0].type for of_one in _grouped(functions) if len(of_one) < most]
     return [function for function in functions if function.type not in partial], partial
 
 
 def _named(functions: Sequence[Fragility], states: Sequence[str]) -> dict[float, str]:
-    """The limit states by their thresholds.
+    """Return the names of the limit states by threshold.
 
     Raises
     ------
     UsageError
-        There are not as many.
+        The number of names differs from the number of thresholds.
     """
     thresholds = sorted({function.threshold for function in functions})
     states = list(states) or [f"ds{number}" for number in range(1, len(thresholds) + 1)]
     if len(states) != len(thresholds) or any(not re.fullmatch(r"\w+", state) for state in states):
         listed = ", ".join(f"{threshold:g}" for threshold in thresholds)
         raise UsageError(
-            f"the functions have {how_many(len(thresholds), 'threshold')} ({listed}): name as many "
-            "states, a word each"
+            f"the functions have {how_many(len(thresholds), 'threshold')} ({listed}): specify "
+            "the same number of states, each a single word"
         )
     return dict(zip(thresholds, states, strict=True))
 
 
 def _grouped(functions: Sequence[Fragility]) -> list[list[Fragility]]:
-    """The functions of each building or type, by rising thresholds."""
+    """Return the functions of each building or type by increasing threshold."""
     groups: dict[tuple[str, str], list[Fragility]] = {}
     for function in functions:
         groups.setdefault((str(function.damage), function.type), []).append(function)
     return [sorted(of_one, key=lambda function: function.threshold) for of_one in groups.values()]
 
 
-# of a vulnerability function: straight lines between them are off by 0.3 % where beta is 0.16
+# Number of intensities of a vulnerability function; linear interpolation errors are 0.3 % for
+# beta = 0.16.
 _INTENSITIES = 100
 
 
 def vulnerability_model(
     functions: Sequence[Fragility], losses: Mapping[str, Sequence[float]], name: str
 ) -> bytes:
-    """The mean loss ratios that the functions of types make with the losses of their states, and
-    the coefficients of variation of one building's, for beta distributions; a collapse counts as
-    the heaviest state.
+    """Return mean loss ratios by building type as an OpenQuake vulnerability model.
+
+    The loss ratios follow from the fragility functions and the losses of the states. Coefficients
+    of variation are those of one building, for beta distributions. Collapse counts as the heaviest
+    state.
 
     Raises
     ------
     UsageError
-        The measure is none that OpenQuake knows.
+        OpenQuake does not support the intensity measure.
     """
     lines: list[str] = []
     for of_one in _grouped(functions):
@@ -504,12 +533,14 @@ def vulnerability_model(
             for sign in (-1.0, 1.0)
         ]
         im = np.geomspace(min(ends), max(ends), _INTENSITIES)
-        # Functions of one type may cross: a heavier state is never more likely than a lighter one.
+        # Functions of a type may intersect; a heavier state is never more likely than a lighter
+        # state.
         reached = np.minimum.accumulate([of.probability(im, total=True) for of in of_one])
         shares = reached - np.vstack([reached[1:], np.zeros_like(im)])
         ratios = np.array(losses[of_one[0].type][: len(of_one)])
         mean, square = np.maximum(ratios @ shares, _LEAST_LOSS), ratios**2 @ shares
-        # A beta distribution has less scatter than losses of nothing or all.
+        # The variance is less than that of losses that are either 0 or 1 (limit of beta
+        # distributions).
         variance = np.minimum(
             np.maximum(square / mean**2 - 1.0, 0.0), (1.0 - 1e-6) * (1.0 / mean - 1.0)
         )
@@ -524,11 +555,11 @@ def vulnerability_model(
     return _nrml("vulnerabilityModel", name, functions, lines)
 
 
-_LEAST_LOSS = 1e-9  # OpenQuake takes no scatter of a loss of nothing
+_LEAST_LOSS = 1e-9  # OpenQuake rejects a coefficient of variation for a mean loss of 0
 
 
 def _measure(first: Fragility) -> tuple[str, float]:
-    """What OpenQuake calls the intensity measure of a function, and the factor to its unit."""
+    """Return OpenQuake's name of the measure of a function, and the factor to its unit."""
     for pattern, called, units, unit in _IMTS:
         match = re.fullmatch(pattern, first.im.lower())
         if match and first.unit in units:
@@ -536,8 +567,8 @@ def _measure(first: Fragility) -> tuple[str, float]:
                 **{part: f"{float(text):.6g}" for part, text in match.groupdict().items()}
             )
             return imt, units[first.unit] / unit
-    measure = f"{first.im or 'untold'} {first.unit}".rstrip()
+    measure = f"{first.im or 'unknown'} {first.unit}".rstrip()
     raise UsageError(
-        "OpenQuake knows Sa and its average at a period, PGA, PGV, Arias intensity, CAV and SDi, "
-        f"with their units; the measure of these functions is {measure}"
+        "the intensity measure must be Sa or its average at a period, PGA, PGV, Arias intensity, "
+        f"CAV or SDi, with its unit, for OpenQuake; got {measure}"
     )
