@@ -71,8 +71,8 @@ def test_words_are_those_of_the_paper(here, tdint, drawn):
         ("title=maybe", "--style 'title=maybe': title must be yes or no"),
         ("font=", "--style 'font=': font requires a value"),
         ("font='Times", "write a width (90mm), a style sheet (paper.mplstyle) or KEY=VALUE,..."),
-        ("font=No Such Font", "font 'No Such Font': this machine has no such font"),
-        ("label:impulse4", "--style 'label:impulse4': write label:NAME=TEXT"),
+        ("font=No Such Font", "font 'No Such Font' is not installed on this machine"),
+        ("label:impulse4", "--style 'label:impulse4': a label must be label:NAME=TEXT"),
         ("label:nothing=x", "label 'nothing': the figure contains no label with this name"),
         ("none.mplstyle", "style sheet none.mplstyle: "),
     ],
@@ -139,7 +139,7 @@ def test_a_campaign_keeps_the_looks_of_its_file(folder, tdint, monkeypatch):
     [
         ("widht=90mm", "study.yaml: style: 'widht=90mm': unknown key; did you mean 'width'?"),
         ("none.mplstyle", "study.yaml: style sheet "),
-        ("font=No Such Font", "study.yaml: font 'No Such Font': this machine has no such font"),
+        ("font=No Such Font", "study.yaml: font 'No Such Font' is not installed on this machine"),
     ],
 )
 def test_looks_that_cannot_be_are_told_before_the_runs(folder, tdint, style, message):

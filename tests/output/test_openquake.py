@@ -132,7 +132,7 @@ def test_a_function_for_each_type_of_buildings():
     ("functions", "states", "text"),
     [
         (OFFICE, ("one",), "4 thresholds"),
-        (OFFICE, ("a", "b", "c", "d e"), "a word each"),
+        (OFFICE, ("a", "b", "c", "d e"), "each a single word"),
         ([function(0.1, 1.0, im="sa(T1)")], (), "for OpenQuake; got"),
         ([function(0.1, 1.0, unit="")], (), "for OpenQuake; got"),
     ],

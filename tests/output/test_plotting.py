@@ -255,7 +255,7 @@ def test_print(results, tmp_path):
     assert (
         once_more.get_size_inches()[0] * 25.4 > 120.0
     )  # what is asked of one picture is not asked of the next
-    with pytest.raises(UsageError, match="no such font"):
+    with pytest.raises(UsageError, match="is not installed"):
         tdint.plot(results["stability"], font="No Such Font")
 
 

@@ -132,8 +132,8 @@ def plot(
         # The figure of existing axes determines all settings except line styles.
         if file is not None or printed != PrintedAs():
             raise UsageError(
-                "width, font, title, label, style and file cannot be used with ax; set them for its "
-                "figure"
+                "width, font, title, label, style and file cannot be used with ax; set them for "
+                "its figure"
             )
         if kind.on_axes is None:
             raise UsageError(f"a {type(several[0]).__name__} has no main panel; plot it without ax")

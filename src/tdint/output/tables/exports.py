@@ -431,8 +431,8 @@ def fragility_model(functions: Sequence[Fragility], name: str, states: Sequence[
             missing = ", ".join(state for state in every if state not in listed)
             subject = first.type or f"damage {first.damage:g}"
             raise UsageError(
-                f"{subject}: no function of {missing}; OpenQuake requires a function of every state "
-                "for each type; add intensity levels, or omit the state with --threshold"
+                f"{subject}: no function of {missing}; OpenQuake requires a function of every "
+                "state for each type; add intensity levels, or omit the state with --threshold"
             )
         suffix = f"-damaged-{first.damage:g}" if first.damage > 0.0 else ""
         imt, factor = _measure(first)
