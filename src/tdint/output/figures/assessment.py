@@ -1,5 +1,5 @@
-"""Figures of methods, readable in black and white: stability, overshoot, order, the problems on
-which they fail, and what they cost for their errors."""
+"""Figures of methods, readable in black and white: stability, overshoot, order, failures on test
+problems, and work-precision diagrams."""
 
 from __future__ import annotations
 
@@ -42,24 +42,24 @@ if TYPE_CHECKING:
     from tdint.analysis.assessment.stability import Overshoot, StabilityCurve
     from tdint.analysis.chart.work_precision import Chart, Point
 
-_ACCURACY_RANGE = 0.4  # dt/T up to which accuracy is of interest
+_ACCURACY_RANGE = 0.4  # maximum dt/T in figures of accuracy
 _RADIUS_RANGE = (1e-2, 1e3)  # dt/T
 _BAND = (3.1, 3.7)  # omega dt around sqrt(12)
-_ROUNDING = 1e-9  # what a spectral radius may lie above 1
-_THIN = 0.7  # points, of a line that is an addition
-_TALLEST = 1e4  # what runs away is cut here
+_ROUNDING = 1e-9  # rounding error of a spectral radius of 1
+_THIN = 0.7  # points; width of additional lines
+_TALLEST = 1e4  # maximum of the axis; larger values are cut off
 
 
 def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -> Figure:
-    """Picture of stability: spectral radius, period error, numerical damping and amplitude decay
-    over dt/T.
+    """Draw spectral radius, period error, numerical damping and amplitude decay over dt/T.
 
     Parameters
     ----------
     curves : sequence of StabilityCurve
-        A line each.
+        Curves, one line each.
     band : bool
-        Add a panel with the growth per step around omega dt = sqrt(12), on a log scale.
+        True to add a panel of the growth per time step around omega dt = sqrt(12), on a logarithmic
+        scale.
     """
     figure = Figure(figsize=(7.5, 8.6 if band else 6.4), layout="constrained")
     grid = figure.add_gridspec(3 if band else 2, 2)
@@ -89,10 +89,10 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
         zoom.axvline(math.sqrt(12.0), color=LIGHT, linewidth=0.8)
         zoom.set(xlabel="ω dt (the line marks √12)", ylabel="spectral radius - 1")
     add_legend(figure, radius, lines, _curve_labels(curves), NARROW)
-    # A single line has its name in the title, as no legend says it.
+    # A single line has its name in the title, because there is no legend.
     ratios = [f"{ratio:g}" for ratio in dict.fromkeys(curve.damping for curve in curves)]
     title = (
-        f"One step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} "
+        f"One time step of an oscillator without load, damping ratio{'s' * (len(ratios) > 1)} "
         f"{', '.join(ratios)}"
     )
     if len(curves) == 1:
@@ -101,8 +101,9 @@ def stability_picture(curves: Sequence[StabilityCurve], *, band: bool = False) -
 
 
 def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
-    """Picture of the first steps: displacement and velocity, from a displacement and from a
-    velocity."""
+    """Draw the first time steps: displacement and velocity after an initial displacement or
+    velocity.
+    """
     figure = Figure(figsize=(7.5, 6.4), layout="constrained")
     panels = figure.subplots(2, 2, sharex=True)
     starts = tuple(dict.fromkeys(motion.start for motion in motions))
@@ -122,7 +123,7 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
             axes.set_title(f"{quantity}, from a {start}")
             axes.axhspan(-1.0, 1.0, color="0.92", zorder=0.5)
             axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-            # Logarithmic beyond the exact motion, where steps leave it far behind.
+            # The axis is logarithmic beyond the exact motion, because methods can exceed it by far.
             largest = max(
                 float(np.nanmax(np.abs(line.get_ydata()), initial=1.0)) for line in axes.get_lines()
             )
@@ -138,24 +139,30 @@ def overshoot_picture(motions: Sequence[Overshoot]) -> Figure:
     spring = "" if first.law == "linear" else f", {first.law} spring"
     ratios = ", ".join(f"{ratio:g}" for ratio in dampings)
     title = (
-        f"First steps with dt = {first.dt_over_t:g} T, damping ratio {ratios}{spring}, "
-        "over the exact amplitude\n"
-        "The exact motion stays in the shaded band"
+        f"First time steps with dt = {first.dt_over_t:g} T, damping ratio {ratios}{spring}, "
+        "relative to the exact amplitude\n"
+        "The exact motion remains in the shaded band"
     )
     return titled(figure, f"{first.method}\n{title}" if len(lines) == 1 else title)
 
 
 def order_picture(measured: Sequence[ObservedOrder], name: str = "", thin: int = 0) -> Figure:
-    """Picture of the observed order: over the frequency ratio, or for each method where the load
-    has no frequency.
+    """Draw the observed order over the frequency ratio, or by method for loads without a frequency.
 
-    The title begins with a `name`, if there is one; lines of the last `thin` methods are thin.
+    Parameters
+    ----------
+    measured : sequence of ObservedOrder
+        Observed orders.
+    name : str
+        Start of the title; empty by default.
+    thin : int
+        Number of methods at the end that have thin lines; 0 by default.
     """
     first = measured[0]
     has_ratio = not math.isnan(first.frequency_ratio)
     several = len({order.frequency_ratio for order in measured}) > 1
     figure = _draw_orders(measured, thin) if several and has_ratio else _draw_order_chart(measured)
-    # What all have in common stands in the title.
+    # The title states the properties that all curves share.
     loads = {
         "free": "free vibration",
         "harmonic": "harmonic load",
@@ -170,8 +177,10 @@ def order_picture(measured: Sequence[ObservedOrder], name: str = "", thin: int =
 
 
 def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[str, Any]]:
-    """Lines to be told apart without color: dashes and markers per method; dashes per damping ratio
-    if there are several."""
+    """Return line styles that are distinguishable without color.
+
+    Methods differ by dashes and markers; several damping ratios differ by dashes.
+    """
     number = {method: i for i, method in enumerate(dict.fromkeys(methods))}
     ratios = {ratio: i for i, ratio in enumerate(dict.fromkeys(dampings))}
     looks, styles = method_looks(methods), []
@@ -184,20 +193,20 @@ def line_styles(methods: Sequence[str], dampings: Sequence[float]) -> list[dict[
     return styles
 
 
-# Of a spectral radius; its panel ends at 1.25. A line that goes up by 10^14 is spaced with markers
-# without end.
+# Maximum spectral radius that is drawn; its panel ends at 1.25. On a line that rises by 1e14,
+# markers would be spaced without end.
 _FAR_ABOVE = 1e3
 
 
 def _plot(axes: Any, x: Array, y: Array, style: dict[str, Any]) -> list[Any]:
-    """A line; matplotlib cannot space markers along one without a finite point."""
+    """Draw a line; matplotlib cannot space markers along a line without a finite point."""
     if not np.any(np.isfinite(x) & np.isfinite(y)):
         style = {**style, "markevery": None}
     return list(axes.plot(x, y, **style))
 
 
 def draw_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
-    """The spectral radius over dt/T."""
+    """Draw the spectral radius over dt/T."""
     styles = [
         style | {"label": label}
         for style, label in zip(_curve_styles(curves), _curve_labels(curves), strict=True)
@@ -209,8 +218,19 @@ def draw_radius(axes: Any, curves: Sequence[StabilityCurve]) -> None:
 def accuracy_picture(
     curves: Sequence[StabilityCurve], quantity: str, title: str, thin: int = 0
 ) -> Figure:
-    """One quantity of stability over dt/T: `spectral_radius`, `period_error`, `numerical_damping`
-    or `amplitude_decay`; the last `thin` lines are thin."""
+    """Draw one quantity of stability over dt/T.
+
+    Parameters
+    ----------
+    curves : sequence of StabilityCurve
+        Curves, one line each.
+    quantity : str
+        `spectral_radius`, `period_error`, `numerical_damping` or `amplitude_decay`.
+    title : str
+        Title of the figure.
+    thin : int
+        Number of curves at the end that have thin lines; 0 by default.
+    """
     figure = Figure(figsize=(7.5, 4.6), layout="constrained")
     axes = figure.subplots()
     lines = _draw_quantity(axes, curves, quantity, _thinned(_curve_styles(curves), thin))
@@ -223,7 +243,7 @@ def _curve_styles(curves: Sequence[StabilityCurve]) -> list[dict[str, Any]]:
 
 
 def _thinned(styles: list[dict[str, Any]], count: int) -> list[dict[str, Any]]:
-    """The styles, the last so many of thin lines without marks."""
+    """Return the styles; the last `count` styles are thin lines without markers."""
     first = len(styles) - count
     return [
         *styles[:first],
@@ -241,13 +261,13 @@ _ACCURACIES = {
     "numerical_damping": ("numerical damping ratio (%)", -2.0, 20.0),
     "amplitude_decay": ("amplitude lost per cycle (%)", -10.0, 100.0),
 }
-"""Of each quantity its label, and what its axis shows at most: beyond, methods are of no use."""
+"""Label and maximum range of the axis of each quantity; methods outside of it are not useful."""
 
 
 def _draw_quantity(
     axes: Any, curves: Sequence[StabilityCurve], quantity: str, styles: Sequence[dict[str, Any]]
 ) -> list[Any]:
-    """A line of each curve, and the axes that go with the quantity."""
+    """Draw a line for each curve, and set the axes of the quantity."""
     lines = []
     for curve, style in zip(curves, styles, strict=True):
         x, y = curve.dt_over_t, getattr(curve, quantity)
@@ -270,7 +290,8 @@ def _draw_quantity(
         smallest = min(float(np.min(curve.spectral_radius)) for curve in curves)
         axes.set(ylim=(0.0 if smallest < 0.7 else 0.7, 1.25), ylabel="spectral radius")
         return lines
-    # Accuracy is of interest for small steps alone. Limits are not so narrow that rounding is seen.
+    # Accuracy matters only for small time steps. The limits are wide enough to hide rounding
+    # errors.
     name, low, high = _ACCURACIES[quantity]
     bottom, top = axes.get_ylim()
     limits = min(max(bottom, low), -0.05), max(min(top, high), 1.0)
@@ -279,7 +300,7 @@ def _draw_quantity(
 
 
 def _draw_orders(measured: Sequence[ObservedOrder], thin: int) -> Figure:
-    """Observed order, and the error at the finest step, over the frequency ratio."""
+    """Draw observed order and error at the smallest time step over the frequency ratio."""
     figure = Figure(figsize=(7.5, 6.6), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     methods = list(dict.fromkeys(order.method for order in measured))
@@ -296,7 +317,7 @@ def _draw_orders(measured: Sequence[ObservedOrder], thin: int) -> Figure:
     upper.yaxis.set_major_locator(MaxNLocator(integer=True))
     bottom, top = upper.get_ylim()
     upper.set_ylim(min(bottom, 0.5), max(top, 4.5))
-    lower.set(ylabel="relative error at the finest step", yscale="log", xscale="log")
+    lower.set(ylabel="relative error at the smallest time step", yscale="log", xscale="log")
     lower.set_xlabel("ω₀ / ω, frequency of the load over natural frequency")
     lower.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     plain_numbers(lower.xaxis)
@@ -306,7 +327,7 @@ def _draw_orders(measured: Sequence[ObservedOrder], thin: int) -> Figure:
 
 
 def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
-    """Observed orders of displacement, velocity and acceleration, one row of marks per method."""
+    """Draw observed orders of displacement, velocity and acceleration, with one row per method."""
     figure = Figure(figsize=(7.5, 1.9 + 0.24 * len(measured)), layout="constrained")
     axes = figure.subplots()
     rows = np.arange(len(measured), 0.0, -1.0)
@@ -318,9 +339,7 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     )
     for quantity, marker, size, fill in marks:
         orders = [order.order(quantity) for order in measured]
-        label = (
-            "the method's own acceleration" if quantity == "algorithmic_acceleration" else quantity
-        )
+        label = "algorithmic acceleration" if quantity == "algorithmic_acceleration" else quantity
         mark: dict[str, Any] = {
             "markersize": size,
             "markerfacecolor": fill,
@@ -329,7 +348,9 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
         axes.plot(orders, rows, marker, **mark, label=label)
     for order, row in zip(measured, rows, strict=True):
         if math.isnan(order.order("displacement")):
-            axes.text(0.08, row, "errors are rounding", va="center", fontsize=8.0, color="0.35")
+            axes.text(
+                0.08, row, "errors are rounding errors", va="center", fontsize=8.0, color="0.35"
+            )
     axes.set_yticks(rows, [order.method for order in measured], parse_math=False)
     axes.set(ylim=(0.3, len(measured) + 0.7), xlim=(0.0, 5.6), xlabel="observed order")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -340,25 +361,23 @@ def _draw_order_chart(measured: Sequence[ObservedOrder]) -> Figure:
     return figure
 
 
-# ---- Figure of the problems on which methods fail: a matrix of methods and problems, readable in
-# black and white
+# ---- Figure of failures: a matrix of methods and problems, readable in black and white
 
 _CELL = (0.46, 0.25)  # inches
 _LEVEL, _UPRIGHT = (
     0.28,
     0.13,
-)  # widths of a cell in print, inches, that five digits of 6 points take, level and upright
-_TALL = 0.34  # inches, of a cell whose digits stand upright
-_LETTER_UP = 0.06  # inches, of a letter of 8 points
-_LINE = 0.15  # inches, of a line
-_MOST_LETTERS = 5  # of a number in print
-_MOST_PANELS = 3  # below each other
-_NARROW_FOOT = 62  # letters of 6 points on the width of a column
+)  # minimum widths of a printed cell for five 6 pt digits, inches: horizontal and vertical text
+_TALL = 0.34  # inches; height of a cell with vertical text
+_LETTER_UP = 0.06  # inches; width of an 8 pt character
+_LINE = 0.15  # inches; height of a line
+_MOST_LETTERS = 5  # maximum number of characters of a printed number
+_MOST_PANELS = 3  # maximum number of panels below each other
+_NARROW_FOOT = 62  # number of 6 pt characters in the width of a column
 
 
 class _Mark(NamedTuple):
-    """How a cell looks: filling, hatching, ink; verdicts that are not listed look like the last
-    entry."""
+    """Style of a cell: filling, hatching, text color. Other verdicts have the last style."""
 
     face: str
     hatch: str = ""
@@ -383,9 +402,9 @@ _LEGEND = {
     "blows up": "blows up",
 }
 _EXPLANATION = (
-    "Numbers: hardening and softening, the energy ratio that is farthest from 1; otherwise the "
-    "error that is judged.\n"
-    "After a failure: the steps done until then. - : the method is not for this building."
+    "Numbers: for hardening and softening the energy ratio farthest from 1, otherwise the assessed "
+    "error.\n"
+    "After a failure: completed time steps. - : the method does not apply to this building."
 )
 
 

@@ -1,6 +1,5 @@
-"""Figures of what leads to collapse: an incremental dynamic analysis, a gray curve for each record
-with fractiles and capacities; fragility functions over intensity with observations and 95 %
-confidence bands; a cloud with its line."""
+"""Figures of collapse: incremental dynamic analyses with fractiles and capacities, fragility
+functions with observations and 95 % confidence bands, and cloud analyses with regression lines."""
 
 from __future__ import annotations
 
@@ -38,14 +37,12 @@ from tdint.output.spectrum_text import spectrum_text
 from tdint.units import ACCELERATION, SI, STANDARD_GRAVITY, OutputUnits
 from tdint.written_numbers import how_many
 
-# ---- A suite of motions as several figures draw it: the median and the fractiles on both sides,
-# and intensity measures
+# ---- Parts that several figures of suites share: median, fractiles and intensity measures
 #
-# And the figure of a scaled suite: each spectrum in gray, median and fractiles, and what it was
-# scaled to.
+# The figure of a scaled suite shows each spectrum in gray, median, fractiles and target.
 
 GRAY = "0.72"
-"""Of what is one record among many."""
+"""Style of a single record in a suite."""
 
 _PAIRS = {GEOMETRIC_MEAN: "geometric mean ", "rotd50": "RotD50 ", "rotd100": "RotD100 "}
 _WORDS = {
@@ -59,11 +56,11 @@ _WORDS = {
 
 FRACTILES = (16, 84)
 BETWEEN_FRACTILES = f"{FRACTILES[0]} % and {FRACTILES[1]} %"
-"""What a legend calls their lines."""
+"""Label of the fractiles in legends."""
 
-_FEW = 3  # motions: fewer have no fractiles
+_FEW = 3  # minimum number of ground motions for fractiles
 _PERIODS = (0.05, 5.0, 120)
-_SHORTEST = 0.06  # sampling intervals; below there is nothing in a record
+_SHORTEST = 0.06  # minimum period of spectra
 _PAIR = {
     GEOMETRIC_MEAN: "geometric mean of both components",
     "rotd50": "RotD50",
@@ -72,12 +69,12 @@ _PAIR = {
 
 
 def single_look(several: bool) -> dict[str, Any]:
-    """How a line of a single record is drawn: light among several, plain alone."""
+    """Return the style of the line of a single record: light among several records."""
     return {"color": GRAY, "linewidth": 0.8} if several else {"color": COLORS[0], "linewidth": 1.6}
 
 
 def measure_words(name: str) -> str:
-    """An intensity measure as a paper writes it: Sa(1.095 s) of `sa(1.09504)`."""
+    """Return an intensity measure as in publications: Sa(1.095 s) for `sa(1.09504)`."""
     pair = next((pair for pair in PAIRS if name.startswith(f"{pair}-")), "")
     kind, _, rest = name.removeprefix(f"{pair}-").partition("(")
     period = rest.removesuffix(")")
@@ -87,14 +84,13 @@ def measure_words(name: str) -> str:
 
 
 def measure_label(name: str, unit: str) -> str:
-    """An axis of intensity: its measure, and its unit as far as known."""
+    """Return the label of an intensity axis: the measure, and its unit if it is known."""
     text = measure_words(name) or "intensity measure"
     return f"{text} ({unit.replace('^2', '²')})" if unit else text
 
 
 def add_gravity_axis(axes: Any, unit: str, *, horizontal: bool = False) -> None:
-    """A second axis, in g, on the other side of one in another unit of acceleration; none beside
-    other units."""
+    """Add a second axis in g to an axis in another unit of acceleration."""
     if unit == "g" or unit not in ACCELERATION:
         return
     g = STANDARD_GRAVITY / ACCELERATION[unit]
@@ -112,22 +108,22 @@ def add_gravity_axis(axes: Any, unit: str, *, horizontal: bool = False) -> None:
 
 
 def draw_median(axes: Any, x: Array, rows: Array, color: str, *, zorder: float = 3.0) -> Any:
-    """The line of the median of the rows, shape (motions, k), over x, shape (k,)."""
+    """Draw the median of the rows, shape (motions, k), over x, shape (k,)."""
     return axes.plot(x, np.nanmedian(rows, axis=0), color=color, linewidth=2.0, zorder=zorder)[0]
 
 
 def draw_fractiles(axes: Any, x: Array, rows: Array, color: str, *, zorder: float = 2.5) -> Any:
-    """The lines of the fractiles of the rows; one of them, for the legend."""
+    """Draw the fractiles of the rows, and return one line for the legend."""
     low, high = np.nanpercentile(rows, FRACTILES, axis=0)
     axes.plot(x, low, color=color, linestyle=DASHES[1], zorder=zorder)
     return axes.plot(x, high, color=color, linestyle=DASHES[1], zorder=zorder)[0]
 
 
 def suite_picture(scaling: Scaling, units: OutputUnits = SI) -> Figure:
-    """Picture of a scaled suite."""
+    """Draw a scaled suite."""
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     draw_suite(figure.subplots(), scaling, units)
-    # What it was scaled to, in words.
+    # Description of the target.
     aim = scaling.target
     target = (
         "" if aim is None else spectrum_text(aim.source) if aim.curve else record_name(aim.source)
@@ -147,7 +143,7 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI) -> Figure:
         "ec8": f"scaled to {target} by EN 1998-1",
         "p695": "normalized by FEMA P-695" + (f", scaled to median {value}" if value else ""),
     }
-    # How many there are; of one its name.
+    # The number of records; a single record has its name.
     records = [record for motion in scaling.motions for record in components(motion)]
     count = len(scaling.motions)
     subject = "record" if isinstance(scaling.motions[0], Record) else "pair"
@@ -165,15 +161,15 @@ def suite_picture(scaling: Scaling, units: OutputUnits = SI) -> Figure:
 
 
 def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
-    """The scaled spectra with median, fractiles and what they were scaled to."""
-    # The periods show the suite and what it was scaled to, none shorter than the samples resolve.
+    """Draw the scaled spectra with median, fractiles and target."""
+    # The periods include the target and are not shorter than the samples can resolve.
     low, high, count = _PERIODS
     for aimed in (scaling.periods, _aimed(scaling)):
         if aimed is not None and len(aimed) and aimed[0] > 0.0:
             low, high = min(low, 0.8 * float(aimed[0])), max(high, 1.25 * float(aimed[-1]))
     intervals = [record.dt for motion in scaling.motions for record in components(motion)]
     periods = np.geomspace(max(low, _SHORTEST * max(intervals)), high, int(count))
-    # Each motion has a line; but the median of FEMA P-695 is that of all components.
+    # Each ground motion has a line, but the median of FEMA P-695 is that of all components.
     quantity = "record" if isinstance(scaling.motions[0], Record) else "pair"
     if quantity == "pair" and scaling.rule == "p695":
         quantity = "component"
@@ -207,7 +203,7 @@ def draw_suite(axes: Any, scaling: Scaling, units: OutputUnits) -> None:
 def _draw_aim(
     axes: Any, scaling: Scaling, periods: Array, spectra: Array, units: OutputUnits
 ) -> None:
-    """What the suite was scaled to: a point, or a spectrum over its range."""
+    """Draw the target of the scaling: a point, or a spectrum in its period range."""
     red = COLORS[1]
     if scaling.target is not None and scaling.periods is not None:
         target, psa = scaling.target, units.of(scaling.target.psa, "m/s^2")
@@ -220,7 +216,7 @@ def _draw_aim(
                 color=red,
                 linestyle=DASHES[2],
                 zorder=5,
-                label="90 % of it",
+                label="90 % of the target",
             )
             style = {"color": COLORS[2], "linewidth": 2.0, "linestyle": DASHES[3], "zorder": 5}
             axes.plot(periods, np.mean(spectra, axis=0), **style, label="average")
@@ -241,20 +237,20 @@ def _draw_aim(
 
 
 def _aimed(scaling: Scaling) -> tuple[float, ...]:
-    """Periods of the measure that was scaled to."""
+    """Return the periods of the target intensity measure."""
     return scaling.measure.periods if isinstance(scaling.measure, SpectralIntensity) else ()
 
 
 # ---- Collapse
 
 _PARTS = (0.16, 0.5, 0.84)
-_DRIFTS = 240  # points of a curve: smooth at 180 mm
-_ROOM = 1.1  # the axis of intensity ends so far above the largest capacity
-_BEYOND = 1.04  # of drift: where flat lines end
+_DRIFTS = 240  # points of a curve, which is smooth at a width of 180 mm
+_ROOM = 1.1  # upper end of the intensity axis divided by the maximum capacity
+_BEYOND = 1.04  # end of flat lines divided by the maximum drift
 
 
 def ida_picture(study: IdaStudy) -> Figure:
-    """Picture of a study, in the units that its intensities have (`IdaStudy.in_units`)."""
+    """Draw a study in the units of its intensities (`IdaStudy.in_units`)."""
     figure = Figure(figsize=(7.2, 5.2), layout="constrained")
     draw_ida(figure.subplots(), study)
     records = [curve.record for curve in study.states[0].curves]
@@ -273,8 +269,8 @@ def ida_picture(study: IdaStudy) -> Figure:
 
 
 def draw_ida(axes: Any, study: IdaStudy) -> None:
-    """The curves of a study with their fractiles and capacities."""
-    # The axis of drift ends at that of collapse, where some building collapses or comes near to it.
+    """Draw the curves of a study with their fractiles and capacities."""
+    # The drift axis ends at the collapse drift if a building collapses or nearly collapses.
     limit = study.model.collapse_drift
     curves = study.motion_curves
     largest = max((run.drift_ratio for curve in curves for run in curve.stable), default=0.0)
@@ -290,7 +286,7 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
         _draw_fractiles(axes, state, limit, color, several=len(states) > 1)
     for state in states:
         _draw_capacities(axes, state, limit)
-    # Runs without a result, at the edge.
+    # Runs without a result are drawn at the edge.
     lost = [
         run.im for curve in study.curves for run in curve.runs if not (run.stable or run.collapsed)
     ]
@@ -303,22 +299,23 @@ def draw_ida(axes: Any, study: IdaStudy) -> None:
             label="run without a result",
             clip_on=False,
         )
-    # The axis of intensity ends above the capacities, and the largest levels that a building
-    # stands.
+    # The intensity axis ends above the capacities and the maximum levels without collapse.
     capacities = (curve.collapse.capacity for curve in study.motion_curves)
     stood = (run.im for curve in study.motion_curves for run in curve.stable)
     highest = max((*filter(math.isfinite, capacities), *stood), default=0.0)
     axes.set(xlim=(0.0, 100.0 * _BEYOND * limit), ylim=(0.0, _ROOM * (highest or 1.0)))
     axes.set(
-        xlabel="largest drift ratio (%)", ylabel=measure_label(study.im_name, study.measure.unit)
+        xlabel="maximum drift ratio (%)", ylabel=measure_label(study.im_name, study.measure.unit)
     )
     add_gravity_axis(axes, study.measure.unit)
     axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
 
 
 def _draw_curve(axes: Any, curve: IdaCurve, limit: float, look: dict[str, Any]) -> None:
-    """From the origin, or the drift that was left, through the runs that stand; flat from the
-    capacity on."""
+    """Draw a curve from the origin (or the residual drift) through the runs without collapse.
+
+    The curve is flat from the capacity on.
+    """
     drift = [curve.left, *(run.drift_ratio for run in curve.stable)]
     im = [0.0, *(run.im for run in curve.stable)]
     if not curve.collapse.censored and curve.stable:
@@ -328,8 +325,10 @@ def _draw_curve(axes: Any, curve: IdaCurve, limit: float, look: dict[str, Any]) 
 
 
 def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, several: bool) -> None:
-    """Fractiles of a state; where there are `several`, the median alone, and of few records each
-    curve."""
+    """Draw the fractiles of a damaged or intact state.
+
+    For several states, only the median is drawn; for few records, each curve is drawn.
+    """
     damage = study.motion_curves[0].damage
     state = (f", damaged to {100.0 * damage:g} %" if damage else ", intact") * several
     if len(study.motion_curves) < _FEW:
@@ -350,16 +349,16 @@ def _draw_fractiles(axes: Any, study: IdaStudy, limit: float, color: str, *, sev
             continue
         style = {"linewidth": 2.2} if part == 0.5 else {"linestyle": DASHES[1], "linewidth": 1.4}
         label = f"median{state}" if part == 0.5 else "16 % and 84 %" if part == _PARTS[0] else None
-        start = [] if damage else [0.0]  # a damaged building does not begin at rest in the origin
+        start = [] if damage else [0.0]  # a damaged building does not start at the origin
         axes.plot(
             [*start, *(100.0 * drifts)], [*start, *row], color=color, zorder=3, label=label, **style
         )
 
 
 def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
-    """A mark where each curve becomes flat, another where it ends for want of higher levels."""
+    """Mark the capacity of each curve, or the end of a curve without collapse."""
     collapses = ("o", COLORS[1], "capacity against collapse")
-    again = ("D", "white", "the same, stands again above it")
+    again = ("D", "white", "capacity, no collapse at a higher level")
     censored = ("^", "white", "does not collapse up to here")
     groups: dict[tuple[str, str, str], list[tuple[float, float]]] = {
         collapses: [],
@@ -376,7 +375,7 @@ def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
     for (marker, face, label), points in groups.items():
         if points:
             x, y = zip(*points, strict=True)
-            # Of several states each kind is named once.
+            # Each type of mark has one legend entry for all states.
             shown = None if label in axes.get_legend_handles_labels()[1] else label
             axes.scatter(
                 x,
@@ -391,10 +390,10 @@ def _draw_capacities(axes: Any, study: IdaStudy, limit: float) -> None:
             )
 
 
-_POINTS = 300  # likewise
-_ACROSS = 4  # panels of types in a row
-_TOGETHER = 2  # functions that stand in one panel with those of the model's dispersion
-_FAR = 2.6  # standard deviations above the largest median at which the axis ends
+_POINTS = 300  # points of a fragility function
+_ACROSS = 4  # panels of building types per row
+_TOGETHER = 2  # maximum number of functions that share a panel with their total dispersion
+_FAR = 2.6  # standard deviations from the maximum median to the end of the axis
 _NAMES = {
     "stripes": "Fragility of stripes, maximum likelihood",
     "ida": "Fragility of capacities",
@@ -403,7 +402,7 @@ _NAMES = {
 
 
 def fragility_picture(functions: Sequence[Fragility]) -> Figure:
-    """Picture of functions of one fit and one intensity measure, one at least."""
+    """Draw functions of one fit and one intensity measure; at least one function is required."""
     cloud = functions[0].cloud
     crowded = (
         cloud is None
@@ -416,7 +415,7 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
         layout="constrained",
     )
     if crowded:
-        # The fitted functions with what tells how sure they are; beside them those with the model's
+        # The fitted functions with their confidence bands, next to the functions with the modeling
         # dispersion.
         first, second = figure.subplots(2, 1) if stacked else figure.subplots(1, 2, sharey=True)
         draw_functions(first, functions, total=False)
@@ -440,7 +439,7 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
         left, right = figure.subplots(1, 2)
         _draw_cloud(left, cloud, functions)
         draw_functions(right, functions)
-    # What was fitted, by which rule, to how many.
+    # Type of the fit, estimation method and number of records.
     function = functions[0]
     title = _NAMES[function.fit]
     censored = {function.censored for function in functions}
@@ -453,8 +452,7 @@ def fragility_picture(functions: Sequence[Fragility]) -> Figure:
 
 
 def types_picture(functions: Sequence[Fragility]) -> Figure:
-    """Picture of functions of types of buildings, a panel for each type with a curve for each
-    damage state."""
+    """Draw functions of building types: a panel for each type, a curve for each damage state."""
     types = {
         name: [function for function in functions if function.type == name]
         for name in dict.fromkeys(f.type for f in functions)
@@ -484,12 +482,13 @@ def types_picture(functions: Sequence[Fragility]) -> Figure:
         lines, states, loc="outside lower center", ncols=legend_columns(states, 5), handlelength=3.2
     )
     return titled(
-        figure, "Probability of damage states and shares counted, 95 % confidence over the motions"
+        figure,
+        "Probability of damage states and observed fractions, 95 % confidence over the motions",
     )
 
 
 def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str]) -> None:
-    """The functions of a type with what was observed and how sure they are."""
+    """Draw the functions of a type with observations and confidence bands."""
     end = _end(functions)
     im = np.linspace(0.0, end, _POINTS)[1:]
     for function in functions:
@@ -514,8 +513,10 @@ def _draw_type(axes: Any, functions: Sequence[Fragility], states: Sequence[str])
 
 
 def draw_functions(axes: Any, functions: Sequence[Fragility], *, total: bool = True) -> None:
-    """The functions with their observations and confidence bands and, if `total`, those with the
-    model's dispersion."""
+    """Draw functions with observations and confidence bands.
+
+    If `total` is true, functions with the modeling dispersion are drawn also.
+    """
     end = _end(functions)
     im = np.linspace(0.0, end, _POINTS)[1:]
     for i, function in enumerate(functions):
@@ -549,7 +550,7 @@ def draw_functions(axes: Any, functions: Sequence[Fragility], *, total: bool = T
 def _draw_band(
     axes: Any, function: Fragility, im: Array, look: dict[str, Any], alpha: float, linewidth: float
 ) -> None:
-    """The confidence band of a function, where there is an interval."""
+    """Draw the confidence band of a function if a confidence interval is known."""
     if np.isfinite(function.covariance).all():
         low, high = function.band(im)
         axes.fill_between(im, low, high, color=look["color"], alpha=alpha, linewidth=0.0)
@@ -558,7 +559,7 @@ def _draw_band(
 
 
 def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") -> None:
-    """The legend of functions of one demand; `which` they are."""
+    """Add the legend of functions of one demand; `which` describes the functions."""
     exceeded = "" if math.isnan(functions[0].threshold) else "exceedance of"
     title = "\n".join(filter(None, (which, exceeded))) or None
     axes.legend(
@@ -572,8 +573,7 @@ def _name_functions(axes: Any, functions: Sequence[Fragility], which: str = "") 
 
 
 def _draw_counted(axes: Any, function: Fragility, end: float, **look: Any) -> None:
-    """What was observed: the levels or capacities that were fitted, or of a cloud the counted
-    shares in bins."""
+    """Draw observations: the fitted levels or capacities, or the fractions of a cloud in bins."""
     points, counted = function.points, function.counted
     if points is None and counted is not None:
         points = Points(counted.im, counted.share)
@@ -590,8 +590,7 @@ def _draw_counted(axes: Any, function: Fragility, end: float, **look: Any) -> No
 
 
 def _end(functions: Sequence[Fragility]) -> float:
-    """Where the axis of intensity ends: behind the functions, but not far behind all
-    observations."""
+    """Return the end of the intensity axis, beyond the functions but near the observations."""
     ends = []
     for function in functions:
         observed = function.points or function.cloud
@@ -602,8 +601,8 @@ def _end(functions: Sequence[Fragility]) -> float:
 
 
 def _draw_cloud(axes: Any, cloud: CloudPoints, functions: Sequence[Fragility]) -> None:
-    """Demands over intensities, both logarithmic, with the line and a standard deviation to both
-    sides."""
+    """Draw demands over intensities on logarithmic axes, with the regression line and its standard
+    deviation on both sides."""
     measured = ~(cloud.censored | cloud.below)
     axes.scatter(
         cloud.im[measured],
@@ -644,7 +643,7 @@ def _im_label(function: Fragility) -> str:
 
 
 def _label(function: Fragility, beta_total: float | None = None) -> str:
-    """A function's demand, median and dispersion, its own or that with the model's."""
+    """Return demand, median and dispersion of a function, with `beta_total` instead of beta."""
     threshold = "" if math.isnan(function.threshold) else f"{function.threshold:g}: "
     if function.damage == function.damage:
         state = f"damaged to {100.0 * function.damage:g} %" if function.damage else "intact"

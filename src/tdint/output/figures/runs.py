@@ -1,5 +1,8 @@
-"""Figures of runs: histories, energies, profiles over the height and one hysteresis; of suites the
-demands over the height and the spectra of floors; what moves peaks."""
+"""Figures of runs and suites.
+
+Runs: response histories, energies, profiles over the height, one hysteresis loop. Suites: demands
+over the height and floor spectra. Sensitivity: effects of parameters on peak responses.
+"""
 
 from __future__ import annotations
 
@@ -41,15 +44,15 @@ if TYPE_CHECKING:
     from tdint.analysis.run.outcome import History, Response
     from tdint.campaign.sensitivity import ParameterEffect
 
-_NEAR = 0.4  # the collapse drift is shown where the peak reaches this part of it
-_SEEN = 0.002  # estimated errors are shown where one reaches this part of the largest peak
+_NEAR = 0.4  # the collapse drift is shown if the peak reaches this fraction of it
+_SEEN = 0.002  # fraction of the maximum from which estimated errors are shown
 _WIDE = (
     0.01  # the band of the error is drawn where it reaches this part of the largest displacement
 )
-_VISIBLE = 0.05  # the drift at the end is shown where it reaches this part of the peak
-_LAYER = 1e-4  # an energy is drawn that reaches this part of the largest input
-_SAME = 1e-9  # times that differ by less than this part are the same
-_NAMED = 3  # shocks whose records the title names
+_VISIBLE = 0.05  # fraction of the peak from which the residual drift is shown
+_LAYER = 1e-4  # fraction of the maximum input energy from which an energy is shown
+_SAME = 1e-9  # relative difference below which two times are equal
+_NAMED = 3  # maximum number of events that the title names
 _ABOVE = {
     "loc": "lower left",
     "bbox_to_anchor": (-0.02, 1.0),
@@ -57,14 +60,16 @@ _ABOVE = {
     "fontsize": 7.0,
     "handlelength": 1.6,
 }
-"""A legend above a panel: inside, it would lie over the bars."""
-_BEYOND = 1.25  # where the bar of an isolator ends, over the largest of all others
+"""Position of a legend above a panel; inside, it would cover the bars."""
+_BEYOND = 1.25  # length of the bar of an isolator divided by the maximum of the other stories
 
 
 def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
-    """Picture of a run: ground, roof displacement and energies over time; drifts, floor
-    accelerations and shears over the height; the hysteresis of one story. Of a response without its
-    history what is over the height.
+    """Draw a run.
+
+    The figure shows the ground motion, the roof displacement and energies over time; drifts, floor
+    accelerations and shears over the height; and the hysteresis loop of one story. Without a
+    response history, only the quantities over the height are shown.
     """
     units = units.in_pictures
     title, history = (
@@ -81,7 +86,7 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     if response.record is None:
         roof = figure.add_subplot(grid[:2])
     else:
-        # The samples of the record up to the end of the run, whatever its steps.
+        # All samples of the record up to the end of the run, independently of the time steps.
         ground = figure.add_subplot(grid[0])
         motion, unit = units.of(response.record.acceleration, "m/s^2"), units.label("m/s^2")
         time, end = response.record.dt * np.arange(motion.size), history.time[-1]
@@ -108,7 +113,7 @@ def run_picture(response: Response, units: OutputUnits = SI) -> Figure:
     profiles = [figure.add_subplot(below[i]) for i in range(3)]
     draw_profiles(profiles, response, units)
     _draw_hysteresis(figure.add_subplot(below[3]), response, history, units)
-    # Where the shocks of a sequence begin, their numbers above the upper panel.
+    # The start of each event of a sequence, with its number above the upper panel.
     for axes in figure.axes[: 2 if response.record is not None else 1]:
         for shock in response.events[1:]:
             axes.axvline(shock.start, color=MARK, linewidth=0.8, linestyle=DASHES[1])
@@ -153,8 +158,7 @@ def _draw_roof(axes: Any, history: History, peak: float, units: OutputUnits) -> 
 
 
 def _draw_energies(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
-    """Where the input energy went: layers of dissipated, damped, stored and kinetic energy below
-    it."""
+    """Draw dissipated, viscous, strain and kinetic energy as layers below the input energy."""
     energy = history.energy
     given = response.energy.initial + energy.input
     factor, unit = scaled_unit(float(np.max(np.abs(given))), "J", units)
@@ -183,7 +187,7 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
         below = above
     axes.plot(history.time, factor * given, color=INK, linewidth=1.2, label="input")
     axes.set(ylabel=f"energy ({unit})", xlabel="time (s)", xlim=(history.time[0], history.time[-1]))
-    # Above the panel: inside, it would lie over what it names.
+    # Above the panel, because the legend would cover the layers.
     narrow = {"borderaxespad": 0.0, "columnspacing": 1.2, "handlelength": 1.6}
     axes.legend(
         loc="lower left",
@@ -193,7 +197,7 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
         **narrow,
     )
     if np.any(given):
-        error = f"balance off by {100.0 * abs(response.energy.error):.1g} %"
+        error = f"energy balance error {100.0 * abs(response.energy.error):.1g} %"
         if is_narrow():  # the legend has the room above the panel
             write_note(axes, error, y=0.3)
         else:
@@ -201,13 +205,15 @@ def _draw_energies(axes: Any, response: Response, history: History, units: Outpu
 
 
 def _short(value: float) -> str:
-    """Three digits, or all before the point: 51.3, 700, 1060."""
+    """Return a value with three digits, or all digits before the point: 51.3, 700, 1060."""
     return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
 
 
 def _mark_peak(axes: Any, time: Array, values: Array, peak: float, unit: str) -> None:
-    """A dot at the largest absolute value, the peak, which may lie between the points, in the upper
-    right corner; nothing of what is at rest."""
+    """Mark the maximum absolute value and write the peak into the upper right corner.
+
+    The peak may occur between the points. A quantity that is zero is not marked.
+    """
     if not np.any(values):
         return
     i = int(np.argmax(np.abs(values)))
@@ -217,14 +223,13 @@ def _mark_peak(axes: Any, time: Array, values: Array, peak: float, unit: str) ->
 
 
 def _draw_hysteresis(axes: Any, response: Response, history: History, units: OutputUnits) -> None:
-    # The story whose hysteresis says most: that of the largest ductility, else drift ratio, else
-    # drift.
+    # The story with the maximum ductility; without ductility, the maximum drift ratio or drift.
     stories = response.stories
     story, reason = 0, "no drift"
     for values, name, factor, unit in (
-        (stories.ductility, "largest ductility", 1.0, ""),
-        (stories.peak_drift_ratio, "largest drift", 100.0, " %"),
-        (units.of(stories.peak_drift, "m"), "largest drift", 1.0, f" {units.label('m')}"),
+        (stories.ductility, "maximum ductility", 1.0, ""),
+        (stories.peak_drift_ratio, "maximum drift", 100.0, " %"),
+        (units.of(stories.peak_drift, "m"), "maximum drift", 1.0, f" {units.label('m')}"),
     ):
         if np.any(np.isfinite(values)):
             story = int(np.nanargmax(values))
@@ -232,8 +237,8 @@ def _draw_hysteresis(axes: Any, response: Response, history: History, units: Out
             break
     drift, shear = units.of(history.drift[:, story], "m"), history.shear[:, story]
     if np.isnan(stories.ductility[story]):
-        # The force of a law that does not yield follows from the drift: its curve, not the chords
-        # between the steps.
+        # The force of a law without yielding is a function of the drift. This curve is drawn
+        # instead of straight lines between the time steps.
         order = np.argsort(drift)
         drift, shear = drift[order], shear[order]
     factor, unit = scaled_unit(float(np.max(np.abs(shear))), "N", units)
@@ -246,7 +251,7 @@ def _draw_hysteresis(axes: Any, response: Response, history: History, units: Out
 
 
 def draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
-    """The peak drifts over the stories."""
+    """Draw the peak drifts over the stories."""
     _draw_drifts(axes, response, units)
     _frame_profile(axes, response)
     axes.set_ylabel("story")
@@ -260,12 +265,11 @@ def _frame_profile(axes: Any, response: Response) -> None:
 
 
 def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits) -> None:
-    """Three panels over the stories: drifts, absolute accelerations of the floors (the ground below
-    them), shears."""
+    """Draw drifts, absolute floor accelerations (with the ground) and shears in three panels."""
     drifts, accelerations, shears = panels
     stories = response.stories
     _draw_drifts(drifts, response, units)
-    # Points at the floors: that of story 1 lies above it; the ground at the bottom.
+    # Floors are points: the floor of story 1 is above it, the ground is at the bottom.
     floors = units.of(stories.peak_absolute_acceleration, "m/s^2")
     ground = units.of(response.record.pga, "m/s^2") if response.record is not None else 0.0
     look = {
@@ -278,7 +282,7 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
     if max(ground, np.max(floors)) > 0.0:
         accelerations.set_xlim(right=1.08 * max(ground, float(np.max(floors))))
     accelerations.set_xlabel(f"absolute floor\nacceleration ({units.label('m/s^2')})")
-    # Shears of the stories; where there are dashpots, their forces and the sum as well.
+    # Story shears; with dashpots also their forces and the total shears.
     damped = np.any(stories.peak_damper_force)
     total = stories.peak_total_shear if damped else stories.peak_shear
     factor, unit = scaled_unit(float(np.max(total)), "N", units)
@@ -301,8 +305,10 @@ def draw_profiles(panels: Sequence[Any], response: Response, units: OutputUnits)
 
 
 def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
-    """In percent of the height, else as lengths: isolators and stories without a height are apart,
-    whatever collapses is not."""
+    """Draw peak drifts in percent of the story height, or as lengths.
+
+    Isolators and stories without height are drawn separately unless they collapse.
+    """
     stories = response.stories
     tall = np.isfinite(stories.height)
     by_height = bool(tall.any())
@@ -319,9 +325,9 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
         filled,
         color=INK,
         linewidth=1.4,
-        **({"label": "all shocks"} if response.events else {}),
+        **({"label": "all events"} if response.events else {}),
     )
-    # The peaks of each shock of a sequence, as far as there are looks for them.
+    # The peaks of each event of a sequence, up to the number of line styles.
     whole = stories.peak_drift
     of_shocks = np.divide(peak, whole, out=np.zeros_like(whole), where=whole > 0.0)
     for number, (shock, color) in enumerate(
@@ -329,12 +335,12 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     ):
         of_shock = np.where(apart, 0.0, of_shocks * shock.stories.peak_drift)
         over_stories(
-            axes, of_shock, color=color, linewidth=1.0, linestyle=DASHES[1], label=f"shock {number}"
+            axes, of_shock, color=color, linewidth=1.0, linestyle=DASHES[1], label=f"event {number}"
         )
-    # What is left, the errors and the drift of collapse, where they can be seen.
+    # Residual drifts, estimated errors and the collapse drift are shown if they are visible.
     residual = np.where(apart, 0.0, scale * np.abs(stories.residual_drift))
     if np.any(residual > _VISIBLE * largest):
-        over_stories(axes, residual, color=MARK, linestyle=DASHES[2], label="at the end of the run")
+        over_stories(axes, residual, color=MARK, linestyle=DASHES[2], label="residual drift")
     if response.check is not None:
         errors = np.where(apart, np.nan, scale * response.check.errors.peak_drift)
         if np.any(errors > _SEEN * largest):
@@ -350,7 +356,7 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     limit = 100.0 * response.model.collapse_drift
     if by_height and largest > _NEAR * limit:
         axes.axvline(limit, color=MARK, linestyle=DASHES[1], label=f"collapse drift {limit:g} %")
-    # Of a story that is drawn apart a bar off the scale with its length in it.
+    # A story that is drawn separately has a bar beyond the scale, labeled with its drift.
     end = _BEYOND * largest or 1.0
     for place in np.flatnonzero(apart):
         axes.barh(
@@ -381,16 +387,15 @@ def _draw_drifts(axes: Any, response: Response, units: OutputUnits) -> None:
     axes.set_xlabel("drift (% of height)" if by_height else f"drift ({units.label('m')})")
 
 
-# ---- Figures of what buildings have to bear: demands of a suite over the height, spectra of
-# floors, and what moves peaks
+# ---- Figures of demands: demands of a suite over the height, floor spectra, sensitivity
 #
-# Of a suite each motion and all together are drawn; of several buildings side by side, each in the
-# color of its name.
+# A single building has a thin line for each ground motion. Several buildings are drawn next to each
+# other, each in the color of its name.
 
-_MOST_PANELS = 6  # of floors
+_MOST_PANELS = 6  # maximum number of panels of floor spectra
 
 _MOST_ROWS = 4
-"""Levels that are drawn, one row of panels each."""
+"""Maximum number of levels, which have one row of panels each."""
 
 
 def profile_picture(
@@ -400,17 +405,21 @@ def profile_picture(
     limit: float | None = None,
     title: str = "",
 ) -> Figure:
-    """Picture of the profiles of buildings, a row of panels for each level.
+    """Draw the profiles of buildings, with one row of panels for each level.
 
     Parameters
     ----------
+    profiles : sequence of Profile
+        Statistics of each building and level.
+    units : OutputUnits
+        Units of the axes; SI by default.
     limit : float, optional
-        A drift ratio, drawn as a line.
+        Limit of the drift ratio, drawn as a line.
     title : str
-        What was run; the building's name where there is one alone.
+        Title; a single building has its name instead.
     """
     units = units.in_pictures
-    # A row for each scale and level; shown are the first ones.
+    # Each scale factor or level has a row; only the first rows are drawn.
     rows: dict[tuple[str, str], list[Profile]] = {}
     for profile in profiles:
         rows.setdefault((repr(profile.scale), repr(profile.level)), []).append(profile)
@@ -419,7 +428,7 @@ def profile_picture(
     panels = figure.subplots(len(shown), 3, squeeze=False)
     looks = building_looks(profile.building for profile in profiles)
     for axes, same in zip(panels, shown, strict=True):
-        # Drifts in percent of the height; as lengths where a building has no heights.
+        # Drifts are in percent of the height, or lengths if a building has no heights.
         by_length = any(
             profile.motions and np.isnan(profile.peaks[DRIFT_RATIO]).all() for profile in same
         )
@@ -459,8 +468,10 @@ def profile_picture(
 
 
 def building_looks(names: Iterable[str]) -> dict[str, tuple[str, str]]:
-    """Color and name of each building, by the order of the names: the same whatever the order of
-    the files; one alone is not named."""
+    """Return color and name of each building, independently of the order of the files.
+
+    A single building has no name.
+    """
     buildings = sorted(dict.fromkeys(names))
     if len(buildings) == 1:
         return {buildings[0]: (INK, "")}
@@ -468,7 +479,7 @@ def building_looks(names: Iterable[str]) -> dict[str, tuple[str, str]]:
 
 
 def _name_below(figure: Figure, panels: Iterable[Any]) -> None:
-    """What is named in some panels, each name once, in a legend below all."""
+    """Add a legend below all panels that contains each name once."""
     told = (axes.get_legend_handles_labels() for axes in panels)
     named = {
         label: handle
@@ -486,20 +497,22 @@ def _name_below(figure: Figure, panels: Iterable[Any]) -> None:
 def _draw_motions(
     axes: Any, rows: Array, line: Callable[..., Any], look: tuple[str, str], largest: str
 ) -> None:
-    """What `line` draws of each motion, thin and gray where no building is named, of their mean and
-    their largest."""
+    """Draw each ground motion with `line`, thin and gray, and their mean and maximum.
+
+    For several buildings, single ground motions are not drawn.
+    """
     color, name = look
     if not name:
         for row in rows:
             line(row, color=GRAY, linewidth=0.7, zorder=1.5)
-        axes.plot([], [], color=GRAY, linewidth=0.7, label="one motion each")
+        axes.plot([], [], color=GRAY, linewidth=0.7, label="one ground motion")
     line(np.mean(rows, axis=0), color=color, linewidth=1.9, label=f"{name}mean", zorder=3)
     style = {"color": color, "linewidth": 1.1, "linestyle": DASHES[1], "zorder": 2.5}
     line(np.max(rows, axis=0), label=f"{name}{largest}", **style)
 
 
 def _line(axes: Any, values: Array, by_floor: bool, **style: Any) -> None:
-    """A value for each floor as a line through the floors, one for each story as steps."""
+    """Draw values of floors as a line through the floors, or values of stories as steps."""
     places = np.arange(values.size) + 1.0
     if by_floor:
         axes.plot(values, places + 0.5, **style)
@@ -515,7 +528,7 @@ def _finish_row(
     limit: float | None,
     level: str,
 ) -> None:
-    """Limits, ticks and names of a row of panels: drifts, accelerations, shears."""
+    """Add limits, ticks and labels to a row of panels: drifts, accelerations, shears."""
     drifts, accelerations, shears = axes
     if limit is not None:
         drifts.axvline(
@@ -526,7 +539,7 @@ def _finish_row(
             zorder=4,
         )
     accelerations.set_xlabel(f"absolute floor acceleration ({units.label('m/s^2')})")
-    # The forces in the unit of their largest.
+    # The unit of the forces follows from their maximum.
     lines = [line for line in shears.get_lines() if len(line.get_xdata())]
     largest = max((float(np.max(line.get_xdata())) for line in lines), default=0.0)
     factor, unit = scaled_unit(largest, "N", units)
@@ -556,8 +569,7 @@ def _finish_row(
 def floor_picture(
     spectra: Sequence[FloorSpectrum], units: OutputUnits = SI, *, title: str = ""
 ) -> Figure:
-    """Picture of the spectra of a run's floors, a curve for each floor and damping ratio, named by
-    the floor."""
+    """Draw the floor spectra of a run, with a labeled curve for each floor and damping ratio."""
     units = units.in_pictures
     figure = Figure(figsize=(7.2, 4.8), layout="constrained")
     axes = figure.subplots()
@@ -575,9 +587,11 @@ def floor_picture(
 
 
 def floor_suite_picture(suites: Sequence[FloorSuite], units: OutputUnits = SI) -> Figure:
-    """Picture of the spectra of floors under a suite: the motions thin and gray, mean and envelope;
-    a panel for each floor, scale and damping ratio, and of several buildings means and envelopes in
-    the colors of their names.
+    """Draw the floor spectra of a suite.
+
+    Each floor, scale factor and damping ratio has a panel. A single building has thin gray lines
+    for ground motions, and mean and envelope. Several buildings have means and envelopes in their
+    colors.
     """
     units = units.in_pictures
     panels: dict[tuple[object, ...], list[FloorSuite]] = {}
@@ -632,7 +646,7 @@ _NAMES = {
 def sensitivity_picture(
     parameter_effects: Sequence[ParameterEffect], units: OutputUnits = SI
 ) -> Figure:
-    """Picture of parameter effects (`tdint.campaign.sensitivity.parameter_effects`)."""
+    """Draw effects of parameters (`tdint.campaign.sensitivity.parameter_effects`)."""
     parameters = len({effect.parameter for effect in parameter_effects})
     narrow = (
         is_narrow()
@@ -646,7 +660,7 @@ def sensitivity_picture(
     return titled(
         figure,
         f"{parameter_effects[0].building}\n"
-        "medians of the peaks, one parameter at its ends at a time",
+        "medians of the peak responses, one parameter changed at a time",
     )
 
 
