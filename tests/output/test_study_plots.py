@@ -62,7 +62,7 @@ COLLAPSING = ((1.0, 0.01), (2.0, 0.03), (2.1, math.inf))
         ),
         (
             [(*COLLAPSING, (2.6, 0.04))] * 2,
-            ["stands again above it"],
+            ["no collapse at a higher level"],
             ["capacity against collapse"],
         ),
         ([((1.0, 0.01), (1.5, -math.inf))], ["run without a result"], ["capacity against"]),
@@ -125,7 +125,7 @@ PAIR = Horizontals(record(0), record(1))
                 periods=np.array([0.2, 2.0]),
                 least=(1.02, 0.4),
             ),
-            ["11 pairs", "90 % of it", "average", "by ASCE 7"],
+            ["11 pairs", "90 % of the target", "average", "by ASCE 7"],
         ),
     ],
     ids=["value", "average", "pair", "target", "p695", "asce7"],
