@@ -91,9 +91,9 @@ def test_what_differs_is_told_up_to_eight_times_of_a_kind() -> None:
     assert differences(
         {"a": "1", "b": "2", "c": "3"}, {"b": "9", "c": "3", "d": "4"}, kind="setting", **known
     ) == [
-        "setting a: in the store alone",
+        "setting a: only in the store",
         "setting b: 2 in the store, 9 in a.yaml",
-        "setting d: in a.yaml alone",
+        "setting d: only in a.yaml",
     ]
     assert differences({"a": "1f"}, {"a": "2f"}, kind="building", **known) == [
         "building a: differs"
@@ -107,7 +107,7 @@ def test_what_differs_is_told_up_to_eight_times_of_a_kind() -> None:
     assert all_differences(same, same, given="b") == "the order of buildings or records: differs"
     assert all_differences(same, ({"a": "2"}, {}, {}, {}), given="b").splitlines() == [
         "setting a: 1 in the store, 2 in b",
-        "record r: in the store alone",
+        "record r: only in the store",
     ]
 
 

@@ -240,7 +240,7 @@ def test_a_folder_holds_one_campaign(study: Path, tdint: Command) -> None:
     result = tdint("campaign", "study.yaml", "-o", "out")
     assert (result.exit_code, Path("out/runs.csv").read_bytes()) == (2, kept)
     for line in (
-        "holds another campaign; give another folder with -o",
+        "contains another campaign; give another directory with -o",
         "setting scales: [0.25, 1.0, 2.5] in the store, [0.5, 1.0, 2.5] in this campaign",
         "building shaken: differs",
         "record other.mseed HNE: differs",
@@ -368,7 +368,7 @@ def test_one_writer_at_a_time(study: Path, tdint: Command) -> None:
     Path("new").mkdir()
     with locked(Path("new")):
         tdint.refused(
-            "another tdint is at work on it", "campaign", "study.yaml", "-o", "new", code=6
+            "in use by another tdint process", "campaign", "study.yaml", "-o", "new", code=6
         )
     assert not Path("new", FILE).exists()
 
@@ -406,10 +406,10 @@ def test_a_scheduler_that_does_not_answer(
         (["study.yaml", "shaken.yaml", "-o", "new"], "a campaign is one file, got 2"),
         (["study.yaml", "-o", "new", "--shard", "4/3"], "--shard is K/N"),
         (["status"], "give one folder"),
-        (["status", "nowhere"], "holds no campaign"),
+        (["status", "nowhere"], "no campaign in this directory"),
         (["study.yaml", "-o", "new", "--baseline", "shakn"], "there is no building 'shakn'"),
         (["merge", "-o", "all"], "give the folders to merge"),
-        (["merge", "nowhere", "-o", "all"], "holds no campaign"),
+        (["merge", "nowhere", "-o", "all"], "no campaign in this directory"),
         (["study.yaml", "-o", "new", "--dask", "tcp://far.example:8786"], "must be encrypted"),
         (
             ["study.yaml", "-o", "new", "--dask", "tls://far.example:8786"],

@@ -69,11 +69,9 @@ def test_a_chunk_that_is_not_as_it_was_written_is_done_again(
 ) -> None:
     sql(statement)
     for action in ("status", "export"):
-        tdint.refused(
-            "chunks of runs are not as they were written; call", "campaign", action, "out", code=6
-        )
+        tdint.refused("chunks of runs are corrupt; call", "campaign", action, "out", code=6)
     assert tables("out") == done
-    assert "they are done again" in tdint("campaign", "study.yaml", "-o", "out", code=0).stderr
+    assert "they are run again" in tdint("campaign", "study.yaml", "-o", "out", code=0).stderr
     assert tables("out") == done
     assert "nothing to do" in tdint("campaign", "study.yaml", "-o", "out").stderr
 
@@ -176,7 +174,7 @@ def locked_by_another() -> Iterator[sqlite3.Connection]:
 @pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """A lock is waited for for a tenth of a second, first without a word, then with one."""
-    monkeypatch.setattr(store_schema, "SILENT", 100)
+    monkeypatch.setattr(store_schema, "SHORT_WAIT", 100)
     monkeypatch.setattr(store_schema, "_LONGEST", 150)
 
 
@@ -209,7 +207,7 @@ def test_waiting_is_said_and_ends(
     sql("DELETE FROM run_rows WHERE scale = 0.5")
     with locked_by_another():
         tdint.refused(
-            "another program keeps it locked", "campaign", "study.yaml", "-o", "out", code=6
+            "another program keeps the file locked", "campaign", "study.yaml", "-o", "out", code=6
         )
     say = store_schema._log.info
     with locked_by_another() as other:
@@ -217,7 +215,7 @@ def test_waiting_is_said_and_ends(
             store_schema._log, "info", lambda *words: (other.rollback(), say(*words))
         )
         result = tdint("campaign", "study.yaml", "-o", "out", code=0)
-    assert "locked it; waiting for ten seconds at most" in result.stderr
+    assert "locked by another program; waiting for at most ten seconds" in result.stderr
     assert tables("out") == done
 
 

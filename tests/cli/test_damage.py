@@ -315,7 +315,7 @@ def dispersed_cloud(im: list[float], demand: list[float], fell: list[bool]) -> l
         (("out", "--fit", "ida"), "--fit stripes or cloud"),
         (("out", "--openquake", "f.xml", "--states", "a,b"), "--states is not for --by type"),
         (("out", "--im", "cav"), "no measure cav"),
-        ((".",), "holds no campaign"),
+        ((".",), "no campaign in this directory"),
     ],
 )
 def test_refusals_of_functions_by_type(

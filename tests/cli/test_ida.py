@@ -149,10 +149,10 @@ def test_a_study_and_its_files(studied, tdint):
             ["DELETE FROM run_rows WHERE chunk > 0", "DELETE FROM chunks WHERE id > 0"],
             "1 of 3 records were done",
         ),
-        (["DELETE FROM run_rows WHERE chunk = 1 AND scale > 1"], "they are done again"),
-        (["UPDATE run_rows SET status = 'done'"], "they are done again"),
-        (["UPDATE run_rows SET scale = 1.001 * scale"], "they are done again"),
-        (["UPDATE chunks SET runs = 1e9"], "they are done again"),
+        (["DELETE FROM run_rows WHERE chunk = 1 AND scale > 1"], "they are run again"),
+        (["UPDATE run_rows SET status = 'done'"], "they are run again"),
+        (["UPDATE run_rows SET scale = 1.001 * scale"], "they are run again"),
+        (["UPDATE chunks SET runs = 1e9"], "they are run again"),
     ],
 )
 def test_runs_that_are_not_there_or_not_as_they_were_written_are_done_again(
@@ -227,7 +227,7 @@ def test_another_study_needs_another_folder_or_overwrite(studied, tdint):
     arguments = ("ida", "shaken.yaml", "motion.mseed", *UNITS, "--precision", "20%", "-o", "out")
     arguments += ("--pair-demand", "separate")
     result = tdint.refused("setting precision: 0.05 in the store, 0.2 in this study", *arguments)
-    assert "record other.mseed HNE: in the store alone" in result.stderr
+    assert "record other.mseed HNE: only in the store" in result.stderr
     tdint(*arguments, "--overwrite", code=0)
     assert len(rows(studied / "out" / "capacities.csv")) == 8
 

@@ -324,10 +324,10 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
     if (left := _told_left(merged)) and not partial:
         raise AnalysisError(f"{left}; add their folders, or accept that with --partial")
     name = str(target / FILE)
-    with schema.in_words(name):
+    with schema.sqlite_errors_reported(name):
         store = Store(schema.connect(name), name)
     with schema.closed_on_failure(store.connection):
-        with schema.in_words(name):
+        with schema.sqlite_errors_reported(name):
             if not is_empty(store):
                 schema.check_store(store.connection, name)
                 _check_same(merged[-1], parts[0])
@@ -337,7 +337,7 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
             _tell(replace(merged[-1], name=name, damaged=healed))
         for part in parts:
             _tell(part)
-            with _reopened(part) as source, schema.in_words(name):
+            with _reopened(part) as source, schema.sqlite_errors_reported(name):
                 _take_chunks(source, store, set(part.chunks))
     return store
 
@@ -356,7 +356,7 @@ class _Part:
 
 
 def _part(folder: Path, store: Store) -> _Part:
-    with schema.in_words(store.name):
+    with schema.sqlite_errors_reported(store.name):
         damaged = schema.damaged_chunks(store.connection)
         chunks = dict(store.connection.execute("SELECT id, runs FROM chunks"))
         about = {key: store.meta(key) for key in ("fingerprint", "chunks", "inventory", "damage")}

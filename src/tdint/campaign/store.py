@@ -1,5 +1,4 @@
-"""The store of a campaign or a study: one SQLite file, written by one process, a chunk at a
-time."""
+"""Store of a campaign or study: one SQLite file, to which one process writes chunk by chunk."""
 
 from __future__ import annotations
 
@@ -27,11 +26,11 @@ from tdint.campaign.fragility.type_states import Damage
 from tdint.campaign.pairs import LARGER, PairRule, recording_numbers
 from tdint.campaign.plan import Plan
 from tdint.campaign.store_schema import (
-    SILENT,
+    SHORT_WAIT,
     UntrustedStoreError,
     connect,
     connect_to_read,
-    in_words,
+    sqlite_errors_reported,
     transaction,
 )
 from tdint.errors import OutputError, UsageError
@@ -41,47 +40,48 @@ from tdint.ground_motion.reading.suites import SuiteMotion
 from tdint.system import __version__
 from tdint.units import SI, OutputUnits, parse_output_units
 
-# ---- What a store is of: all that its runs depend on, and in words how two of them differ
+# ---- Identity of a store: everything that its runs depend on, and the differences between two
 
-_MOST_DIFFERENCES = 8  # lines of a message that are still read
+_MOST_DIFFERENCES = 8  # lines of a message; users do not read longer lists
 
 
 @dataclass(frozen=True)
 class Identity:
-    """What is kept in a store.
+    """Identity and metadata of the runs in a store.
 
     Attributes
     ----------
     name : str
-        Of the campaign or the study.
+        Name of the campaign or study.
     kind : str
-        What it is called in messages.
+        Type of study for messages, such as `campaign`.
     settings : dict
-        What is the same for all runs, JSON by name.
+        Settings that apply to all runs: JSON texts by name.
     buildings, motions : sequence
-        By their numbers.
+        Buildings and ground motions; the index is the number in the store.
     chunks, runs : int
-        How many there are; 0 runs where their number follows from what comes out.
+        Number of chunks and of runs; 0 runs if the number depends on results.
     size : callable
-        How many runs a chunk has; None where that follows from what comes out.
+        Function that returns the number of runs of a chunk, or None if the number depends on
+        results.
     unused : sequence of tuple
-        Inputs that could not be used: `record` or `building`, and why.
+        Inputs that could not be used: `record` or `building`, and the reason.
     units : OutputUnits
-        The units in which the models want their results.
+        Output units that the models request.
     damage : Damage or None
-        How damage is told.
+        Definition of the damage states.
     files : mapping of str to str
-        SHA-256 of the model files or of those of the inventory, by name.
+        SHA-256 of the model files, or of the files of the inventory, by name.
     outputs : sequence of str or None
-        The tables that are written; None: all that there are.
+        Tables to write; None: all tables.
     rates : mapping of str to float
-        How often events come in a year, as far as it is told.
+        Annual rate of each event, 1/year, if specified.
     style : tuple of (str, str)
-        Looks of the pictures, and the folder that a style sheet in them is relative to.
+        Style of the figures, and the directory that relative paths of style sheets refer to.
     pair_demand : str or None
-        How the components of pairs count; None: the default.
+        Rule that combines the demands of the two components of a pair; None: the default.
     kept : sequence of int or None
-        The buildings that the store tells of: those of a shard; None: all.
+        Numbers of the buildings of a shard, which are the only buildings in the store; None: all.
     """
 
     name: str
@@ -104,7 +104,15 @@ class Identity:
 
     @classmethod
     def of(cls, plan: Plan, kept: Sequence[int] | None) -> Identity:
-        """What the store of a campaign is of, or of a part of its buildings."""
+        """Return the identity of the store of a campaign.
+
+        Parameters
+        ----------
+        plan : Plan
+            Campaign.
+        kept : sequence of int or None
+            Numbers of the buildings in the store; None: all.
+        """
         same = (
             "buildings",
             "motions",
@@ -133,30 +141,30 @@ class Identity:
 
     @cached_property
     def code(self) -> dict[str, str]:
-        """SHA-256 of the files of plug-ins that the runs depend on, by name."""
+        """Return the SHA-256 of the files of plug-ins that the runs depend on, by name."""
         return plugin_files(self.buildings)
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 over the settings, the files of plug-ins if there are any, and the SHA-256 of all
-        buildings and records in order."""
-        whole = hashlib.sha256(json.dumps(self.settings, sort_keys=True).encode())
+        """Return the SHA-256 of the settings, of the files of plug-ins if there are any, and of the
+        digests of all buildings and records in order."""
+        digest_of_all = hashlib.sha256(json.dumps(self.settings, sort_keys=True).encode())
         if self.code:
-            whole.update(json.dumps(["plug-ins", self.code]).encode())
+            digest_of_all.update(json.dumps(["plug-ins", self.code]).encode())
         records = [motion.record.digest for motion in self.motions]
-        for kind, digests in (("buildings", digests_of(self.buildings)), ("records", records)):
-            whole.update(kind.encode())
+        for label, digests in (("buildings", digests_of(self.buildings)), ("records", records)):
+            digest_of_all.update(label.encode())
             for digest in digests:
-                whole.update(digest.encode())
-        return whole.hexdigest()
+                digest_of_all.update(digest.encode())
+        return digest_of_all.hexdigest()
 
     @property
     def sides(self) -> Sides:
-        """What `all_differences` compares."""
+        """Return the quantities that `all_differences` compares."""
         named = {building.name: building.digest for building in self.buildings}
         records: dict[str, str] = {}
-        # Motions that share name and component, as draws of a grid do, are told apart by their
-        # numbers.
+        # Motions with the same name and component, such as the samples of a grid, are
+        # distinguished by their numbers.
         for number, motion in enumerate(self.motions, start=1):
             name = f"{motion.name} {motion.component}"
             records[name if name not in records else f"{name} ({number})"] = motion.record.digest
@@ -164,21 +172,31 @@ class Identity:
 
 
 def as_json(settings: dict[str, Any]) -> dict[str, str]:
-    """Settings as a store has them."""
+    """Return settings as JSON texts by name, as a store contains them."""
     return {name: json.dumps(value, sort_keys=True) for name, value in sorted(settings.items())}
 
 
 def differences(
     before: dict[str, str], now: dict[str, str], *, kind: str, store: str, given: str
 ) -> list[str]:
-    """What differs between two sides, one sentence each: from names to values, or to SHA-256 (kind
-    `building`)."""
+    """List the differences between two mappings, one sentence each.
+
+    Parameters
+    ----------
+    before, now : dict of str to str
+        Values, or SHA-256, by name.
+    kind : str
+        Type of the entries: `setting`, `building`, `record` or `plug-in`. Only the values of
+        settings are shown.
+    store, given : str
+        Labels of `before` and `now` in the sentences.
+    """
     lines = []
     for name in dict.fromkeys([*before, *now]):
         if name not in now:
-            lines.append(f"{kind} {name}: in {store} alone")
+            lines.append(f"{kind} {name}: only in {store}")
         elif name not in before:
-            lines.append(f"{kind} {name}: in {given} alone")
+            lines.append(f"{kind} {name}: only in {given}")
         elif before[name] != now[name]:
             difference = (
                 "differs"
@@ -192,14 +210,23 @@ def differences(
 
 
 Sides = Sequence[Mapping[str, str]]
-"""Settings, buildings, records, files of plug-ins, from names to values or to SHA-256."""
+"""Settings, buildings, records and files of plug-ins: values or SHA-256 by name."""
 
 
 def all_differences(
     before: Sides, now: Sides, *, store: str = "the store", given: str, parts: bool = False
 ) -> str:
-    """What differs of two sides, a line each. Of parts of a campaign each tells of its own
-    buildings alone."""
+    """Return the differences between two stores or campaigns, one line each.
+
+    Parameters
+    ----------
+    before, now : Sides
+        Settings, buildings, records and plug-ins of the two sides.
+    store, given : str
+        Labels of `before` and `now` in the lines.
+    parts : bool
+        True if a side is a shard: only buildings that both sides contain are compared.
+    """
     kinds = ("setting", "building", "record", "plug-in")
     lines = []
     for kind, stored, other in zip(kinds, before, now, strict=True):
@@ -210,13 +237,14 @@ def all_differences(
         )
         sides = ({name: side[name] for name in side if name in both} for side in (stored, other))
         lines += differences(*sides, kind=kind, store=store, given=given)
-    rest = (
+    # The fingerprints differ, but no entry does: only these reasons remain.
+    other_reason = (
         "buildings: the inventory has changed between the calls for the shards; call `tdint "
         "campaign` for every shard with the same inventory"
         if parts
         else "the order of buildings or records: differs"
     )
-    return "\n".join(lines or [rest])
+    return "\n".join(lines or [other_reason])
 
 
 # ---- Store
@@ -227,14 +255,14 @@ _SETTING = "setting "
 
 
 class Store:
-    """An open store.
+    """Open store.
 
     Attributes
     ----------
     connection : sqlite3.Connection
-        For who reads what is not read here.
+        Connection for queries that this class does not provide.
     name : str
-        The file, for messages.
+        Path of the file, for messages.
     """
 
     def __init__(self, connection: sqlite3.Connection, name: str) -> None:
@@ -247,77 +275,77 @@ class Store:
     def __exit__(
         self, error: type[BaseException] | None, raised: BaseException | None, *_: object
     ) -> None:
-        """Bring all into the one file, unless something failed, and close it.
+        """Move the log of the database into the file, unless an error occurred, and close the
+        store.
 
         Raises
         ------
         OutputError
-            SQLite failed at what was within: in words.
+            SQLite failed inside the `with` block; the message describes the error.
         """
         try:
             if isinstance(raised, sqlite3.Error | UnicodeDecodeError):
-                with in_words(self.name):
+                with sqlite_errors_reported(self.name):
                     raise raised
             if error is None:
-                with (
-                    in_words(self.name),
-                    suppress(sqlite3.OperationalError),
-                ):  # another program may read it
+                # The log stays if another program reads the file at this time.
+                with sqlite_errors_reported(self.name), suppress(sqlite3.OperationalError):
                     self.connection.executescript(
-                        f"PRAGMA busy_timeout={SILENT}; PRAGMA wal_checkpoint(TRUNCATE)"
+                        f"PRAGMA busy_timeout={SHORT_WAIT}; PRAGMA wal_checkpoint(TRUNCATE)"
                     )
         finally:
             self.connection.close()
 
     def meta(self, key: str) -> str:
-        """A value of the table meta."""
+        """Return a value of the table `meta`."""
         return str(
             self.connection.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()[0]
         )
 
     def settings(self) -> dict[str, str]:
-        """What is the same for all runs."""
+        """Return the settings that apply to all runs, as JSON texts by name."""
         rows = self.connection.execute(
             "SELECT key, value FROM meta WHERE key LIKE 'setting %' ORDER BY key"
         )
         return {key.removeprefix(_SETTING): value for key, value in rows}
 
     def parameters(self) -> dict[str, Any]:
-        """The same as values."""
+        """Return the settings that apply to all runs, as values by name."""
         return {name: json.loads(value) for name, value in self.settings().items()}
 
     def varied(self) -> list[dict[str, float]]:
-        """What a sweep changed in each building, by its number; empty without a sweep."""
-        return list(json.loads(self._known("varied") or "[]"))
+        """Return the parameters that a sweep changed, for each building by its number. The list is
+        empty without a sweep."""
+        return list(json.loads(self._meta_or_none("varied") or "[]"))
 
     @property
     def checked(self) -> bool:
-        """Whether the errors of the demands are estimated."""
+        """Return True if the errors of the demands are estimated."""
         return self.settings().get("check") == "true"
 
     def digests(self, table: str) -> dict[str, str]:
-        """SHA-256 of the buildings or the records by their names."""
+        """Return the SHA-256 of all buildings or all records by name."""
         name = "name" if table == "buildings" else "name || ' ' || component"
         return dict(self.connection.execute(f"SELECT {name}, sha256 FROM {table} ORDER BY id"))
 
     def code(self) -> dict[str, str]:
-        """SHA-256 of the files of plug-ins that its runs were made with, by name."""
-        return dict(json.loads(self._known("code") or "{}"))
+        """Return the SHA-256 of the files of plug-ins that the runs used, by name."""
+        return dict(json.loads(self._meta_or_none("code") or "{}"))
 
     def sides(self) -> Sides:
-        """What `all_differences` compares."""
+        """Return the quantities that `all_differences` compares."""
         return self.settings(), self.digests("buildings"), self.digests("records"), self.code()
 
     def done(self) -> set[int]:
-        """The chunks that are done."""
+        """Return the numbers of the completed chunks."""
         return {number for (number,) in self.connection.execute("SELECT id FROM chunks")}
 
     def seconds(self) -> float:
-        """The processor time of the chunks that are done, s."""
+        """Return the processor time of the completed chunks, s."""
         return float(self.connection.execute("SELECT total(seconds) FROM chunks").fetchone()[0])
 
     def statuses(self) -> dict[str, int]:
-        """How many runs ended how."""
+        """Return the number of runs of each status."""
         return dict(
             self.connection.execute(
                 "SELECT status, count(*) FROM run_rows GROUP BY status ORDER BY status"
@@ -325,7 +353,7 @@ class Store:
         )
 
     def count(self, condition: str) -> int:
-        """How many runs meet a condition on the columns of run_rows."""
+        """Return the number of runs that meet a condition on the columns of `run_rows`."""
         return int(
             self.connection.execute(f"SELECT count(*) FROM run_rows WHERE {condition}").fetchone()[
                 0
@@ -333,17 +361,17 @@ class Store:
         )
 
     def add(self, done: Done) -> None:
-        """Write the rows of a chunk and that it is done: both or neither.
+        """Write the rows of a chunk and mark the chunk as completed, in one transaction.
 
         Raises
         ------
         OutputError
-            The disk is full, the file is damaged, somebody else writes.
+            The disk is full, the file is corrupt, or another process is writing.
         """
         by_table = zip(schema.ROW_TABLES, vars(done.rows).values(), strict=True)
         rows = [table.plain(of_table) for table, of_table in by_table]
         number, seconds = done.number, float(done.seconds)
-        with in_words(self.name), transaction(self.connection, self.name):
+        with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
             for table, of_table in zip(schema.ROW_TABLES, rows, strict=True):
                 table.insert(self.connection, of_table, number)
             values = (
@@ -356,23 +384,29 @@ class Store:
             self.connection.execute("INSERT INTO chunks VALUES(?, ?, ?, ?, ?)", values)
 
     def heal(self, identity: Identity | None = None) -> int:
-        """Take out the chunks that are not as they were written, or not of this campaign: they are
-        left to be done.
+        """Remove the chunks that are corrupt or do not belong to this campaign, so that they are
+        run again.
+
+        Parameters
+        ----------
+        identity : Identity, optional
+            Campaign. Without it, only checksums are verified.
 
         Returns
         -------
         int
-            How many.
+            Number of chunks removed.
 
         Raises
         ------
         UntrustedStoreError
-            They cannot be taken out.
+            The chunks cannot be removed.
         """
-        with in_words(self.name):
-            # By checksums of the rows themselves, not by what the store says of them.
+        with sqlite_errors_reported(self.name):
+            # Checksums are computed from the rows, so edited counts do not hide a change.
             bad = schema.damaged_chunks(self.connection)
-            if identity is not None:  # A chunk cut otherwise has other runs, whole as it may be.
+            # If the campaign is divided differently, an intact chunk contains other runs.
+            if identity is not None:
                 chunks = self.connection.execute("SELECT id, runs FROM chunks")
                 bad |= {
                     i
@@ -383,14 +417,12 @@ class Store:
                 return 0
             self.remove(bad)
             if schema.damaged_chunks(self.connection):
-                raise UntrustedStoreError(
-                    self.name, "chunks that are not as they were written cannot be taken out"
-                )
+                raise UntrustedStoreError(self.name, "corrupt chunks of runs cannot be removed")
             return len(bad)
 
     def remove(self, chunks: Collection[int]) -> None:
-        """Take out chunks: they are left to be done."""
-        with in_words(self.name), transaction(self.connection, self.name):
+        """Remove chunks, so that they are run again."""
+        with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
             for table, column in (
                 *((item.name, "chunk") for item in schema.ROW_TABLES),
                 ("chunks", "id"),
@@ -400,17 +432,17 @@ class Store:
                 )
 
     def is_ours(self, file: Path) -> bool:
-        """Whether a file is there and as it was made of this store."""
+        """Return True if a file exists and is unchanged since it was written from this store."""
         return is_file(file) and (file.name, digest_of(file)) in self.written()
 
     def refuse_foreign(self, files: Iterable[Path]) -> None:
-        """Raise OutputError if one of some files is there and was not made of this store."""
+        """Raise OutputError if one of the files exists and was not written from this store."""
         for file in files:
             if is_file(file) and not self.is_ours(file):
                 raise foreign(file)
 
     def written(self) -> set[tuple[str, str]]:
-        """Name and SHA-256 of the files that were made of this store."""
+        """Return name and SHA-256 of the files that were written from this store."""
         return (
             set()
             if is_empty(self)
@@ -418,15 +450,15 @@ class Store:
         )
 
     def will_write(self, files: Mapping[Path, str]) -> None:
-        """Keep the names and SHA-256 of files that are about to take their places."""
+        """Record names and SHA-256 of files before they are moved to their final paths."""
         new = {(file.name, digest) for file, digest in files.items()} - self.written()
         if new:
-            with in_words(self.name), transaction(self.connection, self.name):
+            with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
                 self.connection.executemany("INSERT INTO written VALUES(?, ?)", sorted(new))
 
     def unused(self) -> dict[str, list[str]]:
-        """Why records and buildings could not be used, a line for each, by `record` and
-        `building`."""
+        """Return the reasons for which records and buildings could not be used, one line each, in
+        the entries `record` and `building`."""
         reasons: dict[str, list[str]] = {"record": [], "building": []}
         for kind, reason in self.connection.execute(
             "SELECT kind, reason FROM unused ORDER BY rowid"
@@ -435,13 +467,13 @@ class Store:
         return reasons
 
     def output_units(self) -> OutputUnits:
-        """The units in which the models want their results."""
-        units = self._known("output_units")
+        """Return the output units that the models request."""
+        units = self._meta_or_none("output_units")
         return parse_output_units(units) if units is not None else SI
 
     def tell(self, identity: Identity) -> None:
-        """Keep what is known beside what the runs depend on: inputs that could not be used, units,
-        damage states, looks of pictures, files of models, and columns of an inventory."""
+        """Store metadata that the results of runs do not depend on: unused inputs, output units,
+        damage states, style of figures, files of models, and columns of an inventory."""
         buildings, every = identity.buildings, len(identity.buildings)
         rows = buildings.rows if isinstance(buildings, RowBuildings) else None
         columns, carried = (rows.titles, rows.digest(carried=True)) if rows else ((), "")
@@ -458,26 +490,28 @@ class Store:
                 [] if carried else [building.subject().period for building in buildings]
             ),
         }
-        # Most calls say what is there already: nothing is written then, and others can read on.
+        # Most calls change nothing. Skip the transaction so that other processes can read.
         before = [(kind, reason) for kind, reasons in self.unused().items() for reason in reasons]
-        same = all(self._known(key) == value for key, value in values.items())
-        held = {number for (number,) in self.connection.execute("SELECT id FROM buildings")}
-        new = sorted(set(range(every) if identity.kept is None else identity.kept) - held)
-        if same and not new and sorted(before) == sorted(dict.fromkeys(identity.unused)):
+        is_same = all(self._meta_or_none(key) == value for key, value in values.items())
+        stored_numbers = {
+            number for (number,) in self.connection.execute("SELECT id FROM buildings")
+        }
+        new = sorted(set(range(every) if identity.kept is None else identity.kept) - stored_numbers)
+        if is_same and not new and sorted(before) == sorted(dict.fromkeys(identity.unused)):
             return
         types = identity.damage.buildings if identity.damage else ()
-        # All or nothing, sealed in the same transaction, so that no reader finds half of it.
-        with in_words(self.name), transaction(self.connection, self.name):
+        # The checksum is updated in the same transaction, so that readers see a consistent state.
+        with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
             self.connection.execute("DELETE FROM unused")
             self.add_unused(identity.unused)
             self.connection.executemany("INSERT OR REPLACE INTO meta VALUES(?, ?)", values.items())
-            # Of buildings that are there already what may have changed is told anew.
+            # Rewrite the data of stored buildings that may have changed.
             add = self.connection.execute
-            for table in () if same else ("inventory", "building_types"):
+            for table in () if is_same else ("inventory", "building_types"):
                 add(f"DELETE FROM {table}")
-            for number in new if same else sorted(held.union(new)):
+            for number in new if is_same else sorted(stored_numbers.union(new)):
                 item = buildings[number]
-                if number not in held:
+                if number not in stored_numbers:
                     about = (number, item.name, item.method, item.stories, item.digest)
                     add("INSERT INTO buildings VALUES(?, ?, ?, ?, ?)", about)
                 if columns:
@@ -487,77 +521,79 @@ class Store:
             self.seal()
 
     def inventory_columns(self) -> tuple[str, ...]:
-        """Columns of the inventory that are carried along, as they are written there; none without
-        one."""
+        """Return the columns of the inventory that are copied to tables, as written in the
+        inventory; empty without an inventory."""
         return tuple(json.loads(self.meta("inventory"))["columns"])
 
     def shards(self) -> list[str]:
-        """The shards, K/N, that were asked of it."""
-        return list(json.loads(self._known("shards") or "[]"))
+        """Return the shards, as K/N, that were requested of this store."""
+        return list(json.loads(self._meta_or_none("shards") or "[]"))
 
     def add_shard(self, text: str) -> None:
-        """Keep that a shard was asked of it: who merges is told which ones are missing."""
+        """Record that a shard was requested, so that `merge` can report missing shards."""
         if text not in (before := self.shards()):
-            with in_words(self.name), transaction(self.connection, self.name):
+            with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
                 values = ("shards", json.dumps([*before, text]))
                 self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
                 self.seal()
 
     def events(self) -> list[str]:
-        """The events of ground motion fields, whose numbers from 1 are those of the draws; none
-        without fields."""
-        return list(json.loads(self._known("setting events") or "[]"))
+        """Return the events of ground motion fields. The numbers of samples count them from 1. The
+        list is empty without fields."""
+        return list(json.loads(self._meta_or_none("setting events") or "[]"))
 
     def carried(self, building: int) -> list[str]:
-        """What the inventory says of a building in these columns."""
+        """Return the cells of a building in the columns of the inventory that are copied to
+        tables."""
         row = self.connection.execute(
             "SELECT cells FROM inventory WHERE building = ?", (building,)
         ).fetchone()
         return list(json.loads(row[0])) if row else []
 
-    def _known(self, key: str) -> str | None:
-        """A value of the table meta; None where there is none."""
+    def _meta_or_none(self, key: str) -> str | None:
+        """Return a value of the table `meta`, or None if the key does not exist."""
         row = self.connection.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
         return row[0] if row else None
 
     def files(self) -> dict[str, str]:
-        """SHA-256 of the model files or of those of the inventory, by name."""
-        return dict(json.loads(self._known("files") or "{}"))
+        """Return the SHA-256 of the model files, or of the files of the inventory, by name."""
+        return dict(json.loads(self._meta_or_none("files") or "{}"))
 
     def writes(self, table: str) -> bool:
-        """Whether a table is written: `runs`, `damage` or `losses`."""
-        chosen = json.loads(self._known("outputs") or "null")
+        """Return True if a table (`runs`, `damage` or `losses`) is to be written."""
+        chosen = json.loads(self._meta_or_none("outputs") or "null")
         return chosen is None or table in chosen
 
     def style(self) -> tuple[str, str]:
-        """Looks of the pictures, empty where none are told, and the folder that a style sheet is
-        relative to."""
-        text, folder = json.loads(self._known("style") or '["", ""]')
+        """Return the style of the figures, empty if not specified, and the directory that relative
+        paths of style sheets refer to."""
+        text, folder = json.loads(self._meta_or_none("style") or '["", ""]')
         return text, folder
 
     def pair_demand(self) -> str:
-        """How the components of pairs count: one of `tdint.campaign.pairs.PAIR_DEMANDS`."""
-        return self._known("pair_demand") or LARGER
+        """Return the rule that combines the components of pairs, an item of
+        `tdint.campaign.pairs.PAIR_DEMANDS`."""
+        return self._meta_or_none("pair_demand") or LARGER
 
     def pair_rule(self) -> PairRule:
-        """How the components of its pairs count."""
+        """Return the rule that combines the components of pairs, with the pairs of this store."""
         return PairRule(self.pair_demand(), recording_numbers(self.records()))
 
     def choose_pair_demand(self, demand: str) -> None:
-        """Store how the components of pairs count."""
+        """Store the rule that combines the components of pairs."""
         if demand != self.pair_demand():
-            with in_words(self.name), transaction(self.connection, self.name):
+            with sqlite_errors_reported(self.name), transaction(self.connection, self.name):
                 values = ("pair_demand", demand)
                 self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
                 self.seal()
 
     def rates(self) -> dict[str, float]:
-        """How often each event comes in a year; empty where it is not told."""
-        return dict(json.loads(self._known("rates") or "{}"))
+        """Return the annual rate of each event; empty if not specified."""
+        return dict(json.loads(self._meta_or_none("rates") or "{}"))
 
     def period(self, building: int) -> float | None:
-        """The first period of a building, s; None where the store does not have it."""
-        periods = json.loads(self._known("periods") or "[]")
+        """Return the first period of a building, s, or None if the store does not contain it."""
+        periods = json.loads(self._meta_or_none("periods") or "[]")
         if building < len(periods):
             return float(periods[building])
         query = "SELECT period_s FROM building_types WHERE building = ?"
@@ -565,13 +601,13 @@ class Store:
         return row and float(row[0])
 
     def damage(self) -> str:
-        """What `tdint.campaign.fragility.type_states.Damage.description` tells; nothing where
-        damage is not told."""
-        return self._known("damage") or ""
+        """Return the text of `tdint.campaign.fragility.type_states.Damage.description`; empty
+        without damage states."""
+        return self._meta_or_none("damage") or ""
 
     def building_type(self, building: int) -> tuple[str, str, float, float]:
-        """The name of a building, and what `tdint.campaign.fragility.type_states.BuildingType` has
-        of it."""
+        """Return the name of a building and the values of its
+        `tdint.campaign.fragility.type_states.BuildingType`."""
         query = (
             "SELECT b.name, t.type, t.divisor, t.period_s FROM buildings b JOIN building_types t "
             "ON t.building = b.id WHERE b.id = ?"
@@ -580,38 +616,40 @@ class Store:
         return name, of_type, divisor, period
 
     def add_unused(self, reasons: Iterable[tuple[str, str]]) -> None:
-        """Add inputs that could not be used; `seal` follows."""
+        """Add inputs that could not be used. The caller must call `seal` afterwards."""
         self.connection.executemany("INSERT OR IGNORE INTO unused VALUES(?, ?)", reasons)
 
     def seal(self) -> None:
-        """Keep the checksum over what the campaign is, in the transaction that changes it."""
+        """Store the checksum of the campaign definition. Call this in the transaction that changes
+        it."""
         values = (schema.SEAL, schema.seal_of(self.connection))
         self.connection.execute("INSERT OR REPLACE INTO meta VALUES(?, ?)", values)
 
     def runs(self) -> Iterator[tuple[Any, ...]]:
-        """All runs: the columns of `RUNS`, in the order of their key."""
+        """Yield the columns of `RUNS` for all runs, in the order of the key."""
         yield from self.connection.execute(schema.RUNS.select())
 
     def runs_of(self, chunk: int) -> list[RunRow]:
-        """The runs of a chunk."""
+        """Return the runs of a chunk."""
         rows = self.connection.execute(schema.RUNS.select(where="WHERE chunk = ?"), (chunk,))
         return [schema.run_of(row) for row in rows]
 
     def stories(self) -> Iterator[tuple[Any, ...]]:
-        """The stories of all runs: the columns of `STORIES`, in the order of their key."""
+        """Yield the columns of `STORIES` for the stories of all runs, in the order of the key."""
         yield from self.connection.execute(schema.STORIES.select())
 
     def shocks(self) -> Iterator[tuple[Any, ...]]:
-        """The shocks of all runs of several: the columns of `SHOCKS`, in the order of their key."""
+        """Yield the columns of `SHOCKS` for the events of all runs of sequences, in the order of
+        the key."""
         yield from self.connection.execute(schema.SHOCKS.select())
 
     def buildings(self) -> Mapping[int, tuple[str, str]]:
-        """Name and method of each building by its number."""
+        """Return name and method of each building by its number."""
         rows = self.connection.execute("SELECT id, name, method FROM buildings")
         return {number: (name, method) for number, name, method in rows}
 
     def records(self) -> Mapping[int, tuple[str, str, int]]:
-        """Name, component and direction of each motion by its number."""
+        """Return name, component and direction of each ground motion by its number."""
         rows = self.connection.execute("SELECT id, name, component, direction FROM records")
         return {number: (name, component, direction) for number, name, component, direction in rows}
 
@@ -619,86 +657,114 @@ class Store:
 def open_store(
     folder: Path | None, plan: Plan, kept: Sequence[int] | None = None
 ) -> tuple[Store, list[str]]:
-    """The store of a campaign in a folder, in memory without one, which tells of all buildings or
-    of those of a shard; results and errors are those of `open_or_begin`."""
+    """Open or create the store of a campaign. Errors are those of `open_or_begin`.
+
+    Parameters
+    ----------
+    folder : Path or None
+        Directory of the store; None: in memory.
+    plan : Plan
+        Campaign.
+    kept : sequence of int, optional
+        Numbers of the buildings of a shard; by default all buildings are in the store.
+
+    Returns
+    -------
+    Store, list of str
+        Store, and messages about it.
+    """
     return open_or_begin(None if folder is None else folder / FILE, Identity.of(plan, kept))
 
 
 def open_or_begin(
     file: Path | None, identity: Identity, *, log: bool = True
 ) -> tuple[Store, list[str]]:
-    """The store in a file, made where there is none; in memory without a file.
+    """Open the store in a file, or create it if the file does not exist.
 
     Parameters
     ----------
+    file : Path or None
+        Path of the store; None: in memory.
+    identity : Identity
+        Campaign or study that the store must contain.
     log : bool
-        Whether others shall read while it is written (`connect`).
+        True if other processes read while the store is written (`connect`).
 
     Returns
     -------
     Store, list of str
-        The store, and what to say of it.
+        Store, and messages about it.
 
     Raises
     ------
     UsageError
-        The file is of another campaign: what differs, one line each.
+        The file contains another campaign; the message lists the differences, one line each.
     OutputError
-        It cannot be written.
+        The file cannot be written.
     """
     name = ":memory:" if file is None else str(file)
-    with in_words(name):
+    with sqlite_errors_reported(name):
         store = Store(connect(name, log=log), name)
     with schema.closed_on_failure(store.connection):
-        remarks = check_same(store, identity) if _begun(store) else None
+        remarks = check_same(store, identity) if _has_contents(store) else None
         if remarks is None:
-            with in_words(name):
+            with sqlite_errors_reported(name):
                 _create(store, identity)
         elif healed := store.heal(identity):
             remarks.append(
-                f"{name}: {healed} chunks of runs are not as they were written; they are done again"
+                f"{name}: {healed} chunks of runs are corrupt or incomplete; they are run again"
             )
         store.tell(identity)
     return store, remarks or []
 
 
 def open_existing(folder: Path, *, write: bool = False) -> Store:
-    """The store of a campaign in a folder, to be read, or written, too; chunks in it may be damaged
-    (`check_chunks`).
+    """Open the store of a campaign in a directory. Its chunks are not verified (`check_chunks`).
+
+    Parameters
+    ----------
+    folder : Path
+        Directory of the campaign.
+    write : bool
+        True to open the store for writing.
 
     Raises
     ------
     UsageError
-        There is none.
+        The directory contains no campaign.
     OutputError
-        It cannot be used, or not be trusted.
+        The store cannot be used or trusted.
     """
     if not is_there(folder / FILE):
         raise UsageError(
-            f"{folder}: holds no campaign ({FILE}); give the folder of -o of `tdint campaign`"
+            f"{folder}: no campaign in this directory ({FILE} not found); give the directory of -o "
+            "of `tdint campaign`"
         )
     keep_input(folder / FILE)
     name = str(folder / FILE)
-    with in_words(name):
+    with sqlite_errors_reported(name):
         store = Store(connect(name) if write else connect_to_read(folder / FILE), name)
-    if not _begun(store):
+    if not _has_contents(store):
         store.connection.close()
-        raise UsageError(f"{folder}: the campaign in it has not begun; call `tdint campaign` again")
+        raise UsageError(
+            f"{folder}: the campaign in this directory has not started; call `tdint campaign` again"
+        )
     return store
 
 
 def open_written(file: Path) -> Store:
-    """The store in a file that is written without a log, as it is. Errors are those of
-    `open_existing`."""
-    with in_words(str(file)):
+    """Open the store in a file that is written without a log, without changing it. Errors are those
+    of `open_existing`."""
+    with sqlite_errors_reported(str(file)):
         store = Store(connect(str(file), log=False), str(file))
-    _begun(store)
+    _has_contents(store)
     return store
 
 
-def _begun(store: Store) -> bool:
-    """Whether there is something in a store, which is whole then; else it is closed."""
-    with schema.closed_on_failure(store.connection), in_words(store.name):
+def _has_contents(store: Store) -> bool:
+    """Return True if a store has contents, which are then verified; close the store if they are
+    invalid."""
+    with schema.closed_on_failure(store.connection), sqlite_errors_reported(store.name):
         begun = not is_empty(store)
         if begun:
             schema.check_store(store.connection, store.name)
@@ -706,61 +772,69 @@ def _begun(store: Store) -> bool:
 
 
 def check_chunks(store: Store) -> None:
-    """Raise OutputError if runs of a store are not as they were written."""
-    with in_words(store.name):
+    """Raise OutputError if runs of a store are corrupt."""
+    with sqlite_errors_reported(store.name):
         bad = schema.damaged_chunks(store.connection)
     if bad:
         raise OutputError(
-            f"{store.name}: {len(bad)} chunks of runs are not as they were written; call `tdint "
-            f"campaign FILE -o {Path(store.name).parent}` again, which does them anew"
+            f"{store.name}: {len(bad)} chunks of runs are corrupt; call `tdint campaign FILE -o "
+            f"{Path(store.name).parent}` again, which runs them again"
         )
 
 
 def check_same(store: Store, identity: Identity) -> list[str]:
-    """Whether a store is of these runs.
+    """Check that a store contains the runs of a campaign.
+
+    Parameters
+    ----------
+    store : Store
+        Open store.
+    identity : Identity
+        Campaign that the store must contain.
 
     Returns
     -------
     list of str
-        What to say of it.
+        Messages about the store.
 
     Raises
     ------
     UsageError
-        It is of others: what differs, one line each.
+        The store contains another campaign; the message lists the differences, one line each.
     """
     if identity.fingerprint != store.meta("fingerprint"):
         lines = all_differences(
             store.sides(), identity.sides, given=f"this {identity.kind}", parts=bool(store.shards())
         )
         raise UsageError(
-            f"{store.name}: holds another {identity.kind}; give another folder with -o, or "
-            "--overwrite to begin anew\n"
+            f"{store.name}: contains another {identity.kind}; give another directory with -o, or "
+            "--overwrite to start again\n"
             f"{lines}"
         )
     version = store.meta("version")
     return (
         []
         if version == __version__
-        else [f"{store.name}: begun with tdint {version}, this is {__version__}"]
+        else [f"{store.name}: created by tdint {version}, this is tdint {__version__}"]
     )
 
 
 def foreign(file: Path) -> OutputError:
-    """That a file was not made of a store beside it."""
+    """Return the error for an existing file that was not written from the store in its
+    directory."""
     return OutputError(
-        f"{file}: exists already, and is not as this command wrote it; give another folder with "
-        "-o, or --overwrite to replace it"
+        f"{file}: exists already, and was not written by this command or was changed; give "
+        "another directory with -o, or --overwrite to replace it"
     )
 
 
 def forget(file: Path) -> None:
-    """Remove a store from a folder that is locked.
+    """Remove a store from a locked directory.
 
     Raises
     ------
     OutputError
-        It cannot be removed, or is read by this command.
+        The store cannot be removed, or is an input of this command.
     """
     refuse_kept([file])
     for end in ("", "-wal", "-shm", "-journal"):
@@ -768,26 +842,26 @@ def forget(file: Path) -> None:
 
 
 def remove(file: Path) -> None:
-    """Remove a file if it is there.
+    """Remove a file if it exists.
 
     Raises
     ------
     OutputError
-        It cannot be removed.
+        The file cannot be removed.
     """
     try:
         file.unlink(missing_ok=True)
     except OSError as error:
-        raise OutputError(f"{file}: cannot be removed: {error.strerror or error}") from None
+        raise OutputError(f"{file}: cannot remove the file: {error.strerror or error}") from None
 
 
 def is_empty(store: Store) -> bool:
-    """Whether nothing is in it yet."""
+    """Return True if a store has no tables."""
     return not store.connection.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
 
 
 def _create(store: Store, identity: Identity) -> None:
-    """Make the tables and say in them what the runs are, all or nothing."""
+    """Create the tables and store the definition of the runs, in one transaction."""
     about = {
         "schema": schema.VERSION,
         "version": __version__,
@@ -798,7 +872,7 @@ def _create(store: Store, identity: Identity) -> None:
     } | {f"{_SETTING}{name}": value for name, value in identity.settings.items()}
     if identity.code:
         about["code"] = json.dumps(identity.code)
-    # Of an inventory without a sweep there is nothing to be looked for in a million buildings.
+    # Buildings of an inventory without a sweep have no varied parameters; do not search millions.
     buildings = identity.buildings
     is_varied = not isinstance(buildings, RowBuildings) or buildings.rows.is_varied
     if any(varied := [dict(building.varied) for building in buildings] if is_varied else []):
@@ -828,5 +902,6 @@ def _create(store: Store, identity: Identity) -> None:
 
 
 def _text(name: str) -> str:
-    """A name as a database takes it: bytes of a file's name that are no UTF-8 are written out."""
+    """Return a name as UTF-8 text; bytes of a file name that are not UTF-8 become escape
+    sequences."""
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")

@@ -1,8 +1,8 @@
-"""The tables of a store, and whether they are as they were written.
+"""Tables of a store, and checks of their integrity.
 
-Numbers stand for buildings and records; the views `runs` and `stories` show their names, under the
-columns of the CSV files. Checksums over each chunk and over what the campaign is find damage and
-rows changed by hand; they are no signature.
+The tables refer to buildings and records by number. The views `runs` and `stories` show their
+names, with the columns of the CSV files. Checksums of each chunk and of the campaign definition
+detect corruption and manual edits; they are not a signature.
 """
 
 from __future__ import annotations
@@ -25,40 +25,41 @@ from tdint.files import is_file, is_there, remove_abandoned
 from tdint.system import file_system
 from tdint.units import Quantity
 
-# ---- Connections to the file of a store: where it may lie, how they wait for others, what SQLite
-# says put in words
+# ---- Connections to the file of a store: permitted locations, waiting for locks, errors of SQLite
 
-SILENT, _LONGEST = 1000, 9000
-"""Milliseconds that a lock of another program is waited for without a word, and with one."""
+SHORT_WAIT, _LONG_WAIT = 1000, 9000
+"""Milliseconds to wait for a lock of another program before and after a message is shown."""
 
 _log = logging.getLogger(__name__)
 
 
 class UntrustedStoreError(OutputError):
-    """The file of a store is none, or not as it was written."""
+    """The file is not a store, or was changed since it was written."""
 
     def __init__(self, name: str, why: str) -> None:
         super().__init__(
-            f"{name}: cannot be trusted: {why}; is it a store of tdint? Give another folder with "
-            "-o, or --overwrite to begin anew"
+            f"{name}: cannot be trusted: {why}; is it a store of tdint? Give another directory "
+            "with -o, or --overwrite to start again"
         )
 
 
 def connect(name: str, *, log: bool = True) -> sqlite3.Connection:
-    """A connection that writes safely: a killed process leaves all that was written whole.
+    """Return a connection that writes safely: a killed process leaves a valid file.
 
     Parameters
     ----------
+    name : str
+        Path of the file.
     log : bool
-        Write fast, a log ahead of the file, and let others read meanwhile; not for network file
-        systems. Else the file alone is written, each time to the disk.
+        True to write to a write-ahead log, which is faster and lets other processes read; not for
+        network file systems. False to write each transaction to the file.
 
     Raises
     ------
     OutputError
-        It is no file, or another program keeps it locked.
+        The path is not a file, or another program keeps it locked.
     """
-    _refuse_what_is_no_file(name)
+    _refuse_special_files(name)
     connection = sqlite3.connect(name, isolation_level=None)
     with closed_on_failure(connection):
         _guard(connection)
@@ -68,22 +69,22 @@ def connect(name: str, *, log: bool = True) -> sqlite3.Connection:
 
 
 def connect_to_read(file: Path) -> sqlite3.Connection:
-    """A connection that changes nothing and needs no lock that a writer has. Errors are those of
+    """Return a read-only connection that does not need the lock of a writer. Errors are those of
     `connect`."""
-    _refuse_what_is_no_file(str(file))
+    _refuse_special_files(str(file))
     connection = sqlite3.connect(
         f"{file.absolute().as_uri()}?mode=ro", uri=True, isolation_level=None
     )
     with closed_on_failure(connection):
         _guard(connection)
-        connection.execute("BEGIN")  # one state of the store for all that is read
+        connection.execute("BEGIN")  # all queries read the same state of the store
         wait_for(connection, str(file), "SELECT count(*) FROM sqlite_master")
     return connection
 
 
 @contextmanager
 def closed_on_failure(connection: sqlite3.Connection) -> Iterator[None]:
-    """Close a connection if what is within fails."""
+    """Close a connection if an error occurs in the `with` block."""
     try:
         yield
     except BaseException:
@@ -92,13 +93,14 @@ def closed_on_failure(connection: sqlite3.Connection) -> Iterator[None]:
 
 
 def _guard(connection: sqlite3.Connection) -> None:
-    """Believe nothing that a damaged or foreign file says of itself."""
+    """Protect against corrupt or malicious files."""
     connection.execute("PRAGMA trusted_schema=OFF")
     connection.execute("PRAGMA cell_size_check=ON")
 
 
-def _refuse_what_is_no_file(name: str) -> None:
-    """A named pipe, say, would be waited for without end."""
+def _refuse_special_files(name: str) -> None:
+    """Raise OutputError if a path is not a regular file. Opening a named pipe, for example, would
+    block."""
     if name != ":memory:" and is_there(name) and not is_file(name):
         raise OutputError(
             f"{name}: is not a regular file; remove it, or give another folder with -o"
@@ -106,17 +108,26 @@ def _refuse_what_is_no_file(name: str) -> None:
 
 
 def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
-    """Execute a statement that another program's lock may hold up: that is said after a second, and
-    ends after ten.
+    """Execute a statement that may have to wait for the lock of another program. A message is shown
+    after a second; waiting ends after ten seconds.
+
+    Parameters
+    ----------
+    connection : sqlite3.Connection
+        Connection.
+    name : str
+        Path of the file, for messages.
+    statement : str
+        SQL statement.
 
     Raises
     ------
     OutputError
-        The lock stays.
+        The lock was not released.
     """
     try:
-        # Twice: a short while without a word, then what keeps it is told.
-        for patience in (SILENT, _LONGEST):
+        # Wait for a short time without a message, then for longer with a message.
+        for patience in (SHORT_WAIT, _LONG_WAIT):
             connection.execute(f"PRAGMA busy_timeout={patience}")
             try:
                 connection.execute(statement)
@@ -125,20 +136,20 @@ def wait_for(connection: sqlite3.Connection, name: str, statement: str) -> None:
                     raise
             else:
                 return
-            if patience == SILENT:
-                _log.info(
-                    "%s: another program has locked it; waiting for ten seconds at most", name
-                )
+            if patience == SHORT_WAIT:
+                _log.info("%s: locked by another program; waiting for at most ten seconds", name)
     finally:
-        # Who reads a store holds it for a moment, too, while the log is opened, say: what follows
-        # waits without a word.
-        connection.execute(f"PRAGMA busy_timeout={_LONGEST}")
-    raise OutputError(f"{name}: another program keeps it locked; end that one, then call again")
+        # Readers also lock a store for a moment, for example when they open the log. Later
+        # statements wait without a message.
+        connection.execute(f"PRAGMA busy_timeout={_LONG_WAIT}")
+    raise OutputError(
+        f"{name}: another program keeps the file locked; end that program, then call again"
+    )
 
 
 @contextmanager
 def transaction(connection: sqlite3.Connection, name: str) -> Iterator[None]:
-    """All statements or none."""
+    """Execute all statements of the `with` block, or none if an error occurs."""
     wait_for(connection, name, "BEGIN IMMEDIATE")
     try:
         yield
@@ -150,21 +161,22 @@ def transaction(connection: sqlite3.Connection, name: str) -> Iterator[None]:
 
 
 @contextmanager
-def in_words(name: str) -> Iterator[None]:
-    """Turn what SQLite says about a file into an OutputError."""
+def sqlite_errors_reported(name: str) -> Iterator[None]:
+    """Convert errors of SQLite about a file to OutputError."""
     try:
         yield
     except sqlite3.OperationalError as error:
         if "decode" in str(error):
-            raise UntrustedStoreError(name, "text that is no UTF-8") from error
-        raise OutputError(f"{name}: cannot be used: {error}") from error
-    except (sqlite3.Error, UnicodeDecodeError) as error:  # of what SQLite says of damaged text, too
+            raise UntrustedStoreError(name, "it contains text that is not UTF-8") from error
+        raise OutputError(f"{name}: cannot use the file: {error}") from error
+    # Messages of SQLite that quote corrupt text raise UnicodeDecodeError.
+    except (sqlite3.Error, UnicodeDecodeError) as error:
         raise UntrustedStoreError(name, str(error)) from error
 
 
 LOCK = ".campaign.lock"
-"""Held by the one that writes; an empty SQLite file, for its locks end with their process on every
-system."""
+"""Lock file of the process that writes: an empty SQLite file, because its locks end with the
+process on all systems."""
 
 _NETWORK = {
     *(
@@ -196,65 +208,71 @@ _NETWORK = {
 
 
 def refuse_network(folder: Path) -> None:
-    """Refuse a folder on a network file system: SQLite's log needs memory that all processes share.
+    """Refuse a directory on a network file system, because SQLite's log needs memory that all
+    processes share.
 
-    Where the system does not tell nothing is refused.
+    If the type of the file system is unknown, the directory is accepted.
 
     Raises
     ------
     OutputError
-        The folder lies on one, or can be none.
+        The directory is on a network file system, or its name is invalid.
     """
     if "\0" in str(folder):
-        raise OutputError(f"{folder!s:.40}: a file name has no null character")
+        raise OutputError(f"{folder!s:.40}: a file name must not contain a null character")
     kind = file_system(folder)
     if kind in _NETWORK:
         raise OutputError(
-            f"{folder}: lies on a network file system ({kind}), on which the store is not safe; "
-            "write to a disk of this machine (such as /tmp), each shard to its own, and put them "
-            "together with `tdint campaign merge`"
+            f"{folder}: is on a network file system ({kind}), on which the store is not safe; "
+            "write to a local disk (such as /tmp), each shard to a separate directory, and combine "
+            "them with `tdint campaign merge`"
         )
 
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Be the only one that writes into a folder, made if it is not there (and gone again if nothing
-    was written); the lock ends with the process, however that ends.
+    """Lock a directory for writing in the `with` block. The directory is created if required, and
+    removed again if no file was written. The lock ends with the process.
 
     Raises
     ------
     OutputError
-        It cannot be made; another process has it.
+        The directory cannot be created, or another process has locked it.
     """
     is_new = not is_there(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{folder}: cannot be made: {error.strerror or error}") from None
-    # A named pipe in its place would be waited for without end.
+        raise OutputError(
+            f"{folder}: cannot create the directory: {error.strerror or error}"
+        ) from None
+    # Opening a named pipe of this name would block.
     if is_there(folder / LOCK) and not is_file(folder / LOCK):
         raise OutputError(f"{folder / LOCK}: is not a regular file; remove it, or write elsewhere")
     try:
         connection = sqlite3.connect(folder / LOCK, timeout=0.0, isolation_level=None)
     except sqlite3.Error as error:
-        raise OutputError(f"{folder}: cannot be written: {error}") from None
+        raise OutputError(f"{folder}: cannot write to the directory: {error}") from None
     with closing(connection):
         try:
-            connection.execute("PRAGMA journal_mode=MEMORY")  # nothing lies beside the lock
+            connection.execute("PRAGMA journal_mode=MEMORY")  # no journal file next to the lock
             connection.execute("BEGIN EXCLUSIVE")
         except sqlite3.OperationalError as error:
-            reason = "another tdint is at work on it" if "locked" in str(error) else str(error)
-            raise OutputError(f"{folder}: {reason}; wait for its end, or write elsewhere") from None
+            reason = "in use by another tdint process" if "locked" in str(error) else str(error)
+            raise OutputError(
+                f"{folder}: {reason}; wait until it ends, or write to another directory"
+            ) from None
         except sqlite3.Error as error:
             raise OutputError(
-                f"{folder / LOCK}: is no lock of tdint ({error}); remove it, or write elsewhere"
+                f"{folder / LOCK}: not a lock file of tdint ({error}); remove it, or write to "
+                "another directory"
             ) from None
-        # Only who has the lock knows that unfinished files belong to nobody.
+        # The process that has the lock can remove unfinished files: no other process writes them.
         remove_abandoned(folder)
         try:
             yield
         finally:
-            # While the lock is held: nobody else's goes.
+            # Remove the files while the directory is locked, so that no other lock is removed.
             with suppress(OSError):
                 if is_new and [file.name for file in folder.iterdir()] == [LOCK]:
                     (folder / LOCK).unlink()
@@ -264,7 +282,7 @@ def locked(folder: Path) -> Iterator[None]:
 # ---- Schema
 
 VERSION = "9"
-"""Of the layout; another one is not read."""
+"""Version of the layout; stores with another version are refused."""
 
 _KEY = {"building": int, "record": int, "scale": float, "sample": int}
 
@@ -273,17 +291,19 @@ _TYPES = {int: "INTEGER", str: "TEXT NOT NULL"}
 
 @dataclass(frozen=True)
 class RowTable:
-    """A table of the rows that chunks leave.
+    """Table of the rows that chunks produce.
 
     Attributes
     ----------
     name : str
-        Of the table.
+        Name of the table.
     key, others : dict of str to type
-        The columns that tell rows apart, and those behind them, in the order of a row's fields
+        Columns of the primary key, and the remaining columns, in the order of the fields of a row
         (`RunRow`, `StoryRow`, `ShockRow`).
-    view, hidden : str, tuple of str
-        The name of its view, and what that does not show.
+    view : str
+        Name of the view.
+    hidden : tuple of str
+        Columns that the view does not show.
     """
 
     name: str
@@ -294,12 +314,12 @@ class RowTable:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """All of them, but for the number of the chunk, which stands last."""
+        """Names of all columns except the number of the chunk, which is the last column."""
         return *self.key, *self.others
 
     @property
     def create(self) -> str:
-        """What makes it."""
+        """SQL statement that creates the table."""
         columns = ", ".join(
             f"{name} {_TYPES.get(kind, 'REAL')}" for name, kind in (self.key | self.others).items()
         )
@@ -311,9 +331,9 @@ class RowTable:
 
     @property
     def create_view(self) -> str:
-        """What makes its view."""
-        # For people who look with SQLite: names in place of numbers, first who and how, then
-        # results.
+        """SQL statement that creates the view."""
+        # The view is for users of SQLite. It shows names instead of numbers: first the building,
+        # the record and the method, then the results.
         shown = [column for column in self.columns if column not in (*_KEY, "dt_s", *self.hidden)]
         method = ["b.method AS method", f"{self.name}.dt_s"] if "dt_s" in self.others else []
         named = ["b.name AS building", "m.name AS record", "m.component AS component"]
@@ -326,7 +346,15 @@ class RowTable:
         )
 
     def select(self, more: str = "", where: str = "") -> str:
-        """What reads its columns, and more, in the order of the key."""
+        """Return the SQL query of the columns in the order of the key.
+
+        Parameters
+        ----------
+        more : str
+            Further columns, with a leading comma.
+        where : str
+            WHERE clause.
+        """
         return (
             f"SELECT {', '.join(self.columns)}{more} FROM {self.name} {where} ORDER BY "
             f"{', '.join(self.key)}"
@@ -335,43 +363,52 @@ class RowTable:
     def insert(
         self, connection: sqlite3.Connection, rows: Iterable[tuple[Any, ...]], chunk: int
     ) -> None:
-        """Write plain rows of a chunk."""
+        """Insert rows of a chunk that `plain` returned."""
         marks = ", ".join("?" * (len(self.columns) + 1))
         connection.executemany(
             f"INSERT INTO {self.name} VALUES({marks})", ((*row, chunk) for row in rows)
         )
 
     def plain(self, rows: Iterable[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
-        """Rows as SQLite gives them back, in the order of the key: nan is nothing there, a column
-        has one type, and values without errors are followed by nothing."""
-        kinds = (self.key | self.others).values()
+        """Convert rows to the form in which SQLite returns them, sorted by key: NaN becomes None,
+        each column has one type, and missing errors become None."""
+        types = (self.key | self.others).values()
         result = []
         for row in rows:
             cells = [
                 cell for value in row for cell in (value if isinstance(value, tuple) else (value,))
             ]
-            cells += [None] * (len(kinds) - len(cells))
-            typed = zip(kinds, cells, strict=True)
+            cells += [None] * (len(types) - len(cells))
+            typed = zip(types, cells, strict=True)
             result.append(
                 tuple(None if cell is None or cell != cell else kind(cell) for kind, cell in typed)
             )
         return sorted(result, key=lambda row: row[: len(self.key)])
 
 
-def _kinds(quantities: Iterable[Quantity], behind: str = "") -> dict[str, type]:
-    """Columns of some quantities, or of numbers that are told beside them, with `behind` behind the
-    names."""
-    return {quantity.column + behind: float if behind else quantity.kind for quantity in quantities}
+def _column_types(quantities: Iterable[Quantity], suffix: str = "") -> dict[str, type]:
+    """Return the types of columns by name.
+
+    Parameters
+    ----------
+    quantities : iterable of Quantity
+        Quantities of the columns.
+    suffix : str
+        Suffix of the names, such as `_error`; columns with a suffix are numbers.
+    """
+    return {quantity.column + suffix: float if suffix else quantity.kind for quantity in quantities}
 
 
-_HIDDEN = tuple(one.column for one in RUN if one.shown == HIDDEN)
-RUNS = RowTable("run_rows", _KEY, _kinds(RUN) | _kinds(RUN_WITH_ERROR, "_error"), "runs", _HIDDEN)
-_OF_STORY = {"height_m": float} | _kinds(STORY) | _kinds(STORY, "_error")
+_HIDDEN = tuple(item.column for item in RUN if item.shown == HIDDEN)
+RUNS = RowTable(
+    "run_rows", _KEY, _column_types(RUN) | _column_types(RUN_WITH_ERROR, "_error"), "runs", _HIDDEN
+)
+_OF_STORY = {"height_m": float} | _column_types(STORY) | _column_types(STORY, "_error")
 STORIES = RowTable("story_rows", _KEY | {"story": int}, _OF_STORY, "stories")
-_OF_SHOCK = {"start_s": float, "pga_m_s2": float} | _kinds(DEMANDED)
+_OF_SHOCK = {"start_s": float, "pga_m_s2": float} | _column_types(DEMANDED)
 SHOCKS = RowTable("shock_rows", _KEY | {"shock": int}, _OF_SHOCK, "shocks")
 ROW_TABLES = (RUNS, STORIES, SHOCKS)
-"""In the order of the fields of `tdint.campaign.batch.Rows`."""
+"""Tables in the order of the fields of `tdint.campaign.batch.Rows`."""
 
 
 TABLES = (
@@ -384,25 +421,25 @@ TABLES = (
     "NULL, pgv_m_s REAL NOT NULL, sha256 TEXT NOT NULL)",
     "CREATE TABLE chunks(id INTEGER PRIMARY KEY, runs INTEGER NOT NULL, stories INTEGER NOT NULL, "
     "seconds REAL NOT NULL, sha256 TEXT NOT NULL)",
-    *(one.create for one in ROW_TABLES),
+    *(table.create for table in ROW_TABLES),
     "CREATE TABLE inventory(building INTEGER PRIMARY KEY, cells TEXT NOT NULL)",
     "CREATE TABLE building_types(building INTEGER PRIMARY KEY, type TEXT NOT NULL, divisor REAL "
     "NOT NULL, period_s REAL NOT NULL)",
     "CREATE TABLE unused(kind TEXT NOT NULL, reason TEXT NOT NULL, PRIMARY KEY(kind, reason))",
     "CREATE TABLE written(file TEXT NOT NULL, sha256 TEXT NOT NULL, PRIMARY KEY(file, sha256))",
-    *(one.create_view for one in ROW_TABLES),
+    *(table.create_view for table in ROW_TABLES),
 )
-"""What makes an empty store."""
+"""SQL statements that create an empty store."""
 
 
 def run_of(row: Sequence[Any]) -> RunRow:
-    """The run whose plain values these are."""
+    """Return the run of a row that `RUNS.select` reads."""
     key, values = accumulate(map(len, (_KEY, RUN)))
     return RunRow(*row[:key], *map(tuple, (row[key:values], row[values:])))
 
 
 SEAL = "seal"
-"""Key of the checksum over what the campaign is, in the table meta."""
+"""Key of the checksum of the campaign definition in the table `meta`."""
 
 _SEALED = (
     "SELECT key, value FROM meta WHERE key <> 'seal' ORDER BY key",
@@ -415,34 +452,44 @@ _SEALED = (
 
 
 def chunk_digest(number: int, seconds: float, *tables: Iterable[tuple[Any, ...]]) -> str:
-    """SHA-256 over a chunk, from its runs, stories and shocks in the order of their keys, as SQLite
-    gives them back."""
-    whole = hashlib.sha256(repr((number, seconds)).encode())
+    """Return the SHA-256 of a chunk.
+
+    Parameters
+    ----------
+    number : int
+        Number of the chunk.
+    seconds : float
+        Processor time, s.
+    *tables : iterable of tuple
+        Rows of runs, stories and events in the order of their keys, as SQLite returns them.
+    """
+    digest = hashlib.sha256(repr((number, seconds)).encode())
     for row in chain(*tables):
-        whole.update(repr(row).encode())
-    return whole.hexdigest()
+        digest.update(repr(row).encode())
+    return digest.hexdigest()
 
 
 def damaged_chunks(connection: sqlite3.Connection) -> set[int]:
-    """The numbers of the chunks whose rows, or whose counts of them, are not as they were written;
-    of rows that belong to no chunk, too."""
+    """Return the numbers of the chunks with corrupt rows or wrong counts, and of chunks that have
+    rows but no entry."""
     stated = {
-        number: rest
-        for number, *rest in connection.execute(
+        number: values
+        for number, *values in connection.execute(
             "SELECT id, runs, stories, seconds, sha256 FROM chunks"
         )
     }
-    # All tables are read once, and each row goes into the digest of its chunk.
+    # Read all tables once; each row updates the digest of its chunk.
     digests = {
-        number: hashlib.sha256(repr((number, rest[2])).encode()) for number, rest in stated.items()
+        number: hashlib.sha256(repr((number, values[2])).encode())
+        for number, values in stated.items()
     }
     counts = {number: [0, 0, 0] for number in stated}
     lost: set[int] = set()
-    for kind, table in enumerate(ROW_TABLES):
+    for index, table in enumerate(ROW_TABLES):
         for *row, number in connection.execute(table.select(", chunk")):
             if number in digests:
                 digests[number].update(repr(tuple(row)).encode())
-                counts[number][kind] += 1
+                counts[number][index] += 1
             else:
                 lost.add(number)
     return lost | {
@@ -453,29 +500,36 @@ def damaged_chunks(connection: sqlite3.Connection) -> set[int]:
 
 
 def seal_of(connection: sqlite3.Connection) -> str:
-    """SHA-256 over what the campaign is and which inputs could not be used."""
-    whole = hashlib.sha256()
+    """Return the SHA-256 of the campaign definition and of the unused inputs."""
+    digest = hashlib.sha256()
     for statement in _SEALED:
-        whole.update(statement.encode())
+        digest.update(statement.encode())
         for row in connection.execute(statement):
-            whole.update(repr(row).encode())
-    return whole.hexdigest()
+            digest.update(repr(row).encode())
+    return digest.hexdigest()
 
 
 def check_store(connection: sqlite3.Connection, name: str) -> None:
-    """Make sure that a file is a whole store of this layout; its chunks are another question
+    """Check that a file is a complete store of this layout. Chunks are not verified
     (`damaged_chunks`).
+
+    Parameters
+    ----------
+    connection : sqlite3.Connection
+        Connection to the file.
+    name : str
+        Path of the file, for messages.
 
     Raises
     ------
     UntrustedStoreError
-        It is not.
+        The file is corrupt, has another layout, or was edited.
     """
-    # The file first, then its layout, then what it says of its campaign: each makes sense only
-    # after the one before.
+    # Check the file, then its layout, then the campaign definition: each check requires the
+    # preceding check.
     (verdict,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
     if verdict != "ok":
-        raise UntrustedStoreError(name, f"SQLite says: {' '.join(verdict.split())}")
+        raise UntrustedStoreError(name, f"SQLite reports: {' '.join(verdict.split())}")
     stated = {
         sql
         for (sql,) in connection.execute("SELECT sql FROM sqlite_master WHERE type <> 'trigger'")
@@ -484,14 +538,14 @@ def check_store(connection: sqlite3.Connection, name: str) -> None:
         version = connection.execute("SELECT value FROM meta WHERE key = 'schema'").fetchone()
         if version is not None and version[0] != VERSION:
             raise UntrustedStoreError(
-                name, f"its layout is {version[0]!r:.20}, that of this tdint is {VERSION!r}"
+                name, f"its layout is {version[0]!r:.20}, this tdint uses layout {VERSION!r}"
             )
-    # A trigger would run when tables are written: a store has none.
+    # A trigger would be executed when tables are written; tdint does not create triggers.
     triggers = connection.execute(
         "SELECT count(*) FROM sqlite_master WHERE type = 'trigger'"
     ).fetchone()[0]
     if triggers or not stated.issuperset(TABLES):
-        raise UntrustedStoreError(name, "its tables are not those of a campaign")
+        raise UntrustedStoreError(name, "its tables differ from the tables of a campaign")
     seal = connection.execute("SELECT value FROM meta WHERE key = ?", (SEAL,)).fetchone()
     if seal is None or seal[0] != seal_of(connection):
-        raise UntrustedStoreError(name, "what it says of its campaign does not fit the checksum")
+        raise UntrustedStoreError(name, "the campaign definition does not match its checksum")
