@@ -1,6 +1,8 @@
-"""A chunk of runs, what one thread or a worker far away does without asking for anything more: all
-runs of one building and one step together (`tdint.analysis.run.together`), and what failed again
-with half of the step."""
+"""Chunks of runs: units of work that a thread or a remote worker processes with its input only.
+
+All runs of a building with the same time step are integrated together
+(`tdint.analysis.run.together`). Failed runs are repeated with half the time step.
+"""
 
 from __future__ import annotations
 
@@ -36,31 +38,34 @@ from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.errors import AnalysisError
 from tdint.ground_motion.record import JoinedRecord, Record
 
-# ---- What is run, a building with its method under ground motions, and what is kept of it: a row
-# of numbers for each run, and one for each story if that is asked for
+# ---- Runs of a building with its method under ground motions, and rows of results: one for each
+# run and, if requested, one for each story
 
 REPEATS = 3
-"""How often a run that diverged or did not converge is repeated, each time with half of the step
-before; in each of them single steps are halved, too (`tdint.analysis.run.workspace.HALVINGS`)."""
+"""Maximum number of repetitions of a run that diverged or did not converge, each with half the time
+step of the preceding run. Single steps of each run are also halved
+(`tdint.analysis.run.workspace.HALVINGS`)."""
 
 
 @dataclass(frozen=True)
 class RunSettings:
-    """What is the same for all runs of a campaign.
+    """Settings of all runs of a campaign.
 
     Attributes
     ----------
     dt, duration : float or None
-        Time step and duration, s; None: those of the building's model, else those of the record.
+        Time step and duration, s; None: values of the model, otherwise of the record.
     until_rest : bool
-        Go on after that with the ground at rest until the building is (`tdint.analysis.run.case`).
-    stories, profiles : bool
-        Keep the peaks of every story, too: to write them, or what they are over the motions.
+        Continue after the record until free vibration has decayed (`tdint.analysis.run.case`).
+    stories : bool
+        Store the peaks of every story, to write them.
+    profiles : bool
+        Store the peaks of every story, for their statistics over the motions.
     check : bool
         Estimate the errors of the demands of each run, as `tdint.run` does.
     tolerance : float or None
-        The step of a building is such that the estimated errors of its peak drifts are within this
-        part of them.
+        Relative tolerance of the estimated errors of peak drifts, by which the time step of a
+        building is chosen.
     """
 
     dt: float | None = None
@@ -73,20 +78,20 @@ class RunSettings:
 
     @property
     def keeps_stories(self) -> bool:
-        """Whether the peaks of stories are kept."""
+        """True if the peaks of stories are stored."""
         return self.stories or self.profiles
 
 
 class Source(Protocol):
-    """What makes a building: the building itself, or a row of an inventory with its rules."""
+    """Object that creates a building: the building, or a row of an inventory with its rules."""
 
     def subject(self) -> Subject:
-        """The building."""
+        """Return the building."""
 
 
 class Run(NamedTuple):
-    """A ground motion by its number, the factor on it, and which of a building's draws it is (0:
-    none was drawn)."""
+    """Run of a building: number of the ground motion, scale factor, and number of the sample of the
+    building (0: not sampled)."""
 
     motion: int
     scale: float
@@ -99,13 +104,13 @@ class BuildingRuns(NamedTuple):
     Attributes
     ----------
     number : int
-        Of the building in its campaign.
+        Number of the building in its campaign.
     source : Source
-        What makes it.
+        Object that creates the building.
     runs : tuple of Run
         The runs.
     largest : float or None
-        Their largest step for a tolerance, s; None if no step is within it.
+        Maximum time step for a tolerance, s; None if no time step meets the tolerance.
     """
 
     number: int
@@ -115,9 +120,11 @@ class BuildingRuns(NamedTuple):
 
 
 class RunRow(NamedTuple):
-    """The values of a run, those of `RUN` in their order, None or nan where there is none; the
-    errors of the demands in `RUN_WITH_ERROR`, where these were estimated. A value is found by its
-    name, too: `row.status`."""
+    """Values of a run in the order of `RUN`; missing values are None or NaN.
+
+    If errors were estimated, `errors` contains the errors of the demands in the order of
+    `RUN_WITH_ERROR`. Values are also available by name: `row.status`.
+    """
 
     building: int
     motion: int
@@ -127,23 +134,26 @@ class RunRow(NamedTuple):
     errors: tuple[float | None, ...] = ()
 
     def __getattr__(self, name: str) -> Any:
-        if name not in _PLACES:
+        if name not in _INDICES:
             raise AttributeError(name)
-        return self.values[_PLACES[name]]
+        return self.values[_INDICES[name]]
 
     def but(self, **values: Any) -> RunRow:
-        """The same with other values."""
+        """Return a copy of the row with other values."""
         return self._replace(
-            values=tuple(values.get(name, self.values[place]) for name, place in _PLACES.items())
+            values=tuple(values.get(name, self.values[index]) for name, index in _INDICES.items())
         )
 
 
-_PLACES = {quantity.name: place for place, quantity in enumerate(RUN)}
+_INDICES = {quantity.name: index for index, quantity in enumerate(RUN)}
 
 
 class ShockRow(NamedTuple):
-    """The values of a shock in a run of several, those of `DEMANDED` in their order; from 1, with
-    the time (s) of its first sample and its peak ground acceleration (m/s^2)."""
+    """Values of an event in a run of a sequence, in the order of `DEMANDED`.
+
+    Events are numbered from 1. The row contains the time (s) of the first sample and the peak
+    ground acceleration (m/s^2).
+    """
 
     building: int
     motion: int
@@ -156,8 +166,8 @@ class ShockRow(NamedTuple):
 
 
 class StoryRow(NamedTuple):
-    """The values of a story in a run, those of `STORY` in their order, and their errors where these
-    were estimated."""
+    """Values of a story in a run, in the order of `STORY`, and their errors if these were
+    estimated."""
 
     building: int
     motion: int
@@ -171,22 +181,22 @@ class StoryRow(NamedTuple):
 
 @dataclass
 class Rows:
-    """The rows of some runs; those of stories only if they are asked for."""
+    """Rows of runs, stories and events. Rows of stories exist only if requested."""
 
     runs: list[RunRow] = field(default_factory=list)
     stories: list[StoryRow] = field(default_factory=list)
     shocks: list[ShockRow] = field(default_factory=list)
 
     def extend(self, others: Rows) -> None:
-        """Take in other rows."""
+        """Append other rows."""
         self.runs += others.runs
         self.stories += others.stories
         self.shocks += others.shocks
 
 
 def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
-    """Of each run, whose peaks have the shape (runs, n), the values that follow from its
-    demands."""
+    """Return the values that follow from the demands of each run, by name. The peaks have the shape
+    (runs, n)."""
     columns = {name: column.tolist() for name, column in demand_columns(stories).items()}
     return [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
 
@@ -194,7 +204,19 @@ def demand_cells(stories: StoryPeaks) -> list[dict[str, Any]]:
 def story_rows(
     building: int, run: Run, stories: StoryPeaks, check: ErrorEstimate | None = None
 ) -> list[StoryRow]:
-    """The rows of the stories of a run, from the ground up."""
+    """Return the rows of the stories of a run, from the ground up.
+
+    Parameters
+    ----------
+    building : int
+        Number of the building.
+    run : Run
+        The run.
+    stories : StoryPeaks
+        Peaks of the stories.
+    check : ErrorEstimate, optional
+        Error estimate of the run.
+    """
     by_story: list[Iterable[tuple[float, ...]]] = [
         zip(*(getattr(values, quantity.name).tolist() for quantity in STORY), strict=True)
         if values
@@ -206,7 +228,7 @@ def story_rows(
 
 
 def shock_rows(building: int, run: Run, shocks: Sequence[Shock]) -> list[ShockRow]:
-    """The rows of the shocks of a run, in their order."""
+    """Return the rows of the events of a run of a sequence, in chronological order."""
     return [
         ShockRow(building, *run, number, shock.start, shock.record.pga, tuple(cells.values()))
         for number, shock in enumerate(shocks, start=1)
@@ -218,11 +240,11 @@ def shock_rows(building: int, run: Run, shocks: Sequence[Shock]) -> list[ShockRo
 
 Item = TypeVar("Item")
 
-_FEWEST, _MOST = 4, 8
-"""Runs whose errors are looked at: a quarter of them, within these bounds."""
+_MIN_EVALUATED, _MAX_EVALUATED = 4, 8
+"""Minimum and maximum number of runs with an error estimate; in between, a quarter of the runs."""
 
-_TRIED = 24
-"""Runs that are tried for that: where the building collapses nothing says how far off a step is."""
+_MAX_TRIALS = 24
+"""Maximum number of runs tried. Runs in which the building collapses provide no error estimate."""
 
 
 def building_step(
@@ -232,21 +254,31 @@ def building_step(
     settings: RunSettings,
     tolerance: float,
 ) -> float | None:
-    """The largest step (s) with which the peak drifts of a building are within a tolerance under
-    some of its runs, by the estimate of `tdint.analysis.run.step_choice`; None if there is none. It
-    is chosen once for all of its runs.
+    """Return the maximum time step (s) that meets a tolerance of the peak drifts of a building, or
+    None if no time step does.
 
-    What a step errs by hangs on the motion as much as on the building: one motion, be it the
-    strongest, tells little of the others. So the runs that are looked at are spread over motions
-    and scales, and the smallest of their steps is taken.
+    The errors are estimated for some of the runs by `tdint.analysis.run.step_choice`. The time step
+    is chosen once and used for all runs of the building.
+
+    The discretization error depends on the motion as much as on the building, so a single motion,
+    even the strongest, is not representative. The runs are therefore distributed over motions and
+    scale factors, and the minimum of their time steps is used.
 
     Parameters
     ----------
+    subject : Subject
+        The building and its method.
+    records : mapping of int to Record
+        Ground motions by number.
     runs : sequence of Run
         All runs of the building.
+    settings : RunSettings
+        Settings of the runs.
+    tolerance : float
+        Maximum estimated error, relative to the peak drifts.
     """
-    # All runs, of any beginning of them as many as can be under motions of their own, at scales in
-    # the middle.
+    # Order the runs so that the first N use as many different motions as possible, with scale
+    # factors from the middle of the range.
     of_motion: dict[int, list[Run]] = {}
     for run in sorted(runs, key=lambda run: abs(run.scale)):
         of_motion.setdefault(run.motion, []).append(run)
@@ -256,10 +288,10 @@ def building_step(
     rounds = zip_longest(*(_spread(of_motion[motion]) for motion in _spread(ranked)))
     spread = (run for run in chain.from_iterable(rounds) if run is not None)
 
-    # What collapses or fails tells no step: others are tried in its place.
-    step, looked_at = math.inf, 0
-    enough = min(max(_FEWEST, len(runs) // 4), _MOST)
-    for run in islice(spread, _TRIED):
+    # Runs that collapse or fail provide no time step: try other runs instead.
+    step, evaluated = math.inf, 0
+    enough = min(max(_MIN_EVALUATED, len(runs) // 4), _MAX_EVALUATED)
+    for run in islice(spread, _MAX_TRIALS):
         record = records[run.motion].scaled(run.scale)
         case = subject.case(record)
         if isinstance(record, JoinedRecord):
@@ -275,14 +307,14 @@ def building_step(
             )
         except FailedRun:
             continue
-        looked_at += 1
-        if looked_at == enough:
+        evaluated += 1
+        if evaluated == enough:
             break
-    return step if looked_at else None
+    return step if evaluated else None
 
 
 def _spread(items: Sequence[Item]) -> Iterator[Item]:
-    """The item in the middle, those in the middle of either half, and so on."""
+    """Yield the middle item, then the middle items of both halves, and so on."""
     parts = deque([items])
     while parts:
         part = parts.popleft()
@@ -292,12 +324,12 @@ def _spread(items: Sequence[Item]) -> Iterator[Item]:
             parts += [part[:middle], part[middle + 1 :]]
 
 
-_SAME = 1e-9  # steps that differ by less than about this part are the same
+_EQUAL_STEPS = 1e-9  # relative difference up to which time steps are equal
 
 
 @dataclass(frozen=True)
 class _Job:
-    """A run with its steps and how often it was repeated."""
+    """Run with its time steps and the number of repetitions so far."""
 
     run: Run
     steps: Steps
@@ -311,13 +343,15 @@ class Batch:
     Attributes
     ----------
     number : int
-        The building's number in the campaign.
+        Number of the building in the campaign.
     subject : Subject
         The building and its method.
     motions : Motions
-        The ground motions, those of `spectral` among them.
+        Ground motions; all motions of `spectral` are included.
     spectral : mapping of int to float or None
-        Sa(T1) of each motion at the scale 1, m/s^2.
+        Sa(T1) of each motion at the scale factor 1, m/s^2.
+    settings : RunSettings
+        Settings of the runs.
     """
 
     number: int
@@ -327,25 +361,25 @@ class Batch:
     settings: RunSettings
 
     def results(self, runs: Sequence[Run], largest: float | None = math.inf) -> Rows:
-        """Integrate the runs.
+        """Integrate runs and return their rows.
 
         Parameters
         ----------
         runs : sequence of Run
             The runs.
         largest : float or None
-            The step chosen for a tolerance, s: of a record's step, halved or doubled, the largest
-            within it is taken. None: no step keeps the tolerance. By default steps are those of the
-            settings.
+            Maximum time step for a tolerance, s. The time step of each record is halved or doubled
+            to the maximum value up to this limit. None: no time step meets the tolerance. By
+            default the time steps of the settings are used.
 
         Raises
         ------
         UsageError
-            A step that does not fit a record.
+            A time step does not fit a record.
         AnalysisError
             The method does not integrate this building.
         """
-        # A sequence depends on when the building has come to rest: each is made by itself.
+        # The times of a sequence depend on the decay of free vibration: integrate each separately.
         results = Rows()
         for run in runs:
             if isinstance(self.motions.records[run.motion], JoinedRecord):
@@ -353,18 +387,18 @@ class Batch:
         runs = [
             run for run in runs if not isinstance(self.motions.records[run.motion], JoinedRecord)
         ]
-        # Steps are those of a motion: all of its runs share them, whatever their factors.
+        # Time steps depend on the motion only: all runs of a motion use the same time steps.
         chosen = math.inf if largest is None else largest
         steps = {
             motion: self._steps(motion, chosen)
             for motion in dict.fromkeys(run.motion for run in runs)
         }
         jobs = [_Job(run, steps[run.motion]) for run in runs]
-        # Without a step within the tolerance no run is worth its time; the rows tell why.
+        # If no time step meets the tolerance, do not run; the status of the rows is the reason.
         if largest is None:
             results.runs += [self._row(job, NO_STEP) for job in jobs]
             return results
-        # What failed comes back with a finer step, until nothing is left to be repeated.
+        # `_at_step` returns failed runs with a smaller time step, until no repetition is left.
         while jobs:
             failed: list[_Job] = []
             for h in dict.fromkeys(job.steps.h for job in jobs):
@@ -373,52 +407,52 @@ class Batch:
         return results
 
     def _sequence(self, run: Run, largest: float | None) -> Rows:
-        """A run of shocks one after the other: that of the record that they make on this building,
-        and its parts."""
+        """Run a sequence of events: integrate the joined record of this building, and evaluate
+        its parts."""
         case, dt = self._case(run), self.settings.dt
         record = case.record
         assert isinstance(record, JoinedRecord)
-        # Where the shocks stand may hang on how long the building swings after each, at this scale.
+        # The start times of events may depend on the decay of free vibration at this scale factor.
         sequence = sequence_of(case, record.shocks, rest=record.rest, dt=dt)
-        joined = case.under(sequence.whole)
-        # The joined record has the factor in it: it is one run at the scale 1, with intensities
-        # that are scaled before.
+        joined_case = case.under(sequence.whole)
+        # The joined record includes the scale factor, so it is run at the scale factor 1 with
+        # scaled intensities.
         spectral = self.spectral[run.motion]
-        alone = replace(
+        single = replace(
             self,
             motions=Motions({run.motion: sequence.whole}),
             spectral={run.motion: None if spectral is None else spectral * abs(run.scale)},
             settings=replace(self.settings, duration=sequence.whole.duration),
         )
-        rows = alone.results([run._replace(scale=1.0)], largest)
+        rows = single.results([run._replace(scale=1.0)], largest)
         (row,) = rows.runs
-        # Demands of each shock by itself; a run without a result has none to be divided.
+        # Compute the demands of each event, if the run has a result.
         if row.steps is not None:
-            steps = replace(joined.steps(row.dt, sequence.whole.duration), count=row.steps)
+            steps = replace(joined_case.steps(row.dt, sequence.whole.duration), count=row.steps)
             shocks = shocks_of(
-                joined, sequence, steps, check=self.settings.check and bool(record.fixed)
+                joined_case, sequence, steps, check=self.settings.check and bool(record.fixed)
             )
             rows.shocks = shock_rows(self.number, run, shocks)
-            # Behind shocks that only damage the building the demands of the last one alone are
-            # those of the run.
+            # After events that only damage the building, the demands of the run are the demands of
+            # the last event.
             if record.fixed and len(shocks) > record.fixed:
                 last = shocks[-1]
                 errors = (
                     demand_errors(last.stories, last.errors) if row.errors and last.errors else ()
                 )
                 row = row.but(**demand_cells(last.stories)[0])._replace(errors=errors)
-        stories = [of_story._replace(scale=run.scale) for of_story in rows.stories]
+        stories = [story._replace(scale=run.scale) for story in rows.stories]
         return Rows([row._replace(scale=run.scale)], stories, rows.shocks)
 
     def _steps(self, motion: int, largest: float) -> Steps:
-        """Steps on a motion as the settings want them, halved or doubled to the largest within
-        `largest`."""
+        """Return the time steps for a motion by the settings, halved or doubled to the maximum up
+        to `largest`."""
         case, duration = self._case(Run(motion, 1.0)), self.settings.duration
         steps = case.steps(self.settings.dt, duration)
         if largest == math.inf:
             return steps
-        # Halved and doubled steps keep times in common with the samples.
-        doublings = math.floor(math.log2(largest / steps.h) + _SAME)
+        # Halved and doubled time steps have times in common with the samples.
+        doublings = math.floor(math.log2(largest / steps.h) + _EQUAL_STEPS)
         if doublings > 0:
             return case.steps(steps.h * 2.0**doublings, duration)
         for _ in range(-doublings):
@@ -426,30 +460,43 @@ class Batch:
         return steps
 
     def _case(self, run: Run) -> Case:
+        """Return the analysis case of a run."""
         return self.subject.case(self.motions.records[run.motion], run.scale)
 
     def _at_step(self, jobs: list[_Job], results: Rows) -> list[_Job]:
-        """Integrate runs of one step; the rows of those that are done join the results, the others
-        are returned with a finer step."""
+        """Integrate runs with the same time step.
+
+        Parameters
+        ----------
+        jobs : list of _Job
+            The runs.
+        results : Rows
+            Rows; the rows of completed runs are appended.
+
+        Returns
+        -------
+        list of _Job
+            Failed runs, with a smaller time step.
+        """
         runs, settings = [(job.run.motion, job.run.scale, job.steps) for job in jobs], self.settings
         outcomes = run_together(
             self.subject, self.motions, runs, check=settings.check, to_rest=settings.until_rest
         )
-        again = []
+        repeated = []
         for i, failure in outcomes.failures.items():
             job = jobs[i]
-            # A refused step, beyond the method's limit, is told and not repeated.
+            # A time step above the limit of the method is reported and not repeated.
             if failure.finer_may_help and job.repeats < REPEATS:
-                again.append(_Job(job.run, finer(job.steps), job.repeats + 1))
+                repeated.append(_Job(job.run, finer(job.steps), job.repeats + 1))
             else:
                 results.runs.append(self._row(job, failure.status))
-        # Demands of all runs at once, as arrays; rows then one by one.
+        # Compute the demands of all runs as arrays, then create the rows.
         demanded, statuses = demand_cells(outcomes.stories), outcomes.status
         for i, job in enumerate(jobs):
             if i in outcomes.failures:
                 continue
             peaks = outcomes.stories_of(i)
-            # A run that was made by itself brings the estimate of its errors.
+            # A run that was integrated separately includes its error estimate.
             check = outcomes.responses[i].check if i in outcomes.responses else None
             values = demanded[i] | {
                 "energy_error": float(outcomes.energy_error[i]),
@@ -462,13 +509,25 @@ class Batch:
             results.runs.append(row)
             if settings.keeps_stories:
                 results.stories += story_rows(self.number, job.run, peaks, check)
-        return again
+        return repeated
 
     def _row(
         self, job: _Job, status: str, collapse: Collapse | None = None, **values: Any
     ) -> RunRow:
-        """The row of a run; of one without a result its step, status, PGA, Sa(T1) and repeats
-        alone."""
+        """Return the row of a run. Without a result it contains only time step, status, PGA, Sa(T1)
+        and number of repetitions.
+
+        Parameters
+        ----------
+        job : _Job
+            The run.
+        status : str
+            Status of the run.
+        collapse : Collapse, optional
+            Collapse of the building.
+        **values : Any
+            Further values by name.
+        """
         if collapse:
             values |= {"collapse_time": collapse.time, "collapse_story": collapse.story}
         spectral, factor = self.spectral[job.run.motion], abs(job.run.scale)
@@ -484,16 +543,18 @@ class Batch:
 
 @dataclass(frozen=True)
 class Chunk:
-    """Some runs, with all that they need.
+    """Runs with their complete input.
 
     Attributes
     ----------
     number : int
-        Of the chunk in its campaign.
+        Number of the chunk in its campaign.
     buildings : tuple of BuildingRuns
         The buildings with their runs.
     records : mapping of int to Record
-        The ground motions by their numbers.
+        Ground motions by number.
+    settings : RunSettings
+        Settings of the runs.
     """
 
     number: int
@@ -504,7 +565,7 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Done:
-    """A chunk that is done: its rows, and the processor time that it took, s."""
+    """Results of a chunk: its number, its rows and the processor time, s."""
 
     number: int
     rows: Rows
@@ -513,25 +574,25 @@ class Done:
 
 def do(chunk: Chunk) -> Done:
     """Integrate the runs of a chunk. Errors are those of `Batch.results`."""
-    # Time of this thread alone: chunks are done side by side.
+    # Measure the time of this thread only: chunks run in parallel.
     began = time.thread_time()
     motions = Motions(chunk.records)
     subjects = [part.source.subject() for part in chunk.buildings]
 
-    # Sa(T1) of each building's motions: of one motion the periods of all buildings at once.
+    # Compute Sa(T1) for each motion at the periods of all buildings in one call.
     spectral: list[dict[int, float | None]] = [{} for _ in subjects]
     users: dict[int, list[int]] = {}
-    for place, part in enumerate(chunk.buildings):
+    for index, part in enumerate(chunk.buildings):
         for motion in dict.fromkeys(run.motion for run in part.runs):
-            users.setdefault(motion, []).append(place)
-    for motion, places in users.items():
+            users.setdefault(motion, []).append(index)
+    for motion, indices in users.items():
         values = spectral_accelerations(
-            chunk.records[motion], [subjects[place].period for place in places]
+            chunk.records[motion], [subjects[index].period for index in indices]
         )
-        for place, value in zip(places, values, strict=True):
-            spectral[place][motion] = value
+        for index, value in zip(indices, values, strict=True):
+            spectral[index][motion] = value
     rows = Rows()
-    # All runs of a building go through one compiled call, where its steps are the same.
+    # All runs of a building with the same time step are integrated by one compiled call.
     for part, subject, sa in zip(chunk.buildings, subjects, spectral, strict=True):
         batch = Batch(part.number, subject, motions, sa, chunk.settings)
         rows.extend(batch.results(part.runs, part.largest))
@@ -539,19 +600,32 @@ def do(chunk: Chunk) -> Done:
 
 
 def spectral_accelerations(record: Record, periods: list[float]) -> list[float | None]:
-    """Sa of a record at some periods, m/s^2, 5 % damping; None for a period that is too short for
-    it. Of shocks the largest."""
+    """Return the spectral accelerations of a record at periods, m/s^2, for 5 % damping.
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion. The result for a sequence is the maximum over its events.
+    periods : list of float
+        Periods, s.
+
+    Returns
+    -------
+    list of float or None
+        Spectral accelerations; None for a period that is too short for the record.
+    """
     if isinstance(record, JoinedRecord):
-        of_all = zip(
+        by_event = zip(
             *(spectral_accelerations(shock, periods) for shock in record.shocks), strict=True
         )
         return [
-            None if None in values else max(filter(None, values), default=0.0) for values in of_all
+            None if None in values else max(filter(None, values), default=0.0)
+            for values in by_event
         ]
     try:
         return list(spectrum(record, np.array(periods), SA_DAMPING).psa.tolist())
     except AnalysisError:
         if len(periods) == 1:
             return [None]
-    # One period too short spoils the call for all: then each is asked for alone.
+    # A period that is too short makes the call fail: compute each period separately.
     return [value for period in periods for value in spectral_accelerations(record, [period])]
