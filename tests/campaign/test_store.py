@@ -131,7 +131,7 @@ def test_parts_that_divide_a_campaign_in_other_ways_are_not_merged(tmp_path: Pat
             store.connection.execute("UPDATE meta SET value = value + 1 WHERE key = 'chunks'")
             store.seal()
         store.connection.close()
-    with pytest.raises(UsageError, match="are of different campaigns"):
+    with pytest.raises(UsageError, match="belong to different campaigns"):
         merge([tmp_path / "one", tmp_path / "other"], tmp_path)
 
 

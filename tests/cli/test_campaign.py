@@ -194,7 +194,7 @@ def test_the_same_bytes_whoever_does_the_runs(study: Path, tdint: Command) -> No
     lacking = tdint("-q", "campaign", "merge", *parts[:2], "-o", "half", code=5)
     assert not Path("half", FILE).exists()
     left = len(rows("part-2/runs.csv"))
-    assert f"{left} of {RUNS} runs are in none of the folders: missing shard 2/3" in lacking.stderr
+    assert f"{left} of {RUNS} runs are not in any directory: missing shard 2/3" in lacking.stderr
     result = tdint("campaign", "merge", *parts[:2], "-o", "half", "--partial", code=0)
     assert "runs are in none of them" in result.stderr
     shutil.copytree("half", "added")

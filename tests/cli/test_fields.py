@@ -511,7 +511,7 @@ def test_a_shard_tells_of_its_own_buildings_and_all_of_them_of_the_whole(
     change("buildings.csv", ("Longitude", "Longitude,note"))
     tdint("campaign", "campaign.yaml", "-o", "part-2", "--shard", "2/10")
     refused = tdint("campaign", "merge", *parts, "-o", "other", code=2)
-    assert "what the inventory carries along, or damage: differs" in refused.stderr
+    assert "columns of the inventory, or damage: differs" in refused.stderr
 
 
 def tables(folder: str) -> dict[str, list[tuple[Any, ...]]]:

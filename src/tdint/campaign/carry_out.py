@@ -1,5 +1,5 @@
-"""A campaign from its plan to its store: which chunks are left, who does them, and who is told. And
-the stores of its shards put together in one."""
+"""Execute the plan of a campaign: run the missing chunks, store their results, and report progress.
+Merge the stores of shards."""
 
 from __future__ import annotations
 
@@ -31,38 +31,38 @@ from tdint.tabular import Progress, Tabular, told_progress
 from tdint.written_numbers import how_many, warned_first
 
 Engine = Callable[[Plan, Sequence[int]], Iterator[Done]]
-"""Who does chunks: threads here, or workers elsewhere."""
+"""Function that runs chunks: threads of this process, or workers of a cluster."""
 
 
 @dataclass(frozen=True)
 class Shard:
-    """Every `of`-th chunk, from the `number`-th one, counted from 1."""
+    """Every `of`-th chunk of a campaign, starting with chunk `number`, counted from 1."""
 
     number: int
     of: int
 
     def chunks(self, plan: Plan) -> range:
-        """The chunks that belong to it."""
+        """Return the chunks of the shard."""
         return range(self.number - 1, plan.chunks, self.of)
 
     @property
     def text(self) -> str:
-        """As the command line has it, K/N."""
+        """Text of the shard on the command line, K/N."""
         return f"{self.number}/{self.of}"
 
 
 @dataclass(frozen=True)
 class Advance:
-    """How far a campaign has come in one call.
+    """Progress of a campaign in one call.
 
     Attributes
     ----------
     done, runs : int
-        Runs that are done, and all that this call was asked for.
+        Number of completed runs, and number of runs when the call is complete.
     before : int
-        Those of them that were done before.
+        Number of runs that were completed before the call.
     seconds : float
-        Since the call began, s.
+        Time since the start of the call, s.
     """
 
     done: int
@@ -72,7 +72,7 @@ class Advance:
 
     @property
     def rate(self) -> float:
-        """Runs in a second."""
+        """Number of runs per second."""
         return (self.done - self.before) / self.seconds if self.seconds > 0.0 else 0.0
 
 
@@ -85,15 +85,27 @@ def carry_out(
     max_runs: int | None = None,
     tell: Callable[[Advance], None] = lambda advance: None,
 ) -> Advance:
-    """Do what is left of a campaign, or of a shard of it, and keep every chunk as soon as it is
-    done.
+    """Run the missing chunks of a campaign or shard, and store each chunk when it is completed.
 
     Parameters
     ----------
+    plan : Plan
+        Plan of the campaign.
+    store : Store
+        Store of the campaign.
+    engine : callable
+        Function that runs the chunks.
+    shard : Shard, optional
+        Shard to run; by default the complete campaign.
     max_runs : int, optional
-        Stop after the chunk in which this many more runs are done.
+        Stop after the chunk in which this number of additional runs is reached.
     tell : callable
-        Told of every chunk.
+        Called with the progress after every chunk.
+
+    Returns
+    -------
+    Advance
+        Progress at the end.
 
     Raises
     ------
@@ -102,25 +114,25 @@ def carry_out(
     OutputError
         The store cannot be written.
     """
-    # Chunks that are kept from a call before count as done.
+    # Chunks that were stored by a previous call count as completed.
     numbers = range(plan.chunks) if shard is None else shard.chunks(plan)
-    left = sorted(set(numbers) - store.done())
+    remaining = sorted(set(numbers) - store.done())
     before = sum(plan.size(number) for number in numbers) - sum(
-        plan.size(number) for number in left
+        plan.size(number) for number in remaining
     )
-    # The chunk in which the limit is reached is done to its end: a part of one is never kept.
+    # Complete the chunk in which the limit is reached: incomplete chunks are never stored.
     if max_runs is not None:
-        totals = list(accumulate(plan.size(number) for number in left))
-        left = left[: sum(total < max_runs for total in totals) + 1]
-    advance = Advance(before, before + sum(plan.size(number) for number in left), before, 0.0)
+        totals = list(accumulate(plan.size(number) for number in remaining))
+        remaining = remaining[: sum(total < max_runs for total in totals) + 1]
+    advance = Advance(before, before + sum(plan.size(number) for number in remaining), before, 0.0)
     if shard is not None:
         store.add_shard(shard.text)
-    # Compiling takes its time once and is no part of the time for a run that is told.
-    if left:
+    # Compile before the clock starts: compilation is not part of the reported time per run.
+    if remaining:
         compile_for(plan)
     began = time.perf_counter()
-    # Kept at once: whatever ends the process, what is done stays.
-    for done in engine(plan, left):
+    # Store each chunk immediately, so that completed chunks remain if the process is killed.
+    for done in engine(plan, remaining):
         store.add(done)
         advance = Advance(
             advance.done + len(done.rows.runs), advance.runs, before, time.perf_counter() - began
@@ -130,50 +142,57 @@ def carry_out(
 
 
 def threads(jobs: int) -> Engine:
-    """So many threads of this process."""
+    """Return an engine that uses threads of this process.
+
+    Parameters
+    ----------
+    jobs : int
+        Number of threads.
+    """
     if jobs < 1:
         raise UsageError(f"the number of jobs must be at least 1, got {jobs}")
     return lambda plan, numbers: on_threads(lambda number: do(plan.chunk(number)), numbers, jobs)
 
 
 def cluster(of: Cluster) -> Engine:
-    """The workers of a Dask cluster."""
+    """Return an engine that uses the workers of a Dask cluster."""
     return lambda plan, numbers: on_cluster(of, plan.chunk, numbers)
 
 
 def compile_for(plan: Plan) -> None:
-    """Load the time loops of the buildings, compiled if they are not yet: before threads ask for
-    them all at once."""
+    """Load the time loops of the buildings, and compile them if necessary, before threads request
+    them simultaneously."""
     variants = {(integrate_many, EVERYTHING): None}
-    for building in plan.buildings[:_LOOKED_AT]:
+    for building in plan.buildings[:_MAX_COMPILED_FOR]:
         subject = building.subject()
         variants |= dict.fromkeys(kernels(subject.integrator, subject.prepared.variant))
     load_or_compile(list(variants))
     spectral_accelerations(plan.motions[0].record, [1.0])
 
 
-_LOOKED_AT = 1000
-"""Buildings whose time loops are compiled ahead: those of an inventory need the same ones."""
+_MAX_COMPILED_FOR = 1000
+"""Number of buildings whose time loops are compiled in advance. All buildings of an inventory use
+the same loops."""
 
 
 @dataclass(frozen=True, repr=False)
 class CampaignRuns(Tabular):
-    """The runs of a campaign that are done, as its store has them.
+    """Completed runs of a campaign.
 
     Attributes
     ----------
     name : str
-        The campaign's.
+        Name of the campaign.
     asked : int
-        All runs that the campaign has.
+        Number of all runs of the campaign.
     statuses : mapping of str to int
-        How many runs ended how.
+        Number of runs of each status.
     failures : tuple of TdintError
-        Records and buildings that could not be used.
+        Errors of records and buildings that could not be used.
     checked : bool
-        Whether the errors of the demands were estimated.
+        True if the errors of the demands were estimated.
     warnings : tuple of str
-        Unusual values of the buildings, each with its model file, as `check` shows them.
+        Unusual values of the buildings, each with its model file, as shown by `check`.
     """
 
     name: str
@@ -188,21 +207,31 @@ class CampaignRuns(Tabular):
     def of(
         cls, store: Store, failures: tuple[TdintError, ...], warnings: tuple[str, ...] = ()
     ) -> CampaignRuns:
-        """What is in a store, as it is now: it is closed, or written on, when this is asked for."""
-        told = (
+        """Copy the contents of a store, which may be closed or changed afterwards.
+
+        Parameters
+        ----------
+        store : Store
+            Open store.
+        failures : tuple of TdintError
+            Errors of inputs that could not be used.
+        warnings : tuple of str
+            Unusual values of the buildings.
+        """
+        values = (
             store.meta("name"),
             int(store.meta("runs")),
             store.statuses(),
             failures,
             store.checked,
         )
-        return cls(*told, store.connection.serialize(), warnings)
+        return cls(*values, store.connection.serialize(), warnings)
 
     @property
     def store(self) -> Store:
-        """A store of the same content, in memory, for a `with` that closes it."""
+        """Store with the same contents in memory, for a `with` statement that closes it."""
         connection = sqlite3.connect(":memory:")
-        # There is no log ahead of it in memory: bytes 18 and 19 of SQLite's format tell that.
+        # A database in memory has no write-ahead log: bytes 18 and 19 of SQLite's format state 1.
         connection.deserialize(self._content[:18] + b"\1\1" + self._content[20:])
         return Store(connection, self.name)
 
@@ -223,24 +252,24 @@ def campaign(
     progress: bool | Progress = False,
     partial: bool = False,
 ) -> CampaignRuns:
-    """Do the runs of a campaign file.
+    """Execute the runs of a campaign file.
 
     Parameters
     ----------
     source : str or Path
-        The YAML file.
+        YAML file of the campaign.
     folder : str or Path, optional
-        Where the runs are kept as they are done, and found again by the next call; `tdint campaign
-        export FOLDER` writes the tables of it. In memory by default.
+        Directory in which completed runs are stored. The next call continues from these runs, and
+        `tdint campaign export FOLDER` writes their tables. By default runs are stored in memory.
     jobs : int, optional
-        Threads; one for each processor by default. The result does not depend on it.
+        Number of threads; the default is the number of processors. Results do not depend on it.
     max_runs : int, optional
-        Stop after about so many runs.
+        Stop after about this number of runs.
     progress : bool or callable
-        A bar on a terminal or in a notebook, by tqdm, or what is told how much is done, of how
-        much.
+        True for a progress bar by tqdm on a terminal or in a notebook, or a function that is called
+        with the number of completed runs and of all runs.
     partial : bool
-        Of an interrupt (Ctrl-C) give the runs that are done.
+        True to return the completed runs after an interrupt (Ctrl-C).
 
     Returns
     -------
@@ -250,32 +279,35 @@ def campaign(
     Raises
     ------
     ModelError
-        The campaign file or a model has faults.
+        The campaign file or a model has errors.
     UsageError
-        A step that does not fit; the folder holds another campaign.
+        A time step does not fit a record; the directory contains another campaign.
     RecordError
         No record can be read.
     OutputError
-        The folder cannot be written, or another process is at it.
+        The directory cannot be written, or another process uses it.
     """
     definition = load_campaign(source)
     plan = make_plan(definition, read_inputs(definition))
     with ExitStack() as stack:
-        # One process writes into a folder; on a network disk that could not be held to.
+        # Only one process may write to a directory; network disks do not guarantee this.
         if folder is not None:
             schema.refuse_network(Path(folder))
             stack.enter_context(schema.locked(Path(folder)))
         store = stack.enter_context(open_store(None if folder is None else Path(folder), plan)[0])
         engine = threads(processors() if jobs is None else jobs)
-        # An interrupt loses the chunks under way; the others are kept, and given if that is wished.
+        # After an interrupt only chunks in progress are lost; completed runs are returned if
+        # `partial` is true.
         try:
-            with told_progress(progress, sum(map(plan.size, range(plan.chunks))), "run") as told:
+            with told_progress(
+                progress, sum(map(plan.size, range(plan.chunks))), "run"
+            ) as report_progress:
                 carry_out(
                     plan,
                     store,
                     engine,
                     max_runs=max_runs,
-                    tell=lambda now: told(now.done, now.runs),
+                    tell=lambda now: report_progress(now.done, now.runs),
                 )
         except KeyboardInterrupt:
             if not partial:
@@ -285,44 +317,52 @@ def campaign(
 
 _OF_BUILDINGS = ("buildings", "inventory", "building_types")
 _ROWS = {**{table.name: -1 for table in schema.ROW_TABLES}, "chunks": 0}
-"""Tables, and where in their rows the number of the chunk stands."""
+"""Index of the column with the number of the chunk, by table."""
 
 _log = logging.getLogger(__name__)
 
 
 def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> Store:
-    """Put the stores of several folders, which are all of one campaign, into the one in `target`;
-    what several have is taken once.
+    """Merge the stores of shards of one campaign into the store in `target`. Chunks that several
+    stores contain are copied once.
 
     Parameters
     ----------
+    folders : sequence of Path
+        Directories of the shards.
+    target : Path
+        Directory of the merged campaign.
     partial : bool
-        Whether runs may be in none of them.
+        True to accept missing runs.
+
+    Returns
+    -------
+    Store
+        Open store of the merged campaign.
 
     Raises
     ------
     UsageError
-        A folder holds no campaign, or they hold different ones: what differs, one line each.
+        A directory contains no campaign, or the campaigns differ; the message lists the
+        differences, one line each.
     AnalysisError
-        Runs are in none of them: how many, and of which shards.
+        Runs are missing from all stores; the message has their number and their shards.
     OutputError
         The store cannot be written.
     """
-    # One after the other: of a thousand shards not all files could be open at once.
+    # Open the stores sequentially: the files of a thousand shards cannot all be open at a time.
     parts: list[_Part] = []
     for folder in folders:
         with open_existing(folder) as source:
             parts.append(_part(folder, source))
         _check_same(parts[0], parts[-1])
-    # What the target has from an earlier call counts when missing runs are told.
+    # Chunks in the target from an earlier call are not missing. The target may not exist, or may be
+    # empty.
     merged = list(parts)
-    with (
-        suppress(UsageError),
-        open_existing(target) as before,
-    ):  # none is there, or nothing is in it yet
+    with suppress(UsageError), open_existing(target) as before:
         merged.append(_part(target, before))
-    if (left := _told_left(merged)) and not partial:
-        raise AnalysisError(f"{left}; add their folders, or accept that with --partial")
+    if (missing := _describe_missing(merged)) and not partial:
+        raise AnalysisError(f"{missing}; add their directories, or use --partial")
     name = str(target / FILE)
     with schema.sqlite_errors_reported(name):
         store = Store(schema.connect(name), name)
@@ -331,20 +371,20 @@ def merge(folders: Sequence[Path], target: Path, *, partial: bool = False) -> St
             if not is_empty(store):
                 schema.check_store(store.connection, name)
                 _check_same(merged[-1], parts[0])
-            _take_buildings(parts, store)
-        # Chunks that are damaged stay out, of the target and of the sources, and are told.
+            _copy_buildings(parts, store)
+        # Corrupt chunks of the target and of the sources are omitted and reported.
         if healed := store.heal():
-            _tell(replace(merged[-1], name=name, damaged=healed))
+            _warn_of_corrupt_chunks(replace(merged[-1], name=name, damaged=healed))
         for part in parts:
-            _tell(part)
+            _warn_of_corrupt_chunks(part)
             with _reopened(part) as source, schema.sqlite_errors_reported(name):
-                _take_chunks(source, store, set(part.chunks))
+                _copy_chunks(source, store, set(part.chunks))
     return store
 
 
 @dataclass(frozen=True)
 class _Part:
-    """What a store of a part of a campaign has."""
+    """Contents of the store of a part of a campaign."""
 
     folder: Path
     name: str
@@ -356,22 +396,24 @@ class _Part:
 
 
 def _part(folder: Path, store: Store) -> _Part:
+    """Read the contents of the store of a part of a campaign."""
     with schema.sqlite_errors_reported(store.name):
         damaged = schema.damaged_chunks(store.connection)
         chunks = dict(store.connection.execute("SELECT id, runs FROM chunks"))
         about = {key: store.meta(key) for key in ("fingerprint", "chunks", "inventory", "damage")}
         runs = int(store.meta("runs"))
-    # Damaged chunks count as missing: they will not be taken.
+    # Corrupt chunks count as missing, because they are not copied.
     sound = {number: count for number, count in chunks.items() if number not in damaged}
     return _Part(folder, store.name, about, runs, store.shards(), sound, len(damaged))
 
 
 def _reopened(part: _Part) -> Store:
-    """The store of a part, which was looked at before."""
+    """Open the store of a part again for reading."""
     return Store(schema.connect_to_read(part.folder / FILE), part.name)
 
 
 def _check_same(part: _Part, other: _Part) -> None:
+    """Raise UsageError if two parts belong to different campaigns."""
     if part.about == other.about:
         return
     if (
@@ -379,42 +421,43 @@ def _check_same(part: _Part, other: _Part) -> None:
         and part.about["chunks"] == other.about["chunks"]
     ):
         lines = (
-            "what the inventory carries along, or damage: differs; call `tdint campaign` for each "
-            "of them again"
+            "columns of the inventory, or damage: differs; call `tdint campaign` for each shard "
+            "again"
         )
     else:
-        with _reopened(part) as one, _reopened(other) as another:
-            sides = one.sides(), another.sides()
+        with _reopened(part) as first, _reopened(other) as second:
+            sides = first.sides(), second.sides()
             lines = all_differences(
                 *sides, store=part.name, given=other.name, parts=bool(part.shards)
             )
-    raise UsageError(f"{part.name} and {other.name} are of different campaigns\n{lines}")
+    raise UsageError(f"{part.name} and {other.name} belong to different campaigns\n{lines}")
 
 
-def _told_left(parts: Sequence[_Part]) -> str:
-    """How many runs are in none of some stores of one campaign, and the shards that they belong to;
-    nothing if none."""
-    held = {number: runs for part in parts for number, runs in part.chunks.items()}
-    missing = sorted(set(range(int(parts[0].about["chunks"]))) - set(held))
+def _describe_missing(parts: Sequence[_Part]) -> str:
+    """Return the number of runs that are missing from all stores of a campaign, and their shards;
+    an empty text if no runs are missing."""
+    stored = {number: runs for part in parts for number, runs in part.chunks.items()}
+    missing = sorted(set(range(int(parts[0].about["chunks"]))) - set(stored))
     if not missing:
         return ""
     every = parts[0].runs
-    told = f"{every - sum(held.values())} of {how_many(every, 'run')} are in none of the folders"
-    # Shards of one division alone tell which are missing: that is the usual case.
-    given = {text for part in parts for text in part.shards}
-    if len(divisions := {int(text.partition("/")[2]) for text in given}) != 1:
-        return told
+    message = f"{every - sum(stored.values())} of {how_many(every, 'run')} are not in any directory"
+    # Missing shards can be named if all shards have the same N of K/N, the usual case.
+    requested = {text for part in parts for text in part.shards}
+    if len(divisions := {int(text.partition("/")[2]) for text in requested}) != 1:
+        return message
     (of,) = divisions
-    # A shard that was given may still lack chunks: it was not run to its end.
+    # A directory may be present and still lack chunks, if its shard was not completed.
     lacking = [Shard(number, of).text for number in sorted({chunk % of + 1 for chunk in missing})]
-    words = [f"{text} (not complete)" if text in given else text for text in lacking]
-    return f"{told}: missing {'shard' if len(words) == 1 else 'shards'} {', '.join(words)}"
+    names = [f"{text} (not complete)" if text in requested else text for text in lacking]
+    return f"{message}: missing {'shard' if len(names) == 1 else 'shards'} {', '.join(names)}"
 
 
-def _tell(part: _Part) -> None:
+def _warn_of_corrupt_chunks(part: _Part) -> None:
+    """Log a warning if a part has corrupt chunks."""
     if part.damaged:
         _log.warning(
-            "%s: %d chunks of runs are not as they were written and are left out",
+            "%s: %d corrupt chunks of runs are omitted",
             part.name,
             part.damaged,
         )
@@ -423,6 +466,7 @@ def _tell(part: _Part) -> None:
 def _copy(
     source: Store, target: Store, table: str, accept: Callable[[Any], bool] = lambda row: True
 ) -> None:
+    """Copy the rows of a table that a function accepts. Rows that exist in the target are kept."""
     rows = source.connection.execute(f"SELECT * FROM {table}")
     marks = ", ".join("?" * len(rows.description))
     target.connection.executemany(
@@ -430,17 +474,17 @@ def _copy(
     )
 
 
-def _take_buildings(parts: Sequence[_Part], target: Store) -> None:
-    """Take what the campaign is, the first time, and the buildings of all parts: all of it or
-    nothing."""
+def _copy_buildings(parts: Sequence[_Part], target: Store) -> None:
+    """Copy the campaign definition, if the target is empty, and the buildings of all parts, in one
+    transaction."""
     with schema.transaction(target.connection, target.name):
-        begins = is_empty(target)
-        for statement in schema.TABLES if begins else ():
+        is_new = is_empty(target)
+        for statement in schema.TABLES if is_new else ():
             target.connection.execute(statement)
         for number, part in enumerate(parts):
             with _reopened(part) as source:
                 for table in (
-                    *(("meta", "records") if begins and not number else ()),
+                    *(("meta", "records") if is_new and not number else ()),
                     *_OF_BUILDINGS,
                 ):
                     _copy(source, target, table)
@@ -457,9 +501,9 @@ def _take_buildings(parts: Sequence[_Part], target: Store) -> None:
         target.seal()
 
 
-def _take_chunks(source: Store, target: Store, sound: set[int]) -> None:
-    """Take the chunks that a source has alone: of one that both have, the rows are not mixed."""
+def _copy_chunks(source: Store, target: Store, sound: set[int]) -> None:
+    """Copy the chunks that only the source contains. Chunks in both stores are not mixed."""
     new = sound - target.done()
     with schema.transaction(target.connection, target.name):
-        for table, place in _ROWS.items():
-            _copy(source, target, table, lambda row, place=place: row[place] in new)  # type: ignore[misc]
+        for table, index in _ROWS.items():
+            _copy(source, target, table, lambda row, index=index: row[index] in new)  # type: ignore[misc]
