@@ -39,7 +39,7 @@ def test_what_a_campaign_says_of_all_buildings_is_theirs() -> None:
     assert both == replace(BUILDING, collapse_drift=0.04, p_delta=True)
     for bare in (WITHOUT, HALF):
         with pytest.raises(
-            ModelError, match="test: p_delta of the campaign needs the heights of all stories"
+            ModelError, match="test: p_delta of the campaign requires the heights of all stories"
         ):
             adapted(bare, AnalysisWishes(p_delta=True))
 
@@ -82,7 +82,7 @@ def test_what_damage_is_told_by_is_of_the_first_mode_and_the_height() -> None:
 def test_an_inventory_without_a_building(tmp_path: Path) -> None:
     file = tmp_path / "none.csv"
     file.write_text("id,NumberOfStories,YearBuilt,StructureType,PlanArea\n")
-    with pytest.raises(ModelError, match=r"none.csv: has no building"):
+    with pytest.raises(ModelError, match=r"none.csv: the file contains no buildings"):
         read_rows(InventoryFile(str(file), "mdof-lu", 1.0))
 
 

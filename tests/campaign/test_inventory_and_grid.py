@@ -226,7 +226,7 @@ def test_a_grid_needs_places(study: Path) -> None:
     ((kind, reason),) = left.unused
     assert (
         kind == "building"
-        and "buildings.csv:4:6: Latitude: is missing; motions at places need that of" in reason
+        and "buildings.csv:4:6: Latitude: is missing; motions at sites require" in reason
     )
     (study / "buildings.csv").write_text(re.sub(r",3\d[.\d]*,-122[.\d]*", ",,", text))
     with pytest.raises(ModelError, match=r"buildings.csv:2:6: Latitude: is missing"):

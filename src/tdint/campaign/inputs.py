@@ -1,5 +1,4 @@
-"""What a campaign file names, read: models, an inventory, records or a grid, factors; each by a
-reader of its own."""
+"""Read the files of a campaign: models, an inventory, records or a grid, and factors."""
 
 from __future__ import annotations
 
@@ -61,33 +60,33 @@ from tdint.model.keys.fields import resolve
 from tdint.written_numbers import first_few
 
 _SHOCK_COLUMNS = ("sequence", "record", "component", "factor", "units")
-_MOST_NAMES = 10  # that a message names
+_MOST_NAMES = 10  # names listed in a message
 
 _FACTOR_COLUMNS = ("record", "component", "factor")
 
 
 @dataclass(frozen=True)
 class Inputs:
-    """What the files that a campaign names hold.
+    """Contents of the files that a campaign names.
 
     Attributes
     ----------
     models : tuple of Model
-        Of model files, with what the campaign says of all buildings.
+        Models of the model files, with the campaign's settings for all buildings.
     rows : InventoryRows or None
-        Of an inventory.
+        Buildings of the inventory.
     motions : FoundMotions
-        The ground motions.
+        Ground motions.
     assignment : Assignment or None
-        Which of them each building gets; None: all.
+        Ground motions of each building; None: all motions for all buildings.
     factors : FactorTable or None
-        The factors on them, if a file has them.
+        Scale factors of the motions, if specified by a file.
     damage : ClassDamage
-        Damage states and loss ratios by class, if files have them.
+        Damage states and loss ratios by building class, if specified by files.
     faults : tuple of ModelError
-        Rows of an inventory that could not be used; the others are taken.
+        Errors of the rows of the inventory that were skipped.
     far : tuple of ModelFault
-        Rows of an inventory that are farther from any site than is allowed, and left out.
+        Rows of the inventory that were skipped because they are too far from all sites.
     """
 
     models: tuple[Model, ...] = ()
@@ -101,23 +100,28 @@ class Inputs:
 
 
 def read_inputs(campaign: CampaignFile) -> Inputs:
-    """Read all that a campaign file names.
+    """Read all files that a campaign names.
+
+    Parameters
+    ----------
+    campaign : CampaignFile
+        Definition of the campaign.
 
     Raises
     ------
     ModelError
-        A model or the inventory cannot be used: all faults of all of them. The file of factors
-        cannot be read.
+        Models or the inventory are invalid; the error lists all entries. The file of factors cannot
+        be read.
     RecordError
         No record can be used.
     UsageError
-        A grid without an inventory.
+        A grid is used without an inventory.
     """
     models: tuple[Model, ...] = ()
     rows: InventoryRows | None = None
     faults: tuple[ModelError, ...] = ()
     sweep = campaign.sweep or ParameterSweep()
-    # Buildings first: faults of model files are told before records are read.
+    # Read the buildings first, so that errors of model files are reported before records are read.
     if isinstance(campaign.buildings, ModelFiles):
         models = read_models(campaign.buildings, campaign.analysis)
         with sweep.told_at_its_place():
@@ -131,7 +135,7 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
         factors, motions = read_listed_motions(factors, campaign.records)
     else:
         motions = _READERS[type(campaign.records)](campaign.records)
-    # What is too far from any site is left out before a sweep multiplies it.
+    # Omit buildings that are too far from all sites before a sweep multiplies them.
     far: tuple[ModelFault, ...] = ()
     if (
         isinstance(campaign.records, GridFile | FieldFile)
@@ -140,7 +144,7 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     ):
         rows, lost, far = _placed(campaign, campaign.records, motions.places, rows)
         faults = (*faults, *((ModelError(lost),) if lost else ()))
-    # Costs go into no run, but a wrong one would come up only after all of them.
+    # Runs do not use costs, but invalid costs would otherwise be found only after all runs.
     if rows and campaign.damage:
         _check_costs(rows)
     with sweep.told_at_its_place():
@@ -153,12 +157,19 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
 
 
 def read_models(buildings: ModelFiles, analysis: AnalysisWishes) -> tuple[Model, ...]:
-    """The models of files, with what a campaign says of all buildings.
+    """Read model files and apply the campaign's settings for all buildings.
+
+    Parameters
+    ----------
+    buildings : ModelFiles
+        Paths of the files.
+    analysis : AnalysisWishes
+        Analysis settings of the campaign.
 
     Raises
     ------
     ModelError
-        Some cannot be used: all faults of all of them.
+        Files are invalid; the error lists all errors of all files.
     """
     models: list[Model] = []
     errors: list[ModelError] = []
@@ -175,31 +186,45 @@ def read_models(buildings: ModelFiles, analysis: AnalysisWishes) -> tuple[Model,
 
 
 def adapted(model: Model, analysis: AnalysisWishes) -> Model:
-    """A model with what a campaign says of all buildings.
+    """Return a model with the campaign's settings for all buildings.
+
+    Parameters
+    ----------
+    model : Model
+        The model.
+    analysis : AnalysisWishes
+        Analysis settings of the campaign.
 
     Raises
     ------
     ModelError
-        P-delta of a model without heights.
+        P-delta is requested for a model without story heights.
     """
     if analysis.collapse_drift is not None:
         model = replace(model, collapse_drift=analysis.collapse_drift)
     if analysis.p_delta is not None:
         if analysis.p_delta and any(story.height is None for story in model.stories):
             raise ModelError(
-                f"{model.source}: p_delta of the campaign needs the heights of all stories"
+                f"{model.source}: p_delta of the campaign requires the heights of all stories"
             )
         model = replace(model, p_delta=analysis.p_delta)
     return model
 
 
 def read_rows(buildings: InventoryFile) -> tuple[InventoryRows, tuple[ModelError, ...]]:
-    """The buildings of an inventory, and what is wrong with those that are left out.
+    """Read the buildings of an inventory.
+
+    Returns
+    -------
+    rows : InventoryRows
+        Valid rows.
+    faults : tuple of ModelError
+        Errors of the skipped rows.
 
     Raises
     ------
     ModelError
-        It cannot be read, or no row can be used.
+        The inventory cannot be read, or no row is valid.
     """
     classes = read_classes(buildings.classes) if buildings.classes else None
     rows, faults = read_inventory(
@@ -210,13 +235,12 @@ def read_rows(buildings: InventoryFile) -> tuple[InventoryRows, tuple[ModelError
         as_published=buildings.as_published,
     )
     if not rows:
-        raise ModelError(faults or f"{buildings.file}: has no building")
+        raise ModelError(faults or f"{buildings.file}: the file contains no buildings")
     return rows, (ModelError(faults),) if faults else ()
 
 
 def _check_costs(rows: InventoryRows) -> None:
-    """Raise ModelError for costs and numbers of buildings that are none: all of them, before any
-    run."""
+    """Raise ModelError for all invalid costs and numbers of buildings, before any run."""
     faults: list[ModelFault] = []
     for name in filter(rows.of.table.has, (COST, NUMBER)):
         faults += rows.faults(
@@ -237,41 +261,60 @@ def _placed(
     motions: GridMotions | FieldMotions,
     rows: InventoryRows | None,
 ) -> tuple[InventoryRows, list[ModelFault], tuple[ModelFault, ...]]:
-    """The buildings that have a place near enough to a site, and those left out: without a place,
-    and too far away. Of fields the nearest site and its distance go before the other columns that
-    are carried along.
+    """Select the buildings that have a location close enough to a site. For fields, the nearest
+    site and its distance are added before the columns of the inventory that are copied to tables.
+
+    Parameters
+    ----------
+    campaign : CampaignFile
+        Definition of the campaign.
+    records : GridFile or FieldFile
+        Grid or fields in the campaign file.
+    motions : GridMotions or FieldMotions
+        Motions and locations of the sites.
+    rows : InventoryRows or None
+        Buildings.
+
+    Returns
+    -------
+    kept : InventoryRows
+        Selected buildings.
+    lost : list of ModelFault
+        Errors of the buildings without a location.
+    far : tuple of ModelFault
+        Buildings that are too far from all sites.
 
     Raises
     ------
     UsageError
-        There is no inventory.
+        The campaign has no inventory.
     ModelError
-        None is left.
+        No building is selected.
     """
     if rows is None:
         raise UsageError(
-            f"{campaign.source}: motions at places need an inventory with Latitude and Longitude"
+            f"{campaign.source}: motions at sites require an inventory with Latitude and Longitude"
         )
-    # A row without a place is a fault of the file; one that is too far away is not.
-    lost, nowhere = list[ModelFault](), np.isnan(rows.places[:, 0] + rows.places[:, 1])
-    if nowhere.any():
-        missing = "is missing; motions at places need that of each building"
+    # A row without a location is an error of the file; a row that is too far away is not.
+    lost, unlocated = list[ModelFault](), np.isnan(rows.places[:, 0] + rows.places[:, 1])
+    if unlocated.any():
+        missing = "is missing; motions at sites require the location of each building"
         for name in ("Latitude", "Longitude"):
-            lost += rows.only(nowhere).faults(name, lambda _, text: "" if text else missing)
+            lost += rows.only(unlocated).faults(name, lambda _, text: "" if text else missing)
         lost.sort(key=lambda fault: (fault.line, fault.column))
-    placed = rows.only(~nowhere)
+    placed = rows.only(~unlocated)
     if not placed:
         raise ModelError(lost)
-    # What is nearest may be told in degrees; how far away it is, is always in m.
+    # The nearest site may be determined in degrees; its distance is always in m.
     sites = nearest(placed.places, motions.places, records.distance)
-    away = meters(placed.places, np.array(motions.places)[sites])
-    too_far = away > records.max_distance
-    kept, beyond = placed.only(~too_far), 1e-3 * away[too_far]
+    distance = meters(placed.places, np.array(motions.places)[sites])
+    too_far = distance > records.max_distance
+    kept, far_km = placed.only(~too_far), 1e-3 * distance[too_far]
     if isinstance(motions, FieldMotions):
-        kept = replace(kept, near=(motions.sites, sites[~too_far], away[~too_far]))
+        kept = replace(kept, near=(motions.sites, sites[~too_far], distance[~too_far]))
     limit = f"max_distance is {1e-3 * records.max_distance:g} km"
     far = placed.only(too_far).faults(
-        "Latitude", lambda at, _: f"{beyond[at]:.4g} km from the nearest site; {limit}"
+        "Latitude", lambda row, _: f"{far_km[row]:.4g} km from the nearest site; {limit}"
     )
     if not kept:
         raise ModelError([*lost, *far])
@@ -284,15 +327,28 @@ def _assignment(
     rows: InventoryRows | None,
     models: int,
 ) -> Assignment | None:
-    """The motions of each building: draws near it, or the events of the nearest site, of the one
-    that it names, or, without sites, all; None for all motions.
+    """Return the motions of each building, or None if all buildings use all motions.
+
+    The motions are samples of the nearest grid points, or the events of the nearest site, of the
+    site that the inventory names or, without sites, all events.
+
+    Parameters
+    ----------
+    campaign : CampaignFile
+        Definition of the campaign.
+    motions : GridMotions, FieldMotions or None
+        Motions of a grid or of fields.
+    rows : InventoryRows or None
+        Buildings of the inventory.
+    models : int
+        Number of models.
 
     Raises
     ------
     UsageError
-        There are sites, and no inventory with places or sites.
+        The motions have sites, and the campaign has no inventory with locations or sites.
     ModelError
-        Buildings have no place or no site, or a site that no event is at.
+        Buildings have no location or site, or a site without events.
     """
     records = campaign.records
     if motions is None or not isinstance(records, GridFile | FieldFile):
@@ -307,10 +363,10 @@ def _assignment(
         return FieldDraws(motions, np.repeat(rows.near[1], len(rows.changes)))
     if not rows or not rows.of.table.has("site"):
         raise UsageError(
-            f"{campaign.source}: events at sites need an inventory with a column `site`, or "
-            "`sites` of the records, a file of their places"
+            f"{campaign.source}: events at sites require an inventory with a column `site`, or the "
+            "key `sites` of the records, a file with the locations of the sites"
         )
-    # Sites without places are named by the buildings themselves.
+    # The inventory names the sites if their locations are not specified.
     numbers = {site: number for number, site in enumerate(motions.sites)}
     reason = (
         f"is not in {records.file}; known: "
@@ -324,57 +380,67 @@ def _assignment(
 
 
 def read_motions(records: RecordFiles) -> FoundMotions:
-    """The records of files and folders.
+    """Read the records of files and directories.
+
+    Parameters
+    ----------
+    records : RecordFiles
+        Files, and the selection of components.
 
     Raises
     ------
     RecordError
-        None can be used: why, one line each.
+        No record can be used; the message has the reasons, one line each.
     """
     suite = read_suite(records.files, records.choice, records.pairs)
     if not suite.motions:
-        raise RecordError(
-            "\n".join(map(str, suite.failures)) or "there is no record in this campaign"
-        )
+        raise RecordError("\n".join(map(str, suite.failures)) or "the campaign contains no records")
     return FoundMotions(suite_motions(suite.motions), suite.failures, suite.notes)
 
 
 def read_sequences(sequences: SequenceFile) -> FoundMotions:
-    """Shocks one after the other, of a CSV file with the columns sequence, record (relative to the
-    file) and, if they are wanted, component, factor and units (of the samples, empty where the file
-    says them); shocks of one sequence stand below each other.
+    """Read sequences of events from a CSV file.
+
+    The file has the columns sequence, record (path relative to the file) and, optionally,
+    component, factor and units (of the samples; empty if the record states them). The rows of a
+    sequence are in chronological order.
+
+    Parameters
+    ----------
+    sequences : SequenceFile
+        Path of the file, and settings for all records.
 
     Raises
     ------
     ModelError
         The file cannot be read.
     RecordError
-        No sequence can be used: why, one line each.
+        No sequence can be used; the message has the reasons, one line each.
     """
     needs = (
         f"sequences are a CSV file with the columns {', '.join(_SHOCK_COLUMNS)}; the last three "
-        "may be left out"
+        "are optional"
     )
     table = read_table(sequences.file, needs, columns=_SHOCK_COLUMNS)
     table.need("sequence", "record")
-    # Columns that are left out say nothing: all components, the factor 1, the file's own units.
-    told = [
+    # Defaults of missing columns: all components, factor 1, units of the record.
+    optional = [
         table.texts(name) if table.has(name) else [""] * len(table.rows)
         for name in ("component", "factor", "units")
     ]
     names, records = table.texts("sequence", empty=False), table.texts("record", empty=False)
     shocks: dict[str, list[_Shock]] = {}
     for name, record, component, text, unit, (line, _) in zip(
-        names, records, *told, table.rows, strict=True
+        names, records, *optional, table.rows, strict=True
     ):
         file = resolve(record, Path(sequences.file).parent)
         factor = _factor(sequences.file, line, text or "1")
         shocks.setdefault(name, []).append(_Shock(file, component, factor, unit.strip()))
     motions, failures, notes = list[SuiteMotion](), list[TdintError](), dict[str, None]()
-    # A sequence that cannot be used is told; the others are taken.
-    for name, of_one in shocks.items():
+    # Sequences that cannot be used are reported and skipped.
+    for name, rows in shocks.items():
         try:
-            motions += _sequence(name, of_one, sequences, notes)
+            motions += _sequence(name, rows, sequences, notes)
         except (RecordError, UsageError) as error:
             failures.append(RecordError(f"sequence {name}: {error}"))
     if not motions:
@@ -392,7 +458,7 @@ _READERS = {
 
 
 class _Shock(NamedTuple):
-    """A row of a file of sequences."""
+    """Row of a file of sequences."""
 
     file: str
     component: str
@@ -403,38 +469,55 @@ class _Shock(NamedTuple):
 def _sequence(
     name: str, shocks: Sequence[_Shock], sequences: SequenceFile, notes: dict[str, None]
 ) -> Iterator[SuiteMotion]:
-    """A motion for each component that all shocks of a sequence have."""
-    of_shocks: list[list[Record]] = []
+    """Yield a motion for each component that all events of a sequence have.
+
+    Parameters
+    ----------
+    name : str
+        Name of the sequence.
+    shocks : sequence of _Shock
+        Rows of the sequence.
+    sequences : SequenceFile
+        Settings for all records.
+    notes : dict
+        Receives notes of the reader as keys.
+    """
+    by_shock: list[list[Record]] = []
     common = sequences.choice
     for shock in shocks:
-        # What a row says of its file counts before what is said of all; an inventory is for the
-        # other rows.
+        # Units of a row override the units for all rows.
         units = {"*": shock.units} if shock.units else common.units
         choice = replace(common, component=shock.component or common.component, units=units)
         suite = read_components([shock.file], choice)
         for error in suite.failures:
             raise error
         notes |= dict.fromkeys(suite.notes)
-        of_shocks.append([record.scaled(shock.factor) for record in suite.records])
-    # Components go together by their names; a single one goes with whatever the others have.
-    names = [[record.component for record in records] for records in of_shocks]
+        by_shock.append([record.scaled(shock.factor) for record in suite.records])
+    # Components are combined by name; a single component is combined with any component.
+    names = [[record.component for record in records] for records in by_shock]
     if any(part != names[0] for part in names) and any(len(part) > 1 for part in names):
         raise RecordError(
-            "its records have different components; name one of each in the column component"
+            "its records have different components; specify one for each record in the column "
+            "component"
         )
-    for records in zip(*of_shocks, strict=True):
-        whole = JoinedRecord.of(records, sequences.rest)
-        yield SuiteMotion(whole, name, whole.component, whole.shocks[0])
+    for records in zip(*by_shock, strict=True):
+        joined = JoinedRecord.of(records, sequences.rest)
+        yield SuiteMotion(joined, name, joined.component, joined.shocks[0])
 
 
 def read_factors(factors_file: FactorsFile) -> FactorTable:
-    """Factors from a CSV file with the columns record, component (empty for all components) and
+    """Read factors from a CSV file with the columns record, component (empty: all components) and
     factor.
+
+    Parameters
+    ----------
+    factors_file : FactorsFile
+        Path of the file.
 
     Raises
     ------
     ModelError
-        It cannot be read.
+        The file cannot be read.
     """
     file = factors_file.file
     needs = (
@@ -444,21 +527,22 @@ def read_factors(factors_file: FactorsFile) -> FactorTable:
     table = read_table(file, needs, columns=_FACTOR_COLUMNS)
     table.need(*_FACTOR_COLUMNS)
     names = zip(table.texts("record"), table.texts("component"), strict=True)
-    # A motion may have several factors; one that is there twice counts once.
+    # A motion may have several factors; duplicate factors are ignored.
     by_motion: dict[tuple[str, str], dict[float, None]] = {}
     for name, (line, text) in zip(names, table.lines("factor"), strict=True):
         by_motion.setdefault(name, {})[_factor(file, line, text)] = None
 
-    # What `tdint scale` wrote beside the table, if it is of this one; a table needs no such file.
-    beside = Path(file.removesuffix(".gz")).with_suffix(".json")
+    # Read the settings that `tdint scale` wrote next to the table, if they belong to this table.
+    # The file is optional.
+    settings_file = Path(file.removesuffix(".gz")).with_suffix(".json")
     scaled = {}
     with suppress(OSError, ValueError, KeyError, TypeError, ModelError):
-        told = json.loads(content := read_at_most(beside, MOST_BYTES, ModelError))
+        settings = json.loads(content := read_at_most(settings_file, MOST_BYTES, ModelError))
         digest = sha256(read_at_most(file, MOST_BYTES, ModelError)).hexdigest()
-        if told["schema"]["name"] == "tdint scale" and told["factors_sha256"] == digest:
-            scaled = told
+        if settings["schema"]["name"] == "tdint scale" and settings["factors_sha256"] == digest:
+            scaled = settings
     if scaled:
-        note_input(beside, content)
+        note_input(settings_file, content)
     return FactorTable(file, {name: tuple(numbers) for name, numbers in by_motion.items()}, scaled)
 
 
@@ -470,16 +554,16 @@ def read_listed_motions(
     Returns
     -------
     table : FactorTable
-        The table with the files as they were found.
+        Table with the paths of the files.
     motions : FoundMotions
-        The motions that have a factor.
+        Motions that have a factor.
 
     Raises
     ------
     ModelError
-        As of `read_listed`.
+        As for `read_listed`.
     RecordError
-        No record can be used: why, one line each.
+        No record can be used; the message has the reasons, one line each.
     """
     table, suite = read_listed(table, records.choice, records.pairs)
     if not suite.motions:
@@ -490,29 +574,31 @@ def read_listed_motions(
 def read_listed(
     table: FactorTable, choice: RecordChoice, pairs: PairNames | None
 ) -> tuple[FactorTable, Suite]:
-    """Read the ground motions that a table of factors lists, and no other component of its files.
+    """Read the ground motions that a table of factors lists. Other components of the files are
+    ignored.
 
     Parameters
     ----------
     table : FactorTable
-        The table. A file in it is relative to the working directory or, if it is not found there,
+        The table. A path in it is relative to the working directory or, if it is not found there,
         to the directory of the table.
     choice : RecordChoice
-        How the files are read.
+        Selection of components and processing of the files.
     pairs : PairNames or None
-        How the files of pairs are named; None for single components.
+        Naming scheme of the files of pairs; None for single components.
 
     Returns
     -------
     table : FactorTable
-        The table with the files as they were found.
+        Table with the paths of the files.
     suite : Suite
-        The motions that the table lists, and files that could not be read.
+        Motions that the table lists, and errors of files that could not be read.
 
     Raises
     ------
     ModelError
-        Files of the table are not found; a row has no component in its file, or more than one.
+        Files of the table are not found; the component of a row is missing from its file or
+        ambiguous.
     """
     table = _located(table)
     files = tuple(dict.fromkeys(file for file, _ in table.by_name))
@@ -528,12 +614,12 @@ def read_listed(
     failed = " ".join(map(str, suite.failures))
     for (file, component), motions in rows.items():
         if component and len(motions) != 1 and file not in failed:
-            what = (
+            problem = (
                 f"has {len(motions)} components {component}" if motions else f"has no {component}"
             )
             raise ModelError(
-                f"{table.source}: {file} {what} among the components that can be used; name one "
-                "component by its full id in the table"
+                f"{table.source}: {file} {problem} in the components that can be used; specify the "
+                "full id of the component in the table"
             )
     listed = {id(motion.whole) for motions in rows.values() for motion in motions}
     kept = tuple(motion for motion in suite.motions if id(motion) in listed)
@@ -541,21 +627,21 @@ def read_listed(
 
 
 def _located(table: FactorTable) -> FactorTable:
-    """Return a table of factors with its files as they are found.
+    """Return a table of factors with the paths at which its files exist.
 
     Raises
     ------
     ModelError
         Files are not found.
     """
-    beside = Path(table.source).parent
-    found: dict[str, str] = {}
+    directory = Path(table.source).parent
+    located: dict[str, str] = {}
     for file in dict.fromkeys(file for file, _ in table.by_name):
-        candidates = (Path(file), beside / file)
-        place = next((path for path in candidates if file and path.is_file()), None)
-        if place is not None:
-            found[file] = file if place == candidates[0] else str(place)
-    missing = [file for file, _ in table.by_name if file not in found]
+        candidates = (Path(file), directory / file)
+        path = next((item for item in candidates if file and item.is_file()), None)
+        if path is not None:
+            located[file] = file if path == candidates[0] else str(path)
+    missing = [file for file, _ in table.by_name if file not in located]
     if missing:
         named = first_few(list(dict.fromkeys(file or "(empty)" for file in missing)), _MOST_NAMES)
         raise ModelError(
@@ -563,12 +649,13 @@ def _located(table: FactorTable) -> FactorTable:
             "working directory or to the directory of the table"
         )
     by_name = {
-        (found[file], component): values for (file, component), values in table.by_name.items()
+        (located[file], component): values for (file, component), values in table.by_name.items()
     }
     return replace(table, by_name=by_name)
 
 
 def _factor(file: str, line: int, text: str) -> float:
+    """Return the number of a cell of the column factor, or raise ModelError."""
     factor = number(text)
     if math.isnan(factor) or factor == 0.0:
         raise ModelError(f"{file}:{line}: factor: {no_number(text, 'a number that is not zero')}")
