@@ -163,9 +163,7 @@ def test_scaling_by_a_rule_is_that_rule(pairs: list[Horizontals]) -> None:
         scale_p695(pairs, 0.7, 3.0, damping=0.03),
     )
     for measure in ("pga", "pgv", "sa-avg(1)"):
-        with pytest.raises(
-            UsageError, match="the rule p695 scales a set on to a value of"
-        ) as caught:
+        with pytest.raises(UsageError, match="the rule p695 scales a set to a value of") as caught:
             scale(pairs, measure, 3.0, rule="p695")
         assert str(caught.value).endswith(f"got {measure}")
     target = TargetSpectrum("table", np.array([0.5, 0.7, 1.0]), np.array([5.0, 4.0, 2.0]))

@@ -261,7 +261,7 @@ def test_rules_that_ask_for_more():
         scale_asce7([record(i) for i in range(11)], TARGET, PERIODS)
     with pytest.raises(UsageError, match="p695 is for pairs"):
         scale_p695([record(1)])
-    with pytest.raises(UsageError, match="both or none"):
+    with pytest.raises(UsageError, match="or neither"):
         scale_p695(pairs(1), 1.0)
     with pytest.raises(UsageError, match="must be positive"):
         scale_to_value([record(1)], pga(), -1.0)

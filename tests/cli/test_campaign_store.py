@@ -80,7 +80,8 @@ def test_a_merge_leaves_out_what_is_damaged(done: dict[str, bytes], tdint: Comma
     shutil.copytree("out", "good")
     sql("DELETE FROM run_rows WHERE scale = 0.5")
     assert (
-        "corrupt chunks of runs are omitted" in tdint("campaign", "merge", "out", "good", "-o", "all", code=0).stderr
+        "corrupt chunks of runs are omitted"
+        in tdint("campaign", "merge", "out", "good", "-o", "all", code=0).stderr
     )
     assert tables("all") == done
     tdint("campaign", "merge", "out", "-o", "part", code=5)

@@ -1,7 +1,7 @@
-"""Factors that scale a suite of ground motions: to a value, to a target spectrum, by ASCE 7, EN
-1998-1, FEMA P-695.
+"""Scale a suite of ground motions to a value, to a target spectrum, or by ASCE 7, EN 1998-1 or FEMA
+P-695.
 
-One factor for both components of a pair.
+Both components of a pair have the same factor.
 """
 
 from __future__ import annotations
@@ -34,69 +34,73 @@ from tdint.tabular import Tabular
 from tdint.written_numbers import how_many
 
 LEAST_PAIRS = 11
-"""Ground motions that ASCE 7-16 asks for (16.2.2)."""
+"""Minimum number of ground motions in ASCE 7-16 (16.2.2)."""
 
-_CLOSE, _MOST = 1e-6, 20_000
-"""By what part the least average may be lower than it is told, and at how many periods it is looked
-for at the most: motions that match their target are low everywhere."""
+_MIN_TOLERANCE, _MAX_PERIODS = 1e-6, 20_000
+"""Relative tolerance of the minimum average, and maximum number of periods at which it is computed.
+If motions match their target closely, the average is low at many periods."""
 
 LEAST_PART = 0.9
-"""Part of the target below which the average may nowhere fall (ASCE 7-16, 16.2.3.2; EN 1998-1:2004,
+"""Minimum of the average divided by the target (ASCE 7-16, 16.2.3.2; EN 1998-1:2004,
 3.2.3.1.2(4))."""
 
 FEW = 3
-"""Motions below which a mean of them is hardly one."""
+"""Number of motions below which a mean is not representative."""
 
 BOUNDS = (0.25, 4.0)
-"""Factors beyond which a motion is asked for what it was not: bounds of common practice, of no
-code."""
+"""Range of factors in common practice, not from a code. Larger changes make a motion
+unrepresentative of its event."""
 
 _AT_LIMIT = 1e-6
-"""Relative difference up to which a factor is at a limit: the least average is known to this."""
+"""Relative difference up to which a factor is at a limit; equal to the tolerance of the minimum
+average."""
 
 POSSIBLE = (0.05, 20.0)
-"""Factors beyond which the units of a motion are more likely mistaken than meant."""
+"""Range of factors outside which wrong units of a motion are likely."""
 
 MAXIMUM_DIRECTION = "rotd100"
 
 
 @dataclass(frozen=True, repr=False)
 class Scaling(Tabular):
-    """The factors of a suite, and by which rule.
+    """Scale factors of a suite.
 
     Attributes
     ----------
     motions : tuple of Record or of Horizontals
-        The suite, as it was read.
+        The unscaled suite.
     factors : ndarray, shape (n,)
-        One for each motion.
+        Factor of each motion.
     rule : str
         `value`, `mean`, `asce7`, `ec8` or `p695`.
     pair : str
-        What stands for a pair of components: a name of `PAIRS`.
+        Spectrum that represents a pair of components: a name of `PAIRS`.
     damping : float
         Damping ratio of spectra.
-    measure : IntensityMeasure or None, value : float or None
-        What the motions were scaled to, if it is a value (SI units).
+    measure : IntensityMeasure or None
+        Intensity measure to which the motions were scaled.
+    value : float or None
+        Value of the intensity measure (SI units).
     target : TargetSpectrum or None
-        What they were scaled to, if it is a spectrum.
+        Target spectrum to which the motions were scaled.
     periods : ndarray, shape (k,)
-        Where the target was compared, s; none without a target.
+        Periods of the comparison with the target, s; None without a target.
     least : tuple of two floats or None
-        Of the rules asce7 and ec8: the least average over the target, and its period, s.
+        For the rules asce7 and ec8: minimum of the average divided by the target, and its period,
+        s.
     chosen : tuple of int
-        Of a selection the places of the motions among those that it was made from (`tdint.select`).
+        For a selection: indices of the selected motions in the candidates (`tdint.select`).
     left_out : mapping of str to int
-        Of a selection how many motions were not taken, by the reason.
+        For a selection: number of motions that were not considered, by reason.
     events : tuple of str
-        Of a selection with a maximum per event the event of each motion.
+        For a selection with a maximum per event: event of each motion.
     limits : tuple of two floats or None
-        Of a selection the smallest and the largest factor.
+        For a selection: minimum and maximum factor.
     others_at_limit : int
-        Of a selection the number of motions that were not selected and would have a factor at a
+        For a selection: number of motions that were not selected and would have a factor at a
         limit.
     rest : ndarray, shape (m, k), or None
-        Of a selection the scaled spectra of the others at `periods`, m/s^2.
+        For a selection: scaled spectra at `periods` of the motions that were not selected, m/s^2.
     """
 
     motions: tuple[GroundMotion, ...]
@@ -124,7 +128,7 @@ class Scaling(Tabular):
         )
 
     def beyond(self, low: float, high: float) -> list[tuple[str, float]]:
-        """The motions whose factors lie outside these, and the factors."""
+        """Return the motions with factors outside a range, and their factors."""
         return [
             (f"{components(motion)[0].source} {motion.component}".rstrip(), float(factor))
             for motion, factor in zip(self.motions, self.factors, strict=True)
@@ -133,21 +137,33 @@ class Scaling(Tabular):
 
     @property
     def at_limit(self) -> list[tuple[str, float]]:
-        """The motions of a selection whose factors are at a limit, and the factors."""
+        """Motions of a selection with factors at a limit, and their factors."""
         if self.limits is None:
             return []
         low, high = self.limits
         return self.beyond(low * (1.0 + _AT_LIMIT), high * (1.0 - _AT_LIMIT))
 
     def spectra(self, periods: Array) -> Array:
-        """Pseudo-accelerations of the scaled motions, m/s^2, shape (n, k)."""
+        """Return the pseudo-accelerations of the scaled motions, m/s^2, shape (n, k)."""
         return self.factors[:, None] * suite_spectra(self.motions, periods, self.damping, self.pair)
 
 
 def suite_spectra(
     motions: Sequence[GroundMotion], periods: Array, damping: float, pair: str
 ) -> Array:
-    """Pseudo-accelerations of motions at periods (s), m/s^2, shape (n, k)."""
+    """Return the pseudo-accelerations of motions at periods (s), m/s^2, shape (n, k).
+
+    Parameters
+    ----------
+    motions : sequence of Record or Horizontals
+        The motions.
+    periods : ndarray, shape (k,)
+        Periods, s.
+    damping : float
+        Damping ratio.
+    pair : str
+        Spectrum that represents a pair of components: a name of `PAIRS`.
+    """
     return np.array([pseudo_accelerations(motion, periods, damping, pair) for motion in motions])
 
 
@@ -162,7 +178,18 @@ def scale_to_value(
     value: float,
     pair: str = GEOMETRIC_MEAN,
 ) -> Scaling:
-    """Scale each motion to a value of an intensity measure (SI units).
+    """Scale each motion to a value of an intensity measure.
+
+    Parameters
+    ----------
+    motions : sequence of Record or Horizontals
+        The motions.
+    measure : IntensityMeasure
+        The intensity measure.
+    value : float
+        Its value (SI units).
+    pair : str
+        Combination of the components of a pair; by default the geometric mean.
 
     Raises
     ------
@@ -186,20 +213,28 @@ def scale_to_target(
     damping: float = SA_DAMPING,
     pair: str = GEOMETRIC_MEAN,
 ) -> Scaling:
-    """Scale each motion to a target spectrum: least squares of ln Sa over the periods, each with
-    the same weight.
+    """Scale each motion to a target spectrum by least squares of ln Sa, with equal weights of all
+    periods.
 
     The factor is exp(mean(ln target - ln Sa)).
 
     Parameters
     ----------
+    motions : sequence of Record or Horizontals
+        The motions.
+    target : TargetSpectrum
+        Target spectrum.
     periods : ndarray, shape (k,)
-        Periods, s, within those of the target.
+        Periods, s, in the range of the target.
+    damping : float
+        Damping ratio of the spectra; default 0.05.
+    pair : str
+        Spectrum that represents a pair of components; by default the geometric mean.
 
     Raises
     ------
     UsageError
-        A period is outside the target's.
+        A period is outside the range of the target.
     """
     aim = target.at(periods)
     spectra = suite_spectra(motions, periods, damping, pair)
@@ -215,17 +250,18 @@ def scale_asce7(
     damping: float = SA_DAMPING,
     pair: str = MAXIMUM_DIRECTION,
 ) -> Scaling:
-    """Scale pairs as ASCE 7-16 asks (16.2.3.2): the average of maximum-direction spectra is nowhere
-    in the range below 90 % of the target.
+    """Scale pairs by ASCE 7-16 (16.2.3.2): the average of the maximum-direction spectra is at least
+    90 % of the target at all periods of the range.
 
-    Each pair is fitted to the target by `scale_to_target`; where the average then falls below 90 %
-    of it, all are raised by one more factor, so that it just does not. What stands for a pair the
-    rule says, whatever `pair` is.
+    Each pair is fitted to the target by `scale_to_target`. If the average is below 90 % of the
+    target at any period, all factors are multiplied by the smallest common factor that satisfies
+    the rule. The rule prescribes maximum-direction spectra, regardless of `pair`.
 
     Raises
     ------
     UsageError
-        Fewer than 11 pairs; single components; a period outside the target's.
+        The motions are fewer than 11 pairs, or single components; a period is outside the range of
+        the target.
     """
     check_rule("asce7", pairs, len(pairs), target)
     fitted = scale_to_target(pairs, target, periods, damping=damping, pair=MAXIMUM_DIRECTION)
@@ -240,17 +276,18 @@ def scale_ec8(
     damping: float = SA_DAMPING,
     pair: str = GEOMETRIC_MEAN,
 ) -> Scaling:
-    """Scale motions as EN 1998-1:2004 asks (3.2.3.1.2(4)): the mean spectrum is nowhere in the
-    range below 90 % of the target, and the mean of the peak ground accelerations not below the
-    target at the period 0, which is ag S.
+    """Scale motions by EN 1998-1:2004 (3.2.3.1.2(4)).
 
-    Each motion is fitted to the target by `scale_to_target`; where the mean then falls short, all
-    are raised by one more factor, so that it just does not.
+    The mean spectrum is at least 90 % of the target at all periods of the range. The mean of the
+    peak ground accelerations is not less than the target at the period 0, which is ag S.
+
+    Each motion is fitted to the target by `scale_to_target`. If the mean does not satisfy the rule,
+    all factors are multiplied by the smallest common factor that does.
 
     Raises
     ------
     UsageError
-        A period outside the target's; a target without a value at the period 0.
+        A period is outside the range of the target; the target has no value at the period 0.
     """
     check_rule("ec8", motions, len(motions), target)
     fitted = scale_to_target(motions, target, periods, damping=damping, pair=pair)
@@ -276,21 +313,21 @@ def check_rule(
     Raises
     ------
     UsageError
-        Single components or fewer than 11 pairs for asce7; a target without a value at the period
-        0 for ec8; an unknown rule.
+        Single components or fewer than 11 pairs are used with asce7; a target without a value at
+        the period 0 is used with ec8; the rule is unknown.
     """
     by_rule(rule)
     if rule == "asce7":
         _check_pairs(motions, rule)
         if count < LEAST_PAIRS:
             raise UsageError(
-                f"the rule asce7 needs {LEAST_PAIRS} pairs of components at least (16.2.2), got "
+                f"the rule asce7 requires at least {LEAST_PAIRS} pairs of components (16.2.2), got "
                 f"{count}"
             )
     if rule == "ec8" and target.zero is None:
         raise UsageError(
-            f"{target.source}: the rule ec8 compares at the period 0, too, which the table does "
-            "not have"
+            f"{target.source}: the rule ec8 also compares at the period 0, which is not in the "
+            "table"
         )
 
 
@@ -312,42 +349,41 @@ def raise_to_rule(fitted: Scaling, rule: str) -> Scaling:
         assert fitted.target.zero is not None
         peaks = fitted.factors * suite_peaks(fitted.motions, fitted.pair)
         at_least = fitted.target.zero / float(np.mean(peaks))
-    average, period = _least(fitted)
+    average, period = _minimum_average(fitted)
     raised = max(1.0, at_least, LEAST_PART / average)
     return replace(
         fitted, factors=raised * fitted.factors, rule=rule, least=(raised * average, period)
     )
 
 
-def _least(fitted: Scaling) -> tuple[float, float]:
-    """The least average spectrum over the target in the whole range of the periods, and its period,
-    s.
+def _minimum_average(fitted: Scaling) -> tuple[float, float]:
+    """Return the minimum of the average spectrum divided by the target in the range of the periods,
+    and its period, s.
 
-    Between two periods it cannot be lower than its slope on logarithmic axes allows (Piyavskii
-    1972; Shubert 1972): intervals in which it may be are halved. The slope of a spectrum is at most
-    about that of an oscillator's resonance curve, 1 / (2 damping), that of a code's branches is 2
-    at most.
+    A lower bound between two periods follows from the maximum slope on logarithmic axes (Piyavskii
+    1972; Shubert 1972). Intervals with a bound below the current minimum are halved. The slope of a
+    spectrum is at most about 1 / (2 damping), as in the resonance curve of an oscillator; the slope
+    of the branches of a code spectrum is at most 2.
     """
     target, periods = fitted.target, fitted.periods
     assert target is not None
     assert periods is not None
     slope = 0.5 / fitted.damping + 2.0
     low, high = float(np.min(periods)), float(np.max(periods))
-    inside = target.periods[
-        (target.periods > low) & (target.periods < high)
-    ]  # its corners among them
-    # Halve intervals until none can hide anything lower than the lowest found.
+    # Start with the given periods and the periods of the target, which include its corners.
+    inside = target.periods[(target.periods > low) & (target.periods < high)]
+    # Halve intervals until no interval can contain a value below the current minimum.
     x, y = np.empty(0), np.empty(0)
     new = np.log(np.unique([*periods, *inside]))
-    while new.size and x.size < _MOST:
-        at = np.exp(new).clip(low, high)
-        average = np.log(np.mean(fitted.spectra(at), axis=0) / target.at(at))
+    while new.size and x.size < _MAX_PERIODS:
+        candidates = np.exp(new).clip(low, high)
+        average = np.log(np.mean(fitted.spectra(candidates), axis=0) / target.at(candidates))
         order = np.argsort(np.concatenate([x, new]))
         x, y = np.concatenate([x, new])[order], np.concatenate([y, average])[order]
         bound = 0.5 * (y[1:] + y[:-1] - slope * np.diff(x))
-        new = 0.5 * (x[1:] + x[:-1])[bound < np.min(y) - _CLOSE]
-    place = int(np.argmin(y))
-    return float(np.exp(y[place])), float(np.exp(x[place]))
+        new = 0.5 * (x[1:] + x[:-1])[bound < np.min(y) - _MIN_TOLERANCE]
+    index = int(np.argmin(y))
+    return float(np.exp(y[index])), float(np.exp(x[index]))
 
 
 def scale_p695(
@@ -357,29 +393,38 @@ def scale_p695(
     *,
     damping: float = SA_DAMPING,
 ) -> Scaling:
-    """Normalize pairs by their peak velocities, and scale the set, as FEMA P-695 does (A.8).
+    """Normalize pairs by their peak velocities and scale the set, as in FEMA P-695 (A.8).
 
-    The factor of a pair is median(PGV) / PGV, with PGV the geometric mean of its components; with a
-    period and a value all get one more factor, by which the median Sa of all components at that
-    period is the value.
+    The factor of a pair is median(PGV) / PGV, where PGV is the geometric mean of its components. If
+    a period and a value are specified, all factors are multiplied by a common factor, so that the
+    median Sa of all components at that period equals the value.
 
     Parameters
     ----------
-    period, value : float, optional
-        Period, s, and pseudo-acceleration, m/s^2; both or none.
+    pairs : sequence of Horizontals
+        The pairs.
+    period : float, optional
+        Period, s; required with `value`.
+    value : float, optional
+        Pseudo-acceleration, m/s^2; required with `period`.
+    damping : float
+        Damping ratio of the pseudo-acceleration; default 0.05.
 
     Raises
     ------
     UsageError
-        Single components; a value without a period, or one that is not positive.
+        The motions are single components; a value is specified without a period, or is not
+        positive.
     RecordError
         A motion is zero.
     """
     _check_pairs(pairs, "p695")
     if (period is None) != (value is None):
-        raise UsageError("a set is scaled to a pseudo-acceleration at a period: give both or none")
-    # Normalized by the peak velocities first: what motions differ by in magnitude and distance
-    # goes.
+        raise UsageError(
+            "the period and the pseudo-acceleration of a set must be given together, or neither"
+        )
+    # Normalize by the peak velocities first. This removes the variation due to magnitude and
+    # distance.
     velocities = np.array([MotionIntensity("pgv").of(pair) for pair in pairs])
     factors = np.median(velocities) / velocities
     if period is None or value is None:
@@ -387,7 +432,7 @@ def scale_p695(
     if not (math.isfinite(value) and value > 0.0):
         raise UsageError(f"Sa({period:g} s): the value must be positive, got {value:g}")
     measure = sa(period, damping)
-    # Then one factor for the whole set, so that differences between the motions stay.
+    # Apply the same factor to all motions, which preserves the differences between them.
     values = [
         factor * measure.of(record)
         for pair, factor in zip(pairs, factors, strict=True)
@@ -408,64 +453,65 @@ def scale(
     damping: float = SA_DAMPING,
     pair: str = GEOMETRIC_MEAN,
 ) -> Scaling:
-    """Factors that scale ground motions to a value of an intensity measure, or to a target
+    """Compute factors that scale ground motions to a value of an intensity measure or to a target
     spectrum.
 
     Parameters
     ----------
     motions : sequence
-        Records, paths or traces; a tuple of two, or what `read_horizontals` gives, is a pair with
-        one factor.
+        Records, paths or traces. A tuple of two, or a result of `read_horizontals`, is a pair with
+        the same factor.
     measure : IntensityMeasure or str
         `pga`, `pgv`, `arias`, `cav`, `sa(1.0)` or `sa-avg(1.0)` with the period in s.
     value : float
-        Its value, m/s^2 or m/s.
+        Value of the measure, m/s^2 or m/s.
     target : TargetSpectrum or str
-        Instead: a file of a spectrum, or the text of a design spectrum
+        Alternative to a value: a file with a spectrum, or the text of a design spectrum
         (`tdint.analysis.spectra.target.read_target`).
     rule : str
-        For a target: `mean` (each motion by least squares of ln Sa), `asce7` or `ec8`; for pairs
-        without a target also `p695`, which takes a measure `sa(T)` and its value or none.
+        Rule for a target: `mean` (each motion by least squares of ln Sa), `asce7` or `ec8`. For
+        pairs without a target: `p695`, with an optional measure `sa(T)` and value.
     periods : sequence of float, optional
-        Where the target is met, s; by default 100 in equal ratios over all of it.
+        Periods of the comparison with the target, s; by default 100 logarithmically spaced periods
+        over the range of the target.
     damping : float
-        Damping ratio of the spectra.
+        Damping ratio of the spectra; default 0.05.
     pair : str
-        What stands for a pair: a name of `tdint.campaign.intensity.PAIRS`.
+        Spectrum that represents a pair: a name of `tdint.campaign.intensity.PAIRS`.
 
     Returns
     -------
     Scaling
-        A factor for each motion, and what it does to it.
+        Factors and their effects.
 
     Raises
     ------
     UsageError
-        Neither a value nor a target, or both; an unknown measure or rule; periods beyond the
-        target.
+        Neither a value nor a target is given, or both; the measure or rule is unknown; periods are
+        outside the range of the target.
     RecordError
-        A motion is none, or zero.
+        A motion is invalid or zero.
     """
     suite = [motion_of(motion) for motion in motions]
     chosen = measure_of(measure, damping) if isinstance(measure, str) else measure
     if target is not None:
         if chosen is not None or value is not None:
-            raise UsageError("a target and a value are given; motions are scaled to one of them")
-        spectrum, places = target_at(target, periods)
-        return by_rule(rule)(suite, spectrum, places, damping=damping, pair=pair)
+            raise UsageError("a target and a value cannot be used together; remove one of them")
+        spectrum, compared_periods = target_at(target, periods)
+        return by_rule(rule)(suite, spectrum, compared_periods, damping=damping, pair=pair)
     if rule == "p695":
-        of = chosen.periods if isinstance(chosen, SpectralIntensity) else ()
-        if chosen is not None and (len(of) != 1 or of == (0.0,)):
-            raise UsageError(
-                f"the rule p695 scales a set on to a value of sa(T), got {chosen.name}"
-            )
-        return scale_p695(suite, of[0] if of else None, value, damping=damping)
+        oscillator_periods = chosen.periods if isinstance(chosen, SpectralIntensity) else ()
+        if chosen is not None and (len(oscillator_periods) != 1 or oscillator_periods == (0.0,)):
+            raise UsageError(f"the rule p695 scales a set to a value of sa(T), got {chosen.name}")
+        return scale_p695(
+            suite, oscillator_periods[0] if oscillator_periods else None, value, damping=damping
+        )
     if chosen is None or value is None:
         raise UsageError("nothing to scale to: give a measure and its value, or a target")
     return scale_to_value(suite, chosen, value, pair)
 
 
-_PLACES = 100  # periods of a comparison: 30 or more a decade
+_PERIOD_COUNT = 100  # number of periods of a comparison, at least 30 per decade for typical targets
 _RULES: dict[str, Callable[..., Scaling]] = {
     "mean": scale_to_target,
     "asce7": scale_asce7,
@@ -476,20 +522,23 @@ _RULES: dict[str, Callable[..., Scaling]] = {
 def target_at(
     target: TargetSpectrum | str, periods: Sequence[float] | Array | None
 ) -> tuple[TargetSpectrum, Array]:
-    """A target, and the periods at which it is met: those given, or some over all of it."""
+    """Return a target spectrum, and the periods of the comparison: the specified periods, or the
+    default over the range of the target."""
     aim = read_target(target) if isinstance(target, str) else target
-    ends = float(aim.periods[0]), float(aim.periods[-1])
-    return aim, np.geomspace(*ends, _PLACES) if periods is None else numbers_of(periods, "periods")
+    period_range = float(aim.periods[0]), float(aim.periods[-1])
+    return aim, np.geomspace(*period_range, _PERIOD_COUNT) if periods is None else numbers_of(
+        periods, "periods"
+    )
 
 
 def by_rule(rule: str) -> Callable[..., Scaling]:
-    """What scales motions to a target by a rule: (motions, target, periods, damping=, pair=) ->
-    Scaling.
+    """Return the function that scales motions to a target by a rule: (motions, target, periods,
+    damping=, pair=) -> Scaling.
 
     Raises
     ------
     UsageError
-        There is no such rule.
+        The rule is unknown.
     """
     if rule not in _RULES:
         raise UsageError(f"unknown rule {rule!r:.60}; known for a target: {', '.join(_RULES)}")
@@ -497,5 +546,6 @@ def by_rule(rule: str) -> Callable[..., Scaling]:
 
 
 def _check_pairs(pairs: Sequence[GroundMotion], rule: str) -> None:
+    """Raise UsageError if a motion is a single component."""
     if not all(isinstance(pair, Horizontals) for pair in pairs):
-        raise UsageError(f"the rule {rule} is for pairs of horizontal components")
+        raise UsageError(f"the rule {rule} requires pairs of horizontal components")
