@@ -257,9 +257,9 @@ def test_p695():
 
 
 def test_rules_that_ask_for_more():
-    with pytest.raises(UsageError, match="asce7 is for pairs"):
+    with pytest.raises(UsageError, match="asce7 requires pairs"):
         scale_asce7([record(i) for i in range(11)], TARGET, PERIODS)
-    with pytest.raises(UsageError, match="p695 is for pairs"):
+    with pytest.raises(UsageError, match="p695 requires pairs"):
         scale_p695([record(1)])
     with pytest.raises(UsageError, match="or neither"):
         scale_p695(pairs(1), 1.0)

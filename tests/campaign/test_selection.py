@@ -95,13 +95,13 @@ def test_the_rule_acts_on_the_chosen(pool):
     ("wishes", "message"),
     [
         ({"count": 0}, "the number of motions to select must be a whole number, 1 at least"),
-        ({"factors": (2.0, 1.0)}, "the limits must be positive, the least first"),
-        ({"per_event": 0}, "per_event must be 1 at least"),
+        ({"factors": (2.0, 1.0)}, "the limits must be positive, the minimum first"),
+        ({"per_event": 0}, "per_event must be at least 1"),
         (
             {"events": ["one"] * 17, "per_event": 2},
-            "3 motions are asked for, 2 of 17 can be taken .*at most 2 of an event",
+            "3 motions are requested, but only 2 of 17 can be selected .*at most 2 of an event",
         ),
-        ({"scatter": -1.0}, "a scatter is a positive number"),
+        ({"scatter": -1.0}, "the target standard deviation must be"),
         ({"rule": "usual"}, "unknown rule 'usual'"),
     ],
 )

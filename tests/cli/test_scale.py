@@ -401,7 +401,9 @@ def test_motions_are_selected(folder, tdint):
     assert (folder / "chosen.png").exists()
     (folder / "scatter.csv").write_text("period_s,scatter\n0.1,0.2\n3,0.4\n")
     tdint(*words[:-1], 3, "--target-std", "scatter.csv", "--factor-range", "0.001:1000", code=0)
-    tdint.refused("4 motions are asked for, 3 of 3 can be taken", *words[:-1], 4, code=2)
+    tdint.refused(
+        "4 motions are requested, but only 3 of 3 can be selected", *words[:-1], 4, code=2
+    )
     lone = ("scale", "motion.mseed", *UNITS, *TARGET, "--per-event", 1)
     (folder / "events.csv").write_text("record,event\nmotion.mseed,here\n")
     unknown = "the event of 1 motion is unknown: other.mseed"

@@ -1,10 +1,11 @@
-"""Ground motions chosen from many so that the mean of their scaled spectra, and if asked their
-scatter, fit a target.
+"""Select ground motions whose scaled spectra together fit a target mean and, optionally, a standard
+deviation.
 
-The score of a choice is the mean over the periods of (mean ln Sa - ln target)^2, plus half of
-(scatter - asked)^2, each motion with its own factor (least squares of ln Sa) within limits. Motions
-are added one by one, each time the best, then exchanged for others while that helps (Jayaram, Lin
-and Baker 2011; Baker and Lee 2018), from many starts.
+The score of a selection is the mean over the periods of (mean ln Sa - ln target)^2, plus half of
+(standard deviation - target value)^2. Each motion has a factor (least squares of ln Sa) within
+limits. A search adds the best motion repeatedly, then exchanges motions as long as the score
+decreases (Jayaram, Lin and Baker 2011; Baker and Lee 2018). The search is repeated from many
+starting points.
 """
 
 from __future__ import annotations
@@ -38,24 +39,26 @@ from tdint.ground_motion.horizontals import motion_names
 from tdint.ground_motion.reading.suites import GroundMotion, components
 from tdint.written_numbers import first_few, how_many
 
-_STARTS, _ROWS = (10, 200), 20_000
-"""Beginnings, at least and at most, and motions in all of them together: the best motion alone,
-then by turns half of the best choice so far, and any motions. With 20, pools of 16 miss their best
-choice of five in one case of six."""
+_START_LIMITS, _EVALUATED_ROWS = (10, 200), 20_000
+"""Minimum and maximum number of starting points, and total number of motions evaluated in all of
+them. The first starting point is the best single motion. Later starting points alternate between
+half of the best selection so far and random motions. With 20 starting points, the search misses the
+best selection of five in one of six pools of 16 motions."""
 
-_OF_SCATTER = 0.5
-"""Weight of the scatter's misfit beside that of the mean (Baker and Lee 2018 have 1 and 2 among
-theirs)."""
+_SCATTER_WEIGHT = 0.5
+"""Weight of the squared error of the standard deviation; the weight of the mean is 1. Baker and Lee
+(2018) also use 1 and 2."""
 
-_TRIALS, _LOWER = 40, 0.95
-"""Number of selections that are tried for factors within the limits, and the largest ratio of two
+_MAX_TRIALS, _LIMIT_REDUCTION = 40, 0.95
+"""Number of selections that are tried for factors within the limits, and the maximum ratio of two
 successive upper limits of the factors before the common factor: a tenth of a limit after 40."""
 
 _ROUNDING = 1e-12
 """Relative rounding error of the product of two factors, with a margin."""
 
-_GAIN = 1e-12
-"""Part of the score by which an exchange must be better: else rounding goes on for ever."""
+_MIN_GAIN = 1e-12
+"""Minimum relative decrease of the score for an exchange; otherwise rounding errors could cause an
+infinite loop."""
 
 
 def select(
@@ -72,71 +75,83 @@ def select(
     per_event: int | None = None,
     scatter: float | Sequence[float] | Array | None = None,
 ) -> Scaling:
-    """Choose motions whose scaled spectra fit a target together.
+    """Select motions whose scaled spectra together fit a target.
 
     Parameters
     ----------
     motions, target, periods, damping, pair
-        As of `scale`.
+        As for `scale`.
     count : int
-        How many are chosen.
+        Number of motions to select.
     rule : str
-        `mean` (each with its own factor within the limits), or `asce7` or `ec8`, which then act on
-        those chosen.
+        `mean` (each motion has an individual factor within the limits), or `asce7` or `ec8`, which
+        are applied to the selected motions.
     factors : tuple of two floats
-        The smallest and the largest factor. A motion that needs a factor outside of these limits
-        is considered with the limit. The common factor of a rule is included.
+        Minimum and maximum factor. A motion that needs a factor outside of these limits is
+        considered with the limit. The common factor of a rule is included.
     events : sequence, optional
-        The event of each motion, empty if unknown; by default as the files state it
-        (`events_of`).
+        Event of each motion, empty if unknown; by default read from the files (`events_of`).
     per_event : int, optional
         Maximum number of selected motions of one event.
     scatter : float or sequence of float, shape (k,), optional
-        Standard deviation of ln Sa that is asked for, at all periods or at each.
+        Target standard deviation of ln Sa, for all periods or for each period.
 
     Returns
     -------
     Scaling
-        That of the chosen motions; `chosen` are their places among those given, `left_out` says how
-        many were not looked at and why, `rest` are the scaled spectra of the others.
+        Scaling of the selected motions. `chosen` contains their indices in `motions`, `left_out`
+        the number of motions that were not considered, by reason, and `rest` the scaled spectra of
+        the motions that were not selected.
 
     Raises
     ------
     UsageError
-        Fewer motions, or events, than are asked for; limits, a scatter or a rule that make no
-        sense; `per_event` for motions whose event is unknown.
+        There are fewer motions or events than requested; limits, standard deviation or rule are
+        invalid; `per_event` is used for motions with unknown event.
     AnalysisError
         No selection meets the rule with factors within the limits.
     """
     low, high = factors
     if not 0.0 < low <= high < np.inf:
         raise UsageError(
-            f"factors: the limits must be positive, the least first, got {low:g} and {high:g}"
+            f"factors: the limits must be positive, the minimum first, got {low:g} and {high:g}"
         )
     if isinstance(count, bool) or not isinstance(count, int) or count < 1:
         raise UsageError(
-            f"the number of motions to select must be a whole number, 1 at least, got {count!r:.60}"
+            "the number of motions to select must be a whole number of at least 1, got "
+            f"{count!r:.60}"
         )
     if per_event is not None and per_event < 1:
-        raise UsageError(f"per_event must be 1 at least, got {per_event}")
+        raise UsageError(f"per_event must be at least 1, got {per_event}")
     if events is not None and len(events) != len(motions):
-        raise UsageError(f"events: one for each of {len(motions)} motions, got {len(events)}")
-    aim, places = target_at(target, periods)
-    wanted = None if scatter is None else np.broadcast_to(np.asarray(scatter, float), places.shape)
-    if wanted is not None and (count < 3 or not np.all((wanted >= 0.0) & np.isfinite(wanted))):
-        raise UsageError("a scatter is a positive number, of three motions at least")
-    # The pool: what is there twice, and what does not resolve the periods, is left out.
-    whole = [motion_of(motion) for motion in motions]
+        raise UsageError(
+            f"events: must contain one event for each of {len(motions)} motions, got {len(events)}"
+        )
+    aim, compared_periods = target_at(target, periods)
+    target_scatter = (
+        None
+        if scatter is None
+        else np.broadcast_to(np.asarray(scatter, float), compared_periods.shape)
+    )
+    if target_scatter is not None and (
+        count < 3 or not np.all((target_scatter >= 0.0) & np.isfinite(target_scatter))
+    ):
+        raise UsageError(
+            "the target standard deviation must be zero or a positive number, and requires at "
+            "least three motions"
+        )
+    # The pool excludes duplicates, zero motions and motions that do not resolve the periods.
+    suite = [motion_of(motion) for motion in motions]
     spectrum_pair = MAXIMUM_DIRECTION if rule == "asce7" else pair
-    check_rule(rule, whole, count, aim)
-    pool, spectra, left_out = _pool(whole, places, damping, spectrum_pair)
-    numbers, labels = np.arange(len(whole)), list[str]()
+    check_rule(rule, suite, count, aim)
+    pool, spectra, left_out = _pool(suite, compared_periods, damping, spectrum_pair)
+    numbers, labels = np.arange(len(suite)), list[str]()
     if per_event is not None:
-        labels = events_of(whole) if events is None else [str(event or "") for event in events]
-        _check_events_known(whole, labels)
+        labels = events_of(suite) if events is None else [str(event or "") for event in events]
+        _check_events_known(suite, labels)
         numbers = np.unique(labels, return_inverse=True)[1]
-    of_pool, most = numbers[pool], len(whole) if per_event is None else per_event
-    possible = int(np.minimum(np.bincount(of_pool), most).sum()) if len(pool) else 0
+    pool_events, max_per_event = numbers[pool], len(suite) if per_event is None else per_event
+    possible = int(np.minimum(np.bincount(pool_events), max_per_event).sum()) if len(pool) else 0
     if possible < count:
         why = [f"{number} {reason}" for reason, number in left_out.items() if number]
         why += (
@@ -144,26 +159,28 @@ def select(
             if per_event is not None
             else []
         )
-        told = f" ({', '.join(why)})" if why else ""
+        reasons = f" ({', '.join(why)})" if why else ""
         raise UsageError(
-            f"{count} motions are asked for, {possible} of {len(whole)} can be taken{told}"
+            f"{count} motions are requested, but only {possible} of {len(suite)} can be selected"
+            f"{reasons}"
         )
-    # Factors by least squares within the limits, then the motions whose mean fits the target.
-    ln_aim, ln_spectra = np.log(aim.at(places)), np.log(spectra)
+    # Compute the factors by least squares within the limits, then search the best selection.
+    ln_aim, ln_spectra = np.log(aim.at(compared_periods)), np.log(spectra)
     ln_fitted = np.mean(ln_aim - ln_spectra, axis=1)
     fitted = Scaling(
-        tuple(whole[place] for place in pool),
+        tuple(suite[index] for index in pool),
         np.clip(np.exp(ln_fitted), low, high),
         "mean",
         spectrum_pair,
         damping,
         target=aim,
-        periods=places,
+        periods=compared_periods,
     )
 
     def choose(factors: Array) -> list[int]:
-        off = ln_spectra + np.log(factors)[:, None] - ln_aim
-        return _search(off, count, wanted, of_pool, most)
+        """Return the indices of the selected motions for the factors of all motions."""
+        deviations = ln_spectra + np.log(factors)[:, None] - ln_aim
+        return _search(deviations, count, target_scatter, pool_events, max_per_event)
 
     if rule == "mean":
         chosen = choose(fitted.factors)
@@ -174,19 +191,19 @@ def select(
     at_limit = (ln_fitted[others] <= np.log(low)) | (ln_fitted[others] >= np.log(high))
     return replace(
         scaling,
-        chosen=tuple(pool[place] for place in chosen),
+        chosen=tuple(pool[index] for index in chosen),
         left_out=left_out,
         rest=spectra[others] * scaled[others, None],
-        events=tuple(labels[pool[place]] for place in chosen) if labels else (),
+        events=tuple(labels[pool[index]] for index in chosen) if labels else (),
         limits=(low, high),
         others_at_limit=int(np.sum(at_limit)),
     )
 
 
-def _part(fitted: Scaling, places: Sequence[int]) -> Scaling:
+def _part(fitted: Scaling, indices: Sequence[int]) -> Scaling:
     """Return some motions of a suite with their factors."""
-    motions = tuple(fitted.motions[place] for place in places)
-    return replace(fitted, motions=motions, factors=fitted.factors[list(places)])
+    motions = tuple(fitted.motions[index] for index in indices)
+    return replace(fitted, motions=motions, factors=fitted.factors[list(indices)])
 
 
 def _within_limits(
@@ -195,27 +212,27 @@ def _within_limits(
     limits: tuple[float, float],
     choose: Callable[[Array], list[int]],
 ) -> tuple[list[int], Scaling, Array]:
-    """Return a selection whose factors are within the limits after the common factor of a rule.
+    """Return a selection with factors within the limits after the common factor of a rule.
 
-    The common factor of a selection may raise factors beyond the upper limit. Then the factors of
-    all motions are limited to a lower value, by which the search prefers stronger motions, until
-    the product of this value and the common factor is within the limit.
+    The common factor of a selection may raise factors above the upper limit. In this case the
+    factors of all motions are limited to a lower value, so that the search prefers stronger
+    motions, until the product of this value and the common factor is within the limit.
 
     Parameters
     ----------
     fitted : Scaling
-        All motions with their own factors within the limits.
+        All motions with their individual factors within the limits.
     rule : str
         `asce7` or `ec8`.
     limits : tuple of two floats
-        The smallest and the largest factor.
+        Minimum and maximum factor.
     choose : callable
-        The places of the selected motions for the factors of all motions.
+        Function that returns the indices of the selected motions for the factors of all motions.
 
     Returns
     -------
     chosen : list of int
-        Places of the selected motions.
+        Indices of the selected motions.
     scaling : Scaling
         The selected motions with their final factors.
     factors : ndarray
@@ -224,12 +241,12 @@ def _within_limits(
     Raises
     ------
     AnalysisError
-        No selection was found. The message reports the one whose largest factor is the smallest.
+        No selection was found. The message reports the selection with the smallest maximum factor.
     """
     low, high = limits
     upper = high
     nearest: Scaling | None = None
-    for _trial in range(_TRIALS):
+    for _trial in range(_MAX_TRIALS):
         factors = np.minimum(fitted.factors, upper)
         chosen = choose(factors)
         scaling = raise_to_rule(_part(replace(fitted, factors=factors), chosen), rule)
@@ -239,12 +256,12 @@ def _within_limits(
             return chosen, within, factors
         if nearest is None or largest < float(np.max(nearest.factors)):
             nearest = scaling
-        # The common factor for the next selection is at least about that of this one. If every
-        # factor is limited already, no lower limit changes anything.
+        # The common factor of the next selection is at least about the current common factor. If
+        # every factor is limited, a lower limit has no effect.
         if upper <= float(np.min(fitted.factors)):
             break
         common = largest / float(np.max(factors[chosen]))
-        upper = max(min(high / common, upper * _LOWER), float(np.min(fitted.factors)))
+        upper = max(min(high / common, upper * _LIMIT_REDUCTION), float(np.min(fitted.factors)))
     assert nearest is not None
     over = first_few([f"{name} {factor:.4g}" for name, factor in nearest.beyond(low, high)], 5)
     needed = math.ceil(1e4 * float(np.max(nearest.factors))) / 1e4
@@ -257,10 +274,10 @@ def _within_limits(
 
 
 def events_of(motions: Sequence[GroundMotion]) -> list[str]:
-    """Return a label of the event of each motion, equal for the motions of one event.
+    """Return a label of the event of each motion; motions of the same event have equal labels.
 
-    Both components of a recording belong to one event, whether they are given as a pair or as two
-    files that are named alike.
+    Both components of a recording belong to the same event, whether they are a pair or two files
+    with similar names.
 
     Returns
     -------
@@ -271,60 +288,63 @@ def events_of(motions: Sequence[GroundMotion]) -> list[str]:
     known = [_event_of_motion(motion) for motion in motions]
     groups = list(range(len(known)))
 
-    def root(place: int) -> int:
-        while groups[place] != place:
-            groups[place] = groups[groups[place]]
-            place = groups[place]
-        return place
+    def root(index: int) -> int:
+        """Return the representative motion of a group."""
+        while groups[index] != index:
+            groups[index] = groups[groups[index]]
+            index = groups[index]
+        return index
 
-    def unite(place: int, other: int) -> None:
-        first, second = sorted((root(place), root(other)))
+    def unite(index: int, other: int) -> None:
+        """Merge the groups of two motions."""
+        first, second = sorted((root(index), root(other)))
         groups[second] = first
 
-    # Files with the same entry, then the two files of one recording: first those whose event is
-    # known (one file may also contain several recordings), then the other files.
-    first_of: dict[Earthquake, int] = {}
-    for place, event in enumerate(known):
+    # Unite files with the same entry, then the two files of one recording: first files with a
+    # known event (one file may also contain several recordings), then the other files.
+    first_motions: dict[Earthquake, int] = {}
+    for index, event in enumerate(known):
         if event.is_known:
-            unite(place, first_of.setdefault(event, place))
-    of_recording: dict[str, int] = {}
-    for is_second, (place, names) in product((False, True), enumerate(_recordings(motions))):
-        for name in names if known[place].is_known is not is_second else []:
-            other = of_recording.setdefault(name, place)
-            if is_second or is_same_event(known[place], known[other]):
-                unite(place, other)
+            unite(index, first_motions.setdefault(event, index))
+    by_recording: dict[str, int] = {}
+    for is_second, (index, names) in product((False, True), enumerate(_recordings(motions))):
+        for name in names if known[index].is_known is not is_second else []:
+            other = by_recording.setdefault(name, index)
+            if is_second or is_same_event(known[index], known[other]):
+                unite(index, other)
 
-    # Different entries of one event: dated entries in order of time, as far as they may agree.
-    distinct = list(first_of.values())
+    # Unite different entries of one event. Dated entries are compared in chronological order, up
+    # to the maximum difference in time.
+    distinct = list(first_motions.values())
     dated = sorted(
-        (place for place in distinct if known[place].time),
-        key=lambda place: known[place].time or datetime.min,
+        (index for index in distinct if known[index].time),
+        key=lambda index: known[index].time or datetime.min,
     )
-    undated = [place for place in distinct if not known[place].time]
-    for rank, place in enumerate(dated):
+    undated = [index for index in distinct if not known[index].time]
+    for rank, index in enumerate(dated):
         for other in dated[rank + 1 :]:
-            later, earlier = known[other].time, known[place].time
+            later, earlier = known[other].time, known[index].time
             if later is None or earlier is None or later - earlier > 2 * SAME_DATE:
                 break
-            if is_same_event(known[place], known[other]):
-                unite(place, other)
-    for rank, place in enumerate(undated):
+            if is_same_event(known[index], known[other]):
+                unite(index, other)
+    for rank, index in enumerate(undated):
         for other in [*undated[rank + 1 :], *dated]:
-            if is_same_event(known[place], known[other]):
-                unite(place, other)
+            if is_same_event(known[index], known[other]):
+                unite(index, other)
 
-    # The label of a group is that of its first motion with a known event.
+    # The label of a group is the label of its first motion with a known event.
     labels: dict[int, str] = {}
-    for place, event in enumerate(known):
-        if event.is_known and root(place) not in labels:
-            labels[root(place)] = event.label
-    return [labels.get(root(place), "") for place in range(len(known))]
+    for index, event in enumerate(known):
+        if event.is_known and root(index) not in labels:
+            labels[root(index)] = event.label
+    return [labels.get(root(index), "") for index in range(len(known))]
 
 
 def named_events(motions: Sequence[GroundMotion], of_file: Mapping[str, str]) -> list[str]:
     """Return the event of each motion by a table of files.
 
-    A row of the table is enough for both components of a recording.
+    A row of the table is sufficient for both components of a recording.
 
     Parameters
     ----------
@@ -336,7 +356,7 @@ def named_events(motions: Sequence[GroundMotion], of_file: Mapping[str, str]) ->
     Returns
     -------
     list of str
-        Empty for a motion of which the table has no file.
+        Event of each motion; empty if the table does not contain its files.
 
     Raises
     ------
@@ -344,22 +364,22 @@ def named_events(motions: Sequence[GroundMotion], of_file: Mapping[str, str]) ->
         The two components of a recording have different events.
     """
     recordings = _recordings(motions)
-    of_recording: dict[str, tuple[str, str]] = {}
+    by_recording: dict[str, tuple[str, str]] = {}
     for motion, names in zip(motions, recordings, strict=True):
         files = dict.fromkeys(record.source for record in components(motion))
         for file, name in zip(files, names, strict=True):
             keys = (file, Path(file).name, Path(file).stem)
             event = next((of_file[key] for key in keys if of_file.get(key)), "")
-            other, before = of_recording.get(name, (file, event))
+            other, before = by_recording.get(name, (file, event))
             if event and event != before:
                 raise UsageError(
                     f"{other} and {file} are components of one recording, but their events differ: "
                     f"{before!r} and {event!r}"
                 )
             if event:
-                of_recording[name] = (file, event)
+                by_recording[name] = (file, event)
     return [
-        next((of_recording[name][1] for name in names if name in of_recording), "")
+        next((by_recording[name][1] for name in names if name in by_recording), "")
         for names in recordings
     ]
 
@@ -371,20 +391,20 @@ def _recordings(motions: Sequence[GroundMotion]) -> list[list[str]]:
     ]
     every = list(dict.fromkeys(file for of_motion in files for file in of_motion if file))
     name_of = dict(zip(every, motion_names(every), strict=True))
-    # Motions that do not come from files have nothing in common.
+    # Motions that were not read from files are all different recordings.
     return [
-        [name_of.get(file, f"motion {place}") for file in of_motion]
-        for place, of_motion in enumerate(files)
+        [name_of.get(file, f"motion {index}") for file in of_motion]
+        for index, of_motion in enumerate(files)
     ]
 
 
 def _check_events_known(motions: Sequence[GroundMotion], events: Sequence[str]) -> None:
-    """Refuse motions whose event is unknown.
+    """Refuse motions with an unknown event.
 
     Raises
     ------
     UsageError
-        With the files of these motions.
+        The event of motions is unknown; the message lists their files.
     """
     unknown = [motion.source for motion, event in zip(motions, events, strict=True) if not event]
     if unknown:
@@ -396,7 +416,8 @@ def _check_events_known(motions: Sequence[GroundMotion], events: Sequence[str]) 
 
 
 def _event_of_motion(motion: GroundMotion) -> Earthquake:
-    """Return the event of a motion; for a pair, of the component whose header states most."""
+    """Return the event of a motion; for a pair, the event of the component with the most complete
+    header."""
     events = [event_of(record) for record in components(motion)]
     return max(events, key=lambda event: (event.has_clock, bool(event.time), bool(event.name)))
 
@@ -404,11 +425,31 @@ def _event_of_motion(motion: GroundMotion) -> Earthquake:
 def _pool(
     motions: Sequence[GroundMotion], periods: Array, damping: float, pair: str
 ) -> tuple[list[int], Array, dict[str, int]]:
-    """Places of the motions to choose from, their spectra (m/s^2), and how many others there are,
-    by the reason."""
+    """Return the motions that can be selected.
+
+    Parameters
+    ----------
+    motions : sequence of Record or Horizontals
+        All motions.
+    periods : ndarray, shape (k,)
+        Periods, s.
+    damping : float
+        Damping ratio.
+    pair : str
+        Spectrum that represents a pair of components.
+
+    Returns
+    -------
+    indices : list of int
+        Indices of the motions that can be selected.
+    spectra : ndarray, shape (n, k)
+        Their spectra, m/s^2.
+    left_out : dict of str to int
+        Number of all other motions, by reason.
+    """
     left_out = {"duplicate": 0, "range of periods": 0, "zero": 0}
-    places, spectra, seen = [], [], set()
-    for place, motion in enumerate(motions):
+    indices, spectra, seen = [], [], set()
+    for index, motion in enumerate(motions):
         samples = tuple((record.dt, record.acceleration.tobytes()) for record in components(motion))
         key = hash(samples)
         if key in seen:
@@ -420,44 +461,67 @@ def _pool(
             continue
         try:
             spectra.append(pseudo_accelerations(motion, periods, damping, pair))
-        except AnalysisError:  # too short a period for its sampling interval
+        except AnalysisError:  # a period is too short for the sampling interval
             left_out["range of periods"] += 1
             continue
-        places.append(place)
-    return places, np.array(spectra).reshape(-1, len(periods)), left_out
+        indices.append(index)
+    return indices, np.array(spectra).reshape(-1, len(periods)), left_out
 
 
 def _search(
-    off: Array, count: int, wanted: Array | None, events: NDArray[np.int64], most: int
+    deviations: Array,
+    count: int,
+    target_scatter: Array | None,
+    events: NDArray[np.int64],
+    max_per_event: int,
 ) -> list[int]:
-    """Rows of `off`, ln of scaled spectra over the target, shape (n, k), that have the least score
-    together."""
+    """Return the rows that have the minimum score as a selection.
+
+    Parameters
+    ----------
+    deviations : ndarray, shape (n, k)
+        ln of the scaled spectra divided by the target.
+    count : int
+        Number of rows to select.
+    target_scatter : ndarray, shape (k,), or None
+        Target standard deviation of ln Sa.
+    events : ndarray of int, shape (n,)
+        Event of each row.
+    max_per_event : int
+        Maximum number of rows of one event.
+    """
     random, best, least = np.random.default_rng(0), list[int](), np.inf
-    squares = off * off
-    of_row, parts = squares.sum(axis=1), np.empty_like(off)
+    squares = deviations * deviations
+    row_sums, parts = squares.sum(axis=1), np.empty_like(deviations)
 
     def scores(rest: list[int], size: int) -> Array:
-        """The score of the rows `rest` with each one more, infinite for what may not be taken."""
-        total = off[rest].sum(axis=0)
-        result = (total @ total + 2.0 * (off @ total) + of_row) / (size**2 * off.shape[1])
-        if wanted is not None and size > 2:
-            # (size - 1) variance = sum of squares - (total + row)^2 / size, in one table
-            np.add(off, total, out=parts)
+        """Return the scores of `rest` with each additional row; infinite if a row cannot be
+        added."""
+        total = deviations[rest].sum(axis=0)
+        result = (total @ total + 2.0 * (deviations @ total) + row_sums) / (
+            size**2 * deviations.shape[1]
+        )
+        if target_scatter is not None and size > 2:
+            # (size - 1) variance = sum of squares - (total + row)^2 / size; computed in place
+            np.add(deviations, total, out=parts)
             np.multiply(parts, parts, out=parts)
             np.multiply(parts, -1.0 / size, out=parts)
             np.add(parts, squares, out=parts)
             np.add(parts, squares[rest].sum(axis=0), out=parts)
             np.sqrt(np.maximum(parts, 0.0, out=parts), out=parts)
-            np.subtract(parts, wanted * np.sqrt(size - 1.0), out=parts)
-            result = result + _OF_SCATTER / ((size - 1) * off.shape[1]) * np.einsum(
+            np.subtract(parts, target_scatter * np.sqrt(size - 1.0), out=parts)
+            result = result + _SCATTER_WEIGHT / ((size - 1) * deviations.shape[1]) * np.einsum(
                 "ij,ij->i", parts, parts
             )
         result[rest] = np.inf
-        result[np.bincount(events[rest], minlength=events.max() + 1)[events] >= most] = np.inf
+        result[np.bincount(events[rest], minlength=events.max() + 1)[events] >= max_per_event] = (
+            np.inf
+        )
         return np.asarray(result)
 
-    for start in range(int(np.clip(_ROWS // len(off), *_STARTS))):
-        # Begin, add the best one by one, then exchange each for the best while that helps.
+    for start in range(int(np.clip(_EVALUATED_ROWS // len(deviations), *_START_LIMITS))):
+        # Select the starting point, add the best rows, then exchange rows while the score
+        # decreases.
         chosen: list[int] = []
         if start % 2:
             chosen = random.permutation(best)[: count // 2].tolist()
@@ -466,16 +530,16 @@ def _search(
                 chosen.append(int(random.choice(np.flatnonzero(np.isfinite(scores(chosen, 2))))))
         while len(chosen) < count:
             chosen.append(int(np.argmin(scores(chosen, len(chosen) + 1))))
-        score, moved = np.inf, True
-        while moved:
-            moved = False
-            for place in range(count):
-                rest = chosen[:place] + chosen[place + 1 :]
-                of_all = scores(rest, count)
-                better = int(np.argmin(of_all))
-                if of_all[better] < score * (1.0 - _GAIN):
-                    moved |= better != chosen[place]
-                    chosen[place], score = better, float(of_all[better])
+        score, improved = np.inf, True
+        while improved:
+            improved = False
+            for index in range(count):
+                rest = chosen[:index] + chosen[index + 1 :]
+                all_scores = scores(rest, count)
+                better = int(np.argmin(all_scores))
+                if all_scores[better] < score * (1.0 - _MIN_GAIN):
+                    improved |= better != chosen[index]
+                    chosen[index], score = better, float(all_scores[better])
         if score < least:
             best, least = sorted(chosen), score
     return best
