@@ -250,7 +250,7 @@ def test_a_folder_holds_one_campaign(study: Path, tdint: Command) -> None:
     change("study.yaml", ("name: study", "name: other"))
     tdint("campaign", "study.yaml", "-o", "new")
     assert (
-        "of different campaigns"
+        "to different campaigns"
         in tdint("campaign", "merge", "out", "new", "-o", "all", code=2).stderr
     )
     assert not Path("all", FILE).exists()

@@ -176,7 +176,7 @@ def locked_by_another() -> Iterator[sqlite3.Connection]:
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """A lock is waited for for a tenth of a second, first without a word, then with one."""
     monkeypatch.setattr(store_schema, "SHORT_WAIT", 100)
-    monkeypatch.setattr(store_schema, "_LONGEST", 150)
+    monkeypatch.setattr(store_schema, "_LONG_WAIT", 150)
 
 
 @pytest.mark.usefixtures("impatient")
@@ -193,7 +193,7 @@ def test_a_store_is_closed_without_waiting_for_others(
 ) -> None:
     """All is written by then: that it comes into the one file is not waited for without a word."""
     tdint("campaign", "export", "out")
-    monkeypatch.setattr(store_schema, "_LONGEST", 60_000)
+    monkeypatch.setattr(store_schema, "_LONG_WAIT", 60_000)
     start = monotonic()
     with locked_by_another():
         assert "waiting" not in tdint("campaign", "export", "out", code=0).stderr

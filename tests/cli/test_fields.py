@@ -433,7 +433,7 @@ def test_buildings_far_away_or_without_a_place_are_left_out_alone(
     Path("campaign.yaml").write_text(CAMPAIGN)
     Path("buildings.csv").write_text(BUILDINGS.replace("37.805,-122.25", "37.805,"))
     result = tdint("campaign", "campaign.yaml", "-o", "lost", "-q", code=3)
-    assert "buildings.csv:3:7: Longitude: is missing; motions at places" in result.stderr
+    assert "buildings.csv:3:7: Longitude: is missing; motions at sites" in result.stderr
     assert rows("lost/runs.csv") == [row for row in first if row["building"] != "b"]
 
 
