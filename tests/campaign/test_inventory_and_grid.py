@@ -198,9 +198,9 @@ def test_motions_that_cannot_be_read_are_left_out_and_named(study: Path) -> None
             '{"dT": 20, "data_x": [1, 2]}',
             "m00.json: dT must be a sampling interval, .* 1e-06 to 10 s, got 20",
         ),
-        ('{"dT": 0.01, "data_x": [1, "2"]}', "m00.json: data_x is no list of numbers"),
-        ('{"dT": 0.01, "data_x": [1, null]}', "m00.json: data_x is no list of numbers"),
-        ('{"dT": 0.01, "data_x": [[1, 2], [3, 4]]}', "m00.json: data_x is no list of numbers"),
+        ('{"dT": 0.01, "data_x": [1, "2"]}', "m00.json: data_x must be a list of numbers"),
+        ('{"dT": 0.01, "data_x": [1, null]}', "m00.json: data_x must be a list of numbers"),
+        ('{"dT": 0.01, "data_x": [[1, 2], [3, 4]]}', "m00.json: data_x must be a list of numbers"),
         (
             '{"dT": 0.01, "data_x": [1, 1e9]}',
             "m00.json: data_x: the largest acceleration would be 9.807e.09 m/s",

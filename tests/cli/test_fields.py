@@ -278,8 +278,8 @@ def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
             "M7-2,east",
             "M7-1,east",
             3,
-            "fields.csv:5: event 'M7-1' at site 'east' is already on line 3; give each event one "
-            "record at a site",
+            "fields.csv:5: event 'M7-1' at site 'east' is already on line 3; each event can have "
+            "only one record at a site",
         ),
         ("fields.csv", "-1.25", "0", 3, "fields.csv:3: factor must not be zero, got '0'"),
         ("fields.csv", "-1.25", "x", 3, "fields.csv:3: factor must be a number, got 'x'"),
@@ -325,7 +325,7 @@ def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
             "record,factor",
             "record,gmv_MMI",
             3,
-            "fields.csv:1: gmv_mmi: leave the one",
+            "fields.csv:1: gmv_mmi: keep only the intensity",
         ),
         (
             "sites.csv",
@@ -334,7 +334,7 @@ def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
             3,
             "sites.csv:3: latitude must be from -90 to 90 degrees, got '97.81'",
         ),
-        ("sites.csv", "east", "west", 3, "sites.csv:3: site 'west' is there twice"),
+        ("sites.csv", "east", "west", 3, "sites.csv:3: site 'west' is a duplicate"),
         (
             "buildings.csv",
             "Latitude,Longitude",
@@ -393,7 +393,7 @@ def test_faults_of_a_table_all_at_once(region: Path, tdint: Command) -> None:
     Path("fields.csv").write_text("event,site,record\n" + ",east,firm.mseed\n" * 1050)
     result = tdint("campaign", "campaign.yaml", "-o", "new")
     assert (
-        result.stderr.splitlines()[-1].endswith("and at least 990 more faults")
+        result.stderr.splitlines()[-1].endswith("and at least 990 more errors")
         and result.stderr.count("\n") == 11
     )
 
@@ -719,7 +719,7 @@ def test_how_often_a_loss_comes_in_a_year(losing: Path, tdint: Command) -> None:
                     )
                 assert float(row[f"exceedance_rate_{name}"]) == pytest.approx(rate, rel=1e-6)
     Path("rates.csv").write_text("event,rate\nM7-1,0.002\n")
-    said = "rates.csv: has no rate of 2 events of the fields, such as 'M7-2'"
+    said = "rates.csv: the rate of 2 events of the fields is missing, such as 'M7-2'"
     tdint.refused(said, "campaign", "campaign.yaml", "-o", "new", code=3)
 
 

@@ -1,4 +1,4 @@
-"""Ground motions at sites, read: a grid of points with their motions, and fields of events."""
+"""Read ground motions at sites: a grid of points with their motions, or fields of events."""
 
 from __future__ import annotations
 
@@ -38,31 +38,33 @@ from tdint.model.keys.fields import resolve
 from tdint.units import STANDARD_GRAVITY, parse_units
 from tdint.written_numbers import how_many
 
-# ---- Reading ground motions at places: a grid, as the regional workflow of SimCenter has it, and
-# fields of many events
+# ---- Read a grid in the format of SimCenter's regional workflow, or fields of many events
 #
-# EventGrid.csv names a file for each point (GP_file, Longitude, Latitude), that file the ground
-# motions there (TH_file and, if they differ, their factor), and NAME.json holds one of these: name,
-# dT, data_x and, of a pair, data_y. Fields are a table of event, site, record and factor, and a
-# table of sites; OpenQuake's names of the columns are known, too.
+# EventGrid.csv names a file for each point (GP_file, Longitude, Latitude). That file lists the
+# ground motions of the point (TH_file and, optionally, their factor). NAME.json contains a ground
+# motion: name, dT, data_x and, for a pair, data_y. Fields are a table of event, site, record and
+# factor, and a table of sites. OpenQuake's names of the columns are also supported.
 
 _EVENTS, _SITES = ("event", "event_id"), ("site", "site_id", "custom_site_id")
 _LONGITUDES, _LATITUDES = ("longitude", "lon"), ("latitude", "lat")
 _GMV = re.compile(r"gmv_(pga|pgv|sa\((?P<period>[0-9]*\.?[0-9]+)\))")
 _CENTIMETER = 0.01
 _SHOWN_FAULTS, _MOST_FAULTS = 10, 1000
-"""Faults of a table that are shown, and after which reading ends."""
+"""Number of errors of a table that are shown, and number of errors after which reading stops."""
 
 _COMPONENTS = {"data_x": "x", "data_y": "y"}
-_OTHER = (
-    "record_2"  # column of the file of the other horizontal of a pair, where names do not tell it
-)
+_OTHER = "record_2"  # column with the file of the second component, for files named differently
 
 Value = TypeVar("Value")
 
 
 def read_grid(grid: GridFile) -> FoundMotions:
-    """The ground motions of a grid, and at which points they are.
+    """Read the ground motions of a grid and the points to which they belong.
+
+    Parameters
+    ----------
+    grid : GridFile
+        Path and settings of the grid.
 
     Raises
     ------
@@ -74,8 +76,8 @@ def read_grid(grid: GridFile) -> FoundMotions:
     unit = parse_units(grid.units)
     if unit.quantity != "acceleration":
         raise RecordError(
-            f"{grid.file}: the motions of a grid are accelerations, their units are given as "
-            f"{grid.units}"
+            f"{grid.file}: the motions of a grid are accelerations, but their units are specified "
+            f"as {grid.units}"
         )
     columns = ("GP_file", "Longitude", "Latitude")
     table = read_table(
@@ -85,15 +87,15 @@ def read_grid(grid: GridFile) -> FoundMotions:
     degrees = _degrees(table, "Longitude", "Latitude")
     points = list(zip(table.texts("GP_file", empty=False), degrees, strict=True))
 
-    # The motions of each point; a record that stands in several files is read once.
+    # Read the motions of each point. A record that is listed in several files is read once.
     folder = Path(grid.file).parent
     motions: list[SuiteMotion] = []
     numbers: dict[str, tuple[int, ...]] = {}
     failures: list[RecordError] = []
-    of_points = []
+    point_motions = []
     for file, _ in points:
-        of_point: list[PointMotion] = []
-        # A record that cannot be read is told once, and its draws are without it.
+        motions_here: list[PointMotion] = []
+        # A record that cannot be read is reported once and omitted from the samples.
         for name, factor in _motions_at(str(folder / file)):
             if name not in numbers:
                 first = len(motions)
@@ -102,45 +104,60 @@ def read_grid(grid: GridFile) -> FoundMotions:
                 except RecordError as error:
                     failures.append(error)
                 numbers[name] = tuple(range(first, len(motions)))
-            of_point.append((numbers[name], factor))
-        of_points.append(of_point)
+            motions_here.append((numbers[name], factor))
+        point_motions.append(motions_here)
     if not motions:
         raise RecordError(
             "\n".join(map(str, failures)) or f"{grid.file}: no point has a ground motion"
         )
     if grid.events:
         return FoundMotions(
-            tuple(motions), tuple(failures), places=_rows_as_events(grid.file, points, of_points)
+            tuple(motions),
+            tuple(failures),
+            places=_rows_as_events(grid.file, points, point_motions),
         )
-    # Points that lose all of their motions drop out: buildings near them draw from the others.
-    there = [
+    # Points without readable motions are omitted: buildings near them use other points.
+    usable = [
         (place, kept)
-        for (_, place), of_point in zip(points, of_points, strict=True)
-        if (kept := tuple(motion for motion in of_point if motion[0]))
+        for (_, place), motions_here in zip(points, point_motions, strict=True)
+        if (kept := tuple(motion for motion in motions_here if motion[0]))
     ]
-    places = GridMotions([place for place, _ in there], tuple(kept for _, kept in there))
+    places = GridMotions([place for place, _ in usable], tuple(kept for _, kept in usable))
     return FoundMotions(tuple(motions), tuple(failures), places=places)
 
 
 def _rows_as_events(
     source: str,
     points: Sequence[tuple[str, tuple[float, float]]],
-    of_points: Sequence[Sequence[PointMotion]],
+    point_motions: Sequence[Sequence[PointMotion]],
 ) -> FieldMotions:
-    """The field in which the k-th row of each point's file is event k."""
-    # An event is a row of all files: rows that are missing somewhere would shift those below.
-    count = len(of_points[0])
-    for (file, _), motions in zip(points, of_points, strict=True):
+    """Return the field in which row k of the file of each point is event k.
+
+    Parameters
+    ----------
+    source : str
+        Path of the grid.
+    points : sequence of (str, (float, float))
+        File and location (degrees) of each point.
+    point_motions : sequence of sequence
+        Motions of each point.
+    """
+    # An event is the same row in all files: a missing row would shift the following events.
+    count = len(point_motions[0])
+    for (file, _), motions in zip(points, point_motions, strict=True):
         if len(motions) != count:
             raise ModelError(
-                f"{Path(source).parent / file}: {len(motions)} motions, where {points[0][0]} has "
-                f"{count}; with `events` the rows of these files are the same events at all points"
+                f"{Path(source).parent / file}: {len(motions)} motions, but {points[0][0]} has "
+                f"{count}; with `events` each row of these files must be the same event at all "
+                "points"
             )
     records = {
         both: number
-        for number, both in enumerate(dict.fromkeys(b for motions in of_points for b, _ in motions))
+        for number, both in enumerate(
+            dict.fromkeys(b for motions in point_motions for b, _ in motions)
+        )
     }
-    rows = [(records[both], factor) for motions in of_points for both, factor in motions]
+    rows = [(records[both], factor) for motions in point_motions for both, factor in motions]
     record, value = (
         np.array([row[0] for row in rows], np.int32),
         np.array([row[1] for row in rows], float),
@@ -153,17 +170,23 @@ def _rows_as_events(
 
 
 def read_field(field_file: FieldFile) -> FoundMotions:
-    """The ground motions of fields, and what each event does at each site.
+    """Read the ground motions of fields, and the motion of each event at each site.
+
+    Parameters
+    ----------
+    field_file : FieldFile
+        Path and settings of the fields.
 
     Raises
     ------
     ModelError
-        A table cannot be read; an event is twice at a site, or a site is in no table of sites.
+        A table cannot be read; an event occurs twice at a site; a site is missing from the table of
+        sites.
     RecordError
         No record can be read.
     """
     places = _site_places(field_file.sites) if field_file.sites else {}
-    # Rows first: a fault in the table shows before any record is read.
+    # Read the table first, so that its errors are reported before records are read.
     rows, measure = _field_rows(field_file, {site: number for number, site in enumerate(places)})
     records = _FieldRecords(field_file)
     motions = [records.motions_of(*line, measure) for line in rows.first_lines()]
@@ -178,41 +201,56 @@ def read_field(field_file: FieldFile) -> FoundMotions:
 
 
 def _rates(file: str, events: Sequence[str]) -> dict[str, float]:
-    """How often each event of the fields comes in a year; events that have no field cause no
-    loss."""
+    """Return the annual rate of each event of the fields. Events without a field are ignored."""
     table = read_table(file, "rates are a CSV file with the columns event and rate", comment="#")
-    event = _called(table, _EVENTS)
+    event = _find_column(table, _EVENTS)
     table.need(event, "rate")
     values = table.numbers("rate")
     table.check(
-        "rate", (rate >= 0.0 for rate in values), "must be zero or a positive number a year"
+        "rate", (rate >= 0.0 for rate in values), "must be zero or a positive number per year"
     )
     rates = _by_name(table, event, "event", values)
-    # An event without a rate would be left out of every annual loss without a word.
+    # An event without a rate would be omitted from all annual losses, so it is an error.
     missing = [name for name in events if name not in rates]
     if missing:
         raise ModelError(
-            f"{file}: has no rate of {how_many(len(missing), 'event')} of the fields, such as "
-            f"{missing[0]!r}"
+            f"{file}: the rate of {how_many(len(missing), 'event')} of the fields is missing, such "
+            f"as {missing[0]!r}; add a row for each event"
         )
     return {name: rates[name] for name in events}
 
 
 def _by_name(table: CsvTable, column: str, what: str, values: Iterable[Value]) -> dict[str, Value]:
-    """The values of rows by the names in a column, none of which may be there twice."""
+    """Return the values of rows by the names in a column.
+
+    Parameters
+    ----------
+    table : CsvTable
+        The table.
+    column : str
+        Column with the names, which must be unique.
+    what : str
+        Type of the named objects, for messages.
+    values : iterable
+        Value of each row.
+    """
     by_name: dict[str, Value] = {}
     for (line, name), value in zip(table.lines(column, empty=False), values, strict=True):
         if name in by_name:
-            raise ModelError(f"{table.source}:{line}: {what} {name!r} is there twice")
+            raise ModelError(
+                f"{table.source}:{line}: {what} {name!r} is a duplicate; use each name once"
+            )
         by_name[name] = value
     return by_name
 
 
 @dataclass
 class _FieldRows:
-    """What events do at sites: of each row numbers for its site, event (from 1) and record, the
-    value (a factor on the record, or the intensity that it is brought to, SI), and its line; 24
-    bytes each."""
+    """Rows of a table of fields: numbers of site, event (from 1) and record, value, and line.
+
+    The value is a factor on the record, or the intensity to which the record is scaled (SI). A row
+    requires 24 bytes.
+    """
 
     sites: dict[str, int]
     events: dict[str, int] = field(default_factory=dict)
@@ -224,7 +262,7 @@ class _FieldRows:
     line: array[int] = field(default_factory=lambda: array("i"))
 
     def add(self, site: int, event: int, record: int, value: float, line: int) -> None:
-        """Take a row."""
+        """Append a row."""
         self.site.append(site)
         self.event.append(event)
         self.record.append(record)
@@ -232,22 +270,22 @@ class _FieldRows:
         self.line.append(line)
 
     def arrays(self) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], Array]:
-        """Site, event, record and value."""
+        """Return site, event, record and value of all rows."""
         site, event, record = (
             np.frombuffer(numbers, np.int32) for numbers in (self.site, self.event, self.record)
         )
         return site, event, record, np.frombuffer(self.value, np.float64)
 
     def first_lines(self) -> list[tuple[int, str, str, str]]:
-        """Of each record the line where it stands first, its name, its component and the file of
-        the other one."""
+        """Return for each record the line of its first use, its name, its component and the file of
+        its second component."""
         first = np.unique(np.frombuffer(self.record, np.int32), return_index=True)[1].tolist()
         return [(self.line[place], *key) for place, key in zip(first, self.records, strict=True)]
 
-    def twice(self, file: str) -> list[str]:
-        """What is wrong with rows of an event and a site that an earlier row has."""
+    def find_duplicates(self, file: str) -> list[str]:
+        """Return the errors of rows with an event and a site that an earlier row contains."""
         site, event, *_ = self.arrays()
-        # Event and site as one number: equal ones stand side by side once sorted.
+        # Combine event and site to one number: duplicates are adjacent after sorting.
         key = event.astype(np.int64) * len(self.sites) + site
         order = np.argsort(key, kind="stable")
         again = np.flatnonzero(np.diff(key[order]) == 0)
@@ -257,10 +295,11 @@ class _FieldRows:
             (int(order[row + 1]), int(order[row])) for row in again[:_MOST_FAULTS].tolist()
         ):
             name = names[self.site[before]]
-            at = f"site {name!r}" if name else "all buildings"
+            where = f"site {name!r}" if name else "all buildings"
             faults.append(
-                f"{file}:{self.line[before]}: event {events[self.event[before] - 1]!r} at {at} is "
-                f"already on line {self.line[place]}; give each event one record at a site"
+                f"{file}:{self.line[before]}: event {events[self.event[before] - 1]!r} at {where} "
+                f"is already on line {self.line[place]}; each event can have only one record at a "
+                "site"
             )
         return faults
 
@@ -268,55 +307,69 @@ class _FieldRows:
 def _field_rows(
     field: FieldFile, sites: dict[str, int]
 ) -> tuple[_FieldRows, IntensityMeasure | None]:
-    """The rows, read one after the other, and the measure of their values; None for factors. Sites
-    are those that there are places of, or where there are none all that are named.
+    """Read the rows of a table of fields sequentially.
+
+    Parameters
+    ----------
+    field : FieldFile
+        Path and settings of the fields.
+    sites : dict of str to int
+        Numbers of the sites; if no sites are specified, the sites of the table are added.
+
+    Returns
+    -------
+    rows : _FieldRows
+        The rows.
+    measure : IntensityMeasure or None
+        Intensity measure of their values; None for factors.
 
     Raises
     ------
     ModelError
-        The table cannot be read; all faults of its rows.
+        The table cannot be read; the error lists all errors of its rows.
     """
     file = field.file
     needs = (
-        "fields are a CSV file with the columns event, site, record and, if they are wanted, "
-        "component and factor"
+        "fields are a CSV file with the columns event, site, record and, optionally, component and "
+        "factor"
     )
     columns = (*_EVENTS, *_SITES, "record", _OTHER, "component", "factor")
-    # Row by row: a table of many events at many sites does not fit into memory as text.
+    # Read row by row: a table of many events at many sites does not fit into memory as text.
     table, lines = stream_table(file, needs, columns=columns, comment="#")
-    event, site = _called(table, _EVENTS), _called(table, _SITES)
+    event, site = _find_column(table, _EVENTS), _find_column(table, _SITES)
     table.need(event, "record", *([site] if field.sites else ()))
     if table.has(_OTHER) and not field.pairs:
         raise ModelError(
-            f"{file}:{table.header_line}: {_OTHER} is of pairs: add pairs: true to the records"
+            f"{file}:{table.header_line}: {_OTHER} can only be used with pairs; add pairs: true to "
+            "the records"
         )
     value, unit, measure = _field_values(table)
     names = (event, "record", site, "component", _OTHER, value)
     width = len(table.header)
     at = [table.header.index(name) if name and table.has(name) else width for name in names]
-    # Faults are gathered up to a number, so that one look at the file mends them all.
+    # Collect errors up to a maximum, so that users can correct all of them in one edit.
     rows, faults, pick = _FieldRows(sites), list[str](), itemgetter(*at)
     for line, cells in lines:
         if len(faults) >= _MOST_FAULTS:
             break
-        # Almost all rows have names that stood before and a number: taken as they are, in two
-        # thirds of the time.
+        # Almost all rows contain known names and a number. This path takes two thirds of the time
+        # of the complete checks below.
         if len(cells) == width:
             event_name, record, place, component, other, text = pick([*cells, ""])
-            at_site, of_event = sites.get(place, -1), rows.events.get(event_name, -1)
-            of_record = rows.records.get((record, component, other), -1)
+            site_number, event_number = sites.get(place, -1), rows.events.get(event_name, -1)
+            record_number = rows.records.get((record, component, other), -1)
             factor = number(text) if text else math.nan
-            if min(at_site, of_event, of_record) >= 0 and (
+            if min(site_number, event_number, record_number) >= 0 and (
                 factor > 0.0 or (factor < 0.0 and not measure)
             ):
-                rows.add(at_site, of_event, of_record, unit * factor, line)
+                rows.add(site_number, event_number, record_number, unit * factor, line)
                 continue
         if table.overfull(cells):
             faults.append(
-                f"{file}:{line}: {how_many(len(cells), 'cell')} under {how_many(width, 'column')}"
+                f"{file}:{line}: {how_many(len(cells), 'cell')}, but {how_many(width, 'column')}"
             )
             continue
-        # Cells that are missing at the end are empty ones.
+        # Missing cells at the end of a row are empty.
         cells = [*cells[:width], *[""] * (width + 1 - len(cells[:width]))]
         event_name, record, place, component, other, text = (cells[number].strip() for number in at)
         missing = [name for name, text in ((event, event_name), ("record", record)) if not text]
@@ -335,17 +388,17 @@ def _field_rows(
             )
         elif factor == 0.0:
             faults.append(f"{file}:{line}: {value} must not be zero, got {text[:40]!r}")
-        # Names become numbers, 24 bytes a row.
+        # Replace names by numbers, which require 24 bytes per row.
         else:
-            at_site = sites.setdefault(place, len(sites))
-            of_event = rows.events.setdefault(event_name, len(rows.events) + 1)
-            of_record = rows.records.setdefault((record, component, other), len(rows.records))
-            rows.add(at_site, of_event, of_record, unit * factor, line)
-    faults += rows.twice(file)
+            site_number = sites.setdefault(place, len(sites))
+            event_number = rows.events.setdefault(event_name, len(rows.events) + 1)
+            record_number = rows.records.setdefault((record, component, other), len(rows.records))
+            rows.add(site_number, event_number, record_number, unit * factor, line)
+    faults += rows.find_duplicates(file)
     if faults:
         shown, more = faults[:_SHOWN_FAULTS], len(faults) - _SHOWN_FAULTS
         last = (
-            [f"and {'at least ' * (len(faults) >= _MOST_FAULTS)}{more} more faults"]
+            [f"and {'at least ' * (len(faults) >= _MOST_FAULTS)}{more} more errors"]
             if more > 0
             else []
         )
@@ -356,17 +409,27 @@ def _field_rows(
 
 
 def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]:
-    """The column of factors, or of OpenQuake's intensities, gmv_PGA, gmv_PGV or gmv_SA(0.6), its
-    unit in SI, and the measure of these; no column where all factors are 1."""
+    """Return the column of values of a table of fields.
+
+    Returns
+    -------
+    column : str
+        Column of factors or of OpenQuake's intensities, `gmv_PGA`, `gmv_PGV` or `gmv_SA(0.6)`;
+        empty if all factors are 1.
+    unit : float
+        Unit of the column in SI.
+    measure : IntensityMeasure or None
+        Intensity measure of OpenQuake's intensities.
+    """
     columns = [name for name in table.header if name.startswith("gmv_")]
-    # A column of factors goes before OpenQuake's intensities, which may then be any number.
+    # A column of factors has precedence. There may then be any number of OpenQuake's intensities.
     if table.has("factor") or not columns:
         return "factor" * table.has("factor"), 1.0, None
     match = _GMV.fullmatch(columns[0])
     if len(columns) > 1 or match is None:
         raise ModelError(
-            f"{table.source}:{table.header_line}: {', '.join(columns)}: leave the one that the "
-            "records are to have, gmv_PGA, gmv_PGV or gmv_SA(period), or give a column factor"
+            f"{table.source}:{table.header_line}: {', '.join(columns)}: keep only the intensity to "
+            "which records are scaled, gmv_PGA, gmv_PGV or gmv_SA(period), or add a column factor"
         )
     period = match["period"]
     if columns[0] == "gmv_pgv":
@@ -375,23 +438,24 @@ def _field_values(table: CsvTable) -> tuple[str, float, IntensityMeasure | None]
 
 
 def _site_places(file: str) -> dict[str, tuple[float, float]]:
-    """Longitude and latitude of each site, degrees."""
+    """Return longitude and latitude of each site, degrees."""
     needs = "sites are a CSV file with the columns site, longitude, latitude"
     table = read_table(file, needs, columns=(*_SITES, *_LONGITUDES, *_LATITUDES), comment="#")
     site, longitude, latitude = (
-        _called(table, names) for names in (_SITES, _LONGITUDES, _LATITUDES)
+        _find_column(table, names) for names in (_SITES, _LONGITUDES, _LATITUDES)
     )
     table.need(site, longitude, latitude)
     return _by_name(table, site, "site", _degrees(table, longitude, latitude))
 
 
-def _called(table: CsvTable, names: Sequence[str]) -> str:
-    """The first of some names of a column that a table has; the usual one where it has none."""
+def _find_column(table: CsvTable, names: Sequence[str]) -> str:
+    """Return the first of several names of a column that a table contains; the first name if it
+    contains no such column."""
     return next((name for name in names if table.has(name)), names[0])
 
 
 class _FieldRecords:
-    """The records of fields, each read once."""
+    """Records of fields. Each record is read once."""
 
     def __init__(self, field: FieldFile) -> None:
         self._wanted = field
@@ -403,9 +467,24 @@ class _FieldRecords:
     def motions_of(
         self, line: int, record: str, component: str, other: str, measure: IntensityMeasure | None
     ) -> tuple[tuple[int, float], ...]:
-        """The motions of a record by their numbers, and what they have of the measure, SI (of a
-        pair the geometric mean), or 1 for factors; none if it cannot be read or has not the
-        measure."""
+        """Read a record and return its motions.
+
+        Parameters
+        ----------
+        line : int
+            Line of its first use, for messages.
+        record, component, other : str
+            File, component, and file of the second component of a pair.
+        measure : IntensityMeasure or None
+            Intensity measure of the values; None for factors.
+
+        Returns
+        -------
+        tuple of (int, float)
+            Number of each motion, and its intensity, SI (geometric mean of a pair), or 1 for
+            factors. The result is empty if the record cannot be read or the intensity cannot be
+            computed.
+        """
         first = len(self.motions)
         try:
             motions = self._read(record, component, other)
@@ -420,57 +499,77 @@ class _FieldRecords:
         return tuple((first + place, value) for place, value in enumerate(measured))
 
     def _read(self, record: str, component: str, other: str) -> tuple[SuiteMotion, ...]:
+        """Read a record.
+
+        Parameters
+        ----------
+        record, component, other : str
+            File, component, and file of the second component of a pair.
+        """
         field, folder = self._wanted, Path(self._wanted.file).parent
         file = resolve(record, folder)
-        # Records of SimCenter's events are JSON, all others are records as elsewhere.
+        # SimCenter's records are JSON files; all other files are read as usual records.
         if file.endswith(".json"):
             return _json_motions(file, component, field)
         choice = replace(field.choice, component=component or field.choice.component)
         if not field.pairs:
             suite = read_components([file], choice)
         elif other:
-            # What the table names is a pair, whatever the names are.
+            # The table specifies the pair, so the file names do not matter.
             suite = read_pairs([file, resolve(other, folder)], choice, ONE_MOTION)
         else:
             suite = read_pairs([file], choice)
             if any(isinstance(error, SingleHorizontal) for error in suite.failures):
-                suite = read_pairs(self._named_alike(file), choice)
+                suite = read_pairs(self._files_of_motion(file), choice)
         for error in suite.failures:
             if isinstance(error, SingleHorizontal):
                 raise RecordError(
-                    f"{error}: by its name it has no partner, which a column {_OTHER} may name"
+                    f"{error}: no second component found by file name; specify it in a column "
+                    f"{_OTHER}"
                 )
             raise error
         self.notes += suite.notes
         return suite_motions(suite.motions)
 
-    def _named_alike(self, file: str) -> list[str]:
-        """The files of a motion by their names: those beside a file that `records: files` would
-        take together."""
+    def _files_of_motion(self, file: str) -> list[str]:
+        """Return the files in the same directory that belong to the motion of a file by their
+        names, as for `records: files`."""
         folder = Path(file).parent
         if folder not in self._files:
-            beside = [str(path) for path in sorted(folder.iterdir())]
-            of_motion: dict[str, list[str]] = {}
-            for path, name in zip(beside, motion_names(beside), strict=True):
-                of_motion.setdefault(name, []).append(path)
-            self._files[folder] = {path: paths for paths in of_motion.values() for path in paths}
+            neighbors = [str(path) for path in sorted(folder.iterdir())]
+            by_motion: dict[str, list[str]] = {}
+            for path, name in zip(neighbors, motion_names(neighbors), strict=True):
+                by_motion.setdefault(name, []).append(path)
+            self._files[folder] = {path: paths for paths in by_motion.values() for path in paths}
         return self._files[folder].get(str(Path(file)), [file])
 
 
 def _json_motions(file: str, named: str, field: FieldFile) -> tuple[SuiteMotion, ...]:
-    """The components of a motion as SimCenter has them."""
-    # Such a file says nothing of its units.
+    """Read the components of a motion in SimCenter's format.
+
+    Parameters
+    ----------
+    file : str
+        Path of the file.
+    named : str
+        Component in the table; empty: the component of the campaign file.
+    field : FieldFile
+        Settings of the fields.
+    """
+    # The format does not state units.
     unit = file_units(field.choice.units).of(file, "JSON")
     if unit is None:
-        raise RecordError(f"{file}: does not say its units; give `units` of the records")
+        raise RecordError(f"{file}: the file does not state its units; add `units` to the records")
     if unit.quantity != "acceleration":
-        raise RecordError(f"{file}: is an acceleration, its units are given as {unit.text}")
+        raise RecordError(
+            f"{file}: the samples are accelerations, but their units are specified as {unit.text}"
+        )
     motions = _components_of(Path(), file, unit.scale)
     component = named or field.choice.component
     kept = [motion for motion in motions if component in (None, "", motion.component)]
     if not kept:
         raise RecordError(
-            f"{file}: has no component {component!r}; it has "
+            f"{file}: component {component!r} not found; available components: "
             f"{', '.join(motion.component for motion in motions)}"
         )
     return tuple(
@@ -481,7 +580,7 @@ def _json_motions(file: str, named: str, field: FieldFile) -> tuple[SuiteMotion,
 
 
 def _degrees(table: CsvTable, longitude: str, latitude: str) -> list[tuple[float, float]]:
-    """The places of rows, degrees."""
+    """Return the locations of rows, degrees."""
     east, north = table.numbers(longitude), table.numbers(latitude)
     table.check(
         longitude, (abs(degrees) <= 360.0 for degrees in east), "must be from -360 to 360 degrees"
@@ -493,11 +592,8 @@ def _degrees(table: CsvTable, longitude: str, latitude: str) -> list[tuple[float
 
 
 def _motions_at(file: str) -> list[tuple[str, float]]:
-    """The ground motions of a point, and their factors."""
-    needs = (
-        "the file of a grid's point is a CSV file with the column TH_file and, if they differ, "
-        "factor"
-    )
+    """Return the ground motions of a point and their factors."""
+    needs = "the file of a grid point is a CSV file with the column TH_file and, optionally, factor"
     table = read_table(file, needs, columns=("TH_file", "factor"))
     names = table.texts("TH_file", empty=False)
     factors = [1.0] * len(names)
@@ -509,23 +605,32 @@ def _motions_at(file: str) -> list[tuple[str, float]]:
 
 
 def _components_of(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
-    """The components of a ground motion.
+    """Read the components of a ground motion.
+
+    Parameters
+    ----------
+    folder : Path
+        Directory of the file.
+    name : str
+        Name of the file, with or without the suffix .json.
+    unit : float
+        Unit of the samples, m/s^2.
 
     Raises
     ------
     RecordError
-        It cannot be read.
+        The file cannot be read.
     """
     file = folder / (name if name.endswith(".json") else f"{name}.json")
-    large = f"larger than {MOST_BYTES // 1024**2} MiB; this is no ground motion"
+    large = f"larger than {MOST_BYTES // 1024**2} MiB; this is not a ground motion"
     data = read_whole(file, RecordError, {}, large, MOST_BYTES)
     try:
         content: object = json.loads(data, parse_int=float)  # all numbers are floats then
     except (ValueError, RecursionError) as error:
         raise RecordError(f"{file}: not JSON: {error}") from None
     if not isinstance(content, Mapping) or "dT" not in content or "data_x" not in content:
-        raise RecordError(f"{file}: needs dT and data_x")
-    # Python's JSON takes nan and Infinity, too.
+        raise RecordError(f"{file}: the keys dT and data_x are required")
+    # Python's JSON parser also accepts NaN and Infinity.
     dt = content["dT"]
     if not (isinstance(dt, float) and SHORTEST_STEP <= dt <= LONGEST_STEP):
         limits = f"{SHORTEST_STEP:g} to {LONGEST_STEP:g} s"
@@ -539,14 +644,14 @@ def _components_of(folder: Path, name: str, unit: float) -> list[SuiteMotion]:
             if not isinstance(samples, list) or not all(
                 isinstance(sample, float) for sample in samples
             ):
-                raise RecordError(f"{file}: {key} is no list of numbers")
+                raise RecordError(f"{file}: {key} must be a list of numbers")
             record = Record(np.array(samples) * unit, dt, "", "", component, str(file))
             check_possible(record.acceleration, f"{file}: {key}")
             records.append(record)
     if len(records) == 2 and records[0].acceleration.size != records[1].acceleration.size:
         raise RecordError(f"{file}: data_x and data_y have different lengths")
-    whole = records[0] if len(records) == 1 else Horizontals(records[0], records[1])
+    motion = records[0] if len(records) == 1 else Horizontals(records[0], records[1])
     return [
-        SuiteMotion(record, name, record.component, whole, direction)
+        SuiteMotion(record, name, record.component, motion, direction)
         for direction, record in enumerate(records, start=1)
     ]
