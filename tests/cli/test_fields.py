@@ -232,7 +232,7 @@ def test_rows_of_simcenters_files_are_events(region: Path, tdint: Command) -> No
     ]
     Path("p2.csv").write_text("TH_file\nm3\n")
     tdint.refused(
-        "p2.csv: 1 motions, where p1.csv has 2", "campaign", "grid.yaml", "-o", "other", code=3
+        "p2.csv: 1 motions, but p1.csv has 2", "campaign", "grid.yaml", "-o", "other", code=3
     )
 
 
