@@ -257,7 +257,7 @@ def test_a_bad_record_is_named_and_the_others_are_done(folder, tdint):
         (
             ("--threshold", "20%"),
             2,
-            "threshold 0.2: a drift ratio above 0 and at most the collapse drift, 0.1",
+            "threshold 0.2: must be a drift ratio above 0 and at most the collapse drift, 0.1",
         ),
         (("--period", "T2"), 2, "'T2' is not a valid float"),
         (("--method", "central-difference", "--dt", "1"), 5, "unstable"),

@@ -1,4 +1,4 @@
-"""Incremental dynamic analysis of a building under many records: the work behind `tdint ida`."""
+"""Incremental dynamic analysis of a building under several records, as in `tdint ida`."""
 
 from __future__ import annotations
 
@@ -49,44 +49,47 @@ from tdint.units import OutputUnits
 from tdint.written_numbers import how_many
 
 THRESHOLDS = (0.01, 0.02, 0.04)
-"""Drift ratios whose capacities are told beside that of collapse, where neither the settings nor
-the model's damage states tell others."""
+"""Drift ratios for which capacities are reported in addition to collapse, if neither the settings
+nor the damage states of the model specify others."""
 
-PRECISION = 0.05  # of a capacity: a tenth of the scatter between motions (beta .3 to .5)
+# Relative width of the bracket of a capacity; a tenth of the dispersion between motions, which is
+# 0.3 to 0.5.
+PRECISION = 0.05
 
-_ELASTIC = 0.1
-"""Part of the collapse drift that the first run stays below, where no story yields before."""
+_MAX_FIRST_DRIFT = 0.1
+"""Upper limit of the drift in the first run, as a fraction of the collapse drift; used if no story
+yields before."""
 
-_ABOVE = 1.05
-"""A threshold below so many times what a mainshock has left is not looked for."""
+_MIN_RESIDUAL_MULTIPLE = 1.05
+"""Thresholds below this multiple of the residual drift of a mainshock are not searched."""
 
-_BEFORE_YIELDING = 0.7
-"""Part of the smallest yield drift that the first run is aimed at."""
+_YIELD_FRACTION = 0.7
+"""Target drift of the first run, as a fraction of the smallest yield drift."""
 
 RecordRuns = tuple[IdaRun, ...]
-"""Of a record, from the lowest level."""
+"""Runs of a record in ascending order of their levels."""
 
 
 @dataclass(frozen=True)
 class IdaSettings:
-    """What an incremental dynamic analysis asks for.
+    """Settings of an incremental dynamic analysis.
 
     Attributes
     ----------
     precision : float
-        Bracket of the capacity: upper over lower level, less 1.
+        Relative width of the bracket of the capacity: upper level divided by lower level, less 1.
     collapse_drift : float or None
-        Drift ratio over which the building has collapsed; by default the model's.
+        Drift ratio above which the building has collapsed; by default the value of the model.
     thresholds : tuple of float or None
-        Drift ratios whose capacities are told beside that of collapse; by default the medians of
-        the model's damage states, where they are drift ratios, else `THRESHOLDS`.
+        Drift ratios for which capacities are reported in addition to collapse. The default are the
+        medians of the damage states of the model if they are drift ratios, otherwise `THRESHOLDS`.
     max_im : float
-        The largest intensity, in the measure's unit: capacities above it are censored.
+        Maximum intensity, in the unit of the measure. Capacities above this value are censored.
     dt, duration : float or None
-        Step and duration of the runs, s; by default the model's, else those of the record.
+        Time step and duration of the runs, s; by default the values of the model, otherwise of the
+        record.
     until_rest : bool
-        Go on after that with the ground at rest until the building is: residual drifts are at rest
-        then.
+        Continue after the record until free vibration has decayed, which residual drifts require.
     check : bool
         Estimate the errors of the demands of each run.
     """
@@ -103,33 +106,35 @@ class IdaSettings:
 
 @dataclass(frozen=True, repr=False)
 class IdaStudy(Tabular):
-    """The curves of a building under many records.
+    """Curves of a building under several records.
 
     Attributes
     ----------
     model : Model
         The building, with the collapse drift of the study.
     measure : IntensityMeasure
-        What the levels are levels of.
+        Intensity measure of the levels.
     method : str
-        The method with all its parameters.
+        Method with all parameters.
     thresholds : tuple of float
-        Drift ratios whose capacities are asked for, rising, the collapse drift last.
+        Drift ratios of the capacities in ascending order; the last is the collapse drift.
     curves : tuple of IdaCurve
-        One for each record, in the order given.
+        Curve of each record, in the order of the records.
     pair : str or None
-        What of a pair of components the levels are levels of: a name of `PAIRS`; None for those of
-        each component.
+        Combination of the components of a pair in the intensity measure: a name of `PAIRS`; None:
+        the intensity of each component.
     resumed : int
-        Records whose runs were there already.
+        Number of records that were completed by an earlier call.
     remarks : tuple of str
-        What is to be said of those, one sentence each.
+        Messages about these records, one sentence each.
     checked : bool
-        Whether the errors of the demands were estimated.
+        True if the errors of the demands were estimated.
     pair_demand : str
-        How the two components of a pair count: one of `tdint.campaign.pairs.PAIR_DEMANDS`.
+        Rule that combines the demands of the two components of a pair: an item of
+        `tdint.campaign.pairs.PAIR_DEMANDS`.
     partners : mapping of int to int
-        The place of the first component for the place of each second one among the records.
+        Index of the first component of a pair for the index of each second component in the
+        records.
     """
 
     model: Model
@@ -152,12 +157,13 @@ class IdaStudy(Tabular):
 
     @property
     def im_name(self) -> str:
-        """The intensity measure, with what stands for a pair before it."""
+        """Name of the intensity measure, preceded by the combination of the components of a
+        pair."""
         return self.measure.name if self.pair is None else f"{self.pair}-{self.measure.name}"
 
     @property
     def states(self) -> list[IdaStudy]:
-        """The studies of the building in each of its states, the intact one first."""
+        """Studies of the building in each state, beginning with the intact state."""
         damages = dict.fromkeys(curve.damage for curve in self.curves)
         return [
             replace(self, curves=tuple(curve for curve in self.curves if curve.damage == state))
@@ -166,22 +172,22 @@ class IdaStudy(Tabular):
 
     @property
     def motion_curves(self) -> tuple[IdaCurve, ...]:
-        """A curve for each motion: of a pair one, unless its components count separately."""
+        """Curve of each motion. A pair has one curve, unless its components count separately."""
         if self.pair_demand == SEPARATE or not self.partners:
             return self.curves
         seconds = {first: second for second, first in self.partners.items()}
         curves: list[IdaCurve] = []
         for state in self.states:
-            for place, curve in enumerate(state.curves):
-                if place in seconds:
-                    other = state.curves[seconds[place]]
+            for index, curve in enumerate(state.curves):
+                if index in seconds:
+                    other = state.curves[seconds[index]]
                     curves.append(PairCurve.of(curve, other, self.pair_demand))
-                elif place not in self.partners:
+                elif index not in self.partners:
                     curves.append(curve)
         return tuple(curves)
 
     def in_units(self, units: OutputUnits) -> IdaStudy:
-        """The study with its intensities, and all that follows from them, in other units."""
+        """Return the study with intensities and all dependent values in other units."""
         unit, factor = units.unit(self.measure.unit)
         if factor == 1.0:
             return self
@@ -206,57 +212,58 @@ def ida(
     mainshock: Mainshock | None = None,
     pair_demand: str = LARGER,
 ) -> IdaStudy:
-    """Run a building at levels of intensity until its collapse is bracketed, under each record for
-    itself.
+    """Run a building at increasing levels of intensity until its collapse is bracketed, separately
+    for each record.
 
     Parameters
     ----------
     model : Model, str, Path or mapping
-        What `run` takes; all stories have heights.
+        Model as for `run`; all stories have heights.
     motions : sequence of Record, of Horizontals, or of paths and traces
-        Ground motions, none twice. Of a pair both components are run, each for itself, at levels of
-        the pair's intensity.
+        Ground motions without duplicates. Both components of a pair are run separately, at levels
+        of the intensity of the pair.
     measure : IntensityMeasure, optional
-        Sa at the building's first period with 5 % damping by default.
+        Intensity measure; by default Sa at the first period of the building with 5 % damping.
     settings : IdaSettings, optional
-        Precision, thresholds, largest level, steps.
+        Precision, thresholds, maximum level, time steps.
     method : str, optional
-        In place of the model's.
+        Method; by default the method of the model.
     pair : str
-        What the intensity of a pair is: a name of `PAIRS`.
+        Combination of the components of a pair in the intensity measure: a name of `PAIRS`; by
+        default the geometric mean.
     jobs : int
-        Threads; the result does not depend on it.
+        Number of threads; results do not depend on it.
     folder : Path, optional
-        Where the runs are kept as they are done, and found again by the next call with the same
-        arguments.
+        Directory in which completed runs are stored, from which the next call with the same
+        arguments continues.
     progress : bool or callable
-        A bar on a terminal or in a notebook, by tqdm, or what is told how much is done, of how
-        much.
+        True for a progress bar by tqdm on a terminal or in a notebook, or a function that is called
+        with the number of completed records and of all records.
     mainshock : Mainshock, optional
-        Do the same once more with the building damaged by it: drifts are then the largest under the
-        motions of the study, counted from where the building stood at first.
+        Repeat the study with the building damaged by a mainshock. Drifts are then maximum values
+        under the motions of the study, measured from the undeformed position.
     pair_demand : str
-        How the two components of a recording count in capacities and fractiles: `larger`, `mean` or
-        `separate`. Records that are one recording by their names are a pair unless they count
-        separately.
+        Rule that combines the two components of a recording in capacities and fractiles: `larger`,
+        `mean` or `separate`. Records of the same recording, by their names, are a pair unless they
+        count separately.
 
     Returns
     -------
     IdaStudy
-        A curve for each record, with its runs and capacities.
+        Curve of each record, with its runs and capacities.
 
     Raises
     ------
     UsageError
-        Settings that make no sense; a record twice; a folder with another study.
+        Settings are invalid; a record is given twice; the directory contains another study.
     ModelError
         A story has no height.
     RecordError
         A record is zero.
     AnalysisError
-        The step is beyond the method's limit, or the period too short for a record.
+        The time step exceeds the limit of the method, or the period is too short for a record.
     OutputError
-        The folder cannot be written.
+        The directory cannot be written.
     """
     settings = settings or IdaSettings()
     if isinstance(motions, Record | Horizontals | str):
@@ -266,20 +273,20 @@ def ida(
     if check_pair_demand(pair_demand) != SEPARATE:
         suite = join_pairs(suite)
     chosen = measure or sa(subject.period)
-    # A pair is one motion of two records, with one intensity for both.
+    # A pair is a motion with two records, which have the same intensity.
     parts = [(motion, record) for motion in suite for record in components(motion)]
     records = [record for _, record in parts]
-    # Records are told apart by their names in the tables and in the folder.
+    # Records are identified by name in the tables and in the directory.
     names = [record.name for record in records]
-    twice = [name for i, name in enumerate(names) if name in names[:i]]
-    if twice:
-        raise UsageError(f"{twice[0]}: this record is given twice")
+    duplicates = [name for i, name in enumerate(names) if name in names[:i]]
+    if duplicates:
+        raise UsageError(f"{duplicates[0]}: this record is given twice; remove one of them")
     if not names:
-        raise UsageError("no record: an incremental dynamic analysis needs one at least")
-    # Compiled before threads begin, which would all wait for it.
+        raise UsageError("no record: an incremental dynamic analysis requires at least one record")
+    # Compile before threads start, because all of them would wait.
     subject.prepared.compile([subject.integrator])
     states = _states(subject, records, mainshock, settings)
-    # A work is a record after a state of the building: its levels follow from its own runs alone.
+    # A work item is a record and a state of the building. Its levels depend only on its runs.
     ordered = [
         (*part, before) for state in states for part, before in zip(parts, state, strict=True)
     ]
@@ -288,29 +295,29 @@ def ida(
         for number, (motion, record, before) in enumerate(ordered)
     ]
     paired = pair if len(parts) > len(suite) else None
-    # What the runs depend on is kept with them: another study in the folder is refused.
+    # The input of the runs is stored with them, so that another study in the directory is refused.
     identity = _identity(subject, chosen, settings, [work.record for work in works], paired)
     with (
-        _opened(folder, identity) as (store, remarks),
-        told_progress(progress, len(works), "record") as told,
+        _open_locked(folder, identity) as (store, remarks),
+        told_progress(progress, len(works), "record") as report_progress,
     ):
-        runs_of_works, resumed = _done(works, store, jobs, told)
+        runs_of_works, resumed = _run_all(works, store, jobs, report_progress)
     collapse_drift = subject.model.collapse_drift
-    # Curves in the order of the works: all records of a state, then those of the next.
+    # Curves are in the order of the work items: all records of a state, then of the next state.
     curves = [
         IdaCurve(record, runs, collapse_drift, *((before.drift, before.left) if before else ()))
         for (_, record, before), runs in zip(ordered, runs_of_works, strict=True)
     ]
-    # Collapse is the last of the thresholds, whatever others are asked for.
+    # Collapse is always the last threshold.
     thresholds = (*sorted(set(settings.thresholds or ()) - {collapse_drift}), collapse_drift)
-    of = subject.model, chosen, subject.integrator.label, thresholds
+    common = subject.model, chosen, subject.integrator.label, thresholds
     partners = {
-        place: place - 1
-        for place, (motion, record) in enumerate(parts)
+        index: index - 1
+        for index, (motion, record) in enumerate(parts)
         if isinstance(motion, Horizontals) and record is motion.second
     }
     return IdaStudy(
-        *of,
+        *common,
         tuple(curves),
         paired,
         resumed,
@@ -322,13 +329,13 @@ def ida(
 
 
 STORE = "ida.sqlite"
-"""The store in the folder of a study: a chunk of it is a record."""
+"""File name of the store in the directory of a study. Each chunk is a record."""
 
 
 @contextmanager
-def _opened(folder: Path | None, identity: Identity) -> Iterator[tuple[Store, list[str]]]:
-    """The store of a study in a folder that nobody else writes, and what to say of it; in memory
-    without a folder."""
+def _open_locked(folder: Path | None, identity: Identity) -> Iterator[tuple[Store, list[str]]]:
+    """Lock the directory of a study and open its store, or a store in memory without a directory.
+    The context is the store and messages about it."""
     with locked(folder) if folder else nullcontext():
         store, remarks = open_or_begin(folder / STORE if folder else None, identity, log=False)
         with store:
@@ -337,8 +344,21 @@ def _opened(folder: Path | None, identity: Identity) -> Iterator[tuple[Store, li
 
 @dataclass(frozen=True)
 class _Work:
-    """The runs of a record by its number: what does them, the measure of its intensity and its
-    value for the record as it is, and what decides on the levels."""
+    """Runs of a record.
+
+    Attributes
+    ----------
+    number : int
+        Number of the record.
+    batch : Batch
+        Object that integrates the runs.
+    measure : IntensityMeasure
+        Intensity measure of the levels.
+    intensity : float
+        Intensity of the unscaled record.
+    levels : LevelSearch
+        Search that determines the levels.
+    """
 
     number: int
     batch: Batch
@@ -348,7 +368,7 @@ class _Work:
 
     @property
     def record(self) -> Record:
-        """What is scaled."""
+        """Record that is scaled."""
         return self.batch.motions.records[self.number]
 
     @classmethod
@@ -362,35 +382,67 @@ class _Work:
         settings: IdaSettings,
         before: DamagedState | None = None,
     ) -> _Work:
-        # Drifts that a mainshock has left tell nothing of the next shock: thresholds above them
-        # alone count.
+        """Return the work item of a record.
+
+        Parameters
+        ----------
+        number : int
+            Number of the record.
+        subject : Subject
+            The building and its method.
+        record : Record
+            The record.
+        measure : IntensityMeasure
+            Intensity measure of the levels.
+        intensity : float
+            Intensity of the unscaled record.
+        settings : IdaSettings
+            Settings of the study.
+        before : DamagedState, optional
+            State of the building before the record; by default undamaged.
+        """
+        # Residual drifts of a mainshock are no response to the record: use only thresholds above.
         left = before.left if before else 0.0
         elastic = _elastic_scale(subject.prepared.building, record, subject.model.collapse_drift)
-        # The first level is below yield by the first mode, so that a curve begins elastic.
+        # The first level is below yield in the first mode, so that the curve starts elastic.
         levels = LevelSearch(
             start=intensity * elastic**measure.growth,
             precision=settings.precision,
             lowest_drift=min(
-                (drift for drift in settings.thresholds or () if drift > _ABOVE * left),
+                (
+                    drift
+                    for drift in settings.thresholds or ()
+                    if drift > _MIN_RESIDUAL_MULTIPLE * left
+                ),
                 default=math.inf,
             ),
             most=settings.max_im,
         )
-        how = RunSettings(settings.dt, settings.duration, settings.until_rest, check=settings.check)
-        # The mainshock keeps its scale while that of the record grows.
+        run_settings = RunSettings(
+            settings.dt, settings.duration, settings.until_rest, check=settings.check
+        )
+        # The scale factor of the mainshock is constant; the factor of the record increases.
         if before:
             record = JoinedRecord.of([before.record, record], before.rest, fixed=1)
-        batch = Batch(0, subject, Motions({number: record}), {number: None}, how)
+        batch = Batch(0, subject, Motions({number: record}), {number: None}, run_settings)
         return cls(number, batch, measure, intensity, levels)
 
     def done(self) -> tuple[Done, RecordRuns]:
-        """Do all runs of the record; one that has no result is repeated with half the step.
-        FailedRun where the step is beyond the method's limit."""
+        """Integrate all runs of the record. A run without a result is repeated with half the time
+        step.
+
+        Raises
+        ------
+        FailedRun
+            The time step exceeds the limit of the method.
+        """
         began, rows = time.thread_time(), Rows()
 
         def run(scale: float) -> RunRow:
+            """Integrate the run of a scale factor."""
             (row,) = self.batch.results([Run(self.number, scale)]).runs
-            if row.status == UNSTABLE:  # No level mends that; said as a single run says it.
+            # All levels would be unstable: raise the same error as a single run.
+            if row.status == UNSTABLE:
                 case, settings = self.batch.subject.case(self.record), self.batch.settings
                 case.march(case.steps(settings.dt, settings.duration))
             rows.runs.append(row)
@@ -400,7 +452,8 @@ class _Work:
         return Done(self.number, rows, time.thread_time() - began), runs
 
     def kept(self, rows: Sequence[RunRow]) -> RecordRuns | None:
-        """The runs whose rows were kept; None if they are not those that `done` would do."""
+        """Return the stored runs, or None if they differ from the runs that `done` would
+        execute."""
         by_scale = {row.scale: row for row in rows}
         try:
             runs = self._through(by_scale.__getitem__)
@@ -409,23 +462,40 @@ class _Work:
         return runs if len(runs) == len(rows) else None
 
     def _through(self, run: Callable[[float], RunRow]) -> RecordRuns:
-        """The runs from the lowest level; each level follows from the runs before."""
+        """Return the runs in ascending order of levels. Each level depends on the preceding
+        runs."""
         runs: list[IdaRun] = []
         while (level := self.levels.next(runs)) is not None:
             runs.append(IdaRun.of(level, run(factor_to(level, self.measure, self.intensity))))
         return tuple(sorted(runs, key=lambda run: run.im))
 
 
-def _done(
+def _run_all(
     works: Sequence[_Work], store: Store, jobs: int, progress: Progress
 ) -> tuple[list[RecordRuns], int]:
-    """The runs of all records, and how many records were done before; the others are shared by
-    threads."""
+    """Return the runs of all records. Records that are not stored are distributed over threads.
+
+    Parameters
+    ----------
+    works : sequence of _Work
+        Work items.
+    store : Store
+        Store of the study.
+    jobs : int
+        Number of threads.
+    progress : callable
+        Function that reports progress.
+
+    Returns
+    -------
+    list of RecordRuns, int
+        Runs of each work item, and number of work items that were stored before.
+    """
     results: dict[int, RecordRuns] = {}
     for number in sorted(store.done()):
         if runs := works[number].kept(store.runs_of(number)):
             results[number] = runs
-        else:  # of a version with other levels
+        else:  # stored by a version with other levels
             store.remove({number})
     resumed = len(results)
     progress(resumed, len(works))
@@ -441,14 +511,14 @@ def _done(
 def _prepared(
     model: Model, settings: IdaSettings, method: str | None
 ) -> tuple[Subject, IdaSettings]:
-    """The building, put together, and settings that make sense."""
+    """Return the assembled building and validated settings."""
     collapse_drift = settings.collapse_drift or model.collapse_drift
     if not 0.0 < settings.precision <= 0.5:
         raise UsageError(
             "the precision of a capacity must be above 0 and at most 50 %, got "
             f"{settings.precision:g}"
         )
-    # Without thresholds those of the model's own damage states, if these are drift ratios.
+    # Default thresholds are the damage states of the model, if these are drift ratios.
     states = model.damage if model.damage and model.damage.demand == "drift_ratio" else None
     medians = (
         tuple(median for median in states.medians if median <= collapse_drift)
@@ -459,24 +529,24 @@ def _prepared(
     for threshold in thresholds:
         if not 0.0 < threshold <= collapse_drift:
             raise UsageError(
-                f"threshold {threshold:g}: a drift ratio above 0 and at most the collapse drift, "
-                f"{collapse_drift:g}"
+                f"threshold {threshold:g}: must be a drift ratio above 0 and at most the collapse "
+                f"drift, {collapse_drift:g}"
             )
     if not settings.max_im > 0.0:
-        raise UsageError(f"the largest intensity must be positive, got {settings.max_im:g}")
-    # An isolator has no drift ratio and needs no height; of isolators alone there would be none at
-    # all.
-    without = [
+        raise UsageError(f"the maximum intensity must be positive, got {settings.max_im:g}")
+    # An isolator has no drift ratio and needs no height, but at least one story must have a drift
+    # ratio.
+    no_height = [
         i
         for i, story in enumerate(model.stories, start=1)
         if story.height is None and not story.isolator
     ]
     if all(story.isolator for story in model.stories):
-        without = [1]
-    if without:
+        no_height = [1]
+    if no_height:
         raise ModelError(
-            f"{model.source}: an incremental dynamic analysis needs drift ratios: give story "
-            f"{without[0]} a height"
+            f"{model.source}: an incremental dynamic analysis requires drift ratios; add the "
+            f"height of story {no_height[0]}"
         )
     subject = Subject(
         replace(model, collapse_drift=collapse_drift),
@@ -488,13 +558,26 @@ def _prepared(
 def _states(
     subject: Subject, records: Sequence[Record], mainshock: Mainshock | None, settings: IdaSettings
 ) -> list[list[DamagedState | None]]:
-    """For each state of the building what each record comes after: nothing first, then what damages
-    it to some drifts.
+    """Return the state of the building before each record, for each state of the study.
+
+    The first state is undamaged (None). In the other states a mainshock has caused a specified
+    drift.
+
+    Parameters
+    ----------
+    subject : Subject
+        The building and its method.
+    records : sequence of Record
+        Records of the study.
+    mainshock : Mainshock or None
+        Mainshocks and the drifts that they cause.
+    settings : IdaSettings
+        Settings of the study.
 
     Raises
     ------
     UsageError
-        A drift is none, or that of a collapse.
+        A drift is not positive, or not below the collapse drift.
     """
     drift, damages = (
         subject.model.collapse_drift,
@@ -503,7 +586,8 @@ def _states(
     for damage in damages:
         if not 0.0 < damage < drift:
             raise UsageError(
-                f"damage {damage:g}: a drift ratio above 0 and below the collapse drift, {drift:g}"
+                f"damage {damage:g}: must be a drift ratio above 0 and below the collapse drift, "
+                f"{drift:g}"
             )
     by_key: dict[tuple[str, float], DamagedState] = {}
     states: list[list[DamagedState | None]] = [[None] * len(records)]
@@ -512,7 +596,7 @@ def _states(
         for record in records:
             assert mainshock is not None
             main = mainshock.before(record)
-            # Two records of a component share their mainshock: it is scaled once.
+            # Records of the same component have the same mainshock, which is scaled once.
             key = (main.name, damage)
             if key not in by_key:
                 first = _elastic_scale(subject.prepared.building, main, drift)
@@ -523,15 +607,17 @@ def _states(
 
 
 def _elastic_scale(building: Building, record: Record, collapse_drift: float) -> float:
-    """The factor on a record with which its first mode alone, if it stayed linear, would not yet
-    yield."""
+    """Return the scale factor of a record at which no story yields in the first mode of the elastic
+    building."""
     omega, shape = building.vibration.first
-    tall = np.isfinite(building.heights)  # an isolator has no drift ratio
-    heights = building.heights[tall]
-    ratios = float(shape @ building.mass) * np.abs(np.diff(shape, prepend=0.0))[tall] / heights
-    yielding = building.yield_drift[tall] / heights
-    limits = np.where(np.isfinite(yielding), yielding * _BEFORE_YIELDING, math.inf)
-    limits = np.minimum(limits, _ELASTIC * collapse_drift)
+    has_height = np.isfinite(building.heights)  # an isolator has no drift ratio
+    heights = building.heights[has_height]
+    ratios = (
+        float(shape @ building.mass) * np.abs(np.diff(shape, prepend=0.0))[has_height] / heights
+    )
+    yielding = building.yield_drift[has_height] / heights
+    limits = np.where(np.isfinite(yielding), yielding * _YIELD_FRACTION, math.inf)
+    limits = np.minimum(limits, _MAX_FIRST_DRIFT * collapse_drift)
     spectral = sa(2.0 * math.pi / omega).of(record) / omega**2
     return float(np.min(limits / (ratios * spectral)))
 
@@ -543,8 +629,22 @@ def _identity(
     records: Sequence[Record],
     paired: str | None,
 ) -> Identity:
-    """What the runs depend on."""
-    # Other measures have neither periods nor a damping ratio.
+    """Return the input that the runs depend on.
+
+    Parameters
+    ----------
+    subject : Subject
+        The building and its method.
+    measure : IntensityMeasure
+        Intensity measure of the levels.
+    settings : IdaSettings
+        Settings of the study.
+    records : sequence of Record
+        Record of each work item.
+    paired : str or None
+        Combination of the components of pairs.
+    """
+    # Only spectral measures have periods and a damping ratio.
     spectral = measure if isinstance(measure, SpectralIntensity) else None
     about = {name.replace("_", " "): value for name, value in asdict(settings).items()} | {
         "study": "ida",
