@@ -367,6 +367,7 @@ def test_a_mainshock_has_the_component_of_the_record_or_one_for_all():
     assert Mainshock((east, north), (0.01,)).before(record) is north
     assert Mainshock((east,), (0.01,)).before(record) is east
     with pytest.raises(
-        UsageError, match=r"no component HNZ to go with 0\.m.*it has HNE, HNN: name one"
+        UsageError,
+        match=r"no component HNZ to precede 0\.m.*available components: HNE, HNN; select one",
     ):
         Mainshock((east, north), (0.01,)).before(replace(record, component="HNZ"))

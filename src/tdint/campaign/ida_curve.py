@@ -1,5 +1,5 @@
-"""The curve of a building under one record in an incremental dynamic analysis: its runs, which
-level comes next, its capacities; and a building that a mainshock has damaged before."""
+"""Curve of a building under one record in an incremental dynamic analysis: runs, search for levels,
+and capacities. Also the state of a building after a mainshock."""
 
 from __future__ import annotations
 
@@ -22,43 +22,42 @@ from tdint.errors import AnalysisError, UsageError
 from tdint.ground_motion.record import Record
 from tdint.model.damage_states import DONE, FALLEN
 
-# ---- The curve of a building under one record: its runs at levels of intensity, which level comes
-# next, and what they say
+# ---- Curve of a building under one record: runs at levels of intensity, and search for levels
 #
-# A level is a function of the runs so far alone, so that a study goes on where it ended: hunt,
-# bisect, fill (Vamvatsikos and Cornell 2002, doi 10.1002/eqe.141; 2004, doi 10.1193/1.1737737), and
-# then look above the capacity, where a building may stand again (structural resurrection).
+# A level depends only on the runs so far, so that an interrupted study can continue: hunt, bisect,
+# fill (Vamvatsikos and Cornell 2002, doi 10.1002/eqe.141; 2004, doi 10.1193/1.1737737), then probe
+# above the capacity, where a building may not collapse (structural resurrection).
 
-_OF_ROW = {
+_ROW_NAMES = {
     "drift_ratio": "peak_drift_ratio",
     "acceleration": "peak_absolute_acceleration",
     "residual_drift_ratio": "residual_drift_ratio",
 }
-"""Demands of an `IdaRun`, and what `RunRow` calls them."""
+"""Names in `RunRow` of the demands of an `IdaRun`."""
 
 
 @dataclass(frozen=True)
 class IdaRun:
-    """A run of an incremental dynamic analysis.
+    """Run of an incremental dynamic analysis.
 
     Attributes
     ----------
     im : float
         Intensity, in the unit of its measure.
     scale : float
-        Factor on the record.
+        Scale factor of the record.
     status : str
-        As of `tdint run`; one that is neither `done` nor a collapse has no result, also with a
-        finer step.
+        Status as for `tdint run`. If it is neither `done` nor a collapse, the run has no result,
+        even with a smaller time step.
     drift_ratio, acceleration, residual_drift_ratio : float
-        Largest drift ratio, absolute acceleration (m/s^2) and drift ratio at the end; nan without a
-        result.
+        Maximum drift ratio, maximum absolute acceleration (m/s^2) and residual drift ratio; NaN
+        without a result.
     finer : int
-        How often the step was halved, for the run had no result.
+        Number of times that the time step was halved because the run had no result.
     energy_error : float
-        Imbalance over the largest input energy; nan without a result.
+        Energy imbalance divided by the maximum input energy; NaN without a result.
     drift_ratio_error, acceleration_error, residual_drift_ratio_error : float
-        Estimated errors; nan where there are none.
+        Estimated errors; NaN if not estimated.
     """
 
     im: float
@@ -75,11 +74,11 @@ class IdaRun:
 
     @classmethod
     def of(cls, im: float, row: RunRow) -> IdaRun:
-        """What the row of a run at a level says."""
+        """Return the run at a level from its row."""
         names = [column.name for column in RUN_WITH_ERROR]
         errors = dict(zip(names, row.errors, strict=False))
         values: dict[str, float | None] = {"energy_error": row.energy_error}
-        for demand, name in _OF_ROW.items():
+        for demand, name in _ROW_NAMES.items():
             values |= {demand: getattr(row, name), f"{demand}_error": errors.get(name)}
         numbers = {
             name: math.nan if value is None else float(value) for name, value in values.items()
@@ -88,50 +87,51 @@ class IdaRun:
 
     @property
     def stable(self) -> bool:
-        """Whether the building stood."""
+        """True if the building did not collapse."""
         return self.status == DONE
 
     @property
     def collapsed(self) -> bool:
-        """Whether the building collapsed, by its own motion; every other status but `done` says
-        nothing of it."""
+        """True if the building collapsed in the analysis. Statuses other than collapse and `done`
+        provide no information."""
         return self.status in FALLEN
 
 
 _HUNT = 1.5
-"""Ratio of neighbouring levels while no collapse is known."""
+"""Ratio of successive levels while no collapse is found."""
 
-_MOST_HUNTS = 40
+_MAX_HUNTS = 40
 _FILL = 1.2
-"""Ratio of drifts of neighbouring levels up to which nothing is put between them."""
+"""Ratio of drifts of adjacent levels above which a level is added between them."""
 
 _PROBES = (1.25, 1.5)
-"""Levels above the first collapse at which the building may stand again, over its level."""
+"""Levels above the first collapse at which resurrection is checked, divided by the level of the
+collapse."""
 
-_NEAR = 0.01
-"""Levels that differ by less than this part, of themselves or of their bracket, are the same."""
+_EQUAL_LEVELS = 0.01
+"""Relative difference, of levels or of their bracket, below which levels are equal."""
 
-_PLACES = (0.5, 0.25, 0.75, 0.375, 0.625)
-"""Where between two levels, in the logarithm, a run is tried; the next one where the run before had
-no result."""
+_POSITIONS = (0.5, 0.25, 0.75, 0.375, 0.625)
+"""Positions between two levels on a logarithmic scale at which a run is tried, in order. The next
+position is used if the preceding run had no result."""
 
-MOST_RUNS = 300  # a curve takes 10 to 40; more means that it does not end
+MOST_RUNS = 300  # maximum number of runs of a curve, which usually needs 10 to 40
 
 
 @dataclass(frozen=True)
 class LevelSearch:
-    """What decides on the levels.
+    """Search that determines the levels of a curve.
 
     Attributes
     ----------
     start : float
-        The first level: the building should remain elastic.
+        First level, at which the building should remain elastic.
     precision : float
-        Bracket of the capacity, upper over lower level less 1.
+        Relative width of the bracket of the capacity: upper level divided by lower level, less 1.
     lowest_drift : float
-        A drift ratio that one run at least stays below: the lowest threshold.
+        Lowest threshold: at least one run has a smaller drift ratio.
     most : float
-        The largest level; capacities above it are censored.
+        Maximum level; capacities above it are censored.
     """
 
     start: float
@@ -140,12 +140,17 @@ class LevelSearch:
     most: float = math.inf
 
     def next(self, runs: Sequence[IdaRun]) -> float | None:
-        """The next level, None if all is known; `runs` in any order.
+        """Return the next level, or None if the curve is complete.
 
-        The hunt and fill of Vamvatsikos and Cornell (2004): up to the first collapse, then between
-        the levels that bracket it, below until one run stays under the lowest threshold, between
-        drifts that differ by much, and last above the first collapse, where the building may stand
-        again.
+        The levels follow the hunt and fill algorithm of Vamvatsikos and Cornell (2004). They
+        increase up to the first collapse and then bisect the bracket of the collapse. They decrease
+        until a run is below the lowest threshold, fill gaps between drifts, and finally probe above
+        the first collapse for resurrection.
+
+        Parameters
+        ----------
+        runs : sequence of IdaRun
+            Runs so far, in any order.
         """
         if not runs:
             return min(self.start, self.most)
@@ -154,9 +159,9 @@ class LevelSearch:
         runs = sorted(runs, key=lambda run: run.im)
         standing, collapse = list(below_collapse(runs)), first_collapse(runs)
         lowest, highest = runs[0].im, runs[-1].im
-        least, largest = self.start / _HUNT**_MOST_HUNTS, self.start * _HUNT**_MOST_HUNTS
+        least, largest = self.start / _HUNT**_MAX_HUNTS, self.start * _HUNT**_MAX_HUNTS
 
-        # Hunt: up until it collapses; down until it stands.
+        # Hunt: increase the level until collapse, or decrease it until there is no collapse.
         if collapse is None and highest < self.most and highest <= largest:
             return min(highest * _HUNT, self.most)
         if collapse and not standing and lowest > least:
@@ -166,13 +171,13 @@ class LevelSearch:
             level = _between(standing[-1].im, collapse.im, runs)
             if level is not None:
                 return level
-        # Descend until a drift is below the lowest threshold: in proportion, but by no more than a
-        # tenth at once.
+        # Decrease the level until a drift is below the lowest threshold: in proportion to the
+        # drift, but not below a tenth of the level in one step.
         if standing and standing[0].drift_ratio >= self.lowest_drift and lowest >= least:
             return lowest * max(
                 0.1, min(1.0 / _HUNT, 0.8 * self.lowest_drift / standing[0].drift_ratio)
             )
-        # Fill between neighbours whose drifts differ by much.
+        # Fill gaps between adjacent levels with very different drifts.
         for low, high in pairwise(standing):
             small, large = sorted((low.drift_ratio, high.drift_ratio))
             if large > _FILL * small and high.im > low.im * (1.0 + self.precision):
@@ -181,48 +186,58 @@ class LevelSearch:
                     return level
         # Probe above the first collapse.
         for level in (probe * collapse.im for probe in _PROBES) if collapse else ():
-            if level <= self.most and all(abs(run.im - level) > _NEAR * level for run in runs):
+            if level <= self.most and all(
+                abs(run.im - level) > _EQUAL_LEVELS * level for run in runs
+            ):
                 return level
         return None
 
 
 def first_collapse(runs: Sequence[IdaRun]) -> IdaRun | None:
-    """The lowest level at which the building collapses."""
+    """Return the run with the lowest level at which the building collapses, or None."""
     return min((run for run in runs if run.collapsed), key=lambda run: run.im, default=None)
 
 
 def below_collapse(runs: Sequence[IdaRun]) -> Iterator[IdaRun]:
-    """The levels below the first collapse at which the building stands, from the lowest."""
+    """Return the runs without collapse below the first collapse in ascending order."""
     collapse = first_collapse(runs)
     limit = math.inf if collapse is None else collapse.im
     return (run for run in sorted(runs, key=lambda run: run.im) if run.stable and run.im < limit)
 
 
 def _between(low: float, high: float, runs: Sequence[IdaRun]) -> float | None:
-    """A level between two neighbours that was not tried without a result."""
+    """Return a level between two adjacent levels at which no run without a result exists, or None.
+
+    Parameters
+    ----------
+    low, high : float
+        Adjacent levels.
+    runs : sequence of IdaRun
+        Runs so far.
+    """
     tried = [run.im for run in runs if low < run.im < high]
-    near = _NEAR * math.log(high / low)
-    levels = (low * (high / low) ** place for place in _PLACES)
+    tolerance = _EQUAL_LEVELS * math.log(high / low)
+    levels = (low * (high / low) ** position for position in _POSITIONS)
     return next(
-        (level for level in levels if all(abs(math.log(im / level)) > near for im in tried)), None
+        (level for level in levels if all(abs(math.log(im / level)) > tolerance for im in tried)),
+        None,
     )
 
 
 @dataclass(frozen=True)
 class Capacity:
-    """The intensity at which a building first exceeds a drift ratio under a record.
+    """Intensity at which a building first exceeds a drift ratio under a record.
 
     Attributes
     ----------
     threshold : float
-        The drift ratio; the collapse drift stands for collapse, by whatever cause.
+        Drift ratio. The collapse drift represents collapse of any cause.
     capacity : float
-        The intensity; of a censored one what it is known to lie above; nan if nothing is known.
+        Intensity. It is a lower bound if censored, and NaN if unknown.
     lower, upper : float
-        Levels next to it at which the building was run: below, not exceeded; above, exceeded (nan
-        if censored).
+        Adjacent levels of runs: below, not exceeded; above, exceeded (NaN if censored).
     censored : bool
-        Whether it was not exceeded up to the largest level.
+        True if the drift ratio was not exceeded up to the maximum level.
     """
 
     threshold: float
@@ -234,19 +249,18 @@ class Capacity:
 
 @dataclass(frozen=True)
 class IdaCurve:
-    """The runs of a record.
+    """Runs of a record.
 
     Attributes
     ----------
     record : Record
-        As it was read; the runs scale it.
+        Unscaled record.
     runs : tuple of IdaRun
-        From the lowest level.
+        Runs in ascending order of levels.
     collapse_drift : float
         Drift ratio of collapse.
     damage, left : float
-        Of a building that a mainshock has damaged: the drift ratio that it has reached, and that it
-        is left with.
+        For a building damaged by a mainshock: maximum and residual drift ratio.
     """
 
     record: Record
@@ -257,15 +271,15 @@ class IdaCurve:
 
     @cached_property
     def stable(self) -> list[IdaRun]:
-        """The runs below the first collapse at which the building stands."""
+        """Runs without collapse below the first collapse."""
         return list(below_collapse(self.runs))
 
     @property
     def resurrection(self) -> bool:
-        """Whether the building stands again at a level that was run above its first collapse.
+        """True if the building does not collapse at a level above its first collapse.
 
-        Two are tried for that, 1.25 and 1.5 times it, others are met in the search; of those
-        between nothing is known.
+        Two such levels are probed, 1.25 and 1.5 times the collapse level; the search may add
+        others. Resurrection at levels between these is not detected.
         """
         collapse = first_collapse(self.runs)
         return collapse is not None and any(
@@ -274,8 +288,8 @@ class IdaCurve:
 
     @cached_property
     def collapse(self) -> Capacity:
-        """The capacity against collapse: the geometric mean of the last level that stands and the
-        first that falls."""
+        """Collapse capacity: geometric mean of the last level without and the first level with
+        collapse."""
         lower, high = self.stable[-1].im if self.stable else math.nan, first_collapse(self.runs)
         if high is None:
             return Capacity(self.collapse_drift, lower, lower, math.nan, censored=True)
@@ -284,23 +298,24 @@ class IdaCurve:
         )
 
     def capacity(self, threshold: float) -> Capacity:
-        """The capacity for a drift ratio: where the curve first reaches it, straight on logarithmic
-        axes.
+        """Return the capacity for a drift ratio: the intensity at which the curve first reaches it,
+        by linear interpolation on logarithmic axes.
 
-        A damaged building that is left with as much has none (nan).
+        The capacity of a damaged building is unknown (NaN) if its residual drift is at least the
+        drift ratio.
 
-        A building that collapses before has the capacity against collapse: no line leads to the
-        drift of a run that ran away.
+        If the building collapses before it reaches the drift ratio, the collapse capacity is
+        returned, because drifts of collapsed runs cannot be interpolated.
         """
         if threshold >= self.collapse_drift:
             return self.collapse
-        # The first crossing counts: a curve may come back below a drift at a higher level.
+        # Use the first crossing: drifts of a curve may decrease again at a higher level.
         for i, run in enumerate(self.stable):
             if run.drift_ratio < threshold:
                 continue
             if threshold <= self.left:
                 return Capacity(threshold, math.nan, math.nan, math.nan, censored=False)
-            if i == 0:  # From the origin, or the drift that was left, a straight line.
+            if i == 0:  # Interpolate linearly from the origin or from the residual drift.
                 part = (threshold - self.left) / (run.drift_ratio - self.left)
                 return Capacity(threshold, run.im * part, 0.0, run.im, censored=False)
             before = self.stable[i - 1]
@@ -320,8 +335,7 @@ class IdaCurve:
         )
 
     def intensity_at(self, drift_ratios: Array) -> Array:
-        """The capacities for drift ratios, shape (k,): inf where censored, nan where nothing is
-        known."""
+        """Return the capacities for drift ratios, shape (k,): inf if censored, NaN if unknown."""
         capacities = [self.capacity(drift) for drift in drift_ratios.tolist()]
         values = np.array(
             [
@@ -334,16 +348,17 @@ class IdaCurve:
 
 @dataclass(frozen=True)
 class PairCurve(IdaCurve):
-    """The curve of a pair, made from the curves of its two components.
+    """Curve of a pair, computed from the curves of its two components.
 
-    Its runs are at the levels of both components up to the first collapse of one of them, with the
-    larger or the mean drift ratio; between its levels a component's drift ratio is interpolated on
-    logarithmic axes. The building collapses under the pair where it first does under a component.
+    The runs are at the levels of both components up to the first collapse of a component. Their
+    drift ratio is the maximum or the mean of both components. Between the levels of a component,
+    its drift ratio is interpolated on logarithmic axes. The building collapses under the pair at
+    the level at which it first collapses under a component.
 
     Attributes
     ----------
     parts : tuple of two IdaCurve
-        The components.
+        Curves of the components.
     demand : str
         `larger` or `mean` (`tdint.campaign.pairs`).
     """
@@ -353,7 +368,15 @@ class PairCurve(IdaCurve):
 
     @classmethod
     def of(cls, first: IdaCurve, second: IdaCurve, demand: str) -> Self:
-        """Return the curve of two components."""
+        """Return the curve of two components.
+
+        Parameters
+        ----------
+        first, second : IdaCurve
+            Curves of the components.
+        demand : str
+            `larger` or `mean`.
+        """
         parts = first, second
         highest = min(part.stable[-1].im if part.stable else 0.0 for part in parts)
         levels = sorted({run.im for part in parts for run in part.stable if run.im <= highest})
@@ -375,17 +398,17 @@ class PairCurve(IdaCurve):
 
     @property
     def resurrection(self) -> bool:
-        """Whether the building stands again above its first collapse under a component."""
+        """True if the building does not collapse above its first collapse under a component."""
         return any(part.resurrection for part in self.parts)
 
     @cached_property
     def collapse(self) -> Capacity:
-        """The smaller capacity of the two components against collapse."""
+        """Smaller collapse capacity of the two components."""
         return min((part.collapse for part in self.parts), key=lambda limit: limit.capacity)
 
     def capacity(self, threshold: float) -> Capacity:
-        """The capacity for a drift ratio: with the larger demand the smaller one of the
-        components, with the mean demand the one of the mean curve."""
+        """Return the capacity for a drift ratio: the smaller capacity of the components for the
+        larger demand, or the capacity of the mean curve for the mean demand."""
         if threshold >= self.collapse_drift:
             return self.collapse
         if self.demand == MEAN:
@@ -396,26 +419,35 @@ class PairCurve(IdaCurve):
 
 
 def _drifts_at(curve: IdaCurve, levels: Sequence[float]) -> Array:
-    """Return the drift ratios of a curve at levels up to its last stable one, shape (k,)."""
+    """Return the drift ratios of a curve at levels up to its last stable level, shape (k,)."""
     if not levels:
         return np.empty(0)
     im = np.array([run.im for run in curve.stable])
     drift = np.array([run.drift_ratio for run in curve.stable])
-    at = np.asarray(levels)
-    # From the drift that was left a straight line to the first run, then logarithmic axes.
-    first = curve.left + (drift[0] - curve.left) * at / im[0]
-    beyond = np.exp(np.interp(np.log(at), np.log(im), np.log(drift)))
-    return np.asarray(np.where(at < im[0], first, beyond))
+    intensities = np.asarray(levels)
+    # Interpolate linearly from the residual drift to the first run, then on logarithmic axes.
+    first = curve.left + (drift[0] - curve.left) * intensities / im[0]
+    later = np.exp(np.interp(np.log(intensities), np.log(im), np.log(drift)))
+    return np.asarray(np.where(intensities < im[0], first, later))
 
 
 def fractiles(
     curves: Sequence[IdaCurve], drift_ratios: Array, parts: Sequence[float] = (0.16, 0.5, 0.84)
 ) -> Array:
-    """Fractiles over the records of the intensity that leads to each drift ratio, shape
-    (len(parts), k).
+    """Return fractiles over the records of the intensity at each drift ratio, shape (len(parts),
+    k).
 
-    A fractile is nan from where on it lies among censored capacities. Between two records lies a
-    straight line of the logarithm.
+    A fractile is NaN if it depends on censored capacities. Between two records it is interpolated
+    linearly in the logarithm.
+
+    Parameters
+    ----------
+    curves : sequence of IdaCurve
+        Curve of each record.
+    drift_ratios : ndarray, shape (k,)
+        Drift ratios.
+    parts : sequence of float
+        Fractions of the fractiles; by default 16 %, 50 % and 84 %.
     """
     standing = [curve for curve in curves if curve.stable]
     result = np.full((len(parts), drift_ratios.size), math.nan)
@@ -423,48 +455,50 @@ def fractiles(
         return result
     ranked = np.sort([curve.intensity_at(drift_ratios) for curve in standing], axis=0)
     for row, part in zip(result, parts, strict=True):
-        place = part * (len(standing) - 1)
-        low, high = ranked[math.floor(place)], ranked[math.ceil(place)]
-        sure = np.isfinite(low) & np.isfinite(high)
-        sure &= low > 0.0
-        row[sure] = low[sure] * (high[sure] / low[sure]) ** (place - math.floor(place))
+        position = part * (len(standing) - 1)
+        low, high = ranked[math.floor(position)], ranked[math.ceil(position)]
+        is_finite = np.isfinite(low) & np.isfinite(high)
+        is_finite &= low > 0.0
+        row[is_finite] = low[is_finite] * (high[is_finite] / low[is_finite]) ** (
+            position - math.floor(position)
+        )
     return result
 
 
 # ---- Damage
 
-_DAMAGE_HUNT = 1.3
-_HUNTS = 60
-_EXACT = 1e-4
-"""Part of the drift that is asked for by which it may be missed."""
+_DAMAGE_HUNT = 1.3  # ratio of successive factors until the drift is reached
+_MAX_DAMAGE_HUNTS = 60  # maximum number of factors until the drift is reached
+_DRIFT_TOLERANCE = 1e-4
+"""Relative tolerance of the drift of a mainshock."""
 
-_HALVINGS = 60  # 2^-60: rounding alone is left
+_MAX_BISECTIONS = 60  # maximum number of bisections; 2^-60 is below rounding errors
 
 
 @dataclass(frozen=True)
 class Mainshock:
-    """A ground motion before each of a study's, scaled so that the building reaches some drift
-    ratios.
+    """Ground motion before each motion of a study, scaled so that the building reaches specified
+    drift ratios.
 
     Attributes
     ----------
     records : tuple of Record
-        Its horizontal components; one goes with all records, of several the one of a record's own
-        component.
+        Horizontal components. A single component precedes all records; otherwise each record is
+        preceded by the component with the same name.
     damages : tuple of float
-        The drift ratios.
+        Drift ratios.
     """
 
     records: tuple[Record, ...]
     damages: tuple[float, ...]
 
     def before(self, record: Record) -> Record:
-        """The component that goes with a record.
+        """Return the component that precedes a record.
 
         Raises
         ------
         UsageError
-            There is none.
+            No component has the name of the component of the record.
         """
         if len(self.records) == 1:
             return self.records[0]
@@ -473,25 +507,25 @@ class Mainshock:
                 return main
         names = ", ".join(main.component for main in self.records)
         raise UsageError(
-            f"{self.records[0].source}: no component {record.component or 'of that kind'} to go "
-            f"with {record.name}; it has {names}: name one with --component"
+            f"{self.records[0].source}: no component {record.component or '(unnamed)'} to precede "
+            f"{record.name}; available components: {names}; select one with --component"
         )
 
 
 @dataclass(frozen=True)
 class DamagedState:
-    """What a mainshock does to a building.
+    """Damage of a building by a mainshock.
 
     Attributes
     ----------
     record : Record
-        The mainshock, scaled.
+        Scaled mainshock.
     drift : float
-        The drift ratio that it is scaled to.
+        Drift ratio to which the mainshock is scaled.
     left : float
-        The largest drift ratio that it leaves.
+        Maximum residual drift ratio.
     rest : float
-        Time from its last sample until the building is at rest, s.
+        Time from the last sample of the mainshock until free vibration has decayed, s.
     """
 
     record: Record
@@ -503,21 +537,35 @@ class DamagedState:
 def damaged(
     subject: Subject, main: Record, drift: float, *, first: float, dt: float | None
 ) -> DamagedState:
-    """Scale a mainshock so that the largest drift ratio of a building first reaches a value.
+    """Scale a mainshock so that the maximum drift ratio of a building first reaches a value.
 
     Parameters
     ----------
+    subject : Subject
+        The building and its method.
+    main : Record
+        The mainshock.
+    drift : float
+        Drift ratio.
     first : float
-        Factor from which on it is looked for upwards.
+        Scale factor at which the search starts; it continues upwards.
+    dt : float or None
+        Time step, s; None: the default of the building.
+
+    Returns
+    -------
+    DamagedState
+        Scaled mainshock and its effects.
 
     Raises
     ------
     AnalysisError
-        The building collapses before.
+        The building collapses before it reaches the drift ratio.
     """
 
-    # A failed run and a collapse count as beyond any drift: the factor lies below theirs.
-    def reached(factor: float) -> float:
+    # Failed runs and collapses count as infinite drift: the factor must be smaller.
+    def drift_of(factor: float) -> float:
+        """Return the maximum drift ratio for a scale factor."""
         case = subject.case(main, factor)
         try:
             response = case.march(case.steps(dt, main.duration))
@@ -525,32 +573,31 @@ def damaged(
             return math.inf
         return math.inf if response.collapse else demands(response.stories).drift_ratio.value
 
-    # Hunt upwards until the drift is reached, then halve; a drift that is passed by is that of no
-    # factor.
+    # Increase the factor until the drift is reached, then bisect. If the response jumps over the
+    # drift, no factor exists.
     low, high = 0.0, first
-    for _ in range(_HUNTS):
-        if reached(high) >= drift:
+    for _ in range(_MAX_DAMAGE_HUNTS):
+        if drift_of(high) >= drift:
             break
         low, high = high, _DAMAGE_HUNT * high
-    for _ in range(_HALVINGS):
+    for _ in range(_MAX_BISECTIONS):
         factor = 0.5 * (low + high)
-        reached_drift = reached(factor)
-        if abs(reached_drift - drift) <= _EXACT * drift:
+        reached_drift = drift_of(factor)
+        if abs(reached_drift - drift) <= _DRIFT_TOLERANCE * drift:
             break
         low, high = (factor, high) if reached_drift < drift else (low, factor)
     else:
         raise AnalysisError(
-            f"{main.name}: the building does not reach a drift of {100.0 * drift:g} % under any "
-            "factor on it without collapse"
+            f"{main.name}: no scale factor leads to a drift of {100.0 * drift:g} % without collapse"
         )
 
-    # The mainshock by itself, until the building is at rest: what it leaves.
+    # Run only the mainshock, until free vibration has decayed, to compute the residual drift.
     scaled = main.scaled(factor)
     case = subject.case(scaled)
     sequence = sequence_of(case, [scaled, scaled], dt=dt)
-    alone = ShockSequence(sequence.records[:1], (0,))
-    joined = case.under(alone.whole)
-    # The second one stands where the building has come to rest: that is how long it takes.
+    single = ShockSequence(sequence.records[:1], (0,))
+    joined = case.under(single.whole)
+    # The second event of the sequence starts when free vibration has decayed.
     rest = (sequence.starts[1] - scaled.acceleration.size + 1) * scaled.dt
-    (shock,) = shocks_of(joined, alone, joined.steps(dt, scaled.duration + rest))
+    (shock,) = shocks_of(joined, single, joined.steps(dt, scaled.duration + rest))
     return DamagedState(scaled, drift, demands(shock.stories).residual_drift_ratio.value, rest)
