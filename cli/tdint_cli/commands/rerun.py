@@ -642,14 +642,17 @@ def _store_differences(before: Path, now: Path) -> Iterator[Difference]:
     with TemporaryDirectory(prefix="tdint-rerun-") as folder, ExitStack() as stack:
         stores = []
         for file in (before, now):
-            with in_words(str(file)):
+            with sqlite_errors_reported(str(file)):
                 stores.append(connect_to_read(file))
                 stack.callback(stores[-1].close)
                 check_store(stores[-1], str(file))
         for table in ROW_TABLES:
             files = [Path(folder, f"{table.name}-{place}.csv") for place in ("before", "now")]
             for file, store in zip(files, stores, strict=True):
-                with in_words(str(before)), file.open("w", encoding="utf-8", newline="") as stream:
+                with (
+                    sqlite_errors_reported(str(before)),
+                    file.open("w", encoding="utf-8", newline="") as stream,
+                ):
                     writer = csv.writer(stream)
                     writer.writerow(table.columns)
                     writer.writerows(store.execute(table.select()))
