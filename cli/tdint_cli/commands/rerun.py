@@ -637,7 +637,12 @@ def _judge(
 
 def _store_differences(before: Path, now: Path) -> Iterator[Difference]:
     """Yield the differences of the rows in two stores: of runs, stories and events."""
-    from tdint.campaign.store_schema import ROW_TABLES, check_store, connect_to_read, in_words
+    from tdint.campaign.store_schema import (
+        ROW_TABLES,
+        check_store,
+        connect_to_read,
+        sqlite_errors_reported,
+    )
 
     with TemporaryDirectory(prefix="tdint-rerun-") as folder, ExitStack() as stack:
         stores = []
