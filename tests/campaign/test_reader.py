@@ -133,41 +133,56 @@ VALUES = {
             "buildings",
             "models: [a.yaml]",
             "rules classes as_published units damping stiffness_scatter damping_scatter seed",
-            "belongs to an `inventory`",
+            "can only be used with an `inventory`",
         ),
         (
             "buildings",
             "inventory: a.csv, units: {length: m}",
             "classes as_published",
-            "belongs to the rules capacity",
+            "can only be used with the rules capacity",
         ),
         (
             "buildings",
             "inventory: a.csv, units: {length: m}, rules: capacity, classes: c.csv",
             "damping stiffness_scatter damping_scatter seed",
-            "has no part in capacity",
+            "cannot be used with capacity",
         ),
         (
             "records",
             "grid: g.csv, units: g, neighbors: 4, samples: 3",
             "files pairs component fields sites sequences rest",
-            "belongs to `files`, `sequences` or `fields`, not to a `grid`",
+            "can only be used with `files`, `sequences` or `fields`, not with a `grid`",
         ),
         (
             "records",
             "grid: g.csv, units: g, events: true",
             "neighbors samples seed",
-            "has no part in `events`",
+            "cannot be used with `events`",
         ),
-        ("records", "files: [a.csv]", "neighbors samples seed events", "belongs to a `grid`"),
-        ("records", "files: [a.csv]", "sites", "belongs to `fields`"),
-        ("records", "files: [a.csv]", "distance", "belongs to `fields` or a `grid`"),
-        ("records", "files: [a.csv]", "rest", "belongs to `sequences`"),
-        ("records", "fields: f.csv", "files sequences rest", "has no part in `fields`"),
+        (
+            "records",
+            "files: [a.csv]",
+            "neighbors samples seed events",
+            "can only be used with a `grid`",
+        ),
+        ("records", "files: [a.csv]", "sites", "can only be used with `fields`"),
+        ("records", "files: [a.csv]", "distance", "can only be used with `fields` or a `grid`"),
+        ("records", "files: [a.csv]", "rest", "can only be used with `sequences`"),
+        ("records", "fields: f.csv", "files sequences rest", "cannot be used with `fields`"),
         ("records", "fields: f.csv", "distance", "has nothing to act on without `sites`"),
-        ("records", "sequences: q.csv", "files pairs", "has no part in `sequences`"),
-        ("intensity", "scales: [1]", "period damping levels pair", "belongs to a `measure`"),
-        ("intensity", "factors: f.csv", "period damping levels pair", "belongs to a `measure`"),
+        ("records", "sequences: q.csv", "files pairs", "cannot be used with `sequences`"),
+        (
+            "intensity",
+            "scales: [1]",
+            "period damping levels pair",
+            "can only be used with a `measure`",
+        ),
+        (
+            "intensity",
+            "factors: f.csv",
+            "period damping levels pair",
+            "can only be used with a `measure`",
+        ),
     ],
 )
 def test_keys_that_belong_to_others(
@@ -219,6 +234,6 @@ def test_pairs_or_a_component(tmp_path: Path, source: str) -> None:
         else:
             with pytest.raises(
                 ModelError,
-                match=r"records\.component: pairs have both horizontal components; leave one",
+                match=r"records\.component: cannot be used with `pairs`",
             ):
                 load_campaign(file)

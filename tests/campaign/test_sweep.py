@@ -200,7 +200,7 @@ def test_a_campaign_file_with_a_sweep(tmp_path):
         ", samples: 7": ("", "random parameters need `samples`"),
         "mass_factor": ("masses", "no parameter 'masses'"),
         "{uniform": ("{triangular", "triangular"),
-        "methods: [": ("method: hht, methods: [", "stands in place of `methods`"),
+        "methods: [": ("method: hht, methods: [", "cannot be used with `methods`"),
     }
     for before, (after, message) in faults.items():
         (tmp_path / "c.yaml").write_text(text.replace(before, after))

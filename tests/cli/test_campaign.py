@@ -302,7 +302,7 @@ def test_all_faults_of_a_file_are_told_at_once(study: Path, tdint: Command) -> N
         ),
         (
             STUDY.replace("scales: [0.25, 1, 2.5]", "measure: d5-95, levels: [0.1 m/s]"),
-            "d5-95: a duration does not change with a factor; no level can be asked of it",
+            "d5-95 cannot be used for levels: a duration does not change with a factor",
         ),
         (
             STUDY.replace("scales: [0.25, 1, 2.5]", "factors: bad.csv"),

@@ -350,13 +350,19 @@ def test_a_map_of_each_event(region: Path, tdint: Command) -> None:
             3,
             "has nothing to act on without `sites`",
         ),
-        ("campaign.yaml", "sites: sites.csv", "files: [firm.mseed]", 3, "has no part in `fields`"),
+        (
+            "campaign.yaml",
+            "sites: sites.csv",
+            "files: [firm.mseed]",
+            3,
+            "cannot be used with `fields`",
+        ),
         (
             "campaign.yaml",
             "pair_demand: separate}",
             "pair_demand: separate}\nintensity: {measure: pga, levels: [1 g]}",
             3,
-            "has no part in events, whose factors are given; `scales` multiply them",
+            "cannot be used with events, which have factors",
         ),
     ],
 )

@@ -1,5 +1,5 @@
-"""Campaign files: YAML to a checked `CampaignFile`, with the same reader as models; nothing else is
-opened."""
+"""Read campaign files: YAML to a checked `CampaignFile`, by the same reader as models. No other
+file is opened."""
 
 from __future__ import annotations
 
@@ -61,75 +61,81 @@ from tdint.model.keys.fields import (
 )
 from tdint.units import GROUND_MOTION, LENGTH, parse_units
 
-# ---- What a campaign file says of its ground motions, under `records`: files, sequences, fields or
-# a grid
+# ---- Ground motions of a campaign file, the key `records`: files, sequences, fields or a grid
 
 SEED = Whole(0, 2**31 - 1)
 _FILES = (
     Key(
         "files",
         EntriesOf(Words(), least=1),
-        "records and folders of records, relative to this file",
+        "records and directories of records, relative to this file",
     ),
     Key(
-        "component", Words(), "component, where files hold several; all horizontal ones without it"
+        "component",
+        Words(),
+        "component, if files contain several; all horizontal components by default",
     ),
     Key(
         "pairs",
         Either((Flag(), Words())),
-        "take the two horizontals of a motion together: they share their factors; true, or how the "
-        "files are named: '{}_N.AT2,{}_E.AT2'",
+        "combine the two horizontal components of a motion, so that they have the same factors: "
+        "true, or patterns of the file names: '{}_N.AT2,{}_E.AT2'",
     ),
-    Key("inventory", Words(), "station metadata, to remove the instrument's response"),
+    Key("inventory", Words(), "station metadata, to remove the instrument response"),
     *LAYOUT,
     *PROCESSING,
 )
 _GRID = (
     Key("grid", Words(), "EventGrid.csv, relative to this file"),
-    Key("neighbors", Whole(1, 1000), "grid points among which each building draws"),
-    Key("samples", Whole(1, 100_000), "draws for each building"),
-    Key("seed", SEED, "what is drawn from, with the building's id"),
+    Key("neighbors", Whole(1, 1000), "number of nearest grid points to sample from"),
+    Key("samples", Whole(1, 100_000), "number of samples for each building"),
+    Key("seed", SEED, "random seed, combined with the building's id"),
     Key(
         "events",
         Flag(),
-        "nothing is drawn: the rows of the points' files are events, those of the nearest point "
-        "count",
+        "no sampling: the rows of the points' files are events, and each building has the events "
+        "of the nearest point",
     ),
 )
 _FIELDS = (
     Key(
         "fields",
         Words(),
-        "CSV file of what each event does (event, site, record, factor), relative to this file",
+        "CSV file with the motion of each event (event, site, record, factor), relative to this "
+        "file",
     ),
     Key(
         "sites",
         Words(),
-        "CSV file of the sites' places (site, longitude, latitude), relative to this file",
+        "CSV file with the locations of the sites (site, longitude, latitude), relative to this "
+        "file",
     ),
     Key(
         "rates",
         Words(),
-        "CSV file of how often the events come in a year (event, rate), relative to this file",
+        "CSV file with the annual rate of each event (event, rate), relative to this file",
     ),
 )
 _BY_DISTANCE = Choice(tuple(COORDINATES), "distance")
-_DISTANCE = Key("distance", _BY_DISTANCE, "what is near: in km, or in degrees as SimCenter has it")
+_DISTANCE = Key(
+    "distance", _BY_DISTANCE, "unit of distances to sites: km, or degrees as in SimCenter"
+)
 _LARGEST = Key(
     "max_distance",
     Either((POSITIVE, Words())),
-    "km on the earth, buildings whose nearest site is farther away are left out; 15 by default",
+    "km; buildings at a larger distance from the nearest site are omitted; 15 by default",
 )
 _SEQUENCES = (
     Key(
         "sequences",
         Words(),
-        "CSV file of shocks (sequence, record, component, factor), relative to this file",
+        "CSV file of events in sequence (sequence, record, component, factor), relative to this "
+        "file",
     ),
     Key(
         "rest",
         Bounds(0.0),
-        "seconds from the end of a shock to the next; until rest where it is left out",
+        "seconds between the events of a sequence; by default until free vibration has decayed",
     ),
 )
 _FILE_KEYS, _GRID_KEYS, _FIELD_KEYS, _SEQUENCE_KEYS = (
@@ -138,89 +144,97 @@ _FILE_KEYS, _GRID_KEYS, _FIELD_KEYS, _SEQUENCE_KEYS = (
 _SAMPLE_UNITS = Key(
     "units",
     Words(),
-    "units of the samples, where the files do not say them: m/s^2, g, ...; by file "
-    "'AT2=g,*.mseed=m/s^2', or a table of them, relative to this file",
+    "units of the samples, if the files do not state them: m/s^2, g, ...; by file "
+    "'AT2=g,*.mseed=m/s^2', or a table of units, relative to this file",
 )
 _PAIR_DEMAND = Key(
     "pair_demand",
     Choice(PAIR_DEMANDS, "demand of pairs"),
-    "how the two horizontal components of a recording count: as one motion with the larger (by "
-    "default) or the mean demand, or each as a motion of its own",
+    "demand of the two horizontal components of a recording: the larger (default) or the mean "
+    "demand of one motion, or separate for two motions",
 )
 MOTIONS = Keys(
     (*_FILES, *_SEQUENCES, *_FIELDS, *_GRID, _DISTANCE, _LARGEST, _SAMPLE_UNITS, _PAIR_DEMAND),
 )
-"""The keys of `records`, and their values. One of files, sequences, fields and grid is required
-unless the intensity is a table of factors, which lists the records."""
+"""Keys of `records`. One of files, sequences, fields and grid is required unless the intensity is a
+table of factors, which lists the records."""
 
 
 def read_wanted_motions(
     value: Value, *, are_listed: bool = False
 ) -> RecordFiles | SequenceFile | GridFile | FieldFile | None:
-    """Return files, sequences, fields or a grid; None after a fault.
+    """Return files, sequences, fields or a grid, or None if there are errors.
 
-    `are_listed`: without any of these the records are those of a table of factors.
+    Parameters
+    ----------
+    value : Value
+        Value of the key `records`.
+    are_listed : bool
+        True if a table of factors lists the records, so that none of these keys is required.
     """
     section = value.section()
     if section is None:
         return None
     section.read("pair_demand")  # its value is used in `read_campaign`; errors are found here
-    # Each way has its own keys: those of another one would be without effect, and are told.
+    # Keys of other sources of motions would have no effect, and are refused.
     if section.has("grid"):
         others = (*_FILE_KEYS, *_SEQUENCE_KEYS, *_FIELD_KEYS)
-        section.refuse(others, "belongs to `files`, `sequences` or `fields`, not to a `grid`")
+        section.refuse(
+            others, "can only be used with `files`, `sequences` or `fields`, not with a `grid`"
+        )
         section.need("units", "give the units of the grid's motions, such as g or m/s^2")
         return _grid(section, read_sample_units(section.get("units")))
-    section.refuse(_GRID_KEYS, "belongs to a `grid`")
+    section.refuse(_GRID_KEYS, "can only be used with a `grid`")
     if section.has("fields"):
-        section.refuse(("files", *_SEQUENCE_KEYS), "has no part in `fields`")
+        section.refuse(("files", *_SEQUENCE_KEYS), "cannot be used with `fields`; remove it")
         return _fields(section)
-    section.refuse(("sites", "rates"), "belongs to `fields`")
-    section.refuse(("distance", "max_distance"), "belongs to `fields` or a `grid`")
+    section.refuse(("sites", "rates"), "can only be used with `fields`")
+    section.refuse(("distance", "max_distance"), "can only be used with `fields` or a `grid`")
     if section.has("sequences"):
-        section.refuse(("files", "pairs"), "has no part in `sequences`")
+        section.refuse(("files", "pairs"), "cannot be used with `sequences`; remove it")
         shocks, choice = section.file("sequences"), _choice(section)
         return SequenceFile(shocks, choice, section.read("rest")) if shocks else None
-    section.refuse(("rest",), "belongs to `sequences`")
-    # Files are the usual way: without any of the four these are asked for.
+    section.refuse(("rest",), "can only be used with `sequences`")
+    # The usual key is `files`: it is named in the error if all four are missing.
     files = section.get("files")
     if not (files or are_listed):
-        section.need("files", "give a list of files and folders, or a `grid` in its place")
+        section.need("files", "give a list of files and directories, or a `grid` instead")
     items = (
-        files.items("a list of files and folders", "is empty; give at least one record")
+        files.items("a list of files and directories", "is empty; give at least one record")
         if files
         else None
     )
     pairs, component = section.get("pairs"), section.get("component")
     both = _pair_names(pairs) if pairs else None
     if both and component:
-        component.fault("pairs have both horizontal components; leave one of the two out")
+        component.fault("cannot be used with `pairs`, which use both components; remove one key")
     return RecordFiles(
         tuple(file for item in items or () if (file := item.file())), _choice(section), both
     )
 
 
 def _pair_names(value: Value) -> PairNames | None:
-    """How pairs are named; None for no pairs, or after a fault."""
+    """Return the naming scheme of pairs; None without pairs or after an error."""
     if "{}" in value.word:
         return value.parsed(PairNames.parse)
     return USUAL if value.boolean() else None
 
 
 def _choice(section: Section) -> RecordChoice:
-    """What is taken of each file, and what is done to it."""
-    choice, given = read_choice(section, stdin=False, many=True), section.get("units")
-    if given and choice.inventory and isinstance(choice.units, str):
-        given.fault("an inventory gives the units; leave one of the two out")
+    """Return the selection of components and the processing of the records."""
+    choice, units = read_choice(section, stdin=False, many=True), section.get("units")
+    if units and choice.inventory and isinstance(choice.units, str):
+        units.fault("cannot be used with `inventory`, which states the units; remove one key")
     return choice
 
 
 def _fields(section: Section) -> FieldFile | None:
+    """Read the keys of fields; None after an error."""
     file, sites, pairs = section.file("fields"), section.file("sites"), section.get("pairs")
     both, component = pairs.boolean() if pairs else False, section.get("component")
     if both and component:
-        component.fault("pairs have both horizontal components; leave one of the two out")
-    # Only where sites have places is there something to be near to.
+        component.fault("cannot be used with `pairs`, which use both components; remove one key")
+    # Distances require the locations of sites.
     if not sites:
         section.refuse(("distance", "max_distance"), "has nothing to act on without `sites`")
     choice, distance = _choice(section), section.read("distance", "km")
@@ -232,13 +246,13 @@ def _fields(section: Section) -> FieldFile | None:
 
 
 def _largest(section: Section) -> float:
-    """The largest distance of a building from its site, m."""
+    """Return the maximum distance of a building from its site, m."""
     value = section.get("max_distance")
     return (value.parsed(_meters) if value else None) or MAX_DISTANCE
 
 
 def _meters(text: str) -> float:
-    """A distance, a number of km or with its unit, in m."""
+    """Convert a distance, a number of km or with a unit, to m."""
     match = re.fullmatch(r"\s*([0-9.eE+]+)\s*(km|m)?\s*", text)
     meters = number(match[1]) * (1.0 if match[2] == "m" else 1e3) if match else math.nan
     if not meters > 0.0:
@@ -249,16 +263,18 @@ def _meters(text: str) -> float:
 
 
 def _grid(section: Section, units: str | None) -> GridFile | None:
+    """Read the keys of a grid; None after an error."""
     file, distance = section.file("grid"), section.read("distance", "km")
-    # Rows as events are all done: numbers and seed of draws would be without effect.
+    # All events are run: the number of samples and the seed would have no effect.
     if section.read("events"):
         section.refuse(
-            ("neighbors", "samples", "seed"), "has no part in `events`, of which nothing is drawn"
+            ("neighbors", "samples", "seed"),
+            "cannot be used with `events`, which are not sampled; remove it",
         )
         largest = _largest(section)
         return GridFile(file, units, 1, 0, 0, distance, True, largest) if file and units else None
-    neighbors = section.need("neighbors", "give the number of grid points among which is drawn")
-    samples = section.need("samples", "give the number of draws for each building")
+    neighbors = section.need("neighbors", "give the number of grid points to sample from")
+    samples = section.need("samples", "give the number of samples for each building")
     if file is None or units is None or neighbors is None or samples is None:
         return None
     return GridFile(
@@ -276,7 +292,7 @@ def _grid(section: Section, units: str | None) -> GridFile | None:
 
 _TOLERANCE = Bounds(0.0, 1.0, low_allowed=False, high_allowed=False, ratio=True)
 _LEAST_LEVEL, _MOST_LEVEL = 1e-6, 1e6
-"""Of an intensity, m/s^2 or m/s: beyond them lies no ground motion."""
+"""Range of intensities of ground motions, m/s^2 or m/s."""
 
 _SCATTER = Bounds(0.0, 0.5, ratio=True)
 _LENGTH = Choice(("m", "ft"), "length unit of inventories")
@@ -285,7 +301,7 @@ _UNITS = Keys(
         Key(
             "length",
             _LENGTH,
-            "of the inventory; plan areas are in its square",
+            "length unit of the inventory; plan areas are in its square",
             needed=True,
             advice="give ft or m",
         ),
@@ -299,23 +315,25 @@ _BUILDINGS = Keys(
         Key(
             "rules",
             Choice(tuple(RULES), "set of rules"),
-            "by which the buildings follow from their rows",
+            "rules that derive the buildings from their rows",
         ),
-        Key("classes", Words(), "CSV file of the classes' capacity curves, for the rules capacity"),
+        Key(
+            "classes", Words(), "CSV file with the capacity curves of classes, for rules: capacity"
+        ),
         Key(
             "as_published",
             Flag(),
-            "multiply forces by the factor of oq-vmtk 1.1, for the rules capacity",
+            "multiply forces by the factor of oq-vmtk 1.1, for rules: capacity",
         ),
         Key("units", _UNITS, "units of the inventory"),
         Key(
             "damping",
             Choice(("full", "mass-only"), "damping"),
-            "mass-only leaves out the stiffness-proportional part",
+            "mass-only omits the stiffness-proportional part",
         ),
         Key("stiffness_scatter", _SCATTER, "standard deviation of a factor on each stiffness"),
         Key("damping_scatter", _SCATTER, "standard deviation of a factor on each damping ratio"),
-        Key("seed", SEED, "what the factors are drawn from"),
+        Key("seed", SEED, "random seed of the factors"),
     ),
     one_of=(("models", "inventory"),),
 )
@@ -325,19 +343,19 @@ _FIRST = "T1"
 
 _INTENSITY = Keys(
     (
-        Key("scales", EntriesOf(ANY, least=1), "factors on all motions"),
-        Key("measure", Choice(levelled(), "measure"), "intensity measure that takes the levels"),
+        Key("scales", EntriesOf(ANY, least=1), "scale factors of all motions"),
+        Key("measure", Choice(levelled(), "measure"), "intensity measure of the levels"),
         Key(
             "period",
             Either((Choice((_FIRST,)), POSITIVE)),
-            "of sa and sa-avg; that of each building by default",
+            "period of sa and sa-avg, s; by default the first period of each building",
         ),
         Key("damping", RATIO, "damping ratio of sa and sa-avg; 5% by default"),
-        Key("levels", EntriesOf(Words(), least=1), "values with their unit: 0.1 g, 0.2 m/s"),
+        Key("levels", EntriesOf(Words(), least=1), "values with units: 0.1 g, 0.2 m/s"),
         Key(
             "pair",
             Choice(tuple(PAIRS), "measure of pairs"),
-            "what stands for the two components of a pair",
+            "combination of the two components of a pair",
         ),
         Key(
             "factors",
@@ -352,22 +370,26 @@ _INTENSITY = Keys(
 _ANALYSIS = Keys(
     (
         Key("method", Words(), "time-integration method with its parameters, for all buildings"),
-        Key("methods", EntriesOf(Words(), least=1), "several methods, each with all the rest"),
+        Key(
+            "methods",
+            EntriesOf(Words(), least=1),
+            "several methods, in all combinations with the other values",
+        ),
         Key(
             "dt",
             Either((POSITIVE, EntriesOf(POSITIVE, 1, short="is empty; give at least one step"))),
-            "time step, s, or several, each with all the rest; that of each model, else of each "
-            "record, without it",
+            "time step, s, or a list in all combinations with the other values; by default the "
+            "time step of each model, otherwise of each record",
         ),
-        Key("duration", POSITIVE, "time to integrate, s"),
+        Key("duration", POSITIVE, "duration of the analysis, s"),
         Key(
             "tolerance",
             _TOLERANCE,
-            "choose the step of each building by the error of its peak drifts",
+            "choose the time step of each building by the estimated error of its peak drifts",
         ),
-        Key("collapse_drift", POSITIVE_RATIO, "drift ratio beyond which a run counts as collapsed"),
-        Key("p_delta", Flag(), "whether gravity acts on the displaced buildings"),
-        Key("until_rest", Flag(), "go on with the ground at rest until the motion has died"),
+        Key("collapse_drift", POSITIVE_RATIO, "drift ratio above which a run counts as collapsed"),
+        Key("p_delta", Flag(), "include P-delta effects"),
+        Key("until_rest", Flag(), "continue after the record until free vibration has decayed"),
         Key("check", Flag(), "estimate the errors of the demands: columns `<name>_error`"),
     )
 )
@@ -378,27 +400,28 @@ _OUTPUTS = Keys(
         Key(
             "profiles",
             Flag(),
-            "write their mean and fractiles over the motions, profiles.csv; false for inventories",
+            "write the mean and fractiles of story peaks over the motions, profiles.csv; by "
+            "default false for inventories",
         ),
     )
 )
 CAMPAIGN = Keys(
     (
-        Key("name", Words(), "the campaign's name; that of the file where it is left out"),
+        Key("name", Words(), "name of the campaign; by default the name of the file"),
         Key("buildings", _BUILDINGS, "model files, or an inventory", needed=True),
         Key(
             "records",
             MOTIONS,
-            "files and folders, or a grid; by default the records of the table of factors",
+            "files and directories, or a grid; by default the records of the table of factors",
         ),
         Key(
             "intensity",
             _INTENSITY,
-            "how strong the motions are made; as they are where it is left out",
+            "scale factors or intensity levels of the motions; unscaled by default",
         ),
-        Key("analysis", _ANALYSIS, "what is the same for all runs"),
-        Key("vary", Varied(), "parameters of the buildings, each value with all the others"),
-        Key("damage", DAMAGE, "damage states of the buildings, and what they cost"),
+        Key("analysis", _ANALYSIS, "settings of all runs"),
+        Key("vary", Varied(), "parameters of the buildings, in all combinations of their values"),
+        Key("damage", DAMAGE, "damage states and losses of the buildings"),
         Key(
             "outputs",
             Either(
@@ -409,37 +432,38 @@ CAMPAIGN = Keys(
                     ),
                 )
             ),
-            "what is written beside a row for each run, or a list of all that is written",
+            "tables in addition to the default tables, or a list of all tables to write",
         ),
         Key(
             "style",
             Words(),
-            "looks of the pictures, as --style has them: 90mm, or width=90mm,title=no",
+            "style of the figures, as for --style: 90mm, or width=90mm,title=no",
         ),
     )
 )
-"""The keys of a campaign file, and what may stand under them."""
+"""Keys of a campaign file."""
 
 
 def campaign_schema() -> Schema:
-    """The JSON schema (draft 7) of campaign files, for editors."""
+    """Return the JSON schema (draft 7) of campaign files, for editors."""
     about = "Runs of buildings under ground motions for tdint"
     draft = "http://json-schema.org/draft-07/schema#"
     return {"$schema": draft, "title": "tdint campaign", "description": about, **CAMPAIGN.schema()}
 
 
 def load_campaign(source: str | Path) -> CampaignFile:
-    """Read a campaign file; the files that it names are not read yet.
+    """Read a campaign file. The files that it names are not read.
 
     Parameters
     ----------
     source : str or Path
-        The YAML file; `-` is standard input. Relative paths in it start from its folder.
+        YAML file; `-` is standard input. Relative paths in the file refer to its directory.
 
     Raises
     ------
     ModelError
-        It cannot be read, is not YAML, or has faults: all of them, with line and column.
+        The file cannot be read, is not YAML, or has errors; all errors are listed with line and
+        column.
     """
     origin, root = read_document(source, "campaign file", "`buildings` and `records`")
     section = root.section(CAMPAIGN)
@@ -450,8 +474,19 @@ def load_campaign(source: str | Path) -> CampaignFile:
 
 
 def _read(section: Section, label: str, name: str) -> CampaignFile:
+    """Return the campaign of the root section. Errors are recorded in the document.
+
+    Parameters
+    ----------
+    section : Section
+        Root section.
+    label : str
+        Path of the file, for messages.
+    name : str
+        Default name of the campaign.
+    """
     buildings = section.need("buildings", "give `models` or an `inventory`")
-    # Without records those of the table of factors are used.
+    # The records of the table of factors are used if `records` is missing.
     intensity = section.get("intensity")
     are_listed = intensity is not None and intensity.peek("factors") is not None
     records = (
@@ -461,12 +496,12 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
     )
     _check_together(section)
     analysis, stated = section.inner("analysis"), section.get("outputs")
-    # A list chooses all tables that are written, keys add to what is usual.
+    # A list selects all tables to write; keys add tables to the default.
     chosen = stated.read() if stated and stated.is_list else None
     outputs = stated.section(_OUTPUTS) if stated and not stated.is_list else None
     dt = analysis.get("dt")
     read_buildings = (_read_buildings(buildings) if buildings else None) or ModelFiles(())
-    # Profiles come by default for single models; of inventories they would be large.
+    # Profiles are written by default for model files; for inventories they would be large.
     models = isinstance(read_buildings, ModelFiles)
     return CampaignFile(
         name=section.read("name") or name,
@@ -501,95 +536,102 @@ def _read(section: Section, label: str, name: str) -> CampaignFile:
 
 
 def _read_pair_demand(records: Value | None) -> str | None:
-    """Return how the components of pairs count, None if the file does not choose."""
+    """Return the rule that combines the components of pairs, or None if the file does not specify
+    it."""
     value = records.peek("pair_demand") if records else None
     return value.word if value and value.word in PAIR_DEMANDS else None
 
 
 def _check_together(section: Section) -> None:
-    """What one part asks for and the motions of another leave without effect."""
+    """Record errors for keys that have no effect with the motions of other keys."""
     records = section.get("records")
 
-    def said(part: str, name: str) -> Value | None:
+    def value_of(part: str, name: str) -> Value | None:
+        """Return a value of a section, or None."""
         value = section.get(part)
         return value.peek(name) if value else None
 
-    # Of a grid pairs may be without the key: its files have both components.
-    pair, pairs = said("intensity", "pair"), said("records", "pairs")
+    # A grid has pairs without the key `pairs`: its files contain both components.
+    pair, pairs = value_of("intensity", "pair"), value_of("records", "pairs")
     if pair and records and not records.peek("grid") and (pairs is None or pairs.is_word("false")):
         pair.fault("has nothing to act on without `pairs: true` of the records")
-    # A sequence has its own end: that of its last shock.
-    if (duration := said("analysis", "duration")) and said("records", "sequences"):
+    # The end of a sequence is the end of its last event.
+    if (duration := value_of("analysis", "duration")) and value_of("records", "sequences"):
         duration.fault(
-            "is not for `sequences`, which have all of each record; `rest` of the records is in "
-            "between"
+            "cannot be used with `sequences`, which use complete records; the time between them is "
+            "`rest`"
         )
     for name in ("measure", "factors"):
-        if (entry := said("intensity", name)) and (
-            said("records", "fields") or said("records", "events")
+        if (entry := value_of("intensity", name)) and (
+            value_of("records", "fields") or value_of("records", "events")
         ):
-            entry.fault("has no part in events, whose factors are given; `scales` multiply them")
+            entry.fault(
+                "cannot be used with events, which have factors; multiply them by `scales` instead"
+            )
 
 
 def _read_analysis(section: Section) -> AnalysisWishes:
+    """Read the analysis settings that replace settings of models."""
     method = section.get("method")
     named = method.parsed(parse_method) if method else None
     if method and section.has("methods"):
-        method.fault("stands in place of `methods`; give one of the two")
+        method.fault("cannot be used with `methods`; remove one of them")
     return AnalysisWishes(
         named.label if named else None, **section.given("collapse_drift", "p_delta")
     )
 
 
 def _read_buildings(value: Value) -> ModelFiles | InventoryFile | None:
-    """Model files or an inventory; None after a fault."""
+    """Return model files or an inventory; None after an error."""
     section = value.section()
     if section is None:
         return None
     models, inventory = section.get("models"), section.get("inventory")
     if models and inventory:
-        inventory.fault("stands in place of `models`; give one of the two")
+        inventory.fault("cannot be used with `models`; remove one of them")
         return None
     if inventory:
         return _inventory(section, inventory)
     if models is None:
-        section.need("models", "give a list of model files, or an inventory in its place")
+        section.need("models", "give a list of model files, or an inventory instead")
         return None
-    # Models bring what the keys of an inventory say.
-    section.refuse(_BUILDINGS[2:], "belongs to an `inventory`")
+    # Model files specify the values of the other keys.
+    section.refuse(_BUILDINGS[2:], "can only be used with an `inventory`")
     items = models.items("a list of model files", "is empty; give at least one model file")
     return ModelFiles(tuple(file for item in items or () if (file := item.file())))
 
 
 def _inventory(section: Section, inventory: Value) -> InventoryFile | None:
+    """Read the keys of an inventory; None after an error."""
     file = inventory.file()
     name = section.read("rules", next(iter(RULES)))
     units = section.need("units", "give {length: ft} or {length: m}; plan areas are in its square")
     unit = units.read() if units else None
-    kind, classes = section.read("damping"), section.file("classes")
+    damping, classes = section.read("damping"), section.file("classes")
     numbers = section.given("stiffness_scatter", "damping_scatter", "seed", "as_published")
-    # Rules by capacity curves read another table and know no scatter.
+    # Rules by capacity curves require another table and have no scatter.
     if name == CAPACITY:
         section.need("classes", "give the CSV file of the classes (class, sd_m, sa_g)")
         section.refuse(
             ("damping", "stiffness_scatter", "damping_scatter", "seed"),
-            f"has no part in {CAPACITY}",
+            f"cannot be used with the rules {CAPACITY}; remove it",
         )
     else:
-        section.refuse(("classes", "as_published"), f"belongs to the rules {CAPACITY}")
+        section.refuse(("classes", "as_published"), f"can only be used with the rules {CAPACITY}")
     if file is None or name is None or unit is None:
         return None
     return InventoryFile(
-        file, name, unit, mass_only=kind == "mass-only", classes=classes, **numbers
+        file, name, unit, mass_only=damping == "mass-only", classes=classes, **numbers
     )
 
 
 def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile | None:
-    """Factors, levels of a measure, or a file of factors; None without any, or after a fault."""
+    """Return factors, levels of a measure, or a file of factors; None if the key is missing or
+    after an error."""
     section = value.section() if value else None
     if value is None or section is None:
         return None
-    # One way at a time: levels of a measure make the factors that the others give.
+    # Exactly one source of factors is allowed.
     ways = [name for name in ("scales", "measure", "factors") if section.has(name)]
     if len(ways) != 1:
         value.fault(
@@ -599,7 +641,7 @@ def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile
         return None
     if ways == ["measure"]:
         return _levels(section)
-    section.refuse(("period", "damping", "levels", "pair"), "belongs to a `measure`")
+    section.refuse(("period", "damping", "levels", "pair"), "can only be used with a `measure`")
     if ways == ["factors"]:
         file = section.file("factors")
         return FactorsFile(file) if file else None
@@ -609,7 +651,7 @@ def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile
         if factors
         else None
     )
-    # A factor twice would be the same run twice.
+    # Duplicate factors are ignored, because they would repeat the same run.
     numbers: dict[float, None] = {}
     for item in items or ():
         factor = item.number(ANY)
@@ -620,10 +662,11 @@ def _read_intensity(value: Value | None) -> Scales | MeasureLevels | FactorsFile
 
 
 def _levels(section: Section) -> MeasureLevels | None:
+    """Read levels of an intensity measure; None after an error."""
     named = section.get("measure")
-    # Of some measures no factor leads to a level.
+    # For some measures, levels cannot be reached by scaling.
     if named and (reason := without_levels(named.word)):
-        named.fault(f"{named.word}: {reason}; no level can be asked of it")
+        named.fault(f"{named.word} cannot be used for levels: {reason}")
         return None
     name, pair = section.read("measure"), section.read("pair", GEOMETRIC_MEAN)
     damping = section.number("damping", default=0.05)
@@ -632,14 +675,14 @@ def _levels(section: Section) -> MeasureLevels | None:
     items = levels.items("a list of values with their unit", empty) if levels else None
     if name is None:
         return None
-    # Each level has its unit in the file: what it must be a unit of hangs on the measure.
+    # Each level has a unit in the file; its quantity depends on the measure.
     unit = measure_at(name, damping, 1.0).unit
     quantity = next(
-        (one for one, units in GROUND_MOTION.items() if units.get(unit) == 1.0), "acceleration"
+        (name for name, units in GROUND_MOTION.items() if units.get(unit) == 1.0), "acceleration"
     )
     values = tuple(dict.fromkeys(_level(item, quantity) for item in items or ()))
 
-    # The period of a spectral measure, by default that of each building; others have none.
+    # The default period of a spectral measure is the first period of each building.
     period, stated = None, section.get("period")
     if name not in SPECTRAL:
         period = 1.0
@@ -652,17 +695,18 @@ def _levels(section: Section) -> MeasureLevels | None:
 
 
 def _level(value: Value, quantity: str) -> float:
-    """A value with its unit in SI; nan after a fault."""
+    """Return a value with a unit in SI; NaN after an error."""
     example = {"acceleration": "0.1 g", "velocity": "0.2 m/s"}.get(quantity, "0.1 m")
 
     def level(text: str) -> float:
+        """Convert the text of a level to SI."""
         try:
             units = parse_units(text)
         except UsageError:
             raise UsageError(
                 f"must be a positive number with its unit, such as {example}, got {text!r}"
             ) from None
-        # A bare unit is no value: its factor is the level.
+        # A unit without a number is not a level.
         if units.quantity != quantity or not units.has_factor:
             raise UsageError(
                 f"must be a number with a unit of {quantity}, such as {example}, got {text!r}"
