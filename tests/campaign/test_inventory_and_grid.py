@@ -315,7 +315,7 @@ def test_a_sweep_varies_what_the_rules_make(study: Path) -> None:
         ),
         (
             ("method: newmark-average", "methods: [hht, trio]"),
-            "lists of methods and steps are of `models`",
+            "lists of methods and time steps require `models`",
         ),
     ],
 )

@@ -1,5 +1,5 @@
-"""What a campaign file says, as typed values in SI units; nothing here reads the files that it
-names."""
+"""Contents of a campaign file as typed values in SI units. The files that it names are not read
+here."""
 
 from __future__ import annotations
 
@@ -29,30 +29,32 @@ if TYPE_CHECKING:
     from tdint.model.inventory import InventoryRows
 
 
-# ---- Sweeps: each building of a campaign varied over grids and samples of its parameters, methods
-# and steps, as the key `vary` of a campaign file and the lists under `analysis` say
+# ---- Sweeps: variations of each building of a campaign over grids and samples of its parameters,
+# methods and time steps (key `vary` of a campaign file and lists under `analysis`)
 
-_MOST = 1_000_000  # variations of a building: they are held in memory
-_SHOWN = 6  # digits in a label
+_MAX_VARIATIONS = (
+    1_000_000  # maximum number of variations of a building, which are stored in memory
+)
+_LABEL_DIGITS = 6  # significant digits in a label
 
 DISTRIBUTIONS: Mapping[str, tuple[str, str]] = {
     "lognormal": ("median", "beta"),
     "normal": ("mean", "sd"),
     "uniform": ("low", "high"),
 }
-"""The kinds of random parameters, and the two numbers of each."""
+"""Distributions of random parameters, and the names of their two parameters."""
 
 
 @dataclass(frozen=True)
 class Distribution:
-    """Of a random parameter: one of `DISTRIBUTIONS` with its two numbers."""
+    """Distribution of a random parameter: an item of `DISTRIBUTIONS` with its two parameters."""
 
     kind: str
     first: float
     second: float
 
     def __post_init__(self) -> None:
-        """Raise UsageError for numbers that are none of such a distribution."""
+        """Raise UsageError for invalid parameters."""
         first, second = DISTRIBUTIONS[self.kind]
         if self.kind == "uniform" and not self.first < self.second:
             raise UsageError(f"uniform: {first} must be less than {second}")
@@ -61,13 +63,13 @@ class Distribution:
         if self.kind == "lognormal" and not self.first > 0.0:
             raise UsageError(f"lognormal: {first} must be positive")
 
-    def at(self, part: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The values that parts (0 to 1) of all lie below."""
+    def at(self, probability: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the quantiles for probabilities (0 to 1)."""
         from scipy.special import ndtri
 
         if self.kind == "uniform":
-            return self.first + part * (self.second - self.first)
-        deviations = self.second * ndtri(part)
+            return self.first + probability * (self.second - self.first)
+        deviations = self.second * ndtri(probability)
         return np.asarray(
             self.first * np.exp(deviations) if self.kind == "lognormal" else self.first + deviations
         )
@@ -75,23 +77,25 @@ class Distribution:
 
 @dataclass(frozen=True)
 class ParameterSweep:
-    """What is varied in every building of a campaign.
+    """Variations of every building of a campaign.
 
     Attributes
     ----------
     grids : mapping of str to tuple of float
-        Values of parameters (`tdint.model.definition.PARAMETERS`): all combinations.
+        Values of parameters (`tdint.model.definition.PARAMETERS`), in all combinations.
     random : mapping of str to Distribution
-        Random ones, drawn together by a Latin hypercube (McKay, Beckman and Conover 1979),
-        independent of each other.
+        Independent random parameters, sampled by a Latin hypercube (McKay, Beckman and Conover
+        1979).
     samples, seed : int
-        Draws, the same in each combination of the others, and what they are drawn from.
+        Number of samples, which are the same in each combination of the other values, and random
+        seed.
     methods : tuple of str
-        Methods with their parameters, each with all the rest; none: as without a sweep.
+        Methods with their parameters, in all combinations with the other values; empty: no
+        variation.
     steps : tuple of float
-        Time steps, s, likewise.
+        Time steps, s, in all combinations with the other values; empty: no variation.
     place : ModelFault, optional
-        Where a campaign file says it.
+        Position of the sweep in the campaign file.
     """
 
     grids: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
@@ -103,9 +107,9 @@ class ParameterSweep:
     place: ModelFault | None = field(default=None, compare=False)
 
     @contextmanager
-    def told_at_its_place(self) -> Iterator[None]:
-        """What a variation cannot be, which its building tells (UsageError), is a fault of the file
-        (ModelError)."""
+    def reported_at_key(self) -> Iterator[None]:
+        """Convert errors of buildings with invalid variations (UsageError) to errors of the
+        campaign file (ModelError)."""
         try:
             yield
         except UsageError as error:
@@ -114,18 +118,19 @@ class ParameterSweep:
             raise ModelError([replace(self.place, message=str(error))]) from None
 
     def changes(self) -> list[dict[str, float]]:
-        """The values of the parameters in each variation, grids outermost.
+        """Return the values of the parameters in each variation; grids are the outermost loops.
 
         Raises
         ------
         UsageError
-            A drawn value is out of range; too many variations.
+            A sampled value is out of range; there are too many variations.
         """
-        # Refused before any of them is made: a typing error in a grid can mean millions.
+        # Check the number before variations are created: a typing error can lead to millions.
         count = math.prod(map(len, self.grids.values())) * max(self.samples, 1)
-        if count > _MOST:
+        if count > _MAX_VARIATIONS:
             raise UsageError(
-                f"the sweep has {count} variations of each building; {_MOST} are the most"
+                f"the sweep has {count} variations of each building; at most "
+                f"{_MAX_VARIATIONS} are allowed"
             )
         grid = [
             dict(zip(self.grids, values, strict=True))
@@ -134,7 +139,7 @@ class ParameterSweep:
         if not self.random:
             return grid
 
-        # Draws of a Latin hypercube: each parameter's range is covered, however few there are.
+        # A Latin hypercube covers the range of each parameter even with few samples.
         from scipy.stats import qmc
 
         parts = qmc.LatinHypercube(len(self.random), seed=np.random.default_rng(self.seed)).random(
@@ -153,12 +158,12 @@ class ParameterSweep:
         return [point | draw for point in grid for draw in draws]
 
     def of(self, models: Sequence[Model]) -> tuple[Model, ...]:
-        """All variations of some models, those of one after those of the other.
+        """Return all variations of models, model by model.
 
         Raises
         ------
         UsageError
-            What is varied is not there, or goes out of range.
+            A varied parameter does not exist, or a value is out of range.
         """
         changes = self.changes()
         return tuple(
@@ -178,13 +183,13 @@ class ParameterSweep:
         )
 
     def of_rows(self, rows: InventoryRows) -> InventoryRows:
-        """All variations of the buildings of an inventory: scatter and drawn motions of one are
-        those of the others.
+        """Return all variations of the buildings of an inventory. All variations of a building have
+        the same random factors and sampled motions.
 
         Raises
         ------
         UsageError
-            A drawn value is out of range; too many variations.
+            A sampled value is out of range; there are too many variations.
         """
         draws = enumerate(self.changes(), start=1)
         return replace(
@@ -195,9 +200,23 @@ class ParameterSweep:
     def _label(
         self, change: Mapping[str, float], number: int, method: str | None, dt: float | None
     ) -> str:
-        """What tells a variation from the others of its building."""
+        """Return the label of a variation.
+
+        Parameters
+        ----------
+        change : mapping of str to float
+            Values of the parameters.
+        number : int
+            Number of the variation, from 1.
+        method : str or None
+            Method, if varied.
+        dt : float or None
+            Time step, s, if varied.
+        """
         parts: list[Any] = [
-            f"{name}={value:.{_SHOWN}g}" for name, value in change.items() if name in self.grids
+            f"{name}={value:.{_LABEL_DIGITS}g}"
+            for name, value in change.items()
+            if name in self.grids
         ]
         parts += [f"draw {(number - 1) % self.samples + 1}"] if self.random else []
         parts += [method] if method else []
@@ -206,14 +225,14 @@ class ParameterSweep:
 
 _NUMBER = Bounds(ratio=True)
 _SAMPLES = (
-    Key("samples", Whole(1, 100_000), "draws of the random parameters, by a Latin hypercube"),
-    Key("seed", Whole(0, 2**31 - 1), "what they are drawn from"),
+    Key("samples", Whole(1, 100_000), "number of samples of random parameters (Latin hypercube)"),
+    Key("seed", Whole(0, 2**31 - 1), "random seed"),
 )
-_WHAT = "a list of values, or a distribution such as {lognormal: {median: 1, beta: 0.2}}"
+_VALUES_TEXT = "a list of values, or a distribution such as {lognormal: {median: 1, beta: 0.2}}"
 
 
 def _distribution(value: Value, kind: str, **numbers: float) -> Distribution | None:
-    """What its numbers may be together the distribution knows itself."""
+    """Return the distribution of a key; None after an error."""
     try:
         return Distribution(kind, *numbers.values())
     except UsageError as error:
@@ -232,19 +251,19 @@ _RANDOM = Keys(
         )
         for kind, two in DISTRIBUTIONS.items()
     ),
-    # Exactly one kind, so that none is silently taken before another.
+    # Exactly one distribution is allowed, so that no other is silently ignored.
     ways=tuple((kind,) for kind in DISTRIBUTIONS),
-    what=_WHAT,
-    make=lambda _, **kinds: next(filter(None, kinds.values())),
+    what=_VALUES_TEXT,
+    make=lambda _, **distributions: next(filter(None, distributions.values())),
 )
 
 
 @dataclass(frozen=True)
 class Varied:
-    """Parameters with their values or distributions, samples and a seed."""
+    """Parameters with their values or distributions, number of samples and seed."""
 
     def schema(self) -> Schema:
-        """The JSON schema; numbers of stories are named as `Model.replace` has them."""
+        """Return the JSON schema. Names of story parameters are those of `Model.replace`."""
         values = {"type": "array", "items": _NUMBER.schema(), "minItems": 1}
         either = {"anyOf": [values, _RANDOM.schema() | {"minProperties": 1, "maxProperties": 1}]}
         named = {name: {"description": meaning, **either} for name, meaning in PARAMETERS.items()}
@@ -261,18 +280,21 @@ class Varied:
 def read_sweep(
     vary: Value | None, methods: Value | None, steps: Value | None, *, models: bool
 ) -> ParameterSweep | None:
-    """The sweep of a campaign; None without any. Faults are noted.
+    """Return the sweep of a campaign; None without a sweep. Errors are recorded in the document.
 
     Parameters
     ----------
     vary, methods, steps : Value or None
-        The values of these keys, lists of methods and time steps.
+        Values of the keys `vary`, `methods` and of a list of time steps.
     models : bool
-        Whether the buildings are model files.
+        True if the buildings are model files.
     """
     for value in (methods, steps):
         if value and not models:
-            value.fault("lists of methods and steps are of `models`; an inventory has one of each")
+            value.fault(
+                "lists of methods and time steps require `models`; use a single value with an "
+                "inventory"
+            )
             return None
     if not (vary or methods or steps):
         return None
@@ -294,11 +316,11 @@ def read_sweep(
 
 
 def _read_vary(value: Value) -> ParameterSweep | None:
-    """Grids and distributions, samples and seed; None after a fault."""
+    """Read grids and distributions, samples and seed; None after an error."""
     grids: dict[str, tuple[float, ...]] = {}
     random: dict[str, Distribution] = {}
     names = value.names
-    # Names are not declared: any number of a model's stories may be one.
+    # Names cannot be declared, because they include the stories of the models.
     section = value.section(
         Keys((*_SAMPLES, *(Key(name, ANY) for name in names if name not in ("samples", "seed"))))
     )
@@ -308,30 +330,31 @@ def _read_vary(value: Value) -> ParameterSweep | None:
         entry = section.get(name)
         if entry is None or name in ("samples", "seed"):
             continue
-        # That a name cannot be a parameter shows without the models, which are not read yet.
+        # Check the form of the name; the models are not read yet.
         try:
             check_parameter(name)
         except UsageError as error:
             entry.fault(str(error))
             continue
         if entry.is_mapping:
-            if drawn := replace(entry, kind=_RANDOM).read():
-                random[name] = drawn
+            if distribution := replace(entry, kind=_RANDOM).read():
+                random[name] = distribution
         else:
             grids[name] = _values(entry, name)
-    # Samples without something random, or the other way round, are an oversight.
-    counted = section.get("samples")
-    if random and not counted:
-        value.fault("random parameters need `samples`: how many are drawn")
-    if counted and not random:
-        counted.fault("has nothing to act on without a random parameter")
+    # The number of samples and random parameters require each other.
+    samples = section.get("samples")
+    if random and not samples:
+        value.fault("random parameters require `samples`; add the number of samples")
+    if samples and not random:
+        samples.fault("can only be used with a random parameter; remove it")
     return ParameterSweep(grids, random, section.read("samples") or 0, section.read("seed") or 0)
 
 
 def _values(entry: Value, name: str) -> tuple[float, ...]:
+    """Return the values of a parameter."""
     numbers: dict[float, None] = {}
-    # A value twice would be the same building twice: it counts once.
-    for item in entry.items(_WHAT) or ():
+    # Ignore duplicate values, because they would repeat the same building.
+    for item in entry.items(_VALUES_TEXT) or ():
         number = item.number(_NUMBER if name == "damping" else ANY)
         try:
             if not math.isnan(number):
@@ -347,33 +370,33 @@ def _values(entry: Value, name: str) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class ModelFiles:
-    """Buildings of model files, by their paths as seen from the working directory."""
+    """Buildings of model files, by their paths relative to the working directory."""
 
     files: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class InventoryFile:
-    """Buildings of an inventory by rules.
+    """Buildings of an inventory, derived by rules.
 
     Attributes
     ----------
     file : str
-        The CSV file.
+        CSV file.
     rules : str
-        The set of rules.
+        Name of the set of rules.
     length : float
-        The unit of the file's lengths, m.
+        Length unit of the file, m.
     classes : str or None
-        The CSV file of the classes, for rules that have some.
+        CSV file of the classes, for rules that require it.
     as_published : bool
-        As of `tdint.model.capacity.CapacityFacts`.
+        As for `tdint.model.capacity.CapacityFacts`.
     mass_only : bool
-        Leave out the stiffness-proportional damping.
+        Omit the stiffness-proportional damping.
     stiffness_scatter, damping_scatter : float
-        Standard deviations of factors on stiffness and damping ratio.
+        Standard deviations of random factors of stiffness and damping ratio.
     seed : int
-        What the factors are drawn from.
+        Random seed of the factors.
     """
 
     file: str
@@ -388,14 +411,23 @@ class InventoryFile:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """What is read of it."""
+        """Files of the inventory."""
         return (self.file, *([self.classes] if self.classes else []))
 
 
 @dataclass(frozen=True)
 class RecordFiles:
-    """Records by files and folders; `pairs`: how the two horizontals of each motion are named that
-    are taken together."""
+    """Records in files and directories.
+
+    Attributes
+    ----------
+    files : tuple of str
+        Paths.
+    choice : RecordChoice
+        Selection of components and processing.
+    pairs : PairNames or None
+        Naming scheme of the two components of a motion; None: components are separate motions.
+    """
 
     files: tuple[str, ...]
     choice: RecordChoice
@@ -404,8 +436,17 @@ class RecordFiles:
 
 @dataclass(frozen=True)
 class SequenceFile:
-    """Shocks one after the other, by a CSV file of their records; `rest` seconds between them,
-    None: until the building is at rest."""
+    """Sequences of events in a CSV file.
+
+    Attributes
+    ----------
+    file : str
+        Path of the file.
+    choice : RecordChoice
+        Selection of components and processing of the records.
+    rest : float or None
+        Time between events, s; None: until free vibration has decayed.
+    """
 
     file: str
     choice: RecordChoice
@@ -414,24 +455,25 @@ class SequenceFile:
 
 @dataclass(frozen=True)
 class FieldFile:
-    """Ground motion fields: what each event does at each site.
+    """Ground motion fields: the motion of each event at each site.
 
     Attributes
     ----------
     file : str
-        The CSV file of events, sites, records and factors.
+        CSV file of events, sites, records and factors.
     choice : RecordChoice
-        How the records are read.
+        Selection of components and processing of the records.
     pairs : bool
-        Take the two horizontals of a record together.
+        Combine the two horizontal components of a record.
     sites : str or None
-        The CSV file of the sites' places; None: the inventory names the site of each building.
+        CSV file with the locations of the sites; None: the inventory names the site of each
+        building.
     distance : str
-        As of `tdint.campaign.motions.COORDINATES`: by which the nearest site is found.
+        Unit of the distance to the nearest site: a key of `tdint.campaign.motions.COORDINATES`.
     max_distance : float
-        Buildings whose nearest site is farther away are left out, m.
+        Buildings at a larger distance from the nearest site are omitted, m.
     rates : str or None
-        The CSV file of the events' yearly rates.
+        CSV file with the annual rates of the events.
     """
 
     file: str
@@ -445,23 +487,23 @@ class FieldFile:
 
 @dataclass(frozen=True)
 class FactorsFile:
-    """Factors of each motion from a CSV file, as `tdint scale` writes it."""
+    """Factors of each motion in a CSV file of `tdint scale`."""
 
     file: str
 
 
 @dataclass(frozen=True)
 class AnalysisWishes:
-    """What is the same for all buildings; None leaves it to each model.
+    """Settings for all buildings; None: the setting of each model.
 
     Attributes
     ----------
     method : str or None
         Method with its parameters.
     collapse_drift : float or None
-        Drift ratio over which a run is flagged as collapsed.
+        Drift ratio above which a run counts as collapsed.
     p_delta : bool or None
-        Whether gravity acts on the displaced buildings.
+        Include P-delta effects.
     """
 
     method: str | None = None
@@ -471,25 +513,33 @@ class AnalysisWishes:
 
 @dataclass(frozen=True)
 class CampaignFile:
-    """A campaign file, checked.
+    """Checked campaign file.
 
     Attributes
     ----------
     name, source : str
-        The campaign's name (the file's, where it gives none), and the file as the user named it.
+        Name of the campaign (by default the name of the file), and path of the file.
+    buildings : ModelFiles or InventoryFile
+        Buildings.
+    records : RecordFiles, SequenceFile, GridFile or FieldFile
+        Ground motions.
+    intensity : Scales, MeasureLevels or FactorsFile
+        Scale factors.
+    analysis : AnalysisWishes
+        Settings for all buildings.
     settings : RunSettings
-        How all runs are integrated, and what is kept of them.
+        Settings of the runs and of the results to store.
     sweep : ParameterSweep or None
-        What is varied in every building.
+        Variations of every building.
     damage : DamageWishes or None
-        How damage is told; None: as the models say.
+        Definition of the damage states; None: as in the models.
     outputs : tuple of str or None
-        The tables that are written; None: all that there are.
+        Tables to write; None: all tables.
     style : str
-        Looks of the pictures, as they are written; the runs do not depend on it.
+        Style of the figures, as in the file. Runs do not depend on it.
     pair_demand : str or None
-        How the components of pairs count (`tdint.campaign.pairs`); None: the default. The runs do
-        not depend on it.
+        Rule that combines the components of pairs (`tdint.campaign.pairs`); None: the default. Runs
+        do not depend on it.
     """
 
     name: str

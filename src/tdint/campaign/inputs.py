@@ -124,7 +124,7 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     # Read the buildings first, so that errors of model files are reported before records are read.
     if isinstance(campaign.buildings, ModelFiles):
         models = read_models(campaign.buildings, campaign.analysis)
-        with sweep.told_at_its_place():
+        with sweep.reported_at_key():
             models = sweep.of(models) if campaign.sweep else models
     else:
         rows, faults = read_rows(campaign.buildings)
@@ -147,7 +147,7 @@ def read_inputs(campaign: CampaignFile) -> Inputs:
     # Runs do not use costs, but invalid costs would otherwise be found only after all runs.
     if rows and campaign.damage:
         _check_costs(rows)
-    with sweep.told_at_its_place():
+    with sweep.reported_at_key():
         rows = sweep.of_rows(rows) if rows and campaign.sweep else rows
     assignment, damage = (
         _assignment(campaign, motions.places, rows, len(models)),

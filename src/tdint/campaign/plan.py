@@ -381,7 +381,7 @@ def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buil
     inventory, analysis = campaign.buildings, campaign.analysis
     # An inventory has rules for all rows; their scatter is drawn by the id of each.
     if isinstance(inventory, InventoryFile):
-        with (campaign.sweep or ParameterSweep()).told_at_its_place():
+        with (campaign.sweep or ParameterSweep()).reported_at_key():
             if analysis.method is None:
                 notes.append(f"no method is named, {DEFAULT_METHOD} is used")
             scatter = inventory.stiffness_scatter, inventory.damping_scatter, inventory.seed
