@@ -1,7 +1,8 @@
-"""The ground motions of a campaign: which of them each building gets, all or draws among those near
-it, and how strong they are made, by factors that are given or found from a measure of intensity.
+"""Ground motions of a campaign: assignment to buildings, and scale factors.
 
-Draws are by nearest neighbors, as in the regional workflow of SimCenter.
+Each building has all motions, or samples of the motions near it. Factors are specified, or computed
+from levels of an intensity measure. Sampling is by nearest neighbors, as in SimCenter's regional
+workflow.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ from tdint.ground_motion.reading.suites import GroundMotion, SuiteMotion, suite_
 from tdint.model.inventory import InventoryRows
 
 MAX_DISTANCE = 15e3
-"""Of a building from the site whose motions it gets, m; `asset_hazard_distance` of OpenQuake has
-this by default."""
+"""Default maximum distance of a building from its site, m; equal to the default of
+`asset_hazard_distance` in OpenQuake."""
 
 _EARTH = 6371e3  # m, mean radius
 
@@ -34,8 +35,8 @@ Places = Sequence[tuple[float, float]] | Array
 
 
 class Draw(NamedTuple):
-    """A motion by its number that a building gets, the number of the draw (0 where nothing is
-    drawn), and the factor that the motion has where it is drawn."""
+    """Motion of a building: its number, the number of the sample (0 without sampling), and its
+    factor at the point of a grid or in the field."""
 
     motion: int
     sample: int
@@ -44,26 +45,24 @@ class Draw(NamedTuple):
 
 @dataclass(frozen=True)
 class FieldMotions:
-    """Ground motions of events at sites: rows in the order of the sites, of which there may be
-    millions.
+    """Ground motions of events at sites. The rows are sorted by site; there may be millions.
 
     Attributes
     ----------
     events : tuple of str
-        The events, which are numbered from 1.
+        Events, which are numbered from 1.
     sites : tuple of str
-        The sites.
+        Sites.
     start : ndarray of int, shape (sites + 1,)
-        The first row of each site, and how many there are.
+        First row of each site, followed by the number of rows.
     event, record : ndarray of int, shape (rows,)
-        The number of the event, and of the record that it brings there.
+        Numbers of the event and of its record at the site.
     value : ndarray, shape (rows,)
-        The factor on the record, or the intensity that it is brought to.
+        Factor on the record, or intensity to which the record is scaled.
     motions : tuple of tuples of (int, float)
-        Of each record its motions by their numbers, and what a value is divided by for their
-        factor.
+        Motions of each record by their numbers, and the divisor that converts a value to a factor.
     places : sequence of tuples of two floats
-        Longitude and latitude of the sites, degrees; empty where buildings name theirs.
+        Longitude and latitude of the sites, degrees; empty if the inventory names the sites.
     """
 
     events: tuple[str, ...]
@@ -84,7 +83,17 @@ class FieldMotions:
         motions: Sequence[tuple[tuple[int, float], ...]],
         places: Sequence[tuple[float, float]] = (),
     ) -> FieldMotions:
-        """Of rows in any order: site, event, record and value of each."""
+        """Create the object from rows in any order.
+
+        Parameters
+        ----------
+        events, sites : sequence of str
+            Events and sites.
+        rows : tuple of ndarray
+            Site, event, record and value of each row.
+        motions, places : sequence
+            As for the attributes.
+        """
         site, event, record, value = rows
         order = np.argsort(site, kind="stable")
         start = np.searchsorted(site[order], np.arange(len(sites) + 1))
@@ -92,12 +101,12 @@ class FieldMotions:
         return cls(tuple(events), tuple(sites), start, *in_order, tuple(motions), places)
 
     def draws(self, site: int) -> list[Draw]:
-        """The motions at a site; the number of a draw is that of its event."""
-        here = slice(int(self.start[site]), int(self.start[site + 1]))
+        """Return the motions at a site. The sample number is the number of the event."""
+        site_rows = slice(int(self.start[site]), int(self.start[site + 1]))
         rows = zip(
-            self.event[here].tolist(),
-            self.record[here].tolist(),
-            self.value[here].tolist(),
+            self.event[site_rows].tolist(),
+            self.record[site_rows].tolist(),
+            self.value[site_rows].tolist(),
             strict=True,
         )
         return sorted(
@@ -109,15 +118,15 @@ class FieldMotions:
 
 @dataclass(frozen=True)
 class FieldDraws:
-    """Each building has all events of its site, nothing is drawn: how the motions of one event lie
-    to each other is that of the fields.
+    """Assignment of all events of its site to each building, without sampling, which preserves the
+    spatial correlation of the fields.
 
     Attributes
     ----------
     field : FieldMotions
-        The motions.
+        Motions.
     site_of : ndarray of int, shape (buildings,)
-        The site of each building.
+        Site of each building.
     """
 
     field: FieldMotions
@@ -128,38 +137,37 @@ class FieldDraws:
 
     def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
         field = self.field
-        of_record = np.array(
+        runs_of_record = np.array(
             [sum(runs(motion) for motion, _ in motions) for motions in field.motions],
             dtype=np.int64,
         )
-        before = np.concatenate([[0], np.cumsum(of_record[field.record])])
-        return np.asarray(np.diff(before[field.start])[self.site_of], dtype=np.int64)
+        cumulative = np.concatenate([[0], np.cumsum(runs_of_record[field.record])])
+        return np.asarray(np.diff(cumulative[field.start])[self.site_of], dtype=np.int64)
 
     def description(self) -> dict[str, object]:
-        field, whole = (
+        field, digest = (
             self.field,
             hashlib.sha256(repr((self.field.sites, self.field.motions)).encode()),
         )
         for part in (field.start, field.event, field.record, field.value, self.site_of):
-            whole.update(part.tobytes())
-        return {"events": field.events, "field_sha256": whole.hexdigest()}
+            digest.update(part.tobytes())
+        return {"events": field.events, "field_sha256": digest.hexdigest()}
 
 
 PointMotion = tuple[tuple[int, ...], float]
-"""A ground motion at a point of a grid: the numbers of its components, and the factor on it
-there."""
+"""Ground motion at a point of a grid: numbers of its components, and its factor at the point."""
 
 
 @dataclass(frozen=True)
 class GridMotions:
-    """Ground motions at points of a grid.
+    """Ground motions at the points of a grid.
 
     Attributes
     ----------
     places : sequence of tuples of two floats
         Longitude and latitude of the points that have motions, degrees.
     motions : tuple of tuples of PointMotion
-        Of each point its ground motions.
+        Ground motions of each point.
     """
 
     places: Sequence[tuple[float, float]] = field(repr=False)
@@ -168,8 +176,8 @@ class GridMotions:
 
 @dataclass(frozen=True)
 class FoundMotions:
-    """Ground motions that were read, what could not be, what a person should know of them, where
-    they are, and how often their events come in a year."""
+    """Ground motions, errors of motions that could not be read, notes for the user, locations, and
+    annual rates of events."""
 
     motions: tuple[SuiteMotion, ...] = ()
     failures: tuple[TdintError, ...] = ()
@@ -180,44 +188,53 @@ class FoundMotions:
 
 @dataclass(frozen=True)
 class EveryMotion:
-    """All buildings get all motions."""
+    """Assignment of all motions to all buildings."""
 
     count: int
 
     def draws(self, building: int) -> Sequence[Draw]:
-        """The motions of a building."""
+        """Return the motions of a building."""
         return [Draw(motion, 0) for motion in range(self.count)]
 
     def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
-        """How many runs each building has, where a motion has so many."""
+        """Return the number of runs of each building.
+
+        Parameters
+        ----------
+        buildings : int
+            Number of buildings.
+        runs : callable
+            Function that returns the number of runs of a motion.
+        """
         return np.full(buildings, sum(map(runs, range(self.count))), dtype=np.int64)
 
     def description(self) -> dict[str, object]:
-        """What is drawn and how, for the fingerprint."""
+        """Return the settings of the assignment for the fingerprint."""
         return {}
 
 
 @dataclass(frozen=True)
 class GridFile:
-    """Ground motions at points of a grid, drawn for each building among those near it.
+    """Ground motions at points of a grid, which are sampled for each building from its nearest
+    points.
 
     Attributes
     ----------
     file : str
-        EventGrid.csv.
+        Path of EventGrid.csv.
     units : str
-        Of the motions' samples.
+        Units of the samples of motions.
     neighbors, samples : int
-        Points among which is drawn, and draws for each building.
+        Number of points to sample from, and number of samples for each building.
     seed : int
-        What is drawn from, with the building's id.
+        Random seed, combined with the id of the building.
     distance : str
-        As of `tdint.campaign.motions.COORDINATES`.
+        Unit of distances: a key of `tdint.campaign.motions.COORDINATES`.
     events : bool
-        Nothing is drawn: rows of the points' files are events, and a building has those of the
-        nearest point.
+        True for no sampling: the rows of the points' files are events, and a building has the
+        events of its nearest point.
     max_distance : float
-        Buildings whose nearest point is farther away are left out, m.
+        Buildings at a larger distance from the nearest point are omitted, m.
     """
 
     file: str
@@ -232,16 +249,16 @@ class GridFile:
 
 @dataclass(frozen=True)
 class GridDraws:
-    """Which motions each building draws.
+    """Samples of motions for each building.
 
     Attributes
     ----------
     rows : InventoryRows
-        The buildings, each with its place.
+        Buildings with their locations.
     grid : GridMotions
-        The points that have motions.
+        Points that have motions.
     wanted : GridFile
-        How they are drawn.
+        Settings of the sampling.
     """
 
     rows: InventoryRows = field(repr=False)
@@ -249,8 +266,8 @@ class GridDraws:
     wanted: GridFile
 
     def draws(self, building: int) -> Sequence[Draw]:
-        """Points by their weights, with replacement; then one of the point's ground motions, each
-        as likely."""
+        """Return the sampled motions: points are sampled by weight with replacement, then one of
+        the motions of each point with equal probability."""
         random = np.random.default_rng([self.wanted.seed, *self.rows[building].id.encode()])
         near, weights = self.weights(building)
         points = random.choice(near, size=self.wanted.samples, p=weights)
@@ -262,21 +279,26 @@ class GridDraws:
         return sorted(drawn)
 
     def counts(self, buildings: int, runs: Callable[[int], int]) -> NDArray[np.int64]:
-        # All choices bring as many runs almost always: nothing needs to be drawn then.
-        each = {sum(map(runs, chosen)) for choices in self.grid.motions for chosen, _ in choices}
-        if len(each) == 1:
-            return np.full(buildings, self.wanted.samples * each.pop(), dtype=np.int64)
+        # If all motions have the same number of runs, the usual case, no sampling is required.
+        run_counts = {
+            sum(map(runs, chosen)) for choices in self.grid.motions for chosen, _ in choices
+        }
+        if len(run_counts) == 1:
+            return np.full(buildings, self.wanted.samples * run_counts.pop(), dtype=np.int64)
         drawn = map(self.draws, range(buildings))
         return np.array(
             [sum(runs(draw.motion) for draw in draws) for draws in drawn], dtype=np.int64
         )
 
     def weights(self, building: int) -> tuple[NDArray[np.int64], Array]:
-        """The points near a building, and how likely each is: by 1 / distance^2."""
+        """Return the points near a building and their probabilities, which are proportional to 1 /
+        distance^2."""
         count = min(self.wanted.neighbors, self._tree.n)
         distances, near = self._tree.query(self._places[building], k=np.arange(1, count + 1))
-        at = distances == 0.0
-        weights = at.astype(float) if at.any() else (distances[0] / distances) ** 2
+        is_same_place = distances == 0.0
+        weights = (
+            is_same_place.astype(float) if is_same_place.any() else (distances[0] / distances) ** 2
+        )
         return near.astype(np.int64), weights / weights.sum()
 
     def description(self) -> dict[str, object]:
@@ -302,30 +324,38 @@ class GridDraws:
 
 
 Assignment = EveryMotion | FieldDraws | GridDraws
-"""Which motions each building gets; `EveryMotion` says what all of them tell."""
+"""Assignment of motions to buildings. The methods are described in `EveryMotion`."""
 
 
 def nearest(here: Places, there: Places, distance: str) -> NDArray[np.int64]:
-    """Of each place the number of the nearest of others."""
+    """Return the index of the nearest location in `there` for each location in `here`.
+
+    Parameters
+    ----------
+    here, there : Places
+        Longitudes and latitudes, degrees.
+    distance : str
+        Unit of distances: a key of `COORDINATES`.
+    """
     return np.asarray(
         cKDTree(coordinates(there, distance)).query(coordinates(here, distance))[1], dtype=np.int64
     )
 
 
 def meters(here: Places, there: Places) -> Array:
-    """The distance of each place from another one on the earth, m."""
+    """Return the distance on the earth between corresponding locations, m."""
     chord = np.linalg.norm(coordinates(here, "km") - coordinates(there, "km"), axis=1)
     return np.asarray(2.0 * _EARTH * np.arcsin(np.minimum(0.5 * chord, 1.0)))
 
 
 def coordinates(places: Places, distance: str) -> Array:
-    """Points whose distances are those that are meant (`COORDINATES`), of longitudes and latitudes
-    in degrees."""
+    """Convert longitudes and latitudes in degrees to points with distances of the selected type
+    (`COORDINATES`)."""
     return COORDINATES[distance](np.array(places, dtype=np.float64).reshape(-1, 2))
 
 
 def unit_vectors(degrees: Array) -> Array:
-    """Directions from the center of the earth to places given as longitude and latitude; shape (k,
+    """Return the unit vectors from the center of the earth to longitudes and latitudes, shape (k,
     3)."""
     longitude, latitude = np.radians(degrees).T
     return np.column_stack(
@@ -341,23 +371,23 @@ COORDINATES: Mapping[str, Callable[[Array], Array]] = {
     "km": unit_vectors,
     "degrees": lambda degrees: degrees,
 }
-"""What distances are between: places on the earth, or, as in SimCenter's workflow, degrees of
-longitude and latitude as if they were alike and the plane did not end."""
+"""Types of distances: on the earth, or, as in SimCenter's workflow, in a plane of longitude and
+latitude in degrees, which have equal weight and are not periodic."""
 
 
 @dataclass(frozen=True)
 class Scales:
-    """The same factors on all motions.
+    """Equal scale factors for all motions.
 
     Attributes
     ----------
     values : tuple of float
-        The factors.
+        Scale factors.
     by_period : bool
-        Whether they hang on the building, by its first period; else nobody needs to find it.
+        True if factors depend on the first period of the building, which is then computed.
     of_value : bool
-        Whether they bring a motion to a value, whatever factor it has in a grid; else they come on
-        top of it.
+        True if factors scale a motion to a value, so that its factor in a grid is ignored;
+        otherwise both factors are multiplied.
     """
 
     values: tuple[float, ...]
@@ -365,31 +395,39 @@ class Scales:
     of_value: bool = field(default=False, init=False)
 
     def count(self, motion: int) -> int:
-        """How many factors a motion has."""
+        """Return the number of factors of a motion."""
         return len(self.values)
 
     def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
-        """The factors of a motion under each of some buildings, by their first periods, s."""
+        """Return the factors of a motion for each building.
+
+        Parameters
+        ----------
+        motion : int
+            Number of the motion.
+        periods : sequence of float
+            First period of each building, s.
+        """
         return [self.values] * len(periods)
 
     def description(self) -> dict[str, object]:
-        """What was asked for, for the fingerprint."""
+        """Return the settings for the fingerprint."""
         return {"scales": list(self.values)}
 
 
 @dataclass(frozen=True)
 class FactorTable:
-    """Factors by the names of motions and components, as a CSV file has them; no component stands
-    for all.
+    """Scale factors by names of motions and components, as in a CSV file. An empty component
+    represents all components.
 
     Attributes
     ----------
     source : str
-        The file as the user named it.
+        Path of the file.
     by_name : mapping
         (record, component) -> factors.
     scaled : mapping
-        What `tdint scale` told beside the file of how they came about; empty where it did not.
+        Settings that `tdint scale` wrote next to the file; empty if not available.
     """
 
     source: str
@@ -397,12 +435,13 @@ class FactorTable:
     scaled: Mapping[str, Any] = field(default_factory=dict)
 
     def of(self, motion: SuiteMotion) -> tuple[float, ...]:
-        """The factors of a motion: by its own name, by its file's, by its pair's.
+        """Return the factors of a motion, by its name, by the name of its file, or by the name of
+        its pair.
 
         Raises
         ------
         ModelError
-            There are none.
+            The table has no factor for the motion.
         """
         whole = motion.whole
         names = dict.fromkeys([motion.name, Path(motion.name).name, whole.source])
@@ -416,12 +455,12 @@ class FactorTable:
         )
 
     def of_motions(self, motions: Sequence[GroundMotion]) -> list[float]:
-        """Return the factor of each motion; both components of a pair have one factor.
+        """Return the factor of each motion. Both components of a pair have the same factor.
 
         Raises
         ------
         ModelError
-            A motion has no factor, or several.
+            A motion has no factor, or several factors.
         """
         factors: dict[int, dict[float, None]] = {}
         for motion in suite_motions(motions):
@@ -432,14 +471,14 @@ class FactorTable:
                 listed = ", ".join(f"{value:g}" for value in values)
                 raise ModelError(
                     f"{self.source}: {whole.source} {whole.component} has the factors {listed}; "
-                    "give one factor"
+                    "specify only one factor"
                 )
         return [next(iter(factors[id(whole)])) for whole in motions]
 
 
 @dataclass(frozen=True)
 class GivenFactors:
-    """Factors of each motion by its number, as `tdint scale` finds them."""
+    """Scale factors of each motion by its number, computed by `tdint scale`."""
 
     by_motion: Mapping[int, tuple[float, ...]]
     by_period: bool = field(default=False, init=False)
@@ -457,20 +496,20 @@ class GivenFactors:
 
 @dataclass(frozen=True)
 class MeasureLevels:
-    """Values that an intensity measure is to take.
+    """Levels of an intensity measure to which motions are scaled.
 
     Attributes
     ----------
     measure : callable
-        A period (s) -> the measure.
+        Function that returns the measure for a period, s.
     period : float or None
-        Its period, s; None for the first period of each building.
+        Period, s; None: first period of each building.
     values : tuple of float
-        The values, in SI units.
+        Levels, in SI units.
     pair : str
-        What stands for a pair of components, a name of `tdint.campaign.intensity.PAIRS`.
+        Combination of the components of a pair, a name of `tdint.campaign.intensity.PAIRS`.
     motions : sequence of SuiteMotion
-        What is brought to them.
+        Motions to scale.
     """
 
     measure: Callable[[float], IntensityMeasure]
@@ -488,7 +527,8 @@ class MeasureLevels:
         return self.period is None
 
     def factors(self, motion: int, periods: Sequence[float]) -> Sequence[tuple[float, ...]]:
-        """Both components of a pair have the same ones."""
+        """Return the factors of a motion for each building. Both components of a pair have the same
+        factors."""
         whole, by_period = self.motions[motion].whole, dict[float, tuple[float, ...]]()
         for period in dict.fromkeys(self._at(periods)):
             measure = self.measure(period)
@@ -497,6 +537,7 @@ class MeasureLevels:
         return [by_period[period] for period in self._at(periods)]
 
     def _at(self, periods: Sequence[float]) -> Sequence[float]:
+        """Return the period of the measure for each building, s."""
         return periods if self.period is None else [self.period] * len(periods)
 
     def description(self) -> dict[str, object]:
@@ -514,4 +555,4 @@ class MeasureLevels:
 
 
 Levels = Scales | GivenFactors | MeasureLevels
-"""Factors on each motion; `Scales` says what all of them tell."""
+"""Factors of motions. The methods are described in `Scales`."""
