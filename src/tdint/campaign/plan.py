@@ -1,7 +1,7 @@
-"""All runs of a campaign in their order, cut into chunks; which run is which does not depend on who
-does them.
+"""Plan of a campaign: all runs in order, divided into chunks. The plan does not depend on the
+number of processes.
 
-A plan is made of what was read: nothing is opened here.
+A plan is made from data in memory; no file is opened here.
 """
 
 from __future__ import annotations
@@ -43,64 +43,62 @@ from tdint.model.plausibility import on_plausibility
 from tdint.written_numbers import first_few
 
 _COLLAPSE_DRIFT = 0.10
-"""Of buildings by rules, where a campaign says nothing of it."""
+"""Default collapse drift of buildings of an inventory."""
 
 _SECONDS_PER_STEP = 0.15e-6
-"""Roughly, for each story; it decides on the size of chunks alone."""
+"""Approximate time per time step and story, s; used only to determine the size of chunks."""
 
-_SECONDS_PER_BUILDING = 2e-4
-_CHUNKS = 64
-_MOST_NAMES = 10  # that a note names
-_KEPT = 1000  # buildings whose steps are remembered
-_SHORTEST, _LONGEST = 0.002, 2.0
-"""Seconds of a chunk: a small campaign is cut into `_CHUNKS`, so that all processors have their
-share."""
+_SECONDS_PER_BUILDING = 2e-4  # s; approximate time to create a building
+_CHUNKS = 64  # number of chunks of a small campaign
+_MOST_NAMES = 10  # names listed in a note
+_KEPT = 1000  # number of buildings with a stored time step
+_MIN_CHUNK_TIME, _MAX_CHUNK_TIME = 0.002, 2.0
+"""Minimum and maximum time of a chunk, s. A small campaign is divided into `_CHUNKS` chunks, so
+that all processors are used."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A campaign, read and put together.
+    """Campaign with all input in memory.
 
     Attributes
     ----------
     name : str
-        Of the campaign.
+        Name of the campaign.
     buildings : Buildings
-        The buildings.
+        Buildings.
     motions : tuple of SuiteMotion
         All ground motions.
     assignment : Assignment
-        Which of them each building gets.
+        Motions of each building.
     levels : Levels
-        The factors on them.
+        Scale factors of the motions.
     settings : RunSettings
-        How all runs are integrated.
+        Settings of the runs.
     failures : tuple of TdintError
-        Records and rows of an inventory that could not be read; the others are taken.
+        Errors of records and rows of an inventory that were skipped.
     notes : tuple of str
-        What a person should know.
+        Notes for the user.
     warnings : tuple of str
-        Unusual values of the buildings, as `check` shows them: they are shown before all notes.
+        Unusual values of the buildings, as shown by `check`. They are shown before the notes.
     damage : Damage or None
-        How damage is told, where it is.
+        Definition of the damage states, if any.
     inventory : tuple of str
-        The files of the inventory, if its rows are the buildings.
+        Files of the inventory, if the campaign has one.
     far : tuple of ModelFault
-        Rows of the inventory that are left out, for they are too far from any site.
+        Rows of the inventory that were skipped because they are too far from all sites.
     outputs : tuple of str or None
-        The tables that are written; None: all that there are.
+        Tables to write; None: all tables.
     rates : mapping of str to float
-        How often events come in a year, as far as it is told.
+        Annual rate of each event, 1/year, if specified.
     factors : str
-        The file of the factors on the motions, if there is one.
+        Path of the file of scale factors, if any.
     style : tuple of (str, str)
-        Looks of the pictures as they are written, and the folder that a style sheet in them is
-        relative to.
+        Style of the figures, and the directory that relative paths of style sheets refer to.
     pair_demand : str or None
-        How the components of pairs count (`tdint.campaign.pairs`); None: the default.
+        Rule that combines the components of pairs (`tdint.campaign.pairs`); None: the default.
     scaled : mapping
-        What `tdint scale` told beside it of how they came about; empty where it did not, or not of
-        these.
+        Settings that `tdint scale` wrote next to the file of factors; empty if not available.
     """
 
     name: str
@@ -128,8 +126,7 @@ class Plan:
 
     @property
     def unused(self) -> list[tuple[str, str]]:
-        """Of each record and row of an inventory that could not be used `record` or `building`, and
-        why."""
+        """Inputs that could not be used: `record` or `building`, and the reason."""
         reasons_of: dict[tuple[str, str], list[str]] = {
             ("building", str(fault)): [str(fault)] for fault in self.far
         }
@@ -145,39 +142,44 @@ class Plan:
 
     @property
     def models(self) -> list[Model]:
-        """The models of its buildings, where they come from files; none of an inventory."""
+        """Models of the model files; empty for an inventory."""
         return models_of(self.buildings)
 
     @property
     def runs(self) -> int:
-        """How many runs there are."""
+        """Number of runs."""
         return int(self._ends[-1])
 
     @property
     def chunks(self) -> int:
-        """How many chunks they are cut into."""
+        """Number of chunks."""
         return len(self._cuts) - 1
 
     def size(self, chunk: int) -> int:
-        """How many runs a chunk has."""
+        """Return the number of runs of a chunk."""
         return int(self._cuts[chunk + 1] - self._cuts[chunk])
 
     def buildings_of(self, chunks: Sequence[int]) -> list[int]:
-        """The buildings whose runs some chunks have; one without any belongs to the chunk that goes
-        on behind it."""
+        """Return the buildings with runs in some chunks. A building without runs belongs to the
+        chunk of the next runs."""
         firsts = np.searchsorted(self._ends, self._cuts[:-1], side="right")
         firsts[0] = 0
-        # A building may begin in one chunk and end in the next one.
+        # The runs of a building may be divided between two chunks.
         lasts = np.append(
             firsts[1:] + (self._starts[firsts[1:]] < self._cuts[1:-1]), len(self.buildings)
         )
         return sorted({at for chunk in chunks for at in range(firsts[chunk], lasts[chunk])})
 
     def chunk(self, number: int) -> Chunk:
-        """A chunk with all that its runs need. Errors are those of intensity measures that a motion
-        does not have."""
+        """Return a chunk with its complete input.
+
+        Raises
+        ------
+        RecordError, AnalysisError
+            An intensity measure cannot be computed for a motion.
+        """
         first, last = int(self._cuts[number]), int(self._cuts[number + 1])
-        # A chunk may begin and end within a building: its slice of that building's runs.
+        # A chunk may start or end within the runs of a building: determine the slice of its runs.
         at = int(np.searchsorted(self._ends, first, side="right"))
         chosen: list[tuple[int, slice]] = []
         while first < last:
@@ -192,8 +194,8 @@ class Plan:
         )
 
     def check_steps(self) -> None:
-        """Raise UsageError for a step that does not fit a record; of an inventory all buildings are
-        alike in that."""
+        """Raise UsageError if a time step does not fit a record. All buildings of an inventory have
+        the same time step."""
         from tdint.analysis.run.workspace import choose_steps
 
         settings = self.settings
@@ -212,73 +214,86 @@ class Plan:
 
     @cached_property
     def _counts(self) -> NDArray[np.int64]:
-        """Runs of each building."""
+        """Number of runs of each building."""
         return self.assignment.counts(len(self.buildings), self.levels.count)
 
     @cached_property
     def _ends(self) -> NDArray[np.int64]:
+        """Number of the last run of each building, plus 1."""
         return np.cumsum(self._counts)
 
     @cached_property
     def _starts(self) -> NDArray[np.int64]:
+        """Number of the first run of each building."""
         return self._ends - self._counts
 
     @cached_property
     def _cuts(self) -> NDArray[np.int64]:
-        """The first run of each chunk, and the number of all runs."""
+        """Number of the first run of each chunk, and number of all runs."""
         steps = np.mean([motion.record.acceleration.size for motion in self.motions])
-        of = self.buildings
+        buildings = self.buildings
         stories = (
-            of.rows.stories
-            if isinstance(of, RowBuildings)
-            else np.array([building.stories for building in of])
+            buildings.rows.stories
+            if isinstance(buildings, RowBuildings)
+            else np.array([building.stories for building in buildings])
         )
         counts = np.maximum(self._counts, 1)
-        # What a run costs, by its steps and stories, and by the building that is made for it.
-        each = stories * steps * _SECONDS_PER_STEP + _SECONDS_PER_BUILDING / counts
-        costs = np.cumsum(each * counts)
-        length = min(max(costs[-1] / _CHUNKS, _SHORTEST), _LONGEST)
+        # Estimate the time of a run from its time steps and stories, and from the building.
+        run_times = stories * steps * _SECONDS_PER_STEP + _SECONDS_PER_BUILDING / counts
+        costs = np.cumsum(run_times * counts)
+        length = min(max(costs[-1] / _CHUNKS, _MIN_CHUNK_TIME), _MAX_CHUNK_TIME)
         targets = np.arange(length, costs[-1], length)
-        # Cuts by costs, not by numbers of runs: chunks then take about the same time.
+        # Divide by time, not by number of runs, so that all chunks need about the same time.
         at = np.searchsorted(costs, targets)
-        into = targets - (costs[at] - each[at] * counts[at])
-        cuts = self._starts[at] + np.ceil(into / each[at]).astype(np.int64)
+        excess = targets - (costs[at] - run_times[at] * counts[at])
+        cuts = self._starts[at] + np.ceil(excess / run_times[at]).astype(np.int64)
         return np.unique(np.concatenate([[0], np.minimum(cuts, self.runs), [self.runs]]))
 
     def _with_runs(self, chosen: Sequence[tuple[int, slice]]) -> tuple[BuildingRuns, ...]:
-        """Buildings with some of their runs."""
+        """Return buildings with slices of their runs."""
         sources = [self.buildings[number] for number, _ in chosen]
         draws = [self.assignment.draws(number) for number, _ in chosen]
         factors = self._factors(sources, draws)
         parts = []
-        for place, (number, part) in enumerate(chosen):
+        for index, (number, part) in enumerate(chosen):
             runs = []
-            for draw in draws[place]:
-                # Levels of a value leave of a draw's own factor its sign alone.
+            for draw in draws[index]:
+                # Levels of an intensity replace the factor of a sample; only its sign remains.
                 factor = math.copysign(1.0, draw.factor) if self.levels.of_value else draw.factor
                 runs += [
                     Run(draw.motion, factor * scale, draw.sample)
-                    for scale in factors[place, draw.motion]
+                    for scale in factors[index, draw.motion]
                 ]
-            largest = self._largest_step(number, sources[place], runs)
-            parts.append(BuildingRuns(number, sources[place], tuple(runs[part]), largest))
+            largest = self._largest_step(number, sources[index], runs)
+            parts.append(BuildingRuns(number, sources[index], tuple(runs[part]), largest))
         return tuple(parts)
 
     def _largest_step(self, number: int, source: Source, runs: Sequence[Run]) -> float | None:
-        """The largest step of a building for the tolerance, s: found once, whatever chunks its runs
-        are in."""
+        """Return the maximum time step of a building for the tolerance, s. It is computed once for
+        all chunks.
+
+        Parameters
+        ----------
+        number : int
+            Number of the building.
+        source : Source
+            Object that creates the building.
+        runs : sequence of Run
+            All runs of the building.
+        """
         tolerance = self.settings.tolerance
         if tolerance is None:
             return math.inf
-        # Several threads may have runs of one building: who comes first chooses, the others wait.
+        # Several threads may have runs of the same building: the first one computes the time step,
+        # the other threads wait.
         with self._choosing:
-            mine = number not in self._chosen
-            if mine:
+            is_first = number not in self._chosen
+            if is_first:
                 while len(self._chosen) >= _KEPT:
                     self._chosen.pop(next(iter(self._chosen)))
                 self._chosen[number] = Future()
             chosen = self._chosen[number]
-        if mine:
+        if is_first:
             try:
                 records = {run.motion: self.motions[run.motion].record for run in runs}
                 chosen.set_result(
@@ -291,33 +306,41 @@ class Plan:
     def _factors(
         self, sources: Sequence[Source], draws: Sequence[Sequence[Draw]]
     ) -> dict[tuple[int, int], tuple[float, ...]]:
-        """The factors by the place of a building and the number of a motion."""
-        # By motion: its spectrum is computed once for the periods of all buildings.
+        """Return the factors by index of the building and number of the motion."""
+        # Compute the spectrum of each motion once for the periods of all buildings.
         users: dict[int, list[int]] = {}
-        for place, of_building in enumerate(draws):
-            for motion in dict.fromkeys(draw.motion for draw in of_building):
-                users.setdefault(motion, []).append(place)
+        for index, building_draws in enumerate(draws):
+            for motion in dict.fromkeys(draw.motion for draw in building_draws):
+                users.setdefault(motion, []).append(index)
         periods = [
             source.subject().period if self.levels.by_period else math.nan for source in sources
         ]
         factors: dict[tuple[int, int], tuple[float, ...]] = {}
-        for motion, places in users.items():
-            of_places = self.levels.factors(motion, [periods[place] for place in places])
+        for motion, indices in users.items():
+            values_by_index = self.levels.factors(motion, [periods[index] for index in indices])
             factors |= {
-                (place, motion): values for place, values in zip(places, of_places, strict=True)
+                (index, motion): values
+                for index, values in zip(indices, values_by_index, strict=True)
             }
         return factors
 
 
 def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
-    """The plan of a campaign, of what was read for it.
+    """Return the plan of a campaign.
+
+    Parameters
+    ----------
+    campaign : CampaignFile
+        Definition of the campaign.
+    inputs : Inputs
+        Contents of its files.
 
     Raises
     ------
     ModelError
-        A file of factors has none for a motion.
+        A file of factors does not contain a motion.
     UsageError
-        A time step that does not fit.
+        A time step does not fit a record.
     """
     motions, notes = inputs.motions, list[str]()
     buildings = _buildings(campaign, inputs, notes)
@@ -336,15 +359,15 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
     notes += cut_off(
         (motion.record for motion in motions.motions), min(filter(None, ends), default=math.inf)
     )
-    # A residual drift at the end of a record is still swinging.
+    # At the end of a record, residual drifts still include free vibration.
     damage = damage_of(campaign.damage, inputs.damage, buildings)
     residual = damage and any("residual" in type_.demand for type_ in damage.types.values())
     if residual and not campaign.settings.until_rest:
         notes.append(
-            "damage is told by drifts at the end of the records: until_rest of the analysis goes "
-            "on to rest"
+            "damage states depend on drifts at the end of the records, which include free "
+            "vibration; set until_rest of the analysis to continue until it has decayed"
         )
-    # All that is said before the runs goes along: what was left out, and what may surprise.
+    # The plan includes all messages before the runs: skipped inputs, notes and warnings.
     plan = Plan(
         name=campaign.name,
         buildings=buildings,
@@ -376,42 +399,52 @@ def make_plan(campaign: CampaignFile, inputs: Inputs) -> Plan:
 
 
 def _buildings(campaign: CampaignFile, inputs: Inputs, notes: list[str]) -> Buildings:
-    """The buildings with their methods: that of the campaign, of a model, or the default, which is
-    noted."""
+    """Return the buildings with their methods: the method of the campaign, of the model, or the
+    default, which adds a note.
+
+    Parameters
+    ----------
+    campaign : CampaignFile
+        Definition of the campaign.
+    inputs : Inputs
+        Contents of its files.
+    notes : list of str
+        Notes for the user; notes are appended.
+    """
     inventory, analysis = campaign.buildings, campaign.analysis
-    # An inventory has rules for all rows; their scatter is drawn by the id of each.
+    # All rows of an inventory have the same rules; random factors depend on the id of the row.
     if isinstance(inventory, InventoryFile):
         with (campaign.sweep or ParameterSweep()).reported_at_key():
             if analysis.method is None:
-                notes.append(f"no method is named, {DEFAULT_METHOD} is used")
+                notes.append(f"no method is specified; using {DEFAULT_METHOD}")
             scatter = inventory.stiffness_scatter, inventory.damping_scatter, inventory.seed
-            same = (
+            common = (
                 analysis.method or DEFAULT_METHOD,
                 analysis.collapse_drift or _COLLAPSE_DRIFT,
                 bool(analysis.p_delta),
             )
-            rules = Rules(inventory.rules, *scatter, *same)
+            rules = Rules(inventory.rules, *scatter, *common)
             assert inputs.rows is not None
             return RowBuildings(inputs.rows, rules)
     if len({model.output_units for model in inputs.models}) > 1:
         notes.append(
-            "the models want results in different units: they are written in SI; --output-units "
-            "names others"
+            "the models specify different output units: results are written in SI units; select "
+            "others with --output-units"
         )
-    # Of a sweep the variations of a model are buildings of their own.
+    # The variations of a model in a sweep are different buildings.
     named = Counter((model.source, model.label) for model in inputs.models)
-    again = [source for (source, _), count in named.items() if count > 1]
-    if again:
+    repeated = [source for (source, _), count in named.items() if count > 1]
+    if repeated:
         notes.append(
-            "named more than once, and run as often: "
-            f"{first_few(list(dict.fromkeys(again)), _MOST_NAMES)}"
+            "listed more than once, and run the same number of times: "
+            f"{first_few(list(dict.fromkeys(repeated)), _MOST_NAMES)}"
         )
-    # Models may bring methods of their own, unless the campaign names one for all.
+    # A method of the campaign replaces the methods of the models.
     subjects = []
     for model in inputs.models:
         method = analysis.method or model.analysis.method
         if method is None:
             method = DEFAULT_METHOD
-            notes.append(f"{model.source}: names no method, {DEFAULT_METHOD} is used")
+            notes.append(f"{model.source}: no method is specified; using {DEFAULT_METHOD}")
         subjects.append(Subject(model, method))
     return given_buildings(subjects)
