@@ -1,10 +1,10 @@
-"""Peaks over the height of a building under a suite of motions: each motion's, and their mean,
-fractiles and largest.
+"""Peaks over the height of a building under a suite of ground motions: values of each motion, and
+mean, fractiles and maximum.
 
-The order of operations is that of codes: the largest value of each motion over time, in each story;
-the mean of it over the motions; then the worst story. The demand of a pair of horizontal components
-is the one of `tdint.campaign.pairs`. What collapsed or failed is counted and has no part in any
-number: a mean is that of the motions under which the building stood.
+The order of operations is that of design codes: maximum of each motion over time, in each story;
+mean over the motions; maximum over the stories. The demand of a pair of horizontal components is
+computed by the rule of `tdint.campaign.pairs`. Runs with collapse or without a result are counted,
+but excluded from all statistics.
 """
 
 from __future__ import annotations
@@ -38,12 +38,13 @@ from tdint.written_numbers import first_few
 
 DRIFT_RATIO = "peak_drift_ratio"
 _RANK = ("level", "")
-"""Of levels that are factors of the motions' own."""
+"""Name and unit of levels that are individual factors of the motions."""
 
 
 @dataclass(frozen=True)
 class Statistics:
-    """Of a quantity over the motions, in each story; arrays of shape (n,), nan without a motion."""
+    """Statistics of a quantity over the motions, in each story; arrays of shape (n,), NaN without a
+    motion."""
 
     mean: Array
     median: Array
@@ -53,8 +54,8 @@ class Statistics:
 
     @classmethod
     def of(cls, values: Array) -> Statistics:
-        """Of values of shape (motions, n); fractiles lie on straight lines between the values in
-        order."""
+        """Return the statistics of values of shape (motions, n). Fractiles are interpolated
+        linearly between the sorted values."""
         if not len(values):
             return cls(*(np.full(values.shape[1], math.nan) for _ in fields(cls)))
         p16, median, p84 = np.percentile(values, (16.0, 50.0, 84.0), axis=0)
@@ -62,41 +63,61 @@ class Statistics:
 
     @classmethod
     def errors(cls, values: Array, errors: Array) -> Statistics:
-        """By how much these may be off where values, shape (motions, n), are off by their errors:
-        none of them falls where a value grows, so they are off most where all are to one side."""
+        """Return the maximum errors of the statistics.
+
+        All statistics increase with the values, so that their error is maximum if all errors have
+        the same sign.
+
+        Parameters
+        ----------
+        values, errors : ndarray, shape (motions, n)
+            Values and their errors.
+        """
         return cls(
-            *_may_add(lambda those: np.array(list(vars(cls.of(those)).values())), values, errors)
+            *_maximum_error(
+                lambda samples: np.array(list(vars(cls.of(samples)).values())), values, errors
+            )
         )
 
 
-def _may_add(rising: Callable[[Array], Array], values: Array, errors: Array) -> Array:
-    """By how much what rises with all values may be off where they are off by their errors, to one
-    side."""
-    told = rising(values)
-    return np.asarray(np.maximum(rising(values + errors) - told, told - rising(values - errors)))
+def _maximum_error(rising: Callable[[Array], Array], values: Array, errors: Array) -> Array:
+    """Return the maximum error of a function that increases with all values, for errors of the same
+    sign.
+
+    Parameters
+    ----------
+    rising : callable
+        Function.
+    values, errors : ndarray
+        Values and their errors.
+    """
+    result = rising(values)
+    upper, lower = rising(values + errors) - result, result - rising(values - errors)
+    return np.asarray(np.maximum(upper, lower))
 
 
 @dataclass(frozen=True)
 class SuiteLevel:
-    """A building under a suite at one level of intensity: what became of it.
+    """Outcome of the runs of a building under a suite at one level of intensity.
 
     Attributes
     ----------
     scale : float
-        The factor on all motions; nan where each has its own.
+        Scale factor of all motions; NaN if motions have different factors.
     level : float
-        The value of the intensity measure, SI units, or where motions have several factors of their
-        own the number of the factor, from 1; nan where the scale says all.
+        Value of the intensity measure, SI units; if motions have several individual factors, number
+        of the factor, from 1; NaN if `scale` is sufficient.
     stood : list of list of Run
-        The runs of each motion that came to its end, two of a pair.
+        Completed runs of each motion, two for a pair.
     pairs : int
-        How many of the motions, whatever became of them, are pairs of components.
+        Number of motions that are pairs of components, including collapsed and failed runs.
     collapsed, failed : int
-        Motions under which the building collapsed, and whose run has no result.
+        Number of motions with collapse, and number of motions without a result.
     measure : tuple of str
-        What the level is a value of, and its unit.
+        Name and unit of the level.
     pair_demand : str
-        How the components of pairs count (`tdint.campaign.pairs`); empty if the suite has no pairs.
+        Rule that combines the components of pairs (`tdint.campaign.pairs`); empty if the suite has
+        no pairs.
     """
 
     scale: float
@@ -110,32 +131,31 @@ class SuiteLevel:
 
     @property
     def level_text(self) -> str:
-        """The level in words, as `level_text` has it."""
+        """Text of the level, as in `level_text`."""
         return level_text(self.scale, self.level, self.measure)
 
     @property
     def runs(self) -> int:
-        """How many motions there were; a pair is one."""
+        """Number of motions; a pair is one motion."""
         return len(self.stood) + self.collapsed + self.failed
 
 
 @dataclass(frozen=True)
 class Profile(SuiteLevel):
-    """The peaks of a building under a suite at one level of intensity.
+    """Peaks of a building under a suite at one level of intensity.
 
     Attributes
     ----------
     building : str
-        Its name.
+        Name of the building.
     motions : tuple of str
-        Those that came to their end.
+        Motions of completed runs.
     height : ndarray, shape (n,)
-        Story heights, m; nan where there is none.
+        Story heights, m; NaN if not specified.
     peaks : mapping of str to ndarray, shape (motions, n)
-        The largest absolute values of each quantity of `tdint.analysis.run.outcome.STORY`, by its
-        name.
+        Maximum absolute values of each quantity of `tdint.analysis.run.outcome.STORY`, by its name.
     peak_errors : mapping of str to ndarray, shape (motions, n)
-        Their estimated errors, nan where there is none; empty where they were not asked for.
+        Their estimated errors, NaN if missing; empty if not requested.
     """
 
     building: str
@@ -145,12 +165,12 @@ class Profile(SuiteLevel):
     peak_errors: Mapping[str, Array]
 
     def statistics(self, quantity: Quantity) -> Statistics:
-        """Of a quantity, in each story."""
+        """Return the statistics of a quantity in each story."""
         return Statistics.of(self.peaks[quantity.name])
 
     def errors(self, quantity: Quantity) -> Statistics | None:
-        """What errors of the runs may add to these, in each story; nothing is said of the choice of
-        the motions."""
+        """Return the effect of the errors of the runs on the statistics in each story, or None. The
+        uncertainty due to the selection of motions is not included."""
         if not self.peak_errors:
             return None
         return Statistics.errors(self.peaks[quantity.name], self.peak_errors[quantity.name])
@@ -158,20 +178,20 @@ class Profile(SuiteLevel):
 
 @dataclass(frozen=True)
 class Ratios:
-    """A quantity of a building over that of another one at the same level, in each story that both
-    have.
+    """Ratio of a quantity of a building to the quantity of the baseline at the same level, in each
+    story that both buildings have.
 
     Attributes
     ----------
     building, baseline : str
-        Their names.
+        Names of the buildings.
     scale, level : float
         As in `Profile`.
     quantity : Quantity
-        What is compared.
+        Quantity that is compared.
     mean, median, max : ndarray, shape (1 + stories,)
-        First that of the largest value of all stories, then that of each story, from the ground up;
-        nan where the baseline has none, or nothing.
+        Ratio of the maximum over all stories, then ratio of each story from the ground up; NaN if
+        the baseline has no value, or zero.
     """
 
     building: str
@@ -185,28 +205,35 @@ class Ratios:
 
 
 def check_baseline(baseline: str, buildings: Iterable[str]) -> None:
-    """Refuse a baseline that is none of the buildings of these names, or the only one
-    (UsageError)."""
+    """Raise UsageError if a baseline is not one of the buildings, or is the only building."""
     names = list(dict.fromkeys(buildings))
     if baseline not in names:
-        near = did_you_mean(baseline, names)
+        suggestion = did_you_mean(baseline, names)
         raise UsageError(
-            f"there is no building {baseline!r}{near}; there are {first_few(names, 10)}"
+            f"building {baseline!r} not found{suggestion}; available buildings: "
+            f"{first_few(names, 10)}"
         )
     if len(names) == 1:
-        raise UsageError(f"there is no building beside {baseline!r} to be compared with it")
+        raise UsageError(f"no other building to compare with {baseline!r}; add a building")
 
 
 def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
-    """Of all buildings over the one of this name, level by level; without that one itself.
+    """Return the ratios of all other buildings to a baseline, level by level.
+
+    Parameters
+    ----------
+    profiles : sequence of Profile
+        Profiles of all buildings.
+    baseline : str
+        Name of the baseline.
 
     Raises
     ------
     UsageError
-        There is no such building, or it is the only one.
+        The baseline does not exist, or is the only building.
     """
     check_baseline(baseline, (other.building for other in profiles))
-    # By the texts of scale and level: nan is a key then, too.
+    # Use texts of scale and level as keys, because NaN is not equal to NaN.
     bases = {
         (repr(other.scale), repr(other.level)): other
         for other in profiles
@@ -218,9 +245,9 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
         if base is None or profile.building == baseline:
             continue
         for quantity in STORY:
-            ours, theirs = profile.statistics(quantity), base.statistics(quantity)
+            compared_values, base_values = profile.statistics(quantity), base.statistics(quantity)
             values = {
-                name: _over(getattr(ours, name), getattr(theirs, name))
+                name: _over(getattr(compared_values, name), getattr(base_values, name))
                 for name in ("mean", "median", "max")
             }
             compared.append(
@@ -229,24 +256,28 @@ def ratios(profiles: Sequence[Profile], baseline: str) -> list[Ratios]:
     return compared
 
 
-def _over(ours: Array, theirs: Array) -> Array:
-    common = min(ours.size, theirs.size)
-    # First the largest of all stories, which a building may have in another story than the
-    # baseline.
-    tops = [np.max(values[np.isfinite(values)], initial=-math.inf) for values in (ours, theirs)]
+def _over(compared_values: Array, base_values: Array) -> Array:
+    """Return the ratios of the maxima over all stories, and of each common story."""
+    common = min(compared_values.size, base_values.size)
+    # The maximum over all stories may occur in different stories of the two buildings.
+    tops = [
+        np.max(values[np.isfinite(values)], initial=-math.inf)
+        for values in (compared_values, base_values)
+    ]
     over, under = (
-        np.concatenate([[tops[0]], ours[:common]]),
-        np.concatenate([[tops[1]], theirs[:common]]),
+        np.concatenate([[tops[0]], compared_values[:common]]),
+        np.concatenate([[tops[1]], base_values[:common]]),
     )
     positive = (under > 0.0) & np.isfinite(over)
     return np.asarray(np.divide(over, under, out=np.full(over.size, math.nan), where=positive))
 
 
 class DriftCheck(NamedTuple):
-    """The mean drift ratios of a building beside a limit.
+    """Comparison of the mean drift ratios of a building with a limit.
 
-    `mean` and `story` (from 1) are those of the story with the largest mean, `largest` is that of
-    any motion and story. It is `within` if that mean is, and the building stood under every motion.
+    `mean` and `story` (from 1) are those of the story with the maximum mean; `largest` is the
+    maximum of all motions and stories. `within` is True if this mean does not exceed the limit and
+    all runs are completed without collapse.
     """
 
     mean: float
@@ -256,7 +287,14 @@ class DriftCheck(NamedTuple):
 
 
 def check_drift(profile: Profile, limit: float) -> DriftCheck | None:
-    """Compare mean drift ratios with a limit; None where no motion came to its end.
+    """Compare mean drift ratios with a limit; return None if no run is completed.
+
+    Parameters
+    ----------
+    profile : Profile
+        Peaks of the building.
+    limit : float
+        Maximum mean drift ratio.
 
     Raises
     ------
@@ -268,11 +306,10 @@ def check_drift(profile: Profile, limit: float) -> DriftCheck | None:
     ratios = profile.peaks[DRIFT_RATIO]
     if np.isnan(ratios).all():
         raise UsageError(
-            f"{profile.building}: a limit of drift ratios needs story heights, and the model gives "
-            "none"
+            f"{profile.building}: a limit of drift ratios requires story heights; add them to the "
+            "model"
         )
-    # The story with the largest mean, not the mean of the largest: as codes check drifts of a
-    # suite.
+    # Use the maximum of the story means, as in design codes, not the mean of the maxima.
     mean = np.mean(ratios, axis=0)
     worst = int(np.nanargmax(mean))
     stood = not (profile.collapsed or profile.failed)
@@ -285,11 +322,11 @@ def check_drift(profile: Profile, limit: float) -> DriftCheck | None:
 
 
 def profiles(store: Store) -> Iterator[Profile]:
-    """Of each building and level, in their order; one building is held at a time. None where no
-    stories are kept."""
+    """Yield the profiles of each building and level in order. Only one building is in memory at a
+    time. Nothing is yielded if the store contains no stories."""
     if store.connection.execute("SELECT 1 FROM story_rows LIMIT 1").fetchone() is None:
         return
-    # What is the same for all buildings is found once: there may be a million.
+    # Read the data of all buildings once: there may be a million buildings.
     records, counts = (
         store.records(),
         dict(store.connection.execute("SELECT id, stories FROM buildings")),
@@ -298,8 +335,7 @@ def profiles(store: Store) -> Iterator[Profile]:
     named = motion_names([name for name, _, _ in records.values()])
     motion_of = dict(zip(records, named, strict=True))
     for number, (name, _) in store.buildings().items():
-        # The values of the stories of each run, with their errors where the campaign has estimated
-        # them.
+        # Read the values of the stories of each run, with their errors if these were estimated.
         quantities = [quantity.column for quantity in STORY]
         columns = ", ".join(
             ("height_m", *quantities, *(f"{name}_error" for name in quantities if checked))
@@ -326,8 +362,14 @@ def profiles(store: Store) -> Iterator[Profile]:
 
 
 def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
-    """The level of a `Profile` in words: `scale 2`, `sa(T1) 2.94 m/s^2`, or of motions' own factors
-    `level 2`."""
+    """Return the text of a level: `scale 2`, `sa(T1) 2.94 m/s^2`, or `level 2` for individual
+    factors of the motions.
+
+    Parameters
+    ----------
+    scale, level, measure
+        As in `SuiteLevel`.
+    """
     if not math.isnan(scale):
         return f"scale {scale:g}"
     name, unit = measure
@@ -336,9 +378,19 @@ def level_text(scale: float, level: float, measure: tuple[str, str]) -> str:
 
 @dataclass(frozen=True)
 class SuiteRules:
-    """How the runs of a building are taken together: the rule for pairs,
-    the values of the levels and their `measure`, if one has them, and whether there are `several`
-    (`has_levels`)."""
+    """Rules that combine the runs of a building.
+
+    Attributes
+    ----------
+    pairs : PairRule
+        Rule for pairs.
+    values : sequence of float
+        Values of the levels of an intensity measure; empty without a measure.
+    several : bool
+        True if there are several levels (`has_levels`).
+    measure : tuple of str
+        Name and unit of the levels.
+    """
 
     pairs: PairRule
     values: Sequence[float]
@@ -347,7 +399,7 @@ class SuiteRules:
 
     @classmethod
     def of(cls, store: Store) -> SuiteRules:
-        """Those of a campaign."""
+        """Return the rules of a campaign."""
         settings = store.parameters()
         values = sorted(settings.get("levels", ()), key=abs)
         measure = _RANK
@@ -358,19 +410,20 @@ class SuiteRules:
         return cls(store.pair_rule(), values, has_levels(store), measure)
 
     def levels_of(self, store: Store, building: int) -> Iterator[SuiteLevel]:
-        """The levels of a building of the store by its number, from the smallest factor."""
+        """Yield the levels of a building of the store in ascending order of factors."""
         query = (
             "SELECT record, scale, sample, status FROM run_rows WHERE building = ? ORDER BY "
             "record, scale, sample"
         )
         return self.levels(
-            {Run(*key): told for *key, told in store.connection.execute(query, (building,))}
+            {Run(*key): status for *key, status in store.connection.execute(query, (building,))}
         )
 
     def levels(self, status: Mapping[Run, str]) -> Iterator[SuiteLevel]:
-        """The levels of a building, from the smallest factor, by the statuses of its runs."""
+        """Yield the levels of a building in ascending order of factors, from the statuses of its
+        runs."""
         by_rank: dict[int, list[Run]] = defaultdict(list)
-        # Levels by rank of the factors, for motions may have factors of their own.
+        # Group by the rank of the factors, because motions may have individual factors.
         for key, rank in level_ranks(status).items():
             by_rank[rank].append(key)
         for rank, keys in sorted(by_rank.items()):
@@ -378,19 +431,21 @@ class SuiteRules:
             grouped: dict[tuple[int, int], list[Run]] = defaultdict(list)
             for key in keys:
                 grouped[self.pairs.motion(key.motion), key.sample].append(key)
-            # A pair that is one motion failed or fell if one of its components did.
+            # A pair that is one motion failed or collapsed if one of its components did.
             failed = [
                 runs
                 for runs in grouped.values()
                 if any(status[key] not in (DONE, *FALLEN) for key in runs)
             ]
-            fell = [runs for runs in grouped.values() if any(status[key] in FALLEN for key in runs)]
+            collapsed = [
+                runs for runs in grouped.values() if any(status[key] in FALLEN for key in runs)
+            ]
             yield SuiteLevel(
                 math.nan if self.several or len(scales) > 1 else scales.pop(),
                 self.values[rank] if self.values else rank + 1.0 if self.several else math.nan,
-                [runs for runs in grouped.values() if runs not in failed and runs not in fell],
+                [runs for runs in grouped.values() if runs not in failed and runs not in collapsed],
                 sum(len(runs) > 1 for runs in grouped.values()),
-                sum(runs not in failed for runs in fell),
+                sum(runs not in failed for runs in collapsed),
                 len(failed),
                 self.measure,
                 self.pairs.stated,
@@ -398,7 +453,7 @@ class SuiteRules:
 
 
 def has_levels(store: Store) -> bool:
-    """Whether a level is more than one factor on all motions, or one on each."""
+    """Return True if levels are not a single factor for all motions, or for each motion."""
     settings = store.parameters()
     several = any(len(values) > 1 for values in settings.get("factors", {}).values())
     placed = "grid_sha256" in settings or "field_sha256" in settings
@@ -408,39 +463,62 @@ def has_levels(store: Store) -> bool:
 def _peaks(
     level: SuiteLevel, kept: Mapping[Run, Array], stories: int, checked: bool
 ) -> tuple[Array, dict[str, Array], dict[str, Array]]:
-    """Story heights, shape (n,), the quantities by their names, shape (motions, n), and their
-    errors, if they were `checked`, from the rows of the runs."""
+    """Return the peaks of the completed runs of a level.
+
+    Parameters
+    ----------
+    level : SuiteLevel
+        Level.
+    kept : mapping of Run to ndarray
+        Rows of the stories of each run.
+    stories : int
+        Number of stories.
+    checked : bool
+        True if errors were estimated.
+
+    Returns
+    -------
+    height : ndarray, shape (n,)
+        Story heights, m.
+    peaks, errors : dict of str to ndarray, shape (motions, n)
+        Quantities by name, and their errors; empty if not estimated.
+    """
     if not level.stood:
-        nothing = {quantity.name: np.empty((0, stories)) for quantity in STORY}
-        return np.full(stories, math.nan), nothing, nothing if checked else {}
-    # A residual drift has a sign.
+        no_values = {quantity.name: np.empty((0, stories)) for quantity in STORY}
+        return np.full(stories, math.nan), no_values, no_values if checked else {}
+    # Residual drifts are signed: use absolute values.
     stood = [np.abs([kept[key] for key in keys]) for keys in level.stood]
     values, errors = (
-        [block[:, :, part] for block in stood] for part in (slice(1, _OWN), slice(_OWN, None))
+        [block[:, :, part] for block in stood]
+        for part in (slice(1, _FIRST_ERROR), slice(_FIRST_ERROR, None))
     )
-    # The demand of a pair, from both components.
-    of_motion = partial(combine, demand=level.pair_demand)
-    peaks = np.stack([of_motion(block) for block in values], axis=-1)
-    off = (
-        [_may_add(of_motion, *block) for block in zip(values, errors, strict=True)]
+    # Combine the components of pairs.
+    combine_pair = partial(combine, demand=level.pair_demand)
+    peaks = np.stack([combine_pair(block) for block in values], axis=-1)
+    peak_errors = (
+        [_maximum_error(combine_pair, *block) for block in zip(values, errors, strict=True)]
         if checked
         else []
     )
-    return stood[0][0, :, 0], _by_name(peaks), _by_name(np.stack(off, axis=-1)) if off else {}
+    return (
+        stood[0][0, :, 0],
+        _by_name(peaks),
+        _by_name(np.stack(peak_errors, axis=-1)) if peak_errors else {},
+    )
 
 
 def _by_name(values: Array) -> dict[str, Array]:
-    """The quantities, shape (motions, n), from values of shape (n, quantities, motions)."""
+    """Return the quantities, shape (motions, n), from values of shape (n, quantities, motions)."""
     return {quantity.name: values[:, i].T for i, quantity in enumerate(STORY)}
 
 
-_OWN = 1 + len(STORY)
-"""Where errors begin among the columns of a story: behind its height and its quantities."""
+_FIRST_ERROR = 1 + len(STORY)
+"""Index of the first error in the columns of a story, after its height and its quantities."""
 
 
 def level_ranks(runs: Iterable[Run]) -> dict[Run, int]:
-    """The level of each run, from 0: the smallest factor of every motion and draw, the next one,
-    and so on."""
+    """Return the level of each run, from 0: the rank of its factor for the same motion and
+    sample."""
     factors: dict[tuple[int, int], list[Run]] = defaultdict(list)
     for key in runs:
         factors[key.motion, key.sample].append(key)
@@ -451,13 +529,13 @@ def level_ranks(runs: Iterable[Run]) -> dict[Run, int]:
     }
 
 
-# ---- Response spectra of floors under a suite: of every run, and their mean and envelope over the
-# motions
+# ---- Floor response spectra under a suite: spectra of each run, mean and envelope over the motions
 
 
 @dataclass(frozen=True)
 class FloorChoice:
-    """Floors by their names (numbers, or roof), periods (s) and damping ratios of their spectra."""
+    """Floors by their names (numbers, or roof), and periods (s) and damping ratios of their
+    spectra."""
 
     floors: tuple[str, ...]
     periods: Array
@@ -466,16 +544,16 @@ class FloorChoice:
 
 @dataclass(frozen=True)
 class RunFloors:
-    """The spectra of the floors of a run.
+    """Floor spectra of a run.
 
     Attributes
     ----------
     building : int
-        Its number in the store.
+        Number of the building in the store.
     run : Run
         The run.
     spectra : tuple of FloorSpectrum
-        By floor, then damping.
+        Spectra by floor, then damping ratio.
     """
 
     building: int
@@ -485,20 +563,20 @@ class RunFloors:
 
 @dataclass(frozen=True)
 class FloorSuite(SuiteLevel):
-    """Pseudo-accelerations of a floor of a building under a suite at one level.
+    """Pseudo-accelerations on a floor of a building under a suite at one level.
 
     Attributes
     ----------
     building : str
-        Its name.
+        Name of the building.
     floor : int
-        From 1 at the bottom.
+        Number of the floor, from 1 at the bottom.
     damping : float
-        Of the oscillators on it.
+        Damping ratio of the oscillators on the floor.
     periods : ndarray, shape (k,)
         Natural periods, s.
     psa : ndarray, shape (motions, k)
-        Of each motion that came to its end, m/s^2; of a pair its demand at each period.
+        Pseudo-acceleration of each completed motion, m/s^2; demand of a pair at each period.
     """
 
     building: str
@@ -509,30 +587,41 @@ class FloorSuite(SuiteLevel):
 
     @property
     def mean(self) -> Array:
-        """Over the motions."""
+        """Mean over the motions."""
         return np.asarray(np.mean(self.psa, axis=0))
 
     @property
     def envelope(self) -> Array:
-        """The largest of any motion."""
+        """Maximum over the motions."""
         return np.asarray(np.max(self.psa, axis=0))
 
 
 def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list[RunFloors]:
-    """The spectra of the floors of all runs of a campaign that came to their end: each run is done
-    once more, with its history, over the steps that the store tells.
+    """Return the floor spectra of all completed runs of a campaign. Each run is repeated with its
+    response history and with the stored time step.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan of the campaign.
+    store : Store
+        Store of the campaign.
+    choice : FloorChoice
+        Floors, periods and damping ratios.
+    jobs : int
+        Number of threads.
 
     Raises
     ------
     UsageError
-        A building has no such floor.
+        A building does not have the floor.
     """
     done = store.connection.execute(
         "SELECT building, record, scale, sample, dt_s FROM run_rows WHERE status = 'done' ORDER BY "
         "1, 2, 3, 4"
     ).fetchall()
     floors: list[RunFloors] = []
-    # Building by building, so that each is made once, its runs then side by side.
+    # Create each building once, and integrate its runs in parallel.
     buildings: dict[int, list[tuple[Run, float]]] = defaultdict(list)
     for building, record, scale, sample, dt in done:
         buildings[building].append((Run(record, scale, sample), dt))
@@ -546,6 +635,21 @@ def run_floors(plan: Plan, store: Store, choice: FloorChoice, jobs: int) -> list
 def _spectra(
     plan: Plan, building: int, subject: Subject, choice: FloorChoice, run: tuple[Run, float]
 ) -> RunFloors:
+    """Return the floor spectra of a run.
+
+    Parameters
+    ----------
+    plan : Plan
+        Plan of the campaign.
+    building : int
+        Number of the building.
+    subject : Subject
+        The building and its method.
+    choice : FloorChoice
+        Floors, periods and damping ratios.
+    run : tuple of (Run, float)
+        The run and its time step, s.
+    """
     key, dt = run
     settings, case = plan.settings, subject.case(plan.motions[key.motion].record, key.scale)
     response = run_case(
@@ -562,19 +666,19 @@ def _spectra(
 
 
 def floor_suites(store: Store, floors: Sequence[RunFloors]) -> Iterator[FloorSuite]:
-    """The spectra over the motions of each building, level, floor and damping ratio; none where no
-    motion came to its end."""
-    of_buildings: dict[int, dict[Run, tuple[FloorSpectrum, ...]]] = defaultdict(dict)
+    """Yield the floor spectra over the motions for each building, level, floor and damping ratio.
+    Levels without completed runs are omitted."""
+    spectra_by_building: dict[int, dict[Run, tuple[FloorSpectrum, ...]]] = defaultdict(dict)
     for floor_run in floors:
-        of_buildings[floor_run.building][floor_run.run] = floor_run.spectra
+        spectra_by_building[floor_run.building][floor_run.run] = floor_run.spectra
     names, rules = store.buildings(), SuiteRules.of(store)
-    for number, spectra in of_buildings.items():
-        # A motion that fell or failed has no history: the others alone are taken together.
+    for number, spectra in spectra_by_building.items():
+        # Collapsed and failed runs have no response history and are excluded.
         for level in rules.levels_of(store, number):
             if not level.stood:
                 continue
             for i, shown in enumerate(spectra[level.stood[0][0]]):
-                of, name = shown.spectrum, names[number][0]
+                spectrum, name = shown.spectrum, names[number][0]
                 psa = np.array(
                     [
                         combine(
@@ -588,7 +692,7 @@ def floor_suites(store: Store, floors: Sequence[RunFloors]) -> Iterator[FloorSui
                     **vars(level),
                     building=name,
                     floor=shown.floor,
-                    damping=of.damping,
-                    periods=of.periods,
+                    damping=spectrum.damping,
+                    periods=spectrum.periods,
                     psa=psa,
                 )
