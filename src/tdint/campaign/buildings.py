@@ -1,5 +1,5 @@
-"""The buildings of a campaign: model files, or the rows of an inventory, each made when its runs
-begin."""
+"""Buildings of a campaign: model files, or rows of an inventory, which are created when their runs
+start."""
 
 from __future__ import annotations
 
@@ -19,24 +19,25 @@ from tdint.units import SI, OutputUnits
 
 
 def output_units(buildings: Buildings) -> OutputUnits:
-    """The units in which all of their models want results; SI where they do not agree."""
+    """Return the output units that all models request; SI if they differ."""
     units = {model.output_units for model in models_of(buildings)}
     return units.pop() if len(units) == 1 else SI
 
 
 def models_of(buildings: Buildings) -> list[Model]:
-    """The models of those that come from files; none of an inventory."""
+    """Return the models of buildings of model files; empty for an inventory."""
     return [given.made.model for given in different(buildings) if isinstance(given, GivenBuilding)]
 
 
 def model_files(buildings: Buildings) -> dict[str, str]:
-    """SHA-256 of the model files that they come from, by name."""
+    """Return the SHA-256 of the model files by name."""
     texts = {model.source: model.text for model in models_of(buildings)}
     return {file: hashlib.sha256(text).hexdigest() for file, text in texts.items()}
 
 
 def plugin_files(buildings: Buildings) -> dict[str, str]:
-    """SHA-256 of the files of plug-ins that their methods and drift laws are from, by name."""
+    """Return the SHA-256 of the files of plug-ins that define methods and hysteretic laws of the
+    buildings, by name."""
     if not CODE:
         return {}
     methods = {f"method {building.method.partition(':')[0]}" for building in different(buildings)}
@@ -48,17 +49,17 @@ def plugin_files(buildings: Buildings) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class GivenBuilding:
-    """A building of a model file, the same for all its runs.
+    """Building of a model file, the same object for all runs.
 
     Attributes
     ----------
     name : str
-        Its name in tables, its own.
+        Unique name in tables.
     made : Subject
-        The building.
+        The building and its method.
     cells : str
-        What stands in the columns of its inventory that are carried along into tables, a JSON list
-        of texts.
+        Cells of the columns of an inventory that are copied to tables, as a JSON list of texts;
+        empty for model files.
     """
 
     name: str
@@ -66,32 +67,33 @@ class GivenBuilding:
     cells: str = field(default="[]", init=False)
 
     def subject(self) -> Subject:
-        """The building."""
+        """Return the building."""
         return self.made
 
     @property
     def stories(self) -> int:
-        """How many stories it has."""
+        """Number of stories."""
         return len(self.made.model.stories)
 
     @property
     def method(self) -> str:
-        """The method that integrates it, with its parameters."""
+        """Method with its parameters."""
         return self.made.integrator.label
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all that its response depends on, the ground motion apart."""
+        """SHA-256 of the complete input of the response, except the ground motion."""
         return digest_of(self.made.model, self.method)
 
     @property
     def varied(self) -> Mapping[str, float]:
-        """What a sweep changed in it, by name."""
+        """Parameters that a sweep changed, with their values."""
         return dict(self.made.model.varied_parameters)
 
 
 def given_buildings(subjects: Sequence[Subject]) -> tuple[GivenBuilding, ...]:
-    """Under their models' names; those that share one, under their files'."""
+    """Return buildings with the names of their models, or of their files if several files have the
+    same name of the model."""
     files = Counter(
         name for name, _ in {(subject.model.name, subject.model.source) for subject in subjects}
     )
@@ -104,7 +106,7 @@ def given_buildings(subjects: Sequence[Subject]) -> tuple[GivenBuilding, ...]:
 
 
 def digest_of(model: Model, method: str) -> str:
-    """SHA-256 of what a model says of its building and its steps, and of the method."""
+    """Return the SHA-256 of the building and the time steps of a model, and of the method."""
     content = asdict(model)
     for name in (
         "name",
@@ -124,20 +126,21 @@ def digest_of(model: Model, method: str) -> str:
 
 @dataclass(frozen=True)
 class Rules:
-    """How the buildings of an inventory follow from their rows, and what is the same for all.
+    """Rules that derive the buildings of an inventory from their rows, and common settings.
 
     Attributes
     ----------
     name : str
-        The set of rules.
+        Name of the set of rules.
     stiffness, damping, seed : float, float, int
-        Scatter, as `tdint.model.inventory.derive_all` has it.
+        Standard deviations of random factors and random seed, as for
+        `tdint.model.inventory.derive_all`.
     method : str
-        The method that integrates them.
+        Time-integration method.
     collapse_drift : float
-        Drift ratio over which a run is flagged as collapsed.
+        Drift ratio above which a run counts as collapsed.
     p_delta : bool
-        Whether gravity acts on the displaced building.
+        Include P-delta effects.
     """
 
     name: str
@@ -151,20 +154,21 @@ class Rules:
 
 @dataclass(frozen=True, slots=True)
 class RowBuilding:
-    """A building of an inventory, made anew for its runs; it tells what a `GivenBuilding` does."""
+    """Building of an inventory, derived again for each use. Its attributes are those of
+    `GivenBuilding`."""
 
     row: InventoryRow
     rules: Rules
 
     def subject(self) -> Subject:
-        """The building by the rules."""
+        """Return the building, derived by the rules."""
         rules = self.rules
         derived = derive_row(
             self.row, rules.name, stiffness=rules.stiffness, damping=rules.damping, seed=rules.seed
         )
-        bare = simple_model(self.row.id, derived.stories)
+        undamped = simple_model(self.row.id, derived.stories)
         model = replace(
-            bare,
+            undamped,
             source="",
             damping=derived.damping,
             p_delta=rules.p_delta,
@@ -202,13 +206,13 @@ class RowBuilding:
 
 
 class RowBuildings(Made[RowBuilding]):
-    """Those of an inventory, each made when it is asked for. What a sweep cannot change is refused
-    at once, in the first building of each number of stories.
+    """Buildings of an inventory, each created on access. A sweep is checked immediately with the
+    first building of each number of stories.
 
     Raises
     ------
     UsageError
-        What is varied is not there, or goes out of range.
+        A varied parameter does not exist, or a value is out of range.
     """
 
     def __init__(self, rows: InventoryRows, rules: Rules) -> None:
@@ -226,16 +230,17 @@ class RowBuildings(Made[RowBuilding]):
 
 
 Buildings = Sequence[GivenBuilding] | RowBuildings
-"""By their numbers from 0."""
+"""Buildings; the index is the number of the building."""
 
 
 def different(buildings: Buildings) -> Sequence[GivenBuilding | RowBuilding]:
-    """Those that may differ in their methods: of an inventory the first stands for all."""
+    """Return the buildings that may have different methods: the first building of an inventory,
+    because all rows have the same method."""
     return buildings[:1] if isinstance(buildings, RowBuildings) else buildings
 
 
 def digests_of(buildings: Buildings) -> list[str]:
-    """SHA-256 of each; of an inventory one of its table, by the same rules for all."""
+    """Return the SHA-256 of each building, or of the rules and the table of an inventory."""
     if not isinstance(buildings, RowBuildings):
         return [building.digest for building in buildings]
     return [

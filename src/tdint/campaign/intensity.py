@@ -1,10 +1,10 @@
-"""Measures of a ground motion's intensity, by which records are scaled: Sa at a period, its
-average, and what a motion has by itself, as PGA, PGV, Arias intensity, CAV
+"""Intensity measures by which records are scaled: Sa at a period, its average over periods, and
+measures of the ground motion such as PGA, PGV, Arias intensity and CAV
 (`tdint.ground_motion.measures`).
 
-Of a pair of horizontal components the geometric mean of both, or a percentile over all directions
-(RotD, Boore 2010). They grow in proportion to a power of a factor on the motion, Arias intensity to
-its square.
+The intensity of a pair of horizontal components is the geometric mean of both components, or a
+percentile over all directions (RotD, Boore 2010). An intensity is proportional to a power of the
+scale factor; Arias intensity is proportional to its square.
 """
 
 from __future__ import annotations
@@ -27,25 +27,24 @@ from tdint.written_numbers import Grid
 
 GEOMETRIC_MEAN = "geometric-mean"
 PAIRS: dict[str, int | None] = {GEOMETRIC_MEAN: None, "rotd50": 50, "rotd100": 100}
-"""What stands for a pair: the percentile over all directions, or None for the geometric mean of
-both components."""
+"""Combinations of the components of a pair: percentile over all directions, or None for the
+geometric mean of both components."""
 
 AVERAGE = Grid(0.2, 3.0, 50)
-"""Multiples of the period over which Sa is averaged, where nothing else is asked for (Eads et al.
-2015)."""
+"""Default multiples of the period over which Sa is averaged (Eads et al. 2015)."""
 
-_DIRECTIONS = 180  # every degree, as RotD is defined by (Boore 2010)
+_DIRECTIONS = 180  # number of directions of RotD, one per degree (Boore 2010)
 
 
 @dataclass(frozen=True)
 class SpectralIntensity:
-    """The geometric mean of pseudo-accelerations at some periods; of a single one it is Sa(T), at
-    period 0 the PGA.
+    """Geometric mean of pseudo-accelerations at one or more periods. For one period it is Sa(T),
+    and PGA at the period 0.
 
     Attributes
     ----------
     name : str
-        As tables name it.
+        Name in tables.
     periods : tuple of float
         Periods, s.
     damping : float
@@ -59,12 +58,19 @@ class SpectralIntensity:
     growth: ClassVar[float] = 1.0
 
     def of(self, motion: GroundMotion, pair: str = GEOMETRIC_MEAN) -> float:
-        """The intensity of a motion, m/s^2; of two components that which `pair` names.
+        """Return the intensity of a motion, m/s^2.
+
+        Parameters
+        ----------
+        motion : Record or Horizontals
+            Ground motion.
+        pair : str
+            Combination of the components of a pair: a name of `PAIRS`.
 
         Raises
         ------
         RecordError
-            The motion has none: it is zero.
+            The motion is zero.
         AnalysisError
             A period is too short for the record.
         """
@@ -74,8 +80,8 @@ class SpectralIntensity:
 
 @dataclass(frozen=True)
 class MotionIntensity:
-    """A measure of the motion of the ground alone, of `tdint.ground_motion.measures.MEASURES` by
-    its name."""
+    """Intensity measure that depends only on the ground motion: a name in
+    `tdint.ground_motion.measures.MEASURES`."""
 
     name: str
     unit: str = ""
@@ -85,16 +91,23 @@ class MotionIntensity:
 
     @property
     def growth(self) -> float:
-        """The power of a factor with which it grows."""
+        """Exponent of the scale factor in the intensity."""
         return MEASURES[self.name].power or math.nan
 
     def of(self, motion: GroundMotion, pair: str = GEOMETRIC_MEAN) -> float:
-        """The intensity of a motion, in its unit; of two components that which `pair` names.
+        """Return the intensity of a motion, in its unit.
+
+        Parameters
+        ----------
+        motion : Record or Horizontals
+            Ground motion.
+        pair : str
+            Combination of the components of a pair: a name of `PAIRS`.
 
         Raises
         ------
         RecordError
-            The motion has none: it is zero.
+            The motion is zero.
         """
         value = MEASURES[self.name].of
         if isinstance(motion, Record):
@@ -103,8 +116,7 @@ class MotionIntensity:
         first, second = motion.first, motion.second
         if percentile is None:
             return _positive(math.sqrt(value(first) * value(second)), self.name, motion)
-        # Each direction has a record of its own: half a turn, for the other half differs in sign
-        # alone.
+        # Compute a record for each direction of half a circle; the other half differs only in sign.
         angles = np.arange(_DIRECTIONS) * (math.pi / _DIRECTIONS)
         x, y, dt = first.acceleration, second.acceleration, first.dt
         values = [
@@ -115,15 +127,15 @@ class MotionIntensity:
 
 
 def without_levels(name: str) -> str:
-    """Why no factor brings a motion to a level of a measure; empty where one does, or there is none
-    of that name."""
+    """Return the reason why motions cannot be scaled to levels of a measure; empty if they can, or
+    if the measure is unknown."""
     if name == "sdi":
         return "it does not grow by a power of the factor"
     return MEASURES[name].without_levels if name in MEASURES else ""
 
 
 def levelled() -> tuple[str, ...]:
-    """The names of the measures that motions are brought to levels of."""
+    """Return the names of the measures to whose levels motions can be scaled."""
     return (*(name for name, measure in MEASURES.items() if not measure.without_levels), *SPECTRAL)
 
 
@@ -131,18 +143,18 @@ IntensityMeasure = SpectralIntensity | MotionIntensity
 
 
 def factor_to(value: float, measure: IntensityMeasure, measured: float) -> float:
-    """The factor that brings a motion from what was measured to a value."""
+    """Return the factor that scales a motion from a measured intensity to a value."""
     return float((value / measured) ** (1.0 / measure.growth))
 
 
 def pga() -> SpectralIntensity:
-    """Peak ground acceleration, at the samples."""
+    """Return the measure peak ground acceleration, at the samples."""
     return SpectralIntensity("pga", (0.0,), SA_DAMPING)
 
 
 def sa(period: float, damping: float = SA_DAMPING) -> SpectralIntensity:
-    """Pseudo-acceleration at a period (s), exact for a motion that is linear between its
-    samples."""
+    """Return the measure pseudo-acceleration at a period (s), exact for motions that are linear
+    between samples."""
     _check_period(period)
     return SpectralIntensity(f"sa({period:.6g})", (float(period),), damping)
 
@@ -150,55 +162,55 @@ def sa(period: float, damping: float = SA_DAMPING) -> SpectralIntensity:
 def sa_average(
     period: float, damping: float = SA_DAMPING, multiples: Grid = AVERAGE
 ) -> SpectralIntensity:
-    """The geometric mean of pseudo-accelerations over multiples of a period (s), in equal
-    ratios."""
+    """Return the measure geometric mean of pseudo-accelerations over logarithmically spaced
+    multiples of a period (s)."""
     _check_period(period)
     periods = tuple((period * multiples.values()).tolist())
     return SpectralIntensity(f"sa-avg({period:.6g})", periods, damping)
 
 
 SPECTRAL: dict[str, Callable[[float, float], IntensityMeasure]] = {"sa": sa, "sa-avg": sa_average}
-"""Measures that have a period."""
+"""Measures that depend on a period."""
 
 
 def measure_at(name: str, damping: float, period: float) -> IntensityMeasure:
-    """The measure of a name of `levelled`, at a period (s) if it has one."""
+    """Return the measure of a name of `levelled`, at a period (s) if the measure depends on it."""
     if name in SPECTRAL:
         return SPECTRAL[name](period, damping)
     return pga() if name == "pga" else MotionIntensity(name)
 
 
 def measure_of(name: str, damping: float = SA_DAMPING) -> IntensityMeasure:
-    """The measure of a name as tables have it: `sa(1.0)`, `sa-avg(1.0)`, periods in s, `pga`, or
-    another of a motion.
+    """Return the measure of a name as in tables: `sa(1.0)`, `sa-avg(1.0)` with periods in s, `pga`,
+    or another measure of the ground motion.
 
     Raises
     ------
     UsageError
-        There is none of that name, or no factor brings a motion to a level of it.
+        The measure is unknown, or motions cannot be scaled to its levels.
     """
-    kind, _, period = name.strip().removesuffix(")").partition("(")
-    if reason := without_levels(kind):
-        raise UsageError(f"{name}: {reason}; nothing can be scaled to it")
-    if kind in levelled() and kind not in SPECTRAL and not period:
-        return measure_at(kind, damping, 1.0)
+    base_name, _, period = name.strip().removesuffix(")").partition("(")
+    if reason := without_levels(base_name):
+        raise UsageError(f"{name} cannot be used for scaling: {reason}")
+    if base_name in levelled() and base_name not in SPECTRAL and not period:
+        return measure_at(base_name, damping, 1.0)
     try:
-        return SPECTRAL[kind](float(period), damping)
+        return SPECTRAL[base_name](float(period), damping)
     except (KeyError, ValueError):
-        plain = ", ".join(known for known in levelled() if known not in SPECTRAL)
+        names = ", ".join(known for known in levelled() if known not in SPECTRAL)
         raise UsageError(
-            f"unknown measure {name!r:.60}; known: {plain}, sa(T), sa-avg(T) with T in s"
+            f"unknown measure {name!r:.60}; known: {names}, sa(T), sa-avg(T) with T in s"
         ) from None
 
 
 def percentile_of(pair: str) -> int | None:
-    """The percentile over all directions that a name of `PAIRS` stands for; None for the geometric
+    """Return the percentile over all directions for a name of `PAIRS`, or None for the geometric
     mean.
 
     Raises
     ------
     UsageError
-        There is no such name.
+        The name is unknown.
     """
     if pair not in PAIRS:
         raise UsageError(
@@ -208,20 +220,30 @@ def percentile_of(pair: str) -> int | None:
 
 
 def geometric_mean(values: Array) -> float:
-    """Of numbers none of which is negative; 0 if one is zero."""
+    """Return the geometric mean of nonnegative numbers; 0 if a number is zero."""
     return float(np.exp(np.mean(np.log(values)))) if np.all(values > 0.0) else 0.0
 
 
 def pseudo_accelerations(
     motion: GroundMotion, periods: Array, damping: float, pair: str = GEOMETRIC_MEAN
 ) -> Array:
-    """Pseudo-accelerations of a motion at periods (s), m/s^2, shape (k,); of two components that
-    which `pair` names.
+    """Return the pseudo-accelerations of a motion, m/s^2, shape (k,).
+
+    Parameters
+    ----------
+    motion : Record or Horizontals
+        Ground motion.
+    periods : ndarray, shape (k,)
+        Periods, s.
+    damping : float
+        Damping ratio.
+    pair : str
+        Combination of the components of a pair: a name of `PAIRS`.
 
     Raises
     ------
     UsageError
-        Periods or damping out of range.
+        Periods or damping are out of range.
     AnalysisError
         A period is too short for the record.
     """
@@ -229,12 +251,15 @@ def pseudo_accelerations(
         return spectrum(motion, periods, damping).psa
     percentile = percentile_of(pair)
     if percentile is None:
-        both = [spectrum(record, periods, damping).psa for record in (motion.first, motion.second)]
-        return np.asarray(np.sqrt(both[0] * both[1]))
+        spectra = [
+            spectrum(record, periods, damping).psa for record in (motion.first, motion.second)
+        ]
+        return np.asarray(np.sqrt(spectra[0] * spectra[1]))
     return np.asarray(rotated_spectrum(motion, periods, damping, [percentile]).psa[0])
 
 
 def _check_period(period: float) -> None:
+    """Raise UsageError if a period is not positive."""
     if not (math.isfinite(period) and period > 0.0):
         raise UsageError(
             "the period of an intensity measure must be a positive number of seconds, got "
@@ -243,7 +268,8 @@ def _check_period(period: float) -> None:
 
 
 def _positive(value: float, name: str, motion: GroundMotion) -> float:
+    """Return an intensity, or raise RecordError if it is not positive."""
     if not (math.isfinite(value) and value > 0.0):
-        whose = f"{motion.source} {motion.component}".strip() or "record"
-        raise RecordError(f"{whose}: its {name} is {value:g}; there is nothing to scale")
+        label = f"{motion.source} {motion.component}".strip() or "record"
+        raise RecordError(f"{label}: {name} is {value:g}; the motion cannot be scaled")
     return value

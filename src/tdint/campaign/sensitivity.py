@@ -1,5 +1,5 @@
-"""How much the parameters of a building move its peaks: one at a time, or by the ranks of a sampled
-sweep."""
+"""Sensitivity of the peaks of a building to its parameters: one at a time, or by rank correlation
+in a sampled sweep."""
 
 from __future__ import annotations
 
@@ -29,31 +29,32 @@ from tdint.system import processors
 from tdint.tabular import Progress, ResultList, told_progress
 from tdint.units import Quantity
 
-_LOOKED_AT = (
+_PEAK_NAMES = (
     "peak_drift_ratio",
     "peak_absolute_acceleration",
     "residual_drift_ratio",
     "peak_roof_displacement",
     "peak_base_shear",
 )
-PEAKS = tuple(one for one in RUN if one.name in _LOOKED_AT)
-"""The peaks that are looked at."""
+PEAKS = tuple(quantity for quantity in RUN if quantity.name in _PEAK_NAMES)
+"""Peaks that are evaluated."""
 
 
 @dataclass(frozen=True)
 class ParameterEffect:
-    """What one parameter does to one peak, the others as they are.
+    """Effect of one parameter on one peak; the other parameters are unchanged.
 
     Attributes
     ----------
     building, parameter : str
-        The model's name, and the parameter's.
+        Names of the model and of the parameter.
     quantity : Quantity
-        The peak; its values are medians over the motions, in SI units.
+        Peak; its values are medians over the motions, in SI units.
     low, high : float
         Values of the parameter.
     at_low, as_it_is, at_high : float
-        The peak; nan where fewer than half of the runs have one.
+        Peak for the low value, for the unchanged building, and for the high value; NaN if fewer
+        than half of the runs have a value.
     """
 
     building: str
@@ -71,31 +72,36 @@ class ParameterEffect:
 
     @property
     def effect(self) -> float:
-        """What lies between the peaks at both ends, over that of the building as it is."""
+        """Difference of the peaks for the low and high values, divided by the peak of the unchanged
+        building."""
         return abs(self.at_high - self.at_low) / abs(self.as_it_is) if self.as_it_is else math.nan
 
 
 def _parameter_effect(values: dict[str, Any]) -> ParameterEffect:
-    """One that has travelled: a quantity is found again by its name."""
+    """Return an unpickled effect; the quantity is found by name."""
     (quantity,) = (peak for peak in PEAKS if peak.name == values["quantity"])
     return ParameterEffect(**{**values, "quantity": quantity})
 
 
 @dataclass(frozen=True)
 class RankCorrelation:
-    """How a peak goes with a parameter over the draws of a sweep.
+    """Rank correlation of a peak with a parameter over the samples of a sweep.
 
     Attributes
     ----------
     building : str
-        What the draws are of.
+        Name of the building.
     scale : float
-        Factor on the motions.
+        Scale factor of the motions.
+    parameter : str
+        Name of the parameter.
+    quantity : Quantity
+        Peak.
     coefficient : float
-        Spearman's rank correlation of the parameter and the peak's median over the motions; nan
-        where one of them does not vary.
+        Spearman's rank correlation of the parameter and the median of the peak over the motions;
+        NaN if one of them does not vary.
     draws : int
-        How many there are with a peak.
+        Number of samples with a peak.
     """
 
     building: str
@@ -107,7 +113,8 @@ class RankCorrelation:
 
 
 def one_at_a_time(model: Model, ranges: Mapping[str, tuple[float, float]]) -> tuple[Model, ...]:
-    """The building as it is, then with each parameter at its low and at its high value.
+    """Return the unchanged building, then the building with the low and the high value of each
+    parameter.
 
     Parameters
     ----------
@@ -119,7 +126,7 @@ def one_at_a_time(model: Model, ranges: Mapping[str, tuple[float, float]]) -> tu
     Raises
     ------
     UsageError
-        As `Model.replace`.
+        As for `Model.replace`.
     """
     ends = [(name, value) for name, both in ranges.items() for value in both]
     return (
@@ -141,47 +148,52 @@ def sensitivity(
     jobs: int | None = None,
     progress: bool | Progress = False,
 ) -> ResultList[ParameterEffect]:
-    """How much each parameter of a building moves its peaks under records, one at a time.
+    """Compute the effect of each parameter of a building on its peaks under records, one parameter
+    at a time.
 
     Parameters
     ----------
     model : Model, str, Path or mapping
-        What `run` takes.
+        Model as for `run`.
     records : one or a sequence
         Records, paths or traces.
     ranges : mapping of str to (float, float)
-        As of `one_at_a_time`: `{"damping": (0.02, 0.05), "stiffness_factor": (0.8, 1.2)}`.
-    method, dt : optional
-        In place of what the model says; s.
+        As for `one_at_a_time`: `{"damping": (0.02, 0.05), "stiffness_factor": (0.8, 1.2)}`.
+    method : str, optional
+        Method; by default the method of the model.
+    dt : float, optional
+        Time step, s; by default the value of the model.
     jobs : int, optional
-        Threads; one for each processor by default.
+        Number of threads; the default is the number of processors.
     progress : bool or callable
-        A bar on a terminal or in a notebook, by tqdm, or what is told how much is done, of how
-        much.
+        True for a progress bar by tqdm on a terminal or in a notebook, or a function that is called
+        with the number of completed runs and of all runs.
 
     Returns
     -------
     ResultList of ParameterEffect
-        Of each peak the largest effect first.
+        Effects on each peak, in descending order.
 
     Raises
     ------
     ModelError, RecordError
-        The model or a record is none.
+        The model or a record is invalid.
     UsageError
-        An unknown parameter or method, a value out of range, a step that does not fit.
+        A parameter or method is unknown, a value is out of range, or a time step does not fit.
     """
     building = model_of(model)
-    given = records if isinstance(records, list | tuple) else [records]
-    motions = FoundMotions(suite_motions([record_of(motion) for motion in given]))
+    record_list = records if isinstance(records, list | tuple) else [records]
+    motions = FoundMotions(suite_motions([record_of(motion) for motion in record_list]))
     plan = plan_of(building, ranges, motions, method=method, dt=dt)
     with open_store(None, plan)[0] as store:
-        with told_progress(progress, sum(map(plan.size, range(plan.chunks))), "run") as told:
+        with told_progress(
+            progress, sum(map(plan.size, range(plan.chunks))), "run"
+        ) as report_progress:
             carry_out(
                 plan,
                 store,
                 threads(jobs or processors()),
-                tell=lambda now: told(now.done, now.runs),
+                tell=lambda now: report_progress(now.done, now.runs),
             )
         return ResultList(parameter_effects(store, building.name, ranges))
 
@@ -194,7 +206,21 @@ def plan_of(
     method: str | None,
     dt: float | None,
 ) -> Plan:
-    """The runs of the buildings that `one_at_a_time` gives under some motions."""
+    """Return the plan of the runs of the buildings of `one_at_a_time`.
+
+    Parameters
+    ----------
+    model : Model
+        The building.
+    ranges : mapping of str to (float, float)
+        Low and high values of parameters.
+    motions : FoundMotions
+        Ground motions.
+    method : str or None
+        Method; None: the method of the model.
+    dt : float or None
+        Time step, s; None: the value of the model.
+    """
     inputs = Inputs(one_at_a_time(model, ranges), motions=motions)
     files, scales = (ModelFiles((model.source,)), RecordFiles((), RecordChoice())), Scales((1.0,))
     wishes = AnalysisWishes(method and parse(method).label)
@@ -206,41 +232,42 @@ def plan_of(
 def parameter_effects(
     store: Store, name: str, ranges: Mapping[str, tuple[float, float]]
 ) -> list[ParameterEffect]:
-    """Return the effects of the parameters on the peaks, from the runs of the buildings that
-    `one_at_a_time` gives; for each peak the largest effect first."""
+    """Return the effects of the parameters on the peaks, from the runs of the buildings of
+    `one_at_a_time`; for each peak in descending order."""
     result: list[ParameterEffect] = []
     medians = {number: values for (number, _), values in _medians(store, by_scale=False).items()}
-    for place, quantity in enumerate(PEAKS):
-        of_peak = []
+    for index, quantity in enumerate(PEAKS):
+        effects = []
         for i, (parameter, (low, high)) in enumerate(ranges.items()):
-            # The order in which `one_at_a_time` makes them: as it is, then low and high of each.
+            # The order of `one_at_a_time`: unchanged, then low and high value of each parameter.
             at_low, as_it_is, at_high = (
-                float(medians[number][place]) for number in (2 * i + 1, 0, 2 * i + 2)
+                float(medians[number][index]) for number in (2 * i + 1, 0, 2 * i + 2)
             )
-            of_peak.append(
+            effects.append(
                 ParameterEffect(name, parameter, quantity, low, high, at_low, as_it_is, at_high)
             )
         result += sorted(
-            of_peak,
+            effects,
             key=lambda effect: -effect.effect if effect.effect == effect.effect else math.inf,
         )
     return result
 
 
 def rank_correlations(store: Store) -> list[RankCorrelation]:
-    """Rank correlations of what a sweep varied with the peaks, at each scale.
+    """Return the rank correlations of the varied parameters of a sweep with the peaks, at each
+    scale factor.
 
     Raises
     ------
     UsageError
-        Nothing was varied.
+        The campaign has no sweep.
     """
     from scipy.stats import spearmanr
 
     varied = store.varied()
     if not varied:
         raise UsageError("the campaign has no sweep: add `vary` to its file")
-    # Variations carry their building's name before the colon: they belong together.
+    # Group variations by the name of their building, which precedes the colon.
     names = {number: name.partition(": ")[0] for number, (name, _) in store.buildings().items()}
     groups: dict[tuple[str, float], list[tuple[int, Array]]] = {}
     for (number, scale), values in _medians(store, by_scale=True).items():
@@ -249,24 +276,25 @@ def rank_correlations(store: Store) -> list[RankCorrelation]:
     for (building, scale), members in groups.items():
         for parameter in dict.fromkeys(name for number, _ in members for name in varied[number]):
             x = np.array([varied[number].get(parameter, math.nan) for number, _ in members])
-            for place, quantity in enumerate(PEAKS):
-                y = np.array([values[place] for _, values in members])
-                # A draw without a peak, or without this parameter, has no rank.
-                there = np.isfinite(x) & np.isfinite(y)
-                both = x[there], y[there]
-                # Ranks of equal values correlate with nothing.
-                moving = all(np.unique(ranks).size > 1 for ranks in both)
-                coefficient = float(spearmanr(*both)[0]) if moving else math.nan
+            for index, quantity in enumerate(PEAKS):
+                y = np.array([values[index] for _, values in members])
+                # Exclude samples without a peak, or without this parameter.
+                is_valid = np.isfinite(x) & np.isfinite(y)
+                both = x[is_valid], y[is_valid]
+                # The correlation of a constant is not defined.
+                is_varying = all(np.unique(ranks).size > 1 for ranks in both)
+                coefficient = float(spearmanr(*both)[0]) if is_varying else math.nan
                 correlations.append(
                     RankCorrelation(
-                        building, scale, parameter, quantity, coefficient, int(there.sum())
+                        building, scale, parameter, quantity, coefficient, int(is_valid.sum())
                     )
                 )
     return correlations
 
 
 def _medians(store: Store, *, by_scale: bool) -> dict[tuple[int, float], Array]:
-    """The medians of `PEAKS` over the motions by building, and by scale if that is asked for."""
+    """Return the medians of `PEAKS` over the motions by building, and by scale factor if
+    requested."""
     runs: dict[tuple[int, float], list[list[float | None]]] = {}
     columns = ", ".join(peak.column for peak in PEAKS)
     for number, scale, *peaks in store.connection.execute(
@@ -275,8 +303,8 @@ def _medians(store: Store, *, by_scale: bool) -> dict[tuple[int, float], Array]:
         runs.setdefault((number, scale if by_scale else 0.0), []).append(peaks)
     medians = {}
     for key, rows in runs.items():
-        # A run without a value, as a collapse is, counts as larger than any peak: where one in two
-        # has none, nan.
+        # A run without a value, such as a collapse, counts as larger than any peak. The median is
+        # NaN if at least half of the runs have no value.
         ordered = np.sort(np.array(rows, dtype=np.float64), axis=0)
         middle = (len(rows) - 1) / 2.0
         medians[key] = np.asarray(0.5 * (ordered[math.floor(middle)] + ordered[math.ceil(middle)]))
