@@ -1,5 +1,4 @@
-"""Many runs: buildings under suites of records at many levels, kept in a store that survives
-whatever ends them."""
+"""Campaigns: runs of buildings under suites of ground motions at many levels, in a persistent store."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Demand of a pair: how the two horizontal components of a recording count in the results of a
+"""Demand of a pair: combination of the two horizontal components of a recording in the results of a
 suite of ground motions.
 
 The choice is declared once (`pair_demand` of the records, `--pair-demand`) and used by profiles,
@@ -6,11 +6,11 @@ damage, losses, maps, incremental dynamic analyses and fragility functions:
 
 - `larger`: the pair is one motion, and each demand is the larger value of the two components
 - `mean`: the pair is one motion, and each demand is the mean of the two components
-- `separate`: each component is a motion of its own
+- `separate`: each component is a separate motion
 
 A pair is two components that were read as a pair, or two records that are recognized as such by
 their names. With `larger` and `mean` the building has collapsed under a pair if it has collapsed
-under one of the components, and a pair without a result of one component has no result.
+under a component, and a pair has no result if a component has no result.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 
 LARGER, MEAN, SEPARATE = "larger", "mean", "separate"
 PAIR_DEMANDS = (LARGER, MEAN, SEPARATE)
-"""What the demand of a pair may be; the first is the default."""
+"""Allowed demands of a pair; the first is the default."""
 
-_IN_WORDS = {
+_DESCRIPTIONS = {
     LARGER: "each pair counts once, with the larger demand of its two components",
     MEAN: "each pair counts once, with the mean demand of its two components",
-    SEPARATE: "each component of a pair counts as a motion of its own",
+    SEPARATE: "each component of a pair counts as a separate motion",
 }
 
 
@@ -50,7 +50,7 @@ def check_pair_demand(demand: str) -> str:
     Raises
     ------
     UsageError
-        It is another text.
+        The text is not an item of `PAIR_DEMANDS`.
     """
     if demand not in PAIR_DEMANDS:
         raise UsageError(
@@ -89,12 +89,12 @@ def recording_numbers(records: Mapping[int, tuple[str, str, int]]) -> dict[int, 
 
 @dataclass(frozen=True)
 class PairRule:
-    """How the components of pairs count.
+    """Rule that combines the components of pairs.
 
     Attributes
     ----------
     demand : str
-        One of `PAIR_DEMANDS`.
+        An item of `PAIR_DEMANDS`.
     recordings : mapping of int to int
         The recording of each record, as `recording_numbers` returns it. Results under the two
         components of a recording are correlated under every rule.
@@ -105,7 +105,15 @@ class PairRule:
 
     @classmethod
     def of_motions(cls, motions: Sequence[SuiteMotion], demand: str | None) -> Self:
-        """Return the rule of motions that have been read; without a demand the default."""
+        """Return the rule of motions that have been read.
+
+        Parameters
+        ----------
+        motions : sequence of SuiteMotion
+            The motions.
+        demand : str or None
+            An item of `PAIR_DEMANDS`; None: the default.
+        """
         records = {
             number: (motion.name, motion.component, motion.direction)
             for number, motion in enumerate(motions)
@@ -119,16 +127,16 @@ class PairRule:
 
     @property
     def stated(self) -> str:
-        """The demand of a pair if there are pairs; empty if the choice has no effect."""
+        """Demand of a pair if there are pairs; empty if the choice has no effect."""
         return self.demand if self.pairs else ""
 
     @property
     def partners(self) -> dict[int, int]:
-        """The first component of each second component, by their numbers."""
+        """Number of the first component by the number of the second component."""
         return {number: first for number, first in self.recordings.items() if number != first}
 
     def motion(self, record: int) -> int:
-        """Return the number of the motion that a record counts as, or as a part of."""
+        """Return the number of the motion to which a record belongs."""
         return record if self.demand == SEPARATE else self.recordings[record]
 
     def combine(self, values: Array) -> Array:
@@ -136,11 +144,11 @@ class PairRule:
         return combine(values, self.demand)
 
     def groups(self, records: Iterable[int]) -> dict[int, list[int]]:
-        """Return the places of records that count as one motion, by the number of the motion."""
-        places: dict[int, list[int]] = {}
-        for place, record in enumerate(records):
-            places.setdefault(self.motion(record), []).append(place)
-        return places
+        """Return the indices of the records of each motion, by the number of the motion."""
+        indices: dict[int, list[int]] = {}
+        for index, record in enumerate(records):
+            indices.setdefault(self.motion(record), []).append(index)
+        return indices
 
     def note(self) -> str:
         """Return one line that reports the default choice; empty without pairs."""
@@ -148,12 +156,12 @@ class PairRule:
 
 
 def join_pairs(motions: Sequence[GroundMotion]) -> list[GroundMotion]:
-    """Return ground motions in which two records that are one recording by their names are a pair.
+    """Return ground motions in which two records of the same recording, by their names, are a pair.
 
     Raises
     ------
     RecordError
-        Two such records are no pair: as of `find_horizontals`.
+        Two such records are not a pair, as for `find_horizontals`.
     """
     singles = {
         number: (motion.source, motion.component, 0)
@@ -165,7 +173,7 @@ def join_pairs(motions: Sequence[GroundMotion]) -> list[GroundMotion]:
     joined: list[GroundMotion] = []
     for number, motion in enumerate(motions):
         if recordings.get(number, number) != number:
-            continue  # the second component is in the pair of the first one
+            continue  # the second component was added with the first component
         other = motions[others[number]] if number in others else None
         if isinstance(motion, Record) and isinstance(other, Record):
             joined.append(find_horizontals([motion, other]))
@@ -179,15 +187,15 @@ def combine(values: Array, demand: str) -> Array:
     return np.asarray(np.mean(values, axis=0) if demand == MEAN else np.max(values, axis=0))
 
 
-def in_words(demand: str) -> str:
-    """Return what the demand of a pair is, as a clause of a sentence."""
-    return _IN_WORDS[demand]
+def describe_demand(demand: str) -> str:
+    """Return a clause that describes the demand of a pair."""
+    return _DESCRIPTIONS[demand]
 
 
 def note(pairs: int, demand: str) -> str:
     """Return one line that reports recognized pairs and the choice that was not made explicitly."""
     others = " or ".join(other for other in PAIR_DEMANDS if other != demand)
     return (
-        f"{how_many(pairs, 'pair')} of horizontal components: {in_words(demand)} (pair_demand: "
+        f"{how_many(pairs, 'pair')} of horizontal components: {describe_demand(demand)} (pair_demand: "
         f"{demand}; --pair-demand {others} changes this)"
     )

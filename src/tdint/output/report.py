@@ -16,7 +16,7 @@ from tdint.analysis.spectra.elastic import spectrum
 from tdint.analysis.spectra.target import read_target
 from tdint.campaign.intensity import GEOMETRIC_MEAN
 from tdint.campaign.motions import GivenFactors
-from tdint.campaign.pairs import PairRule, in_words
+from tdint.campaign.pairs import PairRule, describe_demand
 from tdint.campaign.scaling import Scaling
 from tdint.errors import RecordError
 from tdint.ground_motion.horizontals import find_horizontals
@@ -604,7 +604,7 @@ _SUITE = "means are over the ground motions without collapse"
 def _of_pairs(store: Store) -> list[str]:
     """Return how the two components of pairs are counted; empty without pairs."""
     rule = store.pair_rule()
-    return [f"{in_words(rule.demand)} (pair_demand: {rule.demand})"] if rule.pairs else []
+    return [f"{describe_demand(rule.demand)} (pair_demand: {rule.demand})"] if rule.pairs else []
 
 
 def _assumptions(step: str, more: Sequence[str]) -> Chapter:
