@@ -145,7 +145,7 @@ VALUES = {
             "buildings",
             "inventory: a.csv, units: {length: m}, rules: capacity, classes: c.csv",
             "damping stiffness_scatter damping_scatter seed",
-            "cannot be used with capacity",
+            "cannot be used with the rules capacity",
         ),
         (
             "records",

@@ -245,7 +245,10 @@ def test_of_many_buildings_ten_are_named_and_the_others_counted(
         STUDY.replace("shaken.yaml, stiff.yaml", listed).replace("stories: true", "profiles: true")
     )
     result = tdint("campaign", "study.yaml", "-o", "out", code=0)
-    assert "note: listed more than once, and run the same number of times: weak-0.yaml" in result.stderr
+    assert (
+        "note: listed more than once, and run the same number of times: weak-0.yaml"
+        in result.stderr
+    )
     told = [line for line in result.stderr.splitlines() if "there is no mean" in line]
     lost = {
         (row["building"], row["scale"]) for row in rows("out/profiles.csv") if int(row["collapsed"])

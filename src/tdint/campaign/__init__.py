@@ -1,4 +1,4 @@
-"""Campaigns: runs of buildings under suites of ground motions at many levels, in a persistent store."""
+"""Campaigns: buildings under suites of ground motions at many levels, in a persistent store."""
 
 import sys
 

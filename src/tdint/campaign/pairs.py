@@ -196,6 +196,6 @@ def note(pairs: int, demand: str) -> str:
     """Return one line that reports recognized pairs and the choice that was not made explicitly."""
     others = " or ".join(other for other in PAIR_DEMANDS if other != demand)
     return (
-        f"{how_many(pairs, 'pair')} of horizontal components: {describe_demand(demand)} (pair_demand: "
-        f"{demand}; --pair-demand {others} changes this)"
+        f"{how_many(pairs, 'pair')} of horizontal components: {describe_demand(demand)} "
+        f"(pair_demand: {demand}; --pair-demand {others} changes this)"
     )
