@@ -337,7 +337,7 @@ def test_what_makes_no_sense(frame):
     records = [motion(0)]
     for settings, message in (
         (IdaSettings(precision=0.0), "precision"),
-        (IdaSettings(max_im=0.0), "largest intensity"),
+        (IdaSettings(max_im=0.0), "maximum intensity"),
     ):
         with pytest.raises(UsageError, match=message):
             ida(frame, records, settings=settings)

@@ -174,7 +174,7 @@ def test_scaling_by_a_rule_is_that_rule(pairs: list[Horizontals]) -> None:
         with pytest.raises(UsageError, match="nothing to scale to"):
             scale(pairs, **wrong)
     for wrong in ({"measure": "pga"}, {"value": 3.0}):
-        with pytest.raises(UsageError, match="a target and a value are given"):
+        with pytest.raises(UsageError, match="a target and a value cannot be used together"):
             scale(pairs, target=target, **wrong)
     with pytest.raises(
         UsageError, match="unknown rule 'p695'; known for a target: mean, asce7, ec8"

@@ -94,7 +94,7 @@ def test_the_rule_acts_on_the_chosen(pool):
 @pytest.mark.parametrize(
     ("wishes", "message"),
     [
-        ({"count": 0}, "the number of motions to select must be a whole number, 1 at least"),
+        ({"count": 0}, "the number of motions to select must be a whole number of at least 1"),
         ({"factors": (2.0, 1.0)}, "the limits must be positive, the minimum first"),
         ({"per_event": 0}, "per_event must be at least 1"),
         (
@@ -177,7 +177,9 @@ def test_three_pairs_of_one_event_are_not_selected():
     scaling = tdint.select(pairs, TARGET, 3, periods=PERIODS, per_event=1, factors=(0.01, 100.0))
     assert scaling.chosen[1:] == (3, 4)
     assert scaling.events == tuple(events_of(scaling.motions))
-    with pytest.raises(UsageError, match=r"3 of 5 can be taken .*at most 1 of an event, 3 events"):
+    with pytest.raises(
+        UsageError, match=r"3 of 5 can be selected .*at most 1 of an event, 3 events"
+    ):
         tdint.select(pairs, TARGET, 4, periods=PERIODS, per_event=1)
 
 
