@@ -25,7 +25,7 @@ from tdint_cli.options.spectra import SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE, Fl
 from tdint_cli.terminal import Failures, current, note, progress_bar, say, warn
 
 if TYPE_CHECKING:
-    from tdint.campaign.carry_out import Advance, Engine, Shard
+    from tdint.campaign.execute import Advance, Engine, Shard
     from tdint.campaign.plan import Plan
     from tdint.campaign.profiles import FloorSuite, Profile
     from tdint.campaign.store import Store
@@ -585,7 +585,7 @@ def advance_with_bar(
     max_runs: int | None = None,
 ) -> Advance:
     """Do what is left, with a bar that tells the rate."""
-    from tdint.campaign.carry_out import carry_out
+    from tdint.campaign.execute import carry_out
 
     with progress_bar(to_terminal=False) as progress:
 

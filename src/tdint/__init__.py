@@ -88,7 +88,7 @@ if TYPE_CHECKING:  # all that stands at the top, one import a line: `_homes` rea
     from tdint.analysis.static import cyclic_test as cyclic_test
     from tdint.analysis.static import pushover as pushover
     from tdint.analysis.target_displacement import target_displacements as target_displacements
-    from tdint.campaign.carry_out import campaign as campaign
+    from tdint.campaign.execute import campaign as campaign
     from tdint.campaign.fragility.fit_table import fragility as fragility
     from tdint.campaign.fragility.fits import fit_capacities as fit_capacities
     from tdint.campaign.fragility.fits import fit_cloud as fit_cloud

@@ -25,7 +25,7 @@ from tdint.analysis.run.case import Case
 from tdint.analysis.run.together import Subject
 from tdint.campaign.batch import RunSettings
 from tdint.campaign.buildings import given_buildings
-from tdint.campaign.carry_out import Shard, carry_out, compile_for, threads
+from tdint.campaign.execute import Shard, carry_out, compile_for, threads
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.motions import EveryMotion, Scales
 from tdint.campaign.plan import Plan, make_plan

@@ -14,7 +14,7 @@ from tdint import spectrum, system
 from tdint.analysis.run.together import Subject
 from tdint.campaign.batch import RunSettings, do, spectral_accelerations
 from tdint.campaign.buildings import given_buildings
-from tdint.campaign.carry_out import Advance, merge
+from tdint.campaign.execute import Advance, merge
 from tdint.campaign.motions import EveryMotion, GivenFactors
 from tdint.campaign.plan import Plan
 from tdint.campaign.store import open_store

@@ -10,7 +10,6 @@ from scipy.stats import lognorm, norm, uniform
 
 import tdint
 from tdint.campaign.batch import RunSettings
-from tdint.campaign.carry_out import carry_out, threads
 from tdint.campaign.definition import (
     AnalysisWishes,
     CampaignFile,
@@ -19,6 +18,7 @@ from tdint.campaign.definition import (
     ParameterSweep,
     RecordFiles,
 )
+from tdint.campaign.execute import carry_out, threads
 from tdint.campaign.inputs import Inputs, suite_motions
 from tdint.campaign.motions import FoundMotions, Scales
 from tdint.campaign.plan import make_plan

@@ -32,7 +32,7 @@ SCALES = ", ".join(f"{0.1 * i:.1f}" for i in range(1, 61))
 KILLER = """\
 import os, random, shutil, signal, sys, time
 from pathlib import Path
-from tdint.campaign.carry_out import compile_for
+from tdint.campaign.execute import compile_for
 from tdint.campaign.inputs import read_inputs
 from tdint.campaign.plan import make_plan
 from tdint.campaign.reader import load_campaign

@@ -198,7 +198,7 @@ def _run(request: CampaignRequest) -> None:
         for name in request.im:
             run_measure(name)
     check_names(Path(request.output), request)
-    from tdint.campaign.carry_out import Shard, cluster, threads
+    from tdint.campaign.execute import Shard, cluster, threads
     from tdint.campaign.inputs import read_inputs
     from tdint.campaign.plan import make_plan
     from tdint.campaign.reader import load_campaign
@@ -266,7 +266,7 @@ def _merge(request: CampaignRequest) -> None:
         raise UsageError(
             "give the folders to merge and -o DIR: tdint campaign merge out-*/ -o all/"
         )
-    from tdint.campaign.carry_out import merge
+    from tdint.campaign.execute import merge
     from tdint.campaign.store_schema import locked
 
     target = Path(request.output)

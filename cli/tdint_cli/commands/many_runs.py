@@ -35,7 +35,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
     """Do the runs of a building under some records (those of the model without any) at some scales,
     or with the factors of a file; the table goes to standard output, and with -o everything is kept
     in that folder as `tdint campaign` keeps it."""
-    from tdint.campaign.carry_out import threads
+    from tdint.campaign.execute import threads
     from tdint.campaign.store import open_store
     from tdint.model.config.model_file import load_model
 

@@ -107,8 +107,8 @@ def command(request: Request) -> None:
 
 
 def _one_at_a_time(request: Request) -> None:
-    from tdint.campaign.carry_out import threads
     from tdint.campaign.definition import RecordFiles
+    from tdint.campaign.execute import threads
     from tdint.campaign.inputs import read_motions
     from tdint.campaign.sensitivity import parameter_effects, plan_of
     from tdint.campaign.store import open_store

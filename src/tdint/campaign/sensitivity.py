@@ -14,8 +14,8 @@ from tdint.analysis.given import AnyModel, AnyRecord, model_of, record_of
 from tdint.analysis.run.demands import RUN
 from tdint.arrays import Array
 from tdint.campaign.batch import RunSettings
-from tdint.campaign.carry_out import carry_out, threads
 from tdint.campaign.definition import AnalysisWishes, CampaignFile, ModelFiles, RecordFiles
+from tdint.campaign.execute import carry_out, threads
 from tdint.campaign.inputs import Inputs
 from tdint.campaign.motions import FoundMotions, Scales
 from tdint.campaign.plan import Plan, make_plan

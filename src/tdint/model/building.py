@@ -392,7 +392,7 @@ def draw_buildings(model: Model, base: Building, values: Mapping[str, Array]) ->
         for d, (stiffness, *of_law) in enumerate(table_rows.tolist()):
             if fault := law.fault(stiffness, of_law):
                 raise UsageError(
-                    f"{model.name}: story {i + 1} cannot be varied so: {fault} (draw {d + 1})"
+                    f"{model.name}: invalid variation of story {i + 1}: {fault} (draw {d + 1})"
                 )
             yield_drift[d, i] = law.yield_drift(stiffness, of_law)
 

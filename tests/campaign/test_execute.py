@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from tdint.campaign import carry_out as module
-from tdint.campaign.carry_out import Advance, Shard, carry_out, threads
+from tdint.campaign import execute as module
+from tdint.campaign.execute import Advance, Shard, carry_out, threads
 from tdint.errors import UsageError
 
 CHUNKS = 9
