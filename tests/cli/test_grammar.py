@@ -232,7 +232,7 @@ def test_model_or_record_stand_in_their_places_or_come_by_standard_input(folder,
         tdint("run", "-", "other.mseed", stdin=(folder / "shaken.yaml").read_bytes()).stdout
         == expected
     )
-    tdint.refused("standard input already holds the model", "run", "-", "-", stdin=b"")
+    tdint.refused("standard input is used for the model", "run", "-", "-", stdin=b"")
 
 
 def test_quiet_silences_words_and_neither_data_nor_errors(folder, tdint):

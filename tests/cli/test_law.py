@@ -118,7 +118,7 @@ def test_pictures_of_any_size(folder, tdint, model, drift, drawn):
             "forced.yaml: the first line names no column drift_m",
         ),
         (["shaken.yaml", "--path", "missing.csv"], 2, "missing.csv: no such file"),
-        (["-", "--path", "-"], 2, "standard input already holds the model"),
+        (["-", "--path", "-"], 2, "standard input is used for the model"),
         (
             ["forced.yaml", "--path", "good.csv", "--units", "dy"],
             2,

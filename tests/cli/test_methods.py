@@ -232,7 +232,7 @@ def test_overshoot_in_nonlinear_motion(here, tdint):
         abs(float(row["displacement"])) for row in table if row["method"] == "newmark-average"
     )
     lines = result.stderr.splitlines()
-    assert lines[0] == "note: exact is left out: it integrates linear buildings only"
+    assert lines[0] == "note: exact is omitted: it supports linear buildings only"
     told = {line.split()[0]: line.split(maxsplit=5)[1:] for line in lines[3:]}
     assert told["newmark-average"] == [
         "1",
@@ -294,11 +294,11 @@ def test_methods_that_cannot_do_the_law_are_named(tdint, command, law):
     words = (*command.split(), "--law", law, "--method")
     result = tdint(*words, "exact,newmark-average", code=0)
     assert set(column(result, "method")) == {"newmark-average"}
-    assert result.stderr.startswith(
-        "note: exact is left out: it integrates linear buildings only\n"
-    )
+    assert result.stderr.startswith("note: exact is omitted: it supports linear buildings only\n")
     tdint.refused(
-        f"Error: exact integrates linear buildings only; not with --law {law}\n", *words, "exact"
+        f"Error: exact supports linear buildings only and cannot be used with --law {law}\n",
+        *words,
+        "exact",
     )
 
 

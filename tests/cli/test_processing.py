@@ -179,5 +179,9 @@ def test_an_option_replaces_what_the_model_says_of_the_same_step(folder, tdint):
 
 def test_processing_needs_a_record(folder, tdint):
     tdint.refused(
-        "processing needs a record, the model has none", "run", "forced.yaml", "--pad", "1"
+        "processing requires a record, but the model specifies no record",
+        "run",
+        "forced.yaml",
+        "--pad",
+        "1",
     )

@@ -210,7 +210,7 @@ def test_units_on_the_command_line_take_the_place_of_the_models_inventory(folder
             (
                 ["forced.yaml", option, "2"],
                 2,
-                f"{option} needs a record, the model has none: add --record",
+                f"{option} requires a record, but the model specifies no record; add --record",
             )
             for option in ("--units", "--component", "--inventory", "--scale")
         ),

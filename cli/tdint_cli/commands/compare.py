@@ -155,7 +155,7 @@ def command(request: Request) -> None:
 
     # What can be seen to fail is refused before any work.
     if request.model == "-" and request.recorded == "-":
-        raise UsageError("standard input already holds the model; give the recordings as a file")
+        raise UsageError("standard input is used for the model; specify the recordings as a file")
     if request.picture:
         check_picture(request.picture)
     check_outputs(request.outputs, overwrite=request.overwrite)

@@ -91,7 +91,7 @@ def command(request: Request) -> None:
         raise UsageError("no drift: give --drift, or a path of drifts by --path")
     refuse_idle(_CYCLES if request.path is None else _PATH, MODES)
     if request.path == request.model == "-":
-        raise UsageError("standard input already holds the model; give the path as a file")
+        raise UsageError("standard input is used for the model; specify the path as a file")
     from tdint.analysis.static import cyclic_test, path_test, read_drift_path
     from tdint.model.config.model_file import load_model
 

@@ -1,4 +1,4 @@
-"""Options under the heading Analysis: the method, its step, and how long."""
+"""Options under the heading Analysis: the method, its time step, and the duration."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class OfMethod(Protocol):
-    """A result of one method; `method` is its label."""
+    """Result of one method; `method` is the label of the method."""
 
     @property
     def method(self) -> str: ...
@@ -32,8 +32,8 @@ class OfMethod(Protocol):
 Result = TypeVar("Result", bound=OfMethod)
 
 DT_OVER_T = (1e-6, 1e6)
-"""Steps over the period of an oscillator that may be asked for: beyond, rounding is all that is
-seen."""
+"""Allowed range of the time step divided by the period of an oscillator. Outside this range the
+results consist of rounding errors."""
 
 option = partial(grammar.option, heading=grammar.ANALYSIS)
 
@@ -48,10 +48,10 @@ method_name = Name(_methods)
 damping_ratio = Ratio(0.0, 1.0, max_open=True)
 
 
-def damping_of(what: str, **settings: Any) -> grammar.Declaration:
-    """The option --damping with a single ratio, of what it is."""
-    told = f"Damping ratio of {what}; 0.05 (or 5%) by default."
-    return grammar.option("--damping", type=damping_ratio, default=0.05, help=told, **settings)
+def damping_of(quantity: str, **settings: Any) -> grammar.Declaration:
+    """Declare the option --damping with a single ratio; `quantity` names the damped quantity."""
+    text = f"Damping ratio of {quantity}; 0.05 (or 5%) by default."
+    return grammar.option("--damping", type=damping_ratio, default=0.05, help=text, **settings)
 
 
 def _load(_: click.Context, __: click.Parameter, files: tuple[str, ...]) -> tuple[str, ...]:
@@ -66,7 +66,7 @@ def _load(_: click.Context, __: click.Parameter, files: tuple[str, ...]) -> tupl
 
 
 def plugins(text: str = "", exposed: bool = True) -> grammar.Declaration:
-    """The option --plugin; `text` says what a command does with them but know them."""
+    """Declare the option --plugin; `text` describes an additional effect in a command."""
     return option(
         "--plugin",
         "plugins",
@@ -77,9 +77,8 @@ def plugins(text: str = "", exposed: bool = True) -> grammar.Declaration:
         callback=_load,
         metavar="FILE.py",
         rare=True,
-        help="A Python file with methods or drift laws of your own, its tuples METHODS and LAWS, "
-        "or with programs for "
-        "`tdint chart`, its tuple PEERS; it is executed." + text,
+        help="Python file with user-defined methods (tuple METHODS), hysteretic laws (LAWS) or "
+        "programs for `tdint chart` (PEERS); the file is executed." + text,
     )
 
 
@@ -87,14 +86,14 @@ plugin = plugins(exposed=False)
 
 
 def method_of(needs: str) -> grammar.Declaration:
-    """The option --method, of what it `needs`."""
+    """Declare the option --method; `needs` is the option that it requires."""
     return option(
         "--method",
         type=method_name,
         needs=needs,
         metavar="SPEC",
         help="Time-integration method with its parameters, such as newmark:beta=0.25:gamma=0.5; "
-        "`tdint methods` lists all.",
+        "`tdint methods` lists all methods.",
     )
 
 
@@ -102,7 +101,8 @@ method = method_of("")
 
 
 def methods(text: str) -> grammar.Declaration:
-    """The option --method of commands that take several; `text` says which if there is none."""
+    """Declare the option --method of commands that accept several methods; `text` describes the
+    default."""
     return option(
         "--method",
         "methods",
@@ -111,15 +111,15 @@ def methods(text: str) -> grammar.Declaration:
         callback=_specifications,
         metavar="SPEC,...",
         help="Time-integration methods with their parameters, such as "
-        f"newmark:beta=0.25:gamma=0.5; {text} if there is none.",
+        f"newmark:beta=0.25:gamma=0.5; {text} by default.",
     )
 
 
 def _specifications(
     _: click.Context, __: click.Parameter, texts: tuple[str, ...]
 ) -> tuple[str, ...]:
-    """Take lists apart at the commas between methods; `beta=...` behind a comma belongs to the
-    method before it."""
+    """Split lists at the commas between methods; `beta=...` after a comma is a parameter of the
+    preceding method."""
     specifications: list[str] = []
     for text in texts:
         start = len(specifications)
@@ -136,27 +136,28 @@ def _specifications(
     return tuple(specifications)
 
 
-all_methods = methods("all methods of `tdint methods` with their defaults")
+all_methods = methods("all methods of `tdint methods` with their default parameters")
 dt = option(
     "--dt",
     type=float,
     metavar="SECONDS",
-    help="Time step; by default the model's, else the record's sampling interval. Under a record "
-    "it is a whole part or a whole multiple of that interval.",
+    help="Time step; by default that of the model, otherwise the sampling interval of the record. "
+    "With a record, the time step must be the sampling interval divided or multiplied by an "
+    "integer.",
 )
 duration = option(
     "--duration",
     type=float,
     metavar="SECONDS",
     rare=True,
-    help="Time to integrate; by default the model's, else the record's.",
+    help="Duration of the analysis; by default that of the model, otherwise that of the record.",
 )
 
 until_rest = option(
     "--until-rest",
     is_flag=True,
-    help="Go on after the record with the ground at rest until the building is, too: residual "
-    "drifts are at rest then.",
+    help="Continue after the end of the record until free vibration has decayed, so that "
+    "residual drifts are final values.",
 )
 
 
@@ -170,12 +171,12 @@ DRAWN = (
     "impulse4",
     "moment4",
 )
-"""Methods of a picture of all: what people compare with, and what is ours; more lines are not told
-apart."""
+"""Methods that are plotted by default: the methods commonly used for comparison, and the methods
+developed with tdint. More lines could not be distinguished in a figure."""
 
 
 def draw_all(names: Sequence[str]) -> grammar.Declaration:
-    """The option --all of a picture that has these methods without it."""
+    """Declare the option --all of a figure that shows only the methods `names` by default."""
     return grammar.option(
         "--all",
         "draw_all",
@@ -183,15 +184,14 @@ def draw_all(names: Sequence[str]) -> grammar.Declaration:
         needs="--plot",
         is_flag=True,
         rare=True,
-        help=f"Draw all methods; without --method the picture has {', '.join(names)}. The table "
-        "always has all.",
+        help=f"Plot all methods; by default, without --method, the figure shows "
+        f"{', '.join(names)}. The table always includes all methods.",
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class OscillatorRequest:
-    """What the command lines have in common that measure methods on an oscillator: `of_oscillator`
-    gives it."""
+    """Common options of the commands that test methods on an oscillator; see `of_oscillator`."""
 
     methods: tuple[str, ...]
     damping: tuple[float, ...]
@@ -199,26 +199,28 @@ class OscillatorRequest:
     outputs: Outputs
 
     def drawn(self, results: Sequence[Result], names: Sequence[str]) -> Sequence[Result]:
-        """What the picture has: all that was asked for, else those of these names."""
+        """Return the results to be plotted: all results if methods or --all are specified,
+        otherwise the results of the methods `names`."""
         if self.draw_all or self.methods:
             return results
         return [result for result in results if result.method.partition(":")[0] in names]
 
 
 def of_oscillator(names: Sequence[str]) -> Callable[[grammar.Function], grammar.Function]:
-    """The options of an `OscillatorRequest`; pictures have these methods where none is named."""
+    """Declare the options of an `OscillatorRequest`; `names` are the methods plotted by default."""
     damping = option(
         "--damping",
         type=ListOf(Ratio(0.0)),
         default=(0.0,),
-        help="Damping ratios of the oscillator, also of 1 and more; 0 by default.",
+        help="Damping ratios of the oscillator; 0 by default. Values of 1 and above are allowed.",
     )
     files = to_files(picture=PICTURE, more=[draw_all(names)], in_units=False)
     return grammar.together(plugin, all_methods, damping, files)
 
 
 def integrators(specifications: Sequence[str]) -> list[Integrator]:
-    """The methods that are asked for, each once; all of the catalogue at their defaults if none is.
+    """Return the requested methods without duplicates; by default all methods of the catalogue with
+    their default parameters.
 
     Raises
     ------
@@ -231,34 +233,35 @@ def integrators(specifications: Sequence[str]) -> list[Integrator]:
 
 
 def for_nonlinear(integrators: list[Integrator], law: str) -> list[Integrator]:
-    """Those of the methods that integrate a nonlinear law; a note on the others.
+    """Return the methods that support a nonlinear law; write a note for each omitted method.
 
     Raises
     ------
     UsageError
-        There is none.
+        No method supports nonlinear laws.
     """
     suited = [integrator for integrator in integrators if not integrator.family.linear_only]
     if not suited:
         raise UsageError(
-            f"{integrators[0].label} integrates linear buildings only; not with --law {law}"
+            f"{integrators[0].label} supports linear buildings only and cannot be used with "
+            f"--law {law}"
         )
     for integrator in integrators:
         if integrator not in suited:
-            note(f"{integrator.label} is left out: it integrates linear buildings only")
+            note(f"{integrator.label} is omitted: it supports linear buildings only")
     return suited
 
 
-# ---- The building of a command line, and its ground motion: the model and the options of the
-# record together
+# ---- This part combines the model and the options of the record: the building of a command line
+# and its ground motion.
 
 model = grammar.together(plugin, click.argument("model", metavar="MODEL.yaml", type=FileName()))
-"""The model, and the plug-ins with methods and laws that it may have."""
+"""The model argument, and the option for plug-ins with methods and laws that the model uses."""
 
 
 @dataclass(frozen=True)
 class BuildingRequest(RecordRequest):
-    """What the command lines have in common that take a model and the options of a record."""
+    """Common options of the commands that accept a model and the options of a record."""
 
     model: str
     record: str | None
@@ -267,8 +270,8 @@ class BuildingRequest(RecordRequest):
 
 
 def warn_of(model: Model) -> None:
-    """What is unusual of a building, mostly a unit that was mistaken: its periods and forces are
-    believed, too."""
+    """Warn about unusual values of a building, mostly results of wrong units; this includes its
+    periods and forces."""
     from tdint.model.building import assemble
     from tdint.model.plausibility import mistakable
 
@@ -276,31 +279,34 @@ def warn_of(model: Model) -> None:
 
 
 def check_motion(request: BuildingRequest) -> None:
-    """Refuse, before any work, what can be seen to fail.
+    """Check the ground-motion options before any computation.
 
     Raises
     ------
     UsageError
-        Several scales; a model and a record that both are standard input.
+        Several scale factors are given, or both model and record are standard input.
     """
     if len(set(request.scale or ())) > 1:
-        raise UsageError("--scale: this command takes one factor; call it once for each")
+        raise UsageError(
+            "--scale: this command accepts one factor; run it separately for each factor"
+        )
     if request.model == "-" and request.record == "-":
-        raise UsageError("standard input already holds the model; give the record as a file")
+        raise UsageError("standard input is used for the model; specify the record as a file")
 
 
 def with_motion(model: Model, request: BuildingRequest) -> Model:
-    """The model with the ground motion that the command line asks for.
+    """Return the model with the ground motion that the command line specifies.
 
     Raises
     ------
     UsageError
-        Options of a record where there is none.
+        Record options are given, but neither the command line nor the model specifies a record.
     """
     return replace(model, excitation=replace(model.excitation, record=_motion(request, model)))
 
 
 def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
+    """Return the record of the command line, or the record of the model with changed options."""
     from tdint.model.definition import RecordSource
 
     if request.record is not None:
@@ -323,12 +329,14 @@ def _motion(request: BuildingRequest, model: Model) -> RecordSource | None:
                 if request.layout
                 else "processing"
             )
-            raise UsageError(f"{name} needs a record, the model has none: add --record FILE")
+            raise UsageError(
+                f"{name} requires a record, but the model specifies no record; add --record FILE"
+            )
         return None
     choice = source.choice
     if "units" in given or "inventory" in given:
-        # Each of the two excludes the other: who names one on the command line does without the
-        # model's other one.
+        # `units` and `inventory` exclude each other: if the command line specifies one of them,
+        # the other value of the model does not apply.
         choice = replace(choice, units=None, inventory=None)
     processing, layout = (
         request.processing.over(choice.processing),

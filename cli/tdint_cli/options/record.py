@@ -1,5 +1,4 @@
-"""Options under the heading Record: what a ground motion is, and what is done to it before it is
-used."""
+"""Options under the heading Record: how a record is read and processed before it is used."""
 
 from __future__ import annotations
 
@@ -27,7 +26,7 @@ _rare = partial(option, rare=True)
 
 @dataclass(frozen=True)
 class RecordRequest:
-    """How the records of a command line are read, and what is done to them."""
+    """Options by which the records of a command line are read and processed."""
 
     units: SampleUnits | None
     component: str | None
@@ -37,7 +36,7 @@ class RecordRequest:
 
     @property
     def choice(self) -> RecordChoice:
-        """The same for a suite of motions."""
+        """The same options as a `RecordChoice`, for a suite of ground motions."""
         from tdint.ground_motion.choice import RecordChoice
 
         return RecordChoice(
@@ -45,12 +44,12 @@ class RecordRequest:
         )
 
     def read(self, file: str) -> list[Record]:
-        """The components of a file.
+        """Return the components of a file.
 
         Raises
         ------
         RecordError
-            The file cannot be read, or changed as asked for.
+            The file cannot be read, or cannot be processed as requested.
         """
         from tdint.ground_motion.reading.suites import read_chosen
 
@@ -59,7 +58,7 @@ class RecordRequest:
 
 @dataclass(frozen=True)
 class RecordsRequest(RecordRequest):
-    """What the command lines have in common that take records as their arguments."""
+    """Common options of the commands that accept records as arguments."""
 
     records: tuple[str, ...]
 
@@ -75,32 +74,33 @@ records_if_any = click.argument("records", metavar="[RECORD]...", nargs=-1, type
 record = _rare(
     "--record",
     type=FileName(),
-    help="Ground motion in place of the model's; nothing that the model says of its own applies "
-    "to it.",
+    help="Record that replaces the record of the model; the record settings of the model do not "
+    "apply to it.",
 )
 units = option(
     "--units",
     type=SampleUnitsType(_units),
     metavar="UNITS",
-    help="Units of the samples, or by file AT2=g,*.mseed=m/s^2; of all: m/s^2, cm/s^2, gal, "
-    "mm/s^2, g, in/s^2 or ft/s^2, with a factor the value of one count ('2.38e-6 m/s^2'), of a "
-    "velocity or a displacement (cm/s, cm), which is then differentiated. By file: a format or the "
-    "end of a path each, or a table (.csv) with the columns record and units; the first that fits "
-    "counts.",
+    help="Units of the samples, or units by file: AT2=g,*.mseed=m/s^2; for all files: m/s^2, "
+    "cm/s^2, gal, mm/s^2, g, in/s^2 or ft/s^2, with a factor for the value of one count "
+    "('2.38e-6 m/s^2'). Units of velocity or displacement (cm/s, cm) are allowed; the samples are "
+    "then differentiated. By file: a format or a pattern for the end of the path, or a table "
+    "(.csv) with the columns record and units; the first match applies.",
 )
 component = option(
     "--component",
     metavar="NAME",
-    help="Component of the record: its channel code (HNE), full id, or the code's last letter (E).",
+    help="Component of the record: its channel code (HNE), full id, or the last character of the "
+    "code (E).",
 )
 inventory = _rare(
     "--inventory",
     type=FileName(),
-    help="StationXML file by which the instrument's response is removed, where neither the file "
-    "nor --units says what the samples are.",
+    help="StationXML file for removal of the instrument response, if neither the record file nor "
+    "--units specifies the units of the samples.",
 )
 _factor = partial(
-    option, "--scale", metavar="FACTOR", help="Factor on the ground acceleration, not zero."
+    option, "--scale", metavar="FACTOR", help="Scale factor of the ground acceleration, not zero."
 )
 scale = _factor(type=ListOf(Nonzero(), once=False))
 one_scale = _factor(type=Nonzero(), needs="RECORD")
@@ -110,21 +110,21 @@ _LAYOUT = (
         "--step",
         type=Number(0.0, min_open=True),
         metavar="SECONDS",
-        help="Sampling interval of a text table that does not tell it; a file that does must "
-        "agree.",
+        help="Sampling interval of a text table that does not contain it; a file that contains it "
+        "must agree.",
     ),
     _rare(
         "--column",
         type=ListOf(click.STRING),
         metavar="N|NAME,...",
-        help="Columns of a text table, by number, counted from 1, or name; by default those whose "
-        "names are those of accelerations, else all but the time.",
+        help="Columns of a text table, by number (from 1) or name; by default the columns with "
+        "names of accelerations, otherwise all columns except the time.",
     ),
     _rare(
         "--skip-lines",
         type=click.IntRange(0, 1_000_000),
         metavar="N",
-        help="Pass over so many lines at the beginning of a text table.",
+        help="Number of lines to skip at the beginning of a text table.",
     ),
 )
 
@@ -132,7 +132,8 @@ _PROCESSING = (
     _rare(
         "--trim",
         metavar="START:END",
-        help="Keep this part of the record, seconds from its first sample; an end may be left out.",
+        help="Keep only this part of the record, in seconds from the first sample; START or END "
+        "may be omitted.",
     ),
     _rare(
         "--baseline",
@@ -144,14 +145,14 @@ _PROCESSING = (
         "--highpass",
         type=Number(0.0, min_open=True),
         metavar="HZ",
-        help="Butterworth filter without shift of phase (forwards and backwards: half the "
-        "amplitude at the corner).",
+        help="Zero-phase Butterworth high-pass filter with this corner frequency (applied forward "
+        "and backward: half the amplitude at the corner).",
     ),
     _rare(
         "--lowpass",
         type=Number(0.0, min_open=True),
         metavar="HZ",
-        help="The same from the other side.",
+        help="Zero-phase Butterworth low-pass filter with this corner frequency.",
     ),
     _rare(
         "--filter-order",
@@ -163,8 +164,8 @@ _PROCESSING = (
         "--resample",
         type=Number(0.0, min_open=True),
         metavar="DT",
-        help="Change the sampling interval, s: band-limited, with a filter against aliasing if it "
-        "becomes longer.",
+        help="New sampling interval, s, by band-limited resampling, with an anti-aliasing filter "
+        "if the interval becomes longer.",
     ),
 )
 
@@ -174,14 +175,15 @@ NAMES = frozenset(("units", "component", "inventory")) | {
     for declared in (*_LAYOUT, *_PROCESSING)
     for flag in declared.names
 }
-"""The parameters by which a record is read and changed, but for its scale."""
+"""Names of the parameters by which a record is read and processed, without the scale factor."""
 
 
 def _read_and_changed(command: Function) -> Function:
-    """The command gets what a text table does not tell together as `layout`, and what changes a
-    record as `processing`.
+    """Pass the layout options of a text table to the command as `layout`, and the processing
+    options as `processing`.
 
-    The steps are taken in the order of the options, whatever that of the command line.
+    The processing steps follow the order of the options in the help, regardless of their order on
+    the command line.
     """
 
     @functools.wraps(command)
@@ -205,23 +207,23 @@ _READ = (units, component, *_LAYOUT, inventory)
 _CHANGED = (*_PROCESSING, _read_and_changed)
 
 of_records = grammar.together(records, *_READ, *_CHANGED)
-"""All that command lines with records as arguments have in common, for a RecordsRequest."""
+"""Common options of commands with records as arguments, for a RecordsRequest."""
 
 of_records_if_any = grammar.together(records_if_any, *_READ, *_CHANGED)
-"""The same, where there need be none."""
+"""The same options for commands with optional records."""
 
 of_motion = grammar.together(*_READ, scale, *_CHANGED)
-"""The options of a single record but --record, in place of a model's or beside it, for a
-BuildingRequest."""
+"""Options of a single record except --record, for a BuildingRequest. The record replaces the record
+of the model, or the options change it."""
 
 of_record = grammar.together(record, of_motion)
-"""The same with --record."""
+"""The same options with --record."""
 
 
 def warnings_of_suite(records: Sequence[Record]) -> list[str]:
-    """What was assumed of records and changes what their numbers mean: a line for each kind, with
-    the first names."""
-    # Texts of one kind begin with the same words, and differ in a number.
+    """Return the warnings about assumptions that affect the values of records: one line per type of
+    warning, with the first names."""
+    # Warnings of one type start with the same three words and differ in a value.
     kinds: dict[str, tuple[str, dict[str, None]]] = {}
     for record in records:
         for text in record.warnings:
@@ -233,12 +235,12 @@ def warnings_of_suite(records: Sequence[Record]) -> list[str]:
 def notes_of_components(
     records: Sequence[Record], notes_of: Callable[[Record], Sequence[str]]
 ) -> tuple[str, ...]:
-    """Notes about the components of one file, with its name; what holds for all of them is said
-    once."""
-    notes: dict[str, None] = {}  # a set in the order of arrival
+    """Return the notes about the components of one file, with its name. A note that applies to all
+    components is included only one time."""
+    notes: dict[str, None] = {}  # an ordered set
     for record in records:
         for note in notes_of(record):
             common = all(note in notes_of(other) for other in records)
-            whose = record.source if common else f"{record.source}: {record.component or record.id}"
-            notes[f"{whose}: {note}"] = None
+            name = record.source if common else f"{record.source}: {record.component or record.id}"
+            notes[f"{name}: {note}"] = None
     return tuple(notes)
