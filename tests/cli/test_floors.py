@@ -78,8 +78,8 @@ def test_a_sampling_interval_that_miniseed_has_not_is_said(tmp_path):
     [
         (["--floor-spectra", "3", "-o", "out"], "floor '3': the building has the floors 1 to 2"),
         (["--floor-spectra", "top", "-o", "out"], "the last of them is the roof"),
-        (["--floor-spectra", "roof"], "--floor-spectra writes a file: add -o DIR"),
-        (["--export-floors", "mseed"], "--export-floors writes a file: add -o DIR"),
+        (["--floor-spectra", "roof"], "--floor-spectra requires -o DIR"),
+        (["--export-floors", "mseed"], "--export-floors requires -o DIR"),
     ],
 )
 def test_wrong_use(folder, tdint, arguments, message):

@@ -239,7 +239,7 @@ def test_factors_that_are_too_large_are_told_or_refused(folder, tdint):
         ),
         (
             (*TARGET, "--rule", "asce7", "--at", 0.5, "--component", "HNE"),
-            "--component names single components",
+            "--component cannot be used with pairs",
         ),
     ],
 )
@@ -344,7 +344,7 @@ def test_records_of_the_table_of_factors(folder, tdint, make_record):
     matched = rows("matched/matched.csv")
     assert [(row["record"], row["component"]) for row in matched] == [row[:2] for row in listed]
     for command in (("match", *target, "-o", "m"), ("ida", "shaken.yaml")):
-        tdint.refused("no RECORD is given; name records", *command, code=2)
+        tdint.refused("no RECORD is given; specify either records", *command, code=2)
         both = (*command, "pool", "--factors", "factors.csv")
         tdint.refused("RECORD and --factors are given", *both, code=2)
 

@@ -1,5 +1,4 @@
-"""Options of spectra and of the motions of floors, and the files of floors that `tdint run`
-writes."""
+"""Options of spectra and floor motions, and the floor files that `tdint run` writes."""
 
 from __future__ import annotations
 
@@ -36,18 +35,19 @@ option = partial(grammar.option, heading=grammar.SPECTRUM)
 
 _PER_RECORD = output.output(
     "FILE|DIR",
-    "Write to this file instead of standard output; to one file per record in an existing folder "
-    "or one that is named with a / at its end. What the records are and how the numbers came about "
-    "stands in a JSON file beside each.",
+    "Write to this file instead of standard output, or to one file per record in a directory: an "
+    "existing directory, or a name with a / at the end. A JSON file next to each table describes "
+    "the records and the computation.",
 )
 _PICTURE = output.plot(
-    "Also draw all records, to this file (.png, .pdf, .svg); alone, each CSV file of -o, as PNG "
-    "beside it."
+    "Also plot all records in this file (.png, .pdf, .svg); without a file name, each CSV file of "
+    "-o is plotted as PNG next to it."
 )
 
 
 def tables_of_records(*more: grammar.Declaration) -> Callable[[grammar.Function], grammar.Function]:
-    """The options of a command with a table of each record, or of all; `more` of its picture."""
+    """Declare the options of a command with one table per record, or one table of all records;
+    `more` are options of its figure."""
     return grammar.together(
         _PER_RECORD, _PICTURE, *more, output.jobs, output.units, output.overwrite
     )
@@ -59,7 +59,7 @@ SPECTRA, SPECTRA_MEAN, SPECTRA_PICTURE = (
     "floor-spectra.png",
 )
 MOTIONS = "floors.mseed"
-"""The files of floors, in the folder of -o."""
+"""Names of the floor files in the directory of -o."""
 
 
 def damping(needs: str = "") -> grammar.Declaration:
@@ -75,7 +75,7 @@ def damping(needs: str = "") -> grammar.Declaration:
 
 
 class _Periods(Number):
-    """A period, or a grid of them."""
+    """A period, or a grid of periods."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, str) and ":" in value:
@@ -96,13 +96,13 @@ def periods(default: str, zero: str = "", needs: str = "") -> grammar.Declaratio
         rare=bool(needs),
         needs=needs,
         metavar="SECONDS|FIRST:LAST:COUNT,...",
-        help=f"Periods, or so many in equal ratios, both ends included; {default} by "
-        f"default.{zero}",
+        help="Periods, or COUNT logarithmically spaced periods including FIRST and LAST; "
+        f"{default} by default.{zero}",
     )
 
 
 def chosen_periods(given: Iterable[float | Grid] | None, default: str) -> NDArray[np.float64]:
-    """The periods of --period, or those of the default, s."""
+    """Return the periods of --period, or the default periods, s."""
     import numpy as np
 
     from tdint.written_numbers import parse_grid
@@ -112,7 +112,7 @@ def chosen_periods(given: Iterable[float | Grid] | None, default: str) -> NDArra
 
 
 def periods_as_given(given: Iterable[float | Grid] | None, default: str) -> list[float | str] | str:
-    """The same as text, for a JSON file: a grid as it is written, several periods as a list."""
+    """Return the periods for a JSON file: a grid as its text, several periods as a list."""
     parts = [part if isinstance(part, float) else str(part) for part in given or (default,)]
     return parts[0] if len(parts) == 1 and isinstance(parts[0], str) else parts
 
@@ -129,7 +129,7 @@ _NEEDS = "--floor-spectra"
 
 @grammar.request
 class FloorRequest:
-    """What a command line asks of the spectra of floors."""
+    """Options of the command line for floor spectra."""
 
     floors: tuple[str, ...] | None = option(
         _NEEDS,
@@ -137,24 +137,25 @@ class FloorRequest:
         type=ListOf(click.STRING),
         metavar="FLOOR,...",
         help=f"Also write {SPECTRA}: elastic response spectra of the absolute accelerations of "
-        "these floors (from 1, or roof), exact for motions that are linear between the steps; with "
-        f"--plot {SPECTRA_PICTURE}, too. Of several records those of every run, and in "
-        f"{SPECTRA_MEAN} their mean and envelope.",
+        "these floors (numbers from 1, or roof), exact for motions that are linear between time "
+        f"steps; with --plot also {SPECTRA_PICTURE}. With several records, the spectra of every "
+        f"run, and their mean and envelope in {SPECTRA_MEAN}.",
     )
     floor_damping: tuple[float, ...] = damping(_NEEDS)
     floor_periods: tuple[float | Grid, ...] | None = periods(
-        PERIODS, " 0 gives the largest acceleration of the floor at the steps.", _NEEDS
+        PERIODS, " 0 gives the maximum acceleration of the floor at the time steps.", _NEEDS
     )
 
     def check(self, folder: str | None, export: str | None = None) -> None:
-        """Raise UsageError for files, of spectra or motions, without a folder."""
+        """Raise UsageError if floor spectra or motions are requested without a directory."""
         if (self.floors or export) and not folder:
             raise UsageError(
-                f"{_NEEDS if self.floors else '--export-floors'} writes a file: add -o DIR"
+                f"{_NEEDS if self.floors else '--export-floors'} requires -o DIR: it writes a file"
             )
 
     def chosen_floors(self, stories: int) -> tuple[int, ...]:
-        """The floors whose spectra are asked for; UsageError if the building has no such floor."""
+        """Return the floors of the requested spectra; raise UsageError if the building has no such
+        floor."""
         if not self.floors:
             return ()
         from tdint.analysis.spectra.floors import floor_numbers
@@ -162,15 +163,35 @@ class FloorRequest:
         return floor_numbers(self.floors, stories)
 
     def chosen_periods(self) -> NDArray[np.float64]:
-        """The periods, s."""
+        """Return the periods of the floor spectra, s."""
         return chosen_periods(self.floor_periods, PERIODS)
 
     def of_suite(
         self, plan: Plan, store: Store, jobs: int | None, units: OutputUnits, *, plot: bool
     ) -> tuple[dict[str, Content], Sequence[FloorSuite]]:
-        """The files of a suite by their names and what they hold, in these units, with a picture if
-        one is wanted, and the spectra over the motions; nothing if no floor is asked for. Every run
-        is done once more for them.
+        """Return the floor spectra of a suite, and their files; empty if no floor is requested.
+
+        Every run of the campaign is repeated for its floor motions.
+
+        Parameters
+        ----------
+        plan : Plan
+            The plan of the campaign.
+        store : Store
+            The results of the campaign.
+        jobs : int or None
+            Number of processes; None for one per processor.
+        units : OutputUnits
+            Units of the tables and of the figure.
+        plot : bool
+            Whether a figure is written.
+
+        Returns
+        -------
+        contents : dict of str to Content
+            The contents of the files by file name.
+        suites : sequence of FloorSuite
+            The spectra over the ground motions.
 
         Raises
         ------
@@ -181,7 +202,7 @@ class FloorRequest:
             return {}, ()
         from tdint.campaign.profiles import FloorChoice, floor_suites, run_floors
 
-        # Histories are not kept in a store: the runs are done again for what their floors do.
+        # A store contains no response histories, so the runs are repeated for the floor motions.
         choice = FloorChoice(self.floors, self.chosen_periods(), self.floor_damping)
         floors = run_floors(plan, store, choice, jobs or processors())
         suites = list(floor_suites(store, floors))
@@ -195,7 +216,7 @@ class FloorRequest:
         return contents, suites
 
     def of_run(self, response: Response) -> Sequence[FloorSpectrum]:
-        """The spectra of a run that are asked for."""
+        """Return the requested floor spectra of a run."""
         if not self.floors:
             return ()
         from tdint.analysis.spectra.floors import floor_spectra as spectra_of
@@ -212,8 +233,21 @@ class FloorRequest:
         plot: bool = False,
         export: str | None = None,
     ) -> tuple[dict[Path, Content], Sequence[str]]:
-        """The files in a folder and what they hold, tables in these units, a picture and motions if
-        they are wanted; and notes on them."""
+        """Return the floor files of a run by path, and the notes about them.
+
+        Parameters
+        ----------
+        response : Response
+            The response of the run.
+        folder : Path
+            The directory of the files.
+        units : OutputUnits
+            Units of the tables and of the figure.
+        plot : bool
+            Whether a figure is written.
+        export : str, optional
+            Format of the exported floor motions; None for no export.
+        """
         stories = len(response.model.stories)
         files: dict[Path, Content] = {}
         notes: Sequence[str] = ()
@@ -225,7 +259,7 @@ class FloorRequest:
                 title = response.model.name
                 draw = partial(figures.runs.floor_picture, spectra, units, title=title)
                 files[folder / SPECTRA_PICTURE] = figures.style.picture(".png", draw)
-        # MiniSEED has a floor a station, whether its spectrum was asked for or not.
+        # The MiniSEED file contains all floors as stations, regardless of the requested spectra.
         if export:
             from tdint.analysis.spectra.floors import floor_motion
             from tdint.ground_motion.record import to_mseed

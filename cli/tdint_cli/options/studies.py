@@ -25,35 +25,36 @@ PAIRS = ("geometric-mean", "rotd50", "rotd100")
 
 
 def pair_measure(wish: PairWish | None) -> str:
-    """What stands for a pair: what is asked for, else the first of `PAIRS`."""
+    """Return the intensity measure of a pair: the requested measure, by default the first of
+    `PAIRS`."""
     return (wish and wish.measure) or PAIRS[0]
 
 
 def target(text: str, heading: str = grammar.OWN) -> grammar.Declaration:
-    """The option --target; what becomes of it differs between the commands."""
-    named = (
-        "a design spectrum by name, asce7:sds=1.0,sd1=0.6,tl=8 (mcer: 1.5 times it) or "
+    """Declare the option --target; `text` describes its use in the command."""
+    spectra = (
+        "a design spectrum by name, asce7:sds=1.0,sd1=0.6,tl=8 (mcer: 1.5 times asce7) or "
         "ec8:type=1,soil=B,ag=0.25g[,damping=5%], or a CSV file with the columns period_s and sa_g "
         "or sa_m_s2."
     )
     return grammar.option(
-        "--target", heading=heading, type=FileName(), metavar="SPECTRUM", help=f"{text}: {named}"
+        "--target", heading=heading, type=FileName(), metavar="SPECTRUM", help=f"{text}: {spectra}"
     )
 
 
 def pairs(text: str) -> grammar.Declaration:
-    """The option --pairs; what it does differs between the commands."""
+    """Declare the option --pairs; `text` describes its effect in the command."""
     return option(
         "--pairs",
         type=PairsType(PAIRS),
         metavar=f"[{'|'.join(PAIRS)}][,NAMES]",
-        help=f"{text} Files of a pair are named alike but for the component, or as NAMES says: "
-        "'{}_a.txt,{}_b.txt'.",
+        help=f"{text} The file names of a pair differ only in the component, or follow the "
+        "patterns NAMES: '{}_a.txt,{}_b.txt'.",
     )
 
 
 def damping(needs: str) -> grammar.Declaration:
-    """The option --damping, of the measures that it `needs`."""
+    """Declare the option --damping of Sa; `needs` is the option that it requires."""
     return damping_of("Sa", heading=grammar.INTENSITY, needs=needs, rare=True)
 
 
@@ -67,7 +68,7 @@ threshold = partial(
 
 
 def factors(text: str) -> grammar.Declaration:
-    """The option --factors; the use of the factors differs between the commands."""
+    """Declare the option --factors; `text` describes the use of the factors in the command."""
     return record_option(
         "--factors",
         type=FileName(),
@@ -84,23 +85,24 @@ def read_table_of_factors(
     Returns
     -------
     suite : Suite
-        The motions, as of `read_suite`.
+        The ground motions, as returned by `read_suite`.
     table : FactorTable or None
         The table; None without one.
 
     Raises
     ------
     UsageError
-        Neither records nor a table are named, or both are; as of `read_suite`.
+        Neither records nor a table are specified, or both; also as in `read_suite`.
     ModelError
         The table cannot be used.
     TdintError
-        Nothing could be read.
+        No record could be read.
     """
     if bool(records) is (file is not None):
         given = "RECORD and --factors are given" if records else "no RECORD is given"
         raise UsageError(
-            f"{given}; name records or folders, or the table of `tdint scale -o` by --factors"
+            f"{given}; specify either records or directories, or the table of `tdint scale -o` "
+            "with --factors"
         )
     if file is None:
         return read_suite(records, choice, pairs), None
@@ -115,15 +117,15 @@ def read_table_of_factors(
 
 
 def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | None) -> Suite:
-    """The ground motions of a command line; what there is to say of them is said, but for what
-    could not be read.
+    """Return the ground motions of a command line; write their notes and warnings to the terminal,
+    except the errors of unreadable files.
 
     Raises
     ------
     UsageError
-        Standard input is given more than once; a component is named of pairs.
+        Standard input is given more than once, or a component is specified together with pairs.
     TdintError
-        Nothing could be read.
+        No record could be read.
     """
     from tdint.ground_motion.reading import suites
 
@@ -133,16 +135,16 @@ def read_suite(records: Sequence[str], choice: RecordChoice, pairs: PairWish | N
 
 def _refuse_component_of_pairs(choice: RecordChoice, pairs: PairWish | None) -> None:
     if pairs and choice.component is not None:
-        raise UsageError("--component names single components; leave it out with pairs")
+        raise UsageError("--component cannot be used with pairs; omit it")
 
 
 def _reported(suite: Suite) -> Suite:
-    """Return a suite whose notes and warnings are written to the terminal.
+    """Write the notes and warnings of a suite to the terminal, and return the suite.
 
     Raises
     ------
     TdintError
-        Nothing could be read.
+        No record could be read.
     """
     from tdint_cli.terminal import Failures
 
