@@ -259,7 +259,7 @@ def test_every_fault_of_the_file_in_one_go(recorded, tdint):
     [
         (["--require", "corelation=1"], 2, "did you mean 'correlation'?"),
         (["--require", "correlation=much"], 2, "correlation must be a positive number"),
-        (["--plot"], 2, "--plot alone puts the picture beside the output"),
+        (["--plot"], 2, "--plot without a file name requires -o"),
         (["-o", "{folder}/recorded.csv"], 6, "recorded.csv"),
         (["--dt", "0.04"], 2, "longer than the recording's sampling interval"),
     ],

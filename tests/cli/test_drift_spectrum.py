@@ -55,7 +55,7 @@ def test_what_a_table_came_from_and_its_picture(folder, tdint, drawn):
             "must be two positive numbers, such as 0.0731,0.75, got '0.07'",
         ),
         (["--damping", "1"], "--damping"),
-        (["--plot"], "--plot alone puts the picture beside the output: add -o"),
+        (["--plot"], "--plot without a file name requires -o; add -o"),
         (["-", "-"], "standard input (-) can be read only once"),
     ],
 )

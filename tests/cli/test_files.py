@@ -539,7 +539,7 @@ def test_a_run_removes_what_an_earlier_one_wrote_and_nothing_else(
         (("--plot", "mine.png"), "mine.png: exists already"),
         (("--report", "mine.html"), "mine.html: exists already"),
         (("--report", "many/no/r.html"), "many is a file, not a folder"),
-        (("--report", "r.pdf"), "the page is HTML"),
+        (("--report", "r.pdf"), "the report is HTML"),
     ],
 )
 @pytest.mark.parametrize("of", ["campaign study.yaml", "run shaken.yaml MOTION --scale 1,2"])
@@ -569,7 +569,7 @@ def test_a_dash_is_standard_output(study: Path, tdint: Command) -> None:
     ):
         words = words_of(line)
         assert tdint(*words, "-o", "-").stdout == tdint(*words).stdout != ""
-    tdint.refused("this command writes a folder", *words_of("run shaken.yaml MOTION -o -"))
+    tdint.refused("this command writes a directory", *words_of("run shaken.yaml MOTION -o -"))
     assert files_in(study) == before
 
 
@@ -603,7 +603,7 @@ def test_a_single_table_is_written_as_parquet(folder, tdint, line):
 def test_what_is_no_single_table_is_not_written_as_parquet(folder, tdint, line):
     result = tdint(*line.split(), "-o", "a.parquet", code=2)
     assert result.stderr.splitlines() == [
-        "Error: -o a.parquet: this command writes CSV alone; Parquet is for commands with a single "
+        "Error: -o a.parquet: this command writes only CSV; Parquet is supported by commands with a single "
         "table"
     ]
 

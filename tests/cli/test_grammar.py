@@ -118,7 +118,7 @@ def test_an_empty_word_behind_plot_is_a_name_that_is_missing(tdint):
     assert with_named_files(["--plot", "", "a"]) == ["--plot=", "a"]
     assert (
         tdint("info", "--plot", "", "other.mseed", code=2).stderr
-        == "Error: --plot is empty; give a name\n"
+        == "Error: --plot is empty; specify a name\n"
     )
 
 
@@ -163,17 +163,17 @@ def test_a_picture_lies_beside_the_output_or_where_it_is_named(folder, tdint):
         (
             ["info", "other.mseed", "--plot"],
             2,
-            "--plot alone puts the picture beside the output: add -o",
+            "--plot without a file name requires -o; add -o",
         ),
         (
             ["spectrum", "other.mseed", "--plot"],
             2,
-            "--plot alone puts the picture beside the output: add -o",
+            "--plot without a file name requires -o; add -o",
         ),
         (
             ["run", "forced.yaml", "--plot"],
             2,
-            "--plot alone puts the picture beside the output: add -o",
+            "--plot without a file name requires -o; add -o",
         ),
         (
             ["spectrum", "other.mseed", "--plot=x.png", "-o", "out/"],
@@ -211,10 +211,8 @@ TABLES = [
 def test_a_table_is_a_file_with_a_suffix(here, tdint, name):
     """`-o sp` was a folder of `tdint run` and a file named sp of `tdint spectrum`."""
     words = [*WORDS.get(name, ["x.csv"]), *REQUIRED.get(name, [])] if name != "validate" else []
-    folder = "; sp/ is a folder" if "spectrum" in name else ""
-    expected = (
-        f"Error: -o sp: a table is a file, sp.csv or sp.csv.gz{folder}; -o - is standard output"
-    )
+    folder = ", or sp/ for a directory" if "spectrum" in name else ""
+    expected = f"Error: -o sp: the file of a table must have a suffix; use sp.csv or sp.csv.gz{folder}; -o - is standard output"
     assert tdint(name, *words, "-o", "sp", code=2).stderr.partition(" (see")[0].strip() == expected
     assert not list(here.iterdir())
 

@@ -201,7 +201,7 @@ def test_a_history_under_any_name_packed_and_thinned(folder: Path, tdint: Comman
             "--history=FILE.csv",
         ),
         (("--history=h.txt",), "--history h.txt: a history is a table; name it .csv or .csv.gz"),
-        (("--history=",), "--history is empty; give a name"),
+        (("--history=",), "--history is empty; specify a name"),
         (("--history=h.csv", "--history-every", 0), "--history-every"),
         (("--output-units", "kips,in"), "unknown unit 'kips'; did you mean 'kip'?"),
     ],

@@ -186,7 +186,7 @@ def test_a_clash_of_names_is_found_before_any_work(folder, tdint):
         (["--damping", "1"], "--damping"),
         (["--damping", "-0.1"], "--damping"),
         (["--damping", "nan"], "neither a ratio such as 0.05"),
-        (["--plot"], "--plot alone puts the picture beside the output: add -o"),
+        (["--plot"], "--plot without a file name requires -o; add -o"),
         (["--method", "newmrk"], "unknown method"),
         (["-", "-"], "standard input (-) can be read only once"),
         (["--units", "furlong"], "units 'furlong'"),

@@ -1,4 +1,5 @@
-"""Options under the heading Output: where table and picture go, and what writes them."""
+"""Options under the heading Output: the files of tables and figures, and functions that write
+them."""
 
 from __future__ import annotations
 
@@ -29,84 +30,96 @@ if TYPE_CHECKING:
 option = partial(grammar.option, heading=grammar.OUTPUT)
 
 SUFFIX = ".png"
-"""Of a picture that got no name."""
+"""Default suffix of a figure, for --plot without a file name."""
 
 TABLE = "Write the table to this file instead of standard output."
 
 _NO_TABLES = (".png", ".pdf", ".svg", ".jpg", ".xlsx", ".xls", ".ods", ".zip")
-"""Ends of names that say of a table what it is not: whoever opens it is told that the file is
-damaged."""
+"""Suffixes that are wrong for a table: programs would report the file as corrupt."""
 
 
 def output(metavar: str = "FILE", text: str = TABLE, *, tables: bool = True) -> grammar.Declaration:
-    """The option -o; what it names differs between the commands: `tables`, which `tdint rerun` may
-    write again."""
+    """Declare the option -o.
+
+    Parameters
+    ----------
+    metavar : str
+        What -o specifies: FILE, DIR or FILE|DIR.
+    text : str
+        The help text.
+    tables : bool
+        Whether -o contains the tables that `tdint rerun` may write again.
+    """
     kind = FileName(folder=metavar == "DIR", written=True, tables=tables)
     return option("-o", "--output", type=kind, metavar=metavar, callback=_place, help=text)
 
 
 def _place(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
-    """Where a table goes; - is standard output, as without -o. A folder is none, and a table's file
-    has a suffix: it is no folder, which is what the same word names in a command that writes
-    several files."""
+    """Check the value of -o and return it; None is standard output, for - as without -o.
+
+    The file of a table must have a suffix, because a name without a suffix is a directory in
+    commands that write several files.
+    """
     kinds = (parameter.metavar or "").split("|")
-    # A folder cannot go to standard output; a table does so without -o.
+    # A directory cannot be written to standard output; a table is written there without -o.
     if value == STDIN and kinds == ["DIR"]:
         raise UsageError(
-            "-o - is standard output, and this command writes a folder: name it, or leave -o out"
+            "-o - is standard output, but this command writes a directory; specify a directory, or "
+            "omit -o"
         )
     if value == STDIN:
         return None
     value = refuse_empty(context, parameter, value)
-    # What names a folder may end in any way; a file says by its suffix what is written.
+    # The name of a directory may have any suffix; the suffix of a file states its format.
     to_folder = "DIR" in kinds and value is not None and is_folder_name(value)
     if value and kinds != ["FILE"] and is_parquet(value) and not to_folder:
         raise UsageError(
-            f"-o {value}: this command writes CSV alone; Parquet is for commands with a single "
-            "table"
+            f"-o {value}: this command writes only CSV; Parquet is supported by commands with a "
+            "single table"
         )
     if value and "FILE" in kinds and Path(value).suffix.lower() in _NO_TABLES and not to_folder:
         warn(
-            f"-o {value}: a table is CSV, whatever its file is called: name it .csv; a picture is "
-            "--plot=FILE"
+            f"-o {value}: the table is written as CSV; use the suffix .csv, and --plot=FILE for a "
+            "figure"
         )
     if value and "FILE" in kinds and not (Path(value).suffix or to_folder):
-        folder = f"; {value}/ is a folder" if "DIR" in kinds else ""
+        folder = f", or {value}/ for a directory" if "DIR" in kinds else ""
         raise UsageError(
-            f"-o {value}: a table is a file, {value}.csv or {value}.csv.gz{folder}; -o - is "
-            "standard output"
+            f"-o {value}: the file of a table must have a suffix; use {value}.csv or "
+            f"{value}.csv.gz{folder}; -o - is standard output"
         )
     return value
 
 
 def is_parquet(file: str | Path) -> bool:
-    """Whether a table of this name is written as Parquet."""
+    """Return True if a table with this file name is written as Parquet."""
     return Path(file).suffix.lower() == ".parquet"
 
 
 def is_folder_name(value: str) -> bool:
-    """Whether -o names a folder: one that is there, or is named with a / at its end."""
+    """Return True if -o specifies a directory: an existing one, or a name that ends with /."""
     return value.endswith(("/", os.sep)) or is_folder(value)
 
 
 def refuse_empty(_: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
-    """An empty name is a shell variable that was not set, not the working directory."""
+    """Raise UsageError for an empty name; it results from an unset shell variable and does not
+    specify the working directory."""
     if value == "":
-        raise UsageError(f"{parameter.opts[0]} is empty; give a name")
+        raise UsageError(f"{parameter.opts[0]} is empty; specify a name")
     return value
 
 
 def _page(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
-    """Refuse the name of another format."""
+    """Raise UsageError for a file name of another format than HTML."""
     if (value := refuse_empty(context, parameter, value)) and not value.lower().endswith(
         (".html", ".htm")
     ):
-        raise UsageError(f"--report {value}: the page is HTML; name it .html")
+        raise UsageError(f"--report {value}: the report is HTML; use the suffix .html")
     return value
 
 
 def plot(text: str) -> grammar.Declaration:
-    """The option --plot; what it draws differs between the commands."""
+    """Declare the option --plot; `text` is its help text."""
     return option(
         "--plot",
         type=FileName(written=True),
@@ -118,7 +131,7 @@ def plot(text: str) -> grammar.Declaration:
 
 
 def _styled(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) -> tuple[str, ...]:
-    """Set what is asked of the pictures of this command."""
+    """Apply the requested style to the figures of this command."""
     if texts:
         from tdint.output.printed import PRINTED, parse_style
 
@@ -130,7 +143,7 @@ def _styled(_: click.Context, __: click.Parameter, texts: tuple[str, ...]) -> tu
 
 
 def style_of(needs: str) -> grammar.Declaration:
-    """The option --style, of the pictures that are drawn with what it `needs`."""
+    """Declare the option --style; `needs` is the option that writes the figures."""
     return option(
         "--style",
         needs=needs,
@@ -139,36 +152,48 @@ def style_of(needs: str) -> grammar.Declaration:
         callback=_styled,
         metavar="LOOKS",
         rare=True,
-        help="Looks of the picture: 90mm, paper.mplstyle. A width is for print: letters of 6 to 8 "
-        "points, 600 dpi; a style sheet is matplotlib's. All words: "
+        help="Figure style: 90mm, paper.mplstyle. A width selects print settings: font sizes of 6 "
+        "to 8 points, 600 dpi; a style sheet is a matplotlib file. All settings: "
         "\"width=90mm,file=paper.mplstyle,font='Times New Roman',title=no,"
         'label:moment4=present method".',
     )
 
 
-PICTURE = "Also draw, to this file (.png, .pdf, .svg) or beside -o under its name."
+PICTURE = (
+    "Also write a figure to this file (.png, .pdf, .svg); by default, the name of -o with .png."
+)
 picture = plot(PICTURE)
 units = option(
     "--output-units",
     type=OutputUnitsType(),
     rare=True,
-    help="Units of tables, summaries and pictures in place of the model's output_units or SI, one "
-    "each of force, length, mass, velocity, acceleration: kip,in,g.",
+    help="Units of tables, summaries and figures; by default output_units of the model, otherwise "
+    "SI. At most one unit for each of force, length, mass, velocity, acceleration: kip,in,g.",
 )
 report = option(
     "--report",
     type=FileName(written=True),
     metavar="FILE.html",
     callback=_page,
-    help="Also write a page for a report: result, building, motions, pictures, assumptions, "
-    "warnings, hashes; one file that needs no network and prints on A4.",
+    help="Also write an HTML report: results, building, ground motions, figures, assumptions, "
+    "warnings, checksums; a single file without external resources, for printing on A4.",
 )
 overwrite = option("--overwrite", is_flag=True, recorded=False, help="Replace existing outputs.")
 
 
 def threads(text: str, heading: str = grammar.OWN, **settings: Any) -> grammar.Declaration:
-    """The option --jobs; `text` says what the threads of this process do, or several processes."""
-    told = f"{text} by default. The output does not depend on it."
+    """Declare the option --jobs.
+
+    Parameters
+    ----------
+    text : str
+        The help text up to the default: the work of the threads or processes, and their number.
+    heading : str
+        The heading of the option in the help.
+    **settings
+        Further settings of the option.
+    """
+    help_text = f"{text} by default. The results do not depend on it."
     return grammar.option(
         "--jobs",
         heading=heading,
@@ -176,7 +201,7 @@ def threads(text: str, heading: str = grammar.OWN, **settings: Any) -> grammar.D
         metavar="N",
         rare=True,
         recorded=False,
-        help=told,
+        help=help_text,
         **settings,
     )
 
@@ -186,8 +211,18 @@ jobs = threads("Processes that share the records; one", grammar.GENERAL, default
 
 @dataclass(frozen=True)
 class Outputs:
-    """Where a command's table goes (standard output if None) and, if asked for, its picture and its
-    summary; in which units, or None where nobody said.
+    """Outputs of a command: the files of its table, figure, summary and report, and their units.
+
+    Attributes
+    ----------
+    table : Path or None
+        The file of the table; None for standard output.
+    picture, summary, report : Path or None
+        The files of the figure, of the JSON summary and of the HTML report; None if not requested.
+    overwrite : bool
+        Whether existing files are replaced.
+    units : OutputUnits or None
+        The units of the command line; None if it does not specify units.
     """
 
     table: Path | None
@@ -199,7 +234,7 @@ class Outputs:
 
     @property
     def files(self) -> list[Path]:
-        """The files that are written."""
+        """All files that are written."""
         return [file for file in (self.table, self.picture, self.summary, self.report) if file]
 
     @classmethod
@@ -212,16 +247,29 @@ class Outputs:
         units: OutputUnits | None = None,
         report: str | None = None,
     ) -> Outputs:
-        """The outputs of a command line, after what can be seen to fail was refused; the summary is
-        a JSON file beside the table.
+        """Check the outputs of a command line and return them. The summary is a JSON file next to
+        the table.
+
+        Parameters
+        ----------
+        output : str or None
+            The value of -o.
+        plot : str or None
+            The value of --plot.
+        overwrite : bool
+            Whether existing files may be replaced.
+        units : OutputUnits, optional
+            The value of --output-units.
+        report : str, optional
+            The value of --report.
 
         Raises
         ------
         UsageError
-            A picture without a name and without a table beside which it could lie; Parquet without
-            pyarrow.
+            --plot has no file name and -o is not given, the format of the figure is unknown, or
+            the table is Parquet and pyarrow is missing.
         OutputError
-            A file that cannot be written, or a picture of an unknown format.
+            A file cannot be written.
         """
         table = Path(output) if output else None
         if table and is_parquet(table):
@@ -230,7 +278,7 @@ class Outputs:
 
             optional("pyarrow", *PARQUET)
         picture = picture_file(plot, table)
-        # Files before the picture's format: that loads matplotlib.
+        # Check the files first, because the check of the figure format loads matplotlib.
         page = Path(report) if report else None
         outputs = cls(
             table, picture, beside(table, ".json") if table else None, overwrite, units, page
@@ -242,11 +290,11 @@ class Outputs:
 
     @property
     def shown_units(self) -> OutputUnits:
-        """The units of all that is written."""
+        """Units of all outputs; SI by default."""
         return self.units or SI
 
     def else_in(self, units: OutputUnits) -> Outputs:
-        """The same, in these units if the command line names none."""
+        """Return the same outputs, in these units if the command line does not specify units."""
         return self if self.units else replace(self, units=units)
 
     def deliver(
@@ -256,14 +304,25 @@ class Outputs:
         summarize: Callable[[], dict[str, Any]] | None = None,
         page: Callable[[], bytes] | None = None,
     ) -> None:
-        """Write all; `draw` makes the picture's figure, `summarize` what the summary holds, if that
-        is more than the command line, what was read and what the columns mean, `page` that of
-        --report."""
+        """Write all outputs.
+
+        Parameters
+        ----------
+        table : Table
+            The table.
+        draw : callable, optional
+            Returns the figure of --plot.
+        summarize : callable, optional
+            Returns the contents of the summary in addition to the command line, the files that
+            were read and the meanings of the columns.
+        page : callable, optional
+            Returns the page of --report.
+        """
         from tdint.output import figures
 
         assert draw or not self.picture, "a command without a drawing declares no --plot"
-        # What the summary says is found before anything is written: it may fail.
-        told = summarize() if self.summary and summarize else None
+        # Compute the summary before any file is written, because the computation can fail.
+        contents = summarize() if self.summary and summarize else None
         meanings = table.meanings
         table = table.in_units(self.shown_units)
         files: dict[Path, Content] = {}
@@ -274,9 +333,9 @@ class Outputs:
         if self.report and page is not None:
             files[self.report] = page()
         if self.summary:
-            files[self.summary] = provenance(meanings, self.shown_units, told)
-        # The table goes to standard output before the files: a reader of a pipe need not wait for a
-        # picture.
+            files[self.summary] = provenance(meanings, self.shown_units, contents)
+        # Write the table to standard output first, so that the reader of a pipe does not wait for
+        # the figure.
         if not self.table:
             emit_table(table)
         write_files(files, overwrite=self.overwrite)
@@ -290,9 +349,22 @@ def to_files(
     page: bool = False,
     more: Sequence[Callable[[Any], Any]] = (),
 ) -> Callable[[Function], Function]:
-    """The options of a command with a table: -o, `--plot` for one that draws (`picture` says what),
-    what is peculiar to the command, --report with a `page`, units, --overwrite. The command gets
-    them together as `outputs`, checked."""
+    """Declare the output options of a command with a table. The command receives them, checked, as
+    `outputs`.
+
+    Parameters
+    ----------
+    text : str
+        The help text of -o.
+    picture : str, optional
+        The help text of --plot; without it the command has no --plot.
+    in_units : bool
+        Whether the command has --output-units.
+    page : bool
+        Whether the command has --report.
+    more : sequence of callable
+        Further options under this heading.
+    """
 
     def declared(command: Function) -> Function:
         @functools.wraps(command)
@@ -325,47 +397,69 @@ def to_files(
 def provenance(
     meanings: Mapping[str, Mapping[str, str]],
     units: OutputUnits,
-    told: dict[str, Any] | None = None,
+    contents: dict[str, Any] | None = None,
 ) -> bytes:
-    """The JSON file beside a table whose columns mean this: what is `told`, all that was read, and
-    the options of the command line where what is told has no schema of its own."""
+    """Return the JSON file of a table: its `contents` and all files that were read, and the options
+    of the command line if the contents have no schema.
+
+    Parameters
+    ----------
+    meanings : mapping
+        Description of each column of the table.
+    units : OutputUnits
+        Units of the file.
+    contents : dict, optional
+        Results and settings of the command.
+    """
     from tdint.output.summary import table_summary
 
-    told = told or {}
-    if "schema" not in told:
+    contents = contents or {}
+    if "schema" not in contents:
         context = click.get_current_context()
-        left_out = ("output", "plot", "report", "overwrite", "jobs", "output_units")
+        omitted = ("output", "plot", "report", "overwrite", "jobs", "output_units")
         settings = {
-            name: _plain(value) for name, value in context.params.items() if name not in left_out
+            name: _plain(value) for name, value in context.params.items() if name not in omitted
         }
         summary = table_summary(str(context.info_name), settings, [], meanings)
         del summary["records"]
-        told = summary | told
-    return summary_bytes(told, units)
+        contents = summary | contents
+    return summary_bytes(contents, units)
 
 
 def summary_bytes(
-    told: Mapping[str, Any],
+    contents: Mapping[str, Any],
     units: OutputUnits,
     keys: Mapping[str, str] = MappingProxyType({}),
     converted: Mapping[str, Any] = MappingProxyType({}),
 ) -> bytes:
-    """A JSON file beside tables: what is `told`, in these units (of `keys` beside those that all
-    have), what is `converted` to them already, all that was read, and the command line that `tdint
-    rerun` carries out."""
+    """Return the JSON file of tables: the contents, all files that were read, and the command line
+    for `tdint rerun`.
+
+    Parameters
+    ----------
+    contents : mapping
+        Results and settings in SI units.
+    units : OutputUnits
+        Units of the file.
+    keys : mapping of str to str
+        Quantities of keys in addition to the standard keys.
+    converted : mapping
+        Contents that are in these units already.
+    """
     from tdint.kernels.building.compilable import time_loops
     from tdint.output.summary import files_read, in_units, json_bytes, merged_inputs
 
-    # The command names its own inputs first; what it read beside them comes behind.
-    inputs = list(told.get("inputs", ()))
+    # The inputs that the command lists are first; other files that it read follow.
+    inputs = list(contents.get("inputs", ()))
     read = merged_inputs(files_read())
-    told = {**told, "inputs": [*inputs, *(source for source in read if source not in inputs)]}
-    made = {"arguments": list(current().arguments), "time_loops": time_loops()}
-    return json_bytes({**in_units(told, units, keys), **converted, **made})
+    all_inputs = [*inputs, *(source for source in read if source not in inputs)]
+    contents = {**contents, "inputs": all_inputs}
+    execution = {"arguments": list(current().arguments), "time_loops": time_loops()}
+    return json_bytes({**in_units(contents, units, keys), **converted, **execution})
 
 
 def _plain(value: Any) -> Any:
-    """The value of an option as it was written."""
+    """Return the value of an option as it was typed."""
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
     return (
@@ -376,36 +470,35 @@ def _plain(value: Any) -> Any:
 
 
 def check_picture(file: Path) -> None:
-    """Raise UsageError for a picture of an unknown format, a font or a style sheet that is not
-    there."""
+    """Raise UsageError for a figure of an unknown format, or for a missing font or style sheet."""
     from tdint.output.figures.style import check_print, picture_format
     from tdint.output.printed import PRINTED
 
     try:
         picture_format(file.suffix)
-    except OutputError as error:  # of a name that somebody has just written
+    except OutputError as error:  # the user typed this name, so it is a usage error
         raise UsageError(str(error)) from None
     check_print(PRINTED.get())
 
 
 def picture_file(plot: str | None, table: Path | None) -> Path | None:
-    """The file of a picture, if one is asked for; the table's name with another suffix if it got no
-    name.
+    """Return the file of the figure, or None if no figure is requested; without a file name, the
+    name of the table with another suffix.
 
     Raises
     ------
     UsageError
-        It has no name, and there is no table beside which it could lie.
+        The figure has no file name, and no table file is specified.
     """
     if plot != grammar.BESIDE:
         return Path(plot) if plot else None
     if table is None:
         raise UsageError(
-            "--plot alone puts the picture beside the output: add -o, or name it: --plot=FILE.png"
+            "--plot without a file name requires -o; add -o, or specify the file: --plot=FILE.png"
         )
     return beside(table, SUFFIX)
 
 
 def beside(table: Path, suffix: str) -> Path:
-    """The file of another kind beside a table, which may be packed (.csv.gz)."""
+    """Return the path of a table with another suffix; the table may be compressed (.csv.gz)."""
     return (table.with_suffix("") if table.suffix.lower() == ".gz" else table).with_suffix(suffix)
