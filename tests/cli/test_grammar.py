@@ -212,7 +212,10 @@ def test_a_table_is_a_file_with_a_suffix(here, tdint, name):
     """`-o sp` was a folder of `tdint run` and a file named sp of `tdint spectrum`."""
     words = [*WORDS.get(name, ["x.csv"]), *REQUIRED.get(name, [])] if name != "validate" else []
     folder = ", or sp/ for a directory" if "spectrum" in name else ""
-    expected = f"Error: -o sp: the file of a table must have a suffix; use sp.csv or sp.csv.gz{folder}; -o - is standard output"
+    expected = (
+        "Error: -o sp: the file of a table must have a suffix; use sp.csv or "
+        f"sp.csv.gz{folder}; -o - is standard output"
+    )
     assert tdint(name, *words, "-o", "sp", code=2).stderr.partition(" (see")[0].strip() == expected
     assert not list(here.iterdir())
 
