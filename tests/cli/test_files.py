@@ -603,8 +603,8 @@ def test_a_single_table_is_written_as_parquet(folder, tdint, line):
 def test_what_is_no_single_table_is_not_written_as_parquet(folder, tdint, line):
     result = tdint(*line.split(), "-o", "a.parquet", code=2)
     assert result.stderr.splitlines() == [
-        "Error: -o a.parquet: this command writes only CSV; Parquet is supported by commands with a "
-        "single table"
+        "Error: -o a.parquet: this command writes only CSV; Parquet is supported by commands with "
+        "a single table"
     ]
 
 
