@@ -1,7 +1,7 @@
-"""The command `tdint`: a group that imports a command's module only when that command runs.
+"""The command `tdint`: a group that imports the module of a command only when this command runs.
 
-Help and version cost nothing but click. A new command is a module in `commands` (whose `command` is
-the click command) and one line in GROUPS.
+Help and version load only click. A new command requires a module in `commands` with the click
+command `command`, and one line in GROUPS.
 """
 
 from __future__ import annotations
@@ -61,15 +61,15 @@ GROUPS = {
         "rerun": "Repeat a recorded command and compare its results.",
     },
 }
-"""The commands in the groups and the order of the help: of each the first sentence of its own
-help."""
+"""The commands in the groups and in the order of the help, with the first sentence of the help of
+each command."""
 
 COMMANDS = {
     name: (name.replace("-", "_"), sentence)
     for group in GROUPS.values()
     for name, sentence in group.items()
 }
-"""The commands of all groups: of each its module in `commands`, and the sentence."""
+"""The commands of all groups, with the name of the module in `commands` and the first sentence."""
 
 
 class LazyGroup(HelpAsData, click.Group):
@@ -114,14 +114,14 @@ class LazyGroup(HelpAsData, click.Group):
     def main(  # type: ignore[override]
         self, args: Sequence[str] | None = None, prog_name: str | None = None, **extra: Any
     ) -> NoReturn:
-        """Run a command line and exit; errors become one line each and an exit code, as
-        `tdint_cli.terminal` tells."""
+        """Run a command line and exit. `tdint_cli.terminal` converts errors into one line each and
+        an exit code."""
         extra.pop("standalone_mode", None)
         settings = extra.setdefault("obj", Settings())
         run = partial(super().main, args, prog_name, standalone_mode=False, **extra)
-        context = copy_context()  # what options set ends with the command
-        for noted in (READ, KEPT):  # what the command reads, from now on
-            context.run(noted.set, {})
+        context = copy_context()  # settings of options end with the command
+        for files in (READ, KEPT):  # from now on, record the files that the command reads
+            context.run(files.set, {})
         sys.exit(context.run(exit_code_of, run, settings))
 
 
@@ -142,21 +142,21 @@ def _version(_: click.Context) -> str:
 def cli() -> None:
     """Earthquake response of shear buildings, with a time-integration method of your choice.
 
-    Data go to standard output or to -o, words to standard error. Exit codes: 0 done, 1 a bug, 2
-    usage, 3 model file, 4 record, 5 analysis, 6 output, 130 interrupted, 143 terminated.
+    Results are written to standard output or to -o, messages to standard error. Exit codes: 0
+    success, 1 internal error, 2 usage, 3 model file, 4 record, 5 analysis, 6 output, 130
+    interrupted, 143 terminated.
     """
 
 
 _ALLOCATIONS = 200_000
-"""Objects that are made, and not freed, before cycles among them are looked for; Python's own
-number is 700."""
+"""Number of allocated objects before a search for reference cycles; Python's default is 700."""
 
 
 def use_one_thread() -> None:
-    """Let linear algebra use one thread, unless the environment says how many.
+    """Limit linear algebra to one thread, unless the environment specifies the number.
 
-    Its matrices are small: the threads take longer to start than they save, and in a busy machine
-    they wait for each other.
+    The matrices are small: starting threads takes longer than they save, and on a busy machine the
+    threads wait for each other.
     """
     for library in ("OPENBLAS", "OMP", "MKL", "VECLIB", "BLIS"):
         name = "VECLIB_MAXIMUM_THREADS" if library == "VECLIB" else f"{library}_NUM_THREADS"
@@ -164,10 +164,10 @@ def use_one_thread() -> None:
 
 
 def main() -> None:
-    """Entry point of the installed command.
+    """Run the installed command (entry point).
 
-    What is imported stays: to search it for garbage again and again, and once more at the end,
-    would take a fifth of a short command's time.
+    Imported modules remain in memory. Repeated garbage collection of their objects, also at exit,
+    would take a fifth of the time of a short command.
     """
     gc.set_threshold(_ALLOCATIONS)
     use_one_thread()

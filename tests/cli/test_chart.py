@@ -363,7 +363,7 @@ def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch):
         (["--highlight", "impulse4"], 2, "--plot"),
         (["--method", "newmrk"], 2, "unknown method 'newmrk'"),
         (["--method", "exact"], 2, "exact integrates linear buildings only"),
-        (["--scale", "0"], 2, "must be a number other than zero"),
+        (["--scale", "0"], 2, "must not be zero"),
         (["--duration", "-1"], 2, "duration must be a positive number of seconds"),
         (["--record", "missing.mseed"], 4, "missing.mseed"),
         (["-o", "x.json"], 6, "x.json: two outputs would have this name"),
@@ -485,12 +485,12 @@ def test_a_file_of_problems_and_its_picture(folder, tdint):
         (
             ("shaken.yaml", "--problems", "standard"),
             2,
-            "MODEL.yaml has nothing to act on with --problems",
+            "MODEL.yaml has no effect with --problems",
         ),
         (
             ("--problems", "standard", "--record", "motion.mseed"),
             2,
-            "--record has nothing to act on",
+            "--record has no effect",
         ),
         (
             ("--problems", "standard", "--target-error", "drift"),

@@ -311,7 +311,7 @@ def dispersed_cloud(im: list[float], demand: list[float], fell: list[bool]) -> l
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("out", "--threshold", "1%"), "leave --threshold out"),
+        (("out", "--threshold", "1%"), "omit --threshold"),
         (("out", "--fit", "ida"), "--fit stripes or cloud"),
         (("out", "--openquake", "f.xml", "--states", "a,b"), "--states is not for --by type"),
         (("out", "--im", "cav"), "no measure cav"),

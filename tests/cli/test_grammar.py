@@ -334,8 +334,8 @@ def test_an_option_with_nothing_to_act_on_is_refused(here, tdint, name, paramete
     }.get(option)
     result = tdint(*words, option, *([value] if value else a_value(parameter)), code=2)
     expected = (
-        f"Error: {option} has nothing to act on without {parameter.needs}; add it, or leave "
-        f"{option} out"
+        f"Error: {option} has no effect without {parameter.needs}; add {parameter.needs}, or omit "
+        f"{option}"
     )
     assert result.stderr.partition(" (see")[0].strip() == expected
     assert not list(here.iterdir())
@@ -498,10 +498,10 @@ def test_an_option_that_a_mode_does_not_take_is_refused(
     value = VALUES[option].split() if option in VALUES else a_value(parameter)
     typed = value if value and value[0].startswith(option) else [option, *value]
     result = tdint(name, *ASKED[name, mode.words].split(), *typed)
-    advice = mode.advice.get(parameter.name, f"leave {option} out")
-    expected = f"Error: {option} has nothing to act on {mode.words}; {advice}"
+    advice = mode.advice.get(parameter.name, f"omit {option}")
+    expected = f"Error: {option} has no effect {mode.words}; {advice}"
     # Of two options that ask for a mode each, or are given together here, either is refused.
-    text = " has nothing to act on with" if chooses or len(value) > 1 else expected
+    text = " has no effect with" if chooses or len(value) > 1 else expected
     assert (result.exit_code, result.stdout, result.stderr.count("\n")) == (2, "", 1)
     assert text in result.stderr
     assert {path.name for path in here.iterdir()} - {"__pycache__"} == {"folder", "empty.py"}
@@ -522,7 +522,7 @@ def test_modes_name_parameters_of_their_command(name):
 
 def test_an_option_is_not_taken_for_the_value_of_another(folder, tdint):
     words = ("scale", "motion.mseed", "--pga", "0.3g")
-    tdint.refused("--pairs needs a value, and -q is an option", *words, "--pairs", "-q")
+    tdint.refused("--pairs requires a value, but -q is an option", *words, "--pairs", "-q")
     tdint(*words, "--units", "m/s^2", "-q", code=0)
 
 

@@ -246,7 +246,7 @@ def test_a_bad_record_is_named_and_the_others_are_done(folder, tdint):
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (("--max-im", "3"), 2, "'3': write a number with its unit"),
+        (("--max-im", "3"), 2, "'3' must be a number with a unit of"),
         (("--max-im", "30cm/s"), 2, "--max-im 30cm/s: sa("),
         (
             ("--im", "d5-95"),

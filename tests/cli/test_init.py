@@ -133,7 +133,7 @@ def test_standard_output_gets_a_model_that_vibrates_freely(folder: Path, tdint: 
         (
             ("check", "--schema", "model", "forced.yaml"),
             2,
-            "MODEL.yaml has nothing to act on with --schema",
+            "MODEL.yaml has no effect with --schema",
         ),
         (("check", "--schema", "forced.yaml"), 2, "'model', 'campaign'"),
         (("check", "none.yaml"), 3, "none.yaml: no such file"),

@@ -74,8 +74,7 @@ def test_version(tdint):
         (["modes", "x.yaml", "y.yaml"], "unexpected extra argument"),
         (
             ["run", "x.yaml", "a.mseed", "b.mseed", "--history"],
-            "--history has nothing to act on with several runs; it is for one record and one "
-            "scale: call",
+            "--history has no effect with several runs; it is for one record and one scale: call",
         ),
         (
             ["run", "x.yaml", "a.mseed", "--record", "b.mseed"],

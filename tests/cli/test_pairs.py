@@ -125,9 +125,7 @@ def test_a_choice_without_pairs_is_refused(suite, tdint):
         "there are no pairs",
         *["run", "one.yaml", "m/A067.mseed", "m/B067.mseed", "--pair-demand", "mean"],
     )
-    tdint.refused(
-        "nothing to act on", *["run", "one.yaml", "m/A067.mseed", "--pair-demand", "mean"]
-    )
+    tdint.refused("has no effect", *["run", "one.yaml", "m/A067.mseed", "--pair-demand", "mean"])
 
 
 def test_text_and_figure_of_a_report_have_the_same_average(suite, tdint, monkeypatch):

@@ -190,7 +190,7 @@ def test_units_on_the_command_line_take_the_place_of_the_models_inventory(folder
         (["forced.yaml", "--dt", "-1"], 2, "dt must be a positive number"),
         (["forced.yaml", "--duration", "nan"], 2, "duration must be a number, got nan"),
         (["shaken.yaml", "--dt", "0.003"], 2, "does not fit the record's sampling interval"),
-        (["shaken.yaml", "--scale", "0"], 2, "must be a number other than zero"),
+        (["shaken.yaml", "--scale", "0"], 2, "must not be zero"),
         (["shaken.yaml", "--scale", "inf"], 2, "inf is not a finite number"),
         (
             ["forced.yaml", "--method", "central-difference", "--dt", "0.5"],

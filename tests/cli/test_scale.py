@@ -213,15 +213,15 @@ def test_factors_that_are_too_large_are_told_or_refused(folder, tdint):
     [
         ((), "nothing to scale to: give one of --target"),
         (("--sa", "0.5g"), "--sa needs a period: add --at"),
-        (("--sa", "0.5", "--at", 1), "'0.5': write a number with its unit, such as 0.6g"),
-        (("--sa", "5cm/s", "--at", 1), "write a number with its unit, such as 0.6g"),
+        (("--sa", "0.5", "--at", 1), "'0.5' must be a number with a unit of"),
+        (("--sa", "5cm/s", "--at", 1), "must be a number with a unit of"),
         (("--pgv", "0.4g"), "such as 40cm/s"),
         (("--pga", "0.4g", "--pgv", "40cm/s"), "--pga and --pgv are given"),
         (("--pga", "0.4g", *TARGET), "--target and --pga are given"),
         (("--pga", "0.4g", "--at", 1), "--at is for --sa"),
         (("--p695", "--pga", "0.4g"), "--p695 is scaled on by --sa"),
         (("--p695", "--pairs", "rotd50"), "--pairs: --p695 says itself"),
-        ((*TARGET, "--range", "2"), "'2' is no range; write FIRST:LAST"),
+        ((*TARGET, "--range", "2"), "'2' is not a range; use FIRST:LAST"),
         ((*TARGET, "--range", "0.2:9"), "has periods from 0.02 to 5 s; asked for are 0.2 to 9 s"),
         ((*TARGET, "--rule", "asce7"), "give the period T by --at, or --building, or --range"),
         ((*TARGET, "--rule", "ec8"), "--rule ec8 compares over 0.2 T to 2 T"),
@@ -230,7 +230,7 @@ def test_factors_that_are_too_large_are_told_or_refused(folder, tdint):
         ((*TARGET, "--building", "x.yaml", "--range", "0.2:2"), "--building and --range are given"),
         (
             ("--pga", "0.4g", "--building", "x.yaml"),
-            "--building has nothing to act on without --target",
+            "--building has no effect without --target",
         ),
         (("--target", "ec8:type=1,soil=B,ag=0.25g", "--damping", "2%"), "is for 5 % damping"),
         (
@@ -408,4 +408,4 @@ def test_motions_are_selected(folder, tdint):
     (folder / "events.csv").write_text("record,event\nmotion.mseed,here\n")
     unknown = "the event of 1 motion is unknown: other.mseed"
     tdint.refused(unknown, *words, "--per-event", 1, "--events", "events.csv", code=2)
-    tdint.refused("nothing to act on without --select", *lone, code=2)
+    tdint.refused("has no effect without --select", *lone, code=2)

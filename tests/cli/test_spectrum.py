@@ -259,7 +259,7 @@ def test_a_design_spectrum_is_written_and_read_again_as_a_target(folder, tdint):
         (("other.mseed", "--target", EC8, "--plot=p.png", "--axes", "adrs"), "leave --axes out"),
         (
             ("other.mseed", "--target", EC8, "--plot=p.png", "--ductility", "2"),
-            "--target has nothing to act on",
+            "--target has no effect",
         ),
         (("--target", EC8, "--damping", "2%"), "a design spectrum takes it by name"),
         (("--target", EC8, "--period", "12"), "asked for are 12 to 12 s"),

@@ -1,5 +1,5 @@
-"""Kinds of values that options take: numbers in a range, ratios, lists of them, grids, names that
-complete."""
+"""Types of option values (numbers in a range, ratios, lists, grids, names with completion), and the
+declaration and help of options."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ if TYPE_CHECKING:
 else:
     ValueType = (
         click.ParamType
-    )  # generic for a type checker alone: click before 8.4 knows no brackets
+    )  # generic only for type checkers: click before 8.4 does not support brackets
 
 
 class Number(click.FloatRange):
-    """A number in a range; nan, infinity and what cannot be computed with are in none."""
+    """A number in a range; nan, infinity, and sizes that would overflow are rejected."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         number = super().convert(value, param, ctx)
@@ -52,7 +52,9 @@ class Number(click.FloatRange):
             self.fail(f"{value} is not a finite number", param, ctx)
         if number != 0.0 and not SMALLEST <= abs(number) <= LARGEST:
             self.fail(
-                f"{value}: its size must lie between {SMALLEST:g} and {LARGEST:g}", param, ctx
+                f"{value}: its absolute value must be between {SMALLEST:g} and {LARGEST:g}",
+                param,
+                ctx,
             )
         return number
 
@@ -83,23 +85,23 @@ class Nonzero(Number):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         number = super().convert(value, param, ctx)
         if number == 0.0:
-            self.fail("must be a number other than zero", param, ctx)
+            self.fail("must not be zero", param, ctx)
         return number
 
 
 class Count(click.IntRange):
-    """A whole number in a range, how many there are of something."""
+    """A number of items: an integer in a range."""
 
     def get_metavar(self, *_: Any, **__: Any) -> str:
-        """What the help calls it."""
+        """Return the name of the value in the help."""
         return "COUNT"
 
 
 class ListOf(ValueType):
-    """Values of one type with commas between them.
+    """Comma-separated values of one type.
 
-    An option of this type may be repeated; the command gets all of them, each once (or, without
-    `once`, as they are), as a tuple, or None if there is none.
+    An option of this type may be repeated. The command receives a tuple of all values, without
+    duplicates if `once` is True, or None if no value is given.
     """
 
     def __init__(self, member: ValueType, once: bool = True) -> None:
@@ -110,7 +112,7 @@ class ListOf(ValueType):
     def joined(
         self, _: click.Context, __: click.Parameter, lists: tuple[tuple[Any, ...], ...]
     ) -> tuple[Any, ...] | None:
-        """The callback of an option of this type."""
+        """Join the values of a repeated option (callback of an option of this type)."""
         values = [value for values in lists for value in values]
         return tuple(dict.fromkeys(values) if self.once else values) or None
 
@@ -126,7 +128,7 @@ class ListOf(ValueType):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Complete what stands after the last comma."""
+        """Complete the text after the last comma."""
         head, comma, last = incomplete.rpartition(",")
         items = self.item.shell_complete(ctx, param, last)
         return [
@@ -136,7 +138,7 @@ class ListOf(ValueType):
 
 
 class OutputUnitsType(ListOf):
-    """Units of the output, with commas between them."""
+    """Comma-separated units of the output."""
 
     def __init__(self) -> None:
         super().__init__(Name(lambda: (*FORCE, *LENGTH, *MASS, *VELOCITY, *ACCELERATION)))
@@ -149,14 +151,14 @@ class OutputUnitsType(ListOf):
 
 
 class Written(ValueType):
-    """What people write in a form of its own, such as 0.2:2:50, as `read` understands it.
+    """A value with a notation of its own, such as 0.2:2:50, which `read` converts.
 
     Parameters
     ----------
     name : str
-        What the help calls it, in capitals.
+        Name of the value in the help (in capitals).
     read : callable
-        Gives the value of a text; click.BadParameter, or UsageError, for one that is none.
+        Converts a text to the value; raises click.BadParameter or UsageError for an invalid text.
     """
 
     def __init__(self, name: str, read: Callable[[str], Any]) -> None:
@@ -168,7 +170,7 @@ class Written(ValueType):
 
 
 def grid(low: float = 0.0, high: float = math.inf) -> Written:
-    """FIRST:LAST:COUNT, or a single number, within limits."""
+    """Return the type of FIRST:LAST:COUNT, or a single number, between `low` and `high`."""
 
     def read(text: str) -> Grid:
         try:
@@ -176,18 +178,19 @@ def grid(low: float = 0.0, high: float = math.inf) -> Written:
         except UsageError as error:
             raise click.BadParameter(str(error)) from None
         if not low <= values.first <= values.last <= high:
-            raise click.BadParameter(f"{text!r} leaves the range {low:g} to {high:g}")
+            raise click.BadParameter(f"{text!r} is outside the range {low:g} to {high:g}")
         return values
 
     return Written("grid", read)
 
 
 def span_at(count: int) -> Written:
-    """FIRST:LAST, at so many numbers in equal ratios, or FIRST:LAST:COUNT."""
+    """Return the type of FIRST:LAST, with `count` logarithmically spaced values, or
+    FIRST:LAST:COUNT."""
 
     def read(text: str) -> Any:
         if ":" not in text:
-            raise click.BadParameter(f"{text!r} is no range; write FIRST:LAST, such as 0.2:2")
+            raise click.BadParameter(f"{text!r} is not a range; use FIRST:LAST, such as 0.2:2")
         return grid().read(f"{text}:{count}" if text.count(":") == 1 else text)
 
     return Written("FIRST:LAST", read)
@@ -213,17 +216,18 @@ def _period(text: str) -> float | None:
 
 
 span = Written("LOW:HIGH", _span)
-"""LOW:HIGH, two numbers or ratios; without one of them 0 or infinity."""
+"""LOW:HIGH, two numbers or ratios; an omitted LOW is 0, an omitted HIGH is infinity."""
 
 period = Written("T1|SECONDS", _period)
-"""A period in s, or T1 for None: the first one of the building."""
+"""A period in s, or T1 (value None) for the first period of the building."""
 
 drift_size = Written("drift", parse_drift)
 """A drift: a ratio, a length with its unit, or a multiple of the yield drift."""
 
 
 def intensity(*quantities: str) -> Written:
-    """A peak or a pseudo-acceleration with its unit: 0.6g, '5.9 m/s^2', 40cm/s."""
+    """Return the type of a peak value or pseudo-acceleration with its unit: 0.6g, '5.9 m/s^2',
+    40cm/s."""
     example = "40cm/s" if quantities == ("velocity",) else "0.6g or '5.9 m/s^2'"
 
     def read(text: str) -> Units:
@@ -232,7 +236,10 @@ def intensity(*quantities: str) -> Written:
         except UsageError:
             units = None
         if units is None or not units.has_factor or units.quantity not in quantities:
-            raise click.BadParameter(f"{text!r}: write a number with its unit, such as {example}")
+            raise click.BadParameter(
+                f"{text!r} must be a number with a unit of {' or '.join(quantities)}, such as "
+                f"{example}"
+            )
         return units
 
     return Written("value", read)
@@ -245,11 +252,11 @@ def _pair_names(text: str) -> PairNames:
 
 
 pair_names = Written("names", _pair_names)
-"""How the files of a pair are named: two names with {}."""
+"""Patterns for the file names of a pair: two names with {}."""
 
 
 class PairsType(ValueType):
-    """What stands for a pair of components, how their files are named ({}_N.AT2,{}_E.AT2), or
+    """The measure of a pair of components, the patterns of the file names ({}_N.AT2,{}_E.AT2), or
     both."""
 
     name = "pairs"
@@ -265,7 +272,8 @@ class PairsType(ValueType):
         measures = [part for part in value.split(",") if "{}" not in part]
         if len(measures) > 1:
             self.fail(
-                f"{value!r}: one of {', '.join(self.measures.choices)}, and two names with {{}}",
+                f"{value!r} must be one of {', '.join(self.measures.choices)}, two names with "
+                "{}, or both",
                 param,
                 ctx,
             )
@@ -280,22 +288,22 @@ class PairsType(ValueType):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Complete what stands for a pair."""
+        """Complete the measure of a pair."""
         return self.measures.shell_complete(ctx, param, incomplete)
 
 
 @dataclass(frozen=True)
 class PairWish:
-    """What stands for a pair of components, None where nobody said, and how their files are
-    named."""
+    """Requested treatment of pairs of components: the measure (None if not specified), and the
+    patterns of the file names."""
 
     measure: str | None
     names: PairNames
 
 
 class Name(ValueType):
-    """A text, and the names that it completes to, if any are known; they are asked for only then,
-    and may take a while to load."""
+    """A text with the names for its completion, if any. The names are loaded only for completion,
+    because loading can take time."""
 
     name = "name"
 
@@ -305,13 +313,13 @@ class Name(ValueType):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """The names that begin so."""
+        """Return the names that start with the incomplete text."""
         return [CompletionItem(name) for name in self.names() if name.startswith(incomplete)]
 
 
 class SampleUnitsType(Name):
-    """Units of the samples of all records, or by file: `AT2=g,*.mseed=m/s^2`, or a table of them,
-    which is read."""
+    """Units of the samples of all records, or units by file: `AT2=g,*.mseed=m/s^2`, or a table of
+    units, which is read."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         from tdint.ground_motion.reading.sample_units import units_of_text
@@ -322,15 +330,16 @@ class SampleUnitsType(Name):
 ELSEWHERE: ContextVar[Callable[[str, str, bool], str] | None] = ContextVar(
     "elsewhere", default=None
 )
-"""Where a command that is run again writes instead, by parameter, the name that was typed, and
-whether it is that of a folder; None where outputs go where they are typed."""
+"""Function that returns the new path of an output when `tdint rerun` repeats a command. Its
+arguments are the parameter, the typed name, and whether the name is a directory. None if outputs
+are written to the typed names."""
 
 
 class FileName(ValueType):
-    """The name of a file or, if `folder`, of a folder: a text that completes to what is there.
+    """The name of a file or, if `folder` is True, of a directory, with completion by the shell.
 
-    What is not `written` is read, and so never replaced by what the command writes; `tables` are
-    what its command is for.
+    A file with `written` False is an input, which the command never replaces. `tables` is True for
+    the files of the tables of a command.
     """
 
     name = "file"
@@ -352,27 +361,27 @@ class FileName(ValueType):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Leave it to the shell."""
+        """Return an item that requests completion of paths by the shell."""
         return [CompletionItem(incomplete, type=self.kind)]
 
 
-# ---- Options stand in the help of a command under headings: whose they are, not the order of
-# declaration
+# ---- The help of a command lists options under headings, which do not depend on the order of
+# declaration.
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Kind = TypeVar("Kind")
 
 _OPTIONS: dict[type[Any], Sequence[Callable[[Any], Any]]] = {}
-"""Of each request."""
+"""Declared options of each request class."""
 
 OWN, RECORD, SPECTRUM, INTENSITY = "Options", "Record", "Spectrum", "Intensity"
 ANALYSIS, OUTPUT, GENERAL = "Analysis", "Output", "General"
 ORDER = (OWN, RECORD, SPECTRUM, INTENSITY, ANALYSIS, OUTPUT, GENERAL)
-"""The headings in the order of the help; `OWN` is for what is peculiar to one command."""
+"""The headings in the order of the help; `OWN` is for options specific to one command."""
 
 
 BESIDE = "\0"
-"""The value of such an option alone; no file has such a name."""
+"""Value of an option of `_NAMES` without a file name; no file can have this name."""
 
 _NAMES = {
     "--plot": re.compile(
@@ -380,14 +389,24 @@ _NAMES = {
     ),
     "--history": re.compile(r".*\.csv(\.gz)?", re.IGNORECASE | re.DOTALL),
 }
-"""What follows such an option and names its file; pictures that cannot be are refused later, in
-words."""
+"""Patterns of the file names that may follow these options. Figure formats that are not supported
+are included, because a later check refuses them with a message."""
 
 
 class HeadedOption(click.Option):
-    """An option that knows its heading, without which others of the command line it has nothing to
-    act on, whether it is `common`: shown by --help, too, and not by --help-all only, and whether it
-    is `recorded` in the JSON files of results."""
+    """An option with a heading in the help.
+
+    Attributes
+    ----------
+    heading : str
+        The heading, one of `ORDER`.
+    needs : str
+        Options that the option requires; empty if it requires no other option.
+    common : bool
+        Whether --help shows the option; otherwise only --help-all shows it.
+    recorded : bool
+        Whether the JSON files of results record the option.
+    """
 
     def __init__(
         self,
@@ -408,26 +427,25 @@ class HeadedOption(click.Option):
 if TYPE_CHECKING:
 
     class _Value(Any):  # type: ignore[misc]
-        """In a request a declaration stands for the value that is given."""
+        """For type checkers, a declaration in a request has the type of the value of its field."""
 else:
     _Value = object
 
 
 @dataclass(frozen=True)
 class Declaration(_Value):
-    """An option or an argument: what declares it of a command, or of a field of its request
-    (`request`).
+    """Declaration of an option or an argument, for a command or for a field of a `request`.
 
     Attributes
     ----------
     declare : callable
         `click.option` or `click.argument`.
     names : tuple of str
-        As click takes them; in a request they may be left out.
+        Names for click; they may be omitted in a request.
     settings : dict
-        What click is told of it.
+        Keyword arguments for click.
     behind : sequence of callable
-        What is declared with it, behind it; no field has their values.
+        Further declarations that follow; their values are not in a field.
     """
 
     declare: Any
@@ -439,8 +457,15 @@ class Declaration(_Value):
         return together(self.declare(*self.names, **self.settings), *self.behind)(command)
 
     def of_field(self, name: str, kind: str) -> Declaration:
-        """The same for a field of a request, which names what has no name, and is what the command
-        gets it as; one of the kind `bool` is given by a flag."""
+        """Return the declaration for a field of a request.
+
+        Parameters
+        ----------
+        name : str
+            Name of the field. It is also the name of the option if the option has no other name.
+        kind : str
+            Type annotation of the field; options of type `bool` are flags.
+        """
         flags = [flag for flag in self.names if flag.startswith("-")]
         if not flags and self.declare is click.option:
             flags = [f"--{name.replace('_', '-')}"]
@@ -457,20 +482,31 @@ def option(
     behind: Sequence[Callable[[Any], Any]] = (),
     **settings: Any,
 ) -> Declaration:
-    """As `click.option`, under a heading.
+    """Declare an option as `click.option` does, under a heading.
 
-    `rare`: most people never type it, so that it stands in `--help-all` alone; `COMMAND --help`
-    shows all others, with the first clauses of their help. A command has at most `COMMON` of these,
-    and its help at most `LINES` lines: what is declared once for many commands is shown by all of
-    them.
-
-    `needs`: what it acts on, as in `--history`, `--ductility or --strength`, `--im sa or sa-avg`:
-    an option, one of several, or one with one of these values, its default among them. Given alone
-    the option is refused.
-
-    `recorded`: the JSON file of a result records the option, and `tdint rerun` accepts it. An
-    option that specifies where or how a command runs, and on which no result depends, is not
-    recorded: the author of a JSON file must not choose it for others.
+    Parameters
+    ----------
+    *names : str
+        Names of the option, as for click.
+    heading : str
+        The heading in the help, one of `ORDER`.
+    rare : bool
+        True for an option that most users never need; only `--help-all` shows it. `COMMAND --help`
+        shows all other options, with the first clauses of their help. A command has at most
+        `COMMON` of these, and its help has at most `LINES` lines. Note that an option declared for
+        many commands appears in the help of each command.
+    needs : str
+        The options that it requires, as in `--history`, `--ductility or --strength`, `--im sa or
+        sa-avg`: an option, one of several options, or an option with one of these values, including
+        its default value. The option is refused without them.
+    recorded : bool
+        Whether the JSON file of a result records the option, and `tdint rerun` accepts it. An
+        option that specifies where or how a command runs, without effect on results, is not
+        recorded: the author of a JSON file must not choose it for other users.
+    behind : sequence of callable
+        Further declarations that follow.
+    **settings
+        Keyword arguments for click.
     """
     kind = settings.get("type")
     if type(kind) is ListOf:
@@ -481,27 +517,33 @@ def option(
 
 
 def argument(metavar: str, **settings: Any) -> Declaration:
-    """As `click.argument`, of a field of a request."""
+    """Declare an argument as `click.argument` does, for a field of a request."""
     return Declaration(click.argument, (), settings | {"metavar": metavar})
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True)
 def request(kind: type[Kind]) -> type[Kind]:
-    """A command line as a frozen dataclass: a field whose default is an option is given by it
-    (`of`), in the order of the fields, others by what else the command has."""
+    """Convert a class to a frozen dataclass for a command line.
+
+    A field with an option as its default receives the value of this option (see `of`); options are
+    declared in the order of the fields. Other declarations of the command supply the other fields.
+    """
     declared = {name: value for name, value in vars(kind).items() if isinstance(value, Declaration)}
     for name in declared:
         delattr(kind, name)
-    made = dataclass(frozen=True, kw_only=True)(kind)
-    _OPTIONS[made] = tuple(
+    request_class = dataclass(frozen=True, kw_only=True)(kind)
+    _OPTIONS[request_class] = tuple(
         value.of_field(name, kind.__annotations__[name]) for name, value in declared.items()
     )
-    return made
+    return request_class
 
 
 def of(kind: type[Any], among: str = "") -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """The options that are declared in a request, not in those it is derived from; the command gets
-    the request, or among others by a name."""
+    """Declare the options of a request class, without the options of its base classes.
+
+    The command receives the request as its only argument, or as the argument `among` in addition to
+    other arguments.
+    """
 
     def declared(command: Callable[..., Any]) -> Callable[..., Any]:
         @functools.wraps(command)
@@ -517,7 +559,7 @@ def of(kind: type[Any], among: str = "") -> Callable[[Callable[..., Any]], Calla
 
 
 def together(*declarations: Callable[[Any], Any]) -> Callable[[Function], Function]:
-    """Options, in their order, as one declaration."""
+    """Combine declarations of options, in their order, into one declaration."""
 
     def declared(command: Function) -> Function:
         for declaration in reversed(declarations):
@@ -530,11 +572,11 @@ def together(*declarations: Callable[[Any], Any]) -> Callable[[Function], Functi
 def with_named_files(
     arguments: Sequence[str], options: Collection[str] = tuple(_NAMES)
 ) -> list[str]:
-    """A command line in which every option of these has its value: the next word if that is such a
-    name or empty."""
+    """Return a command line in which each of these options has a value: the next word if it is a
+    matching file name or empty, otherwise `BESIDE`."""
     result: list[str] = []
     words = iter(enumerate(arguments))
-    # As click does, nothing behind -- is an option.
+    # As in click, words after -- are not options.
     for i, word in words:
         if word == "--":
             return [*result, *arguments[i:]]
@@ -593,8 +635,8 @@ def is_recorded(option: click.Parameter) -> bool:
 def shown_when_asked(
     text: Callable[[click.Context], str],
 ) -> Callable[[click.Context, click.Parameter, bool], None]:
-    """The callback of a flag in place of the command: a text goes where data go, and the command
-    exits."""
+    """Return the callback of a flag that writes a text to standard output and exits instead of
+    running the command."""
 
     def show(ctx: click.Context, _: click.Parameter, is_asked: bool) -> None:
         if is_asked and not ctx.resilient_parsing:
@@ -605,8 +647,8 @@ def shown_when_asked(
 
 
 class HelpAsData(click.Command):
-    """A command whose help goes where its data go, with the same errors; its options stand under
-    headings."""
+    """A command with options under headings that writes its help like data, to standard output with
+    the same errors."""
 
     def get_help_option(self, ctx: click.Context) -> click.Option | None:
         option = super().get_help_option(ctx)
@@ -628,16 +670,16 @@ class HelpAsData(click.Command):
 
 
 COMMON, LINES = 20, 50
-"""Of `COMMAND --help`: so many options and, on 80 columns, lines at most. It is read on one
-screen."""
+"""Maximum number of options, and of lines on 80 columns, of `COMMAND --help`, so that it fits on
+one screen."""
 
 
 class Command(HelpAsData):
     """A command with help in two levels and the options that every command has.
 
-    `--help` shows the first two sentences of its function's docstring, `examples`, the options that
-    are not `rare` and `exits`, what an exit code means here; `--help-all` the whole docstring and
-    all options under their headings.
+    `--help` shows the first two sentences of the docstring of the function, `examples`, the options
+    that are not `rare`, and `exits`, the meanings of exit codes of this command. `--help-all` shows
+    the complete docstring and all options under their headings.
     """
 
     def __init__(
@@ -655,14 +697,14 @@ class Command(HelpAsData):
         self.exits = exits or {}
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write what most people ask for, on one screen."""
+        """Write the short help: the most common options, on one screen."""
         self.format_usage(ctx, formatter)
         with formatter.indentation():
             formatter.write_paragraph()
             formatter.write_text(" ".join(_SENTENCE.split(" ".join((self.help or "").split()))[:2]))
         with formatter.section("Examples"):
             formatter.write("".join(f"  {example}\n" for example in self.examples))
-        # Of each option the beginning of its help, which is enough to remember it by
+        # Show only the first clauses of the help of each option, as a reminder.
         common = [option for option in self.params if getattr(option, "common", False)]
         brief: list[tuple[str, str]] = []
         for option in sorted(
@@ -688,10 +730,10 @@ class Command(HelpAsData):
             )
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """As click does, after `--plot` and the like have got their values; refuse what has nothing
-        to act on."""
+        """Parse the command line as click does, after `--plot` and similar options have received
+        their values; refuse options without an effect."""
         flags = {name for parameter in self.params for name in parameter.opts}
-        # An option behind one that needs a value would be taken for the value.
+        # Click would use an option as the value of the preceding option that requires a value.
         valued = {
             name
             for item in self.params
@@ -701,7 +743,7 @@ class Command(HelpAsData):
         typed = takewhile(lambda pair: pair[0] != "--", pairwise(args))
         for word, following in typed:
             if word in valued and word not in _NAMES and following in flags:
-                raise UsageError(f"{word} needs a value, and {following} is an option")
+                raise UsageError(f"{word} requires a value, but {following} is an option")
         try:
             rest = super().parse_args(ctx, with_named_files(args, flags))
         except click.NoSuchOption as error:
@@ -711,7 +753,7 @@ class Command(HelpAsData):
             raise UsageError(f"{error.option_name} is now {now}: {now} {example}") from None
         if ctx.resilient_parsing:
             return rest
-        # An option without what it needs would be passed over in silence.
+        # An option without the options that it requires would be ignored without a message.
         named = {
             name: item
             for item in self.params
@@ -730,12 +772,12 @@ class Command(HelpAsData):
             if not is_met:
                 name = option.opts[-1]
                 raise UsageError(
-                    f"{name} has nothing to act on without {needs}; add it, or leave {name} out"
+                    f"{name} has no effect without {needs}; add {needs}, or omit {name}"
                 )
         return rest
 
     def all_help(self, ctx: click.Context) -> str:
-        """All that there is to say, the options in a section for each heading."""
+        """Return the complete help, with the options in a section for each heading."""
         formatter = ctx.make_formatter()
         super().format_help(ctx, formatter)
         return formatter.getvalue().rstrip("\n")
@@ -748,22 +790,22 @@ _FORMER = {
     "--label": ("--style", "'label:moment4=present method'"),
     "--no-title": ("--style", "title=no"),
 }
-"""Options that went, what does their work and with which value, for those who type them from
-memory."""
+"""Removed options, with the option that replaces each and an example of its value, for the error
+message."""
 
 _SENTENCE = re.compile(r"(?<=[.])\s+(?=[A-Z`-])")
 _CLAUSE = re.compile(r"(?<=[;.])\s+(?![^(]*\))")
 _ENOUGH = 90
-"""Letters of an option's help to which another clause or sentence is still added: two lines beside
-its name."""
+"""Maximum length, in characters, of the help of an option in --help: two lines next to its name."""
 
 _OPTION_WIDTH = 22
-"""Characters; a longer option has a line of its own in --help, so that texts have wide columns."""
+"""Width of the column of option names in --help, characters; a longer name has a separate line, so
+that the column of texts is wide."""
 
 
 def _is_given(ctx: click.Context, parameter: click.Parameter) -> bool:
-    # To click before 8.2 an argument of any number of values, given none, comes from the command
-    # line, too.
+    """Return True if the command line specifies a value of this parameter."""
+    # Click before 8.2 reports the command line as the source of an argument without values.
     name = parameter.name or ""
     return (
         ctx.get_parameter_source(name) == ParameterSource.COMMANDLINE and ctx.params.get(name) != ()
@@ -772,16 +814,16 @@ def _is_given(ctx: click.Context, parameter: click.Parameter) -> bool:
 
 @dataclass(frozen=True)
 class Mode:
-    """A way in which a command is used.
+    """A mode of a command, such as Fourier spectra of `tdint spectrum`.
 
     Attributes
     ----------
     words : str
-        What refusals call it, as in "--period has nothing to act on with --fourier".
+        Name of the mode in messages, as in "--period has no effect with --fourier".
     takes : frozenset of str
-        Its options, by the names of their parameters, of those that not every mode takes.
+        Parameter names of the options that the mode supports and that some other mode does not.
     advice : mapping of str to str
-        What else to do with some that it does not take; the others are to be left out.
+        Remedies for options that the mode does not support; by default, to omit the option.
     """
 
     words: str
@@ -790,8 +832,8 @@ class Mode:
 
 
 def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
-    """Raise UsageError for an option that was given and has nothing to act on in this mode of the
-    command that runs."""
+    """Raise UsageError if an option was given that has no effect in this mode of the current
+    command."""
     context = click.get_current_context()
     idle = frozenset[str]().union(*(other.takes for other in modes)) - mode.takes
     for parameter in context.command.params:
@@ -804,32 +846,41 @@ def refuse_idle(mode: Mode, modes: Iterable[Mode]) -> None:
         )
         if parameter.secondary_opts and not context.params[parameter.name]:
             name = parameter.secondary_opts[-1]  # --no-cache
-        advice = mode.advice.get(parameter.name, f"leave {name} out")
-        raise UsageError(f"{name} has nothing to act on {mode.words}; {advice}")
+        advice = mode.advice.get(parameter.name, f"omit {name}")
+        raise UsageError(f"{name} has no effect {mode.words}; {advice}")
 
 
 def command(
     name: str, *examples: str, exits: Mapping[int, str] | None = None
 ) -> Callable[[Callable[..., Any]], Command]:
-    """Make a function a command of this name; two `examples` that run beside what `tdint init
-    office.yaml` writes, and the `exits` that mean something special."""
+    """Make a function a command.
+
+    Parameters
+    ----------
+    name : str
+        Name of the command.
+    *examples : str
+        Two command lines that run next to the files of `tdint init office.yaml`.
+    exits : mapping of int to str, optional
+        Exit codes with a special meaning in this command.
+    """
     return click.command(name, cls=Command, examples=examples, exits=exits)
 
 
 def general() -> list[click.Parameter]:
-    """The options that every command has."""
+    """Return the options that every command has."""
     return [
         _setting(
             ["-q", "--quiet"],
             "quiet",
-            "Say nothing but warnings that change what a number means, and errors.",
+            "Print only errors and warnings that affect results.",
         ),
         _setting(["--debug"], "debug", "Show a traceback with an error."),
     ]
 
 
 def _setting(names: list[str], field: str, text: str) -> HeadedOption:
-    """A flag that sets a field of the settings, before or after the command's name."""
+    """Return a flag that sets a field of the settings, before or after the name of the command."""
 
     def switch(ctx: click.Context, _: click.Parameter, is_asked: bool) -> None:
         if is_asked:
@@ -841,7 +892,7 @@ def _setting(names: list[str], field: str, text: str) -> HeadedOption:
 def flag(
     names: list[str], callback: Callable[[click.Context, click.Parameter, bool], None], text: str
 ) -> HeadedOption:
-    """A flag of all commands, or of none, whose value nobody gets."""
+    """Return a general flag with a callback; its value is not passed to the command."""
     return HeadedOption(
         names,
         heading=GENERAL,
