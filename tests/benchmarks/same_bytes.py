@@ -41,7 +41,7 @@ Outcome = dict[str, list[str]]
 SHOWN = 3
 MASKS = (
     (re.compile(r"[\d.e+-]+ (?:us|ms|s) per step"), "TIME per step"),
-    (re.compile(r"^(Times are|Warning: the marches took) .*"), "TIMES"),
+    (re.compile(r"^(Times are|Warning: timing was disturbed) .*"), "TIMES"),
     (re.compile(r"(?<=runs in )[\d.]+ m?s\b.*"), "TIME"),
     (re.compile(r"\b0\.\d+\.\d+(?:\+\w+)?\b"), "VERSION"),
 )

@@ -129,7 +129,7 @@ def test_standard_output_gets_a_model_that_vibrates_freely(folder: Path, tdint: 
         ),
         (("init", "--period", 0), 2, "--period"),
         (("init", "forced.yaml"), 6, "forced.yaml: exists already"),
-        (("check",), 2, "nothing to check"),
+        (("check",), 2, "no model file is specified"),
         (
             ("check", "--schema", "model", "forced.yaml"),
             2,
@@ -318,7 +318,7 @@ def test_a_campaign_is_checked_with_its_models(folder: Path, tdint: Command) -> 
 
     (folder / "bad.yaml").write_text("stories: []\n")
     told = (
-        "study.yaml: a campaign without a fault\nError: bad.yaml:1:10: stories: must hold at least "
+        "study.yaml: valid campaign file\nError: bad.yaml:1:10: stories: must hold at least "
         "one story\n"
     )
     assert check("bad.yaml, shaken.yaml", "records: {files: [motion.mseed]}") == (

@@ -1,4 +1,4 @@
-"""`tdint chart`: what methods cost and how much they err on a building."""
+"""`tdint chart`: computing time and error of methods for a building (work-precision diagrams)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ TARGETS = tuple(QUANTITIES | PEAKS)
 MOST_STORIES = 10_000
 MOST_SECONDS = 1e6
 LIMITS = (0.01, 0.001)
-"""Errors for which a method and a step are recommended."""
+"""Errors for which a method and a time step are recommended."""
 
 _OF_MODELS = NAMES | {"models", "records", "scale", "duration"}
 _OF_STEPS = _OF_MODELS | {"steps", "halvings", "cache"}
@@ -58,77 +58,77 @@ class Request(options.record.RecordRequest):
         heading=options.grammar.RECORD,
         type=FileName(),
         multiple=True,
-        help="Ground motion in place of the model's; nothing that the model says of its own "
-        "applies to it. Several: each building under each of them.",
+        help="Record that replaces the record of the model; the record settings of the model do "
+        "not apply to it. With several records, each building is run under each record.",
     )
     problems: str | None = options.option(
         type=FileName(),
         metavar="standard|FILE",
-        help="In place of models many problems: the standard ones, twelve buildings under three "
-        "records each, or those of a YAML file.",
+        help="Use many problems instead of models: the standard problems (twelve buildings under "
+        "three records each), or the problems of a YAML file.",
     )
-    methods: tuple[str, ...] = options.analysis.methods("ten of them, from impulse4 to exact,")
+    methods: tuple[str, ...] = options.analysis.methods("ten methods, from impulse4 to exact,")
     steps: tuple[float, ...] | None = options.analysis.option(
         "--dt",
         type=ListOf(Number(0.0, MOST_SECONDS, min_open=True)),
         metavar="SECONDS,...",
-        help="Time steps: whole parts or whole multiples of the record's sampling interval, or "
-        "without a record of the model's dt.",
+        help="Time steps: the sampling interval of the record (without a record, dt of the model) "
+        "divided or multiplied by an integer.",
     )
     halvings: int | None = options.analysis.option(
         rare=True,
         type=Count(0, 16),
-        help="Without --dt: eight times that interval, halved so many times. By default 7 times, "
-        "with some steps between; fewer times for very large buildings.",
+        help="Number of halvings of the time step, from eight times the sampling interval; not "
+        "with --dt. By default 7, with some intermediate steps; fewer for very large buildings.",
     )
     stories: tuple[int, ...] | None = options.analysis.option(
         type=ListOf(click.IntRange(1, MOST_STORIES)),
         metavar="COUNT,...",
-        help="Chart the building with these numbers of stories, its own ones repeated; with the "
-        "interval itself as the step unless --dt or --halvings is given.",
+        help="Compare methods for the building with these numbers of stories, by repeating its "
+        "stories; the time step is the sampling interval unless --dt or --halvings is given.",
     )
     duration: float | None = options.analysis.duration
     peers: bool = options.option(
-        help="Also chart OpenSeesPy, if it is installed (pip install 'tdint[peers]'), and SciPy's "
-        "solve_ivp: minutes."
+        help="Also run OpenSeesPy, if it is installed (pip install 'tdint[peers]'), and solve_ivp "
+        "of SciPy; takes minutes."
     )
     repeat: int = options.option(
-        type=Count(1, 1000), default=5, rare=True, help="Times each; 5 by default."
+        type=Count(1, 1000), default=5, rare=True, help="Timing repetitions; 5 by default."
     )
     tolerances: tuple[float, ...] | None = options.analysis.option(
         "--tolerance",
         type=ListOf(Ratio(0.0, 1.0, min_open=True, max_open=True)),
-        help="Also chart moment4 and impulse4 (of many problems those asked for) with the steps "
-        "that `tdint run --tolerance` chooses for these errors of the peak drifts.",
+        help="Also run moment4 and impulse4 (with many problems: the requested methods) with the "
+        "time steps that `tdint run --tolerance` chooses for these errors of the peak drifts.",
     )
     target_error: str = options.option(
         type=click.Choice(TARGETS),
         default=TARGETS[0],
-        help="The error that is drawn and, for one building, for which methods are recommended; "
+        help="Error measure of the figure and, for one building, of the recommended methods; "
         "peak-drift by default.",
     )
     versus: str = options.option(
         needs="--plot",
         type=click.Choice(["time", "steps", "solves", "dt"]),
         default="time",
-        help="Draw time (default), steps or solves over error, or error over dt.",
+        help="Plot time (default), time steps or solves over error, or error over dt.",
     )
     highlight: str = options.option(
         needs="--plot",
         default="",
         metavar="NAME",
-        help="The method whose line is thick and in front; by default the only one of a plug-in, "
-        "if there is one.",
+        help="Method with a thick line in front; by default the method of a plug-in, if it has "
+        "exactly one method.",
     )
     cache: bool = options.option(
         "--cache/--no-cache",
         default=True,
         rare=True,
-        help="Keep the reference for the next time (default) or not.",
+        help="Store the reference solution for the next call (default), or not.",
     )
 
     def of(self, model: str, record: str | None) -> BuildingRequest:
-        """One of the buildings under one of the motions."""
+        """Return the request for one building under one ground motion."""
         given = {
             field.name: getattr(self, field.name) for field in fields(options.record.RecordRequest)
         }
@@ -145,7 +145,7 @@ class Request(options.record.RecordRequest):
 @options.analysis.plugin
 @options.record.of_motion
 @options.output.to_files(
-    "Write the table to this file instead of standard output, and a .json file beside it.",
+    "Write the table to this file instead of standard output, and a .json file next to it.",
     picture=options.output.PICTURE,
     in_units=False,
 )
@@ -153,35 +153,37 @@ class Request(options.record.RecordRequest):
 def command(request: Request) -> None:
     """Compare the accuracy and computing time of methods: work-precision diagrams.
 
-    Each method integrates the building with each step. MODEL.yaml is a model file, - is standard
-    input. CSV: steps and solves; processor time of the compiled loop alone, as `tdint run` without
-    --history has it (peaks and energies included, compilation not; wall time where the system's
-    clock for it is coarse), the median and the least of the repeats, in which all methods take
-    turns; relative errors; how `tdint run` ends: done, collapsed, unstable-step (refused), diverged
-    or not-converged, the last three with empty cells. Other programs (--peers) are named
-    program/method; their times are those of their analysis loops alone, the solves of scipy are
-    evaluations of the rate. Lines by --tolerance have the time of all that `tdint run --tolerance`
-    does, and the error of peak drifts alone.
+    Each method integrates the building with each time step. MODEL.yaml is a model file, - is
+    standard input. CSV: time steps and solves; processor time of the compiled time loop, as in
+    `tdint run` without --history (with peaks and energies, without compilation; wall time if the
+    clock of the system for processor time is coarse), median and minimum of the repetitions, which
+    alternate between the methods; relative errors; the outcome of `tdint run`: done, collapsed,
+    unstable-step (refused), diverged or not-converged, with empty cells for the last three. Other
+    programs (--peers) are listed as program/method; their times include only their analysis loops,
+    and the solves of scipy are evaluations of the derivative. Lines of --tolerance contain the
+    total time of `tdint run --tolerance`, and only the error of peak drifts.
 
-    displacement_error, drift_error, velocity_error and absolute_acceleration_error are those of the
-    whole history: root of the sum of squares over all floors or stories and all common times,
-    relative to the reference. Common times are the samples of the record, or the steps' ends where
-    these are further apart. peak_drift_error is the largest relative error of a story's peak drift;
-    stories whose peak is below a thousandth of the largest are left out.
+    displacement_error, drift_error, velocity_error and absolute_acceleration_error are errors of
+    the complete response history: root of the sum of squares over all floors or stories and all
+    common times, relative to the reference. Common times are the samples of the record, or the ends
+    of the time steps if these are longer. peak_drift_error is the maximum relative error of the
+    peak drift of a story; stories with a peak below a thousandth of the maximum are ignored.
 
-    The reference is computed, not assumed: by the exact method in linear buildings without floor
-    forces, otherwise by impulse4 with a very small step. A second method confirms it, and how far
-    this is from it goes to standard error, to the picture and to the .json file: smaller errors are
-    not drawn. It is kept in TDINT_CACHE_DIR or the user's cache folder. Standard error also tells
-    the cheapest method and step for an error of 1 % and 0.1 %.
+    The reference solution is computed: by the exact method in linear buildings without floor
+    forces, otherwise by impulse4 with a very small time step. A second method confirms it. The
+    difference between them is written to standard error, to the figure and to the .json file;
+    smaller errors are not plotted. The reference is stored in TDINT_CACHE_DIR or the cache
+    directory of the user. Standard error also reports the cheapest method and time step for errors
+    of 1 % and 0.1 %.
 
-    Several buildings or motions, or --problems: performance profiles. For each tolerance from 10 to
-    0.01 % and the peaks of drift, absolute acceleration and total shear each method takes its
-    cheapest step, of 16 samples to 1/16; the table tells how many problems it solves within a
-    factor of the least cost (Dolan and More 2002). The reference is impulse4 with 32 steps a
-    sample; where moment4, with up to 128, is farther from it than a fifth of a tolerance, the
-    problem is not judged there. --peers: OpenSeesPy, on the problems whose laws it has. A method
-    that does not take a problem does not solve it.
+    Several buildings or motions, or --problems, give performance profiles (Dolan and More 2002).
+    For each tolerance from 10 to 0.01 % and for the peaks of drift, absolute acceleration and total
+    shear, each method uses its cheapest time step, from 16 samples to 1/16 sample. The table
+    reports the number of problems that the method solves within a factor of the lowest cost. The
+    reference is impulse4 with 32 steps per sample. If the result of moment4, with up to 128 steps
+    per sample, differs by more than a fifth of a tolerance, the problem is not assessed at this
+    tolerance. --peers adds OpenSeesPy for problems with laws that it supports. A problem that a
+    method does not support counts as not solved.
     """
     if request.problems or len(request.models) > 1 or len(request.records) > 1:
         refuse_idle(_PROBLEMS if request.problems else _MANY, MODES)
@@ -200,18 +202,19 @@ def command(request: Request) -> None:
         if request.stories:
             from tdint.analysis.chart.problem import stretched
 
-            # Of each number of stories; without other programs nothing is left out.
+            # Compare the methods for each number of stories. Other programs are not run here, so
+            # there are no notes about omitted programs.
             advice: list[Advice] = []
-            charts, left_out = [], list[str]()
+            charts, omissions = [], list[str]()
             share = 1.0 / len(request.stories)
             for done, count in enumerate(request.stories):
                 part = part_of(progress, done * share, (done + 1) * share, f"{count}: ")
                 chart, advice, _ = _chart(request, stretched(model, count), record, part)
                 charts.append(chart)
         else:
-            chart, advice, left_out = _chart(request, model, record, progress)
+            chart, advice, omissions = _chart(request, model, record, progress)
             charts = [chart]
-    notes = [*_notes(request, charts, record), *left_out]
+    notes = [*_notes(request, charts, record), *omissions]
     _deliver(request, charts, model, record, advice, notes)
     for chart in charts:
         reference = chart.reference
@@ -223,52 +226,51 @@ def command(request: Request) -> None:
     if advice:
         _recommend(request, charts[0], advice)
     note(*notes)
-    _tell_timing([chart.timing for chart in charts], charts[0].peers)
+    _report_timing([chart.timing for chart in charts], charts[0].peers)
 
 
-def _tell_timing(timings: Sequence[Timing], programs: Sequence[Peer]) -> None:
-    """How the marches were timed, whether that was disturbed, and which other programs took
-    part."""
+def _report_timing(timings: Sequence[Timing], programs: Sequence[Peer]) -> None:
+    """Report the timing of the time integrations, any disturbance of it, and the other programs."""
     from tdint.system import CLOCKS
 
     worst = max(timings, key=lambda timing: timing.stretch or 0.0)
     say(f"Times are {CLOCKS[worst.clock]}, {worst.told}, {worst.processor}.")
     if worst.disturbed:
         warn(
-            f"the marches took {worst.stretch:.3g} times their processor time on the wall: other "
-            "work had the processors, and what shares their caches slows the marches, too; time "
-            "them again on a quiet machine"
+            f"timing was disturbed: wall time was {worst.stretch:.3g} times the processor time "
+            "because other processes used the processors and their caches; repeat the timing on an "
+            "idle machine"
         )
     note(*(f"{peer.name} {peer.version}: {peer.settings}" for peer in programs))
 
 
 def _check(request: Request) -> BuildingRequest:
-    """The building and its motion, after what can be seen to fail was refused."""
+    """Check the options for one building and return the request for it."""
     if not request.models:
-        raise UsageError("give MODEL.yaml, or several, or --problems standard")
+        raise UsageError("MODEL.yaml is required (one or several), or --problems standard")
     if request.target_error not in QUANTITIES:
         raise UsageError(
-            f"--target-error {request.target_error} is of many problems; of one it is "
+            f"--target-error {request.target_error} requires many problems; for one building use "
             f"{', '.join(QUANTITIES)}"
         )
     if request.steps and request.halvings is not None:
-        raise UsageError("--dt already gives the steps; leave out --halvings")
+        raise UsageError("--halvings cannot be used with --dt; omit one of them")
     if request.stories and peers():
-        raise UsageError("PEERS of a plug-in are charted for one building; leave out --stories")
+        raise UsageError("PEERS of a plug-in cannot be used with --stories; omit --stories")
     building = request.of(request.models[0], request.records[0] if request.records else None)
     check_motion(building)
     return building
 
 
 def _chart_many(request: Request) -> None:
-    """Performance profiles over many problems."""
+    """Compute performance profiles over many problems and write them."""
     if request.target_error not in PEAKS:
         raise UsageError(
-            f"--target-error {request.target_error} is of one problem; of many it is "
+            f"--target-error {request.target_error} requires one building; for many problems use "
             f"{', '.join(PEAKS)}"
         )
     if peers():
-        raise UsageError("PEERS of a plug-in are charted for one building")
+        raise UsageError("PEERS of a plug-in require one building under one record")
     from tdint.analysis.chart.profiles import METHODS, measure_all
     from tdint.output.summary import field_summary
 
@@ -283,18 +285,18 @@ def _chart_many(request: Request) -> None:
             peers=request.peers,
             progress=progress,
         )
-    # Problems whose references are not known well enough for all tolerances
+    # List the problems with references that are not accurate enough for all tolerances.
     notes = []
     for case in chart.measured:
-        if doubtful := {name: case.gap.of(name) for name in PEAKS if not case.judges(name, 1e-4)}:
-            gaps = ", ".join(f"{name} {gap:.1e}" for name, gap in doubtful.items())
+        if uncertain := {name: case.gap.of(name) for name in PEAKS if not case.judges(name, 1e-4)}:
+            gaps = ", ".join(f"{name} {gap:.1e}" for name, gap in uncertain.items())
             notes.append(
-                f"{case.name}, {case.motion}: the reference is known to {gaps}: not judged where "
-                "that is too far"
+                f"{case.name}, {case.motion}: reference accuracy {gaps}; not assessed at "
+                "tolerances that require higher accuracy"
             )
         if case.peer_note:
-            apart = "" if math.isnan(case.peer_gap) else f" {case.peer_gap:.1e} from the reference,"
-            notes.append(f"{case.name}, {case.motion}: openseespy:{apart} {case.peer_note}")
+            gap = "" if math.isnan(case.peer_gap) else f" {case.peer_gap:.1e} from the reference,"
+            notes.append(f"{case.name}, {case.motion}: openseespy:{gap} {case.peer_note}")
     table = tables.methods.profile_table(chart)
     request.outputs.deliver(
         table,
@@ -305,15 +307,16 @@ def _chart_many(request: Request) -> None:
     )
     leaders = chart.leaders()
     say(
-        f"{how_many(len(chart.measured), 'problem')}. Best overall (most within twice the least "
-        f"cost): {leaders.overall}; for errors of 3 % and more: {leaders.coarse}; safest (fails "
-        f"least): {leaders.safest}."
+        f"{how_many(len(chart.measured), 'problem')}. Best overall (most problems within twice the "
+        f"lowest cost): {leaders.overall}; for errors of 3 % and more: {leaders.coarse}; most "
+        f"robust (fewest failures): {leaders.safest}."
     )
     note(*notes)
-    _tell_timing([chart.timing], chart.peers)
+    _report_timing([chart.timing], chart.peers)
 
 
 def _problems(request: Request) -> list[FieldProblem]:
+    """Return the problems of --problems, or all combinations of the models and records."""
     from tdint.analysis.chart.profiles import crossed, read_problems
     from tdint.model.config.model_file import load_model
 
@@ -322,7 +325,7 @@ def _problems(request: Request) -> list[FieldProblem]:
     models = []
     for file in request.models:
         model = load_model(file)
-        # --duration holds for all of them, whatever each model says.
+        # --duration replaces the duration of every model.
         model = replace(
             model,
             analysis=replace(model.analysis, duration=request.duration or model.analysis.duration),
@@ -334,15 +337,15 @@ def _problems(request: Request) -> list[FieldProblem]:
     return crossed(models, ())
 
 
-def _integrators(request: Request, usual: Sequence[str]) -> list[Integrator]:
-    """The methods of a chart, after the one to highlight was found among them, or may be another
-    program's."""
-    integrators = options.analysis.integrators(request.methods or usual)
+def _integrators(request: Request, default: Sequence[str]) -> list[Integrator]:
+    """Return the methods of a chart; raise UsageError if --highlight is not one of them and cannot
+    be a line of another program."""
+    integrators = options.analysis.integrators(request.methods or default)
     labels = [integrator.label for integrator in integrators]
     programs = tables.methods.PEER in request.highlight or request.tolerances
     if request.highlight and request.highlight not in labels and not programs:
         raise UsageError(
-            f"--highlight {request.highlight} is not among the methods: {', '.join(labels)}"
+            f"--highlight {request.highlight} must be one of the methods {', '.join(labels)}"
         )
     return integrators
 
@@ -350,6 +353,28 @@ def _integrators(request: Request, usual: Sequence[str]) -> list[Integrator]:
 def _chart(
     request: Request, model: Model, record: Record | None, progress: Progress
 ) -> tuple[Chart, list[Advice], list[str]]:
+    """Measure the methods on one building.
+
+    Parameters
+    ----------
+    request : Request
+        The command line.
+    model : Model
+        The building and its ground motion.
+    record : Record or None
+        The record; None for a model without a record.
+    progress : Progress
+        Receives the progress.
+
+    Returns
+    -------
+    chart : Chart
+        The times and errors.
+    advice : list of Advice
+        The recommended methods and time steps; empty if there is no recommendation.
+    omissions : list of str
+        Notes about omitted other programs.
+    """
     from tdint.analysis.chart.problem import ending_together, pose
     from tdint.analysis.chart.work_precision import (
         DEFAULT_METHODS,
@@ -362,7 +387,7 @@ def _chart(
 
     problem = pose(model, record, duration=request.duration, dts=request.steps or ())
     integrators = suited(problem, _integrators(request, DEFAULT_METHODS))
-    # The steps: as they are given, halved so often, or for many stories the sampling interval alone
+    # Time steps: the requested steps, halvings, or only the sampling interval with --stories.
     if request.steps:
         steps: Sequence[float] = request.steps
     elif request.halvings is not None:
@@ -374,9 +399,10 @@ def _chart(
             else default_steps(problem, len(integrators), request.repeat)
         )
     problem = ending_together(problem, steps)
-    of_ours = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
+    own_progress = part_of(progress, 0.0, 0.2 if request.peers else 1.0)
 
-    def verdict(points: Sequence[Point]) -> list[tuple[str, float]]:
+    def recommended(points: Sequence[Point]) -> list[tuple[str, float]]:
+        """Return the cheapest methods and time steps, by which `measure` ends its repetitions."""
         best = [cheapest(points, request.target_error, limit) for limit in LIMITS]
         return [(point.line, point.dt) for point in best if point]
 
@@ -386,31 +412,34 @@ def _chart(
         steps,
         repeats=request.repeat,
         cached=request.cache,
-        judge=verdict,
-        progress=of_ours,
+        judge=recommended,
+        progress=own_progress,
     )
     if request.tolerances:
         from tdint.analysis.chart.work_precision import with_tolerances
 
         chart = with_tolerances(problem, chart, request.tolerances, repeats=request.repeat)
-    # Advice is of one building, and where errors tell something
+    # Recommend methods only for one building, and only if the errors are meaningful.
     is_for_one = len(request.stories or ()) < 2 and not _peaks_at_start(request, chart)
     advice = _advice(request, chart, problem) if is_for_one else []
-    left_out: list[str] = []
+    omissions: list[str] = []
     others = part_of(progress, 0.2, 1.0)
     if request.peers:
         from tdint.analysis.chart.peers import with_peers
 
-        chart, left_out = with_peers(problem, chart, steps, repeats=request.repeat, progress=others)
+        chart, omissions = with_peers(
+            problem, chart, steps, repeats=request.repeat, progress=others
+        )
     if peers():
         from tdint.analysis.chart.peers import with_plugins
 
         chart, more = with_plugins(problem, chart, repeats=request.repeat, progress=others)
-        left_out = [*left_out, *more]
-    return chart, advice, left_out
+        omissions = [*omissions, *more]
+    return chart, advice, omissions
 
 
 def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:
+    """Return the cheapest method and time step for each error of `LIMITS`."""
     from tdint.analysis.chart.work_precision import alternative, cheapest
     from tdint.methods.catalogue import parse
     from tdint.output.summary import Advice
@@ -429,8 +458,8 @@ def _advice(request: Request, chart: Chart, problem: Problem) -> list[Advice]:
 
 
 def _peaks_at_start(request: Request, chart: Chart) -> bool:
-    """Whether the errors asked for are those of peaks that are there from the start, as in free
-    vibration."""
+    """Return True if the target error is the error of peak drifts and these occur at the start, as
+    in free vibration."""
     motion = chart.reference.motion
     peaks, start = motion.peak_drift, abs(motion.drift[0])
     return request.target_error == "peak-drift" and bool((peaks <= 1.001 * start).all())
@@ -444,9 +473,26 @@ def _deliver(
     advice: list[Advice],
     notes: list[str],
 ) -> None:
+    """Write the table, the figure and the summary of one building.
+
+    Parameters
+    ----------
+    request : Request
+        The command line.
+    charts : list of Chart
+        One chart, or one for each number of stories.
+    model : Model
+        The building.
+    record : Record or None
+        The record; None for a model without a record.
+    advice : list of Advice
+        The recommended methods and time steps.
+    notes : list of str
+        The notes of the summary.
+    """
     from tdint.output.summary import chart_summary
 
-    looks: dict[str, Any] = {
+    settings: dict[str, Any] = {
         "name": model.name,
         "target": request.target_error,
         "highlight": request.highlight,
@@ -459,25 +505,36 @@ def _deliver(
 
     def draw() -> Figure:
         if request.stories:
-            return figures.assessment.sizes_picture(charts, **looks)
-        return figures.assessment.chart_picture(charts[0], versus=request.versus, **looks)
+            return figures.assessment.sizes_picture(charts, **settings)
+        return figures.assessment.chart_picture(charts[0], versus=request.versus, **settings)
 
     def summarize() -> dict[str, Any]:
-        told: dict[str, Any] = {"target": request.target_error, "advice": advice, "notes": notes}
-        return chart_summary(charts, model=model, record=record, meanings=table.meanings, **told)
+        return chart_summary(
+            charts,
+            model=model,
+            record=record,
+            meanings=table.meanings,
+            target=request.target_error,
+            advice=advice,
+            notes=notes,
+        )
 
     request.outputs.deliver(table, draw, summarize)
 
 
 _RULE = (
-    "Rule: the recommended method is the most accurate of those within 10 % of the least time. "
-    "Other methods are listed only if they meet the tolerance and take at least as long; next best "
-    "is the fastest of them. A method meets a tolerance if its smaller steps do so, too."
+    "Rule: the recommended method is the most accurate method within 10 % of the minimum time. "
+    "Other methods are listed only if they meet the tolerance and take at least as long; the next "
+    "best method is the fastest of these. A method meets a tolerance with a time step only if its "
+    "smaller time steps also meet it."
 )
 
 
 def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
+    """Write the recommended methods and the default method, with their times and errors."""
+
     def cost(point: Point) -> str:
+        """Return the time and the error of a point, or its outcome if it failed."""
         error = point.error(request.target_error)
         return (
             f"{1e3 * point.fastest:.3g} ms, error {100.0 * error:.2g} %"
@@ -488,34 +545,39 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
     for advised in advice:
         goal = f"For {100.0 * advised.limit:g} % ({request.target_error}): "
         if best := advised.point:
-            told = (
-                f", told {100.0 * advised.told:.2g} % of the peak drifts"
+            estimate = (
+                f", estimated error {100.0 * advised.told:.2g} % of the peak drifts"
                 if advised.told < math.inf
                 else ""
             )
-            # Only alternatives that meet the tolerance and take at least as long
+            # List only alternatives that meet the tolerance and take at least as long.
             others = [("next best: ", advised.next_best)]
-            usual = chart.usual
+            default = chart.usual
             meets = (
-                usual.error(request.target_error) <= advised.limit and usual.fastest >= best.fastest
+                default.error(request.target_error) <= advised.limit
+                and default.fastest >= best.fastest
             )
-            if meets and usual.line != (advised.next_best and advised.next_best.line):
-                others.append(("the usual choice: ", usual))
-            words = [
-                f"; {word}{other.line} with dt {other.dt:.6g} s, "
+            if meets and default.line != (advised.next_best and advised.next_best.line):
+                others.append(("common choice: ", default))
+            alternatives = [
+                f"; {label}{other.line} with dt {other.dt:.6g} s, "
                 f"{other.fastest / best.fastest:.2g} times as long, error "
                 f"{100.0 * other.error(request.target_error):.2g} %"
-                for word, other in others
+                for label, other in others
                 if other and other.errors and (other.line, other.dt) != (best.line, best.dt)
             ]
-            say(f"{goal}{best.line} with dt {best.dt:.6g} s, {cost(best)}{told}{''.join(words)}.")
+            say(
+                f"{goal}{best.line} with dt {best.dt:.6g} s, {cost(best)}{estimate}"
+                f"{''.join(alternatives)}."
+            )
         else:
             say(
-                f"{goal}none of these methods and steps; add smaller steps with --dt or --halvings."
+                f"{goal}no method meets this error with these time steps; add smaller steps with "
+                "--dt or --halvings."
             )
-    whose = "record" if chart.recorded else "model"
+    source = "record" if chart.recorded else "model"
     say(
-        f"The usual choice, {chart.usual.line} with the {whose}'s dt {chart.usual.dt:.6g} s: "
+        f"Common choice, {chart.usual.line} with dt {chart.usual.dt:.6g} s of the {source}: "
         f"{cost(chart.usual)}."
     )
     if advice:
@@ -523,20 +585,20 @@ def _recommend(request: Request, chart: Chart, advice: list[Advice]) -> None:
 
 
 def _notes(request: Request, charts: list[Chart], record: Record | None) -> list[str]:
-    """What a person should know of the chart."""
+    """Return the notes about the charts: skipped samples, failed runs, uncertain references."""
     from tdint.methods.catalogue import catalogue
 
     notes = list(record.notes) if record else []
     points = [point for chart in charts for point in chart.points]
-    # Our methods take the impulse of all samples in a long step; other programs look at its end
-    # alone.
+    # The methods of tdint use the impulse of all samples in a long time step. Other programs use
+    # only the sample at its end.
     coarse = dict.fromkeys(
         p.method.partition(":")[0] for p in points if p.dt > charts[0].interval * 1.001
     )
     skipping = [name for name in coarse if name not in catalogue()]
     if record and skipping:
         notes.append(
-            f"steps over {charts[0].interval:.6g} s skip samples of the record in "
+            f"time steps longer than {charts[0].interval:.6g} s skip samples of the record in "
             f"{', '.join(skipping)}"
         )
     for label, outcome in dict.fromkeys(
@@ -550,11 +612,11 @@ def _notes(request: Request, charts: list[Chart], record: Record | None) -> list
         gap = chart.reference.gap.of(request.target_error)
         if _peaks_at_start(request, chart):
             notes.append(
-                "the largest drifts are those at the start, which no method misses: use --target "
-                "drift"
+                "the peak drifts occur at the start, where all methods are exact; use "
+                "--target-error drift"
             )
         if not gap < min(LIMITS):
             notes.append(
-                f"the reference is known to {gap:.1e} only: errors of that size are uncertain"
+                f"the reference is accurate only to {gap:.1e}; errors of this size are uncertain"
             )
     return notes

@@ -1,4 +1,4 @@
-"""`tdint check`: all that is wrong with model files, or what they are; nothing is run."""
+"""`tdint check`: validation and summary of model files, without time integration."""
 
 from __future__ import annotations
 
@@ -22,16 +22,18 @@ _SCHEMA, _PLUGINS = Mode("with --schema"), Mode("with --plugin alone")
 MODES = (_MODELS, _SCHEMA, _PLUGINS)
 
 _CAMPAIGN = re.compile(rb"^(buildings|records)\s*:", re.MULTILINE)
-"""A key that campaign files have at the left margin, and models have not."""
+"""A top-level key of campaign files that model files do not have."""
 
 
 @options.command(
     "check",
     "tdint check office.yaml",
     "tdint check --schema campaign",
-    exits={3: "a file has a fault", 5: "a method is not as it declares"},
+    exits={3: "a file is invalid", 5: "a plug-in contradicts its declared properties"},
 )
-@options.analysis.plugins(" Without models its methods are held to what they declare, in a table.")
+@options.analysis.plugins(
+    " Without models, its methods are compared with their declared properties, in a table."
+)
 @click.argument("models", metavar="MODEL.yaml...", nargs=-1, type=FileName())
 @options.option(
     "--schema",
@@ -39,8 +41,8 @@ _CAMPAIGN = re.compile(rb"^(buildings|records)\s*:", re.MULTILINE)
     flag_value="model",
     type=click.Choice(["model", "campaign"]),
     metavar="[model|campaign]",
-    help="Print the JSON schema (draft 7) of such files instead, of models if it is not said: "
-    "editors check and complete a file with it.",
+    help="Print the JSON schema (draft 7) of model files (default) or campaign files instead; "
+    "editors use it for validation and completion.",
 )
 @options.output.units
 def command(
@@ -51,18 +53,18 @@ def command(
 ) -> None:
     """Validate model files and summarize them.
 
-    Each MODEL.yaml and the record that it names are read, its first mode is found, and nothing is
-    run. Every fault is reported with its line and column, those under misspelled keys, too; also an
-    unknown method and a record that is not there. What is unusual is told, from periods to peaks of
-    ground motion: mostly a wrong unit. A table with a row for each sound model goes to standard
-    output: stories, height, mass, fundamental period and damping, drift laws, method, record. A
-    campaign file is checked with the models that it names. Exit code 3 if one of them has a fault,
-    4 if a record cannot be read.
+    Each MODEL.yaml and its record are read and the first mode is computed, without time
+    integration. All errors are reported with line and column, including errors under misspelled
+    keys, unknown methods and missing records. Warnings report unusual values, from periods to peaks
+    of the ground motion; the most common cause is a wrong unit. A table with one row per valid
+    model is written to standard output: stories, height, mass, fundamental period and damping,
+    hysteretic laws, method, record. A campaign file is checked together with its models. The exit
+    code is 3 if a file is invalid, 4 if a record cannot be read.
 
-    With --plugin and no model the table has its methods: declared and observed order, stability
-    limit and spectral radius at infinity; exit code 5 if one is not as declared. With models that
-    have its laws, these are put through cycles of drift: force, tangent and energy must fit each
-    other.
+    With --plugin and without models, the table lists the methods of the plug-in: declared and
+    observed order, stability limit and spectral radius at infinity; the exit code is 5 if a method
+    contradicts its declared properties. With models that use laws of the plug-in, these laws are
+    tested with drift cycles: force, tangent stiffness and energy must be consistent.
     """
     mode = _SCHEMA if schema else _PLUGINS if plugins and not models else _MODELS
     refuse_idle(mode, MODES)
@@ -82,15 +84,15 @@ def command(
         _check_methods(plugins)
         return
     if not models:
-        raise UsageError("nothing to check: give a MODEL.yaml, or --schema")
+        raise UsageError("no model file is specified; add MODEL.yaml, or --schema")
     from tdint.analysis.run.overview import overview
     from tdint.output.tables import buildings as columns
     from tdint.output.tables.table import Table
     from tdint.units import SI
     from tdint_cli.drawing import emit_table
 
-    # A file with faults does not keep the others from being checked; models of a campaign take its
-    # place.
+    # An invalid file does not prevent the check of other files. The models of a campaign file
+    # replace it in the list.
     sound: list[Overview] = []
     failures: list[TdintError] = []
     waiting = list(models)
@@ -115,6 +117,7 @@ def command(
 
 
 def _check_methods(plugins: tuple[str, ...]) -> None:
+    """Compare the methods of plug-ins with their declared properties, and write the table."""
     from tdint.analysis.assessment.order import check_method
     from tdint.methods.catalogue import load_plugin, parse
     from tdint.output.tables.methods import DECLARATION
@@ -125,17 +128,17 @@ def _check_methods(plugins: tuple[str, ...]) -> None:
     checks = [
         check_method(parse(method.name)) for methods, _ in plugin_checks for method in methods
     ]
-    # Faults come after the table that shows them.
+    # Report the errors after the table that shows them.
     if checks:
         emit_table(Table.of_results(DECLARATION, checks))
     if laws := [law.name for _, laws in plugin_checks for law in laws]:
-        note(f"to check the laws ({', '.join(laws)}) give a model with them, too")
+        note(f"to check the laws ({', '.join(laws)}), add a model file that uses them")
     if faults := [AnalysisError(fault) for check in checks for fault in check.faults]:
         raise Failures([*faults])
 
 
 def _faults_of_laws(file: str, plugins: tuple[str, ...]) -> list[TdintError]:
-    """What is wrong with the plug-ins' laws that a model has."""
+    """Return the errors of the plug-in laws that a model uses."""
     if not plugins or file == "-":
         return []
     from tdint.analysis.assessment.order import check_law
@@ -157,12 +160,12 @@ def _faults_of_laws(file: str, plugins: tuple[str, ...]) -> list[TdintError]:
 
 
 def _named_by(file: str) -> tuple[str, ...] | None:
-    """The models that a campaign file names; None for a file that is none.
+    """Return the model files of a campaign file, or None if the file is not a campaign file.
 
     Raises
     ------
     ModelError
-        All that is wrong with the campaign file.
+        The campaign file is invalid; the message lists all errors.
     """
     if file == "-" or not is_file(file):
         return None
@@ -174,5 +177,5 @@ def _named_by(file: str) -> tuple[str, ...] | None:
     from tdint.campaign.reader import load_campaign
 
     campaign = load_campaign(file)
-    say(f"{file}: a campaign without a fault")
+    say(f"{file}: valid campaign file")
     return campaign.buildings.files if isinstance(campaign.buildings, ModelFiles) else ()
