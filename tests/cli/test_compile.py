@@ -32,7 +32,7 @@ def test_everything_is_compiled_once_for_each_processor(tdint, folder, monkeypat
     ]
     assert {file.name for file in (folder / goal).iterdir()} == set(names)
     again = tdint("compile", "--all", "-o", "shared/kernels")
-    assert (again.exit_code, again.stderr) == (0, "All of it is compiled already.\n")
+    assert (again.exit_code, again.stderr) == (0, "All time loops are compiled already.\n")
 
     monkeypatch.setenv("TDINT_CACHE_DIR", str(folder / "cache"))
     assert (

@@ -79,4 +79,4 @@ def test_what_is_refused(here, tdint, arguments, code, message):
 
 def test_the_help_names_all_problems():
     option = next(parameter for parameter in command.params if parameter.name == "problems")
-    assert option.help.endswith(f": {', '.join(problems())}; all if there is none.")
+    assert option.help.endswith(f": {', '.join(problems())}; all by default.")

@@ -1,4 +1,4 @@
-"""`tdint compile`: kernels ahead of their first use."""
+"""`tdint compile`: compilation of kernels before their first use."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tdint_cli.terminal import emit, progress_bar, say
 
 _HERE = ("x86-64-v4", "x86-64-v3", "x86-64-v2", "x86-64", "aarch64")
 _SYSTEMS = ("linux", "macos", "windows")
-TARGETS = ("native", *_HERE, *(f"{system}-{one}" for system in _SYSTEMS for one in _HERE))[
+TARGETS = ("native", *_HERE, *(f"{system}-{target}" for system in _SYSTEMS for target in _HERE))[
     :-1
 ]  # Windows: x86-64 only
 
@@ -33,22 +33,22 @@ class Request:
     """The command line of `tdint compile`."""
 
     models: tuple[str, ...] = options.argument("[MODEL.yaml]...", nargs=-1)
-    everything: bool = options.option("--all", help="Compile all that there is, for any building.")
+    everything: bool = options.option("--all", help="Compile all time loops, for any building.")
     targets: tuple[str, ...] | None = options.option(
         "--target",
         type=ListOf(click.Choice(TARGETS)),
         metavar="NAME,...",
-        help=f"Processors to compile for: native, this machine's, by default; {', '.join(_HERE)}; "
-        f"those of another system behind {', '.join(_SYSTEMS)}: macos-aarch64.",
+        help=f"Target processors: native (this machine, default); {', '.join(_HERE)}; for another "
+        f"system with the prefix {', '.join(_SYSTEMS)}: macos-aarch64.",
     )
     method: str | None = options.analysis.method_of("MODEL.yaml")
     show: bool = options.option(
-        help="Tell for each loop which object is used and whether it came in a wheel; compile "
-        "nothing."
+        help="List the object file of each time loop and its origin (for example a wheel), without "
+        "compilation."
     )
-    clean: bool = options.option(help="Remove all compiled loops from the user's cache.")
+    clean: bool = options.option(help="Remove all compiled time loops from the cache of the user.")
     output: str | None = options.output.output(
-        "DIR", "Write to this folder, which TDINT_KERNELS_DIR then names.", tables=False
+        "DIR", "Write to this directory, for use with TDINT_KERNELS_DIR.", tables=False
     )
 
 
@@ -62,24 +62,25 @@ class Request:
 def command(request: Request) -> None:
     """Compile time loops ahead of their first use.
 
-    tdint compiles what a building needs when it is first integrated, 5 to 20 s once; this does it
-    before. It is for images, clusters and laboratories where users cannot write, and for other
-    processors. For each MODEL.yaml what its run needs, with --all one variant of everything that
-    serves any building, in a few minutes. Without -o the objects lie in the user's cache, never in
-    the installed package; --clean removes them, before tdint is uninstalled, say.
+    By default, tdint compiles the time loops of a building at its first time integration, which
+    takes 5 to 20 s. This command compiles them in advance: for container images, for clusters and
+    laboratories where users have no write permission, and for other processors. It compiles the
+    time loops of each MODEL.yaml, or with --all one variant of all time loops, which takes a few
+    minutes. Without -o the objects are stored in the cache of the user, never in the installed
+    package; --clean removes them, for example before tdint is uninstalled.
     """
-    # --clean alone is an order by itself; with models it comes before they are compiled.
-    asked = bool(request.models or request.everything)
-    if asked or request.clean:
-        refuse_idle((_SHOW if request.show else _COMPILE) if asked else _CLEAN, MODES)
+    # --clean is allowed without other options; with models, it is executed before the compilation.
+    is_requested = bool(request.models or request.everything)
+    if is_requested or request.clean:
+        refuse_idle((_SHOW if request.show else _COMPILE) if is_requested else _CLEAN, MODES)
     if request.clean:
         from tdint.kernels.building import store
 
         say(f"{how_many(store.clean(), 'compiled time loop')} removed.")
-        if not asked:
+        if not is_requested:
             return
-    if not asked:
-        raise UsageError("nothing to compile: give a MODEL.yaml, or --all")
+    if not is_requested:
+        raise UsageError("no model file is specified; add MODEL.yaml, or --all")
     from tdint.analysis.run.prepared import of_everything, of_model
     from tdint.kernels.building.load_or_compile import compile_ahead, list_objects
     from tdint.methods.catalogue import DEFAULT_METHOD, parse
@@ -87,8 +88,8 @@ def command(request: Request) -> None:
 
     if request.output:
         check_outputs([Path(request.output) / "objects"], overwrite=True)
-    # What each model needs, beside what serves any building; what is compiled already is passed
-    # over.
+    # Collect the kernels of each model, in addition to the kernels for any building with --all.
+    # Kernels that are compiled already are skipped.
     kernels = of_everything() if request.everything else []
     for file in request.models:
         model = load_model(file)
@@ -110,6 +111,6 @@ def command(request: Request) -> None:
             lambda part: progress("compiling", part),
         )
     if not written:
-        say("All of it is compiled already.")
+        say("All time loops are compiled already.")
     else:
         say(f"{how_many(len(written), 'time loop')} compiled, in {written[0].parent}")

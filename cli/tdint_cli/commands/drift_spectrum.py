@@ -1,4 +1,4 @@
-"""`tdint drift-spectrum`: the largest story drift of shear buildings over their period."""
+"""`tdint drift-spectrum`: maximum story drift of shear buildings over their period."""
 
 from __future__ import annotations
 
@@ -35,27 +35,27 @@ class DriftRequest(TablesRequest):
     stories: int | None = options.spectra.option(
         type=click.IntRange(1),
         metavar="N",
-        help="Number of stories, the same at all periods and heights.",
+        help="Number of stories, equal for all periods and heights.",
     )
     story_height: float | None = options.spectra.option(
         type=Number(0.0, min_open=True),
         metavar="METERS",
-        help="Without --stories: as many stories as the building's height has of these, rounded, "
-        f"at least one; {STORY_HEIGHT:g} by default.",
+        help="Story height, from which the number of stories is computed without --stories: "
+        f"building height divided by it, rounded, at least 1; {STORY_HEIGHT:g} by default.",
     )
     height_period: str = options.spectra.option(
         metavar="A,B",
         default=_HEIGHT_PERIOD,
-        help="The height H of a building with the fundamental period T, by T = A H^B in s and m; "
-        f"{_HEIGHT_PERIOD} by default.",
+        help="Coefficients of T = A H^B, in s and m, for the height H of a building with the "
+        f"fundamental period T; {_HEIGHT_PERIOD} by default.",
     )
     beam: bool = options.spectra.option(
-        help="A continuous shear beam instead of stories, and its drift at the base (Iwan's drift "
-        "spectrum)."
+        help="Use a continuous shear beam instead of stories, and its drift at the base (Iwan's "
+        "drift spectrum)."
     )
 
     def settings(self) -> dict[str, Any]:
-        """As those of all spectra, with the story height that is taken where none is given."""
+        """Return the settings of all spectra, and the story height or its default value."""
         settings = super().settings()
         if not self.beam and self.stories is None:
             settings["story_height"] = self.story_height or STORY_HEIGHT
@@ -66,7 +66,7 @@ class DriftRequest(TablesRequest):
     "drift-spectrum",
     "tdint drift-spectrum office-motion.txt --damping 2%",
     "tdint drift-spectrum office-motion.txt --stories 5 -o drift.csv --plot",
-    exits={4: "a record cannot be read; the others are done"},
+    exits={4: "a record cannot be read; the other records are processed"},
 )
 @options.record.of_records
 @options.spectra.tables_of_records()
@@ -74,32 +74,31 @@ class DriftRequest(TablesRequest):
 def command(request: DriftRequest) -> None:
     """Compute drift spectra: maximum story drifts of shear buildings.
 
-    RECORD is a file, or a folder for all records in it, - is standard input; all components are
-    taken unless
-    --component names one. The buildings are linear, with equal masses, stiffnesses and heights of
-    their stories and the same damping ratio in all modes. CSV: the largest drift ratio of all
-    stories, the story where it is (none for
-    --beam), and the largest displacement of the roof over the building's height. They are exact for
-    a ground motion that is linear between its samples, the largest between the samples, too. A
-    record that fails does not keep the others from being done.
+    RECORD is a file, or a directory for all records in it; - is standard input. All components are
+    used unless --component specifies one component. The buildings are linear, with stories of equal
+    mass, stiffness and height, and the same damping ratio in all modes. CSV: the maximum drift
+    ratio of all stories, the story in which it occurs (empty for --beam), and the maximum roof
+    displacement divided by the height of the building. The values are exact for a ground motion
+    that is linear between its samples, including maxima between samples. An error in one record
+    does not stop the processing of other records.
 
-    A and B of some codes, in s and m: 0.0731,0.75 moment frames of reinforced concrete in the
-    Uniform Building Code of 1997, and in ASCE 7 frames of steel with eccentric or
-    buckling-restrained braces; 0.0724,0.8 and 0.0466,0.9 moment frames of steel and of concrete in
-    ASCE 7; 0.0488,0.75 other buildings in both.
+    A and B of some codes, in s and m: 0.0731,0.75 for moment frames of reinforced concrete in the
+    Uniform Building Code of 1997, and in ASCE 7 for steel frames with eccentric or
+    buckling-restrained braces; 0.0724,0.8 and 0.0466,0.9 for moment frames of steel and of concrete
+    in ASCE 7; 0.0488,0.75 for other buildings in both codes.
     """
     make_tables(request, _DriftSpectra())
 
 
 class _DriftSpectra(Kind):
-    """Drift spectra of each component with each damping ratio."""
+    """Drift spectra of each component for each damping ratio."""
 
     def check(self, request: DriftRequest) -> None:
-        """Refuse, before any work, what makes no sense together."""
+        """Raise UsageError for options that exclude each other, before any computation."""
         if request.stories is not None and request.story_height is not None:
-            raise UsageError("--stories and --story-height are given; leave one of them out")
+            raise UsageError("--stories cannot be used with --story-height; omit one of them")
         if request.beam and (request.stories is not None or request.story_height is not None):
-            raise UsageError("--beam has no stories: leave out --stories and --story-height")
+            raise UsageError("--beam has no stories; omit --stories and --story-height")
         from tdint.analysis.spectra.drift import number_of_stories, parse_height_period
 
         heights = parse_height_period(request.height_period).height(request.chosen_periods())
@@ -107,7 +106,7 @@ class _DriftSpectra(Kind):
             number_of_stories(heights, request.stories, request.story_height or STORY_HEIGHT)
 
     def compute(self, request: DriftRequest, records: Sequence[Record]) -> Results:
-        """The spectra of each component with each damping ratio."""
+        """Return the spectra of each component for each damping ratio."""
         from tdint.analysis.spectra.drift import drift_spectrum, parse_height_period
 
         results = [
@@ -126,5 +125,5 @@ class _DriftSpectra(Kind):
         return Results(results, records)
 
     def picture(self, request: DriftRequest, results: Sequence[DriftSpectrum]) -> Figure:
-        """A line for each spectrum."""
+        """Return the figure, with one line per spectrum."""
         return figures.spectrum_curves.drift_spectrum_picture(results, request.shown_units)

@@ -1,4 +1,4 @@
-"""`tdint examples`: the examples of the paper that proposed impulse, its methods and their
+"""`tdint examples`: the examples of the paper that proposed impulse, with its methods and their
 errors."""
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from tdint.files import Content
 
 _CONFIRMS = "gauss4"
-_WIDTH = 100  # letters of a line
+_WIDTH = 100  # characters per line of text
 
 _LABORATORY = {
     1: ("spectral_radius", 0.0, "spectral radii, damping ratio 0"),
@@ -36,11 +36,11 @@ _LABORATORY = {
     4: ("numerical_damping", 0.0, "numerical damping, damping ratio 0 (eq. 40 prints half of it)"),
     5: ("amplitude_decay", 0.0, "amplitude decay, damping ratio 0"),
 }
-"""Of the figures 1 to 5 of the paper the quantity, the damping ratio, and the title."""
+"""Quantity, damping ratio and title of figures 1 to 5 of the paper."""
 
 _ORDER_FIGURE = 6  # of the paper
 _BETA_SCAN = "beta-scan"
-_OURS = ("impulse4", "moment4")  # thin, beside the paper's five
+_OURS = ("impulse4", "moment4")  # plotted as thin lines next to the five methods of the paper
 _STEPS = Grid(0.01, 100.0, 600)  # dt/T
 _RATIOS = Grid(
     0.2, 5.0, 15
@@ -54,35 +54,35 @@ class Request:
     numbers: tuple[str, ...] = options.argument(
         "[1|2|3]...", nargs=-1, type=click.Choice(["1", "2", "3"])
     )
-    methods: tuple[str, ...] = options.analysis.methods("the paper's seven")
+    methods: tuple[str, ...] = options.analysis.methods("the seven methods of the paper")
     dts: tuple[float, ...] | None = options.analysis.option(
         "--dt",
         type=ListOf(Number(1e-3, 0.1)),
         metavar="SECONDS,...",
-        help="Time steps; the paper's 0.02 if there is none. The figures show the first one.",
+        help="Time steps; 0.02 by default, as in the paper. The figures show the first time step.",
     )
     reference: str = options.analysis.option(
         type=click.Choice(["paper", "finer"]),
         default="paper",
-        help="What figures and ranks take as exact: the paper's newmark-linear with 0.001 s "
-        "(examples 1, 2) or 0.002 s (3), by default, or rk5 with steps 8 times finer. The table "
-        "has the errors against both.",
+        help="Reference solution of figures and ranks: newmark-linear with 0.001 s (examples 1, 2) "
+        "or 0.002 s (3) as in the paper, by default, or rk5 with 8 times smaller time steps. The "
+        "table contains the errors relative to both.",
     )
     output: str | None = options.output.output(
-        "DIR", "Also write the tables and figures into this folder."
+        "DIR", "Also write the tables and figures to this directory."
     )
     picture_format: str = options.output.option(
         "--format",
         needs="-o",
         type=click.Choice(["png", "pdf", "svg"]),
         default="png",
-        help="Of the figures; png by default.",
+        help="Format of the figures; png by default.",
     )
     all_figures: bool = options.output.option(
         "--figures",
         needs="-o",
-        help="Draw all sixteen figures: those of stability, accuracy and order (1 to 6) and the "
-        "buildings of examples 2 and 3 (9, 13), too.",
+        help="Plot all sixteen figures, including stability, accuracy and order (1 to 6) and the "
+        "buildings of examples 2 and 3 (9, 13).",
     )
     overwrite: bool = options.output.overwrite
 
@@ -98,27 +98,27 @@ class Request:
 def command(request: Request) -> None:
     """Reproduce the examples and figures of the paper that proposed impulse.
 
-    Example 1 is one mass on a quadratic spring, 2 a building of two stories, 3 a chain of 150
-    masses. All three if none is named. The data of example 2 stand in a drawing of the paper that
-    we do not have: its building has values of our own. CSV: the largest errors over all floors and
-    steps; the rank by displacement.
+    Example 1 is a mass on a quadratic spring, 2 a building of two stories, 3 a chain of 150 masses;
+    by default all three are run. The paper gives the data of example 2 in a drawing that is not
+    available: its building has assumed values. CSV: the maximum errors over all floors and time
+    steps; the rank by the displacement error.
 
     The paper: "An Implicit Unconditionally Stable Integration Method for Nonlinear Structural
     Dynamics and Earthquake Engineering Problems", published online 15 March 2022.
 
-    The methods are the paper's: the proposed one (impulse), Newmark's average and linear
-    acceleration, central difference, Wilson, U0-V0 and RK5, with 0.02 s. RK5 is also fed with the
-    load's samples, linear between the steps and held over each step, and the central difference
-    started with u(-dt) = 0: what probably stands behind the paper's ranking. The reasons go to
-    standard error.
+    The methods are the methods of the paper: the proposed method (impulse), Newmark's average and
+    linear acceleration, central difference, Wilson, U0-V0 and RK5, with a time step of 0.02 s. The
+    table adds RK5 with the samples of the load, linear between time steps and constant in each time
+    step, and central difference started with u(-dt) = 0. These variants probably explain the
+    ranking in the paper; the reasons are written to standard error.
 
-    With -o: example-1-errors.csv and so on, and the paper's figures by its numbers: 7 displacement
-    of example 1, 8 its errors |u - u_exact|; 10 and 11 displacements of floors 1 and 2 of example
-    2, 12 the errors of floor 2; 14 and 15 displacements of masses 1 and 150 of example 3, 16 the
-    errors of mass 1. With --figures also 1 and 2 spectral radii without damping and with 5 %, 3
-    period elongations, 4 numerical damping, 5 amplitude decay, 6 order of accuracy over the
-    frequency of the load, with impulse4 and moment4 as thin lines; 9 and 13 the buildings in our
-    own drawing; and beta-scan, which the paper has not: impulse with other values of beta.
+    -o writes example-1-errors.csv etc. and the figures, numbered as in the paper: 7 displacement of
+    example 1, 8 its errors |u - u_exact|; 10 and 11 displacements of floors 1 and 2 of example 2,
+    12 the errors of floor 2; 14 and 15 displacements of masses 1 and 150 of example 3, 16 the
+    errors of mass 1. --figures adds 1 and 2 spectral radii without damping and with 5 %, 3 period
+    elongations, 4 numerical damping, 5 amplitude decay, 6 order of accuracy over the frequency of
+    the load, with impulse4 and moment4 as thin lines; 9 and 13 the buildings, redrawn; and
+    beta-scan, which is not in the paper: impulse with other values of beta.
     """
     from tdint.analysis.assessment.paper_examples import (
         DT,
@@ -132,7 +132,7 @@ def command(request: Request) -> None:
         for number in dict.fromkeys(sorted(request.numbers)) or map(str, examples())
     ]
     folder = Path(request.output) if request.output else None
-    # Names are checked before the runs, which take a while.
+    # Check the file names before the runs, which take some time.
     if folder:
         kind = f".{request.picture_format}"
         options.output.check_picture(Path(f"figure{kind}"))
@@ -158,7 +158,7 @@ def command(request: Request) -> None:
         write_files(files, overwrite=request.overwrite)
         note(
             *(
-                f"{file}: of an earlier call, left as it is"
+                f"{file}: written by an earlier call, unchanged"
                 for file in outputs
                 if file not in files and is_there(file)
             )
@@ -168,7 +168,7 @@ def command(request: Request) -> None:
             [run for example in asked for run in runs[example]], request.reference
         )
     )
-    # The remark explains the paper's own ranking: it fits its methods and its step alone.
+    # The remark explains the ranking of the paper, so it applies only to its methods and time step.
     usual = not request.methods and steps[0] == DT
     for example in asked:
         _say_example(

@@ -1,4 +1,4 @@
-"""`tdint failures`: the problems on which methods fail."""
+"""`tdint failures`: results of methods on problems that are difficult to integrate."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ def _problems() -> list[str]:
     "--problem",
     "problems",
     type=ListOf(Name(_problems)),
-    help="Problems to take: hardening, softening, stiff-node, soft-node, stiff-pair, limit-2, "
+    help="Problems to run: hardening, softening, stiff-node, soft-node, stiff-pair, limit-2, "
     "limit-sqrt-6, limit-sqrt-12, sqrt-12, large-step, overshoot-displacement, overshoot-velocity; "
-    "all if there is none.",
+    "all by default.",
 )
 @options.output.to_files(picture=options.output.PICTURE, in_units=False)
 def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs: Outputs) -> None:
     """Run methods on hard problems with known solutions and report failures.
 
-    Stories that harden and soften, stiff parts beside soft ones, steps at the limits of stability,
-    large first steps. Without --method also impulse4 and moment4 with rho_inf=0.5 and rho_inf=0,
-    and wilson:theta=1.3, without newmark, which is newmark-average. src/tdint/methods/README.md
-    lists the problems and what a method must keep to.
+    The problems are hardening and softening stories, stiff next to soft components, time steps at
+    stability limits, and large first time steps. The default methods also include impulse4 and
+    moment4 with rho_inf=0.5 and rho_inf=0, and wilson:theta=1.3; newmark is omitted, because it is
+    equal to newmark-average. src/tdint/methods/README.md describes the problems and the criteria.
 
-    CSV: least and largest energy over the largest of the exact motion (the initial one in free
-    vibration); the error, and in the last column what it is; the outcome, which is the status of
-    `tdint run` while the rest of the row is what
-    --allow-unstable gives, or `refused` for nonlinear stories with a method for linear ones; the
-    verdict: pass, loses energy, gains energy, rings, inaccurate, grows, overshoots, blows up, does
-    not converge; the time reached. The counts of the verdicts go to standard error. A method that
-    fails is a result: exit code 0.
+    CSV: minimum and maximum energy divided by the maximum energy of the exact solution (the initial
+    energy in free vibration); the error, and its definition in the last column; the outcome, which
+    is the status of `tdint run`, or `refused` for nonlinear stories with a method for linear
+    buildings (the remaining cells are results with --allow-unstable); the verdict: pass, loses
+    energy, gains energy, rings, inaccurate, grows, overshoots, blows up, does not converge; the
+    time reached. The number of each verdict is written to standard error. The exit code is 0 also
+    if a method fails.
     """
     from tdint.analysis.assessment.failures import (
         attempt,
@@ -68,8 +68,8 @@ def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs:
     outputs.deliver(
         tables.methods.failure_table(trials), lambda: figures.assessment.failure_picture(trials)
     )
-    # How often each method got each verdict; the columns in the order in which verdicts were met,
-    # `pass` first
+    # Count the verdicts of each method. The first column is `pass`, the other columns follow in the
+    # order of occurrence.
     verdicts = sorted(
         dict.fromkeys(trial.verdict for trial in trials), key=lambda verdict: verdict != "pass"
     )
@@ -77,5 +77,5 @@ def command(methods: tuple[str, ...], problems: tuple[str, ...] | None, outputs:
     for method in dict.fromkeys(trial.method for trial in trials):
         count = Counter(trial.verdict for trial in trials if trial.method == method)
         rows.append((method, *(str(count[verdict] or "") for verdict in verdicts)))
-    say("Verdicts, over problems and steps:")
+    say("Number of verdicts, over problems and time steps:")
     say_table(rows)
