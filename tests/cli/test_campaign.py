@@ -196,7 +196,7 @@ def test_the_same_bytes_whoever_does_the_runs(study: Path, tdint: Command) -> No
     left = len(rows("part-2/runs.csv"))
     assert f"{left} of {RUNS} runs are not in any directory: missing shard 2/3" in lacking.stderr
     result = tdint("campaign", "merge", *parts[:2], "-o", "half", "--partial", code=0)
-    assert "runs are in none of them" in result.stderr
+    assert "runs are missing in the directories" in result.stderr
     shutil.copytree("half", "added")
     assert (
         tdint("campaign", "merge", "part-2", "-o", "added").exit_code == 0
@@ -221,7 +221,7 @@ def test_a_campaign_goes_on_where_it_stopped(study: Path, tdint: Command) -> Non
     assert told in first.stderr and all(told in tdint(*command, "part").stderr for command in asked)
     status = tdint("campaign", "status", "part")
     assert status.stdout == f"status,runs\ndone,{done}\nleft,{RUNS - done}\n"
-    assert f"{done} of {RUNS} runs done" in status.stderr
+    assert f"{done} of {RUNS} runs completed" in status.stderr
     rest = tdint("campaign", "study.yaml", "-o", "part")
     assert f"{RUNS - done} runs in " in rest.stderr and f"{done} before" in rest.stderr
     assert not any("runs are done" in tdint(*command, "part").stderr for command in asked)
@@ -403,12 +403,12 @@ def test_a_scheduler_that_does_not_answer(
     ("arguments", "said"),
     [
         (["study.yaml"], "give -o DIR"),
-        (["study.yaml", "shaken.yaml", "-o", "new"], "a campaign is one file, got 2"),
-        (["study.yaml", "-o", "new", "--shard", "4/3"], "--shard is K/N"),
-        (["status"], "give one folder"),
+        (["study.yaml", "shaken.yaml", "-o", "new"], "one campaign file is required, got 2"),
+        (["study.yaml", "-o", "new", "--shard", "4/3"], "--shard must be K/N"),
+        (["status"], "one directory is required"),
         (["status", "nowhere"], "no campaign in this directory"),
-        (["study.yaml", "-o", "new", "--baseline", "shakn"], "building 'shakn' not found"),
-        (["merge", "-o", "all"], "give the folders to merge"),
+        (["study.yaml", "-o", "new", "--baseline", "shakn"], "there is no building 'shakn'"),
+        (["merge", "-o", "all"], "directories to merge and -o DIR are required"),
         (["merge", "nowhere", "-o", "all"], "no campaign in this directory"),
         (["study.yaml", "-o", "new", "--dask", "tcp://far.example:8786"], "must be encrypted"),
         (

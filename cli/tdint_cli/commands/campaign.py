@@ -1,5 +1,5 @@
-"""`tdint campaign`: many buildings under many records at many levels, kept on disk as they are
-done."""
+"""`tdint campaign`: runs of many buildings under many records at many intensity levels, which are
+stored on disk as they are completed."""
 
 from __future__ import annotations
 
@@ -45,64 +45,65 @@ class CampaignRequest(SuiteRequest):
     )
     output: str | None = options.output.output(
         "DIR",
-        "The folder of the campaign: campaign.sqlite, runs.csv, profiles.csv, summary.json, "
+        "Directory of the campaign: campaign.sqlite, runs.csv, profiles.csv, summary.json, "
         "stories.csv.",
     )
-    jobs: int | None = options.output.threads("Threads; one for each processor")
+    jobs: int | None = options.output.threads("Number of threads; one per processor")
     shard: str | None = options.option(
         metavar="K/N",
-        help="Do the K-th of N parts alone, each into a folder of its own; then merge them.",
+        help="Run only part K of N, each part in a separate directory; `merge` combines the parts.",
     )
     max_runs: int | None = options.option(
         type=click.IntRange(1),
         metavar="N",
         recorded=False,
-        help="Stop after about N runs; call again to go on.",
+        help="Stop after about N runs; the same call continues the campaign.",
     )
     dask: str | None = options.option(
         metavar="ADDRESS",
         rare=True,
         recorded=False,
-        help="Have the workers of this Dask scheduler do the runs: tcp://127.0.0.1:8786 on this "
-        "machine, else tls://.",
+        help="Execute the runs on the workers of this Dask scheduler: tcp://127.0.0.1:8786 on this "
+        "machine, tls:// on other machines.",
     )
     tls_ca: str | None = options.option(
         type=FileName(),
         needs="--dask",
         rare=True,
         recorded=False,
-        help="Certificate of the authority, for tls:// (PEM).",
+        help="Certificate of the certificate authority, for tls:// (PEM).",
     )
     tls_cert: str | None = options.option(
         type=FileName(),
         needs="--dask",
         rare=True,
         recorded=False,
-        help="Our certificate (PEM).",
+        help="Client certificate (PEM).",
     )
     tls_key: str | None = options.option(
         type=FileName(),
         needs="--dask",
         rare=True,
         recorded=False,
-        help="Its key (PEM).",
+        help="Private key of the client certificate (PEM).",
     )
     partial: bool = options.option(
-        rare=True, help="With merge: accept that runs are in none of the folders, and say how many."
+        rare=True, help="With merge: accept missing runs, and report their number."
     )
     simcenter: bool = options.output.option(
         rare=True,
-        help="With export: also simcenter.csv, the demands under SimCenter's names (1-PFA-1-1).",
+        help="With export: also write simcenter.csv, the demands with SimCenter names (1-PFA-1-1).",
     )
     geojson: bool = options.output.option(
         rare=True,
-        help="With export: also buildings.geojson, the buildings of an inventory as points with "
-        "their mean and largest demands, for maps.",
+        help="With export: also write buildings.geojson, the buildings of an inventory as points "
+        "with their mean and maximum demands, for maps.",
     )
 
     plot: str | None = options.output.plot(
-        "Also draw drifts, accelerations and shears over the height, of each motion and over all: "
-        "to this file (.png, .pdf, .svg), or alone as profiles.png into the folder."
+        "Also plot drifts, accelerations and shears over the height, for each ground motion and "
+        "over all motions: to this file (.png, .pdf, .svg), by default profiles.png in the "
+        "directory."
     )
     report: str | None = options.output.report
     report_head: tuple[tuple[str, str], ...] | None = options.output.option(
@@ -110,7 +111,7 @@ class CampaignRequest(SuiteRequest):
         type=Written("head", parse_head),
         metavar="TEXT",
         rare=True,
-        help="Lines at the top of the page, in place of `report` of the models: 'Project: Bridge "
+        help="Lines at the top of the report, instead of `report` of the models: 'Project: Bridge "
         "7; Author: A. B.'.",
     )
     output_units: OutputUnits | None = options.output.units
@@ -120,22 +121,22 @@ class CampaignRequest(SuiteRequest):
     pair_demand: str | None = PAIR_DEMAND
     baseline: str | None = options.analysis.option(
         metavar="NAME",
-        help="Also write ratios.csv: each building's mean, median and largest over those of this "
-        "one, and tell the ratios of the largest of all stories.",
+        help="Also write ratios.csv: mean, median and maximum of each building divided by the "
+        "values of this building; the ratios of the maximum over all stories are printed.",
     )
     by: str | None = options.output.option(
         metavar="COLUMN",
         rare=True,
-        help="Losses also by what stands in this column of the inventory, such as district: a "
-        "column of losses.csv.",
+        help="Also report losses by the values of this column of the inventory, such as district, "
+        "in a column of losses.csv.",
     )
     im: tuple[str, ...] | None = options.studies.option(
         type=ListOf(Name()),
         rare=True,
-        help="Also write measures.csv, intensities of each run for `tdint fragility --im`: pga, "
-        "pgv, pgd, arias, cav, cav5, d5-75, d5-95, sa (at T1) or sa:SECONDS, sa-avg (about T1) or "
-        "sa-avg:FIRST:LAST in seconds, sdi:T1:STRENGTH or sdi:SECONDS:STRENGTH (yield force over "
-        "weight).",
+        help="Also write measures.csv, intensity measures of each run for `tdint fragility --im`: "
+        "pga, pgv, pgd, arias, cav, cav5, d5-75, d5-95, sa (at T1) or sa:SECONDS, sa-avg (about "
+        "T1) or sa-avg:FIRST:LAST in seconds, sdi:T1:STRENGTH or sdi:SECONDS:STRENGTH (yield force "
+        "divided by weight).",
     )
 
 
@@ -144,7 +145,7 @@ _OF_TABLES = frozenset(
 )
 _OF_RUNS = frozenset(("jobs", "shard", "max_runs", "dask", "im", "report", "floors"))
 _NO_MODELS = dict.fromkeys(
-    ("im", "report", "floors"), "it has no models: give it to the call that does the runs"
+    ("im", "report", "floors"), "it requires the models; add it to the call that executes the runs"
 )
 _RUN = Mode("with `tdint campaign CAMPAIGN.yaml`", _OF_TABLES | _OF_RUNS | {"output"})
 _STATUS = Mode("with `tdint campaign status`", advice=_NO_MODELS)
@@ -158,8 +159,8 @@ MODES = (_RUN, _STATUS, _EXPORT, _MERGE)
     "tdint campaign campaign.yaml -o study --plot",
     "tdint campaign status study",
     exits={
-        4: "a record could not be read; the others are done",
-        5: "with --require the limit is not kept, or the study not complete",
+        4: "a record could not be read; the other records are processed",
+        5: "with --require: the limit is exceeded, or the campaign is not complete",
     },
 )
 @options.analysis.plugin
@@ -168,14 +169,15 @@ MODES = (_RUN, _STATUS, _EXPORT, _MERGE)
 def command(request: CampaignRequest) -> None:
     """Run many buildings under many records at many intensity levels.
 
-    `tdint campaign CAMPAIGN.yaml -o DIR` does all runs that the file asks for and writes a row of
-    each to DIR/runs.csv, and their mean, fractiles and largest over the motions to
-    DIR/profiles.csv. Whatever ends it, the same call goes on where it stopped. `status DIR` tells
-    how far it is, `export DIR` writes the tables anew, `merge DIR... -o DIR` puts parts together
-    that were done with --shard.
+    `tdint campaign CAMPAIGN.yaml -o DIR` executes all runs of the file, and writes one row per run
+    to DIR/runs.csv, and mean, fractiles and maximum over the ground motions to DIR/profiles.csv.
+    After an interruption, the same call continues the campaign. `status DIR` reports the progress,
+    `export DIR` writes the tables again, `merge DIR... -o DIR` combines parts that were run with
+    --shard.
 
-    A run that fails is repeated with finer steps; if it still does, its row has the status and no
-    peaks. Records that cannot be read are told, the others are done, and the exit code is 4.
+    A run that fails is repeated with smaller time steps; if it fails again, its row contains the
+    status without peaks. Records that cannot be read are reported, the other records are processed,
+    and the exit code is 4.
     """
     mode, act = _ACTIONS.get(request.words[0], (_RUN, _run))
     refuse_idle(mode, MODES)
@@ -183,14 +185,14 @@ def command(request: CampaignRequest) -> None:
 
 
 def _run(request: CampaignRequest) -> None:
+    """Execute the runs of a campaign file."""
     if len(request.words) > 1:
         raise UsageError(
-            f"a campaign is one file, got {len(request.words)}: {' '.join(request.words)}"
+            f"one campaign file is required, got {len(request.words)}: {' '.join(request.words)}"
         )
     if request.output is None:
-        raise UsageError("a campaign is kept in a folder: give -o DIR")
-    # What can be seen to fail is refused before the inputs are read: floors, measures, outputs,
-    # shard, cluster.
+        raise UsageError("-o DIR is required: the directory of the campaign")
+    # Check floors, measures, outputs, shard and cluster before the inputs are read.
     request.of_floors.check(request.output)
     if request.im:
         from tdint.campaign.fragility.measures import run_measure
@@ -208,16 +210,16 @@ def _run(request: CampaignRequest) -> None:
         first, slash, last = request.shard.partition("/")
         if not (slash and first.isdecimal() and last.isdecimal() and 1 <= int(first) <= int(last)):
             raise UsageError(
-                f"--shard is K/N with K from 1 to N, such as 2/8, got {request.shard!r}"
+                f"--shard must be K/N with K from 1 to N, such as 2/8, got {request.shard!r}"
             )
         shard = Shard(int(first), int(last))
     if request.dask is not None:
         from tdint.campaign.cluster import Cluster
 
-        far = Cluster(request.dask, request.tls_ca, request.tls_cert, request.tls_key)
+        scheduler = Cluster(request.dask, request.tls_ca, request.tls_cert, request.tls_key)
         if request.jobs is not None:
-            raise UsageError("--jobs is for threads of this machine; leave it out with --dask")
-        engine = cluster(far)
+            raise UsageError("--jobs cannot be used with --dask; omit --jobs")
+        engine = cluster(scheduler)
     else:
         engine = threads(request.jobs or processors())
     campaign = load_campaign(request.words[0])
@@ -228,6 +230,7 @@ def _run(request: CampaignRequest) -> None:
 
 
 def _status(request: CampaignRequest) -> None:
+    """Write the number of runs of each status, and warnings about inputs that cannot be used."""
     from tdint.campaign.store import check_chunks, open_existing
     from tdint.output.tables.campaign import status_table
 
@@ -236,13 +239,14 @@ def _status(request: CampaignRequest) -> None:
         statuses, every = store.statuses(), int(store.meta("runs"))
         done = sum(statuses.values())
         emit_table(status_table(statuses, every - done))
-        say(f"{store.meta('name')}: {done} of {how_many(every, 'run')} done.")
+        say(f"{store.meta('name')}: {done} of {how_many(every, 'run')} completed.")
         for kind, reasons in store.unused().items():
             if reasons:
                 warn(f"{how_many(len(reasons), kind)} could not be used:\n" + "\n".join(reasons))
 
 
 def _export(request: CampaignRequest) -> None:
+    """Write the tables of a campaign again."""
     from tdint.campaign.store import check_chunks, open_existing
 
     folder = _folder(request)
@@ -261,16 +265,17 @@ def _export(request: CampaignRequest) -> None:
 
 
 def _merge(request: CampaignRequest) -> None:
+    """Combine the parts of a campaign in one directory, and write the tables."""
     folders = [Path(word) for word in request.words[1:]]
     if not folders or request.output is None:
         raise UsageError(
-            "give the folders to merge and -o DIR: tdint campaign merge out-*/ -o all/"
+            "directories to merge and -o DIR are required: tdint campaign merge out-*/ -o all/"
         )
     from tdint.campaign.execute import merge
     from tdint.campaign.store_schema import locked
 
     target = Path(request.output)
-    # Nobody else may write there while stores are copied, chunk by chunk.
+    # Lock the directory, so that no other process writes to it while the stores are copied.
     with locked(target):
         check_names(target, request)
         refuse_foreign(target, stories=True, profiles=True, overwrite=request.overwrite)
@@ -282,8 +287,8 @@ def _merge(request: CampaignRequest) -> None:
             finish(profiles, target)
             every, done = int(store.meta("runs")), sum(store.statuses().values())
             if done < every:
-                rest = f"`tdint campaign FILE -o {target}` does the rest"
-                warn(f"{every - done} of {every} runs are in none of them; {rest}")
+                remedy = f"`tdint campaign FILE -o {target}` executes them"
+                warn(f"{every - done} of {every} runs are missing in the directories; {remedy}")
             failures = [*_unused_inputs(store), *profiles.tell()]
             if failures:
                 raise Failures(failures)
@@ -292,8 +297,8 @@ def _merge(request: CampaignRequest) -> None:
 def _unused_inputs(store: Store) -> list[TdintError]:
     """Return an error for the records, and one for the buildings, that a campaign could not use.
 
-    The calls for the shards end with the same errors. A campaign that lacks some of its inputs is
-    not complete, although all runs of the others are done.
+    The calls for the shards end with the same errors. A campaign without some of its inputs is not
+    complete, although all other runs are completed.
     """
     kinds: tuple[tuple[str, type[TdintError]], ...] = (
         ("building", ModelError),
@@ -302,7 +307,7 @@ def _unused_inputs(store: Store) -> list[TdintError]:
     errors = []
     for kind, error in kinds:
         reasons = store.unused()[kind]
-        # A building without a ground motion is reported as a record is that cannot be read.
+        # A building without a ground motion is reported in the same way as an unreadable record.
         if kind == "building" and all("max_distance is " in reason for reason in reasons):
             error = RecordError
         if reasons:
@@ -312,8 +317,9 @@ def _unused_inputs(store: Store) -> list[TdintError]:
 
 
 def _folder(request: CampaignRequest) -> Path:
+    """Return the directory of `status` or `export`; raise UsageError unless it is exactly one."""
     if len(request.words) != 2:
-        raise UsageError(f"give one folder: tdint campaign {request.words[0]} DIR")
+        raise UsageError(f"one directory is required: tdint campaign {request.words[0]} DIR")
     return Path(request.words[1])
 
 

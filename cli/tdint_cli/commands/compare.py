@@ -1,4 +1,4 @@
-"""`tdint compare`: a building's result beside what was recorded in it."""
+"""`tdint compare`: computed and recorded response of a building."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ FITTED = "fitted.yaml"
 """The files of a comparison."""
 
 PERIODS = "0.04:4:100"
-"""Of the spectra, s, where none are asked for."""
+"""Default periods of the spectra, s."""
 
-_FEW = 8  # fitted values that are said; all are written
+_FEW = 8  # number of fitted values in the message; the files contain all values
 
 
 def _requirement(text: str) -> tuple[str, float]:
-    """NAME=NUMBER: what the comparison of every floor must come to."""
+    """Return the name and the value of a requirement NAME=NUMBER for every floor."""
     from tdint.analysis.compare import parse_requirement
 
     try:
@@ -57,34 +57,35 @@ class Request:
     recorded: str = options.option(
         type=FileName(),
         required=True,
-        help="What was recorded in the building, and where: a YAML file with the keys base, "
-        "floors, band, window, shift.",
+        help="Recorded response and sensor locations: a YAML file with the keys base, floors, "
+        "band, window, shift.",
     )
     fit: tuple[str, ...] | None = options.option(
         type=ListOf(click.Choice(["stiffness", "stiffness-factor", "damping"])),
         metavar="stiffness|stiffness-factor,damping",
-        help="First fit the stiffnesses of the stories, or one factor on all of them, which is "
-        "what a single sensor can tell, or the damping to the recording: stiffnesses from a tenth "
-        "to ten times, ratios from 0.01 to 50 %, Rayleigh's coefficients from a thousandth to a "
-        "thousand times the model's.",
+        help="First fit parameters to the recording: the story stiffnesses, one factor of all "
+        "stiffnesses (suitable for a single sensor), or the damping. Bounds: stiffnesses from 0.1 "
+        "to 10 times the value of the model, damping ratios from 0.01 to 50 %, Rayleigh "
+        "coefficients from 0.001 to 1000 times the value of the model.",
     )
     blind: tuple[str, ...] | None = options.option(
         needs="--fit",
         type=ListOf(FileName()),
-        help="Compare other recordings, too, with the fitted values; adds the column recorded.",
+        help="Also compare other recordings with the fitted model (blind prediction); adds the "
+        "column recorded.",
     )
     require: tuple[tuple[str, float], ...] | None = options.option(
         type=ListOf(Written("NAME=NUMBER", _requirement)),
-        help="End with exit code 5 unless every floor has a correlation of at least this, a "
-        "peak_ratio between this and its inverse, or an rms_difference of at most this.",
+        help="Exit with code 5 unless every floor has a correlation of at least NUMBER, a "
+        "peak_ratio between NUMBER and its inverse, or an rms_difference of at most NUMBER.",
     )
     method: str | None = options.analysis.method
     dt: float | None = options.analysis.option(
         type=float,
         metavar="SECONDS",
         rare=True,
-        help="Time step: the recording's sampling interval or a whole part of it; by default "
-        "short enough that the method's error is not seen.",
+        help="Time step: the sampling interval of the recording divided by an integer; by default "
+        "small enough that the discretization error is negligible.",
     )
     damping: float = options.analysis.damping_of(
         "the floors' spectra", heading=options.grammar.SPECTRUM, needs="-o or --plot"
@@ -94,9 +95,9 @@ class Request:
     )
     output: str | None = options.output.output(
         "DIR|FILE.csv",
-        f"Write {TABLE}, {SPECTRA} and {SUMMARY} into this folder, with --fit {FIT} and the fitted "
-        f"model {FITTED}, too; or the table to this file and the others beside it, their names "
-        "behind its name.",
+        f"Write {TABLE}, {SPECTRA} and {SUMMARY} to this directory, with --fit also {FIT} and the "
+        f"fitted model {FITTED}; or write the table to this file, and the other files next to it "
+        "with its name as a prefix.",
     )
     plot: str | None = options.output.picture
     report: str | None = options.output.report
@@ -104,7 +105,7 @@ class Request:
     overwrite: bool = options.output.overwrite
 
     def file(self, name: str) -> Path:
-        """The file of this name: in the folder of -o, or beside the table that -o names
+        """Return the path of the file `name`: in the directory of -o, or next to the table of -o
         (`NAME.csv`: `NAME-name`)."""
         output = Path(self.output or "")
         if output.suffix.lower() != ".csv":
@@ -113,7 +114,7 @@ class Request:
 
     @property
     def picture(self) -> Path | None:
-        """The file of the picture, if one is asked for."""
+        """Path of the figure; None if no figure is requested."""
         return picture_file(self.plot, self.file(TABLE) if self.output else None)
 
     @property
@@ -139,13 +140,12 @@ class Request:
 def command(request: Request) -> None:
     """Compare the computed response of a building with its recorded response.
 
-    MODEL.yaml is a model file; the mean of the base's recordings drives it, in place of the record
-    that it names. Several sensors of a floor are averaged. Each recording loses its offset (an
-    acceleration its median, a displacement, which may remain, what it is before the shaking), and
-    the same filters without shift of phase, forwards and backwards, take recording and result to
-    the band. CSV, a row per floor: correlation, largest value computed over that recorded, rms of
-    the difference over that of the recording. With -o also the spectra of the floors' absolute
-    accelerations.
+    MODEL.yaml is a model file; its ground motion is the mean of the recordings at the base instead
+    of the record of the model. Several sensors of a floor are averaged. The offset of each
+    recording is removed (of an acceleration its median, of a displacement its value before the
+    shaking). The same zero-phase filters limit recorded and computed response to the band. CSV, one
+    row per floor: correlation, computed maximum divided by recorded maximum, rms difference divided
+    by the rms of the recording. -o also writes spectra of the absolute floor accelerations.
     """
     from tdint.analysis.compare import Event, compare, unmet
     from tdint.analysis.fit import fit
@@ -153,7 +153,7 @@ def command(request: Request) -> None:
     from tdint.model.recorded import load_recording
     from tdint.output.tables.buildings import comparison_table
 
-    # What can be seen to fail is refused before any work.
+    # Check the options and the output files before any computation.
     if request.model == "-" and request.recorded == "-":
         raise UsageError("standard input is used for the model; specify the recordings as a file")
     if request.picture:
@@ -172,11 +172,11 @@ def command(request: Request) -> None:
         emit_table(comparison_table(comparisons))
     _write(request, model, comparisons, fitted, units)
     _remark(comparisons, fitted, units)
-    # All is written before what does not come up to the requirements is an error.
-    if faults := [
-        fault for comparison in comparisons for fault in unmet(comparison, request.require or ())
+    # Unmet requirements are an error only after all files are written.
+    if failures := [
+        text for comparison in comparisons for text in unmet(comparison, request.require or ())
     ]:
-        raise AnalysisError("; ".join(faults))
+        raise AnalysisError("; ".join(failures))
 
 
 def _write(
@@ -186,6 +186,21 @@ def _write(
     fitted: Fit | None,
     units: OutputUnits,
 ) -> None:
+    """Write the files of a comparison.
+
+    Parameters
+    ----------
+    request : Request
+        The command line.
+    model : Model
+        The building before the fit.
+    comparisons : sequence of Comparison
+        The comparisons, of the recording and of the blind recordings.
+    fitted : Fit or None
+        The fitted values; None without --fit.
+    units : OutputUnits
+        Units of the files.
+    """
     from tdint.model.config.model_file import rewritten
     from tdint.output.summary import comparison_summary
     from tdint.output.tables.buildings import (
@@ -194,8 +209,8 @@ def _write(
         fitted_table,
     )
 
-    # The periods of the spectra: those asked for, or of `PERIODS` those that the recording's
-    # interval and band leave
+    # Use the requested periods, or the periods of `PERIODS` that the sampling interval and the band
+    # of the recording allow.
     periods = options.spectra.chosen_periods(request.periods, PERIODS)
     if request.periods is None:
         event, every = comparisons[0].event, periods
@@ -216,8 +231,8 @@ def _write(
                 files[request.file(FITTED)] = f"# {' '.join(origin.split())}\n{text}".encode()
             else:
                 note(
-                    f"{model.source}: cannot be written with other numbers; the fitted values are "
-                    f"in {FIT} alone"
+                    f"{model.source}: cannot be rewritten with other values; the fitted values are "
+                    f"only in {FIT}"
                 )
             files[request.file(FIT)] = fitted_table(fitted.values, units).csv()
     if picture := request.picture:
@@ -247,7 +262,7 @@ def _write(
 def _page(
     request: Request, comparisons: Sequence[Comparison], fitted: Fit | None, periods: Array
 ) -> bytes:
-    """The page of --report: what was required of every floor is its verdict."""
+    """Return the page of --report; its verdict is the result of --require."""
     from tdint.analysis.compare import absolute_displacements, unmet
     from tdint.output.page import Told, page_units
     from tdint.output.report import comparison_page
@@ -258,16 +273,18 @@ def _page(
     units = page_units(request.output_units or model.page_units)
     verdict: list[tuple[bool | None, str]] = []
     if required := request.require:
-        faults = [fault for item in comparisons for fault in unmet(item, required)]
-        asked = ", ".join(f"{name} {value:g}" for name, value in required)
-        verdict = [(not faults, f"Required of every floor: {asked}. {'; '.join(faults) or 'Met'}.")]
-    said = [_driven(item, units) for item in comparisons]
+        failures = [text for item in comparisons for text in unmet(item, required)]
+        limits = ", ".join(f"{name} {value:g}" for name, value in required)
+        verdict = [
+            (not failures, f"Required of every floor: {limits}. {'; '.join(failures) or 'Met'}.")
+        ]
+    sentences = [_driven(item, units) for item in comparisons]
     warnings = [
         text
         for item in comparisons
         for text in (*item.event.warnings, *item.response.warnings, *absolute_displacements(item))
     ]
-    told = Told(said, warnings, model.page_head, files_read(), verdict)
+    told = Told(sentences, warnings, model.page_head, files_read(), verdict)
     draw = partial(
         figures.comparison.comparison_picture, comparisons, periods, request.damping, units
     )
@@ -277,11 +294,11 @@ def _page(
 
 
 def _driven(item: Comparison, units: OutputUnits) -> str:
-    """What drove the building, in a sentence."""
+    """Return a sentence about the ground motion and the method of a comparison."""
     event, run, (acceleration, g) = item.event, item.response, units.unit("m/s^2")
     band = event.recording.band
     return (
-        f"{run.model.name} beside {event.recording.source}: {event.count} samples of "
+        f"{run.model.name} compared with {event.recording.source}: {event.count} samples at "
         f"{event.base.dt:.6g} s, "
         + (f"{band[0]:g} to {band[1]:g} Hz, " if band else "unfiltered, ")
         + f"PGA {event.base.pga / g:.3g} {acceleration}; {run.method}, dt {run.dt:.6g} s"
@@ -290,14 +307,14 @@ def _driven(item: Comparison, units: OutputUnits) -> str:
 
 
 def _remark(comparisons: Sequence[Comparison], fitted: Fit | None, units: OutputUnits) -> None:
-    """What was done, in a few sentences; then warnings and notes."""
+    """Write the comparisons and the fit to the terminal, then warnings and notes."""
     from tdint.analysis.compare import absolute_displacements
     from tdint.output.tables.buildings import fitted_in
 
     for item in comparisons:
         say(_driven(item, units))
         warn(*item.event.warnings, *item.response.warnings, *absolute_displacements(item))
-    # The first values alone: a building of many stories would fill the screen.
+    # Show only the first values, because a building with many stories would fill the screen.
     if fitted:
         values = [fitted_in(item, units) for item in fitted.values]
         changes = [
