@@ -118,7 +118,8 @@ class SuiteRequest:
             return Path(self.plot)
         if folder is None:
             raise UsageError(
-                "--plot alone puts the picture into the folder of -o: add -o DIR, or name it"
+                "--plot without a file name requires -o; add -o DIR, or specify the file: "
+                "--plot=FILE.png"
             )
         return folder / PICTURE
 

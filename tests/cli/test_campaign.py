@@ -402,7 +402,7 @@ def test_a_scheduler_that_does_not_answer(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["study.yaml"], "give -o DIR"),
+        (["study.yaml"], "-o DIR is required"),
         (["study.yaml", "shaken.yaml", "-o", "new"], "one campaign file is required, got 2"),
         (["study.yaml", "-o", "new", "--shard", "4/3"], "--shard must be K/N"),
         (["status"], "one directory is required"),

@@ -479,7 +479,7 @@ def test_a_file_of_problems_and_its_picture(folder, tdint):
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
-        ((), 2, "give MODEL.yaml"),
+        ((), 2, "MODEL.yaml is required"),
         (
             ("shaken.yaml", "--problems", "standard"),
             2,

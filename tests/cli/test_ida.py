@@ -261,7 +261,7 @@ def test_a_bad_record_is_named_and_the_others_are_done(folder, tdint):
         ),
         (("--period", "T2"), 2, "'T2' is not a valid float"),
         (("--method", "central-difference", "--dt", "1"), 5, "unstable"),
-        (("--plot",), 2, "--plot alone"),
+        (("--plot",), 2, "--plot without a file name"),
     ],
 )
 def test_studies_that_are_refused(folder, tdint, arguments, code, message):
