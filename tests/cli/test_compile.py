@@ -63,7 +63,7 @@ def test_a_model_is_compiled_with_what_its_tables_need():
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        ((), 2, "give a MODEL.yaml, or --all"),
+        ((), 2, "add MODEL.yaml, or --all"),
         (("--all", "--target", "x87"), 2, "x87"),
         (("none.yaml",), 3, "none.yaml"),
         (("--all", "-o", "forced.yaml"), 6, "forced.yaml"),
