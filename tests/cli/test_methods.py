@@ -62,7 +62,10 @@ def test_a_label_is_what_was_typed(here, tdint, folder):
 
 def test_a_table_under_the_name_of_a_workbook_is_told(here, tdint):
     command = ("stability", *SMALL["stability"], "--method", "newmark")
-    assert "Warning: -o x.xlsx: a table is CSV, " in tdint(*command, "-o", "x.xlsx", code=0).stderr
+    assert (
+        "Warning: -o x.xlsx: the table is written as CSV"
+        in tdint(*command, "-o", "x.xlsx", code=0).stderr
+    )
     assert (here / "x.xlsx").read_text() == tdint(*command).stdout
 
 

@@ -156,8 +156,8 @@ duration = option(
 until_rest = option(
     "--until-rest",
     is_flag=True,
-    help="Continue after the end of the record until free vibration has decayed, so that "
-    "residual drifts are final values.",
+    help="Continue after the end of the record until free vibration has decayed; residual drifts "
+    "are final values in this case.",
 )
 
 

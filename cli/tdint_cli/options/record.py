@@ -145,8 +145,8 @@ _PROCESSING = (
         "--highpass",
         type=Number(0.0, min_open=True),
         metavar="HZ",
-        help="Zero-phase Butterworth high-pass filter with this corner frequency (applied forward "
-        "and backward: half the amplitude at the corner).",
+        help="Zero-phase Butterworth high-pass filter with this corner frequency; applied forward "
+        "and backward, which halves the amplitude at the corner.",
     ),
     _rare(
         "--lowpass",
