@@ -407,7 +407,7 @@ def test_a_scheduler_that_does_not_answer(
         (["study.yaml", "-o", "new", "--shard", "4/3"], "--shard must be K/N"),
         (["status"], "one directory is required"),
         (["status", "nowhere"], "no campaign in this directory"),
-        (["study.yaml", "-o", "new", "--baseline", "shakn"], "there is no building 'shakn'"),
+        (["study.yaml", "-o", "new", "--baseline", "shakn"], "building 'shakn' not found"),
         (["merge", "-o", "all"], "directories to merge and -o DIR are required"),
         (["merge", "nowhere", "-o", "all"], "no campaign in this directory"),
         (["study.yaml", "-o", "new", "--dask", "tcp://far.example:8786"], "must be encrypted"),
