@@ -117,7 +117,7 @@ BAD_CURVES = {
         ("--weights 4000 --from-pushover few.csv", 3, "4 points at least"),
         ("--weights 4000 --from-pushover second.csv", 3, "story"),
         ("--weights 4000 --from-pushover units.csv", 3, "drift_m"),
-        ("--motion saw:pga=1g", 2, "no motion 'saw'"),
+        ("--motion saw:pga=1g", 2, "artificial ground motion 'saw' not found"),
         ("--motion sine:frequency=1.5,duration=20,pga=0.1", 2, "with its unit"),
         (
             "--motion sine:frequency=-1,duration=20,pga=0.1g",

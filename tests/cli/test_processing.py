@@ -107,7 +107,7 @@ def test_a_step_that_does_not_fit_one_record_does_not_stop_the_others(folder, td
     make_record(folder / "short.mseed", "HNE", samples=100)
     result = tdint("info", "short.mseed", "other.mseed", "--trim", "1:2")
     assert (result.exit_code, len(result.stdout.splitlines())) == (4, 2)
-    assert "Error: short.mseed: TD.TEST..HNE: trim 1:2 s leaves the record" in result.stderr
+    assert "Error: short.mseed: TD.TEST..HNE: trim must be within the record" in result.stderr
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_a_step_that_does_not_fit_one_record_does_not_stop_the_others(folder, td
         ("--highpass 0", "--highpass"),
         ("--lowpass nan", "--lowpass"),
         ("--highpass 2 --lowpass 1", "highpass (2 Hz) must be below lowpass (1 Hz)"),
-        ("--filter-order 3", "filter_order is that of a filter"),
+        ("--filter-order 3", "filter_order requires highpass or lowpass"),
         ("--highpass 1 --filter-order 99", "--filter-order"),
         ("--resample -1", "--resample"),
     ],
@@ -173,7 +173,10 @@ def test_an_option_replaces_what_the_model_says_of_the_same_step(folder, tdint):
         "run", "shaken.yaml", "--record", "other.mseed", "--units", "m/s^2", "--lowpass", "10"
     )
     assert next(note for note in notes(other) if "pass" in note).startswith("lowpass 10 Hz")
-    message = "Error: highpass (25 Hz) must be below lowpass (20 Hz): nothing would be left\n"
+    message = (
+        "Error: highpass (25 Hz) must be below lowpass (20 Hz), otherwise the filters remove the "
+    )
+    message += "entire motion\n"
     tdint.refused(message, "run", "shaken.yaml", "--highpass", "25")
 
 

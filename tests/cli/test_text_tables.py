@@ -89,9 +89,9 @@ def test_run_by_the_model_and_by_options(tables, tdint):
         (
             "info motion.mseed --step 0.02",
             4,
-            "own sampling interval is 0.01 s, --step 0.02 contradicts it",
+            "sampling interval in the file is 0.01 s, which contradicts --step 0.02",
         ),
-        ("info motion.mseed --column 2", 4, "--column 2 is given, but the file is MSEED"),
+        ("info motion.mseed --column 2", 4, "--column 2 cannot be used with the file format MSEED"),
         ("info motion.mseed --step 0", 2, "--step"),
         ("info tables/a.txt --skip-lines -1", 2, "--skip-lines"),
         ("info tables/a.txt --column=", 2, "column"),

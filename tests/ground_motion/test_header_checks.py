@@ -127,18 +127,26 @@ class TestText:
 
         # Of the characters of a sample those of 6 bits lead on, A to T and -0..9 end one.
         assert look_at_gse(section(3, "kA", "U1T") + section(2, "+-")) == [3, 2]
-        refused_by(look_at_gse, section(4, "kA", "U1T"), "its header states 4 samples, there are 3")
-        refused_by(look_at_gse, section("x", "kA"), "a section does not tell its number of samples")
         refused_by(
-            look_at_gse, section(1, "A", end="END"), f"a section without DAT{version}, CHK{version}"
+            look_at_gse, section(4, "kA", "U1T"), "its header states 4 samples, the section has 3"
+        )
+        refused_by(
+            look_at_gse,
+            section("x", "kA"),
+            "the header of a section does not state its number of samples",
+        )
+        refused_by(
+            look_at_gse,
+            section(1, "A", end="END"),
+            f"a section has no lines DAT{version} and CHK{version}",
         )
         refused_by(
             look_at_gse,
             section(1, "A").replace(b"DAT", b"dat"),
-            f"a section without DAT{version}, CHK{version}",
+            f"a section has no lines DAT{version} and CHK{version}",
         )
         refused_by(
-            look_at_gse, section(1, "A*"), "a character among the data is none of the compression's"
+            look_at_gse, section(1, "A*"), "the compressed data contain an invalid character"
         )
         assert look_at_gse(section(81, "1" * 81)) == [81]
         refused_by(
@@ -148,7 +156,7 @@ class TestText:
             one.difference == 0.0
             for one in gse_statements([3, 2], [trace(counts(3)), trace(counts(2))])
         )
-        with pytest.raises(Damaged, match="it has 1 sections, 2 could be read"):
+        with pytest.raises(Damaged, match="it has 1 sections, but 2 could be read"):
             gse_statements([3], [trace(counts(3)), trace(counts(2))])
 
     def test_the_last_place_of_a_number(self):
@@ -172,7 +180,7 @@ class TestText:
                 if abs(value) == 12345.0:
                     assert look_at_sac(data)[0] == 1000
                 else:
-                    refused(data, "its header gives a longitude of")
+                    refused(data, "its header states an invalid longitude")
 
     def test_lengths_of_sac(self, tmp_path):
         """The time of the last sample, or of that which would follow; not two of them."""
@@ -216,8 +224,8 @@ def test_peaks_of_knet_are_without_the_offset(off, remarked):
         assert compare([number, found]) == ("number of samples", "peak")
     for length in (0.0, float("nan"), -1.0):
         one.stats.knet.duration = length
-        with pytest.raises(Damaged, match="its header gives no length that a record can have"):
+        with pytest.raises(Damaged, match="its header states an invalid number of samples"):
             knet_statements(None, [one])
     del one.stats["knet"]
-    with pytest.raises(Damaged, match="its header has no end"):
+    with pytest.raises(Damaged, match="its header is incomplete"):
         knet_statements(None, [one])

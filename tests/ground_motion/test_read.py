@@ -155,7 +155,7 @@ class TestKnet:
                 (
                     b"Time(s)  59",
                     b"Time(s)  " + length,
-                    "no length that a record can have|what was read has 5900",
+                    "states an invalid number of samples|what was read has 5900",
                 )
                 for length in (b"1e308", b"nan", b"1e12", b"-5", b"58", b"60")
             ),

@@ -186,7 +186,10 @@ class TestWhatCrashesTheReaders:
 
     def test_gse2(self, tmp_path):
         data = write(tmp_path / "a", trace(counts()), format="GSE2").read_bytes()
-        refused(data.replace(b"    1000 ", b"90001000 "), "states 90001000 samples, there are 1000")
+        refused(
+            data.replace(b"    1000 ", b"90001000 "),
+            "states 90001000 samples, the section has 1000",
+        )
 
     def test_nothing_reaches_standard_error(self, tmp_path, capfd):
         data = bytearray(write(tmp_path / "a", trace(counts()), reclen=512).read_bytes())

@@ -76,7 +76,7 @@ class TestStep:
         counted = table([], np.arange(1, 61), *COLUMNS[:2], separator=" ")
         assert [record.component for record in read(file, counted, "gal", step=0.02)] == ["2", "3"]
         fails(
-            r"interval is 1 s, `step=0.02` contradicts it",
+            r"in the file is 1 s, which contradicts `step=0.02`",
             file,
             table(["time,N,E"], np.arange(1, 61), *COLUMNS[:2]),
             "gal",
@@ -91,7 +91,7 @@ class TestStep:
         units = None if "g" in content else "g"
         assert read(file, content, units, step=0.01)[0].dt == 0.01
         fails(
-            r"own sampling interval is 0.01 s, `step=0.02` contradicts it",
+            r"sampling interval in the file is 0.01 s, which contradicts `step=0.02`",
             file,
             content,
             units,
@@ -104,7 +104,7 @@ class TestStep:
         units = "gal" if content[:1].isdigit() else None
         dt = read(file, content, units)[0].dt
         assert read(file, content, units, step=dt)[0].dt == dt
-        fails("contradicts it; leave it out", file, content, units, step=2.0 * dt)
+        fails("which contradicts `step=.*`; remove it", file, content, units, step=2.0 * dt)
 
 
 class TestColumn:
@@ -261,7 +261,7 @@ def test_other_formats_have_no_columns(file):
     for name in sorted(set(SAMPLES) - {"TEXT"}):
         for given in ({"column": "2"}, {"skip_lines": 1}):
             fails(
-                f"is given, but the file is {name}, which tells itself",
+                f"cannot be used with the file format {name}; it applies",
                 file,
                 SAMPLES[name][0](),
                 **given,

@@ -184,9 +184,9 @@ excitation: {record: {file: a, trim: 3, pad: x, baseline: linaer, filter_order: 
 excitation: {record: {file: a, trim: '3:2'}}
     2:22: excitation.record: trim must be START:END in seconds from the first sample with START below END
 excitation: {record: {file: a, highpass: 3, lowpass: 2}}
-    2:22: excitation.record: highpass (3 Hz) must be below lowpass (2 Hz): nothing would be left
+    2:22: excitation.record: highpass (3 Hz) must be below lowpass (2 Hz), otherwise the filters remove the entire motion
 excitation: {record: {file: a, filter_order: 3}}
-    2:22: excitation.record: filter_order is that of a filter: give highpass or lowpass, too
+    2:22: excitation.record: filter_order requires highpass or lowpass; specify one of them
 excitation: {record: "\ud800"}
     2:22: excitation.record: must be one line without control characters, got '\ud800'
 excitation: {forces: [3, {}, {floor: 4, amplitude: x, omega: -1, phase: tan}, {floor: 1, amplitude: 1, freq: 3}]}

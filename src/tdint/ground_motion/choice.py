@@ -1,9 +1,8 @@
-"""What is taken of a file of records, and what is done to it;
-`tdint.ground_motion.processing_steps` does it.
+"""Options for reading and processing records; `tdint.ground_motion.processing_steps` applies them.
 
-The steps are always taken in this order: trim, baseline, pad, filters, resample. So the mean is
-that of the part which is used, the filters see the record between zeros, and the zeros of a pad
-take up what a filter spreads beyond the ends.
+The processing steps are always applied in this order: trim, baseline, pad, filters, resample.
+Therefore the mean is computed for the trimmed record, the filters are applied to a record between
+zeros, and the padding contains the signal that a filter spreads outside the ends of the record.
 """
 
 from __future__ import annotations
@@ -20,47 +19,49 @@ from tdint.errors import RecordError, UsageError
 SAME_STEP = 1e-3
 """Relative difference up to which two statements of the sampling interval agree."""
 
-MOST_LINES = 1_000_000  # of a header: beyond any file, a mistaken number
+MOST_LINES = 1_000_000  # lines; maximum to skip, a larger number is an input error
 
 BASELINES = ("constant", "linear")
-CORNERS = 4  # of the filter where none are given: 24 dB an octave
-MOST_CORNERS = 10  # steeper than any practice asks for
+CORNERS = 4  # default order of the filters: 24 dB per octave
+MOST_CORNERS = 10  # maximum order of the filters; steeper than required in practice
 
 
-class _Wishes:
-    """A class of data of which each field may be left open, as None or an empty tuple."""
+class _OptionalFields:
+    """Base of data classes with optional fields; a field is not set if it is None or empty."""
 
-    def _given(self) -> dict[str, Any]:
+    def _set_fields(self) -> dict[str, Any]:
+        """Return names and values of the fields that are set."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
         return {name: value for name, value in values.items() if value not in (None, ())}
 
     def __bool__(self) -> bool:
-        return bool(self._given())
+        return bool(self._set_fields())
 
     def over(self, other: Self) -> Self:
-        """These wishes, and those of another one for what is left open here."""
-        return replace(other, **self._given())  # type: ignore[type-var]
+        """Return the fields set here, and the fields of `other` for all fields not set here."""
+        return replace(other, **self._set_fields())  # type: ignore[type-var]
 
 
 @dataclass(frozen=True)
-class TextLayout(_Wishes):
-    """How text tables are to be read, as far as they do not tell; nothing of it overrules a file.
+class TextLayout(_OptionalFields):
+    """Layout of text tables, for properties that the files do not state; a contradiction between
+    the layout and a file is an error.
 
     Attributes
     ----------
     step : float or None
-        Sampling interval, s. Other formats, and tables that tell theirs, are compared with it.
+        Sampling interval, s. If a file states a sampling interval, the two are compared.
     column : tuple of str
-        Columns to take, by their number, counted from 1, or their name; empty for the accelerations
-        that the table names, or else all columns but that of the time. A single one may be given as
-        it is.
+        Columns to read, as numbers counted from 1 or as names; a single column may be specified
+        without a tuple. If empty, the columns named as acceleration are read. If no column is named
+        as acceleration, all columns except the time are read.
     skip_lines : int or None
-        Lines before the table, or its names, that are passed over whatever they hold.
+        Number of lines to ignore before the table or its line of column names.
 
     Raises
     ------
     UsageError
-        Values that make no sense for any table.
+        A value is invalid for any table.
     """
 
     step: float | None = None
@@ -72,10 +73,12 @@ class TextLayout(_Wishes):
         is_number = isinstance(step, Real) and not isinstance(step, bool)
         if step is not None and not (is_number and math.isfinite(step) and step > 0.0):
             raise UsageError(f"`step`: must be a positive number, got {step!r}")
-        given: Any = self.column
-        columns = (given,) if isinstance(given, str | int) else given
+        requested: Any = self.column
+        columns = (requested,) if isinstance(requested, str | int) else requested
         if not isinstance(columns, tuple | list) or not all(str(name).strip() for name in columns):
-            raise UsageError(f"`column`: give the number or the name of a column, got {given!r}")
+            raise UsageError(
+                f"`column`: must be the number or the name of a column, got {requested!r}"
+            )
         object.__setattr__(self, "column", tuple(str(name).strip() for name in columns))
         skipped: Any = self.skip_lines
         if skipped is not None and not (
@@ -88,54 +91,55 @@ class TextLayout(_Wishes):
             )
 
     def check_format(self, name: str) -> None:
-        """Raise RecordError for columns or lines of a file that is no table but of the format
-        `name`."""
-        for option, given in (("column", ", ".join(self.column)), ("skip_lines", self.skip_lines)):
-            if given not in (None, ""):
+        """Raise RecordError if columns or lines are specified for a file of the format `name`,
+        which is not a text table."""
+        for option, value in (("column", ", ".join(self.column)), ("skip_lines", self.skip_lines)):
+            if value not in (None, ""):
                 raise RecordError(
-                    f"`{option}={given}` is given, but the file is {name}, which tells itself "
-                    "where its samples are; leave it out"
+                    f"`{option}={value}` cannot be used with the file format {name}; it applies "
+                    "only to text tables, remove it"
                 )
 
     def check_step(self, dt: float) -> None:
-        """Raise RecordError for a sampling interval (s) of a file that is not the one that the user
-        gives."""
+        """Raise RecordError if the sampling interval `dt` (s) of a file differs from `step`."""
         if self.step is not None and not math.isclose(dt, self.step, rel_tol=SAME_STEP):
             raise RecordError(
-                f"the file's own sampling interval is {dt:.9g} s, `step={self.step:.9g}` "
-                "contradicts it; leave it out"
+                f"the sampling interval in the file is {dt:.9g} s, which contradicts "
+                f"`step={self.step:.9g}`; remove it"
             )
 
 
 AS_STATED = TextLayout()
-"""The user says nothing."""
+"""Layout without any user-specified property."""
 
 
 @dataclass(frozen=True)
-class Processing(_Wishes):
-    """What is to be done to records; None everywhere does nothing.
+class Processing(_OptionalFields):
+    """Processing steps for records; a step is omitted if its value is None.
 
     Attributes
     ----------
     trim : tuple of two floats or None
-        The part to keep, s from the first sample; None for one of them leaves that end.
+        Start and end of the part to keep, s from the first sample; None for one of them keeps that
+        end of the record.
     baseline : str or None
-        What is removed from the acceleration: `constant`, its mean, or `linear`, its least-squares
-        line.
+        Baseline that is subtracted from the acceleration: `constant` (mean) or `linear`
+        (least-squares line).
     pad : tuple of two floats or None
-        Zeros before and after, s.
+        Durations of zeros added before and after the record, s.
     highpass, lowpass : float or None
-        Corner frequencies, Hz, of Butterworth filters that are run forwards and backwards: no shift
-        of phase, and half the amplitude at the corner.
+        Corner frequencies, Hz, of zero-phase Butterworth filters, which are applied forwards and
+        backwards and therefore halve the amplitude at the corner frequency.
     filter_order : int or None
-        Order of the filters, 4 if None.
+        Order of the filters; 4 if None.
     resample : float or None
-        New sampling interval, s; band-limited, with a filter against aliasing if it is longer.
+        New sampling interval, s, of the band-limited motion. An anti-aliasing filter is applied if
+        the new interval is longer.
 
     Raises
     ------
     UsageError
-        Values that make no sense for any record.
+        A value is invalid for any record.
     """
 
     trim: tuple[float | None, float | None] | None = None
@@ -153,7 +157,7 @@ class Processing(_Wishes):
 
 @dataclass(frozen=True)
 class RecordChoice:
-    """What is taken of a file, as for `tdint.read_record`, and what is done to it."""
+    """Options of `tdint.read_record` for a file, and the processing steps."""
 
     units: str | Mapping[str, str] | None = None
     component: str | None = None
@@ -163,7 +167,7 @@ class RecordChoice:
 
     @property
     def reading(self) -> dict[str, Any]:
-        """What `tdint.read_record` is told."""
+        """Keyword arguments of `tdint.read_record`."""
         return {
             "units": self.units,
             "component": self.component,
@@ -173,7 +177,7 @@ class RecordChoice:
 
 
 def parse_trim(text: str) -> tuple[float | None, float | None]:
-    """Bounds of a trim from `START:END`, seconds, either of which may be left out.
+    """Parse the bounds of a trim from `START:END`, s; either bound may be omitted.
 
     Raises
     ------
@@ -188,7 +192,8 @@ def parse_trim(text: str) -> tuple[float | None, float | None]:
 
 
 def parse_pad(text: str) -> tuple[float, float]:
-    """Zeros before and after from `BEFORE:AFTER`, seconds, or from one number for both.
+    """Parse the durations of zeros before and after a record from `BEFORE:AFTER`, s, or from one
+    number for both.
 
     Raises
     ------
@@ -203,6 +208,7 @@ def parse_pad(text: str) -> tuple[float, float]:
 
 
 def _problems(steps: Processing) -> Iterator[str]:
+    """Yield an error message for each invalid value."""
     for name in ("highpass", "lowpass", "resample"):
         value = getattr(steps, name)
         if value is not None and not 0.0 < value < math.inf:
@@ -214,7 +220,7 @@ def _problems(steps: Processing) -> Iterator[str]:
         if pair is not None and not (isinstance(pair, tuple | list) and len(pair) == 2):
             yield f"{name} must be a pair of numbers, got {pair!r}"
             return
-    # What is no pair ended above: its values can be looked at now.
+    # Both values are pairs here, because the loop above returns otherwise.
     if steps.trim is not None:
         start = 0.0 if steps.trim[0] is None else steps.trim[0]
         end = math.inf if steps.trim[1] is None else steps.trim[1]
@@ -224,13 +230,13 @@ def _problems(steps: Processing) -> Iterator[str]:
         yield f"pad must be a positive number of seconds, got {steps.pad[0]:g}:{steps.pad[1]:g}"
     if steps.filter_order is not None and steps.filter_order not in range(1, MOST_CORNERS + 1):
         yield (
-            f"filter_order must be a whole number from 1 to {MOST_CORNERS}, "
-            f"got {steps.filter_order}"
+            f"filter_order must be a whole number from 1 to {MOST_CORNERS}, got "
+            f"{steps.filter_order}"
         )
     if steps.filter_order is not None and steps.highpass is None and steps.lowpass is None:
-        yield "filter_order is that of a filter: give highpass or lowpass, too"
+        yield "filter_order requires highpass or lowpass; specify one of them"
     if steps.highpass is not None and steps.lowpass is not None and steps.highpass >= steps.lowpass:
         yield (
-            f"highpass ({steps.highpass:g} Hz) must be below lowpass ({steps.lowpass:g} Hz): "
-            "nothing would be left"
+            f"highpass ({steps.highpass:g} Hz) must be below lowpass ({steps.lowpass:g} Hz), "
+            "otherwise the filters remove the entire motion"
         )

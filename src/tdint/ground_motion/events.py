@@ -1,7 +1,7 @@
-"""Earthquakes that ground motions belong to: by the event in the header of a file, or by its time.
+"""Earthquakes of ground motions, identified by the event or the time in the header of a file.
 
-A header names the event as free text. The date and the time in it are recognized in the spellings
-of the supported formats; times without a zone are UTC.
+A header names the event as free text. Dates and times in this text are recognized in the spellings
+of the supported formats. Times without a time zone are UTC.
 """
 
 from __future__ import annotations
@@ -13,18 +13,19 @@ from datetime import UTC, datetime, timedelta
 from tdint.ground_motion.record import Record
 
 _UNKNOWN_UNTIL = "1970-01-02"
-"""MiniSEED without a time begins with 1970."""
+"""MiniSEED files without a known time start in 1970."""
 
 _SAME_ORIGIN = timedelta(minutes=2)
-"""Difference of two origin times of one event: headers may round to a minute, and agencies differ
-by seconds. The first aftershock of Imperial Valley 1979 in PEER's files follows after 3 min."""
+"""Maximum difference of two origin times of one event. Headers may round to a minute, and agencies
+differ by seconds. The first aftershock of Imperial Valley 1979 in PEER files follows after 3
+min."""
 
 _SAME_START = timedelta(minutes=10)
-"""Difference of the start of a record from an origin time or from another start: waves arrive
-within this time at distances up to 2000 km, and strong aftershocks seldom follow as soon."""
+"""Maximum difference between the start of a record and an origin time or another start. Waves
+arrive within this time at distances up to 2000 km, and strong aftershocks seldom follow so soon."""
 
 SAME_DATE = timedelta(days=1)
-"""Difference of two dates of one event: one may be the local date, the other in UTC."""
+"""Maximum difference of two dates of one event, because one may be local and the other in UTC."""
 
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 _ZONES = {"PST": -8.0, "PDT": -7.0}  # hours; all other zones that are recognized are UTC
@@ -50,7 +51,7 @@ _WITHOUT_MEANING = re.compile(r"\b(?:record of|earthquake|eq|of|mon|tue|wed|thu|
 
 @dataclass(frozen=True)
 class Earthquake:
-    """An earthquake as far as one file identifies it.
+    """Earthquake identified by one file.
 
     Attributes
     ----------
@@ -102,7 +103,7 @@ def parse_event(text: str) -> Earthquake:
 
 
 def event_of(record: Record) -> Earthquake:
-    """Return the event of a record: by its header, or by the time of the first sample."""
+    """Return the event of a record from its header or from the time of the first sample."""
     event = parse_event(record.event)
     if event.has_clock or record.start <= _UNKNOWN_UNTIL:
         return event
@@ -113,7 +114,7 @@ def event_of(record: Record) -> Earthquake:
 
 
 def is_same_event(event: Earthquake, other: Earthquake) -> bool:
-    """Return True if two files belong to one event as far as their headers show.
+    """Return True if two files belong to one event according to their headers.
 
     Times of day decide if both are known. Otherwise the names and the dates must not contradict
     each other, and one of them must be known in both files.
@@ -155,10 +156,10 @@ def _plain(name: str) -> str:
 
 
 def _names_agree(name: str, other: str) -> bool:
-    """Return True if two names may be those of one event.
+    """Return True if two names may belong to one event.
 
-    Numbers must be equal (Imperial Valley-06 is not Imperial Valley-07). Of the words the longer
-    name may have more at its end (Loma Prieta; LOMA PRIETA, CA EARTHQUAKE).
+    Numbers must be equal (Imperial Valley-06 is not Imperial Valley-07). The longer name may have
+    additional words at its end (Loma Prieta; LOMA PRIETA, CA EARTHQUAKE).
     """
     words = [
         re.findall(r"[^\W\d_]+|\d+", _WITHOUT_MEANING.sub(" ", text.lower()))

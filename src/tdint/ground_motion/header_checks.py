@@ -1,4 +1,4 @@
-"""The formats and how each of them is compared with what it says of itself."""
+"""Comparison of files with the values in their headers, by format."""
 
 from __future__ import annotations
 
@@ -24,50 +24,51 @@ from tdint.ground_motion.miniseed_checks import (
 )
 from tdint.written_numbers import how_many
 
-# SAC (SAC manual, data format): a header of 158 words, in which much is stated that the samples
-# tell as well.
+# SAC (SAC manual, data format): the header of 158 words states several values that can be computed
+# from the samples.
 
 _DELTA, _SMALLEST, _LARGEST, _BEGIN, _END, _MEAN = 0, 1, 2, 5, 6, 56
 _VERSION, _COUNT = 76, 79
 _LONGITUDES = (32, 36)
-"""Places of words."""
+"""Indices of header words."""
 
 _UNKNOWN = -12345.0
 _SINGLE = 2.0**-22
 """Relative rounding of a sum of two single-precision numbers."""
 
 _EXTREME, _AVERAGE = 1e-5, 1e-3
-"""Parts of the peak by which programs round the smallest and largest sample, and the mean, which
-they sum in single precision."""
+"""Fractions of the peak; rounding of the minimum and maximum sample, and of the mean, which
+programs compute in single precision."""
 
 
 def look_at_sac(data: bytes) -> tuple[int, tuple[float, ...]]:
-    """The number of samples that the header states, and its words that are numbers.
+    """Return the number of samples stated in the header and its floating-point words.
 
     Raises
     ------
     Damaged
-        A longitude is out of all bounds: ObsPy turns it into -180..180 degrees one turn at a time,
-        for ever from 1e30.
+        A longitude is out of range. ObsPy reduces longitudes to -180..180 degrees by repeated
+        subtraction of 360 degrees, which does not terminate for values above 1e30.
     """
     order = "<" if 0 <= struct.unpack_from("<i", data, 4 * _VERSION)[0] <= 20 else ">"
     words = struct.unpack_from(f"{order}70f", data)
     for place in _LONGITUDES:
         if not abs(words[place]) <= -_UNKNOWN:
-            raise Damaged(f"its header gives a longitude of {words[place]:g}")
+            raise Damaged(f"its header states an invalid longitude, {words[place]:g}")
     (count,) = struct.unpack_from(f"{order}i", data, 4 * _COUNT)
     return count, words
 
 
 def sac_statements(header: tuple[int, tuple[float, ...]], traces: list[Any]) -> list[Statement]:
-    """Number of samples, time of the last one, and the smallest, largest and mean sample."""
+    """Return statements of the number of samples, the time of the last sample, and the minimum,
+    maximum and mean sample."""
     (trace,) = traces
     size = len(trace.data)
     count, words = header
     statements = [Statement(SAMPLES, count, size)]
     delta, begin, end = words[_DELTA], words[_BEGIN], words[_END]
     if _UNKNOWN not in (begin, end):
-        # Some programs write the time of the sample that would follow.
+        # Some programs write the time of the sample after the last sample.
         rounding = 1.01 * abs(delta) + _SINGLE * (abs(end) + abs(begin))
         last = begin + (size - 1) * delta
         statements.append(
@@ -89,41 +90,41 @@ def sac_statements(header: tuple[int, tuple[float, ...]], traces: list[Any]) -> 
     return statements
 
 
-# GSE1 and GSE2 (GSETT documentation, annex D; compression CM6): libgse2 trusts the number of
-# samples and copies lines of any length into 83 bytes; ObsPy compares the checksum.
+# GSE1 and GSE2 (GSETT documentation, annex D; compression CM6): libgse2 does not check the number
+# of samples and copies lines of any length into 83 bytes. ObsPy compares the checksum.
 
 _LINE = 81
 _FIELDS = {
     "1": (slice(27, 35), slice(74, 78), b"CMP6"),
     "2": (slice(48, 56), slice(44, 48), b"CM6"),
 }
-"""Places of the number of samples and of the type of data in the header line, and the type that is
-compressed."""
+"""Positions of the number of samples and of the data type in the header line, and the name of the
+compressed data type."""
 
 _CM6 = re.compile(rb"[-+0-9A-Za-z]*")
 _CM6_LAST = re.compile(rb"[-+0-9A-T]")
-"""A sample's last character; those before it have the bit that tells that more follow."""
+"""Pattern of the last character of a sample; the preceding characters have the continuation bit."""
 
 
 def look_at_gse(data: bytes) -> list[int]:
-    """Check the sections' compressed data; returns the number of samples that each header states.
+    """Check the compressed data of all sections; return the numbers of samples in their headers.
 
     Raises
     ------
     Damaged
-        A section is cut off, damaged, or holds another number of samples than its header states.
+        A section is cut off or corrupt, or its number of samples differs from its header.
     """
     counts = []
     for section in re.split(rb"^(?=WID[12])", data, flags=re.MULTILINE):
         if section[:3] != b"WID":
             continue
-        # The station's line, where there is one, is read by itself.
+        # An optional line with the station follows the header line.
         lines, version = section.split(b"\n"), section[3:4].decode()
         heading = 2 if version == "1" or any(line.startswith(b"STA2") for line in lines[1:2]) else 1
         npts, datatype, compressed = _FIELDS[version]
         count = lines[0][npts].strip()
         if not count.isdigit():
-            raise Damaged("a section does not tell its number of samples")
+            raise Damaged("the header of a section does not state its number of samples")
         if lines[0][datatype].strip() == compressed:
             _check_compressed(
                 lines[heading:], f"DAT{version}".encode(), f"CHK{version}".encode(), int(count)
@@ -133,7 +134,7 @@ def look_at_gse(data: bytes) -> list[int]:
 
 
 def gse_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
-    """Number of samples; the checksum, which ObsPy has compared, stands for itself."""
+    """Return statements of the numbers of samples and of the checksums, compared by ObsPy."""
     return [
         *_of_sections(counts, traces, "sections"),
         *(Statement(CHECKSUM, 0.0, 0.0) for _ in counts),
@@ -141,9 +142,10 @@ def gse_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
 
 
 def _of_sections(counts: list[int], traces: list[Any], name: str) -> list[Statement]:
-    """Number of samples of each section."""
+    """Return a statement of the number of samples of each section; `name` is the plural name of
+    sections in error messages."""
     if len(counts) != len(traces):
-        raise Damaged(f"it has {len(counts)} {name}, {len(traces)} could be read")
+        raise Damaged(f"it has {len(counts)} {name}, but {len(traces)} could be read")
     return [
         Statement(SAMPLES, count, len(trace.data))
         for count, trace in zip(counts, traces, strict=True)
@@ -151,54 +153,72 @@ def _of_sections(counts: list[int], traces: list[Any], name: str) -> list[Statem
 
 
 def _check_compressed(lines: list[bytes], begin: bytes, end: bytes, count: int) -> None:
-    """Check that a section's compressed samples are whole and as many as its header states."""
-    # Compressed samples, too, may begin with these letters, but hold no blank.
+    """Check that the compressed samples of a section are complete.
+
+    Parameters
+    ----------
+    lines : list of bytes
+        Lines of the section after its header.
+    begin, end : bytes
+        Starts of the lines before and after the samples.
+    count : int
+        Number of samples stated in the header.
+
+    Raises
+    ------
+    Damaged
+        The section is cut off or corrupt, or its number of samples differs from its header.
+    """
+    # A line of compressed samples may also start with these letters, but it contains no blank.
     ends = [place for place, line in enumerate(lines) if line.startswith(end + b" ")]
     begins = [place for place, line in enumerate(lines) if line.startswith(begin)]
     if not (begins and ends and begins[0] < ends[0]):
-        raise Damaged(f"a section without {begin.decode()}, {end.decode()}")
+        raise Damaged(f"a section has no lines {begin.decode()} and {end.decode()}")
     if any(len(line) > _LINE for line in lines[: ends[0]]):
         raise Damaged(f"a line of data is longer than {_LINE} characters")
     samples = b"".join(line.strip() for line in lines[begins[0] + 1 : ends[0]])
     if not _CM6.fullmatch(samples):
-        raise Damaged("a character among the data is none of the compression's")
+        raise Damaged("the compressed data contain an invalid character")
     got = len(_CM6_LAST.findall(samples))
     if got != count:
-        raise Damaged(f"its header states {how_many(count, 'sample')}, there are {got}")
+        raise Damaged(f"its header states {how_many(count, 'sample')}, the section has {got}")
 
 
-# Texts: SLIST and TSPAIR, which web services give, and K-NET.
+# Text formats: SLIST and TSPAIR (web services), and K-NET.
 
 _TIMESERIES = re.compile(rb"^TIMESERIES[^,\n]*,\s*(\d+) samples", re.MULTILINE)
 
 _GAL = 0.01
 _PRINTED = 0.0006
-"""Rounding of K-NET's peak, printed to a thousandth of a gal, beside that of the zero offset."""
+"""gal; rounding of the peak in K-NET files, which is printed to a thousandth of a gal."""
 
 _OFFSET = 1e-3
-"""Part of the peak by which another way to find the zero offset may change it."""
+"""Fraction of the peak; change of the peak due to a different method for the zero offset."""
 
 
 def _counts(data: bytes) -> list[int]:
+    """Return the numbers of samples stated in all section headers."""
     return [int(count) for count in _TIMESERIES.findall(data)]
 
 
 def timeseries_statements(counts: list[int], traces: list[Any]) -> list[Statement]:
-    """Number of samples of each section."""
+    """Return a statement of the number of samples of each section."""
     return _of_sections(counts, traces, "headers of channels")
 
 
 def knet_statements(_: None, traces: list[Any]) -> list[Statement]:
-    """Number of samples, by duration and rate, and the peak without the zero offset, gal."""
+    """Return statements of the number of samples and of the peak without the zero offset, gal."""
     statements = []
     for trace in traces:
         header = trace.stats.get("knet")
         if header is None:
-            raise Damaged("its header has no end")
-        # The header has no number of samples: duration and rate tell it.
+            raise Damaged("its header is incomplete")
+        # The header does not state the number of samples, which is duration times sampling rate.
         length = header.duration * trace.stats.sampling_rate
         if not (math.isfinite(length) and length > 0.0):
-            raise Damaged("its header gives no length that a record can have")
+            raise Damaged(
+                f"its header states an invalid number of samples (duration times rate), {length:g}"
+            )
         statements.append(Statement(SAMPLES, round(length), len(trace.data)))
         if len(trace.data):
             samples = np.asarray(trace.data, dtype=np.float64)
@@ -213,15 +233,15 @@ def knet_statements(_: None, traces: list[Any]) -> list[Statement]:
 
 @dataclass(frozen=True)
 class Check:
-    """How a format that another program reads is compared with what it says of itself.
+    """Check of a format that is read by ObsPy.
 
     Attributes
     ----------
     statements : callable
-        From what `look` found and the traces that were read the statements to compare.
+        Function of the result of `look` and the list of traces; returns the statements to compare.
     look : callable
-        From the bytes of a file what they state; raises Damaged for a file that must not come
-        before the reader.
+        Function of the bytes of a file; returns the values stated in the headers. Raises Damaged
+        for a file that must not be passed to the reader.
     """
 
     statements: Callable[[Any, list[Any]], list[Statement]]
@@ -237,40 +257,52 @@ CHECKS = {
     "TSPAIR": Check(timeseries_statements, _counts),
     "KNET": Check(knet_statements),
 }
-"""ObsPy's formats that many have, or whose readers crash or never end on a damaged file (SAC, GSE);
-tdint's own readers compare while they read (`tdint.ground_motion.formats.series`)."""
+"""Checks of ObsPy formats that are common, or with readers that crash or do not terminate for a
+corrupt file (SAC, GSE). The readers of tdint compare during reading
+(`tdint.ground_motion.formats.series`)."""
 
 
 def look_at(format_name: str, data: bytes) -> Any:
-    """What the bytes of a file state, for `compare_with_statements`; None if the format has
-    nothing.
+    """Return the values stated in the headers of a file, for `compare_with_statements`; None if the
+    format has no check.
+
+    Parameters
+    ----------
+    format_name : str
+        ObsPy name of the format.
+    data : bytes
+        Content of the file.
 
     Raises
     ------
     Damaged
-        The file must not come before the reader of its format: it contradicts itself.
+        The file contradicts itself and must not be passed to the reader of its format.
     """
     check = CHECKS.get(format_name)
     return check.look(data) if check else None
 
 
 def compare_with_statements(format_name: str, looked_at: Any, traces: list[Any]) -> tuple[str, ...]:
-    """Compare what was read with what the file states; returns what was compared, nothing if it
-    states nothing.
+    """Compare the traces of a file with the values stated in its headers.
 
     Parameters
     ----------
     format_name : str
-        ObsPy's name of the format.
+        ObsPy name of the format.
     looked_at
-        From `look_at`.
+        Result of `look_at`.
     traces : list of obspy.Trace
-        What was read.
+        Traces of the file.
+
+    Returns
+    -------
+    tuple of str
+        Names of the compared values; empty if the file states none.
 
     Raises
     ------
-    Damaged
-        Two numbers differ, or a sampling interval is none that a recorder has.
+    RecordError
+        Two numbers differ, or a sampling interval is outside the range of recorders.
     """
     for trace in traces:
         if len(trace.data) and trace.data.dtype.kind in "iuf":

@@ -1,5 +1,5 @@
-"""Changes to a record, made only when asked for (`tdint.ground_motion.processing`), each told in
-its notes."""
+"""Processing steps for a record, applied only on request (`tdint.ground_motion.choice.Processing`);
+each step is reported in the notes of the record."""
 
 from __future__ import annotations
 
@@ -17,21 +17,22 @@ from tdint.errors import RecordError, UsageError
 from tdint.ground_motion.choice import CORNERS, Processing
 from tdint.ground_motion.record import Record
 
-# ---- A ground motion between its samples: straight lines, or the band-limited motion
+# ---- Interpolation of a ground motion between its samples: linear or band-limited
 #
-# The response of an oscillator is computed for straight lines. The band-limited motion, which has
-# no frequency above half the sampling rate (Shannon 1949) and is zero at the samples before and
-# after the record, is therefore given by points so close that lines between them will do. Lines
-# through the points of a motion weaken its frequency f by sinc(f h)^2, where h is the distance of
-# the points; the points are raised by as much, so that up to half the sampling rate the lines hold
-# the motion itself. What remains are its images around 1/h, 2/h, ...: weaker than a thousandth, far
-# above the frequencies of the oscillators. Measured against a windowed sum of sines up to 0.8 of
-# that rate, whose response is known in closed form: all largest values within 1e-5 from T = dt / 2
-# on, most of them within 1e-6 (tests/analysis/spectra/test_band_limited.py).
+# The response of an oscillator is computed for a piecewise linear ground motion. The band-limited
+# motion has no frequency above half the sampling rate (Shannon 1949) and is zero at the samples
+# before and after the record. It is represented by points that are close enough for linear
+# interpolation. Linear interpolation between points at an interval h multiplies the amplitude of a
+# frequency f by sinc(f h)^2. The points are therefore divided by this factor, so that the piecewise
+# linear motion is correct up to half the sampling rate. The remaining error is its images around
+# 1/h, 2/h, ...: their amplitudes are below 0.001, and their frequencies are far above those of the
+# oscillators. The reference for the test is a windowed sum of sines up to 0.8 of half the sampling
+# rate, with a response in closed form: all maxima agree to 1e-5 for T >= dt / 2, and most of them
+# agree to 1e-6 (tests/analysis/spectra/test_band_limited.py).
 #
-# Another sampling interval for such a motion: interpolation by sinc functions under a Kaiser
-# window. Where the new interval is longer, the sinc is stretched so that what lies above the new
-# Nyquist frequency is gone (Crochiere and Rabiner, 1983; Kaiser 1974 for the window).
+# The sampling interval of such a motion is changed by sinc interpolation with a Kaiser window. If
+# the new interval is longer, the sinc is stretched to remove frequencies above the new Nyquist
+# frequency (Crochiere and Rabiner, 1983; Kaiser 1974 for the window).
 
 _POINTS = 16
 """Points per sampling interval, and per period of the stiffest oscillator."""
@@ -39,19 +40,19 @@ _POINTS = 16
 
 @dataclass(frozen=True)
 class Interpolation:
-    """A way to know the motion between the samples of a record.
+    """Interpolation of a ground motion between the samples of a record.
 
     Attributes
     ----------
     name : str
-        Its name on the command line and in tables.
+        Name on the command line and in tables.
     resample : callable
-        Samples (m/s^2, shape (points,)) and their interval (s), between which straight lines stand
-        for the motion, from the record and the shortest period (s) of the oscillators.
+        Function of a record and the shortest period (s) of the oscillators; returns samples (m/s^2,
+        shape (points,)) for linear interpolation and their interval (s).
     peak : callable
-        Peak ground acceleration (m/s^2) of a record.
+        Function of a record; returns the peak ground acceleration (m/s^2).
     words : str
-        What it makes of the motion between the samples, for a sentence.
+        Description of the motion between the samples, for use in a sentence.
     """
 
     name: str
@@ -61,16 +62,18 @@ class Interpolation:
 
 
 def _straight(record: Record, shortest: float) -> tuple[Array, float]:
+    """Return the samples of a record; `shortest` has no effect."""
     return record.acceleration.copy(), record.dt
 
 
 def _band_limited(record: Record, shortest: float) -> tuple[Array, float]:
+    """Return points of the band-limited motion of a record for linear interpolation."""
     parts = _POINTS * math.ceil(max(1.0, record.dt / shortest))
     return band_limited(record.acceleration, parts, for_lines=True), record.dt / parts
 
 
 def _band_limited_peak(record: Record) -> float:
-    """Largest value at the vertices of the parabolas through each three points."""
+    """Return the maximum absolute value of the parabolas through each three successive points."""
     points = band_limited(record.acceleration, _POINTS)
     before, here, after = points[:-2], points[1:-1], points[2:]
     slope, bend = 0.5 * (after - before), after - 2.0 * here + before
@@ -80,16 +83,16 @@ def _band_limited_peak(record: Record) -> float:
 
 
 def band_limited(samples: Array, parts: int, *, for_lines: bool = False) -> Array:
-    """The band-limited motion at the samples and at `parts` - 1 points between each two.
+    """Return the band-limited motion at the samples and at `parts` - 1 points in each interval.
 
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        The motion; it is zero at the samples before and after them.
+        Samples of the motion, which is zero at all samples before and after them.
     parts : int
-        Parts of each interval.
+        Number of parts of each sampling interval.
     for_lines : bool
-        Raise what straight lines between the points would weaken.
+        Compensate the attenuation of linear interpolation between the points. Default False.
 
     Returns
     -------
@@ -99,7 +102,7 @@ def band_limited(samples: Array, parts: int, *, for_lines: bool = False) -> Arra
 
     size = 2 * next_fast_len(samples.size, real=True)  # even, with no prime factors above 5
     spectrum = np.fft.rfft(samples, size)
-    spectrum[-1] *= 0.5  # half the sampling rate, which now has a mirror of its own
+    spectrum[-1] *= 0.5  # the Nyquist frequency now has a separate negative frequency
     if for_lines:
         spectrum /= np.sinc(np.arange(spectrum.size) / (size * parts)) ** 2
     return parts * np.fft.irfft(spectrum, size * parts)[: (samples.size - 1) * parts + 1]
@@ -115,37 +118,39 @@ BAND_LIMITED = Interpolation(
 INTERPOLATIONS = {interpolation.name: interpolation for interpolation in (LINEAR, BAND_LIMITED)}
 
 
-MOST_SAMPLES = 50_000_000
+MOST_SAMPLES = 50_000_000  # samples; maximum size of a processed record
 _ATTENUATION = 100.0
-"""Of what is to go, dB."""
+"""Attenuation of the stop band, dB."""
 
 _TRANSITION = 0.2
-"""Width of the band between what stays and what goes, over the lower one of the two Nyquist
-frequencies."""
+"""Width of the transition band, as a fraction of the lower of the two Nyquist frequencies."""
 
-_BETA = 0.1102 * (_ATTENUATION - 8.7)
-_AT_ONCE = 2**20  # numbers, 8 MB
+_BETA = 0.1102 * (_ATTENUATION - 8.7)  # shape parameter of the Kaiser window
+_AT_ONCE = 2**20  # numbers; maximum size of the weights computed together, 8 MB
 
 
 def resampled(samples: Array, dt: float, new: float) -> tuple[Array, float]:
-    """Samples at another interval, the first one at the same time.
+    """Return the samples of the band-limited motion at another interval.
 
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        At the interval `dt`, s.
+        Samples of the motion.
+    dt : float
+        Sampling interval, s.
     new : float
-        The new interval, s, at most (n - 1) dt.
+        New sampling interval, s, at most (n - 1) dt.
 
     Returns
     -------
     samples : ndarray, shape (m,)
-        As many as there are up to the last old sample. Old samples are kept where the new ones meet
-        them, if the new interval is the shorter one.
+        New samples, from the first old sample up to the last. If the new interval is shorter, the
+        values at the times of old samples do not change.
     band : float
-        Frequency, Hz, up to which amplitudes are kept to 2e-5.
+        Frequency, Hz, up to which amplitudes are kept with an error of 2e-5.
     """
-    # A longer interval stretches the sinc, so that what the new samples cannot hold is gone.
+    # For a longer interval, the sinc is stretched to remove frequencies above the new Nyquist
+    # frequency.
     stretch = max(1.0, new / dt)
     cutoff = 1.0 - 0.5 * _TRANSITION if new > dt else 1.0
     half = math.ceil(stretch * (_ATTENUATION - 7.95) / (2.0 * 2.285 * math.pi * _TRANSITION))
@@ -171,11 +176,11 @@ def resampled(samples: Array, dt: float, new: float) -> tuple[Array, float]:
 # ---- Processing steps
 
 _NARROWEST = 1e-5
-"""Least distance of a filter's corner from zero and from the Nyquist frequency, over the sampling
-rate: closer, rounding and the time to settle get out of hand."""
+"""Minimum distance of a corner frequency from zero and from the Nyquist frequency, divided by the
+sampling rate. Below it, rounding errors and the settling time of the filter become too large."""
 
-_SETTLED = 1e-13  # what is left of the filter's own motion
-_ROUNDING = 1e-6  # of a sample: times are written with six digits or more
+_SETTLED = 1e-13  # relative amplitude of the filter transient after the settling time
+_ROUNDING = 1e-6  # fraction of the sampling interval; times are written with at least six digits
 
 
 def process(
@@ -189,29 +194,34 @@ def process(
     filter_order: int | None = None,
     resample: float | None = None,
 ) -> Record:
-    """Change a record in the steps asked for, in this order whatever that of the arguments.
+    """Apply the requested processing steps to a record.
+
+    The steps are applied in the order of the parameters below.
 
     Parameters
     ----------
     record : Record
-        Left as it is.
+        Record to process; it is not changed.
     trim, baseline, pad, highpass, lowpass, filter_order, resample
-        As in `Processing`; a single number for `pad` stands for both ends.
+        Same as in `Processing`. A single number for `pad` applies to both ends.
 
     Returns
     -------
     Record
-        Its notes and its `processing` tell what was done.
+        Processed record; its `notes` and `processing` report the steps.
 
     Raises
     ------
     UsageError
-        Values that make no sense for any record; what is none.
+        A value is invalid for any record, or `record` is not a Record.
     RecordError
-        A step does not fit this record: a trim outside it, a corner above its Nyquist frequency.
+        A step cannot be applied to this record: a trim outside the record, or a corner frequency
+        above its Nyquist frequency.
     """
     if not isinstance(record, Record):
-        raise UsageError(f"process takes a record, as read_record gives it, got {record!r:.60}")
+        raise UsageError(
+            f"process requires a Record, as returned by read_record, got {record!r:.60}"
+        )
     both = (float(pad), float(pad)) if isinstance(pad, int | float) else pad
     return processed(
         record, Processing(trim, baseline, both, highpass, lowpass, filter_order, resample)
@@ -219,12 +229,12 @@ def process(
 
 
 def processed(record: Record, steps: Processing) -> Record:
-    """The record after all steps; itself if there is none.
+    """Return the record after all steps; without steps, the same object.
 
     Raises
     ------
     RecordError
-        A step does not fit the record.
+        A step cannot be applied to the record.
     """
     if steps.trim is not None:
         record = trim(record, *steps.trim)
@@ -241,20 +251,35 @@ def processed(record: Record, steps: Processing) -> Record:
 
 
 def _label(record: Record) -> str:
+    """Return source and id of a record for error messages."""
     return f"{record.source}: {record.id}" if record.id.strip(".") else record.source
 
 
 def _done(
     record: Record, samples: Array, note: str, *, dt: float | None = None, later: float = 0.0
 ) -> Record:
-    """The record with new samples, beginning some seconds later, and a note of what was done."""
+    """Return a record after a processing step.
+
+    Parameters
+    ----------
+    record : Record
+        Record before the step.
+    samples : ndarray, shape (samples,)
+        New acceleration, m/s^2.
+    note : str
+        Sentence that reports the step.
+    dt : float or None
+        New sampling interval, s; None keeps the interval.
+    later : float
+        Change of the start time, s. Default 0.
+    """
     start = record.start
     if start and later:
         try:
             start = (datetime.fromisoformat(start) + timedelta(seconds=later)).strftime(
                 "%Y-%m-%dT%H:%M:%S.%fZ"
             )
-        except (ValueError, OverflowError):  # Not a date that Python's calendar has.
+        except (ValueError, OverflowError):  # the date is outside the range of datetime
             start = ""
     return replace(
         record,
@@ -268,29 +293,41 @@ def _done(
 
 
 def trim(record: Record, start: float | None, end: float | None) -> Record:
-    """The samples from `start` to `end`, s from the first one, both included; None is an end of the
-    record."""
+    """Return the part of a record from `start` to `end`.
+
+    Parameters
+    ----------
+    record : Record
+        Record to trim.
+    start, end : float or None
+        Times from the first sample, s, both included; None means the end of the record.
+
+    Raises
+    ------
+    RecordError
+        The part is outside the record or has fewer than two samples.
+    """
     start = start or 0.0
     end = record.duration if end is None else end
     if end > record.duration + _ROUNDING * record.dt or start >= record.duration:
         raise RecordError(
-            f"{_label(record)}: trim {start:g}:{end:g} s leaves the record, which ends at "
-            f"{record.duration:.6g} s"
+            f"{_label(record)}: trim must be within the record, which ends at "
+            f"{record.duration:.6g} s, got {start:g}:{end:g} s"
         )
-    # Ends between samples are taken inwards: nothing is made up.
+    # Bounds between samples are moved inwards, so that no samples are added.
     first = math.ceil(start / record.dt - _ROUNDING)
     last = math.floor(end / record.dt + _ROUNDING)
     if last <= first:
         raise RecordError(
-            f"{_label(record)}: trim {start:g}:{end:g} s leaves fewer than two samples, which are "
-            f"{record.dt:g} s apart"
+            f"{_label(record)}: trim must keep at least two samples at the interval of "
+            f"{record.dt:g} s, got {start:g}:{end:g} s"
         )
     note = f"trimmed to the part from {first * record.dt:.6g} to {last * record.dt:.6g} s"
     return _done(record, record.acceleration[first : last + 1], note, later=first * record.dt)
 
 
 def remove_baseline(record: Record, kind: str) -> Record:
-    """The record without its mean (`constant`) or its least-squares line (`linear`)."""
+    """Return the record without its mean (`constant`) or its least-squares line (`linear`)."""
     samples = record.acceleration
     mean = float(np.mean(samples))
     if kind == "constant":
@@ -302,11 +339,12 @@ def remove_baseline(record: Record, kind: str) -> Record:
 
 
 def pad(record: Record, *seconds: float) -> Record:
-    """Zeros for so many seconds before and after, to whole samples."""
+    """Add zeros before and after a record, for two durations (s) rounded up to whole samples."""
     before, after = (math.ceil(min(part / record.dt, 1e18) - _ROUNDING) for part in seconds)
     if before + after > MOST_SAMPLES:
         raise RecordError(
-            f"{_label(record)}: pad would add {before + after} samples; take fewer seconds"
+            f"{_label(record)}: pad must add at most {MOST_SAMPLES} samples, got "
+            f"{before + after}; reduce the duration"
         )
     note = (
         f"padded with zeros, {before * record.dt:.6g} s before and {after * record.dt:.6g} s after"
@@ -317,10 +355,26 @@ def pad(record: Record, *seconds: float) -> Record:
 
 
 def butterworth(record: Record, kind: str, corner: float, corners: int) -> Record:
-    """A Butterworth filter of order `corners` run forwards and, from where it has settled after the
-    end, backwards.
+    """Apply a zero-phase Butterworth filter to a record, which is zero outside its samples.
 
-    The motion is zero outside its samples. `kind` is highpass or lowpass, `corner` in Hz.
+    The filter is applied forwards and, from the time at which it has settled after the end of the
+    record, backwards.
+
+    Parameters
+    ----------
+    record : Record
+        Record to filter.
+    kind : str
+        `highpass` or `lowpass`.
+    corner : float
+        Corner frequency, Hz.
+    corners : int
+        Order of the filter.
+
+    Raises
+    ------
+    RecordError
+        The corner frequency cannot be represented at the sampling interval of the record.
     """
     samples = zero_phase(record.acceleration, record.dt, kind, corner, corners, _label(record))
     note = f"{kind} {corner:g} Hz: Butterworth filter of order {corners}, forwards and backwards"
@@ -337,23 +391,41 @@ def zero_phase(
     *,
     held: bool = False,
 ) -> Array:
-    """The samples (along the first axis, dt seconds apart) after the filter of `butterworth`;
-    `label` names them.
+    """Apply the filter of `butterworth` to samples.
 
-    Before and after them is rest, or with `held` their last value after them.
+    Parameters
+    ----------
+    samples : ndarray
+        Samples along the first axis.
+    dt : float
+        Sampling interval, s.
+    kind : str
+        `highpass` or `lowpass`.
+    corner : float
+        Corner frequency, Hz.
+    corners : int
+        Order of the filter.
+    label : str
+        Name of the samples in error messages.
+    held : bool
+        Continue with the last value after the end instead of zeros. Default False.
 
     Raises
     ------
     RecordError
-        The corner is out of the reach of such samples.
+        The corner frequency cannot be represented at this sampling interval.
     """
     if not corner * dt < 0.5 - _NARROWEST:
         raise RecordError(
-            f"{label}: {kind} {corner:g} Hz is not below the Nyquist frequency, {0.5 / dt:.6g} Hz"
+            f"{label}: {kind} must be below the Nyquist frequency of {0.5 / dt:.6g} Hz, got "
+            f"{corner:g} Hz"
         )
     if corner * dt < _NARROWEST:
-        raise RecordError(f"{label}: {kind} {corner:g} Hz is too low for samples {dt:g} s apart")
-    from scipy.signal import sosfilt  # 0.8 s, for filters only
+        raise RecordError(
+            f"{label}: {kind} must be at least {_NARROWEST / dt:.3g} Hz for a sampling interval of "
+            f"{dt:g} s, got {corner:g} Hz"
+        )
+    from scipy.signal import sosfilt  # imported late: needs 0.8 s
 
     sections, settling = _designed(kind, corner, corners, dt)
     after = [(0, settling), *[(0, 0)] * (samples.ndim - 1)]
@@ -363,9 +435,21 @@ def zero_phase(
     return np.asarray(sosfilt(sections, forwards[::-1], axis=0)[::-1][: len(samples)])
 
 
-@lru_cache(maxsize=64)  # a fit runs the same two filters a thousand times
+@lru_cache(maxsize=64)  # a fit applies the same two filters a thousand times
 def _designed(kind: str, corner: float, corners: int, dt: float) -> tuple[Array, int]:
-    """Second-order sections of a Butterworth filter, and the samples after which it has settled."""
+    """Return the second-order sections of a Butterworth filter and its settling time in samples.
+
+    Parameters
+    ----------
+    kind : str
+        `highpass` or `lowpass`.
+    corner : float
+        Corner frequency, Hz.
+    corners : int
+        Order of the filter.
+    dt : float
+        Sampling interval, s.
+    """
     from scipy.signal import butter, zpk2sos
 
     zeros, poles, gain = butter(corners, corner, kind, fs=1.0 / dt, output="zpk")
@@ -374,17 +458,18 @@ def _designed(kind: str, corner: float, corners: int, dt: float) -> tuple[Array,
 
 
 def resample(record: Record, dt: float) -> Record:
-    """The band-limited motion at another sampling interval, s."""
+    """Return the band-limited motion of a record at another sampling interval `dt`, s."""
     if math.isclose(dt, record.dt, rel_tol=1e-12):
         return record
     if record.duration / dt > MOST_SAMPLES:
         raise RecordError(
-            f"{_label(record)}: resampled at {dt:g} s it would have more than {MOST_SAMPLES} "
-            "samples"
+            f"{_label(record)}: the resampled record must have at most {MOST_SAMPLES} samples; an "
+            f"interval of {dt:g} s is too short"
         )
     if dt > record.duration:
         raise RecordError(
-            f"{_label(record)}: resampled at {dt:g} s it would have less than two samples"
+            f"{_label(record)}: the resampled record must have at least two samples; an interval "
+            f"of {dt:g} s is too long"
         )
     samples, band = resampled(record.acceleration, record.dt, dt)
     note = f"resampled from {record.dt:.6g} s to {dt:.6g} s, frequencies up to {band:.4g} Hz kept"

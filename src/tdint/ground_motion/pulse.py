@@ -1,5 +1,5 @@
-"""Artificial ground motions in closed form: for teaching, and for a first run of a building that
-has no record yet."""
+"""Artificial ground motions in closed form, for teaching and for first analyses without a recorded
+ground motion."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ from tdint.errors import UsageError
 from tdint.units import ACCELERATION, parse_with_unit
 from tdint.written_numbers import parse_named, parse_positive
 
-_DT, _SAMPLES_PER_CYCLE = 0.01, 40
-_REST, _SHORTEST = 5.0, 20.0  # s: rest after a motion, and the least of both together
-_MOST_TURNS = 100_000  # cycles, 10^7 samples: a mistaken unit, not a motion
+_DT, _SAMPLES_PER_CYCLE = 0.01, 40  # s, maximum time step; minimum samples per cycle
+_REST, _SHORTEST = 5.0, 20.0  # s; rest after the motion, minimum total duration
+_MOST_TURNS = 100_000  # cycles; more cycles (10^7 samples) indicate a wrong unit
 
 
 @dataclass(frozen=True)
 class VelocityPulse:
-    """A pulse of the ground's velocity as close to a fault: a cosine under a longer one.
+    """Near-fault pulse of the ground velocity: a cosine with a cosine-shaped envelope.
 
-    v(t) = V/2 (1 + cos(omega (t - t0) / gamma)) cos(omega (t - t0) + phase) for |t - t0| <= gamma
-    pi / omega, 0 beyond (Mavroeidis and Papageorgiou 2003, eq. 4).
+    v(t) = V/2 (1 + cos(omega (t - t0) / gamma)) cos(omega (t - t0) + phase) for
+    |t - t0| <= gamma pi / omega, otherwise 0 (Mavroeidis and Papageorgiou 2003, eq. 4).
 
     Attributes
     ----------
     velocity : float
-        V, m/s.
+        Amplitude V, m/s.
     period : float
-        2 pi / omega, s.
+        Period 2 pi / omega, s.
     cycles : float
-        gamma: how many periods the pulse is long.
+        Duration gamma of the pulse, periods.
     phase : float
-        rad; pi/2 leaves the ground where it was.
+        Phase angle, rad; for pi/2 the final displacement is zero.
     """
 
     velocity: float = 0.4
@@ -45,11 +45,11 @@ class VelocityPulse:
 
     @property
     def duration(self) -> float:
-        """Time that the ground moves, s."""
+        """Duration of the motion, s."""
         return self.cycles * self.period
 
     def acceleration(self, t: NDArray[np.floating]) -> Array:
-        """Acceleration at times from the start of the pulse (s), m/s^2: the derivative of v."""
+        """Return the acceleration (m/s^2), the derivative of v, at times from the start (s)."""
         omega = 2.0 * math.pi / self.period
         slow = omega / self.cycles
         since = t - 0.5 * self.duration
@@ -66,8 +66,8 @@ class VelocityPulse:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A sine whose frequency goes on a straight line from `first` to `last` (Hz) over `duration`
-    (s), `pga` m/s^2."""
+    """Sine with a frequency that changes linearly from `first` to `last` (Hz) during `duration`
+    (s), with amplitude `pga` (m/s^2)."""
 
     first: float
     last: float
@@ -75,14 +75,14 @@ class Sweep:
     pga: float
 
     def acceleration(self, t: NDArray[np.floating]) -> Array:
-        """Acceleration at times from the start (s), m/s^2; 0 beyond the duration."""
+        """Return the acceleration (m/s^2) at times from the start (s); 0 after the duration."""
         turns = self.first * t + 0.5 * (self.last - self.first) * t**2 / self.duration
         inside = (t >= 0.0) & (t <= self.duration)
         return np.asarray(np.where(inside, self.pga * np.sin(2.0 * math.pi * turns), 0.0))
 
 
 Artificial = VelocityPulse | Sweep
-"""A motion in closed form."""
+"""Artificial ground motion in closed form."""
 
 EXAMPLES = {
     "sine": "sine:frequency=1.5,duration=20,pga=0.1g",
@@ -97,36 +97,54 @@ _PARAMETERS: dict[str, dict[str, bool]] = {
 
 
 def parse_motion(text: str) -> Artificial:
-    """Understand `sine:frequency=1.5,duration=20,pga=0.1g`, a sweep or a pulse (`EXAMPLES`): Hz, s,
-    m/s.
+    """Parse the text of a sine, a sweep or a pulse.
+
+    Parameters
+    ----------
+    text : str
+        For example `sine:frequency=1.5,duration=20,pga=0.1g`; other examples are in `EXAMPLES`.
+        Frequencies are in Hz, times in s and velocities in m/s.
 
     Raises
     ------
     UsageError
-        An unknown name; a parameter that is missing, unknown or wrong.
+        The name is unknown, or a parameter is missing, unknown or invalid.
     """
     name, _, words = text.partition(":")
     if name not in _PARAMETERS:
-        raise UsageError(f"no motion {name[:40]!r}; there are {', '.join(EXAMPLES.values())}")
-    given = parse_named(name, words, _PARAMETERS[name], EXAMPLES[name])
-    numbers = {key: parse_positive(key, value) for key, value in given.items() if key != "pga"}
+        raise UsageError(
+            f"artificial ground motion {name[:40]!r} not found; examples of all types: "
+            f"{', '.join(EXAMPLES.values())}"
+        )
+    arguments = parse_named(name, words, _PARAMETERS[name], EXAMPLES[name])
+    numbers = {key: parse_positive(key, value) for key, value in arguments.items() if key != "pga"}
     if name == "pulse":
         return VelocityPulse(numbers["velocity"], numbers["period"], numbers.get("cycles", 3.0))
     pga, duration = (
-        parse_with_unit(given["pga"], "acceleration", "0.1g", "pga"),
+        parse_with_unit(arguments["pga"], "acceleration", "0.1g", "pga"),
         numbers["duration"],
     )
     first, last = (numbers["frequency" if name == "sine" else end] for end in ("first", "last"))
     if not duration * max(first, last) <= _MOST_TURNS:
         raise UsageError(
-            f"{name}: {duration * max(first, last):.4g} cycles are too many; at most {_MOST_TURNS}"
+            f"{name}: the motion must have at most {_MOST_TURNS} cycles, got "
+            f"{duration * max(first, last):.4g}"
         )
     return Sweep(first, last, duration, pga)
 
 
 def motion_text(motion: Artificial, *, unit: str) -> str:
-    """A motion, and rest after it, as a text that tdint reads as a record: its step and its unit, a
-    sample a line."""
+    """Return the text of a record file with a motion followed by rest.
+
+    The first line declares time step and unit. Each further line has one sample.
+
+    Parameters
+    ----------
+    motion : VelocityPulse or Sweep
+        Artificial ground motion.
+    unit : str
+        Unit of acceleration of the samples.
+    """
     fastest = max(motion.first, motion.last) if isinstance(motion, Sweep) else 1.0 / motion.period
     dt = min(_DT, round(1.0 / (_SAMPLES_PER_CYCLE * fastest), 4) or 1e-4)
     duration = max(motion.duration + _REST, _SHORTEST)
@@ -145,7 +163,7 @@ def motion_text(motion: Artificial, *, unit: str) -> str:
         )
     lines = [
         f"# dt = {dt:g} s, units = {unit}",
-        f"# An artificial ground motion, no record: {words}, and rest.",
+        f"# Artificial ground motion, not a record: {words}, followed by rest.",
         *(f"{sample:.7g}" for sample in np.where(np.abs(samples) < 1e-12, 0.0, samples)),
     ]
     return "\n".join(lines) + "\n"

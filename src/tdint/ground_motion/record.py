@@ -21,26 +21,37 @@ from tdint.written_numbers import how_many
 
 @dataclass(frozen=True)
 class Input:
-    """A file that a result depends on, as the user named it, and the SHA-256 of the bytes that were
-    read from it."""
+    """Input file of a result: its name as specified by the user, and the SHA-256 of its content."""
 
     file: str
     sha256: str
 
 
 _USUAL = (1e-4, 5.0)
-"""Peak accelerations of grounds and floors, g: below nobody feels it, above it is twice the largest
-ever recorded."""
+"""Usual range of peak accelerations of grounds and floors, g. Motions below it are not perceptible;
+values above it are more than twice the maximum ever recorded."""
 
 
 def doubt_of_peak(peak: float, name: str = "peak ground acceleration") -> tuple[str, ...]:
-    """What is to be said of a peak acceleration, m/s^2, that a wrong unit would explain; nothing of
-    a usual one."""
+    """Return a warning if a peak acceleration is unusual and a wrong unit may be the reason.
+
+    Parameters
+    ----------
+    peak : float
+        Peak acceleration, m/s^2.
+    name : str
+        Name of the peak in the warning. Default: peak ground acceleration.
+
+    Returns
+    -------
+    tuple of str
+        The warning; empty if the peak is in the usual range.
+    """
     low, high = _USUAL
     if not 0.0 < peak < math.inf or low <= peak / STANDARD_GRAVITY <= high:
         return ()
     usual = f"usual: {low:g} g to {high:g} g"
-    return (f"{name} {peak / STANDARD_GRAVITY:.3g} g, {usual}: are the units of the record right?",)
+    return (f"{name} {peak / STANDARD_GRAVITY:.3g} g, {usual}; check the units of the record",)
 
 
 @dataclass(frozen=True, repr=False)
@@ -50,8 +61,8 @@ class Record(Tabular):
     Raises
     ------
     RecordError
-        The acceleration is no row of at least two finite real numbers, or the sampling interval is
-        not positive.
+        The acceleration is not a one-dimensional array of at least two finite real numbers, or the
+        sampling interval is not positive.
 
     Attributes
     ----------
@@ -60,40 +71,40 @@ class Record(Tabular):
     dt : float
         Sampling interval, s.
     start : str
-        Time of the first sample, ISO 8601 (UTC), empty if the file does not tell.
+        Time of the first sample, ISO 8601 (UTC); empty if the file does not state it.
     id : str
-        Network, station, location and channel joined by dots, as far as known.
+        Network, station, location and channel joined by dots; unknown codes are empty.
     component : str
-        The component's name (the channel code for MiniSEED: HNE).
+        Name of the component (for MiniSEED the channel code: HNE).
     source : str
-        The file as the user named it; `-` for standard input.
+        File name as specified by the user; `-` for standard input.
     notes : tuple of str
-        What the reader assumed or did, one sentence each, for a person to see.
+        Assumptions and changes made by the reader, one sentence each.
     units : str
-        Units of the file's samples; empty for a record that comes from no file.
+        Units of the samples in the file; empty for a record that was not read from a file.
     units_from : str
-        How they are known: `format` (all its files have them), `file`, `given` (by the user),
-        `assumed`, or `inventory` (counts whose instrument's response was removed).
+        Source of the units: `format` (all files of the format have these units), `file`, `given`
+        (by the user), `assumed`, or `inventory` (the instrument response was removed from counts).
     quantity : str
-        What the file's samples are: `acceleration`, or the `velocity` or `displacement` that was
-        differentiated.
+        Quantity of the samples in the file: `acceleration`, or the `velocity` or `displacement`
+        that was differentiated.
     warnings : tuple of str
-        What the reader assumed that changes what the numbers mean: a person must see it.
+        Assumptions made by the reader that affect the meaning of the numbers.
     inputs : tuple of Input
-        The files that it was read from: its own, and the inventory if there was one.
+        Files from which the record was read, including the inventory if one was used.
     processing : tuple of str
-        What was done to it on request, one sentence a step; they stand among the notes, too.
+        Requested processing, one sentence per step; these sentences are also part of `notes`.
     peaks : tuple of two floats or None
-        Peak velocity (m/s) and displacement (m) that the file itself has beside the acceleration;
-        None where it has none, or the record was processed since.
+        Peak velocity (m/s) and displacement (m) in the file; None if the file does not contain
+        them, or if the record was processed after reading.
     header_checks : tuple of str
-        What its file states of itself (number of samples, peak, checksum) and was compared with the
-        samples; empty if the file states nothing.
+        Header values (number of samples, peak, checksum) that were compared with the samples; empty
+        if the header states none of them.
     scale : float
-        What the acceleration has been multiplied by since it was read.
+        Total factor applied to the acceleration since reading.
     event : str
-        The earthquake as its file names it, with the date if the file states one beside the name;
-        empty if the file names none.
+        Earthquake named in the file, with its date if the file states it separately; empty if the
+        file does not name an earthquake.
     """
 
     acceleration: NDArray[np.float64]
@@ -140,7 +151,7 @@ class Record(Tabular):
 
     @property
     def name(self) -> str:
-        """File and component, as far as there are any."""
+        """File and component, if known."""
         return " ".join(filter(None, (self.source, self.component)))
 
     @property
@@ -159,12 +170,12 @@ class Record(Tabular):
         return float(np.max(np.abs(self.acceleration)))
 
     def scaled(self, factor: float) -> Record:
-        """The same record with its acceleration multiplied by `factor`.
+        """Return the record with the acceleration multiplied by `factor`.
 
         Raises
         ------
         RecordError
-            The product is beyond what floats hold.
+            A product exceeds the range of floats.
         """
         with np.errstate(over="ignore"):
             pgv, pgd = (None if peak is None else peak * abs(factor) for peak in self.peaks)
@@ -177,42 +188,43 @@ class Record(Tabular):
 
 
 def masked_samples(samples: NDArray[Any]) -> int:
-    """How many samples are marked as missing. numpy's masks are not imported for an array that has
-    none."""
+    """Return the number of masked samples. The numpy module for masks is not imported for plain
+    arrays."""
     return 0 if type(samples) is np.ndarray else int(np.sum(np.ma.getmaskarray(samples)))
 
 
 def _checked(acceleration: Any, source: str) -> NDArray[np.float64]:
-    """The samples as contiguous floats, the same array where it is that already.
+    """Return the samples as a contiguous float array, without a copy if possible.
 
     Raises
     ------
     RecordError
-        They are no row of at least two finite real numbers.
+        The samples are not a one-dimensional array of at least two finite real numbers.
     """
-    whose = source or "record"
-    given = np.asanyarray(acceleration)
-    if masked := masked_samples(given):
-        raise RecordError(f"{whose}: {how_many(masked, 'sample')} masked; fill or cut them")
-    if given.dtype.kind not in "iuf":
-        raise RecordError(f"{whose}: the acceleration must be real numbers, got {given.dtype.name}")
-    if given.ndim != 1 or given.size < 2:
+    label = source or "record"
+    array = np.asanyarray(acceleration)
+    if masked := masked_samples(array):
+        raise RecordError(f"{label}: {how_many(masked, 'sample')} masked; fill or remove them")
+    if array.dtype.kind not in "iuf":
+        raise RecordError(f"{label}: the acceleration must be real numbers, got {array.dtype.name}")
+    if array.ndim != 1 or array.size < 2:
         raise RecordError(
-            f"{whose}: the acceleration must be a row of two samples at least, got shape "
-            f"{given.shape}"
+            f"{label}: the acceleration must be a one-dimensional array of at least two samples, "
+            f"got shape {array.shape}"
         )
-    samples = np.ascontiguousarray(given, dtype=np.float64)
+    samples = np.ascontiguousarray(array, dtype=np.float64)
     if not np.isfinite(samples).all():
         first = int(np.argmin(np.isfinite(samples)))
         raise RecordError(
-            f"{whose}: sample {first} (counted from 0) is {samples[first]}, no finite number"
+            f"{label}: samples must be finite, got {samples[first]} for sample {first} (counted "
+            "from 0)"
         )
     return samples
 
 
 def component_names(records: Sequence[Record]) -> list[str]:
-    """The component of each record; its full id where others of the same file have the same
-    component, and of floors that tdint exported their names, F04."""
+    """Return a name for each record: its component, or its full id if another record of the same
+    file has the same component. Floor motions exported by tdint are named by floor (F04)."""
     components = {(record.source, record.id, record.component) for record in records}
     count = Counter((source, component) for source, _, component in components)
     names = []
@@ -223,45 +235,45 @@ def component_names(records: Sequence[Record]) -> list[str]:
 
 
 IN_SI = "SI"
-"""Location code with which tdint exports motions, whose samples are in SI units: MiniSEED has no
-place for a unit."""
+"""Location code of ground motions exported by tdint, which identifies SI units, because MiniSEED
+has no field for units."""
 
 UNITS_BY_LOCATION = {IN_SI: "m/s^2", "SV": "m/s", "SD": "m"}
-"""Units of what tdint exports: acceleration, and beside it under the same code velocity and
-displacement."""
+"""Units of exported channels by location code: acceleration, velocity and displacement."""
 
 
 def station_of(id: str) -> str:
-    """The station of a channel's id NET.STA.LOC.CHA; nothing of another id."""
+    """Return the station in a channel id NET.STA.LOC.CHA; empty for any other id."""
     parts = id.split(".")
     return parts[1] if len(parts) == 4 else ""
 
 
-# ---- Records one after the other as one record: shocks of a sequence, with the ground at rest in
-# between
+# ---- Sequences: the events of a sequence joined to one record, with rest between the events
 
-_SAME = 1e-9  # sampling intervals that differ by less than this part are the same
+_SAME = 1e-9  # relative difference up to which sampling intervals are considered equal
 
 
 def at_one_interval(records: Sequence[Record]) -> list[Record]:
-    """The records at the shortest of their sampling intervals: linear between their samples, they
-    stay as they are.
+    """Return the records at the shortest of their sampling intervals.
+
+    The samples are interpolated linearly, which does not change motions that are linear between
+    samples.
 
     Raises
     ------
     UsageError
-        An interval is no whole multiple of the shortest.
+        A sampling interval is not an integer multiple of the shortest.
     """
     shortest = min(record.dt for record in records)
     refined = []
     for record in records:
-        # Only whole multiples keep each sample, and with straight lines in between the motion
-        # itself.
+        # Only integer multiples keep all samples. Linear interpolation then keeps the motion.
         whole = round(record.dt / shortest)
         if abs(record.dt / shortest - whole) > _SAME * whole:
             raise UsageError(
-                f"{record.name}: its sampling interval, {record.dt:.6g} s, is no whole multiple of "
-                f"the shortest of the sequence, {shortest:.6g} s: change one with --resample"
+                f"{record.name}: the sampling interval must be an integer multiple of the shortest "
+                f"in the sequence, {shortest:.6g} s, got {record.dt:.6g} s; change one of them "
+                "with --resample"
             )
         samples = record.acceleration
         if whole > 1:
@@ -272,25 +284,39 @@ def at_one_interval(records: Sequence[Record]) -> list[Record]:
 
 
 def samples_of(rest: float, dt: float) -> int:
-    """How many samples after the last of a record the next one begins, for `rest` seconds in
-    between; at least 1.
+    """Return the number of samples from the end of a record to the start of the next, at least 1.
+
+    Parameters
+    ----------
+    rest : float
+        Time of rest between the records, s.
+    dt : float
+        Sampling interval, s.
 
     Raises
     ------
     UsageError
-        The rest is no time.
+        The time of rest is negative or not finite.
     """
     if not (math.isfinite(rest) and rest >= 0.0):
-        raise UsageError(f"the rest between shocks must be a number of seconds, got {rest!r}")
+        raise UsageError(
+            f"the rest between events must be a non-negative number of seconds, got {rest!r}"
+        )
     return max(1, math.ceil(rest / dt * (1.0 - _SAME)))
 
 
 def one_after_another(records: Sequence[Record], starts: Sequence[int]) -> Record:
-    """The records, of one sampling interval, as one: each begins at its sample, and zero stands in
-    between.
+    """Join records with the same sampling interval to one record, with zeros between them.
 
-    What the records have in common is that of the whole; of what differs only the sources and
-    components are told.
+    Attributes that are equal in all records are kept. Different sources and components are joined;
+    other different attributes are reset.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Records in order of time.
+    starts : sequence of int
+        Index of the first sample of each record.
     """
     samples = np.zeros(starts[-1] + records[-1].acceleration.size)
     for record, start in zip(records, starts, strict=True):
@@ -319,21 +345,20 @@ def one_after_another(records: Sequence[Record], starts: Sequence[int]) -> Recor
 
 @dataclass(frozen=True, repr=False)
 class JoinedRecord(Record):
-    """Shocks of which each building makes a record of its own, for it rests between them as long as
-    it moves.
+    """Events of a sequence, with a rest between them that may depend on the building.
 
-    As a record it is that of the shortest rest: what measures them all is taken of it, and nothing
-    is run under it.
+    The base record joins the events with the shortest rest. It is used only for intensity measures
+    of the sequence; buildings are not analyzed under it.
 
     Attributes
     ----------
     shocks : tuple of Record
-        The motions, of one sampling interval.
+        Ground motions of the events, with the same sampling interval.
     rest : float or None
-        Seconds between them; None: until the building is at rest.
+        Time between events, s; None means until the building is at rest.
     fixed : int
-        So many of the first shocks stay as they are where the record is scaled: what is asked is
-        what those after them do.
+        Number of events at the beginning that are not scaled, for analyses of the response to the
+        events that follow.
     """
 
     shocks: tuple[Record, ...] = ()
@@ -342,8 +367,22 @@ class JoinedRecord(Record):
 
     @classmethod
     def of(cls, records: Sequence[Record], rest: float | None, fixed: int = 0) -> Self:
-        """The shocks as they are to follow each other. Errors are those of `at_one_interval` and
-        `samples_of`."""
+        """Create a sequence from its events.
+
+        Parameters
+        ----------
+        records : sequence of Record
+            Ground motions in order of time.
+        rest : float or None
+            Time between events, s; None means until the building is at rest.
+        fixed : int
+            Number of events at the beginning that are not scaled. Default 0.
+
+        Raises
+        ------
+        UsageError
+            Raised by `at_one_interval` and `samples_of`.
+        """
         shocks, starts = at_one_interval(records), [0]
         for shock in shocks[:-1]:
             starts.append(
@@ -358,26 +397,37 @@ class JoinedRecord(Record):
         parts = [*(shock.digest for shock in self.shocks), repr((self.rest, self.fixed))]
         return hashlib.sha256(" ".join(parts).encode()).hexdigest()
 
-    def scaled(self, factor: float) -> Self:  # fixed shocks stay as they are
+    def scaled(self, factor: float) -> Self:  # fixed events are not scaled
         fixed, others = self.shocks[: self.fixed], self.shocks[self.fixed :]
         return self.of([*fixed, *(shock.scaled(factor) for shock in others)], self.rest, self.fixed)
 
 
-# ---- Motions as MiniSEED, as other programs and tdint itself read them
+# ---- Export of ground motions as MiniSEED
 
 _SAME_INTERVAL = 1e-12
-"""Relative difference up to which MiniSEED keeps a sampling interval: it stores a rate as a ratio
-of two small whole numbers, or in single precision."""
+"""Relative difference above which a changed sampling interval is reported. MiniSEED stores the rate
+as a ratio of two small integers or in single precision."""
 
 
 def to_mseed(motions: Sequence[Record]) -> tuple[bytes, tuple[str, ...]]:
-    """Accelerations in m/s^2 as MiniSEED: FLOAT64, a channel of each record's id (NET.STA.LOC.CHA),
-    its start if known; and what there is to say of the file.
+    """Convert records to MiniSEED with accelerations in m/s^2, encoded as FLOAT64.
+
+    Parameters
+    ----------
+    motions : sequence of Record
+        Records with ids NET.STA.LOC.CHA, which become the channels.
+
+    Returns
+    -------
+    content : bytes
+        Content of the file.
+    notes : tuple of str
+        Note if MiniSEED stores a different sampling interval.
 
     Raises
     ------
     OutputError
-        A sampling rate that MiniSEED cannot say.
+        MiniSEED cannot represent the records, for example their sampling rate.
     """
     from tdint.ground_motion.messages import quiet_import
 
@@ -394,11 +444,11 @@ def to_mseed(motions: Sequence[Record]) -> tuple[bytes, tuple[str, ...]]:
     content = io.BytesIO()
     try:
         stream.write(content, format="MSEED", encoding="FLOAT64")
-    except Exception as error:  # ObsPy's writer raises of many kinds
+    except Exception as error:  # the writer of ObsPy raises many types of exceptions
         raise OutputError(f"the motions cannot be written as MiniSEED: {error}") from error
     dt = motions[0].dt
     stored = float(read(io.BytesIO(content.getvalue()), headonly=True)[0].stats.delta)
     notes = []
     if not math.isclose(stored, dt, rel_tol=_SAME_INTERVAL):
-        notes.append(f"MiniSEED has a sampling interval of {stored:.12g} s for {dt:.12g} s")
+        notes.append(f"MiniSEED stores the sampling interval of {dt:.12g} s as {stored:.12g} s")
     return content.getvalue(), tuple(notes)

@@ -343,7 +343,10 @@ def test_what_cannot_be_fitted_is_refused(made):
         ),
         (recording(roof=sensor("roof", file="other.csv")), "does not end with its units"),
         (recording(roof=sensor("roof", ", units: g", "other.csv")), "recorded at another time"),
-        (recording(more="band: [0.5, 25]\n"), "is not below the Nyquist frequency, 25 Hz"),
+        (
+            recording(more="band: [0.5, 25]\n"),
+            "must be below the Nyquist frequency of 25 Hz, got 25 Hz",
+        ),
     ],
 )
 def test_files_that_do_not_fit(made, text, message):
