@@ -135,8 +135,8 @@ def test_a_suite_says_which_motions_it_has_twice(tmp_path):
     first, copy, *others = (str(tmp_path / f"{name}.txt") for name in "abcd")
     suite = read_suite([str(tmp_path), first], RecordChoice())
     assert suite.notes == (
-        f"the same motion counts more than once in every mean: {copy} is {first}, {first} is "
-        f"{first}",
+        f"the same ground motion is included more than once in all means: {copy} is {first}, "
+        f"{first} is {first}",
     )
     assert read_suite([first, *others], RecordChoice()).notes == ()
 
@@ -156,10 +156,10 @@ def test_vertical_components_are_left_out_unless_they_are_named(tmp_path):
     suite = read_components(files, RecordChoice(units="m/s^2"))
     assert [record.component for record in suite.records] == ["HNE", "HNN", "HNE"]
     assert [str(failure).partition(": ")[2] for failure in suite.failures] == [
-        "has no horizontal component; name one to take it all the same"
+        "no horizontal component found; select a component by name"
     ]
     assert [note for note in suite.notes if "vertical" in note] == [
-        f"{files[0]}: vertical, left out: HNZ"
+        f"{files[0]}: vertical component omitted: HNZ"
     ]
     named = read_components(files[1:2], RecordChoice(component="HNZ", units="m/s^2"))
     assert [record.component for record in named.records] == ["HNZ"]

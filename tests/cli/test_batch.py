@@ -44,7 +44,7 @@ def test_a_folder_stands_for_its_records(many, tdint):
     names = [f"many/{name}.mseed" for name in ("counts", "r0", "r1", "r1a", "r2", "r3")]
     one_by_one = tdint("spectrum", *names, *PERIODS)
     assert (result.exit_code, result.stdout) == (4, one_by_one.stdout)
-    note = "note: many/: not taken for records: README.md, deeper/, pipe"
+    note = "note: many/: skipped (not records): README.md, deeper/, pipe"
     rest = result.stderr.splitlines()
     rest.remove(note)
     assert rest == one_by_one.stderr.splitlines()
@@ -71,7 +71,9 @@ def test_folders_without_records_or_with_one_that_cannot_be_read(folder, tdint):
     result = tdint("info", "none", "some", "--units", "m/s^2", code=4)
     assert len(result.stdout.splitlines()) == 2
     none, some = result.stderr.splitlines()
-    assert none.startswith("Error: none: there is no record in this folder; it holds 00.md, 01.md")
+    assert none.startswith(
+        "Error: none: no record found in this directory; it contains 00.md, 01.md"
+    )
     assert none.endswith("09.md and 2 more")
     assert some == "Error: some/b.mseed: the file is empty"
 

@@ -179,7 +179,7 @@ def test_units_on_the_command_line_take_the_place_of_the_models_inventory(folder
         (["missing.yaml"], 3, "missing.yaml: no such file"),
         (["shaken.yaml", "--record", "missing.mseed"], 4, "missing.mseed: there is no such file"),
         (["shaken.yaml", "m" * 300], 4, "File name too long"),
-        (["shaken.yaml", "--component", "HNZ"], 4, "there is no component 'HNZ'"),
+        (["shaken.yaml", "--component", "HNZ"], 4, "component 'HNZ' not found"),
         (["shaken.yaml", "--units", "furlong"], 2, "units 'furlong'"),
         (["shaken.yaml", "--units", "gal", "--inventory", "x.xml"], 2, "units and an inventory"),
         (

@@ -87,7 +87,7 @@ def test_the_inelastic_spectra(checkout):
 def test_the_batches(checkout):
     folder, run = checkout
     _, said = run(readmes.block("batch"))
-    assert "note: records/: not taken for records: README.md, kaikoura/, make_records.py\n" in said
+    assert "note: records/: skipped (not records): README.md, kaikoura/, make_records.py\n" in said
     assert {path.stem for path in (folder / "spectra").iterdir()} == {
         "firm-soil",
         "near-fault",

@@ -58,12 +58,12 @@ def test_all_members_of_known_formats(path):
 def test_one_member(path):
     assert read_record(path, component="067").pga == pytest.approx(1.5 * 9.80665)
     refused(path, "choose one by `component`: 067, HNZ, HNE")
-    refused(path, "no component 'X'", component="X")
+    refused(path, "component 'X' not found", component="X")
 
 
 def test_without_records(tmp_path):
     (tmp_path / "a.zip").write_bytes(packed({"a.txt": "words\n"}))
-    refused(tmp_path / "a.zip", r"holds no record of a known format; it holds a\.txt")
+    refused(tmp_path / "a.zip", r"contains no record of a supported format; it contains a\.txt")
 
 
 def test_damage_is_found_by_the_archive_s_checksum(tmp_path, path):

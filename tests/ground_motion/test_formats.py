@@ -82,7 +82,7 @@ class TestAt2:
     def test_without_units_the_user_gives_them(self, tmp_path):
         path = tmp_path / "a.at2"
         path.write_text(files.free_at2().replace("The units are (g)\n", ""))
-        refused(path, "does not tell the units of its samples; say what")
+        refused(path, "does not state the units of its samples; specify")
         record = read_record(path, units="gal")
         assert record.pga == pytest.approx(0.015)
         assert (record.units, record.units_from) == ("gal", "given")
@@ -237,7 +237,7 @@ class TestCsmip:
         measures = measure(record)
         assert (measures.pgv, measures.pgd) == record.peaks
         assert (
-            "the peak velocity is that of the file's own velocity; integration from rest gives"
+            "the peak velocity is from the velocity in the file; integration from rest gives"
             in measures.notes[0]
         )
         assert measure(record.scaled(-2.0)).pgv == pytest.approx(1.505)
@@ -252,7 +252,7 @@ class TestCsmip:
         assert contents(text.replace(line, line + more.format("-75.250"))).notes == ()
         refused(
             text.replace(line, line + more.format("-82.912")),
-            "peak velocity of 82.912 CM/SEC, what was read has 75.25",
+            "peak velocity of 82.912 CM/SEC, but the data that were read have 75.25",
         )
 
     def test_choosing_among_channels(self, tmp_path):
@@ -306,13 +306,16 @@ class TestCsmip:
             text = sound.replace("PEAK ACCELERATION =  150.500", f"PEAK ACCELERATION = {stated}")
             refused(
                 text,
-                rf"90: the file states a peak of {abs(float(stated)):g} cm/s\^2, what was read "
-                r"has 150.5 cm/s",
+                rf"90: the file states a peak of {abs(float(stated)):g} cm/s\^2, but the data that were read "
+                r"have 150.5 cm/s",
             )
         (note,) = contents(
             sound.replace("PEAK ACCELERATION =  150.500", "PEAK ACCELERATION =  151.500")
         ).notes
-        assert note == "90: the file states a peak of 151.5 cm/s^2, what was read has 150.5 cm/s^2"
+        assert (
+            note == "90: the file states a peak of 151.5 cm/s^2, "
+            "but the data that were read have 150.5 cm/s^2"
+        )
 
         # MAX is in g where the samples are in tenths of it: taken for one another they would be ten
         # times off.
@@ -321,7 +324,7 @@ class TestCsmip:
         assert "peak" in contents(sound).compared
         refused(
             sound.replace("MAX  =  -0.150 G", "MAX  =  -1.500 G"),
-            "states a peak of 1.5 g, what was read has 0.15 g",
+            "states a peak of 1.5 g, but the data that were read have 0.15 g",
         )
 
 
@@ -341,7 +344,7 @@ class TestSmc:
 
     def test_refused(self, tmp_path):
         (tmp_path / "a.smc").write_text(files.smc(kind="0 UNKNOWN"))
-        refused(tmp_path / "a.smc", "does not tell the units")
+        refused(tmp_path / "a.smc", "does not state the units")
         assert only(files.smc(kind="3 VELOCITY")).stats.tdint_units == "cm/s"
         refused(files.smc(kind="5 RESPONSE SPECTRA"), "must contain a ground motion")
         refused(files.smc(rate=1.7e38), "does not state the sampling rate")

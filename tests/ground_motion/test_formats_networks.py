@@ -63,9 +63,15 @@ def test_other_counts():
     for write in (files.afad, files.unam):
         refused(write(count=121), "121 rows after line .*, the file has 120")
         refused(write(count=119), "follows the last row stated in the header")
-    refused(files.bhrc(count=121), "states a number of samples of 121, what was read has 120")
+    refused(
+        files.bhrc(count=121),
+        "states a number of samples of 121, but the data that were read have 120",
+    )
     for length in (2.36, 2.42):
-        refused(files.cwb(length=length), r"states a number of samples of \d+, what was read has")
+        refused(
+            files.cwb(length=length),
+            r"states a number of samples of \d+, but the data that were read have",
+        )
 
 
 def test_a_row_that_ends_before_the_number_of_points():
@@ -77,9 +83,13 @@ def test_a_row_that_ends_before_the_number_of_points():
 
 
 def test_other_steps_and_peaks():
-    refused(files.cwb(rate=100), "states a sampling interval of 0.01 s, what was read has 0.02")
     refused(
-        files.bhrc(rate=100.0), "states a sampling interval of 0.01 s, what was read has 0.005 s"
+        files.cwb(rate=100),
+        "states a sampling interval of 0.01 s, but the data that were read have 0.02",
+    )
+    refused(
+        files.bhrc(rate=100.0),
+        "states a sampling interval of 0.01 s, but the data that were read have 0.005 s",
     )
     refused(files.afad(peaks=(1.5, 2.4, 0.5)), "EW: the file states a peak of 2.4 cm/s")
     cwb = files.cwb().replace("   -2.250\n#AmplitudeMAX. E", "   -2.500\n#AmplitudeMAX. E")

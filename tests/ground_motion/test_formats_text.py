@@ -205,7 +205,7 @@ class TestTables:
 
     def test_without_units_nothing_is_guessed(self, tmp_path, three):
         (tmp_path / "a.csv").write_text(self.table("Time,Acc,Vel,Disp", three))
-        refused(tmp_path / "a.csv", "does not tell the units")
+        refused(tmp_path / "a.csv", "does not state the units")
         record = read_record(tmp_path / "a.csv", units="gal")
         assert (record.pga, record.peaks) == (pytest.approx(0.01), (None, None))
 

@@ -32,7 +32,9 @@ class TestComparison:
 
     @pytest.mark.parametrize("stated", [1.1, -1.0, float("nan"), float("inf")])
     def test_another_number(self, stated):
-        with pytest.raises(RecordError, match=r"states a peak of .* g, what was read has 1 g"):
+        with pytest.raises(
+            RecordError, match=r"states a peak of .* g, but the data that were read have 1 g"
+        ):
             compare([Statement("peak", stated, 1.0, 0.01, "g")])
 
     def test_a_measured_value_may_be_off_by_a_hundredth_with_a_word(self):
@@ -70,10 +72,14 @@ class TestSac:
     @pytest.mark.parametrize(
         ("word", "value", "match"),
         [
-            (0, 0.02, r"time of the last sample\) of 9.98\d* s, what was read has 19.9"),
-            (2, 9.81 * 3.0, r"largest sample\) of 29.4\d*, what was read has 3"),
+            (
+                0,
+                0.02,
+                r"time of the last sample\) of 9.98\d* s, but the data that were read have 19.9",
+            ),
+            (2, 9.81 * 3.0, r"largest sample\) of 29.4\d*, but the data that were read have 3"),
             (1, -3.1, "smallest sample"),
-            (56, 1.0, "mean of 1, what was read has"),
+            (56, 1.0, "mean of 1, but the data that were read have"),
         ],
     )
     def test_another_number(self, data, word, value, match):
@@ -104,10 +110,10 @@ class TestText:
         for stated in (b"294", b"306"):
             refused(
                 data.replace(b"300 samples", stated + b" samples"),
-                f"{stated.decode()}, what was read has 300",
+                f"{stated.decode()}, but the data that were read have 300",
             )
         *lines, last = data.rstrip().split(b"\n")
-        refused(b"\n".join([*lines, last, last, b""]), "what was read has 30")
+        refused(b"\n".join([*lines, last, last, b""]), "but the data that were read have 30")
 
     @pytest.mark.parametrize("version", ["1", "2"])
     def test_gse_sections(self, version):

@@ -43,21 +43,21 @@ class TestMiniSeed:
                 r"record \d+: its header states 3000 samples, it has room for \d+",
             ),
             # libmseed would drop the record without a word.
-            (44, b"\0\0", "its header places (the|compressed) data at byte 0"),
-            (44, b"\0\x2f", "its header places (the|compressed) data at byte 47"),
-            (512 + 44, b"\2\0", "its header places (the|compressed) data at byte 512"),
-            (512 + 44, b"\x40\x40", "its header places (the|compressed) data at byte 16448"),
+            (44, b"\0\0", "at byte 0|states byte 0"),
+            (44, b"\0\x2f", "at byte 47|states byte 47"),
+            (512 + 44, b"\2\0", "at byte 512|states byte 512"),
+            (512 + 44, b"\x40\x40", "at byte 16448|states byte 16448"),
             # A record that becomes a control header
-            (6, b"T", "at byte 0, where record .* should begin, there is no header|unknown format"),
+            (6, b"T", "at byte 0, where record .* must start|unknown format"),
             (
                 512 + 6,
                 b"T",
-                "at byte 512, where record .* should begin, there is no header|unknown format",
+                "at byte 512, where record .* must start|unknown format",
             ),
             (
                 -512 + 6,
                 b"T",
-                r"at byte \d+, where record .* should begin, there is no header|unknown format",
+                r"at byte \d+, where record .* must start|unknown format",
             ),
             # A record of text
             (-512 + 52, b"\0", r"XX.ABC.00.HNE have different encodings, \[0, \d+\]"),
@@ -68,10 +68,10 @@ class TestMiniSeed:
             (53, b"\0", "different byte orders"),
             # Blockettes that lead back, to themselves or to before themselves: whoever follows them
             # never ends.
-            (50, b"\0\x30", "the places of its blockettes are wrong"),
-            (50, b"\0\x2f", "the places of its blockettes are wrong"),
-            (50, b"\0\x14", "the places of its blockettes are wrong"),
-            (39, b"\x02", "states . blockettes, there are ."),
+            (50, b"\0\x30", "the positions of its blockettes are invalid"),
+            (50, b"\0\x2f", "the positions of its blockettes are invalid"),
+            (50, b"\0\x14", "the positions of its blockettes are invalid"),
+            (39, b"\x02", "states . blockettes, it has ."),
         ],
     )
     def test_other_bytes(self, data, place, content, message):
@@ -191,7 +191,7 @@ class TestMiniSeedByHand:
             refused_by(
                 look_at_mseed,
                 seed_record(order, **{field: value}),
-                "at byte 0, where record 1 should begin, there is no header",
+                "at byte 0, where record 1 must start",
             )
 
     @pytest.mark.parametrize(
@@ -233,7 +233,9 @@ class TestMiniSeedByHand:
         assert record.length == 2**exponent
         wrong = bytearray(seed_record(exponent=exponent))
         wrong[54] = exponent - 1 if exponent == 7 else exponent + 1
-        refused_by(look_at_mseed, wrong, rf"its header gives a length of 2\^{wrong[54]} bytes")
+        refused_by(
+            look_at_mseed, wrong, rf"its header states an invalid length of 2\^{wrong[54]} bytes"
+        )
 
     def test_channels_that_continue_others(self):
         """In up to three letters another name, less than half a sample off."""
@@ -256,7 +258,9 @@ class TestMiniSeedByHand:
         record = seed_record(exponent=7)
         for blank in (b"\0" * 128, b" " * 1280):
             assert [one.number for one in look_at_mseed(record + blank + record + blank)] == [1, 2]
-        refused_by(look_at_mseed, record + record[:40], "its last 40 bytes are no whole record")
+        refused_by(
+            look_at_mseed, record + record[:40], "its last 40 bytes are not a complete record"
+        )
         refused_by(look_at_mseed, record + record[:100], "its last record has 100 of 128 bytes")
 
     @pytest.mark.parametrize("kind", [b"005", b"008", b"010", b"011"])
@@ -275,7 +279,9 @@ class TestMiniSeedByHand:
             )
         wrong = (b"000001V " + kind + b"009502.421").ljust(512, b" ")
         refused_by(
-            look_at_mseed, wrong, "its first control header does not tell the records' length"
+            look_at_mseed,
+            wrong,
+            "its first control header does not state the length of the records",
         )
 
 

@@ -145,17 +145,21 @@ class TestKnet:
         assert any("zero offset" in note for note in record.notes)
         assert not any("states a peak" in note for note in record.notes)
         assert read_record(path, units="m/s^2").pga == record.pga
-        refused(path, r"gives its units \(m/s\^2\), gal contradicts", units="gal")
+        refused(path, r"states its units \(m/s\^2\), gal contradicts", units="gal")
 
     @pytest.mark.parametrize(
         ("old", "new", "message"),
         [
-            (b"4.383", b"5.000", r"states a peak of 5 gal, what was read has 4\.383"),
+            (
+                b"4.383",
+                b"5.000",
+                r"states a peak of 5 gal, but the data that were read have 4\.383",
+            ),
             *(
                 (
                     b"Time(s)  59",
                     b"Time(s)  " + length,
-                    "states an invalid number of samples|what was read has 5900",
+                    "states an invalid number of samples|but the data that were read have 5900",
                 )
                 for length in (b"1e308", b"nan", b"1e12", b"-5", b"58", b"60")
             ),
@@ -212,7 +216,9 @@ class TestComponents:
 
     @pytest.mark.parametrize("name", ["HNX", "X", "", "HN", "H"])
     def test_unknown(self, three, name):
-        refused(three, f"no component '{name}'; there are HNE, HNN, HNZ", component=name)
+        refused(
+            three, f"component '{name}' not found; the components are HNE, HNN, HNZ", component=name
+        )
 
     def test_several_that_match(self, tmp_path):
         path = write(tmp_path / "a", trace(wave(), channel="HNE"), trace(wave(), channel="HLE"))

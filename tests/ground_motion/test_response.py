@@ -214,5 +214,5 @@ def test_file_with_units_of_its_own(tmp_path):
     path = write(tmp_path / "a.txt", trace(wave(), ascii={"unit": "CM/S**2"}), format="SLIST")
     record = read_record(path, inventory=station_xml(tmp_path / "a.xml", "HNE"))
     assert (record.units_from, len(record.inputs)) == ("file", 1)
-    assert "its units are known (CM/S**2), the inventory is not used" in record.notes
+    assert "the inventory is not used, because the units are known (CM/S**2)" in record.notes
     np.testing.assert_array_equal(record.acceleration, read_record(path).acceleration)

@@ -52,7 +52,7 @@ def test_the_first_entry_that_fits_counts(suite) -> None:
     assert read_record(suite["sac"], units={"*.sac": "gal", "SAC": "g"}).pga == pytest.approx(0.03)
     refused(
         suite["sac"],
-        "does not tell the units of its samples",
+        "does not state the units of its samples",
         units={"in/*.txt": "g", "out/*.sac": "g"},
     )
 
@@ -121,7 +121,7 @@ def test_what_is_refused(suite, units, message) -> None:
 def test_entries_fit_files_of_the_call(suite, tmp_path) -> None:
     """Nothing is assumed of a file for which an entry was meant; what shows only in the file, in an
     archive, counts."""
-    with pytest.raises(UsageError, match="none of the units given by file fits it: at2"):
+    with pytest.raises(UsageError, match="no entry of the units by file matches it: at2"):
         read_record(write(tmp_path / "assumed", trace(wave(peak=1.0))), units={"AT2": "g"})
     folder = str(suite["sac"].parent)
     for units, unfit in (("SAC=g,AT2=g", "'at2'"), ("*.sac=g,*.mseeed=g,b*=gal", r"'\*\.mseeed'")):
@@ -135,4 +135,4 @@ def test_entries_fit_files_of_the_call(suite, tmp_path) -> None:
 
 
 def test_a_contradiction_is_one_by_file_too(suite) -> None:
-    refused(suite["stated"], "the file itself gives its units", units={"*.txt": "g"})
+    refused(suite["stated"], "the file states its units", units={"*.txt": "g"})

@@ -119,7 +119,7 @@ class TestColumn:
 
     def test_a_unit_is_that_of_its_own_column(self, file):
         content = table(["time,N (g),E"], times(), *COLUMNS[:2])
-        fails("E: the file does not tell the units", file, content)
+        fails("E: the file does not state the units", file, content)
         assert [record.units_from for record in read(file, content, "g")] == ["file", "given"]
 
     def test_several(self, file):
@@ -141,12 +141,12 @@ class TestColumn:
             ("1", None, r"column 1 is the time \(Time \(s\)\)"),
             ("sensor", None, "column 'sensor' not found; the columns are Time"),
             ("5", None, "must be a unit of acceleration, but its header states 'c'"),
-            ("3", "gal", r"gives its units \(g\), gal contradicts"),
-            ("2", None, "does not tell the units"),
+            ("3", "gal", r"states its units \(g\), gal contradicts"),
+            ("2", None, "does not state the units"),
             (
                 "4",
                 "g",
-                r"gives its units \(cm/s\), g contradicts|calls the samples a velocity, g is a "
+                r"states its units \(cm/s\), g contradicts|as stated in the file, but g is a "
                 r"unit of acc",
             ),
         ],
@@ -157,7 +157,7 @@ class TestColumn:
     def test_the_kind_of_a_name_and_of_the_users_units(self, file):
         for name, units in (("Vel", "g"), ("Acc", "cm/s"), ("Disp", "cm/s")):
             fails(
-                "the file calls the samples a",
+                "the units must be a unit of",
                 file,
                 table([f"Time,{name}"], times(), COLUMNS[0]),
                 units,
@@ -217,7 +217,7 @@ class TestSkippedLines:
             step=0.01,
         )
         fails(
-            r"unknown format, and no table of numbers stands below its first 500",
+            r"unknown format, and no table of numbers found below its first 500",
             file,
             content,
             "g",

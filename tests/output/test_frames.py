@@ -146,13 +146,13 @@ def test_records_of_what_is_in_memory(traces):
 @pytest.mark.parametrize(
     ("given", "error", "message"),
     [
-        ({"data": WAVE, "units": "g"}, UsageError, "give dt and units"),
-        ({"data": WAVE, "dt": 0.01}, UsageError, "give dt and units"),
+        ({"data": WAVE, "units": "g"}, UsageError, "dt and units are required"),
+        ({"data": WAVE, "dt": 0.01}, UsageError, "dt and units are required"),
         ({"data": WAVE, "dt": 0.01, "units": "gs"}, UsageError, "units 'gs'"),
         (
             {"data": WAVE * np.nan, "dt": 1.0, "units": "g"},
             RecordError,
-            "array: sample 0 .* is nan",
+            "array: .* got nan for sample 0",
         ),
         (
             {"data": np.ma.masked_less(WAVE, 0.0), "dt": 1.0, "units": "g"},
@@ -176,7 +176,7 @@ def test_records_that_cannot_be(given, error, message):
             "several components, choose one by `component`: HNE, HNN",
         ),
         (0, {}, RecordError, "units"),
-        (0, {"units": "g", "dt": 0.01}, UsageError, "leave dt out"),
+        (0, {"units": "g", "dt": 0.01}, UsageError, "dt cannot be used with a trace"),
         (slice(0), {"units": "g"}, RecordError, "the stream has no traces"),
     ],
 )

@@ -1,5 +1,4 @@
-"""Measures of a ground motion's strength, exact for an acceleration that is linear between its
-samples.
+"""Intensity measures of ground motions, exact for an acceleration that is linear between samples.
 
 Peak velocity and displacement (from rest at the first sample), Arias intensity (Arias 1970) with
 its significant durations (Trifunac and Brady 1975), cumulative absolute velocity (EPRI NP-5930,
@@ -23,37 +22,34 @@ from tdint.units import STANDARD_GRAVITY
 from tdint.written_numbers import first_few
 
 HOUSNER_PERIODS = (0.1, 2.5)
-"""Range of periods of the spectrum intensity, s, its spectrum at 5 % damping (Housner 1952)."""
+"""Period range of the spectrum intensity, s; the spectrum has 5 % damping (Housner 1952)."""
 
 CAV5 = 0.05
-"""Acceleration below which CAV5 counts nothing, m/s^2 (Kramer and Mitchell 2006)."""
+"""Acceleration threshold of CAV5, m/s^2; lower values are ignored (Kramer and Mitchell 2006)."""
 
 _CODES = re.compile(r"[A-Z0-9]{0,2}\.[A-Z0-9]{1,5}\.[^.]*\.[A-Z0-9]N[A-Z0-9]")
-"""Of a station and its accelerometer, as MiniSEED holds them (SEED manual 2.4)."""
+"""Pattern of the id of an accelerometer channel that MiniSEED can store (SEED manual 2.4)."""
 
-_HALVINGS = 60
+_HALVINGS = 60  # bisection steps; the interval is then below the resolution of floats
 _PADDING = 0.05
-"""Part of the record from which on zeros at an end are doubted."""
+"""Fraction of the record length; more zeros at an end are reported."""
 
-_FEW_ZEROS = 10  # samples at rest that any file may have
+_FEW_ZEROS = 10  # samples; up to this number, zeros at an end are not reported
 
 _JUMP = 0.1
-"""Part of the peak acceleration from which on the first sample is doubted."""
+"""Fraction of the peak acceleration; a larger first sample is reported."""
 
 _LEFT = 0.5
-"""Part of the peak displacement from which on the displacement at the end is doubted."""
+"""Fraction of the peak displacement; a larger final displacement is reported."""
 
 _DRIFT = 0.1
-"""Part of the peak velocity from which on the velocity at the end is doubted."""
+"""Fraction of the peak velocity; a larger final velocity is reported."""
 
 
 @dataclass(frozen=True)
 class Motion:
     """Velocity (m/s) and displacement (m) of the ground at the samples, shape (samples,), and their
-    peaks.
-
-    The peaks lie between the samples, too.
-    """
+    peaks, including maxima between samples."""
 
     velocity: Array
     displacement: Array
@@ -63,28 +59,29 @@ class Motion:
 
 @dataclass(frozen=True)
 class Measures:
-    """What a record's strength is measured by, SI units.
+    """Intensity measures of a record, SI units.
 
     Attributes
     ----------
     pga, pgv, pgd : float
-        Peak acceleration (m/s^2), velocity (m/s) and displacement (m) of the ground; those of
-        velocity and displacement that the file itself has, else from rest at the first sample.
+        Peak acceleration (m/s^2), velocity (m/s) and displacement (m) of the ground. The peaks of
+        velocity and displacement are those in the file; if the file has none, they are computed by
+        integration from rest at the first sample.
     arias : float
         Arias intensity, pi / (2 g) times the integral of the squared acceleration, m/s.
     cav : float
         Cumulative absolute velocity, the integral of the absolute acceleration, m/s.
     cav5 : float
-        The same of the times at which the acceleration is 0.05 m/s^2 or more (Kramer and Mitchell
-        2006), m/s.
+        Integral of the absolute acceleration over the times at which it is at least 0.05 m/s^2
+        (Kramer and Mitchell 2006), m/s.
     d5_75, d5_95 : float
-        Time between 5 and 75 or 95 % of the Arias intensity, s; nan without any acceleration.
+        Time between 5 and 75 or 95 % of the Arias intensity, s; nan if all samples are zero.
     mean : float
         Mean of the samples, m/s^2.
     leading_zeros, trailing_zeros : int
-        Samples at the ends that are zero.
+        Number of zero samples at the start and at the end.
     notes : tuple of str
-        What looks wrong with the record.
+        Unusual properties of the record.
     """
 
     pga: float
@@ -102,20 +99,20 @@ class Measures:
 
 
 def measure(record: Record) -> Measures:
-    """Measures of a record, without the spectrum intensity; infinite or nan where they are beyond
-    what floats hold."""
-    # As a decorator it would keep what to restore for all threads together (numpy before 2).
+    """Compute the intensity measures of a record, except the spectrum intensity; infinite or nan
+    if they exceed the range of floats."""
+    # As a decorator, errstate would share its saved state between threads (numpy before 2).
     with np.errstate(over="ignore", invalid="ignore"):
         motion = integrate(record)
         leading, trailing = zeros_at_ends(record.acceleration)
         doubts = _doubts(record, motion, leading, trailing)
-    # Of a file that has its velocity and displacement, their peaks are the better ones.
+    # Peaks of the velocity and the displacement in a file are more accurate than integration.
     both = (
         ("velocity", record.peaks[0], motion.pgv, "m/s"),
         ("displacement", record.peaks[1], motion.pgd, "m"),
     )
     of_file = [
-        f"the peak {name} is that of the file's own {name}; integration from rest gives "
+        f"the peak {name} is from the {name} in the file; integration from rest gives "
         f"{integrated:.4g} {unit}"
         for name, column, integrated, unit in both
         if column is not None
@@ -130,24 +127,24 @@ def measure(record: Record) -> Measures:
 
 
 def integrate(record: Record) -> Motion:
-    """Velocity and displacement of the ground, at rest at the first sample; no baseline is
-    corrected."""
+    """Integrate the acceleration of a record from rest at the first sample, without baseline
+    correction."""
     a, h = record.acceleration, record.dt
     velocity = np.concatenate([[0.0], np.cumsum(0.5 * h * (a[:-1] + a[1:]))])
     displacement = np.concatenate(
         [[0.0], np.cumsum(h * velocity[:-1] + h * h / 6.0 * (2.0 * a[:-1] + a[1:]))]
     )
 
-    # The velocity may be largest between samples, where the acceleration passes zero.
+    # The velocity may have its maximum between samples, at a zero of the acceleration.
     i = np.flatnonzero(a[:-1] * a[1:] < 0.0)
     time = h * a[i] / (a[i] - a[i + 1])
     pgv = max(_largest(velocity), _largest(velocity[i] + 0.5 * a[i] * time))
 
-    # The displacement may be where the velocity, a parabola between samples, passes zero.
+    # The displacement may have its maximum at a zero of the velocity, a parabola between samples.
     start, slope = a[:-1], np.diff(a) / h
     with np.errstate(
         divide="ignore", invalid="ignore"
-    ):  # No root, or one at infinity: not within the interval.
+    ):  # Without a root, or with a root at infinity, no maximum is within the interval.
         q = -0.5 * (
             start + np.copysign(np.sqrt(start * start - 2.0 * slope * velocity[:-1]), start)
         )
@@ -159,11 +156,11 @@ def integrate(record: Record) -> Motion:
 
 
 def channels_of(records: Sequence[Record]) -> list[Record]:
-    """Acceleration, velocity and displacement of records, for `to_mseed`: channels of one code,
-    their locations as of `UNITS_BY_LOCATION`.
+    """Return acceleration, velocity and displacement of records as channels for `to_mseed`.
 
-    Codes are those of the records where these are an accelerometer's and differ, else stations R01,
-    R02, ... with the channel HN1.
+    The three channels of a record have the same codes, with the location codes of
+    `UNITS_BY_LOCATION`. The codes of the records are used if all are different accelerometer
+    channels. Otherwise the stations are R01, R02, ... with the channel HN1.
     """
     codes = [record.id.split(".") for record in records]
     are_accelerometers = all(_CODES.fullmatch(record.id) for record in records)
@@ -185,27 +182,43 @@ def channels_of(records: Sequence[Record]) -> list[Record]:
 
 
 def cumulative_energy(record: Record) -> Array:
-    """Integral of the squared acceleration from the first sample to each one, m^2/s^3, shape
-    (samples,)."""
+    """Return the integral of the squared acceleration from the first sample to each sample,
+    m^2/s^3, shape (samples,)."""
     a, b = record.acceleration[:-1], record.acceleration[1:]
     return np.concatenate([[0.0], np.cumsum(record.dt / 3.0 * (a * a + a * b + b * b))])
 
 
-_BEHIND = 0.05  # of the Arias intensity, behind the end of D5-95
-_MOST_NAMES = 5  # of records that a sentence names
+_BEHIND = 0.05  # fraction of the Arias intensity after the end of D5-95
+_MOST_NAMES = 5  # maximum number of records named in a message
 
 _ARIAS = math.pi / (2.0 * STANDARD_GRAVITY)
 
 
 def arias_intensity(record: Record) -> float:
-    """Arias intensity (Arias 1970), m/s: pi / (2 g) times the integral of the squared
+    """Return the Arias intensity (Arias 1970), m/s: pi / (2 g) times the integral of the squared
     acceleration."""
     return _ARIAS * float(cumulative_energy(record)[-1])
 
 
 def cut_off(records: Iterable[Record], end: float) -> list[str]:
-    """A sentence if runs that end at a time (s) leave out more of the Arias intensity of records
-    than D5-95 has behind its end: a model may say a duration for another record."""
+    """Return a warning if an analysis ends too early for its records.
+
+    The warning is given if more than 5 % of the Arias intensity of a record, the fraction after
+    D5-95, follows the end of the analysis. The duration in a model may have been chosen for another
+    record.
+
+    Parameters
+    ----------
+    records : iterable of Record
+        Ground motions of the analysis.
+    end : float
+        End of the analysis, s.
+
+    Returns
+    -------
+    list of str
+        The warning; empty if the analysis is long enough.
+    """
     parts = []
     for record in records:
         if end < record.duration:
@@ -221,20 +234,33 @@ def cut_off(records: Iterable[Record], end: float) -> list[str]:
 
 
 def time_of_energy(record: Record, energy: Array, part: float) -> float:
-    """Time from the first sample until a part of the `cumulative_energy` has come, s; nan if there
-    is none.
+    """Return the time from the first sample at which a fraction of the energy is reached.
 
-    Within its sampling interval the energy is a cubic of the time that does not fall, so that
-    bisection finds it.
+    Within a sampling interval, the energy is a non-decreasing cubic function of time; the time is
+    computed by bisection.
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion.
+    energy : ndarray, shape (samples,)
+        Result of `cumulative_energy`.
+    part : float
+        Fraction of the final energy.
+
+    Returns
+    -------
+    float
+        Time, s; nan if the final energy is zero or infinite.
     """
     target = part * float(energy[-1])
     if not 0.0 < target < math.inf:
         return math.nan
     i = int(np.searchsorted(energy, target)) - 1
     a, b = record.acceleration[i : i + 2].tolist()
-    rest = (target - float(energy[i])) / record.dt
+    missing = (target - float(energy[i])) / record.dt
     _, part_of_interval = halved(
-        lambda x: x * (a * a + a * (b - a) * x + (b - a) ** 2 * x * x / 3.0) < rest,
+        lambda x: x * (a * a + a * (b - a) * x + (b - a) ** 2 * x * x / 3.0) < missing,
         0.0,
         1.0,
         _HALVINGS,
@@ -243,24 +269,24 @@ def time_of_energy(record: Record, energy: Array, part: float) -> float:
 
 
 def cumulative_absolute_velocity(record: Record) -> float:
-    """Integral of the absolute acceleration, m/s."""
+    """Return the integral of the absolute acceleration, m/s."""
     a, b = record.acceleration[:-1], record.acceleration[1:]
     total = np.abs(a) + np.abs(b)
     crosses = a * b < 0.0
-    # Two triangles on both sides of the zero, else a trapezoid.
+    # If the acceleration changes its sign, the area is two triangles, otherwise a trapezoid.
     means = np.where(crosses, (a * a + b * b) / np.where(crosses, total, 1.0), total)
     return 0.5 * record.dt * float(np.sum(means))
 
 
 def cumulative_absolute_velocity_above(record: Record, threshold: float) -> float:
-    """Integral of the absolute acceleration over the times at which it is a threshold (m/s^2) or
-    more, m/s."""
+    """Return the integral of the absolute acceleration (m/s) over the times at which it is at least
+    `threshold` (m/s^2)."""
     a, b = record.acceleration[:-1], record.acceleration[1:]
     low, high = np.minimum(a, b), np.maximum(a, b)
     change = np.where(high > low, high - low, 1.0)
 
     def below(value: Array) -> Array:
-        """The integral of what counts, over the acceleration, up to a value."""
+        """Return the integral of the counted values with respect to acceleration, up to `value`."""
         size = np.abs(value)
         return np.asarray(
             np.copysign(np.maximum(0.5 * (size - threshold) * (size + threshold), 0.0), value)
@@ -272,29 +298,29 @@ def cumulative_absolute_velocity_above(record: Record, threshold: float) -> floa
 
 
 def significant_duration(record: Record, part: float) -> float:
-    """Time between 5 % and a part of the Arias intensity (Trifunac and Brady 1975), s; nan without
-    acceleration."""
+    """Return the time between 5 % and the fraction `part` of the Arias intensity (Trifunac and
+    Brady 1975), s; nan if all samples are zero."""
     energy = cumulative_energy(record)
     return time_of_energy(record, energy, part) - time_of_energy(record, energy, 0.05)
 
 
 @dataclass(frozen=True)
 class Measure:
-    """A measure of a motion's intensity that hangs on the motion alone.
+    """Intensity measure that depends only on the ground motion.
 
     Attributes
     ----------
     name : str
-        As commands take it: `d5-75`; tables write `_` for `-`.
+        Name in commands (`d5-75`); tables use `_` instead of `-`.
     unit, meaning : str
-        Its SI unit, and what it is.
+        SI unit and description.
     value : callable
-        Record -> the measure in that unit.
+        Function of a Record; returns the measure in `unit`.
     power : float or None
-        Of a factor on the motion with which it grows; 0: it does not change. None: by no power, it
-        is found anew.
+        Exponent of the scale factor of the ground motion in the measure; 0 if the measure does not
+        depend on the factor. None if the dependence is not a power; the measure is then recomputed.
     column : str
-        In tables, where that is not the name.
+        Name in tables if it differs from `name`.
     """
 
     name: str
@@ -305,18 +331,18 @@ class Measure:
     column: str = ""
 
     def of(self, record: Record) -> float:
-        """The measure of a record; infinite or nan where it is beyond what floats hold."""
+        """Return the measure of a record; infinite or nan if it exceeds the range of floats."""
         with np.errstate(over="ignore", invalid="ignore"):
             return float(self.value(record))
 
     @property
     def head(self) -> str:
-        """The name of its column, without the unit."""
+        """Name of the table column, without the unit."""
         return self.column or self.name.replace("-", "_")
 
     @property
     def without_levels(self) -> str:
-        """Why no factor brings a motion to a level of it; empty where one does."""
+        """Reason why a motion cannot be scaled to a level of the measure; empty if it can."""
         if self.power is None:
             return "it does not grow by a power of the factor"
         changes = "a duration" if self.unit == "s" else "it"
@@ -350,28 +376,28 @@ MEASURES = {
         ),
     )
 }
-"""The measures of motions by themselves, by name: ours, then those of plug-ins
+"""Intensity measures of ground motions by name: those of tdint, then those of plug-ins
 (`tdint.load_plugin`)."""
 
 _OURS = tuple(MEASURES)
 
 
 def _peak(record: Record, column: int, name: str) -> float:
-    """The peak velocity or displacement that the file itself has, else from rest at the first
-    sample."""
+    """Return the peak velocity or displacement in the file, otherwise the peak of the integration
+    from rest at the first sample."""
     peak = record.peaks[column]
     return float(getattr(integrate(record), name)) if peak is None else peak
 
 
 def spectrum_intensity(periods: Array, psv: Array) -> float:
-    """Housner's spectrum intensity, m: the integral of pseudo-velocities (m/s) over periods (s),
-    both shape (k,)."""
+    """Return the spectrum intensity of Housner, m: the integral of pseudo-velocities (m/s) over
+    periods (s), both of shape (k,)."""
     return float(np.sum(0.5 * np.diff(periods) * (psv[:-1] + psv[1:])))
 
 
 def zeros_at_ends(samples: Array) -> tuple[int, int]:
-    """Number of samples before the first and after the last that is not zero; all and none if there
-    is none."""
+    """Return the numbers of samples before the first and after the last non-zero sample; if all
+    samples are zero, their number and 0."""
     places = np.flatnonzero(samples)
     if not places.size:
         return samples.size, 0
@@ -379,11 +405,22 @@ def zeros_at_ends(samples: Array) -> tuple[int, int]:
 
 
 def _largest(values: Array) -> float:
+    """Return the maximum absolute value; 0 for an empty array."""
     return float(np.max(np.abs(values), initial=0.0))
 
 
 def _doubts(record: Record, motion: Motion, leading: int, trailing: int) -> tuple[str, ...]:
-    """Sentences about zeros, a start within the motion and a drift of the baseline."""
+    """Return notes about zeros at the ends, a start within the motion and a baseline drift.
+
+    Parameters
+    ----------
+    record : Record
+        Ground motion.
+    motion : Motion
+        Result of `integrate`.
+    leading, trailing : int
+        Numbers of zeros at the start and at the end.
+    """
     samples, size = record.acceleration, record.acceleration.size
     first, last = float(samples[0]), float(motion.velocity[-1])
     notes = [
@@ -396,8 +433,8 @@ def _doubts(record: Record, motion: Motion, leading: int, trailing: int) -> tupl
         notes.append(
             f"the first sample is {first:.3g} m/s^2, {share:.0%} of the peak: cut off before it?"
         )
-    # A baseline that drifts shows in the velocity first; only without that the displacement is
-    # looked at.
+    # A baseline drift is visible in the velocity first. The displacement is checked only if the
+    # velocity is not suspicious.
     end = abs(float(motion.displacement[-1]))
     if abs(last) > _DRIFT * motion.pgv:
         share = abs(last) / motion.pgv

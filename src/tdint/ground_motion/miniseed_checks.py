@@ -1,14 +1,16 @@
-"""MiniSEED and SEED (SEED manual 2.4, chapters 3 and 8): every record's header against the bytes of
-the record.
+"""Comparison of MiniSEED and SEED headers with the bytes of their records (SEED manual 2.4,
+chapters 3 and 8).
 
-libmseed takes the header's word: more samples than the record has room for are read from the memory
-behind it, a wrong place of the data or type of the record drops the record. The walk over all
-records here finds both before libmseed sees the file; afterwards the samples of each channel must
-be the sum of the headers' counts.
+libmseed does not check headers. If a header states more samples than the record can contain,
+libmseed reads memory after the record. If the position of the data or the type of a record is
+wrong, libmseed drops the record. This module finds both errors before libmseed reads the file.
+After reading, the number of samples of each channel must equal the sum of the counts in the
+headers.
 
-Steim's compression (appendix B) is in frames of 64 bytes with differences of 4 to 32 bits. A
-frame's first word has two bits for each of the 15 others that tell how many differences are packed
-into it; the first frame has the first and the last sample in its first two words.
+Steim compression (appendix B) uses frames of 64 bytes with differences of 4 to 32 bits. The first
+word of a frame has two bits for each of the 15 other words, which state the number of differences
+packed into that word. The first frame contains the first and the last sample in the two words after
+its first word.
 """
 
 from __future__ import annotations
@@ -28,8 +30,7 @@ import numpy as np
 from tdint.errors import RecordError
 from tdint.written_numbers import how_many
 
-# ---- A statement of a file about its own samples, and its comparison with the samples that were
-# read
+# ---- Values stated in a file, and their comparison with the samples that were read
 
 SAMPLES = "number of samples"
 STEP = "sampling interval"
@@ -38,36 +39,36 @@ PEAK = "peak"
 CHECKSUM = "checksum"
 
 SHORTEST_STEP, LONGEST_STEP = 1e-6, 10.0
-"""Sampling intervals beyond which no recorder of ground motion goes, s."""
+"""Minimum and maximum sampling interval of recorders of ground motion, s."""
 
 _NEAR = 0.01
-"""Part of a stated measured value (a peak) within which another one is remarked only: rounding,
-another offset."""
+"""Fraction of a stated peak; a smaller difference is a warning instead of an error, because it may
+result from rounding or from a different offset."""
 
 
 class Damaged(RecordError):
-    """A file that contradicts itself; the message says what is wrong in it."""
+    """File that contradicts itself; the message states the contradiction."""
 
 
 @dataclass(frozen=True)
 class Statement:
-    """A number that a file states, and the same number of what was read.
+    """Number stated in a file and the same number computed from the data that were read.
 
     Attributes
     ----------
     what : str
-        What it is: `SAMPLES`, `PEAK`, ...
+        Name of the quantity: `SAMPLES`, `PEAK`, ...
     stated, found : float
-        The two numbers, in the same unit.
+        Stated and computed number, in the same unit.
     rounding : float
-        Difference that the way of writing the stated number explains.
+        Difference that is explained by the rounding of the stated number.
     unit : str
-        For messages.
+        Unit, for messages.
     where : str
-        The part of the file, for messages; empty for all of it.
+        Part of the file, for messages; empty for the entire file.
     measured : bool
-        Whether the number comes from the samples' values, so that a difference up to 1 % is
-        remarked, not refused.
+        True if the number is computed from the values of samples; a difference up to 1 % is then a
+        warning instead of an error.
     """
 
     what: str
@@ -80,34 +81,34 @@ class Statement:
 
     @property
     def difference(self) -> float:
-        """What the rounding does not explain; nan where a number is none."""
+        """Difference in excess of the rounding; nan if a number is nan."""
         return abs(self.stated - self.found) - self.rounding
 
     def __str__(self) -> str:
         place = f"{self.where}: " if self.where else ""
         unit = f" {self.unit}" if self.unit else ""
         return (
-            f"{place}the file states a {self.what} of {self.stated:.9g}{unit}, what was read has "
-            f"{self.found:.9g}{unit}"
+            f"{place}the file states a {self.what} of {self.stated:.9g}{unit}, but the data that "
+            f"were read have {self.found:.9g}{unit}"
         )
 
 
 def compare(statements: Iterable[Statement]) -> tuple[str, ...]:
-    """Compare what a file states with what was read.
+    """Compare the numbers stated in a file with the data that were read.
 
-    Small differences of measured values are warned about.
+    Small differences of measured values are reported as warnings.
 
     Returns
     -------
     tuple of str
-        What was compared, each kind once; empty if the file states nothing.
+        Names of the compared quantities, without repetition; empty if the file states none.
 
     Raises
     ------
     RecordError
-        Two numbers differ; the message names both.
+        Two numbers differ; the message states both.
     """
-    compared: dict[str, None] = {}  # a set in the order of arrival
+    compared: dict[str, None] = {}  # used as an ordered set
     for statement in statements:
         if not statement.difference <= 0.0:
             near = _NEAR * max(abs(statement.stated), abs(statement.found))
@@ -119,16 +120,16 @@ def compare(statements: Iterable[Statement]) -> tuple[str, ...]:
 
 
 def check_step(dt: float) -> None:
-    """Raise Damaged for a sampling interval, s, that no recorder has."""
+    """Raise Damaged if a sampling interval, s, is outside the range of recorders."""
     if not SHORTEST_STEP <= dt <= LONGEST_STEP:
         raise Damaged(
-            f"its header gives a sampling interval of {dt:g} s; recorders have {SHORTEST_STEP:g} "
+            f"its header states a sampling interval of {dt:g} s; recorders have {SHORTEST_STEP:g} "
             f"to {LONGEST_STEP:g} s"
         )
 
 
 def last_place(number: str) -> float:
-    """Value of the last digit of a number as it is written."""
+    """Return the value of the last digit of a number in text form."""
     mantissa, _, exponent = number.upper().partition("E")
     return float(f"1e{int(exponent or 0) - len(mantissa.partition('.')[2])}")
 
@@ -140,26 +141,26 @@ _DIFFERENCES: dict[int, dict[tuple[int, int | None], int]] = {
     1: {(1, None): 4, (2, None): 2, (3, None): 1},
     2: {(1, None): 4, (2, 1): 1, (2, 2): 2, (2, 3): 3, (3, 0): 5, (3, 1): 6, (3, 2): 7},
 }
-"""Of each version the number of differences in a word, by its code and, where it has one, the code
-in its first two bits."""
+"""Number of differences in a word for each version, by the code of the word and, if defined, the
+code in its first two bits."""
 
 
 def most_samples(frames: bytes, version: int, order: str = ">") -> int:
-    """The number of differences that whole frames hold, by the codes of their words.
+    """Return the number of differences in complete frames, according to the codes of their words.
 
     Parameters
     ----------
     frames : bytes
-        Frames; what is left of the last one that is not whole is passed over.
+        Frames; an incomplete last frame is ignored.
     version : int
-        1 or 2.
+        Version of the compression, 1 or 2.
     order : str
-        Order of the bytes, > or <.
+        Byte order, > or <. Default >.
     """
     whole = len(frames) // (4 * _WORDS) * _WORDS
     words = np.frombuffer(frames, f"{order}u4", whole).astype(np.uint32)
-    # The code of each word stands in the first one of its frame; that one, and the first and last
-    # sample, have none.
+    # The codes of all words are in the first word of a frame. This word, the first sample and the
+    # last sample have no code.
     codes = ((words[::_WORDS, None] >> np.arange(30, -2, -2, dtype=np.uint32)) & 3).astype(np.int64)
     codes[:, 0] = 0
     codes = codes.reshape(-1)
@@ -178,46 +179,47 @@ _YEARS = range(1900, 2101)
 _FILLED = re.compile(rb"[^ \0]")
 _TEXT, _STEIM = 0, {10: 1, 11: 2, 19: 1, 20: 2}
 _WIDTHS = {1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 12: 3, 13: 2, 14: 2, 16: 2, 30: 2, 32: 2, 33: 2}
-"""Bytes of a sample by the code of the encoding (SEED manual, blockette 1000), where all have the
-same."""
+"""Bytes per sample by the code of the encoding (SEED manual, blockette 1000), for encodings with a
+fixed width."""
 
 _HEADER = "6scc5s2s3s2sHHBBBxHHhhBBBBiHH"
 _ACTUAL_RATE, _DATA_ONLY = 100, 1000
 _MISSPELT = 3
-"""Letters in which two names may differ to be taken for the same one, damaged."""
+"""Maximum number of different characters of two names that may be one corrupt name."""
 
 _SLIP, _JOINED = 0.1 * (1.0 - 1e-6), 0.5
-"""Parts of a sampling interval: from the first one on a break between two records is told, up to
-the second one libmseed joins them."""
+"""Fractions of a sampling interval: minimum break between two records that is reported, and maximum
+break at which libmseed joins the records."""
 
 _TICK = 1.01e-4
-"""Headers have times in steps of 0.1 ms, s: of two that are rounded no smaller break is known."""
+"""s; minimum break that is detectable, because header times are rounded to 0.1 ms."""
 
 _RATE_SLACK = 0.01
-"""Part by which blockette 100 may correct the nominal sampling rate."""
+"""Maximum relative correction of the nominal sampling rate by blockette 100."""
 
 
 @dataclass(frozen=True)
 class DataRecord:
-    """What the header of one data record says.
+    """Header of a data record.
 
     Attributes
     ----------
     number : int
-        Its place in the file, from 1.
+        Position in the file, counted from 1.
     id : str
         Network, station, location and channel joined by dots.
     codes : bytes
-        The same as they stand in the header, padded to their places.
+        Station, location, channel and network as in the header, padded to fixed widths.
     samples, encoding, length, data : int
-        Number of samples, code of their encoding, bytes of the record and of its header.
+        Number of samples, code of their encoding, length of the record in bytes, and position of
+        the data in the record.
     rate : float
         Samples per second; 0 for text.
     start : float
-        Seconds from the beginning of the year.
+        Time of the first sample, s from the start of the year.
     rest : int
-        Bytes after the samples, where these have a fixed width, up to the last one that is not
-        zero.
+        Number of bytes from the end of the samples to the last non-zero byte, for encodings with a
+        fixed width.
     """
 
     number: int
@@ -233,12 +235,12 @@ class DataRecord:
 
     @property
     def end(self) -> float:
-        """When the sample after the last one would come, s."""
+        """Expected time of the next sample after the record, s."""
         return self.start + (self.samples / self.rate if self.rate else 0.0)
 
 
 def look_at_mseed(data: bytes) -> list[DataRecord]:
-    """Walk over the records to the end of the file; returns those of data.
+    """Check all records of a file and return the data records.
 
     Raises
     ------
@@ -254,8 +256,8 @@ def look_at_mseed(data: bytes) -> list[DataRecord]:
         encodings = {record.encoding for record in members}
         if len(encodings) > 1:
             raise Damaged(f"the records of {name} have different encodings, {sorted(encodings)}")
-    # No channel goes on, to the sample, where another one ends whose name differs in a few letters:
-    # one is misspelt.
+    # If a channel continues exactly at the end of another channel with a similar name, one of the
+    # names is corrupt.
     for name, members in channels.items():
         for other, others in channels.items():
             before, after = members[-1], others[0]
@@ -275,14 +277,18 @@ def look_at_mseed(data: bytes) -> list[DataRecord]:
 
 
 def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[Statement]:
-    """The counts of all headers of a channel against the samples that were read of it. It is told
-    where records that libmseed joins do not follow one another by a sampling interval."""
+    """Return statements of the number of samples of each channel: the sum of the header counts and
+    the number that was read.
+
+    A warning is given for records that libmseed joins although their times do not follow one
+    another by one sampling interval, and for data after the last sample.
+    """
     stated: Counter[str] = Counter()
     for record in records:
         if record.encoding != _TEXT and record.rate:
             stated[record.id] += record.samples
     for record in {record.id: record for record in records if record.samples}.values():
-        if record.rest:  # Of an earlier record a gap would tell.
+        if record.rest:  # In an earlier record, missing samples would cause a gap.
             warnings.warn(
                 f"after the {record.samples} samples that the last record of {record.id} states, "
                 f"{record.rest} bytes follow in it that are not zero: are samples missing?",
@@ -318,19 +324,20 @@ def mseed_statements(records: list[DataRecord], traces: list[Any]) -> list[State
 
 
 def _walk(data: bytes) -> Iterator[DataRecord]:
+    """Yield the data records of a file and skip blank blocks and control headers."""
     offset, number, control_length = 0, 0, None
     is_volume = data[6:7] == b"V"
     while offset < len(data):
         header = data[offset : offset + _FIXED_HEADER]
         if not header.strip(b" \0"):
-            # On to the block that has something in it, in one step: a file may be blank for long.
+            # Continue with the next non-blank block in one step, because long parts may be blank.
             filled = _FILLED.search(data, offset)
             blank = (filled.start() if filled else len(data)) - offset
             offset += max(blank // _SHORTEST_RECORD, 1) * _SHORTEST_RECORD
             continue
         number += 1
         if len(header) < _FIXED_HEADER:
-            raise Damaged(f"its last {len(header)} bytes are no whole record")
+            raise Damaged(f"its last {len(header)} bytes are not a complete record")
         is_control = (
             is_volume
             and header[6:7] in (b"V", b"A", b"S", b"T")
@@ -339,7 +346,7 @@ def _walk(data: bytes) -> Iterator[DataRecord]:
         if is_control:
             control_length = control_length or _control_length(data)
             if control_length is None:
-                raise Damaged("its first control header does not tell the records' length")
+                raise Damaged("its first control header does not state the length of the records")
             if offset + control_length > len(data):
                 raise Damaged(f"its last record has {len(data) - offset} of {control_length} bytes")
             offset += control_length
@@ -350,8 +357,8 @@ def _walk(data: bytes) -> Iterator[DataRecord]:
 
 
 def _control_length(data: bytes) -> int | None:
-    """Length of a full SEED volume's records, bytes: by its first blockette, else to the next
-    header."""
+    """Return the record length of a full SEED volume, bytes, from its first blockette, otherwise
+    from the position of the next header; None if unknown."""
     if data[8:11] in (b"005", b"008", b"010") and data[19:21].isdigit():
         exponent = int(data[19:21])
         return 2**exponent if exponent in _LENGTH_EXPONENTS else None
@@ -360,6 +367,7 @@ def _control_length(data: bytes) -> int | None:
 
 
 def _begins_record(header: bytes) -> bool:
+    """Return True if eight bytes are the start of a record."""
     return (
         len(header) == 8
         and header[:6].isdigit()
@@ -369,14 +377,24 @@ def _begins_record(header: bytes) -> bool:
 
 
 def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
-    """Understand a data record's header.
+    """Read the header of a data record.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the file.
+    offset : int
+        Position of the record in the file.
+    number : int
+        Number of the record, counted from 1.
 
     Raises
     ------
     Damaged
-        It is none, or contradicts itself.
+        The bytes are not a header, or the header contradicts itself.
     """
-    # Nothing before blockette 1000 tells the byte order: the right one makes a year of our time.
+    # The byte order is stated only in blockette 1000. Before that, it is chosen so that the year is
+    # valid.
     order = ">" if int.from_bytes(data[offset + 20 : offset + 22], "big") in _YEARS else "<"
     fields = struct.unpack_from(order + _HEADER, data, offset)
     sequence, quality, _, station, location, channel, network, year, day, hour, minute, second = (
@@ -387,23 +405,23 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
     is_sequence = not sequence.strip(b"0123456789 \0")
     is_clock = year in _YEARS and 1 <= day <= 366 and hour < 24 and minute < 60 and second < 61
     if not (quality in (b"D", b"R", b"Q", b"M") and is_sequence and is_clock and fraction < 10_000):
-        raise Damaged(f"at byte {offset}, where {where} should begin, there is no header of one")
+        raise Damaged(f"no valid header found at byte {offset}, where {where} must start")
     chain = _blockettes(data, offset, first, order, where)
     if len(chain) != blockettes:
-        raise Damaged(f"{where}: its header states {blockettes} blockettes, there are {len(chain)}")
+        raise Damaged(f"{where}: its header states {blockettes} blockettes, it has {len(chain)}")
     if _DATA_ONLY not in chain:
         raise RecordError(
-            f"{where} has no blockette 1000, which tells its length and encoding; nothing in it "
-            "can be checked"
+            f"{where} has no blockette 1000, which states its length and encoding; the record "
+            "cannot be checked"
         )
     place = chain[_DATA_ONLY]
     encoding, big, exponent = data[place + 4 : place + 7]
     if exponent not in _LENGTH_EXPONENTS:
-        raise Damaged(f"{where}: its header gives a length of 2^{exponent} bytes")
+        raise Damaged(f"{where}: its header states an invalid length of 2^{exponent} bytes")
     if samples and encoding != _TEXT and (order == ">") != (big == 1):
         raise Damaged(f"{where}: its header and its blockette 1000 have different byte orders")
 
-    # Samples per second: either of the two numbers divides where it is negative (SEED manual,
+    # The sampling rate is the product of two numbers; a negative number is a divisor (SEED manual,
     # fields 10 and 11).
     rate = 0.0
     if factor and multiplier:
@@ -435,7 +453,8 @@ def _data_record(data: bytes, offset: int, number: int) -> DataRecord:
 
 
 def _inner_record(data: bytes, record: DataRecord, offset: int) -> int | None:
-    """Where in a record another one of the same channel begins: its length is wrong."""
+    """Return the position in a record at which another record of the same channel starts, which
+    shows that the length is wrong; None if there is no such position."""
     for exponent in range(_LENGTH_EXPONENTS.start, record.length.bit_length() - 1):
         place = offset + 2**exponent
         if _begins_record(data[place : place + 8]) and data[place + 8 : place + 20] == record.codes:
@@ -444,12 +463,26 @@ def _inner_record(data: bytes, record: DataRecord, offset: int) -> int | None:
 
 
 def _blockettes(data: bytes, offset: int, first: int, order: str, where: str) -> dict[int, int]:
-    """Places in the file of a record's blockettes, by their type."""
+    """Return the positions in the file of the blockettes of a record, by type.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the file.
+    offset : int
+        Position of the record in the file.
+    first : int
+        Position of the first blockette in the record; 0 if there is none.
+    order : str
+        Byte order, > or <.
+    where : str
+        Name of the record in error messages.
+    """
     chain: dict[int, int] = {}
     place, before = first, _FIXED_HEADER - 1
     while place:
         if place <= before or offset + place + 8 > len(data):
-            raise Damaged(f"{where}: the places of its blockettes are wrong")
+            raise Damaged(f"{where}: the positions of its blockettes are invalid")
         kind, following = struct.unpack_from(order + "HH", data, offset + place)
         chain[kind] = offset + place
         before, place = place, following
@@ -457,7 +490,19 @@ def _blockettes(data: bytes, offset: int, first: int, order: str, where: str) ->
 
 
 def _check_room(record: DataRecord, content: bytes, headers_end: int, big: bool) -> None:
-    """The record must have the room that its samples need, from behind its headers on."""
+    """Raise Damaged if a record has not enough space for its samples after its headers.
+
+    Parameters
+    ----------
+    record : DataRecord
+        Header of the record.
+    content : bytes
+        Bytes of the record.
+    headers_end : int
+        End of the last blockette in the record.
+    big : bool
+        True if the data have big-endian byte order.
+    """
     if not record.samples or record.encoding == _TEXT:
         return
     where = f"record {record.number}"
@@ -470,14 +515,15 @@ def _check_room(record: DataRecord, content: bytes, headers_end: int, big: bool)
     if record.encoding in _STEIM:
         if record.data % 64:
             raise Damaged(
-                f"{where}: its header places compressed data at byte {record.data}, no multiple of "
-                "64"
+                f"{where}: compressed data must start at a multiple of 64 bytes, but its header "
+                f"states byte {record.data}"
             )
         most = most_samples(content[record.data :], _STEIM[record.encoding], ">" if big else "<")
     elif record.encoding in _WIDTHS:
         if _WIDTHS[record.encoding] % 4 == 0 and record.data % 4:
             raise Damaged(
-                f"{where}: its header places the data at byte {record.data}, no multiple of 4"
+                f"{where}: data must start at a multiple of 4 bytes, but its header states byte "
+                f"{record.data}"
             )
         most = room // _WIDTHS[record.encoding]
     else:

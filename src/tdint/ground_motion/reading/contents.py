@@ -1,13 +1,12 @@
-"""What a file holds: its bytes or those of the records in a zip file, their format, and what the
-format's reader finds.
+"""Reading of record files: bytes of a file or of the records in a zip file, format and traces.
 
-Every way in which a file cannot be read is said in the user's words. Zip files, as data centers
-deliver them, are read in memory: no member is written anywhere.
+All errors are reported in terms of the file. Zip files, as delivered by data centers, are read in
+memory; their members are not written to disk.
 
-ObsPy offers any file to every plugin it finds, one of which unpickles it: a crafted `.mseed` would
-run code. It also fetches URLs, expands wildcards and unpacks archives. None of this happens here:
-the plugins are taken by name from two distributions, ObsPy's by the list below and tdint's own, and
-they see bytes in memory, never a file name.
+`obspy.read` passes a file to every installed plugin. One of them unpickles files, so a crafted
+`.mseed` file could execute code. `obspy.read` also downloads URLs, expands wildcards and unpacks
+archives. This module avoids all of these. It uses only named plugins of two distributions, the
+plugins of ObsPy listed below and those of tdint, and passes bytes in memory instead of file names.
 """
 
 from __future__ import annotations
@@ -35,60 +34,60 @@ if TYPE_CHECKING:
     from zipfile import ZipFile, ZipInfo
 
 LARGEST = MOST_BYTES
-"""Bytes; reading takes some six times as much memory."""
+"""Maximum size of a file, bytes; reading needs about six times as much memory."""
 
 _ZIP = b"PK\x03\x04"
-_MOST_MEMBERS = 2000  # of an archive: downloads of a suite have tens to hundreds
-_DEEPEST = 2  # archives in archives: databases pack one level
-_LONGEST_NAME = 120  # letters that a message shows
-_PIECE = 2**20  # bytes read at a time
+_MOST_MEMBERS = 2000  # maximum number of files in an archive; suites have tens to hundreds
+_DEEPEST = 2  # maximum depth of nested archives; databases use one level
+_LONGEST_NAME = 120  # characters; maximum length of a file name in a message
+_PIECE = 2**20  # bytes read in one step
 
 _GROUP = "obspy.plugin.waveform"
 
 _FIRST = ("MSEED", "KNET")
 _REST = ("SAC", "GSE2", "GSE1", "SLIST", "TSPAIR", "SH_ASC", "KINEMETRICS_EVT", "GCF", "REFTEK130")
 OBSPY_FORMATS = _FIRST + _REST
-"""ObsPy's formats that are read: recorders' and exchange formats of ground motion whose plugin
-reads from memory, runs nothing and opens no other file, and in which a cut-off file can be told.
-PICKLE runs code; CSS, NNSA_KB_CORE and Q open the files that a header names; AH and SACXY cannot
-tell a damaged file; DMX, PDAS, SEISAN, WIN and Y read from a named file only; CYBERSHAKE holds
-velocities; the others are not ground motion."""
+"""ObsPy formats that are supported: recorder and exchange formats of ground motion with a plugin
+that reads from memory, does not execute code, does not open other files and detects truncated
+files. Not supported: PICKLE executes code; CSS, NNSA_KB_CORE and Q open files named in a header; AH
+and SACXY do not detect corrupt files; DMX, PDAS, SEISAN, WIN and Y require a file name; CYBERSHAKE
+contains velocities; the remaining formats are not ground motion."""
 
 _DAMAGE = re.compile(
     r"^ERROR|not be read|skip|corrupt|truncat|integrity check|broken|contiguous|permuted|[Dd]ropp",
     re.IGNORECASE,
 )
-"""Warnings of ObsPy's readers after which samples are missing or wrong. Others (an unusual header)
-become notes."""
+"""Pattern of reader warnings that indicate missing or wrong samples. Other warnings (for example of
+an unusual header) become notes. Warnings of the readers of tdint must not match this pattern."""
 
 TABLES = "TEXT"
-"""The format of which a user may say what the file does not."""
+"""Format with a layout that the user may specify."""
 
 _ARCHIVES = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz"}
 
 
 def read_bytes(source: str | Path) -> bytes:
-    """Read a whole file.
+    """Read the content of a file.
 
-    The name is a path and nothing else: no URL is fetched, no wildcard is expanded, nothing is
-    uncompressed.
+    The name is used only as a path: URLs are not downloaded, wildcards are not expanded, and
+    compressed files are not uncompressed.
 
     Parameters
     ----------
     source : str or Path
-        The file, or `-` for standard input.
+        File name, or `-` for standard input.
 
     Returns
     -------
     bytes
-        What the file holds, at least one byte.
+        Content of the file, at least one byte.
 
     Raises
     ------
     RecordError
-        The file is missing, no file, not readable, empty, or larger than 256 MiB.
+        The file is missing, not a regular file, not readable, empty, or larger than 256 MiB.
     """
-    # What the user may have meant by a name that is no file.
+    # Explain common mistakes in the name of a missing file.
     hint = ""
     if "://" in str(source):
         hint = "; addresses are not fetched, download the record first"
@@ -110,27 +109,34 @@ def read_bytes(source: str | Path) -> bytes:
 
 
 def digested(data: bytes, source: str | Path) -> Input:
-    """What was read from a file, by name and SHA-256."""
+    """Return the name of a file and the SHA-256 of its content, and register it as an input."""
     note_input(source, data)
     return Input(str(source), hashlib.sha256(data).hexdigest())
 
 
 def is_archive(data: bytes) -> bool:
-    """Whether a file is a zip file by its first bytes."""
+    """Return True if the first bytes of a file are those of a zip file."""
     return data.startswith(_ZIP)
 
 
 def members(data: bytes, source: str) -> Iterator[tuple[str, bytes]]:
-    """Names (`archive.zip/folder/file`) and contents of the files in a zip file, and in zip files
-    within it.
+    """Yield names (`archive.zip/directory/file`) and contents of the files in a zip file and in
+    nested zip files.
 
-    The archive's own checksums are compared. Sizes are counted while uncompressing, whatever the
-    archive states.
+    The checksums of the archive are compared. Sizes are counted during uncompression, because the
+    sizes stated in an archive may be wrong.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the archive.
+    source : str
+        Name of the archive.
 
     Raises
     ------
     RecordError
-        The archive is damaged, encrypted, or larger than 256 MiB in all when uncompressed.
+        The archive is corrupt or encrypted, or its total uncompressed size exceeds 256 MiB.
     """
     return _members(data, source, [LARGEST], 1)
 
@@ -138,13 +144,15 @@ def members(data: bytes, source: str) -> Iterator[tuple[str, bytes]]:
 def _members(
     data: bytes, source: str, budget: list[int], depth: int
 ) -> Iterator[tuple[str, bytes]]:
-    import zipfile  # of archives alone
+    """Yield the files of an archive; `budget` has the remaining number of bytes, and `depth` is the
+    nesting level."""
+    import zipfile  # imported late: needed only for archives
 
     try:
         with zipfile.ZipFile(BytesIO(data)) as archive:
             files = []
             for info in archive.infolist():
-                # What systems put into archives beside the user's files is passed over.
+                # Skip hidden files and directories that operating systems add to archives.
                 is_hidden = any(
                     part.startswith((".", "__MACOSX")) for part in info.filename.split("/")
                 )
@@ -152,7 +160,8 @@ def _members(
                     files.append(info)
             if len(files) > _MOST_MEMBERS:
                 raise RecordError(
-                    f"{source}: the archive holds {len(files)} files; take out those of the motion"
+                    f"{source}: the archive must contain at most {_MOST_MEMBERS} files, got "
+                    f"{len(files)}; extract the files of the ground motion first"
                 )
             for info in files:
                 name = f"{source}/{info.filename[:_LONGEST_NAME]}"
@@ -174,13 +183,14 @@ def _members(
         raise RecordError(
             f"{source}: the archive is damaged or cannot be read: {one_line(str(error))}"
         ) from error
-    except Exception as error:  # zlib and lzma have errors of their own.
+    except Exception as error:  # zlib and lzma raise separate exception types.
         raise RecordError(f"{source}: the archive is damaged: {one_line(str(error))}") from error
 
 
 def _content(archive: ZipFile, info: ZipInfo, name: str, budget: list[int]) -> bytes:
+    """Read a file of an archive and reduce the remaining number of bytes in `budget`."""
     if info.flag_bits & 1:
-        raise RecordError(f"{name}: is encrypted; unpack the archive first")
+        raise RecordError(f"{name}: the file is encrypted; unpack the archive first")
     content = bytearray()
     with archive.open(info) as file:
         while piece := file.read(_PIECE):
@@ -188,15 +198,15 @@ def _content(archive: ZipFile, info: ZipInfo, name: str, budget: list[int]) -> b
             budget[0] -= len(piece)
             if budget[0] < 0:
                 raise RecordError(
-                    f"{name}: the archive is larger than 256 MiB uncompressed; take out the motion "
-                    "first"
+                    f"{name}: the archive is larger than 256 MiB uncompressed; extract the ground "
+                    "motion first"
                 )
     return bytes(content)
 
 
 @dataclass(frozen=True)
 class Plugin:
-    """One format's two functions, not imported yet."""
+    """Entry points of the two functions of a format, which are imported on first use."""
 
     name: str
     is_format: EntryPoint
@@ -204,16 +214,24 @@ class Plugin:
 
     @property
     def is_own(self) -> bool:
-        """Whether it is tdint's, not ObsPy's."""
+        """True for a format of tdint, False for a format of ObsPy."""
         return self.name not in OBSPY_FORMATS
 
 
 @dataclass(frozen=True)
 class Contents:
-    """What a file holds: `traces` are obspy Trace objects with numbers in them, in file order.
+    """Traces of a file.
 
-    `compared` names what the file states of itself and was compared with them; empty if it states
-    nothing.
+    Attributes
+    ----------
+    format : str
+        Name of the format.
+    traces : list of obspy.Trace
+        Numeric traces in the order of the file.
+    notes : tuple of str
+        Messages of the reader.
+    compared : tuple of str
+        Header values that were compared with the traces; empty if the file states none.
     """
 
     format: str
@@ -223,14 +241,14 @@ class Contents:
 
 
 def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
-    """Whether a file has one of the known formats; True as well for one that cannot be read, which
-    reading will tell.
+    """Return True if a file has a supported format, or if it cannot be read, so that reading it
+    reports the error.
 
-    A file that has a known format may still be damaged.
+    A file with a supported format may still be corrupt.
     """
     try:
         data = read_bytes(source)
-        if is_archive(data):  # Spreadsheets and others are zip files, too: the name tells.
+        if is_archive(data):  # Spreadsheets are also zip files, so the suffix is checked.
             return str(source).lower().endswith(".zip")
         return _format_of(data, layout) is not None
     except RecordError:
@@ -238,8 +256,8 @@ def is_record(source: str | Path, layout: TextLayout = AS_STATED) -> bool:
 
 
 def formats_of(source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, str]]:
-    """Names and formats of the records in a file: of itself, or of those in an archive. Errors are
-    `read_bytes`'."""
+    """Return names and formats of the records in a file: the file itself, or the files in an
+    archive. Raises the errors of `read_bytes`."""
     data = read_bytes(source)
     parts = [*members(data, source)] if is_archive(data) else [(source, data)]
     known = [(part, _format_of(content, layout)) for part, content in parts]
@@ -249,8 +267,10 @@ def formats_of(source: str, layout: TextLayout = AS_STATED) -> list[tuple[str, s
 def read_parts(
     data: bytes, source: str, layout: TextLayout = AS_STATED
 ) -> list[tuple[str, Contents]]:
-    """What a file holds; of a zip file what the records in it hold, each with its name. As
-    `read_contents`."""
+    """Read a file, or all records in a zip file; return pairs of name and contents.
+
+    Parameters and errors are the same as for `read_contents`.
+    """
     parts = [(source, data)]
     if is_archive(data):
         files = [*members(data, source)]
@@ -261,7 +281,8 @@ def read_parts(
                 or "nothing"
             )
             raise RecordError(
-                f"{source}: the archive holds no record of a known format; it holds {listed}"
+                f"{source}: the archive contains no record of a supported format; it contains "
+                f"{listed}"
             )
     return [(part, read_contents(content, part, layout)) for part, content in parts]
 
@@ -272,28 +293,28 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
     Parameters
     ----------
     data : bytes
-        The whole file.
+        Content of the file.
     source : str
-        The file's name, for messages only.
+        Name of the file, for messages.
     layout : TextLayout
-        What the user says of text tables.
+        Layout of text tables specified by the user. Default: none.
 
     Returns
     -------
     Contents
-        At least one trace; channels of text (a recorder's log) are left out.
+        At least one trace; text channels (the log of a recorder) are omitted.
 
     Raises
     ------
     RecordError
-        Not a known format, damaged, cut off, or without a numeric channel.
+        The format is not supported, the file is corrupt or cut off, or it has no numeric channel.
     """
     plugin = _detect(data, source, layout)
     try:
         if plugin.name != TABLES:
             layout.check_format(plugin.name)
-        # Before the reader of another program sees the bytes: some of them never end, or crash, on
-        # bad ones.
+        # Check the headers before the reader is called, because some readers crash or do not
+        # terminate for invalid bytes.
         looked_at = look_at(plugin.name, data)
         traces, messages = _read(plugin, data, layout)
         if damage := next(filter(_DAMAGE.search, messages), None):
@@ -304,7 +325,7 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
             layout.check_step(float(trace.stats.delta))
     except Damaged as error:
         raise RecordError(
-            f"{source}: the file is damaged or cut off: {error}; fetch it again"
+            f"{source}: the file is damaged or cut off: {error}; download it again"
         ) from error
     except RecordError as error:
         raise RecordError(f"{source}: {error}") from error
@@ -312,39 +333,42 @@ def read_contents(data: bytes, source: str, layout: TextLayout = AS_STATED) -> C
         raise RecordError(
             f"{source}: the file is cut off within its header ({plugin.name})"
         ) from error
-    # A recorder's log is a channel, too, of text.
+    # The log of a recorder is a text channel, which is omitted.
     numeric = [trace for trace in traces if trace.data.dtype.kind in "iuf"]
     if not numeric:
-        raise RecordError(f"{source}: the file ({plugin.name}) holds no samples of ground motion")
-    speaker = "" if plugin.is_own else "ObsPy: "
-    of_traces = [name for trace in numeric for name in trace.stats.get("tdint_compared", ())]
-    notes = (*(speaker + message for message in messages), *differences)
-    return Contents(plugin.name, numeric, notes, tuple(dict.fromkeys([*compared, *of_traces])))
+        raise RecordError(
+            f"{source}: the file ({plugin.name}) contains no samples of ground motion"
+        )
+    origin = "" if plugin.is_own else "ObsPy: "
+    by_reader = [name for trace in numeric for name in trace.stats.get("tdint_compared", ())]
+    notes = (*(origin + message for message in messages), *differences)
+    return Contents(plugin.name, numeric, notes, tuple(dict.fromkeys([*compared, *by_reader])))
 
 
 @cache
 def plugins() -> tuple[Plugin, ...]:
-    """The formats that may be read, in the order in which a file is offered to them; asked for
-    once.
+    """Return the supported formats in the order in which they are tried.
 
-    ObsPy's most frequent formats, whose checks are strict, come before those of tdint.
+    The most frequent ObsPy formats, which have strict checks, are tried before the formats of
+    tdint.
     """
     from importlib.metadata import (
         EntryPoints,
         PackageNotFoundError,
         distribution,
-    )  # only where a file is read
+    )  # imported late: needed only to read a file
 
     theirs = distribution("obspy").entry_points
     try:
         ours = distribution("tdint").entry_points
-    except PackageNotFoundError:  # Run from a source tree that is not installed.
+    except PackageNotFoundError:  # tdint runs from a source tree that is not installed.
         ours = EntryPoints()
     names = sorted(ours.select(group=_GROUP).names)
     return (*_named(theirs, _FIRST), *_named(ours, names), *_named(theirs, _REST))
 
 
 def _named(entries: EntryPoints, names: Iterable[str]) -> Iterator[Plugin]:
+    """Yield the formats with these names that have both functions."""
     by_name = {(entry.group, entry.name): entry for entry in entries}
     for name in names:
         is_format, read_format = (
@@ -355,57 +379,65 @@ def _named(entries: EntryPoints, names: Iterable[str]) -> Iterator[Plugin]:
 
 
 def _detect(data: bytes, source: str, layout: TextLayout) -> Plugin:
+    """Return the format of a file; raise RecordError with a hint if it is not supported."""
     plugin = _format_of(data, layout)
     if plugin is not None:
         return plugin
 
-    # Compressed files and pickled objects are told by their first bytes.
+    # Compressed files and pickled objects are recognized by their first bytes.
     for start, archive in _ARCHIVES.items():
         if data.startswith(start):
             raise RecordError(f"{source}: the file is compressed ({archive}); uncompress it first")
     if data.startswith(b"\x80") and data.endswith(b"."):
-        look = "by its look a pickled object: loading one can run code; write it as MiniSEED"
-        raise RecordError(f"{source}: unknown format, {look}")
+        reason = (
+            "probably a pickled object, which is not loaded because it may execute code; write the "
+            "record as MiniSEED"
+        )
+        raise RecordError(f"{source}: unknown format, {reason}")
 
-    # A table in a text that tells nothing of it can be read with what the user says.
+    # A text table without a sufficient header can be read if the user specifies its layout.
     from tdint.ground_motion.formats.text import table_in
 
     if table := table_in(data, layout):
         raise RecordError(f"{source}: unknown format: {table}")
     hint = (
-        f", and no table of numbers stands below its first {layout.skip_lines or 0} lines"
+        f", and no table of numbers found below its first {layout.skip_lines or 0} lines"
         if layout
         else ""
     )
     formats = ", ".join(plugin.name for plugin in plugins())
-    raise RecordError(f"{source}: unknown format{hint}; those that are read: {formats}")
+    raise RecordError(f"{source}: unknown format{hint}; supported formats: {formats}")
 
 
 def _format_of(data: bytes, layout: TextLayout) -> Plugin | None:
-    offers: list[tuple[Plugin, dict[str, Any]]] = [(plugin, {}) for plugin in plugins()]
+    """Return the first format that recognizes a file; None if no format does."""
+    attempts: list[tuple[Plugin, dict[str, Any]]] = [(plugin, {}) for plugin in plugins()]
     if layout:
-        offers += [(plugin, {"layout": layout}) for plugin in plugins() if plugin.name == TABLES]
+        attempts += [(plugin, {"layout": layout}) for plugin in plugins() if plugin.name == TABLES]
     with caught_messages():
-        return next((plugin for plugin, said in offers if _accepts(plugin, data, **said)), None)
+        return next(
+            (plugin for plugin, options in attempts if _accepts(plugin, data, **options)), None
+        )
 
 
-def _accepts(plugin: Plugin, data: bytes, **said: Any) -> bool:
+def _accepts(plugin: Plugin, data: bytes, **options: Any) -> bool:
+    """Return True if a format recognizes a file."""
     try:
-        return bool(_load(plugin.is_format)(BytesIO(data), **said))
-    except Exception:  # A check that stumbles over foreign bytes has not recognized them.
+        return bool(_load(plugin.is_format)(BytesIO(data), **options))
+    except Exception:  # A check that fails on the bytes of another format has not recognized them.
         return False
 
 
 def _read(plugin: Plugin, data: bytes, layout: TextLayout) -> tuple[list[Any], list[str]]:
-    """The traces of a file, and what was said while they were read."""
+    """Return the traces of a file and the messages of the reader."""
     function = _load(plugin.read_format)
-    said = {"layout": layout} if plugin.name == TABLES else {}
+    options = {"layout": layout} if plugin.name == TABLES else {}
     try:
         with caught_messages() as messages:
-            traces = list(function(BytesIO(data), **said))
-    except RecordError:  # A reader of tdint's own, which knows what is wrong.
+            traces = list(function(BytesIO(data), **options))
+    except RecordError:  # The message of a tdint reader already explains the error.
         raise
-    except Exception as error:  # Readers of corrupt bytes raise whatever their parsing runs into.
+    except Exception as error:  # Readers raise any type of exception for corrupt bytes.
         reason = one_line(str(error)) or type(error).__name__
         raise RecordError(
             f"cannot be read as {plugin.name}, the file may be damaged: {reason}"
@@ -414,5 +446,6 @@ def _read(plugin: Plugin, data: bytes, layout: TextLayout) -> tuple[list[Any], l
 
 
 def _load(entry: EntryPoint) -> Any:
+    """Import the function of an entry point."""
     with quiet_import():
         return entry.load()

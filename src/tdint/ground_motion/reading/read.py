@@ -1,4 +1,4 @@
-"""Read ground-motion records in the formats that ObsPy and tdint know."""
+"""Read ground-motion records in the formats supported by ObsPy and tdint."""
 
 from __future__ import annotations
 
@@ -48,15 +48,15 @@ if TYPE_CHECKING:
 # ---- Join the traces of one channel and check its samples
 
 _IMPOSSIBLE = 1e6
-"""m/s^2; from here on the units are wrong, whatever they are: squares and integrals would leave
-what floats hold."""
+"""m/s^2; larger accelerations indicate wrong units, and their squares and integrals may exceed the
+range of floats."""
 
-_OFFSET = 0.02  # of the peak: a mean beyond it is an offset, not the noise of a short record
+_OFFSET = 0.02  # fraction of the peak; a larger mean is an offset, not noise of a short record
 
 
 @dataclass(frozen=True)
 class _Channel:
-    """The traces of a file, or of a file in an archive, that share one id, in file order."""
+    """Traces with the same id in a file, or in a file of an archive, in file order."""
 
     source: str
     contents: Contents
@@ -65,7 +65,7 @@ class _Channel:
 
     @property
     def code(self) -> str:
-        """The channel code, which is the name of the component."""
+        """Channel code, which is the name of the component."""
         return str(self.traces[0].stats.channel)
 
     @property
@@ -75,7 +75,7 @@ class _Channel:
 
 
 def _channels_of(source: str, contents: Contents) -> list[_Channel]:
-    """Gather the traces of each channel, in the order in which the channels appear in the file."""
+    """Group the traces by channel, in the order in which the channels appear in the file."""
     groups: dict[str, list[Any]] = {}
     for trace in contents.traces:
         groups.setdefault(trace.id, []).append(trace)
@@ -83,19 +83,18 @@ def _channels_of(source: str, contents: Contents) -> list[_Channel]:
 
 
 def _joined(channel: _Channel) -> Any:
-    """Join a channel's traces, which a file may hold in pieces, to one without gaps.
+    """Join the traces of a channel to one trace without gaps.
 
     Returns
     -------
     obspy.Trace
-        At least two finite samples at a positive sampling interval; the type of the numbers is the
-        file's.
+        At least two finite samples at a positive sampling interval, in the number type of the file.
 
     Raises
     ------
     RecordError
-        A gap, an overlap, a change of the sampling interval, or samples that are missing or not
-        finite.
+        The channel has a gap, an overlap, a change of the sampling interval, or samples that are
+        missing or not finite.
     """
     label = channel.label
     pieces = sorted(
@@ -104,27 +103,26 @@ def _joined(channel: _Channel) -> Any:
     if not pieces:
         raise RecordError(f"{label}: the channel has no samples")
     for piece in pieces:
-        # Each by itself: a clock that runs, on days that there are, and no sample that the reader
-        # has masked.
+        # Check each trace: positive sampling interval, valid dates and no masked samples.
         dt = float(piece.stats.delta)
         if not (isfinite(dt) and dt > 0.0):
-            raise RecordError(f"{label}: the sampling interval is {dt:g} s; it must be positive")
+            raise RecordError(f"{label}: the sampling interval must be positive, got {dt:g} s")
         try:
             str(piece.stats.starttime), str(piece.stats.endtime)
         except (
             Exception
-        ):  # Python's and ObsPy's calendars raise different kinds beyond their last year.
+        ):  # The calendars of Python and ObsPy raise different exceptions outside their range.
             raise RecordError(
-                f"{label}: the time of the record is beyond the calendar; its header is damaged"
+                f"{label}: the time of the record is outside the calendar; its header is damaged"
             ) from None
         if missing := masked_samples(piece.data):
-            said = how_many(missing, "sample")
+            samples = how_many(missing, "sample")
             raise RecordError(
-                f"{label}: {said} marked as missing; cut the record to its unbroken part"
+                f"{label}: {samples} marked as missing; cut the record to its continuous part"
             )
     for before, after in pairwise(pieces):
-        # One record: one sampling interval, one type, and the next sample one interval behind the
-        # last, to half of it.
+        # Successive traces must have the same sampling interval and type, and continue after one
+        # sampling interval with a tolerance of half an interval.
         dt, there = float(before.stats.delta), after.stats.starttime
         if not isclose(dt, after.stats.delta, rel_tol=1e-6):
             changed = f"changes from {dt:g} s to {after.stats.delta:g} s at {there}"
@@ -137,7 +135,7 @@ def _joined(channel: _Channel) -> Any:
         if abs(slip) > 0.5 * dt:
             break_ = f"a gap of {slip:.6g} s" if slip > 0.0 else f"an overlap of {-slip:.6g} s"
             raise RecordError(
-                f"{label}: {break_} after {before.stats.endtime}; cut the record to its unbroken "
+                f"{label}: {break_} after {before.stats.endtime}; cut the record to its continuous "
                 "part"
             )
     whole = pieces[0]
@@ -145,29 +143,28 @@ def _joined(channel: _Channel) -> Any:
         whole = whole.copy()
         whole.data = np.concatenate([piece.data for piece in pieces])
     if len(whole.data) < 2:
-        raise RecordError(f"{label}: one sample only; a record needs two at least")
+        raise RecordError(f"{label}: the channel has only one sample; a record needs at least two")
     check_finite(whole.data, float(whole.stats.delta), label)
     return whole
 
 
 def doubts(acceleration: NDArray[np.float64]) -> tuple[str, ...]:
-    """Notes about an acceleration (m/s^2, shape (samples,)) that can hardly be a ground motion as
-    it stands."""
+    """Return notes about an acceleration (m/s^2, shape (samples,)) that is unusual for a ground
+    motion: only zeros, or a zero offset."""
     peak, mean = float(np.max(np.abs(acceleration))), float(np.mean(acceleration))
     notes = []
     if peak == 0.0:
         notes.append("all samples are zero")
     elif abs(mean) > _OFFSET * peak:
         notes.append(
-            f"the mean is {mean:.3g} m/s^2, {abs(mean) / peak:.0%} of the peak: a zero offset is "
-            "left in?"
+            f"the mean is {mean:.3g} m/s^2, {abs(mean) / peak:.0%} of the peak: check whether the "
+            "record has a zero offset"
         )
     return tuple(notes)
 
 
 def check_finite(samples: NDArray[Any], dt: float, label: str) -> None:
-    """Raise RecordError with the number and the first place of samples that are no finite
-    numbers."""
+    """Raise RecordError if samples are not finite, with their number and the first position."""
     bad = np.flatnonzero(~np.isfinite(samples))
     if bad.size:
         first = int(bad[0])
@@ -178,19 +175,19 @@ def check_finite(samples: NDArray[Any], dt: float, label: str) -> None:
 
 
 def check_possible(acceleration: NDArray[np.float64], label: str) -> None:
-    """Raise RecordError for an acceleration (m/s^2) that nothing on this planet has."""
+    """Raise RecordError for an acceleration (m/s^2) that is physically impossible."""
     peak = float(np.max(np.abs(acceleration)))
     if peak > _IMPOSSIBLE:
         raise RecordError(
-            f"{label}: the largest acceleration would be {peak:.4g} m/s^2; the units cannot be "
-            "right"
+            f"{label}: the peak acceleration must be at most {_IMPOSSIBLE:g} m/s^2, got "
+            f"{peak:.4g} m/s^2; correct the units"
         )
 
 
 # ---- Read
 
 _LOGGER = getLogger("tdint.assumptions")
-"""For users of Python; the command line tells the warnings of `Record` itself."""
+"""Logger for users of Python; the command line prints the warnings of `Record`."""
 
 
 def read_record(
@@ -206,38 +203,38 @@ def read_record(
     Parameters
     ----------
     source : str or Path
-        A file, or `-` for standard input. The format is found from the contents.
+        File name, or `-` for standard input. The format is detected from the content.
     units : str or dict, optional
-        Units of the samples: m/s^2, cm/s^2, gal, mm/s^2, g, in/s^2 or ft/s^2; with a factor before
-        them the value of one count (`2.38e-6 m/s^2`). Needed where neither the format nor the file
-        gives them. Only floating-point MiniSEED of an accelerometer's channel is else taken as
-        m/s^2, with a warning, unless its numbers speak against it. Units of a velocity or
-        displacement (`cm/s`, `cm`) say that the samples are one; they are differentiated. By file:
-        `{"AT2": "g", "*.mseed": "m/s^2"}`, a format or the end of a path each (or the text
-        `AT2=g,*.mseed=m/s^2`), or a table (`.csv`) with the columns record and units; what fits no
-        entry has none.
+        Units of the samples: m/s^2, cm/s^2, gal, mm/s^2, g, in/s^2 or ft/s^2. With a factor, the
+        value of one count (`2.38e-6 m/s^2`). Required if neither the format nor the file states the
+        units. Only floating-point MiniSEED of an accelerometer channel is assumed to be in m/s^2,
+        with a warning, unless its numbers make this unlikely. Units of a velocity or a displacement
+        (`cm/s`, `cm`) specify that the samples are this quantity; they are differentiated. Units by
+        file: `{"AT2": "g", "*.mseed": "m/s^2"}`, where each key is a format or the end of a path
+        (or the text `AT2=g,*.mseed=m/s^2`), or a table (`.csv`) with the columns record and units.
+        No units are specified for files that match no entry.
     component : str, optional
-        Needed if the file has several: the channel code (`HNE`), the full id (`CI.CLC..HNE`), or
-        the code's last letter (`E`) if only one channel ends in it; upper and lower case are the
-        same.
+        Component to read, required if the file has several: the channel code (`HNE`), the full id
+        (`CI.CLC..HNE`), or the last letter of the code (`E`) if it is unique. Upper and lower case
+        are equivalent.
     inventory : str or Path, optional
-        StationXML file by which the instrument's response is removed from samples whose units are
-        neither stated by the file nor given; not together with units of all files.
+        StationXML file. The instrument response is removed from samples with units that are neither
+        stated in the file nor specified. Cannot be combined with units for all files.
     layout : TextLayout, optional
-        Step, columns and lines to skip of text tables that do not tell them.
+        Time step, columns and lines to skip for text tables that do not state them.
 
     Returns
     -------
     Record
-        Acceleration in m/s^2. Its notes tell what was assumed and done.
+        Acceleration in m/s^2. Its notes report assumptions and changes.
 
     Raises
     ------
     UsageError
-        The units are unknown, or units and an inventory are given.
+        The units are unknown, or both units and an inventory are specified.
     RecordError
-        The file cannot be read, is damaged, has gaps, overlaps or samples that are not finite,
-        counts of unknown value, no such component, or several and none is named.
+        The file cannot be read, is corrupt, has gaps, overlaps or samples that are not finite, or
+        contains counts of unknown value; the component does not exist, or it is required.
     """
     (record,) = _read(source, RecordChoice(units, component, inventory, layout=layout), single=True)
     return record
@@ -251,10 +248,10 @@ def read_records(
     inventory: str | Path | None = None,
     layout: TextLayout = AS_STATED,
 ) -> tuple[Record, ...]:
-    """Read all components of a ground motion, or the named one, in the order of the file.
+    """Read all components of a ground motion, or the specified component, in the order of the file.
 
-    Parameters and errors are those of `read_record`; that the components differ in their sampling
-    interval is a RecordError, too. Channels without numbers (a recorder's log) are left out.
+    Parameters and errors are the same as for `read_record`. RecordError is also raised if the
+    components have different sampling intervals. Text channels (the log of a recorder) are omitted.
     """
     return _read(source, RecordChoice(units, component, inventory, layout=layout), single=False)
 
@@ -267,54 +264,53 @@ def make_record(
     component: str | None = None,
     name: str = "",
 ) -> Record:
-    """Make a record of what is in memory: an ObsPy Trace or Stream, or an array of samples.
+    """Create a record from an ObsPy Trace or Stream, or from an array of samples.
 
     Parameters
     ----------
     data : obspy.Trace, obspy.Stream or array, shape (samples,)
-        The samples; of a stream with several components `component` names one.
+        Samples; for a stream with several components, `component` selects one.
     dt : float, optional
-        Sampling interval, s: needed for an array; a trace has its own.
+        Sampling interval, s; required for an array, not allowed for a trace.
     units : str, optional
-        As for `read_record`; needed for an array, and for a trace whose format and header do not
-        tell them.
+        Same as for `read_record`; required for an array, and for a trace if its format and header
+        do not state the units.
     component : str, optional
-        As for `read_record`; of an array its name.
+        Same as for `read_record`; for an array, the name of the component.
     name : str, optional
-        What tables and messages call it; `trace`, `stream` or `array` where it is left out.
+        Name in tables and messages. Default `trace`, `stream` or `array`.
 
     Returns
     -------
     Record
-        Acceleration in m/s^2. Its notes tell what was assumed and done.
+        Acceleration in m/s^2. Its notes report assumptions and changes.
 
     Raises
     ------
     UsageError
-        Unknown units; a sampling interval or units that are missing or given twice.
+        The units are unknown; the sampling interval or the units are missing, or the interval is
+        specified for a trace.
     RecordError
-        As for `read_record`.
+        Same as for `read_record`.
     """
     parsed = None if units is None else parse_units(units)
-    said = FileUnits() if parsed is None else FileUnits((("./*", parsed),), for_all=True)
+    specified = FileUnits() if parsed is None else FileUnits((("./*", parsed),), for_all=True)
     traces = [data] if hasattr(data, "stats") else list(getattr(data, "traces", ()))
     if traces:
         if dt is not None:
-            raise UsageError("a trace has its own sampling interval; leave dt out")
+            raise UsageError("dt cannot be used with a trace, which states its sampling interval")
         label = name or ("stream" if hasattr(data, "traces") else "trace")
     elif hasattr(data, "traces"):
         raise RecordError(f"{name or 'stream'}: the stream has no traces")
     else:
         if dt is None or parsed is None:
-            raise UsageError(
-                "samples in an array tell neither their interval nor their units; give dt and units"
-            )
+            raise UsageError("dt and units are required for an array of samples; specify both")
         label = name or "array"
         if isinstance(dt, int | float) and not dt <= LONGEST_STEP:
             raise RecordError(
-                f"{label}: a sampling interval of {dt:.6g} s is beyond {LONGEST_STEP:g} s"
+                f"{label}: the sampling interval must be at most {LONGEST_STEP:g} s, got {dt:.6g} s"
             )
-        # An array becomes a trace first: units and doubts are then those of a file.
+        # Convert the array to a trace, so that units and plausibility are handled as for a file.
         checked = Record(data, dt, start="", id="", component=component or "", source=label)
         with quiet_import():
             from obspy import Trace
@@ -332,7 +328,7 @@ def make_record(
             f"{label}: there are several components, choose one by `component`: "
             f"{_listed(components)}"
         )
-    return _to_record(components[0], _joined(components[0]), said, None)
+    return _to_record(components[0], _joined(components[0]), specified, None)
 
 
 def read_horizontals(
@@ -341,14 +337,14 @@ def read_horizontals(
     inventory: str | Path | None = None,
     layout: TextLayout = AS_STATED,
 ) -> Horizontals:
-    """Read the two horizontal components of a motion from its file, or from its files.
+    """Read the two horizontal components of a ground motion from one or two files.
 
     Parameters
     ----------
     *sources : str or Path
-        A file with both, or one for each.
+        A file with both components, or one file for each component.
     units, inventory, layout
-        As of `read_record`.
+        Same as for `read_record`.
 
     Returns
     -------
@@ -357,7 +353,8 @@ def read_horizontals(
     Raises
     ------
     UsageError, RecordError
-        As by `read_record`; there are not two components, or they are no pair (`find_horizontals`).
+        Same as for `read_record`; also if the number of horizontal components is not two or the
+        components are not a pair (`find_horizontals`).
     """
     from tdint.ground_motion.horizontals import find_horizontals
 
@@ -366,10 +363,11 @@ def read_horizontals(
 
 
 def _read(source: str | Path, choice: RecordChoice, *, single: bool) -> tuple[Record, ...]:
-    said, inventory = file_units(choice.units), choice.inventory
-    if said.for_all and inventory is not None:
+    """Read the components of a file; `single` requires exactly one."""
+    specified, inventory = file_units(choice.units), choice.inventory
+    if specified.for_all and inventory is not None:
         raise UsageError(
-            "units and an inventory are given; the inventory gives the units, leave one of them out"
+            "units cannot be used with an inventory, which states the units; remove one of them"
         )
     components, input_file = _components(source, choice, single=single)
     instruments = None
@@ -377,8 +375,8 @@ def _read(source: str | Path, choice: RecordChoice, *, single: bool) -> tuple[Re
         from tdint.ground_motion.reading.instrument import read_instruments
 
         instruments = read_instruments(inventory)
-    records = [_to_record(part, trace, said, instruments) for part, trace in components]
-    # A record tells the files that it comes from: the inventory only where its response was taken.
+    records = [_to_record(part, trace, specified, instruments) for part, trace in components]
+    # The inventory is an input of a record only if its response was used.
     stations = (instruments.input,) if instruments else ()
     inputs = [
         (input_file, *(stations if record.units_from == "inventory" else ())) for record in records
@@ -391,9 +389,9 @@ def _read(source: str | Path, choice: RecordChoice, *, single: bool) -> tuple[Re
 def read_signal(
     source: str | Path, *, units: str | None = None, component: str | None = None
 ) -> Signal:
-    """Read one component as it is, in SI units: a velocity or a displacement is not differentiated.
+    """Read one component in SI units; a velocity or a displacement is not differentiated.
 
-    Parameters and errors are those of `read_record`.
+    Parameters and errors are the same as for `read_record`.
     """
     parsed = None if units is None else parse_units(units)
     ((part, trace),), input_file = _components(
@@ -424,23 +422,33 @@ def read_signal(
 def _components(
     source: str | Path, choice: RecordChoice, *, single: bool
 ) -> tuple[list[tuple[_Channel, Any]], Input]:
-    """The components of a file, or the chosen one, each with its trace; and the file."""
+    """Return the components of a file, or the selected component, with their traces, and the file.
+
+    Parameters
+    ----------
+    source : str or Path
+        File name, or `-` for standard input.
+    choice : RecordChoice
+        Component and layout.
+    single : bool
+        Require exactly one component.
+    """
     if not isinstance(source, str | Path):
-        raise RecordError(f"a record is a file's name, got {source!r:.60}")
+        raise RecordError(f"a record must be a file name, got {source!r:.60}")
     name, component = str(source), choice.component
     data = read_bytes(source)
     parts = read_parts(data, name, choice.layout)
     components = [channel for part, contents in parts for channel in _channels_of(part, contents)]
     if component is not None and not isinstance(component, str):
-        raise UsageError(f"a component is a text such as 'HNE', got {component!r}")
+        raise UsageError(f"a component must be a text such as 'HNE', got {component!r}")
 
-    # Velocities and displacements that tdint exported beside accelerations are taken by their full
-    # id only.
+    # Velocities and displacements that tdint exported with accelerations are selected only by their
+    # full id.
     ids = {member.id.upper() for member in components}
-    asked, accelerations = (component or "").strip().upper(), []
+    requested, accelerations = (component or "").strip().upper(), []
     for member in components:
-        if (id := member.id.upper()) != asked:
-            station, location, code = id.rsplit(".", 2)  # a damaged station's code may have dots
+        if (id := member.id.upper()) != requested:
+            station, location, code = id.rsplit(".", 2)  # a corrupt station code may contain dots
             is_integral = location in UNITS_BY_LOCATION and location != IN_SI
             if is_integral and f"{station}.{IN_SI}.{code}" in ids:
                 continue
@@ -454,7 +462,8 @@ def _components(
             f"{_listed(components)}"
         )
     traces = [_joined(member) for member in components]
-    # Components of one file go together; those of an archive's other files need not.
+    # All components of one file must have the same sampling interval. Files of an archive may
+    # differ.
     for part, _ in parts:
         of_part = [
             trace for member, trace in zip(components, traces, strict=True) if member.source == part
@@ -468,8 +477,8 @@ def _components(
 
 
 def _choose(channels: Sequence[_Channel], component: str, source: str) -> _Channel:
-    """The channel with this code, else with this id, else of this station (a floor is one: F04),
-    else the only one whose code ends in this letter."""
+    """Return the channel with this code, otherwise with this id, otherwise of this station (for
+    example floor F04), otherwise the only channel with a code that ends in this letter."""
     name = component.strip().upper()
     ways = (
         [channel for channel in channels if channel.code.upper() == name],
@@ -486,12 +495,12 @@ def _choose(channels: Sequence[_Channel], component: str, source: str) -> _Chann
             f"{_listed(channels_of_name)}"
         )
     raise RecordError(
-        f"{source}: there is no component {component!r}; there are {_listed(channels)}"
+        f"{source}: component {component!r} not found; the components are {_listed(channels)}"
     )
 
 
 def _listed(channels: Sequence[_Channel]) -> str:
-    """Names by which each of the channels can be chosen."""
+    """Return unique names of the channels, for messages."""
     codes, ids = [channel.code for channel in channels], [channel.id for channel in channels]
     stations = [station_of(id) for id in ids]
     ways = (codes, stations, ids)
@@ -501,17 +510,30 @@ def _listed(channels: Sequence[_Channel]) -> str:
 
 
 def _to_record(
-    channel: _Channel, trace: Any, said: FileUnits, instruments: Instruments | None
+    channel: _Channel, trace: Any, specified: FileUnits, instruments: Instruments | None
 ) -> Record:
+    """Convert a channel to a record.
+
+    Parameters
+    ----------
+    channel : _Channel
+        Channel of a file.
+    trace : obspy.Trace
+        Joined samples of the channel.
+    specified : FileUnits
+        Units specified by the user.
+    instruments : Instruments or None
+        Inventory with instrument responses.
+    """
     contents, label = channel.contents, channel.label
-    units = said.of(channel.source, contents.format)
+    units = specified.of(channel.source, contents.format)
     counted = units is None or (
         are_counts(trace) and not units.has_factor
-    )  # no unit is that of counts
+    )  # a unit without a factor does not apply to counts
     if instruments is None or not counted or declared_units(trace, contents.format, label, units):
         motion = to_acceleration(trace, contents.format, units, label)
         if instruments is not None:
-            unused = f"its units are known ({motion.units}), the inventory is not used"
+            unused = f"the inventory is not used, because the units are known ({motion.units})"
             motion = replace(motion, notes=(*motion.notes, unused))
             instruments = None
     else:
@@ -519,11 +541,11 @@ def _to_record(
 
         acceleration, notes = remove_response(trace, instruments, label)
         motion = Motion(acceleration, "counts", "inventory", notes=notes)
-    if motion.units_from == "assumed" and said.entries and not said.for_all:
-        entries = ", ".join(pattern.removeprefix("./") for pattern, _ in said.entries)
+    if motion.units_from == "assumed" and specified.entries and not specified.for_all:
+        entries = ", ".join(pattern.removeprefix("./") for pattern, _ in specified.entries)
         raise UsageError(
-            f"{label}: does not tell its units, and none of the units given by file fits it: "
-            f"{entries}"
+            f"{label}: the file does not state its units, and no entry of the units by file "
+            f"matches it: {entries}"
         )
     dt = float(trace.stats.delta)
     check_finite(motion.samples, dt, label)
@@ -553,14 +575,14 @@ def _to_record(
 
 
 def _event(trace: Any) -> str:
-    """Return the event as the file identifies it: as tdint's readers find it, the origin time of
+    """Return the event stated in the file: the event found by a tdint reader, the origin time of
     K-NET, or the name and the origin time of SAC; empty if the file states none."""
     stats = trace.stats
     if "knet" in stats:
         return f"{stats.knet.evot.datetime:%Y-%m-%d %H:%M:%S}" if stats.knet.get("evot") else ""
     if "sac" in stats:
         name, origin = str(stats.sac.get("kevnm", "")).strip(), stats.sac.get("o")
-        # Times of SAC are relative to a reference time, of which the first sample is at `b`.
+        # SAC times are relative to a reference time; the first sample is at `b`.
         if origin is not None and isfinite(origin) and _start(trace):
             time = stats.starttime + (float(origin) - float(stats.sac.get("b", 0.0)))
             name = f"{name} {time.datetime:%Y-%m-%d %H:%M:%S}".strip()
@@ -569,7 +591,7 @@ def _event(trace: Any) -> str:
 
 
 def _start(trace: Any) -> str:
-    """Time of the first sample; formats without one get the epoch from ObsPy, which no record
-    begins at."""
+    """Return the time of the first sample; empty if it is the epoch, which ObsPy uses for formats
+    without a start time."""
     start = trace.stats.starttime
     return "" if start.timestamp == 0 else str(start)

@@ -1,14 +1,14 @@
-"""From a file's samples to m/s^2: what the user says about their units, what the file says, and
-what is done.
+"""Conversion of the samples of a file to m/s^2, by the units that the user specifies or the file
+states.
 
-A floating-point MiniSEED file whose location code is SI was exported by tdint, and is in m/s^2; SV
-and SD stand for its velocity (m/s) and displacement (m).
+A MiniSEED file with the location code SI was exported by tdint and is in m/s^2. The location codes
+SV and SD are its velocity (m/s) and displacement (m).
 
-One convention about units is leaned on: floating-point MiniSEED of an accelerometer is in m/s^2.
-ObsPy and other programs that remove an instrument's response write what is left as floating-point
-numbers, in SI units, under the channel's own code; MiniSEED has no place for the unit. The code of
-an accelerometer's channel has the letter N in its second place (SEED manual 2.4, appendix A).
-Whoever leans on it hears so, and is refused where the numbers speak against it.
+One assumption is made about units: floating-point MiniSEED of an accelerometer is in m/s^2. ObsPy
+and other programs that remove an instrument response write the result as floating-point numbers in
+SI units under the unchanged channel code, because MiniSEED has no field for units. The channel code
+of an accelerometer has N as its second letter (SEED manual 2.4, appendix A). The assumption is
+reported as a warning. It is an error if the numbers make it unlikely.
 """
 
 from __future__ import annotations
@@ -26,27 +26,35 @@ from tdint.ground_motion.record import UNITS_BY_LOCATION
 from tdint.units import STANDARD_GRAVITY, Units, parse_units
 
 _CURES = (
-    "give the value of one count (`units=2.38e-6 m/s^2`) or the instrument's StationXML file as "
-    "`inventory`, which removes its response"
+    "give the value of one count (`units=2.38e-6 m/s^2`) or the StationXML file of the instrument "
+    "as `inventory`, to remove its response"
 )
-_DIFFERENCES = "frequencies above a tenth of the sampling rate come out too small"
-"""By 6 % at a tenth for a velocity (sin x / x, x = 2 pi / 10), by 3 % for a displacement."""
+_DIFFERENCES = "amplitudes above a tenth of the sampling rate are underestimated"
+"""Note on differentiation. At a tenth of the sampling rate the error is 6 % for a velocity
+(sin x / x, x = 2 pi / 10) and 3 % for a displacement."""
 
-_FEWEST = {"velocity": 3, "displacement": 3}
+_FEWEST = {"velocity": 3, "displacement": 3}  # minimum number of samples for differentiation
 
 _SELF_SCALED = ("KNET", "KINEMETRICS_EVT")
-"""Formats whose `stats.calib` turns counts into m/s^2, once the recorder's zero offset is taken
-off."""
+"""Formats with a factor `stats.calib` that converts counts without their zero offset to m/s^2."""
 
 _SAC_DISPLACEMENT, _SAC_VELOCITY, _SAC_TIME_SERIES = 6, 7, 1
 
 
 @dataclass(frozen=True)
 class Declared:
-    """What a file says about its own samples: a motion is (sample - mean, if `remove_mean`) x
-    factor x units.
+    """Units of the samples stated in a file.
 
-    `origin` is `format` where all files of the format have these units, else `file`.
+    Attributes
+    ----------
+    units : Units
+        Stated units.
+    origin : str
+        `format` if all files of the format have these units, otherwise `file`.
+    factor : float
+        Factor from samples to `units`.
+    remove_mean : bool
+        Subtract the mean of the samples before multiplication.
     """
 
     units: Units
@@ -57,14 +65,15 @@ class Declared:
 
 @dataclass(frozen=True)
 class Motion:
-    """A trace's samples in SI units, and how these are known; attributes as in
-    `tdint.ground_motion.record`.
+    """Samples of a trace in SI units and the source of their units.
+
+    Attributes not listed are the same as in `tdint.ground_motion.record.Record`.
 
     Attributes
     ----------
     samples : ndarray, shape (samples,)
-        What `quantity` says in m, m/s or m/s^2; the acceleration of that where `to_acceleration`
-        made it.
+        Samples of `quantity` in m, m/s or m/s^2; in the result of `to_acceleration`, the
+        acceleration in m/s^2.
     """
 
     samples: NDArray[np.float64]
@@ -76,8 +85,10 @@ class Motion:
 
 
 def to_acceleration(trace: Any, format_name: str, asked: Units | None, label: str) -> Motion:
-    """Convert a trace's samples to m/s^2: as `to_motion`, and differentiated where they are no
-    acceleration."""
+    """Convert the samples of a trace to m/s^2; a velocity or a displacement is differentiated.
+
+    Parameters and errors are the same as for `to_motion`.
+    """
     motion = to_motion(trace, format_name, asked, label)
     if motion.quantity == "acceleration":
         return motion
@@ -87,37 +98,37 @@ def to_acceleration(trace: Any, format_name: str, asked: Units | None, label: st
 
 
 def to_motion(trace: Any, format_name: str, asked: Units | None, label: str) -> Motion:
-    """Convert a trace's samples to SI units, applying every factor exactly once.
+    """Convert the samples of a trace to SI units; each factor is applied exactly once.
 
-    A unit is stated by the format, by the file or by the user. Nothing else is leaned on but one
-    convention, see `assumed_units`.
+    Units are stated by the format, by the file or by the user. The only assumption is described in
+    `assumed_units`.
 
     Parameters
     ----------
     trace : obspy.Trace
-        Samples as they stand in the file.
+        Unchanged samples of the file.
     format_name : str
-        ObsPy's name of the file's format.
+        ObsPy name of the format.
     asked : Units or None
-        What the user says the samples are.
+        Units specified by the user.
     label : str
         File and channel, for messages.
 
     Raises
     ------
     RecordError
-        The samples are of unknown value, or the file contradicts the user.
+        The units are unknown, or the units in the file contradict those of the user.
     """
     declared = declared_units(trace, format_name, label, asked)
     named = trace.stats.get("tdint_quantity")
     if asked and named and named != asked.quantity:
         raise RecordError(
-            f"{label}: the file calls the samples a {named}, {asked.text} is a unit of "
-            f"{asked.quantity}; give one of {named}"
+            f"{label}: the units must be a unit of {named}, as stated in the file, but "
+            f"{asked.text} is a unit of {asked.quantity}"
         )
     if declared:
         return _by_the_file(trace, declared, asked, label)
-    # What stands in no unit: counts need the value of one, samples with a unit are taken at it.
+    # The file states no units. Counts require the value of one count.
     calibration = float(trace.stats.calib)
     if are_counts(trace) and not (asked and asked.has_factor):
         if asked:
@@ -146,24 +157,35 @@ def to_motion(trace: Any, format_name: str, asked: Units | None, label: str) -> 
 
 
 def are_counts(trace: Any) -> bool:
-    """Whether samples are counts of a recorder, as whole numbers are, and what a header calls
-    so."""
+    """Return True if samples are counts of a recorder: integers, or counts according to the
+    header."""
     return trace.data.dtype.kind in "iu" or _ascii_unit(trace) in ("COUNTS", "COUNT")
 
 
 def declared_units(
     trace: Any, format_name: str, label: str, asked: Units | None = None
 ) -> Declared | None:
-    """What the file says about its samples' units, None if nothing.
+    """Return the units of the samples stated in a file; None if the file states none.
 
-    A reader of tdint's own tells them in `trace.stats.tdint_units`, as text for `parse_units`
-    (empty where the user must give them); formats of the recorders have them in their calibration
-    factor, text formats in their header.
+    Readers of tdint store the units in `trace.stats.tdint_units`, as text for `parse_units` (empty
+    if the user must specify them). Recorder formats have a calibration factor, and text formats
+    have units in their header.
+
+    Parameters
+    ----------
+    trace : obspy.Trace
+        Unchanged samples of the file.
+    format_name : str
+        ObsPy name of the format.
+    label : str
+        File and channel, for messages.
+    asked : Units or None
+        Units specified by the user.
 
     Raises
     ------
     RecordError
-        The file says that its samples are no ground motion, or not evenly spaced.
+        The file states that its samples are not a ground motion, or are not evenly spaced.
     """
     stats = trace.stats
     of_reader = stats.get("tdint_units")
@@ -178,14 +200,14 @@ def declared_units(
     if format_name in _SELF_SCALED:
         return Declared(Units("m/s^2", 1.0, False), "format", float(stats.calib), remove_mean=True)
     if "sac" in stats:
-        # Refuse what a SAC header declares to be something else than an evenly sampled acceleration
+        # Reject SAC files that are not an evenly sampled acceleration according to their header
         # (SAC manual, IDEP).
         sac = stats.sac
         other = {_SAC_DISPLACEMENT: "displacement", _SAC_VELOCITY: "velocity"}.get(sac.get("idep"))
         if other and not (asked and asked.quantity == other):
             raise RecordError(
-                f"{label}: the SAC header says that the samples are a {other}, not an "
-                f"acceleration; with units of a {other} they are differentiated"
+                f"{label}: the SAC header states that the samples are a {other}, not an "
+                f"acceleration; specify units of a {other} to differentiate them"
             )
         if sac.get("iftype", _SAC_TIME_SERIES) != _SAC_TIME_SERIES or not sac.get("leven", True):
             raise RecordError(f"{label}: the SAC file is not an evenly sampled time series")
@@ -196,18 +218,31 @@ def declared_units(
         return Declared(parse_units(unit))
     except UsageError:
         raise RecordError(
-            f"{label}: the header gives the samples in {unit[:40]}, which is no ground motion"
+            f"{label}: the header states units of {unit[:40]}, which is no ground motion"
         ) from None
 
 
 def _by_the_file(trace: Any, declared: Declared, asked: Units | None, label: str) -> Motion:
+    """Convert samples by the units in the file, which must agree with the units of the user.
+
+    Parameters
+    ----------
+    trace : obspy.Trace
+        Unchanged samples of the file.
+    declared : Declared
+        Units stated in the file.
+    asked : Units or None
+        Units specified by the user.
+    label : str
+        File and channel, for messages.
+    """
     units = declared.units
     if asked and not (
         isclose(asked.scale, units.scale, rel_tol=1e-9) and asked.quantity == units.quantity
     ):
         raise RecordError(
-            f"{label}: the file itself gives its units ({units.text}), {asked.text} contradicts "
-            "them; leave the units out"
+            f"{label}: the file states its units ({units.text}), {asked.text} contradicts them; "
+            "remove the units"
         )
     samples, notes = trace.data, []
     if declared.remove_mean:
@@ -223,16 +258,27 @@ def _by_the_file(trace: Any, declared: Declared, asked: Units | None, label: str
 
 
 def differentiated(samples: NDArray[np.float64], dt: float, quantity: str) -> NDArray[np.float64]:
-    """Acceleration, m/s^2, from a `velocity` (m/s) or a `displacement` (m) by central differences.
+    """Return the acceleration, m/s^2, of a velocity or a displacement, by central differences.
 
-    The second difference serves a displacement. The ends take the value beside them.
+    A displacement is differentiated by the second central difference. The first and the last value
+    are copies of their neighbors.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (samples,)
+        Samples, m/s or m.
+    dt : float
+        Sampling interval, s.
+    quantity : str
+        `velocity` or `displacement`.
     """
     if samples.size < _FEWEST[quantity]:
         raise RecordError(
-            f"{samples.size} samples of a {quantity} are too few to be differentiated"
+            f"a {quantity} must have at least {_FEWEST[quantity]} samples to be differentiated, "
+            f"got {samples.size}"
         )
     inner = np.empty(samples.size)
-    with np.errstate(over="ignore", invalid="ignore"):  # What overflows is found among the samples.
+    with np.errstate(over="ignore", invalid="ignore"):  # Overflow is found by `check_finite`.
         if quantity == "velocity":
             inner[1:-1] = (samples[2:] - samples[:-2]) / (2.0 * dt)
         else:
@@ -242,74 +288,83 @@ def differentiated(samples: NDArray[np.float64], dt: float, quantity: str) -> ND
 
 
 def without_mean(samples: NDArray[Any]) -> tuple[NDArray[np.float64], str]:
-    """Take off the recorder's zero offset (the mean of the record); also a note about it."""
+    """Subtract the zero offset of the recorder (the mean of the record); also return a note."""
     mean = float(np.mean(samples, dtype=np.float64))
     return samples - mean, f"the recorder's zero offset, the mean of {mean:.6g} counts, is removed"
 
 
 def _times(samples: NDArray[Any], factor: float) -> NDArray[np.float64]:
+    """Multiply samples by a factor."""
     with np.errstate(
         over="ignore"
-    ):  # An overflow is found, with its place, among the samples that are not finite.
+    ):  # Overflow is found by `check_finite`, which reports the sample.
         return np.asarray(samples, dtype=np.float64) * factor
 
 
 def _ascii_unit(trace: Any) -> str:
-    """Unit in the header of a TIMESERIES file, empty if none."""
+    """Return the unit in the header of a TIMESERIES file; empty if the header has none."""
     unit = str(trace.stats.get("ascii", {}).get("unit", "")).upper()
-    # Without a unit ObsPy reports the header's last word, which is the type of the numbers.
+    # Without a unit, ObsPy returns the last word of the header, which is the number type.
     return "" if re.fullmatch(r"INTEGER|INT\d+|FLOAT\d*|DOUBLE|ASCII|UNKNOWN", unit) else unit
 
 
 _ACCELEROMETER = "N"
 _OTHER_INSTRUMENT = re.compile(r"[A-Z][HLGMPD][A-Z0-9]")
-"""Channel codes of instruments that are no accelerometers. Motions that tdint writes may also have
-the direction as the channel code (067, EW)."""
+"""Pattern of channel codes of instruments other than accelerometers. Ground motions written by
+tdint may also have the direction as channel code (067, EW)."""
 
 _LARGEST = 3.0 * STANDARD_GRAVITY
-"""m/s^2; the largest acceleration of the ground ever recorded is a little less."""
+"""m/s^2; slightly more than the maximum ground acceleration ever recorded."""
 
-_NEAR = 0.05  # of g: gravity and the offset of a sensor
+_NEAR = 0.05  # fraction of g; tolerance for gravity plus the offset of a sensor
 _GRAVITIES = {1.0: "gravity in g", STANDARD_GRAVITY: "gravity"}
-_CURE = "say what the samples are with `units=g`, cm/s^2 or m/s^2"
+_CURE = "specify the units, for example `units=g`, cm/s^2 or m/s^2"
 
 
 def assumed_units(trace: Any, format_name: str, label: str) -> tuple[Units, str]:
-    """Take floating-point samples of an accelerometer's channel in a MiniSEED file as m/s^2; also a
-    warning about it.
+    """Return m/s^2 for floating-point MiniSEED of an accelerometer channel, and a warning.
+
+    Parameters
+    ----------
+    trace : obspy.Trace
+        Unchanged samples of the file.
+    format_name : str
+        ObsPy name of the format.
+    label : str
+        File and channel, for messages.
 
     Raises
     ------
     RecordError
-        The file is another one, or its numbers can hardly be m/s^2.
+        The file has another format or channel, or its numbers are unlikely to be in m/s^2.
     """
     if format_name != "MSEED" or trace.stats.get("tdint_units") == "":
-        raise RecordError(f"{label}: the file does not tell the units of its samples; {_CURE}")
+        raise RecordError(f"{label}: the file does not state the units of its samples; {_CURE}")
     code = str(trace.stats.channel).upper()
     if len(code) != 3 or code[1] != _ACCELEROMETER:
         raise RecordError(
-            f"{label}: MiniSEED does not tell the units of its samples, and "
-            f"{code or 'a channel without a code'} is no accelerometer's channel (HN?, BN?), whose "
-            f"samples would be taken as m/s^2; {_CURE}"
+            f"{label}: MiniSEED does not state the units of its samples, and m/s^2 is assumed only "
+            f"for accelerometer channels (HN?, BN?), not for "
+            f"{code or 'a channel without a code'}; {_CURE}"
         )
 
-    # Numbers that can hardly be a ground acceleration in m/s^2.
+    # Reject numbers that are unlikely to be a ground acceleration in m/s^2.
     samples = np.asarray(trace.data, dtype=np.float64)
     peak, mean = float(np.max(np.abs(samples))), float(np.mean(samples))
     at_rest = next((name for g, name in _GRAVITIES.items() if abs(abs(mean) - g) <= _NEAR * g), "")
     doubt = ""
     if peak > _LARGEST:
-        doubt = f"the largest would be {peak:.4g} m/s^2, over 3 g"
+        doubt = f"the peak would be {peak:.4g} m/s^2, over 3 g"
     elif at_rest:
-        doubt = f"their mean is {mean:.5g}, {at_rest} by its look"
+        doubt = f"the mean is {mean:.5g}, probably {at_rest}"
     elif peak and not np.any(samples % 1.0):
-        doubt = "all are whole numbers, counts by their look"
+        doubt = "all samples are whole numbers, probably counts"
     if doubt:
         raise RecordError(
-            f"{label}: MiniSEED does not tell the units of its samples, and m/s^2 is unlikely: "
+            f"{label}: MiniSEED does not state the units of its samples, and m/s^2 is unlikely: "
             f"{doubt}; {_CURE}"
         )
     return Units("m/s^2", 1.0, False), (
-        "m/s^2 is assumed for floating-point samples of an accelerometer's channel in MiniSEED, "
-        "which has no units; give them to be sure"
+        "m/s^2 is assumed for floating-point MiniSEED of an accelerometer channel, which states no "
+        "units; specify the units to confirm"
     )

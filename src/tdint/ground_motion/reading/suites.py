@@ -1,5 +1,5 @@
-"""Suites of ground motions: the files that someone named, folders taken apart, and the horizontal
-components in them, one by one or in pairs."""
+"""Suites of ground motions: files and directories specified by the user, and their horizontal
+components, individually or in pairs."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ from tdint.ground_motion.reading.sample_units import file_units
 from tdint.ground_motion.record import Record, component_names
 from tdint.written_numbers import first_few
 
-_MOST_NAMES = 10  # that a message names
+_MOST_NAMES = 10  # maximum number of names in a message
 
 
 @dataclass(frozen=True)
 class Sources:
-    """Records to be read.
+    """Record files to read.
 
     Attributes
     ----------
     files : tuple of str
-        The files to read, in order; `-` is standard input.
+        Files in order; `-` is standard input.
     notes : tuple of str
-        What was left out of folders, a sentence each.
+        Notes about files in directories that were omitted.
     failures : tuple of RecordError
-        Folders without records.
+        Errors for directories without records.
     """
 
     files: tuple[str, ...]
@@ -53,16 +53,25 @@ class Sources:
 
 
 def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
-    """Files as they are given; of a folder the records in it, by name.
+    """Return the record files of the arguments; a directory is replaced by its records in order of
+    name.
 
-    What a folder holds besides (hidden files, folders, files of unknown format) is left out. A file
-    that cannot be read stays, so that its failure is told. With a layout, text tables are records
-    that would not be recognized without.
+    Other content of a directory (hidden files, subdirectories, files of unknown format) is omitted.
+    A file that cannot be read is kept, so that reading it reports the error. With a layout, more
+    text tables are recognized as records.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Names of files and directories; `-` is standard input.
+    choice : RecordChoice
+        Units and layout.
 
     Raises
     ------
     UsageError
-        Standard input is given more than once; units by file of which an entry fits none of them.
+        Standard input is specified more than once, or an entry of the units by file matches no
+        file.
     """
     layout = choice.layout
     if arguments.count(STDIN) > 1:
@@ -81,24 +90,23 @@ def records_of(arguments: Sequence[str], choice: RecordChoice) -> Sources:
             continue
         files += inside
         for file in inside:
-            keep_input(file)  # which other processes may read
+            keep_input(file)  # other processes may read it
         others = [
             name for name in others if name != "LICENSE"
-        ]  # of the records, which goes with them
+        ]  # the license of the records is not reported
         if others:
-            notes.append(f"{argument}: not taken for records: {first_few(others, _MOST_NAMES)}")
+            notes.append(f"{argument}: skipped (not records): {first_few(others, _MOST_NAMES)}")
     file_units(choice.units).refuse_unfit(files, partial(formats_of, layout=layout))
     return Sources(tuple(files), tuple(notes), tuple(failures))
 
 
 def _contents(folder: str, layout: TextLayout) -> tuple[list[str], list[str]]:
-    """The records in a folder with its name before theirs, and the names of all else that is not
-    hidden.
+    """Return the paths of the records in a directory and the names of its other visible content.
 
     Raises
     ------
     RecordError
-        The folder cannot be read, or has no record in it.
+        The directory cannot be read, or contains no record.
     """
     try:
         names = sorted(
@@ -106,25 +114,25 @@ def _contents(folder: str, layout: TextLayout) -> tuple[list[str], list[str]]:
         )
     except OSError as error:
         raise RecordError(
-            f"{folder}: the folder cannot be read: {error.strerror or error}"
+            f"{folder}: the directory cannot be read: {error.strerror or error}"
         ) from error
     records, others = [], []
     for name in names:
         file = os.path.join(folder, name)  # noqa: PTH118  Path would shorten what the user wrote
         if is_folder(file):
             others.append(f"{name}/")
-        elif is_file(file) and is_record(file, layout):  # A pipe would never end.
+        elif is_file(file) and is_record(file, layout):  # A pipe is not read: it may never end.
             records.append(file)
         else:
             others.append(name)
     if not records:
         listed = first_few(others, _MOST_NAMES) or "nothing"
-        raise RecordError(f"{folder}: there is no record in this folder; it holds {listed}")
+        raise RecordError(f"{folder}: no record found in this directory; it contains {listed}")
     return records, others
 
 
 GroundMotion = Record | Horizontals
-"""One component, or a pair of horizontal ones."""
+"""One component, or a pair of horizontal components."""
 
 
 @dataclass(frozen=True)
@@ -136,9 +144,9 @@ class Suite:
     motions : tuple of Record or of Horizontals
         Single components, or pairs.
     failures : tuple of RecordError
-        What could not be read or taken.
+        Errors of files that could not be used.
     notes : tuple of str
-        What was left out or assumed, a sentence each.
+        Notes about omitted files and assumptions.
     """
 
     motions: tuple[GroundMotion, ...]
@@ -147,34 +155,42 @@ class Suite:
 
     @property
     def records(self) -> list[Record]:
-        """All components, in order."""
+        """All components in order."""
         return [record for motion in self.motions for record in components(motion)]
 
 
 def components(motion: GroundMotion) -> tuple[Record, ...]:
-    """The components of a motion, one or two."""
+    """Return the one or two components of a ground motion."""
     return (motion,) if isinstance(motion, Record) else (motion.first, motion.second)
 
 
 def read_chosen(file: str, choice: RecordChoice) -> list[Record]:
-    """The components of a file, changed as asked for.
+    """Read the components of a file and apply the requested processing.
 
     Raises
     ------
     RecordError
-        The file cannot be read, or changed so.
+        The file cannot be read, or a processing step cannot be applied.
     """
     return [processed(record, choice.processing) for record in read_records(file, **choice.reading)]
 
 
 def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | None = None) -> Suite:
-    """The records that someone named, files and folders: their horizontal components, or pairs of
-    them by their names.
+    """Read a suite of ground motions from files and directories.
+
+    Parameters
+    ----------
+    named : sequence of str
+        Names of files and directories.
+    choice : RecordChoice
+        Reading options and processing.
+    pairs : PairNames or None
+        File names of pairs; None reads single horizontal components.
 
     Raises
     ------
     UsageError
-        As of `records_of` and `read_pairs`.
+        Raised by `records_of` and `read_pairs`.
     """
     sources = records_of(named, choice)
     suite = (
@@ -189,24 +205,28 @@ def read_suite(named: Sequence[str], choice: RecordChoice, pairs: PairNames | No
 
 
 def _counted_twice(records: Sequence[Record]) -> list[str]:
-    """A sentence if records have the same samples: a file beside its folder, a copy under another
-    name."""
+    """Return a warning if records have the same samples, for example a file and its directory, or a
+    copy with another name."""
     first: dict[tuple[float, bytes], Record] = {}
     again = []
     for record in records:
-        # By a digest: the samples of a large suite need not be compared in pairs.
+        # Digests avoid a comparison of all pairs in a large suite.
         samples = record.dt, sha256(record.acceleration.tobytes()).digest()
         if (before := first.setdefault(samples, record)) is not record:
             again.append(f"{record.name} is {before.name}")
     if not again:
         return []
-    return [f"the same motion counts more than once in every mean: {first_few(again, _MOST_NAMES)}"]
+    return [
+        "the same ground motion is included more than once in all means: "
+        f"{first_few(again, _MOST_NAMES)}"
+    ]
 
 
 def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:
-    """The horizontal components of files, each for itself; one that is named may be any.
+    """Read the horizontal components of files individually; a component selected by name may also
+    be vertical.
 
-    A file that cannot be read does not keep the others from being taken.
+    A file that cannot be read is reported in the failures; the other files are still read.
     """
     records: list[GroundMotion] = []
     failures: list[RecordError] = []
@@ -217,50 +237,62 @@ def read_components(files: Sequence[str], choice: RecordChoice) -> Suite:
         except RecordError as error:
             failures.append(error)
             continue
-        # A vertical one is left out, unless the user names it.
-        left = [
+        # A vertical component is omitted unless the user selects it.
+        omitted = [
             component
             for component in components
             if choice.component is None and is_vertical(component.component)
         ]
-        if left and len(left) == len(components):
+        if omitted and len(omitted) == len(components):
             failures.append(
                 RecordError(
-                    f"{file}: has no horizontal component; name one to take it all the same"
+                    f"{file}: no horizontal component found; select a component by name to use a "
+                    "vertical one"
                 )
             )
             continue
-        if left:
+        if omitted:
             notes.append(
-                f"{file}: vertical, left out: "
-                f"{', '.join(component.component for component in left)}"
+                f"{file}: vertical component omitted: "
+                f"{', '.join(component.component for component in omitted)}"
             )
         records += [
-            component for component in components if not any(component is other for other in left)
+            component
+            for component in components
+            if not any(component is other for other in omitted)
         ]
     return Suite(tuple(records), tuple(failures), tuple(notes))
 
 
 def read_pairs(files: Sequence[str], choice: RecordChoice, names: PairNames = USUAL) -> Suite:
-    """Pairs of horizontal components: of one file, or of files that are named alike but for the
-    component.
+    """Read pairs of horizontal components from files with both components, or from files with names
+    that differ only in the component.
+
+    Parameters
+    ----------
+    files : sequence of str
+        File names.
+    choice : RecordChoice
+        Reading options and processing.
+    names : PairNames
+        File names of pairs. Default: the usual names.
 
     Raises
     ------
     UsageError
-        No file has one of the names given.
+        No file matches the names.
     """
-    # Files go together by their names alone, before any of them is read.
+    # Files are grouped by their names before they are read.
     groups, others = files_of_motions(files, names)
     pairs: list[GroundMotion] = []
     failures: list[RecordError] = []
     notes = (
-        [f"left out, named neither {names.first} nor {names.second}: {', '.join(others)}"]
+        [f"omitted, named neither {names.first} nor {names.second}: {', '.join(others)}"]
         if others
         else []
     )
     for group in groups:
-        # Two files that go together by the usual names may differ in a direction in degrees.
+        # With the usual names, the files of a pair may differ in a direction in degrees.
         in_degrees = names == USUAL and len(group) == 2
         try:
             components = [
@@ -279,16 +311,16 @@ def read_pairs(files: Sequence[str], choice: RecordChoice, names: PairNames = US
 
 @dataclass(frozen=True)
 class SuiteMotion:
-    """A component of a ground motion.
+    """Component of a ground motion in a suite.
 
     Attributes
     ----------
     record : Record
-        The motion.
+        Ground motion.
     name, component : str
-        What tables call it.
+        Names in tables.
     whole : Record or Horizontals
-        The component itself, or the pair that it belongs to and shares its factors with.
+        The component, or its pair, which has a common scale factor.
     direction : int
         1, or 2 for the second component of a pair.
     """
@@ -301,8 +333,8 @@ class SuiteMotion:
 
 
 def suite_motions(whole: Sequence[GroundMotion]) -> tuple[SuiteMotion, ...]:
-    """The components of motions, in order; those of the same name in one file are told apart by
-    their full ids."""
+    """Return the components of ground motions in order; components of one file with the same name
+    are distinguished by their full ids."""
     motions = [(part, records) for part in whole for records in [components(part)]]
     names = iter(component_names([record for _, records in motions for record in records]))
     return tuple(
