@@ -306,8 +306,8 @@ class TestCsmip:
             text = sound.replace("PEAK ACCELERATION =  150.500", f"PEAK ACCELERATION = {stated}")
             refused(
                 text,
-                rf"90: the file states a peak of {abs(float(stated)):g} cm/s\^2, but the data that were read "
-                r"have 150.5 cm/s",
+                rf"90: the file states a peak of {abs(float(stated)):g} cm/s\^2, but the data "
+                r"that were read have 150.5 cm/s",
             )
         (note,) = contents(
             sound.replace("PEAK ACCELERATION =  150.500", "PEAK ACCELERATION =  151.500")
