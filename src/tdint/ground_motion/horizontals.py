@@ -1,4 +1,4 @@
-"""The two horizontal components of a motion, found by their names."""
+"""Pairs of horizontal components of ground motions, identified by their names."""
 
 from __future__ import annotations
 
@@ -23,19 +23,20 @@ _AZIMUTH = re.compile(r"\d{1,3}")
 _QUADRANT = re.compile(r"([NS])(\d{1,2})([EW])", re.IGNORECASE)
 _NORTH = re.compile(r"N-?S\d?|([A-Z]{2})?N", re.IGNORECASE)
 _EAST = re.compile(r"E-?W\d?|([A-Z]{2})?E", re.IGNORECASE)
-_LEAST_AZIMUTH = 4  # 1, 2 and 3 are numbers of channels
+_LEAST_AZIMUTH = 4  # degrees; 1, 2 and 3 are channel numbers
 _AXES = {"1": "2", "2": "1", "X": "Y", "Y": "X", "R": "T", "T": "R", "N": "P", "P": "N"}
-"""Last letters of names at right angles; FN and FP are normal and parallel to the fault."""
+"""Last letters of names of perpendicular components; FN and FP are fault-normal and
+fault-parallel."""
 
 _SKEW = 5.0
-"""Degrees by which the components may miss the right angle."""
+"""Degrees; permitted deviation of the components from a right angle."""
 
 _LONGER = 0.05
-"""Part of the longer component that may be cut off to make them equal."""
+"""Maximum fraction of the longer component that is removed to obtain equal lengths."""
 
 
 class SingleHorizontal(RecordError):
-    """A file has one horizontal component alone."""
+    """Error for a file with only one horizontal component."""
 
     def __init__(self, file: str, component: str) -> None:
         self.file, self.component = file, component
@@ -48,17 +49,16 @@ class SingleHorizontal(RecordError):
 
 @dataclass(frozen=True)
 class Horizontals:
-    """Two horizontal components at right angles, of equal sampling and length.
+    """Two perpendicular horizontal components with the same sampling interval and length.
 
-    Where both names tell a direction the second component lies 90 degrees clockwise of the first
-    one.
+    If both names state a direction, the second component is 90 degrees clockwise from the first.
 
     Attributes
     ----------
     first, second : Record
-        The components.
+        Components.
     notes : tuple of str
-        What was assumed or cut off.
+        Notes about assumptions and omitted samples.
     """
 
     first: Record
@@ -67,28 +67,30 @@ class Horizontals:
 
     @property
     def source(self) -> str:
-        """The file, or both, joined by +."""
+        """File, or both files joined by +."""
         return "+".join(dict.fromkeys((self.first.source, self.second.source)))
 
     @property
     def component(self) -> str:
-        """The names of the components, joined by +."""
+        """Names of the components joined by +."""
         return f"{self.first.component or '?'}+{self.second.component or '?'}"
 
 
 def find_horizontals(records: Sequence[Record]) -> Horizontals:
-    """The two horizontals among the components of one motion.
+    """Return the two horizontal components of one ground motion.
 
     Parameters
     ----------
     records : sequence of Record
-        All components of a file, or of the files of one motion; vertical ones are left out.
+        All components of a file, or of the files of one ground motion; vertical components are
+        omitted.
 
     Raises
     ------
     RecordError
-        There are not two, they are no pair (same or skew directions, different stations, sampling
-        or start), or their lengths differ by much.
+        The number of horizontal components is not two; they are not a pair (directions not
+        perpendicular, different stations, events, sampling intervals or start times, or equal
+        samples); or their lengths differ by more than 5 %.
     """
     source = "+".join(dict.fromkeys(record.source for record in records))
     matches = [record for record in records if not is_vertical(record.component)]
@@ -105,7 +107,8 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
     first, second = matches
     notes = []
 
-    # At right angles, by azimuths or by names that say so; unknown names are believed.
+    # The components must be perpendicular by their azimuths or names. Unknown names are accepted
+    # with a note.
     ahead, behind = azimuth(first.component), azimuth(second.component)
     if not at_right_angles(first.component, second.component):
         names = f"{first.component or 'one'} and {second.component or 'the other'}"
@@ -122,7 +125,7 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
             "angles"
         )
 
-    # Of one instrument: step, station and start are the same, the samples are not.
+    # The components must have the same time step, station, event and start, but different samples.
     if not isclose(first.dt, second.dt, rel_tol=1e-6):
         raise RecordError(
             f"{source}: the components are sampled at {first.dt:g} and {second.dt:g} s"
@@ -152,7 +155,7 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
     ):
         raise RecordError(f"{source}: both components are the same")
 
-    # The first is the one from which the second is turned clockwise.
+    # Order the components so that the second is clockwise from the first.
     first, second, cut = _of_equal_length(first, second, source)
     if ahead is not None and behind is not None and (behind - ahead) % 360.0 > 180.0:
         first, second = second, first
@@ -160,13 +163,13 @@ def find_horizontals(records: Sequence[Record]) -> Horizontals:
 
 
 def is_vertical(component: str) -> bool:
-    """Whether a component's name says up or down."""
+    """Return True if the name of a component is a vertical direction."""
     return bool(_VERTICAL.fullmatch(component.strip()))
 
 
 def azimuth(component: str) -> float | None:
-    """Degrees from north towards east by a component's name (067, N23E, EW, HNE); None if it tells
-    none."""
+    """Return the azimuth in a component name (067, N23E, EW, HNE), degrees clockwise from north;
+    None if the name states no direction."""
     name = component.strip()
     if _AZIMUTH.fullmatch(name):
         return float(name) if int(name) >= _LEAST_AZIMUTH or name in ("0", "00", "000") else None
@@ -177,8 +180,8 @@ def azimuth(component: str) -> float | None:
 
 
 def at_right_angles(component: str, other: str) -> bool:
-    """Whether the names of two components say that they are: by their azimuths (000, EW, HNE), or
-    as HN1 and HN2, X and Y do."""
+    """Return True if two component names are perpendicular: by their azimuths (000, EW, HNE), or as
+    a pair such as HN1 and HN2 or X and Y."""
     first, second = azimuth(component), azimuth(other)
     if first is not None and second is not None:
         return abs(abs((second - first + 90.0) % 180.0 - 90.0) - 90.0) <= _SKEW
@@ -191,7 +194,15 @@ def at_right_angles(component: str, other: str) -> bool:
 def _of_equal_length(
     first: Record, second: Record, source: str
 ) -> tuple[Record, Record, list[str]]:
-    """Both without the samples that one of them alone has at its end."""
+    """Remove the excess samples at the end of the longer component; also return a note.
+
+    Parameters
+    ----------
+    first, second : Record
+        Components.
+    source : str
+        File names, for messages.
+    """
     sizes = first.acceleration.size, second.acceleration.size
     if sizes[0] == sizes[1]:
         return first, second, []
@@ -216,8 +227,7 @@ def _of_equal_length(
     )
 
 
-# ---- Which files hold the two horizontal components of one motion: by the names in use, or by
-# names that are given
+# ---- Grouping of files into pairs of horizontal components, by usual or user-specified names
 
 _KNET = re.compile(r"\.(?P<component>EW|NS|UD)(?=\d?$)", re.IGNORECASE)
 _PEER = re.compile(r"[-_]?(?P<component>\d{3}|UP|DOWN|DWN|DN|VERT?|V)(?=\.AT2$)", re.IGNORECASE)
@@ -236,27 +246,27 @@ component (R001.csv), so this pattern counts only for two files at right angles.
 
 Failure = TypeVar("Failure", bound=TdintError)
 
-_MARK = "{}"
-_LONGEST = 5  # letters by which the names of two components differ
-_SHOWN = 4  # files that a message names
+_MARK = "{}"  # placeholder for the common part of two file names
+_LONGEST = 5  # characters; maximum different part of the names of two components
+_SHOWN = 4  # maximum number of files in a message
 
 
 @dataclass(frozen=True)
 class PairNames:
-    """How the files of a pair are named: `first` and `second` with {} for what both share, or as is
-    usual without."""
+    """File names of pairs: `first` and `second` with {} for the common part; if both are empty, the
+    usual names are recognized."""
 
     first: str = ""
     second: str = ""
 
     @classmethod
     def parse(cls, text: str) -> PairNames:
-        """Two names with a comma between them: `{}_N.AT2,{}_E.AT2`.
+        """Parse two names separated by a comma: `{}_N.AT2,{}_E.AT2`.
 
         Raises
         ------
         UsageError
-            There are not two different ones, or one has not exactly one {}.
+            The text does not contain two different names with exactly one {} in each.
         """
         parts = [part.strip() for part in text.split(",")]
         if len(parts) != 2 or parts[0] == parts[1] or any(part.count(_MARK) != 1 for part in parts):
@@ -267,8 +277,8 @@ class PairNames:
         return cls(*parts)
 
     def motion(self, file: str) -> str:
-        """The motion that a file belongs to, a name with {} for the component; empty if it has
-        neither name."""
+        """Return the name of the ground motion of a file, with {} instead of the component; empty
+        if the file matches neither name."""
         if self == ONE_MOTION:
             return _MARK
         path = Path(file).as_posix()
@@ -282,16 +292,16 @@ class PairNames:
 
 
 USUAL = PairNames()
-"""Names as K-NET, PEER and networks give them, and the usual endings."""
+"""Names used by K-NET, PEER and networks, and other usual endings."""
 
 ONE_MOTION = PairNames("{}", "{}")
-"""All files are of one motion, whatever their names are."""
+"""All files belong to one ground motion, regardless of their names."""
 
 
 def motion_name(file: str) -> str:
     """Return the name of a file without its component: equal for the files of one motion.
 
-    Recognized are the endings of K-NET (.EW, .NS2), of PEER's AT2 files (067.AT2, -UP.AT2), channel
+    Recognized are the endings of K-NET (.EW, .NS2), of PEER AT2 files (067.AT2, -UP.AT2), channel
     codes (HNE), and before the suffix _N and _E, _NS and _EW, -H1 and -H2, _X and _Y, _FN and _FP,
     with the corresponding vertical components. `motion_names` also recognizes directions in degrees
     in other formats, for which it needs the names of all files.
@@ -340,13 +350,26 @@ def _name_without(file: str, match: re.Match[str] | None) -> str:
 def files_of_motions(
     files: Sequence[str], names: PairNames = USUAL
 ) -> tuple[list[tuple[str, ...]], list[str]]:
-    """The files of each motion, in the order of the first ones, and those that belong to none by
-    the names given.
+    """Group files by ground motion.
+
+    Parameters
+    ----------
+    files : sequence of str
+        File names.
+    names : PairNames
+        File names of pairs. Default: the usual names.
+
+    Returns
+    -------
+    groups : list of tuple of str
+        Files of each ground motion, in the order of their first files.
+    others : list of str
+        Files that do not match `names`.
 
     Raises
     ------
     UsageError
-        No file has one of the names given.
+        No file matches the names.
     """
     motions: dict[str, list[str]] = {}
     if names == USUAL:
@@ -376,8 +399,8 @@ def with_component(record: Record, *, in_degrees: bool = False) -> Record:
 
 
 def told_once(failures: Sequence[Failure]) -> list[Failure | RecordError]:
-    """The failures, those of files without a partner as one: with the names that nearly fit each
-    other."""
+    """Combine the errors of files with a single horizontal component into one error, which suggests
+    names of pairs."""
     single = [failure for failure in failures if isinstance(failure, SingleHorizontal)]
     if len(single) < 2:
         return list(failures)
@@ -398,14 +421,14 @@ def told_once(failures: Sequence[Failure]) -> list[Failure | RecordError]:
 
 
 def _component(name: str) -> re.Match[str] | None:
-    """Where the name of a file tells the component."""
+    """Return the match of the component in a file name; None if no pattern matches."""
     return next(
         (match for kind in (_KNET, _PEER, _SEED, _ENDING) if (match := kind.search(name))), None
     )
 
 
 def _nearly(files: Sequence[str]) -> list[tuple[str, str]]:
-    """Names of pairs, as `PairNames` has them, by which two of the files each would be one."""
+    """Return names of pairs, in the form of `PairNames`, that match two of the files each."""
     names = sorted(Path(file).name for file in files)
     patterns: list[tuple[str, str]] = []
     for first, other in map(
@@ -414,7 +437,7 @@ def _nearly(files: Sequence[str]) -> list[tuple[str, str]]:
         head = _shared(first, other)
         tail = min(_shared(first[::-1], other[::-1]), len(first) - head, len(other) - head)
         while head and all(text[head - 1 : head + 1].isdigit() for text in (first, other)):
-            head -= 1  # 000 and 090 differ as numbers do, not in a digit
+            head -= 1  # 000 and 090 are compared as numbers, not by digits
         if max(len(first), len(other)) - head - tail > _LONGEST:
             continue
         if head:
@@ -430,7 +453,7 @@ def _nearly(files: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def _shared(text: str, other: str) -> int:
-    """How many letters two texts have in common at their beginning."""
+    """Return the length of the common start of two texts."""
     return next(
         (i for i, (a, b) in enumerate(zip(text, other, strict=False)) if a != b),
         min(len(text), len(other)),

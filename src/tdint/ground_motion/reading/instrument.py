@@ -1,4 +1,4 @@
-"""Turn a recorder's counts into m/s^2 by its StationXML file."""
+"""Conversion of recorder counts to m/s^2 by the instrument response in a StationXML file."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from tdint.ground_motion.reading.scale import without_mean
 from tdint.ground_motion.record import Input
 
 _PASSING, _LEFT = math.sqrt(0.5), 0.1
-"""Parts of the amplitude between which the recorder's digital filters decide where frequencies are
-faded out. What they have stopped cannot be had back: dividing by their response would turn rounded
-counts into meters per second squared (1 m/s^2 of it in a record of 3 m/s^2, Ridgecrest 2019,
-CI.CLC)."""
+"""Amplitudes of the digital filters of the recorder at the start and at the end of the frequency
+range in which the spectrum is tapered to zero. Frequencies stopped by the filters cannot be
+recovered: a division by the filter response would amplify the rounding of counts (to 1 m/s^2 in a
+record with a peak of 3 m/s^2, Ridgecrest 2019, CI.CLC)."""
 
-_SPECTRUM = 8192  # frequencies of the fading, which is smooth
+_SPECTRUM = 8192  # number of frequencies used to evaluate the smooth filter response
 _ACCELEROMETER_INPUT = ("M/S**2", "M/S^2", "M/S/S", "M/S2", "M/SEC**2", "M/SEC^2", "M/SEC2")
 
 
 @dataclass(frozen=True)
 class Instruments:
-    """An obspy Inventory and the file it came from."""
+    """ObsPy Inventory and its file."""
 
     inventory: Any
     input: Input
@@ -48,8 +48,8 @@ def read_instruments(source: str | Path) -> Instruments:
     """
     data = read_bytes(source)
 
-    # A document type definition could name other files by its entities: it is refused, in whatever
-    # encoding.
+    # A document type definition can reference other files by entities. It is rejected in all
+    # encodings.
     def refuse(*_: object) -> None:
         raise RecordError(f"{source}: an inventory with a document type definition is not read")
 
@@ -67,7 +67,7 @@ def read_instruments(source: str | Path) -> Instruments:
             return Instruments(function(BytesIO(data)), digested(data, source))
     except RecordError:
         raise
-    except Exception as error:  # The XML parser and ObsPy's reader raise many kinds.
+    except Exception as error:  # The XML parser and the ObsPy reader raise many exception types.
         raise RecordError(
             f"{source}: cannot be read as StationXML: {one_line(str(error))}"
         ) from error
@@ -76,47 +76,49 @@ def read_instruments(source: str | Path) -> Instruments:
 def remove_response(
     trace: Any, instruments: Instruments, label: str
 ) -> tuple[Array, tuple[str, ...]]:
-    """Remove an instrument's response, all of it, so that the trace becomes ground acceleration.
+    """Remove the complete instrument response from counts; return the ground acceleration.
 
-    The mean (the recorder's zero offset) is taken off first. The spectrum is then divided by the
-    response without a water level, which would spoil the long periods of an accelerometer. It is
-    faded out by a cosine where the recorder's digital filters stop it, from where they leave 1 /
-    sqrt(2) of the amplitude to where they leave a tenth; without such filters it is left as it is.
-    The ends of the record are not tapered.
+    The mean (the zero offset of the recorder) is subtracted first. The spectrum is then divided by
+    the response without a water level, which would change long periods of an accelerometer. In the
+    stop band of the digital filters of the recorder, the spectrum is multiplied by a cosine taper,
+    from the frequency at which the filters reduce the amplitude to 1 / sqrt(2) to the frequency at
+    which they reduce it to 0.1. Without such filters, no taper is used. The ends of the record are
+    not tapered.
 
     Parameters
     ----------
     trace : obspy.Trace
-        Counts; left as they are.
+        Counts; not changed.
     instruments : Instruments
-        The StationXML file with the channel's response.
+        StationXML file with the response of the channel.
     label : str
         File and channel, for messages.
 
     Returns
     -------
     acceleration : ndarray, shape (samples,)
-        m/s^2.
+        Ground acceleration, m/s^2.
     notes : tuple of str
-        What was done.
+        Notes about the steps.
 
     Raises
     ------
     RecordError
-        The inventory has no response of this channel at this time, or one that cannot be removed.
+        The inventory has no response for this channel at this time, or the response cannot be
+        removed.
     """
     response = _find_response(trace, instruments, label)
     samples, mean_note = without_mean(trace.data)
     dt = float(trace.stats.delta)
     size = 1 << (2 * samples.size - 1).bit_length()
     try:
-        with caught_messages():  # That a part of the stages has not the sensitivity of all.
+        with caught_messages():  # Ignore warnings about the sensitivity of a subset of the stages.
             fade = _stop_band(response, dt)
         with caught_messages() as messages:
             counts, frequencies = response.get_evalresp_response(dt, size, output="ACC")
     except (
         Exception
-    ) as error:  # ObsPy and evalresp raise many kinds for a response they cannot evaluate.
+    ) as error:  # ObsPy and evalresp raise many exception types for invalid responses.
         reason = one_line(str(error))
         raise RecordError(
             f"{label}: its response in {instruments.input.file} cannot be removed: {reason}"
@@ -129,8 +131,8 @@ def remove_response(
         notes.append(
             f"the instrument records {unit}, not acceleration: its long periods are amplified noise"
         )
-    # Samples after division of their spectrum by counts per m/s^2, where these are known and
-    # something is passed.
+    # Divide the spectrum by the response (counts per m/s^2) at frequencies with a finite non-zero
+    # response in the pass band. All other frequencies are set to zero.
     passed = np.ones_like(frequencies)
     if fade is not None:
         part = np.maximum((frequencies - fade[0]) / (fade[1] - fade[0]), 0.0)
@@ -144,12 +146,13 @@ def remove_response(
 
 
 def _find_response(trace: Any, instruments: Instruments, label: str) -> Any:
+    """Return the response of a channel at the start time of a trace."""
     start, file = trace.stats.starttime, instruments.input.file
     try:
         with warnings.catch_warnings():
             warnings.simplefilter(
                 "ignore"
-            )  # That several epochs match: the first one is taken, as ObsPy does.
+            )  # If several epochs match, the first is used, as in ObsPy.
             response = instruments.inventory.get_response(trace.id, start)
     except Exception:  # ObsPy raises a plain Exception.
         channels = sorted(set(instruments.inventory.get_contents()["channels"]))
@@ -164,11 +167,11 @@ def _find_response(trace: Any, instruments: Instruments, label: str) -> Any:
 
 
 def _stop_band(response: Any, dt: float) -> tuple[float, float] | None:
-    """Frequencies, Hz, from which on and up to which the digital filters pass less and less; None
-    if they pass all."""
+    """Return the start and the end of the transition band of the digital filters, Hz; None if the
+    filters pass all frequencies."""
     digital = []
     for stage in response.response_stages:
-        # Filters of samples, not of voltages.
+        # Select filters of digital samples; analog stages are not relevant here.
         kind = getattr(
             stage, "cf_transfer_function_type", getattr(stage, "pz_transfer_function_type", "")
         )

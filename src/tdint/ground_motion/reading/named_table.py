@@ -1,6 +1,7 @@
-"""Tables of any content whose columns are asked for by name: CSV with names in its first line.
+"""CSV tables with column names in the first line, from which columns are selected by name.
 
-A motion is one column of them: times in the first column, names with units in the header.
+A ground motion is one column of such a table. The first column contains times, and the names
+include units.
 """
 
 from __future__ import annotations
@@ -22,27 +23,27 @@ from tdint.units import parse_units
 from tdint.written_numbers import number_or_nan
 
 SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3}
-"""Units of times and periods in the name of a column, and their values in s."""
+"""Units of times and periods in column names, and their values in s."""
 
-_FEWEST = 2  # rows: a motion has a sampling interval
+_FEWEST = 2  # rows; minimum, because a ground motion needs a sampling interval
 
 
 @dataclass(frozen=True)
 class NamedTable:
-    """The cells of a table as text.
+    """Cells of a table as text.
 
     Attributes
     ----------
     source : str
-        The file as the user named it.
+        File name as specified by the user.
     names : tuple of str
-        Those of the columns, as in the first line.
+        Column names in the first line.
     rows : tuple of (int, tuple of str)
-        The number of each line, from 1, and its cells.
+        Line number, counted from 1, and cells of each row.
     comma : bool
-        Whether a comma is the decimal point.
+        True if a comma is the decimal point.
     input : Input
-        The file with its SHA-256.
+        File with its SHA-256.
     """
 
     source: str
@@ -52,7 +53,7 @@ class NamedTable:
     input: Input
 
     def place(self, name: str) -> int:
-        """The place of a column; RecordError if there is none or several of this name."""
+        """Return the index of a column; raise RecordError unless exactly one has this name."""
         if self.names.count(name) == 1:
             return self.names.index(name)
         how = "there are several columns" if name in self.names else "there is no column"
@@ -60,8 +61,8 @@ class NamedTable:
         raise RecordError(f"{self.source}: {how} {name!r}{hint}")
 
     def numbers(self, place: int) -> NDArray[np.float64]:
-        """The numbers of a column, shape (rows,); RecordError for a cell that is none or not
-        finite."""
+        """Return the numbers of a column, shape (rows,); raise RecordError for a cell that is not a
+        finite number."""
         values = np.empty(len(self.rows))
         for i, (line, cells) in enumerate(self.rows):
             values[i] = number_or_nan(
@@ -77,18 +78,18 @@ class NamedTable:
 
 
 def read_named_table(source: str | Path) -> NamedTable:
-    """Read a table. Commas, semicolons or tabs divide columns; beside the latter two a comma is a
-    decimal point.
+    """Read a table with columns separated by commas, semicolons or tabs; with semicolons or tabs, a
+    comma is the decimal point.
 
     Raises
     ------
     RecordError
-        The file cannot be read, its rows have other numbers of cells than the first line, or there
-        are next to none.
+        The file cannot be read, a row has another number of cells than the first line, or the table
+        has fewer than two rows.
     """
     data = read_bytes(source)
     lines = data.decode("utf-8-sig", "replace").splitlines()
-    # Beside semicolons and tabs a comma is a decimal point, so that these come first.
+    # Tabs and semicolons are searched first, because a comma may then be the decimal point.
     mark = next((mark for mark in ("\t", ";", ",") if mark in lines[0]), ",")
     names = tuple(name.strip().strip("\"'") for name in lines[0].split(mark))
     rows = []
@@ -111,24 +112,23 @@ _TIMES = ("t", "time", "times")
 
 
 def read_column(source: str | Path, column: str, units: str | None = None) -> Signal:
-    """Read a column of a table: CSV with names in its first line, of which the first is that of the
-    times.
+    """Read a column of a CSV table with names in the first line and times in the first column.
 
     Parameters
     ----------
     source : str or Path
-        The file, or `-` for standard input. Commas, semicolons or tabs divide columns.
+        File name, or `-` for standard input. Columns are separated by commas, semicolons or tabs.
     column : str
-        The column's name, as the header has it.
+        Name of the column, spelled as in the header.
     units : str, optional
-        As `parse_units` understands them; by default those at the end of the column's name
-        (`base_m_s2`, `roof (cm)`).
+        Units for `parse_units`. Default: the units at the end of the column name (`base_m_s2`,
+        `roof (cm)`).
 
     Raises
     ------
     RecordError
-        The file cannot be read, has no times in equal steps, no such column, a cell that is no
-        finite number, or a column of unknown units.
+        The file cannot be read, its times are not in equal steps, the column does not exist, a cell
+        is not a finite number, or the units of the column are unknown.
     """
     table = read_named_table(source)
     time, time_units = name_and_units(table.names[0])

@@ -1,10 +1,9 @@
-"""Units of the samples of several files in one call: by the format or the name of each, or by a
-table of files.
+"""Units of the samples of several files, by format, by file name, or by a table of files.
 
-`AT2=g,*.mseed=m/s^2` says the units of files by their format (its name, as messages have it) or by
-the end of their path; the first entry that fits a file counts, one that fits none of a call is
-refused. `suite.csv` is a table with the columns `record` and `units`. A file that no entry fits
-says its units itself. Upper and lower case are the same.
+`AT2=g,*.mseed=m/s^2` specifies units by format (the name used in messages) or by the end of the
+path. The first entry that matches a file is used; an entry that matches no file of a call is an
+error. `suite.csv` is a table with the columns `record` and `units`. A file that matches no entry
+must state its units. Upper and lower case are equivalent.
 """
 
 from __future__ import annotations
@@ -20,36 +19,36 @@ from tdint.files import STDIN
 from tdint.units import Units, parse_units
 
 SampleUnits = str | Mapping[str, str]
-"""Units of all files, or of those of a format or a name."""
+"""Units of all files, or units by format or file name."""
 
 _COUNTS = ("counts", "count")
-"""What is said of samples whose instrument's response is to be removed."""
+"""Units of samples from which the instrument response is to be removed."""
 
 _OF_A_PATH = "./*?["
-"""Signs that no name of a format has."""
+"""Characters that identify a path, because format names do not contain them."""
 
 _END = "./"
-"""What the end of a path begins with among the entries."""
+"""Start of the entries that are the end of a path."""
 
 
 @dataclass(frozen=True)
 class FileUnits:
-    """What is said of the samples of each file.
+    """Units of samples specified by the user, by file.
 
     Attributes
     ----------
     entries : tuple of (str, Units or None)
-        A format's name or the end of a path, in lower case, and the units of the files that it
-        fits; None for counts.
+        Name of a format or end of a path, in lower case, and the units of the matching files; None
+        for counts.
     for_all : bool
-        Whether they are said of all files, whatever these are.
+        True if the units apply to all files.
     """
 
     entries: tuple[tuple[str, Units | None], ...] = ()
     for_all: bool = False
 
     def of(self, source: str, format_name: str) -> Units | None:
-        """Units of a file by its name and its format; None where nothing is said of it."""
+        """Return the units of a file by its name and its format; None if no entry matches."""
         path = _lower(source)
         return next(
             (units for pattern, units in self.entries if _fits(pattern, path, format_name)), None
@@ -58,26 +57,26 @@ class FileUnits:
     def refuse_unfit(
         self, files: Iterable[str], formats_of: Callable[[str], Iterable[tuple[str, str]]]
     ) -> None:
-        """Refuse an entry that fits none of the files of a call: a mistaken name, for which units
-        would be assumed.
+        """Raise UsageError for an entry that matches no file, because units would be assumed for a
+        file with a misspelled entry.
 
         Parameters
         ----------
         files : iterable of str
-            The files; no more of them are looked at than it takes.
+            File names; files are read only until all entries are matched.
         formats_of : callable
-            Names and formats of what is in a file; RecordError for one that cannot be read, which
-            reading tells.
+            Function of a file name; returns names and formats of the records in the file. Raises
+            RecordError for a file that cannot be read, which is reported when it is read.
 
         Raises
         ------
         UsageError
-            There is one.
+            An entry matches no file.
         """
         left = [] if self.for_all else [pattern for pattern, _ in self.entries]
         names = list(files)
         for file in names:
-            # Standard input can be read once only.
+            # Standard input can be read only once.
             if not left or file == STDIN:
                 return
             try:
@@ -93,14 +92,14 @@ class FileUnits:
 
 
 def file_units(given: SampleUnits | None) -> FileUnits:
-    """Understand what `units` says of files.
+    """Interpret the `units` argument of the reading functions.
 
     Raises
     ------
     UsageError
-        Units or a format that are unknown; an entry that is no pattern and its units.
+        Units or a format are unknown, or an entry is not a pattern with units.
     ModelError
-        A table that cannot be read.
+        A table cannot be read.
     """
     if given is None:
         return FileUnits()
@@ -125,20 +124,20 @@ def file_units(given: SampleUnits | None) -> FileUnits:
 
 
 def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
-    """What a text says: units of all files as they are, entries `PATTERN=UNITS,...` or a table as a
+    """Parse a text with units: return units of all files unchanged, and entries or a table as a
     dict.
 
     Parameters
     ----------
     text : str
-        Units, entries, or the name of a table (`.csv`).
+        Units, entries `PATTERN=UNITS,...`, or the name of a table (`.csv`).
     folder : Path, optional
-        Where the name of a table starts from.
+        Directory to which the name of a table is relative. Default: the current directory.
 
     Raises
     ------
     UsageError, ModelError
-        As of `file_units`.
+        Raised for the same reasons as by `file_units`.
     """
     by_file: dict[str, str] = {}
     if "=" in text:
@@ -157,7 +156,7 @@ def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
     if not text.strip().lower().endswith(".csv"):
         return text
 
-    # Files of a table without units say theirs themselves.
+    # A file without units in the table must state its units.
     file = str((folder or Path()) / text.strip())
     table = read_table(
         file,
@@ -165,7 +164,7 @@ def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
         columns=("record", "units"),
     )
     table.need("record", "units")
-    # A component's units, say, would be passed over in silence.
+    # Other columns (for example units by component) must not be ignored silently.
     if foreign := [title for title in table.titles if title.lower() not in ("record", "units", "")]:
         raise UsageError(
             f"{file}: columns that nothing is done with: {', '.join(foreign)[:80]}; it has record, "
@@ -174,7 +173,7 @@ def units_of_text(text: str, folder: Path | None = None) -> SampleUnits:
     for record, (line, cell) in zip(
         table.texts("record", empty=False), table.lines("units"), strict=True
     ):
-        # A name in the table stands for the end of a path, whatever signs it has in it.
+        # A name in the table is the end of a path; its characters are not wildcards.
         name, units = f"./{glob.escape(record)}", cell.strip()
         if units and by_file.setdefault(name, units) != units:
             raise UsageError(f"{file}:{line}: {record} has two units, {by_file[name]} and {units}")
@@ -194,15 +193,15 @@ def _is_path(pattern: str) -> bool:
 
 
 def _pattern(name: str) -> str:
-    """An entry's format or end of a path in lower case.
+    """Return the format or the end of a path of an entry in lower case.
 
     Raises
     ------
     UsageError
-        It is neither.
+        The entry is neither a supported format nor a path.
     """
     if not _is_path(name):
-        # Formats are known with the readers, which a model that names none does without.
+        # The list of formats is imported only if needed, because it loads the readers.
         from tdint.ground_motion.reading.contents import plugins
 
         formats = [plugin.name for plugin in plugins()]
@@ -212,7 +211,8 @@ def _pattern(name: str) -> str:
                 f"units of {name[:40]!r}: no format of records; a file is named as *.txt{hint}"
             )
         return name.lower()
-    # Folders above are not known by name: what is left of the path is its end.
+    # Parent directories (..) have no known name and are removed; the remainder is the end of a
+    # path.
     path = PurePosixPath(
         *(part for part in PurePosixPath(Path(name).as_posix().lower()).parts if part != "..")
     )
