@@ -156,7 +156,7 @@ def test_vertical_components_are_left_out_unless_they_are_named(tmp_path):
     suite = read_components(files, RecordChoice(units="m/s^2"))
     assert [record.component for record in suite.records] == ["HNE", "HNN", "HNE"]
     assert [str(failure).partition(": ")[2] for failure in suite.failures] == [
-        "no horizontal component found; select a component by name"
+        "no horizontal component found; select a component by name to use a vertical one"
     ]
     assert [note for note in suite.notes if "vertical" in note] == [
         f"{files[0]}: vertical component omitted: HNZ"
