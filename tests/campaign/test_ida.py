@@ -346,7 +346,7 @@ def test_what_makes_no_sense(frame):
     with pytest.raises(UsageError, match="no record"):
         ida(frame, [])
     stories = (*frame.stories[:-1], replace(frame.stories[-1], height=None))
-    with pytest.raises(ModelError, match="give story 4 a height"):
+    with pytest.raises(ModelError, match="add the height of story 4"):
         ida(replace(frame, stories=stories, p_delta=False), records)
 
 

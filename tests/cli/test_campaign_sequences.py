@@ -137,7 +137,7 @@ def test_a_shock_that_was_changed_in_the_store_is_done_again(study, tdint):
     before = Path("out/shocks.csv").read_bytes()
     with closing(sqlite3.connect("out/campaign.sqlite")) as connection, connection:
         connection.execute("UPDATE shock_rows SET peak_drift_m = 1 WHERE shock = 2")
-    assert "done again" in tdint("campaign", "study.yaml", "-o", "out", code=0).stderr
+    assert "run again" in tdint("campaign", "study.yaml", "-o", "out", code=0).stderr
     assert Path("out/shocks.csv").read_bytes() == before
 
 
@@ -274,7 +274,7 @@ IMK = (
             2,
             "below the collapse drift",
         ),
-        (IMK, ("--damage", "3%"), 5, "does not reach a drift of 3 %"),
+        (IMK, ("--damage", "3%"), 5, "no scale factor leads to a drift of 3 %"),
     ],
     ids=["collapse", "no damage"],
 )
