@@ -617,7 +617,7 @@ def test_a_campaign_writes_in_the_units_of_its_models(study: Path, tdint: Comman
     for model in ("shaken.yaml", "stiff.yaml"):
         Path(model).write_text("output_units: kip, in, g\n" + Path(model).read_text())
     result = tdint("campaign", "study.yaml", "-o", "new", code=0)
-    assert "different units" not in result.stderr
+    assert "different output units" not in result.stderr
     assert {name: Path("new", name).read_bytes() for name in kips} == kips
     tdint("campaign", "export", "new", "--output-units", "N,m")
     assert list(rows("new/runs.csv")[0]) == COLUMNS
@@ -627,7 +627,7 @@ def test_a_campaign_writes_in_the_units_of_its_models(study: Path, tdint: Comman
         Path("all/runs.csv").read_bytes() == Path("new/runs.csv").read_bytes() == kips["runs.csv"]
     )
     change("stiff.yaml", ("output_units: kip, in, g", "output_units: kN"))
-    assert "different units" in tdint("campaign", "study.yaml", "-o", "new").stderr
+    assert "different output units" in tdint("campaign", "study.yaml", "-o", "new").stderr
     assert list(rows("new/runs.csv")[0]) == COLUMNS
 
 
