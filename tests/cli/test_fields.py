@@ -673,7 +673,12 @@ def test_pairs_of_files_with_one_component_each(region: Path, tdint: Command) ->
     )
     change("campaign.yaml", (", pairs: true", ""))
     tdint.refused(
-        "fields.csv:1: record_2 can only be used with pairs", "campaign", "campaign.yaml", "-o", "single", code=3
+        "fields.csv:1: record_2 can only be used with pairs",
+        "campaign",
+        "campaign.yaml",
+        "-o",
+        "single",
+        code=3,
     )
 
 
