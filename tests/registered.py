@@ -57,7 +57,7 @@ def true_motion(law):
     steps = Steps(order._H / 16, 16 * SHORTER, 16)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compilable, "WHOLE", True)
-        space = prepared.march(
+        space = prepared.integrate(
             methods.parse("impulse4"), steps, ground, history_rows=steps.count
         ).space
     return order._displacements(space, 16)

@@ -156,8 +156,8 @@ class SingleSteps:
 
 
 def broken(threshold):
-    """A march that diverges below a step, in place of `Case.march`."""
-    march = Case.march
+    """A march that diverges below a step, in place of `Case.integrate`."""
+    march = Case.integrate
 
     def fails(case, steps, history=False):
         if steps.h < threshold:

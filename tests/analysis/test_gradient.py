@@ -148,10 +148,10 @@ def test_at_the_end_of_a_range_neighbors_stand_on_one_side():
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("stories.stiffness", "no one number to change; take one story"),
+        ("stories.stiffness", "must have a single value"),
         ("stories[0].stiffness", "counting starts at 1"),
         ("stiffnes_factor", "did you mean 'stiffness_factor'"),
-        ("damping", "damping has no ratio"),
+        ("damping", "damping needs damping ratios"),
     ],
 )
 def test_what_has_no_derivative_is_told(name, words):

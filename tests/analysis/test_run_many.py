@@ -41,7 +41,7 @@ def test_histories_that_the_memory_cannot_hold_are_refused_with_their_size(monke
     monkeypatch.setattr("tdint.analysis.run.run_many.available_memory", lambda: 1e3)
     with pytest.raises(
         AnalysisError,
-        match=r"the histories of 3 runs take 7\.2e-06 GB of memory, 1e-06 GB are free",
+        match=r"the histories of 3 runs need 7\.2e-06 GB of memory, 1e-06 GB are free",
     ):
         tdint.run_many(
             small(), RECORDS[0], scales=(0.1, 0.2, 0.3), method="newmark-average", history="drift"
@@ -145,7 +145,7 @@ def test_a_story_that_runs_away():
         assert single.steps == found.steps[i] < 399
         assert single.stories.peak_drift == found.stories.peak_drift[i] < 1.0
     loose = tdint.run(away, record.scaled(3.0), method="impulse4", allow_unstable=True)
-    made = f"the motion ends with {1.0 - loose.energy.error:.3g} times the input energy"
+    made = f"the final energy is {1.0 - loose.energy.error:.3g} times the input energy"
     with pytest.raises(FailedRun, match=re.escape(made)):
         tdint.run(away, record.scaled(3.0), method="impulse4")
     assert np.isnan(found.stories.peak_drift[1])
@@ -174,7 +174,9 @@ def test_histories_go_where_they_are_asked_to(tmp_path, runs):
         match=r"out of drift must be an array .* shape \(6, 50, 2\), got float64 \(6, 51, 2\)",
     ):
         tdint.run_many(small(), **given, out={"drift": np.zeros((6, 51, 2))})
-    with pytest.raises(UsageError, match="an array for each quantity of the history: drift, shear"):
+    with pytest.raises(
+        UsageError, match="one array for each quantity of the history: drift, shear"
+    ):
         tdint.run_many(small(), **{**given, "history": ("drift", "shear")}, out=file)
 
 
@@ -189,7 +191,7 @@ def test_pairs_of_a_model_a_record_and_a_scale(runs):
     )
     single = tdint.run(MODELS[0], RECORDS[1].scaled(2.0), method="newmark-average")
     np.testing.assert_array_equal(found.stories.peak_drift[1], single.stories.peak_drift)
-    with pytest.raises(UsageError, match="zip_records: 2 records beside 3"):
+    with pytest.raises(UsageError, match="zip_records: records must have 1 or 3 items, got 2"):
         tdint.run_many(MODELS, RECORDS, zip_records=True)
 
 
@@ -216,9 +218,9 @@ def test_the_columns_are_those_of_a_campaign(runs):
         ({"history": "drfit"}, UsageError, "unknown quantity 'drfit'; did you mean 'drift'"),
         ({"history": "acceleration"}, UsageError, "absolute_acceleration"),
         ({"scales": (1.0, 0.0)}, UsageError, "scales must be numbers other than zero"),
-        ({"every": 0}, UsageError, "every must be a whole number"),
+        ({"every": 0}, UsageError, "every must be a positive integer"),
         ({"jobs": 0}, UsageError, "the number of jobs"),
-        ({"models": []}, UsageError, "no models are given"),
+        ({"models": []}, UsageError, "models must contain at least one item"),
         ({"models": 3.0}, ModelError, "model"),
         ({"dt": 0.007}, UsageError, "does not fit the record"),
         ({"method": "newmrk"}, UsageError, "newmark"),

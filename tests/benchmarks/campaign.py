@@ -21,8 +21,8 @@ import numpy as np
 from common import turned
 
 import tdint
+from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.together import Subject
 from tdint.campaign.batch import RunSettings
 from tdint.campaign.buildings import given_buildings
 from tdint.campaign.execute import Shard, carry_out, compile_for, threads
@@ -56,7 +56,9 @@ def study(method: str) -> None:
     ]
 
     def kernel(part: list[Case]) -> float:
-        marched = (case.prepared.march(case.method, case.steps(0.01), case.ground) for case in part)
+        marched = (
+            case.prepared.integrate(case.method, case.steps(0.01), case.ground) for case in part
+        )
         return sum(one.seconds for one in marched)
 
     def engine(jobs: int) -> tuple[float, float]:

@@ -79,7 +79,7 @@ def drawn(count):
 def marched(case, dt):
     """The response, None where there is none."""
     try:
-        return case.march(case.steps(dt))
+        return case.integrate(case.steps(dt))
     except TdintError:
         return None
 

@@ -15,8 +15,8 @@ import numpy as np
 from common import components
 
 import tdint
+from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.prepared import Motions
-from tdint.analysis.run.together import Subject
 from tdint.campaign.batch import Batch, Run, RunSettings, spectral_accelerations
 from tdint.model.definition import Model
 from tdint.model.inventory import InventoryRow, derive_row, model_text

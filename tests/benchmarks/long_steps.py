@@ -19,9 +19,9 @@ from moment4 import reference, table
 from building_cases import FIVE_PERCENT, Law, model, story
 from tdint import load_model, run
 from tdint.analysis.given import model_record
+from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.outcome import STORY
 from tdint.analysis.run.prepared import Motions, PreparedBuilding
-from tdint.analysis.run.together import Subject
 from tdint.analysis.run.workspace import choose_steps
 from tdint.campaign.batch import Batch, Run, RunSettings, building_step
 from tdint.methods.catalogue import catalogue, parse
@@ -107,7 +107,7 @@ def _truth(building, record, parts=64):
 def five_times(prepared, integrator, steps, ground):
     """Five marches: one takes a millisecond, which clocks do not tell well."""
     for _ in range(5):
-        prepared.march(integrator, steps, ground)
+        prepared.integrate(integrator, steps, ground)
 
 
 def speed():

@@ -162,7 +162,7 @@ class March:
         """March once more."""
         integrator = parse(self.method)
         steps = choose_steps(None, None, record.dt, record.duration)
-        marched = PreparedBuilding(self.building).march(
+        marched = PreparedBuilding(self.building).integrate(
             integrator, steps, record.acceleration.copy()
         )
         self.seconds = (

@@ -36,7 +36,7 @@ def main():
 
     def loops(part):
         marched = (
-            prepared.march(integrator, steps, scale * one.acceleration, history_rows=STEPS)
+            prepared.integrate(integrator, steps, scale * one.acceleration, history_rows=STEPS)
             for one in part
             for scale in scales
         )

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import tdint
+from tdint.analysis.run.batch import Outcomes, Subject, run_batch
 from tdint.analysis.run.demands import DEMANDS, demand_errors, demands
 from tdint.analysis.run.outcome import STORY, FailedRun
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.sequence import run_sequence
-from tdint.analysis.run.together import Outcomes, Subject, run_together
 from tdint.campaign.batch import REPEATS, Batch, Run, RunRow, RunSettings
 from tdint.ground_motion.record import JoinedRecord, Record
 
@@ -217,11 +217,11 @@ def test_a_run_that_always_fails_is_repeated_so_often(
     def failing(subject: Subject, motions: Motions, runs: list[Any], **named: Any) -> Outcomes:
         steps.extend(run[2].h for run in runs)
         return replace(
-            run_together(subject, motions, runs, **named),
+            run_batch(subject, motions, runs, **named),
             failures={0: FailedRun("", status, "", 0.1)},
         )
 
-    monkeypatch.setattr("tdint.campaign.batch.run_together", failing)
+    monkeypatch.setattr("tdint.campaign.batch.run_batch", failing)
     (row,) = of.results([RUNS[0]]).runs
     assert (row.status, row.repeats, row.peak_drift) == (status, expected, None)
     assert steps == pytest.approx([steps[0] / 2.0**repeats for repeats in range(expected + 1)])

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tdint import spectrum, system
-from tdint.analysis.run.together import Subject
+from tdint.analysis.run.batch import Subject
 from tdint.campaign.batch import RunSettings, do, spectral_accelerations
 from tdint.campaign.buildings import given_buildings
 from tdint.campaign.execute import Advance, merge

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import tdint
+from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.outcome import STORY
 from tdint.analysis.run.prepared import Motions
 from tdint.analysis.run.step_choice import choose_step, step_within
-from tdint.analysis.run.together import Subject
 from tdint.campaign.batch import Batch, Rows, Run, RunSettings, building_step
 from tdint.ground_motion.record import Record
 

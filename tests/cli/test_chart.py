@@ -360,7 +360,7 @@ def test_a_bar_for_people_at_a_terminal(folder, tdint, monkeypatch):
         ),
         (["--highlight", "impulse4"], 2, "--plot"),
         (["--method", "newmrk"], 2, "unknown method 'newmrk'"),
-        (["--method", "exact"], 2, "exact integrates linear buildings only"),
+        (["--method", "exact"], 2, "exact supports only linear buildings"),
         (["--scale", "0"], 2, "must not be zero"),
         (["--duration", "-1"], 2, "duration must be a positive number of seconds"),
         (["--record", "missing.mseed"], 4, "missing.mseed"),

@@ -281,7 +281,7 @@ def test_a_campaign_goes_on_where_it_stopped(study):
         (
             lambda: package.overshoot("hht", "rest"),
             UsageError,
-            "a motion starts from one of displacement, velocity",
+            "start must be one of displacement, velocity",
         ),
         (lambda: package.failures(problems=["hardning"]), UsageError, "hardening"),
         (lambda: package.paper_examples([4]), UsageError, "no example 4"),

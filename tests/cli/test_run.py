@@ -337,7 +337,7 @@ def test_until_rest(folder, tdint):
     summaries = [summary_of(folder)]
     rest = tdint("run", "shaken.yaml", "-o", "out", "--overwrite", "--until-rest")
     summaries.append(summary_of(folder))
-    assert "still moves at the end" in plain.stderr and "--until-rest" in plain.stderr
+    assert "still vibrates at the end" in plain.stderr and "--until-rest" in plain.stderr
     ends = [summary["at_end"] for summary in summaries]
     assert (
         ends[0]["time_at_rest_s"] is None
@@ -441,8 +441,8 @@ def test_lost_energy_is_a_warning_that_is_not_silenced(folder, tdint):
         "run", "shaken.yaml", "-q", "--method", "newmark:beta=0.5:gamma=0.9", "-o", "out", code=0
     )
     (line,) = (line for line in result.stderr.splitlines() if "energy balance" in line)
-    assert line.startswith("Warning: the energy balance is off by")
-    assert "lost to the method" in line
+    assert line.startswith("Warning: the energy imbalance is")
+    assert "dissipated by the method" in line
     assert line.removeprefix("Warning: ") in summary_of(folder)["notes"]
 
 

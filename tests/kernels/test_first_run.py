@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import tdint
-from tdint.analysis.run.prepared import PreparedBuilding, begin_at_once
+from tdint.analysis.run.prepared import PreparedBuilding, run_interpreted
 from tdint.kernels.building import load_or_compile, store
 from tdint.methods.catalogue import catalogue, parse
 
@@ -20,10 +20,10 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 INTERPRETED = """
 import json, sys
 import tdint
-from tdint.analysis.run.prepared import begin_at_once
+from tdint.analysis.run.prepared import run_interpreted
 for file, method in json.loads(sys.argv[1]):
     case = tdint.prepare(file, method=method, allow_unstable=True)
-    assert begin_at_once(case.prepared, [case.method], 100)
+    assert run_interpreted(case.prepared, [case.method], 100)
     response = tdint.run_case(case, duration=0.5, check=False)
     print(json.dumps([response.stories.peak_drift.tolist(), response.stories.peak_absolute_acceleration.tolist()]))
 """  # noqa: E501
@@ -107,7 +107,7 @@ def of_user(tmp_path, monkeypatch):
 
 def begun(model="ten-story", method="impulse4", steps=1000):
     prepared = PreparedBuilding.of(tdint.load_model(CONFIGS / f"{model}.yaml"))
-    return begin_at_once(prepared, [parse(method)], steps)
+    return run_interpreted(prepared, [parse(method)], steps)
 
 
 def test_a_short_run_begins_at_once_and_a_long_one_does_not(of_user):

@@ -63,7 +63,7 @@ def marched(prepared, method):
     """All that a march leaves."""
     ground = np.random.default_rng(1).normal(0.0, 4.0, 400)
     steps = choose_steps(None, None, 0.02, 0.02 * (ground.size - 1))
-    result = prepared.march(parse(method), steps, ground, history_rows=steps.count)
+    result = prepared.integrate(parse(method), steps, ground, history_rows=steps.count)
     assert result.code == 0
     return {one.name: getattr(result.space, one.name) for one in fields(result.space)}
 

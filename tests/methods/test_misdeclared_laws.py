@@ -178,7 +178,7 @@ def refusal_or_errors(name):
         integrator = parse(method)
         if integrator.family.linear_only:
             continue
-        marched = case.march(integrator, Steps(H, STEPS, 1), GROUND, history_rows=STEPS)
+        marched = case.integrate(integrator, Steps(H, STEPS, 1), GROUND, history_rows=STEPS)
         # A failed integration has no result.
         if marched.code >= 0:
             drift = marched.space.history[:, 1]

@@ -578,7 +578,7 @@ def test_a_plugin_is_executed_in_plain_python_before_its_first_compiled_run(
         order, "faults_of_step", lambda integrator: looked.append(1) or real(integrator)
     )
     for _ in range(2):
-        workspace.LOOKED_AT.discard(integrator.family.step)  # as another process
+        workspace.VALIDATED_STEPS.discard(integrator.family.step)  # as another process
         if fault:
             with pytest.raises(AnalysisError, match=fault):
                 tdint.run(
@@ -588,5 +588,5 @@ def test_a_plugin_is_executed_in_plain_python_before_its_first_compiled_run(
                     duration=1.0,
                 )
         else:
-            workspace.look_at_once(integrator)
+            workspace.validate_plugin_step(integrator)
     assert len(looked) == (2 if fault else 1)

@@ -129,7 +129,7 @@ def _run(request: Request) -> None:
     from tdint.analysis.given import model_record, number_of
     from tdint.analysis.run.error_estimate import reference
     from tdint.analysis.run.outcome import FailedRun
-    from tdint.analysis.run.prepared import begin_at_once
+    from tdint.analysis.run.prepared import run_interpreted
     from tdint.analysis.run.run import prepare
     from tdint.model.config.model_file import load_model
     from tdint.output.summary import model_input
@@ -180,7 +180,7 @@ def _run(request: Request) -> None:
             methods, count = [case.method, reference(case).method], 3 * steps
         # Before the integration and all notes on it: a mistaken unit explains a failure, too.
         warn(*case.plausibility_warnings)
-        begin_at_once(case.prepared, methods, count)
+        run_interpreted(case.prepared, methods, count)
     else:
         warn(*case.plausibility_warnings)
     try:

@@ -512,7 +512,7 @@ def respond(case: Case, dt: float | None, band: tuple[float, float] | None = Non
             f"dt {steps.h:.6g} s is longer than the recording's sampling interval, {record.dt:.6g} "
             "s; a comparison needs a result at every sample: use that or a whole part of it"
         )
-    return case.march(steps, history=True)
+    return case.integrate(steps, history=True)
 
 
 def computed_floors(response: Response, event: Event) -> list[Array]:

@@ -1,7 +1,7 @@
 """Chunks of runs: units of work that a thread or a remote worker processes with its input only.
 
 All runs of a building with the same time step are integrated together
-(`tdint.analysis.run.together`). Failed runs are repeated with half the time step.
+(`tdint.analysis.run.batch`). Failed runs are repeated with half the time step.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
+from tdint.analysis.run.batch import Subject, run_batch
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.demands import RUN, demand_columns, demand_errors
 from tdint.analysis.run.error_estimate import attempt
@@ -30,9 +31,8 @@ from tdint.analysis.run.outcome import (
     StoryPeaks,
 )
 from tdint.analysis.run.prepared import Motions
-from tdint.analysis.run.sequence import sequence_of, shocks_of
+from tdint.analysis.run.sequence import event_responses, sequence_of
 from tdint.analysis.run.step_choice import step_within
-from tdint.analysis.run.together import Subject, run_together
 from tdint.analysis.run.workspace import Steps, finer
 from tdint.analysis.spectra.elastic import SA_DAMPING, spectrum
 from tdint.errors import AnalysisError
@@ -429,7 +429,7 @@ class Batch:
         # Compute the demands of each event, if the run has a result.
         if row.steps is not None:
             steps = replace(joined_case.steps(row.dt, sequence.whole.duration), count=row.steps)
-            shocks = shocks_of(
+            shocks = event_responses(
                 joined_case, sequence, steps, check=self.settings.check and bool(record.fixed)
             )
             rows.shocks = shock_rows(self.number, run, shocks)
@@ -479,7 +479,7 @@ class Batch:
             Failed runs, with a smaller time step.
         """
         runs, settings = [(job.run.motion, job.run.scale, job.steps) for job in jobs], self.settings
-        outcomes = run_together(
+        outcomes = run_batch(
             self.subject, self.motions, runs, check=settings.check, to_rest=settings.until_rest
         )
         repeated = []

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
 
-from tdint.analysis.run.together import Subject
+from tdint.analysis.run.batch import Subject
 from tdint.kernels.building.sources import CODE, code_of
 from tdint.model.definition import Model, simple_model
 from tdint.model.inventory import InventoryRow, InventoryRows, Made, derive_row

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from tdint.analysis.given import AnyModel, AnyMotion, model_of, motion_of
+from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.outcome import UNSTABLE
 from tdint.analysis.run.prepared import Motions
-from tdint.analysis.run.together import Subject
 from tdint.campaign.batch import Batch, Done, Rows, Run, RunRow, RunSettings
 from tdint.campaign.buildings import GivenBuilding
 from tdint.campaign.ida_curve import (
@@ -444,7 +444,7 @@ class _Work:
             # All levels would be unstable: raise the same error as a single run.
             if row.status == UNSTABLE:
                 case, settings = self.batch.subject.case(self.record), self.batch.settings
-                case.march(case.steps(settings.dt, settings.duration))
+                case.integrate(case.steps(settings.dt, settings.duration))
             rows.runs.append(row)
             return row
 

@@ -11,10 +11,10 @@ from typing import Self
 
 import numpy as np
 
+from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.demands import RUN_WITH_ERROR, demands
 from tdint.analysis.run.outcome import FailedRun
-from tdint.analysis.run.sequence import ShockSequence, sequence_of, shocks_of
-from tdint.analysis.run.together import Subject
+from tdint.analysis.run.sequence import ShockSequence, event_responses, sequence_of
 from tdint.arrays import Array, cached_property
 from tdint.campaign.batch import RunRow
 from tdint.campaign.pairs import LARGER, MEAN, combine
@@ -568,7 +568,7 @@ def damaged(
         """Return the maximum drift ratio for a scale factor."""
         case = subject.case(main, factor)
         try:
-            response = case.march(case.steps(dt, main.duration))
+            response = case.integrate(case.steps(dt, main.duration))
         except FailedRun:
             return math.inf
         return math.inf if response.collapse else demands(response.stories).drift_ratio.value
@@ -599,5 +599,5 @@ def damaged(
     joined = case.under(single.whole)
     # The second event of the sequence starts when free vibration has decayed.
     rest = (sequence.starts[1] - scaled.acceleration.size + 1) * scaled.dt
-    (shock,) = shocks_of(joined, single, joined.steps(dt, scaled.duration + rest))
+    (shock,) = event_responses(joined, single, joined.steps(dt, scaled.duration + rest))
     return DamagedState(scaled, drift, demands(shock.stories).residual_drift_ratio.value, rest)

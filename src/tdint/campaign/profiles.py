@@ -18,9 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tdint.analysis.run.batch import Subject
 from tdint.analysis.run.outcome import STORY
 from tdint.analysis.run.run import run_case
-from tdint.analysis.run.together import Subject
 from tdint.analysis.spectra.elastic import SA_DAMPING
 from tdint.analysis.spectra.floors import FloorSpectrum, floor_numbers, floor_spectra
 from tdint.arrays import Array

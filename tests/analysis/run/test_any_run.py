@@ -156,7 +156,7 @@ def check_response(response):
         assert np.all(np.isfinite(values))
     summary = json.loads(json_bytes(run_summary(response, [], 0.0)))
     assert None not in numbers(summary["energy"])
-    said = any("energy balance is off" in note for note in response.warnings)
+    said = any("energy imbalance is" in note for note in response.warnings)
     assert said == (abs(response.energy.error) > 0.01)
     assert (response.substeps > 0) == any("halved" in note for note in response.notes)
     assert (response.status == "collapsed") == (summary["collapse"] is not None)

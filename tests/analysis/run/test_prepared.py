@@ -84,8 +84,8 @@ def test_coefficients_are_kept_for_a_few_steps():
 
 
 def test_a_method_for_linear_buildings_refuses_others():
-    with pytest.raises(AnalysisError, match="integrates linear buildings only"):
-        prepared.PreparedBuilding.of(ten_bilinear()).march(parse("exact"), Steps(0.01, 5))
+    with pytest.raises(AnalysisError, match="supports only linear buildings"):
+        prepared.PreparedBuilding.of(ten_bilinear()).integrate(parse("exact"), Steps(0.01, 5))
 
 
 # What travels to other processes and back
@@ -173,10 +173,10 @@ def test_a_march_in_pieces_is_the_march(scene, monkeypatch):
         prepare(scene(), noise(samples=201, peak=30.0), method="impulse4"),
         Steps(0.01, 200),
     )
-    whole = case.march(steps, history=True)
+    whole = case.integrate(steps, history=True)
     monkeypatch.setattr(prepared, "_FIRST_PIECE", 1)
     monkeypatch.setattr(prepared, "_PIECE", 0.0)
-    pieces = case.march(steps, history=True)
+    pieces = case.integrate(steps, history=True)
     np.testing.assert_array_equal(pieces.history.displacement, whole.history.displacement)
     np.testing.assert_array_equal(pieces.history.energy.error, whole.history.energy.error)
     np.testing.assert_array_equal(pieces.stories.peak_shear, whole.stories.peak_shear)
@@ -189,10 +189,10 @@ def test_a_collapse_is_noted_at_the_first_step_whose_peaks_are_beyond():
         noise(samples=401, peak=8.0),
         method="impulse4",
     )
-    found = case.march(Steps(0.01, 400)).collapse
+    found = case.integrate(Steps(0.01, 400)).collapse
     last = round(found.time / 0.01)
     before, then = (
-        case.march(Steps(0.01, count)).stories.peak_drift_ratio for count in (last - 1, last)
+        case.integrate(Steps(0.01, count)).stories.peak_drift_ratio for count in (last - 1, last)
     )
     assert np.max(before) <= 0.004 < np.max(then)
     assert found.story == int(np.argmax(then)) + 1

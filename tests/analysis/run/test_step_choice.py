@@ -121,7 +121,7 @@ def test_a_tolerance_that_no_step_reaches():
 @pytest.mark.parametrize("threshold", [1.0, 0.004])
 def test_a_tolerance_and_steps_that_fail(monkeypatch, threshold):
     """All of them, or those that would have to tell the errors."""
-    monkeypatch.setattr(Case, "march", broken(threshold))
+    monkeypatch.setattr(Case, "integrate", broken(threshold))
     with pytest.raises(FailedRun):
         run(ten_linear(), noise(samples=101), method="newmark-average", tolerance=1e-4)
 

@@ -55,7 +55,7 @@ def test_without_a_record_step_and_duration_must_be_given():
 def test_the_method_where_none_is_named_is_said():
     response = run(ten_linear(), noise())
     assert response.method == run(ten_linear(), noise(), method=DEFAULT_METHOD).method
-    assert response.notes[0] == f"no method is named: it is {DEFAULT_METHOD}"
+    assert response.notes[0] == f"no method specified; using {DEFAULT_METHOD}"
     assert not any(
         "no method" in note for note in run(ten_linear(), noise(), method="impulse4").notes
     )
@@ -97,8 +97,8 @@ def test_the_bound_on_the_frequencies(n):
 
 
 def test_a_history_whose_rows_do_not_divide_the_steps_is_refused():
-    with pytest.raises(ValueError, match="200 steps do not fit into a history of 30"):
-        PreparedBuilding.of(ten_linear()).march(
+    with pytest.raises(ValueError, match="200 steps are not a multiple of 30 rows"):
+        PreparedBuilding.of(ten_linear()).integrate(
             parse("newmark-average"), Steps(0.01, 200), history_rows=30
         )
 
@@ -127,5 +127,5 @@ def test_a_wave_may_be_far_from_the_end_of_a_long_chain(method):
     ],
 )
 def test_out_of_all_proportion(dt, duration, record_dt):
-    with pytest.raises(UsageError, match=r"at most 1e\+09 are taken|out of all proportion"):
+    with pytest.raises(UsageError, match=r"at most 1e\+09 are allowed|dt must be comparable"):
         choose_steps(dt, duration, record_dt, 40.0)

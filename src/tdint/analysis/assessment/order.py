@@ -21,7 +21,7 @@ from tdint.analysis.run.case import energy_of
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.workspace import (
     HALVINGS,
-    LOOKED_AT,
+    VALIDATED_STEPS,
     Steps,
     Workspace,
     find_instability,
@@ -296,7 +296,9 @@ def _march(
     """The method's own acceleration at the end, and the history."""
     within = math.gcd(parts, problem.stride)
     steps = Steps(COARSEST / parts, parts * count, parts // within, problem.stride // within)
-    marched = problem.prepared.march(integrator, steps, problem.ground, history_rows=parts * count)
+    marched = problem.prepared.integrate(
+        integrator, steps, problem.ground, history_rows=parts * count
+    )
     if marched.code < 0:
         raise AnalysisError(f"{integrator.label} failed with dt {steps.h:.6g} s")
     return float(marched.space.state[rows.ACCELERATION, 0]), marched.space.history
@@ -394,7 +396,7 @@ def check_method(integrator: Integrator) -> MethodCheck:
         ones is written, and then compiled.
     """
     yielding: dict[str, str] = {}
-    LOOKED_AT.add(integrator.family.step)  # here, with more than a fault to tell
+    VALIDATED_STEPS.add(integrator.family.step)  # here, with more than a fault to tell
     try:
         _plain_march("linear", integrator, 1)
         yielding = {} if integrator.family.linear_only else _yielding_faults(integrator)

@@ -343,7 +343,7 @@ def _stepwise(hold: bool) -> Callable[[Example, float, Integrator], ExampleMotio
                 if value
             ]
             forces = force_table(constant + ramp)
-            marched = PreparedBuilding(building, forces, *state).march(
+            marched = PreparedBuilding(building, forces, *state).integrate(
                 integrator, Steps(dt, 1), history_rows=1
             )
             if marched.code < 0:

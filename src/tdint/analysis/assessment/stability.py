@@ -1,5 +1,6 @@
-"""Spectral radius, period error and numerical damping of a method, measured on its compiled
-step."""
+"""Spectral radius, period error, numerical damping and overshoot of a method, measured on its
+compiled step.
+"""
 
 from __future__ import annotations
 
@@ -23,45 +24,45 @@ from tdint.model.building import assemble, oscillators
 from tdint.tabular import Tabular, each_of
 from tdint.written_numbers import how_many
 
-_MOST_STEPS = 1e6  # of an overshoot: it is seen in the first ten
-_SMALLEST = 1e-3  # dt/T at which the principal root is beyond doubt
-_REAL = 1e-9  # imaginary part of a root that is real but for rounding
-_APART = 1.08  # ratio of neighboring steps at which roots are not mistaken for each other
+_MOST_STEPS = 1e6  # maximum number of steps of an overshoot, which occurs in the first ten
+_SMALLEST = 1e-3  # dt/T at which the principal root is identified with certainty
+_REAL = 1e-9  # maximum imaginary part of a root that is real except for rounding
+_APART = 1.08  # ratio of neighboring time steps for which roots are tracked without confusion
 LARGEST = 1e4
-"""omega dt up to which a critical step is searched."""
+"""Dimensionless. Maximum omega dt of the search for a critical time step."""
 
-_AGREEMENT = 1e-3  # of a declared and a measured limit
-_ROUNDING = 1e-15  # over (omega dt)^2: how far rounding alone lifts a spectral radius above 1
+_AGREEMENT = 1e-3  # relative tolerance between a declared and a measured limit
+_ROUNDING = 1e-15  # excess of a spectral radius above 1 by rounding, divided by (omega dt)^2
 
 
 @dataclass(frozen=True, repr=False)
 class StabilityCurve(Tabular):
-    """What one step does to an undriven oscillator; arrays of shape (k,).
+    """Properties of one time step of an undriven oscillator; arrays of shape (k,).
 
-    Period error, numerical damping and amplitude decay are nan where the principal roots are real,
-    for steps longer than half the damped period, which tell no period, and for a damping ratio of 1
-    and more, which has none.
+    Period error, numerical damping and amplitude decay are nan if the principal roots are real, for
+    time steps longer than half the damped period (from which no period can be determined), and for
+    damping ratios of 1 and more.
 
     Attributes
     ----------
     damping : float
         Damping ratio xi of the oscillator.
     dt_over_t : ndarray
-        Step over undamped period.
+        Time step divided by undamped period.
     spectral_radius : ndarray
-        Largest modulus of the eigenvalues of the amplification matrix.
+        Maximum modulus of the eigenvalues of the amplification matrix.
     period_error : ndarray
-        Numerical over exact damped period, minus 1.
+        Numerical divided by exact damped period, minus 1.
     numerical_damping : ndarray
-        Damping ratio of the numerical oscillation minus xi: from the principal root exp(-d + i f),
-        d / sqrt(d^2 + f^2) (Hughes 1987, sect. 9.1). Twice what eq. 40 of the paper of 2022 prints,
-        for small d.
+        Damping ratio of the numerical oscillation minus xi. For the principal root exp(-d + i f),
+        the former is d / sqrt(d^2 + f^2) (Hughes 1987, sect. 9.1). For small d, it is twice the
+        value of eq. 40 of the paper of 2022.
     amplitude_decay : ndarray
-        Part of the amplitude lost in one cycle by the method, 1 - exp(-2 pi (d / f - xi / sqrt(1 -
-        xi^2))): without damping eq. 41 of the paper.
+        Relative loss of amplitude in one cycle caused by the method, 1 - exp(-2 pi (d / f - xi /
+        sqrt(1 - xi^2))); without damping, eq. 41 of the paper.
     spurious_radius : ndarray
-        Modulus of the largest eigenvalue beside the principal pair (eq. 35 of the paper: 0), nan
-        where that is real; 0 for a method that remembers displacement and velocity alone.
+        Maximum modulus of the eigenvalues other than the principal pair (eq. 35 of the paper: 0);
+        nan if the pair is real; 0 for a method that stores only displacement and velocity.
     """
 
     method: str
@@ -81,16 +82,16 @@ class StabilityCurve(Tabular):
 
 @each_of
 def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) -> StabilityCurve:
-    """Measure how a method follows an oscillator that vibrates freely, from its amplification
+    """Measure the accuracy of a method for a freely vibrating oscillator from its amplification
     matrix.
 
     Parameters
     ----------
     method : Integrator or str
-        The method, or its specification; of a list or tuple there are `ResultList` results.
+        Method or its specification. A list or tuple returns a `ResultList`.
     dt_over_t : ndarray, shape (k,)
-        Steps over the undamped period, rising.
-    damping : float
+        Time steps divided by the undamped period, increasing.
+    damping : float, default 0
         Damping ratio, 0 or more.
 
     Returns
@@ -102,7 +103,7 @@ def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) 
     Raises
     ------
     UsageError
-        An unknown method, or a damping ratio that is none.
+        The method is unknown, or the time steps or the damping ratio are invalid.
     AnalysisError
         A step of the oscillator fails.
     """
@@ -110,9 +111,9 @@ def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) 
     dt_over_t = numbers_of(dt_over_t, "dt_over_t")
     rises = dt_over_t.size and dt_over_t[0] > 0.0 and np.all(np.diff(dt_over_t) >= 0.0)
     if not (rises and np.isfinite(dt_over_t).all()):
-        raise UsageError("dt_over_t must be positive numbers that rise")
-    # Roots are followed from a small step on, with steps in between where those that are asked for
-    # lie far apart.
+        raise UsageError("dt_over_t must be positive and increasing")
+    # Roots are tracked from a small time step. Intermediate steps are added if the requested steps
+    # are far from each other.
     ends = [min(_SMALLEST, dt_over_t[0]), *dt_over_t]
     counts = [2 + int(math.log(high / low) / math.log(_APART)) for low, high in pairwise(ends)]
     ways = [
@@ -125,7 +126,7 @@ def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) 
     roots = _roots(method, 2.0 * math.pi * ratios, damping)
     principal, spurious = _followed(roots, 2.0 * math.pi * ratios[0], damping)
     roots, principal, spurious = roots[places], principal[places], spurious[places]
-    # Above critical damping there is no period: nothing is told of it.
+    # Above critical damping there is no period, and the results are nan.
     damped = math.sqrt(max(1.0 - damping**2, 0.0))  # circular frequency over the undamped one
     exact_phase = 2.0 * math.pi * dt_over_t * damped
     tells = (np.abs(principal.imag) > _REAL) & (exact_phase <= math.pi) & (damped > 0.0)
@@ -147,7 +148,7 @@ def stability(method: Integrator | str, dt_over_t: Array, damping: float = 0.0) 
 
 
 def _checked(method: Integrator | str, damping: float) -> Integrator:
-    """The method; UsageError for an unknown one, and for a damping ratio that is none."""
+    """Return the method; raise UsageError for an unknown method or an invalid damping ratio."""
     between(damping, "a damping ratio")
     return method if isinstance(method, Integrator) else parse(method)
 
@@ -155,16 +156,31 @@ def _checked(method: Integrator | str, damping: float) -> Integrator:
 def _followed(
     roots: NDArray[np.complex128], first: float, damping: float
 ) -> tuple[NDArray[np.complex128], Array]:
-    """Of the roots at rising steps, the first one omega h, the one that stands for the oscillation,
-    followed from there on (positive imaginary part while complex), and the largest modulus beside
-    it and its conjugate."""
+    """Track the principal root from the first time step, and return it with the spurious radius.
+
+    Parameters
+    ----------
+    roots : ndarray, shape (k, m)
+        Eigenvalues at increasing time steps.
+    first : float
+        First time step omega h.
+    damping : float
+        Damping ratio.
+
+    Returns
+    -------
+    principal : ndarray, shape (k,)
+        Root of the oscillation, with a positive imaginary part if it is complex.
+    spurious : ndarray, shape (k,)
+        Maximum modulus of the roots other than the principal root and its conjugate.
+    """
     guess = np.exp((-damping + np.emath.sqrt(damping**2 - 1.0)) * first)
     principal, spurious = np.empty(len(roots), dtype=np.complex128), np.zeros(len(roots))
     for index, candidates in enumerate(roots):
         upper = np.where(candidates.imag < 0.0, candidates.conj(), candidates)
         nearest = np.argsort(np.abs(upper - guess))
         principal[index] = guess = upper[nearest[0]]
-        # Real roots are no pair: which one of the others is the partner is not told.
+        # Real roots are not a conjugate pair, so the partner of the principal root is not known.
         if candidates.size > 2:
             spurious[index] = (
                 math.nan if guess.imag <= _REAL else np.max(np.abs(upper[nearest[2:]]))
@@ -173,18 +189,20 @@ def _followed(
 
 
 def _roots(method: Integrator, omega_h: Array, damping: float) -> NDArray[np.complex128]:
-    """Eigenvalues of the amplification matrices at steps omega h, shape (k, m); the step is 1 s."""
+    """Return the eigenvalues of the amplification matrices at steps omega h, shape (k, m), for h =
+    1 s.
+    """
     matrices = amplification(method, omega_h, np.full_like(omega_h, damping), 1.0)
     return np.asarray(np.linalg.eigvals(matrices), dtype=np.complex128)
 
 
 @cache
 def critical_step(method: Integrator, damping: float = 0.0) -> float:
-    """Smallest omega dt from which on the spectral radius exceeds 1, bisected to rounding; inf if
-    there is none.
+    """Return the minimum omega dt above which the spectral radius exceeds 1, bisected to rounding.
 
-    Searched at 4000 points up to `LARGEST`, and just above the limit that the method declares: an
-    unstable band elsewhere that is narrower than half a percent of omega dt can be missed.
+    The result is inf if there is none. The search uses 4000 points up to `LARGEST` and points just
+    above the declared limit of the method. An unstable interval elsewhere that is narrower than 0.5
+    % of omega dt can be missed.
     """
     grid = np.geomspace(1e-3, LARGEST, 4000)
     declared = method.stability_limit
@@ -195,7 +213,7 @@ def critical_step(method: Integrator, damping: float = 0.0) -> float:
         return math.inf
     high = grid[unstable[0]]
     low = grid[unstable[0] - 1] if unstable[0] else 0.0
-    # 50 halvings are beyond rounding, for neighbors differ by half a percent.
+    # 50 bisections reach rounding, because neighboring points differ by 0.5 %.
     low, _ = halved(
         lambda middle: not _grows(method, np.array([middle]), damping)[0], low, high, 50
     )
@@ -203,8 +221,11 @@ def critical_step(method: Integrator, damping: float = 0.0) -> float:
 
 
 def false_limit(method: Integrator, measured: float) -> str:
-    """What there is to say of a declared stability limit that is not the measured one
-    (`critical_step` without damping); nothing where they agree or none is declared (nan)."""
+    """Return a message if the declared stability limit differs from the measured limit.
+
+    The measured limit is `critical_step` without damping. The message is empty if the limits agree
+    or no limit is declared (nan).
+    """
     declared = method.stability_limit
     unlimited = declared > LARGEST and measured == math.inf
     if math.isnan(declared) or unlimited or math.isclose(declared, measured, rel_tol=_AGREEMENT):
@@ -217,52 +238,55 @@ def false_limit(method: Integrator, measured: float) -> str:
 
 
 def _grows(method: Integrator, omega_h: Array, damping: float) -> NDArray[np.bool_]:
-    """Whether the spectral radius exceeds 1 by more than rounding."""
+    """Return True if the spectral radius exceeds 1 by more than rounding."""
     radius = np.max(np.abs(_roots(method, omega_h, damping)), axis=1)
     return np.asarray(radius > 1.0 + np.maximum(STABLE, _ROUNDING * omega_h**2))
 
 
-# ---- First steps of an undriven oscillator under a large step: does the method overshoot (Hilber
-# and Hughes 1978)?
+# ---- Overshoot: first steps of an undriven oscillator with a large time step (Hilber and Hughes
+# 1978)
 
 STARTS = {"displacement": (1.0, 0.0), "velocity": (0.0, 1.0)}
-"""Starts by name: u(0) and h v(0), m."""
+"""Initial conditions by name: u(0) and h v(0), m."""
 
 EXACT_POWERS = {"displacement": (0.0, 1.0), "velocity": (-1.0, 0.0)}
-"""By start, the powers of omega h in the amplitudes of u and h v of the exact motion."""
+"""Powers of omega h in the amplitudes of u and h v of the exact motion, by initial condition."""
 
 _LEVELS = 10.0 ** np.arange(2.0, 8.0)
-_SPREAD = 1.0 + np.arange(16) * 0.61803398875 % 1.0  # so that no sine is caught at its zeros alone
-_LARGER = 0.25  # powers further apart than this differ
+_SPREAD = 1.0 + np.arange(16) * 0.61803398875 % 1.0  # prevents samples only at zeros of a sine
+_LARGER = 0.25  # minimum difference of powers that are considered different
 _NOISE = {"displacement": 1e-13 * _LEVELS**2, "velocity": 1e-13 * _LEVELS}
-"""What a step rounds, over its start: the acceleration of the start is omega^2 u(0) or 2 xi omega
-v(0)."""
-_FAR = 1e3  # omega h by which an unstable method has left the unit circle
-_TINY = 1e-200  # the motion is linear in its start: a tiny one leaves room for what grows
+"""Rounding error of a step divided by the initial value. The initial acceleration is omega^2 u(0)
+or 2 xi omega v(0).
+"""
+_FAR = 1e3  # omega h at which the roots of an unstable method are outside the unit circle
+_TINY = 1e-200  # factor on the start of the linear motion, so that growth does not overflow
 
 LAWS = ("linear", "hardening", "softening")
-"""Restoring forces of the oscillator: linear, or of the problem of that name
-(`tdint.analysis.assessment.failures`)."""
+"""Restoring forces of the oscillator: linear, or that of a problem of
+`tdint.analysis.assessment.failures`.
+"""
 
 BEYOND = 0.01
-"""A method overshoots in nonlinear motion where its steps pass the largest exact value by more than
-this part."""
+"""Dimensionless. Relative excess above the maximum exact value, from which a method overshoots in
+nonlinear motion.
+"""
 
 
 @dataclass(frozen=True, repr=False)
 class Overshoot(Tabular):
-    """First steps from one start; arrays of shape (steps + 1,), the first entry the start.
+    """First steps from one initial condition; arrays of shape (steps + 1,) including the start.
 
     Attributes
     ----------
     law : str
         One of `LAWS`.
     displacement, velocity : ndarray
-        u over U and v over V, the largest values of the exact undamped motion: it stays within -1
-        and 1. nan after a response that ran away.
+        u / U and v / V, where U and V are the maxima of the exact undamped motion, so that the
+        exact values are between -1 and 1. nan after a response that grew without bound.
     displacement_power, velocity_power : float
-        p in u(h) ~ (omega h)^p and h v(h) ~ (omega h)^p for omega h to infinity; -inf where the
-        step leaves nothing. The exact motion has `EXACT_POWERS`. nan for a nonlinear law.
+        p in u(h) ~ (omega h)^p and h v(h) ~ (omega h)^p for omega h to infinity; -inf if the value
+        after the step is 0. The exact motion has `EXACT_POWERS`. nan for a nonlinear law.
     """
 
     method: str
@@ -281,14 +305,18 @@ class Overshoot(Tabular):
 
     @property
     def largest(self) -> tuple[float, float]:
-        """Largest displacement and velocity of the steps, over those of the exact motion; infinite
-        after a response that ran away."""
+        """Maximum displacement and velocity divided by those of the exact motion.
+
+        Both are infinite after a response that grew without bound.
+        """
         u, v = (float(np.max(np.abs(values))) for values in (self.displacement, self.velocity))
         return (math.inf, math.inf) if math.isnan(u + v) else (u, v)
 
     @property
     def growing(self) -> set[str]:
-        """Which of displacement and velocity grow with a higher power than in the exact motion."""
+        """Quantities (displacement, velocity) that grow with a higher power than in the exact
+        motion.
+        """
         powers = {"displacement": self.displacement_power, "velocity": self.velocity_power}
         bounds = EXACT_POWERS[self.start]
         return {
@@ -307,43 +335,43 @@ def overshoot(
     damping: float = 0.0,
     law: str = "linear",
 ) -> Overshoot:
-    """Integrate an undriven oscillator over a few large steps, and measure the power of the first
-    step's growth.
+    """Integrate an undriven oscillator over a few large time steps and measure its initial growth.
 
     A nonlinear oscillator starts with the energy of its problem in
-    `tdint.analysis.assessment.failures`; it has no powers, for its motion depends on its size.
+    `tdint.analysis.assessment.failures`. It has no powers, because its motion depends on its
+    amplitude.
 
     Parameters
     ----------
     method : Integrator or str
-        The method, or its name; of a list or tuple there are `ResultList` results.
-    start : str
+        Method or its specification. A list or tuple returns a `ResultList`.
+    start : str, default "displacement"
         A key of `STARTS`.
-    dt_over_t : float
-        Step over undamped period; of a nonlinear law that of small vibrations.
-    steps : int
-        How many.
-    damping : float
-        Damping ratio, 0 or more; of a nonlinear law that of small vibrations.
-    law : str
+    dt_over_t : float, default 10
+        Time step divided by undamped period; for a nonlinear law, the period of small vibrations.
+    steps : int, default 10
+        Number of time steps.
+    damping : float, default 0
+        Damping ratio, 0 or more; for a nonlinear law, that of small vibrations.
+    law : str, default "linear"
         One of `LAWS`.
 
     Returns
     -------
     Overshoot
-        The motion over the steps, and the powers with which the first step grows.
+        Motion at the time steps, and powers of the growth in the first step.
 
     Raises
     ------
     UsageError
-        An unknown method, start or law, a damping ratio that is none; a method for linear buildings
-        with a nonlinear law.
+        The method, initial condition, law or damping ratio is invalid, or the method supports only
+        linear buildings and the law is nonlinear.
     """
     method = _checked(method, damping)
     if start not in STARTS:
-        raise UsageError(f"a motion starts from one of {', '.join(STARTS)}, got {start!r:.60}")
+        raise UsageError(f"start must be one of {', '.join(STARTS)}, got {start!r:.60}")
     if law not in LAWS:
-        raise UsageError(f"the law of an oscillator is one of {', '.join(LAWS)}, got {law!r:.60}")
+        raise UsageError(f"law must be one of {', '.join(LAWS)}, got {law!r:.60}")
     dt_over_t, steps = (
         between(dt_over_t, "dt_over_t", above=True),
         int(between(steps, "steps", 1.0, _MOST_STEPS)),
@@ -353,8 +381,8 @@ def overshoot(
     omega_h = 2.0 * math.pi * dt_over_t
     u, hv = _first_steps(method, start, np.array([omega_h]), steps, damping)[:, :, 0]
     amplitude = math.hypot(STARTS[start][0], STARTS[start][1] / omega_h)
-    # Powers of u and h v after one step: the slopes over the last decade of omega h that rounding
-    # leaves.
+    # Powers of u and h v after one step: slopes over the last decade of omega h that is not
+    # affected by rounding
     largest = np.array(
         [
             np.max(np.abs(_first_steps(method, start, level * _SPREAD, 1, damping)[:, 1]), axis=1)
@@ -374,8 +402,12 @@ def overshoot(
 
 
 def verdict(method: Integrator, both: Sequence[Overshoot]) -> str:
-    """What the first step overshoots, judged by its powers from both starts: `none`,
-    `displacement`, ..., or `unstable` where the method grows without bound anyway."""
+    """Return the quantities that overshoot in the first step, from the powers of both initial
+    conditions.
+
+    The result is `none`, `displacement`, `velocity`, both, or `unstable` if the method grows
+    without bound.
+    """
     damping = np.array([both[0].damping])
     if spectral_radius(method, np.array([_FAR]), damping, 1.0)[0] > 1.0 + STABLE:
         return "unstable"
@@ -386,8 +418,11 @@ def verdict(method: Integrator, both: Sequence[Overshoot]) -> str:
 def _first_steps(
     method: Integrator, start: str, omega_h: Array, steps: int, damping: float
 ) -> Array:
-    """u and h v of the first steps of oscillators, shape (2, steps + 1, oscillators), h = 1 s; nan
-    after a response that ran away."""
+    """Return u and h v of the first steps of oscillators, shape (2, steps + 1, oscillators), for h
+    = 1 s.
+
+    Values are nan after a response that grew without bound.
+    """
     displacement, velocity = np.multiply(_TINY, STARTS[start])
     building = oscillators(omega_h, np.array([damping]))
     prepared = PreparedBuilding(building, displacement=displacement, velocity=velocity)
@@ -397,12 +432,14 @@ def _first_steps(
 def _nonlinear_overshoot(
     method: Integrator, start: str, dt_over_t: float, steps: int, damping: float, law: str
 ) -> Overshoot:
-    """The steps of the oscillator of a problem, from its displacement or from the velocity of the
-    same energy."""
+    """Return the steps of the oscillator of a problem.
+
+    The initial condition is the displacement of the problem, or the velocity with the same energy.
+    """
     if method.family.linear_only:
         raise UsageError(f"{method.label} integrates linear buildings only; not with the law {law}")
 
-    from tdint.analysis.assessment.failures import problems  # needs what makes whole runs
+    from tdint.analysis.assessment.failures import problems  # imports the modules for runs
 
     problem = problems()[law]
     (story,), (displacement,) = problem.model.stories, problem.model.initial.displacement
@@ -420,9 +457,11 @@ def _nonlinear_overshoot(
 
 
 def _marched(prepared: PreparedBuilding, method: Integrator, steps: Steps) -> Array:
-    """Displacements and velocities of the floors at the steps, shape (2, steps + 1, n); nan after a
-    response that ran away."""
-    marched = prepared.march(method, steps, history_rows=steps.count)
+    """Return displacements and velocities of the floors, shape (2, steps + 1, n).
+
+    Values are nan after a response that grew without bound.
+    """
+    marched = prepared.integrate(method, steps, history_rows=steps.count)
     n = prepared.building.stories
     history = marched.space.history
     if marched.code < 0:

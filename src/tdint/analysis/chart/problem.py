@@ -16,7 +16,7 @@ import numpy as np
 
 from tdint.analysis.given import model_record
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.error_estimate import told_run
+from tdint.analysis.run.error_estimate import run_with_error_estimate
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.prepared import PreparedBuilding
 from tdint.analysis.run.run import run_case
@@ -152,7 +152,7 @@ class Problem:
     def told(self, integrator: Integrator, steps: Steps) -> float:
         """The largest error of a story's peak drift, over it, that `tdint run` tells beside these;
         nan for none."""
-        response = told_run(self.case(integrator), steps)
+        response = run_with_error_estimate(self.case(integrator), steps)
         peaks = response.stories.peak_drift
         return (
             math.nan
@@ -171,7 +171,7 @@ class Problem:
     def motion(self, integrator: Integrator, steps: Steps) -> FloorMotion | None:
         """The motion at the samples (or at the steps, if these are longer); None where the march
         does not reach its end."""
-        marched = self.prepared.march(
+        marched = self.prepared.integrate(
             integrator, steps, self.ground, history_rows=steps.count // steps.per_sample
         )
         if marched.code < 0:

@@ -356,10 +356,10 @@ def measure_problem(
 
     # The reference, and how far a second method is from it
     progress("reference", 0.1)
-    true = posed.case(parse("impulse4")).march(posed.steps(posed.interval / _FINE))
+    true = posed.case(parse("impulse4")).integrate(posed.steps(posed.interval / _FINE))
     gap, confirmed_by = PeakErrors(math.inf, math.inf, math.inf), ""
     for parts in _FINER:
-        other = posed.case(parse("moment4")).march(posed.steps(posed.interval / parts))
+        other = posed.case(parse("moment4")).integrate(posed.steps(posed.interval / parts))
         apart = _off(true.stories, other)
         gap = PeakErrors(*np.minimum(astuple(gap), astuple(apart)).tolist())
         confirmed_by = f"moment4 with dt {posed.interval / parts:.4g} s"
@@ -378,7 +378,7 @@ def measure_problem(
         progress("times", 0.8 + 0.2 * turn / repeats)
         for pair, point in points.items():
             if point in contenders:
-                again = posed.case(pair[0]).march(posed.steps(pair[1]))
+                again = posed.case(pair[0]).integrate(posed.steps(pair[1]))
                 points[pair] = replace(point, times=(*point.times, again.solver_time))
         contenders = [point for point in points.values() if len(point.times) == turn + 1]
     # What chooses its steps: all that `tdint run --tolerance` takes

@@ -26,7 +26,7 @@ from tdint.analysis.chart.problem import (
 from tdint.analysis.given import AnyModel, AnyRecord, model_of, numbers_of, ratio_of, record_of
 from tdint.analysis.run.error_estimate import attempt
 from tdint.analysis.run.outcome import FailedRun, Response
-from tdint.analysis.run.workspace import Steps, unsuited
+from tdint.analysis.run.workspace import Steps, unsupported_reason
 from tdint.arrays import Array
 from tdint.errors import UsageError
 from tdint.methods.catalogue import chosen, parse
@@ -279,9 +279,13 @@ def suited(problem: Problem, integrators: Sequence[Integrator]) -> list[Integrat
     UsageError
         None of them can.
     """
-    able = [integrator for integrator in integrators if not unsuited(integrator, problem.building)]
+    able = [
+        integrator
+        for integrator in integrators
+        if not unsupported_reason(integrator, problem.building)
+    ]
     if not able:
-        raise UsageError(unsuited(integrators[0], problem.building))
+        raise UsageError(unsupported_reason(integrators[0], problem.building))
     return able
 
 
@@ -518,7 +522,7 @@ def _timed(
             if turn <= repeats:
                 advance("times", pair[1])
             if point.errors:
-                march = problem.prepared.march(*pair, problem.ground)
+                march = problem.prepared.integrate(*pair, problem.ground)
                 points[pair] = replace(
                     point, times=(*point.times, march.seconds), walls=(*point.walls, march.wall)
                 )

@@ -1,1 +1,1 @@
-"""A building under its load in time: steps, peaks, how the run ends, how far off it is."""
+"""Time integration of a building: time steps, peaks, failures, error estimates."""

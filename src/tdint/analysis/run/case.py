@@ -1,6 +1,7 @@
-"""A building under a ground motion, integrated with one step, and how that ended: done, collapsed,
-diverged, not converged, or refused; and runs that go on with the ground at rest until the building
-is.
+"""A building under a ground motion, integrated with one time step, and the evaluation of its end.
+
+The run is done, collapsed, diverged, not converged, or rejected. This module also contains runs
+that continue with the ground at rest until free vibration has decayed.
 """
 
 from __future__ import annotations
@@ -30,7 +31,13 @@ from tdint.analysis.run.outcome import (
     StoryPeaks,
     story_values,
 )
-from tdint.analysis.run.prepared import Lane, Marched, MarchedRuns, PreparedBuilding, Rest
+from tdint.analysis.run.prepared import (
+    BatchResult,
+    IntegrationResult,
+    PreparedBuilding,
+    RestCriterion,
+    RunSpec,
+)
 from tdint.analysis.run.workspace import HALVINGS, Steps, Workspace, choose_steps
 from tdint.arrays import Array, cached_property
 from tdint.errors import UsageError
@@ -53,29 +60,36 @@ from tdint.written_numbers import how_many
 # ---- What a march left in its arrays, as results
 
 Telling = Callable[[Building, Array, Array, Array], Array]
-"""Of the rows of a history, from the building, the forces on its floors (`force_table`) and the
-times of the rows."""
+"""Function that computes a field of the history from the building, the forces on its floors
+(`force_table`), the times of the rows, and the rows of the history table.
+"""
 
 
 def story_peaks(building: Building, space: Workspace) -> StoryPeaks:
-    """The peaks of all stories."""
+    """Return the peaks of all stories."""
     return peaks_of(
         building, space.peaks.copy(), space.law_state[rows.DRIFT, : building.stories].copy()
     )
 
 
 def peaks_of(building: Building, peaks: Array, residual_drift: Array) -> StoryPeaks:
-    """The peaks of all stories from the rows of `Workspace.peaks` and the drifts at the end."""
+    """Return the peaks of all stories from rows of `Workspace.peaks` and the drifts at the end."""
     return StoryPeaks(height=building.heights, **story_values(building, peaks, residual_drift))
 
 
 def residual_oscillation(building: Building, space: Workspace) -> Array:
-    """Amplitudes with which the drifts move about their rest at the end of a march, about, m; shape
-    (n,).
+    """Return approximate amplitudes of the drifts about their positions of rest at the end of a
+    run.
 
-    At rest no story has a force. One is as far from that as the force it has takes by its present
-    stiffness, and moves with the largest displacement of the run over the largest velocity (s),
-    longer as it is softer than at first.
+    At rest, no story has a force. The distance of a story from this position is its force divided
+    by its present stiffness. The amplitude of the velocity part is the drift rate times the ratio
+    of the maximum displacement to the maximum velocity of the run (s), and increases with the
+    square root of initial to present stiffness.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Amplitudes, m.
     """
     drift, force, slope = (
         space.law_state[row, : building.stories] for row in (rows.DRIFT, rows.FORCE, rows.SLOPE)
@@ -83,7 +97,7 @@ def residual_oscillation(building: Building, space: Workspace) -> Array:
     stiffness = building.initial_stiffness
     softer = np.where((slope > 0.0) & (slope < stiffness), slope, stiffness)
     away = (force + building.linear_terms[rows.GEOMETRIC, :-1] * drift) / softer
-    rate = _of_drifts(building, space.state[rows.VELOCITY])
+    rate = _drift_rates(building, space.state[rows.VELOCITY])
     displacement, velocity = (
         np.max(space.peaks[row]) for row in (rows.PEAK_DISPLACEMENT, rows.PEAK_VELOCITY)
     )
@@ -91,28 +105,38 @@ def residual_oscillation(building: Building, space: Workspace) -> Array:
     return np.asarray(np.hypot(away, rate * swing * np.sqrt(stiffness / softer)))
 
 
-def _of_drifts(building: Building, floors: Array) -> Array:
-    """Rates of the drifts from those of the floors, a row of a table."""
+def _drift_rates(building: Building, floors: Array) -> Array:
+    """Return the rates of the drifts from the rates of the floors (one row of a table)."""
     return np.asarray(floors[:-1] - building.linear_terms[rows.LINK, :-1] * np.roll(floors, 1)[:-1])
 
 
 def interstep_peak_errors(building: Building, space: Workspace, late: float) -> StoryErrors:
-    """How much larger the peaks may be between steps that do not resolve the motion; and by how
-    much, about, the drifts have changed since the time that was asked for, which was `late` (s)
-    before the end."""
+    """Return the possible excess of the peaks between time steps that do not resolve the motion.
+
+    For residual drifts, return the approximate change of the drifts since the requested time.
+
+    Parameters
+    ----------
+    building : Building
+        Building.
+    space : Workspace
+        Arrays after the time integration.
+    late : float
+        Time from the requested end to the end of the last step, s.
+    """
     peaks, rest = space.peaks[: rows.PEAK_ROWS], np.zeros(building.stories)
-    rate, bend = (
-        _of_drifts(building, row)
+    rate, acceleration = (
+        _drift_rates(building, row)
         for row in (space.state[rows.VELOCITY], space.observer_state[rows.OBSERVED_ACCELERATION])
     )
-    changed = late * np.abs(rate) + 0.5 * late**2 * np.abs(bend)
-    told = story_values(building, peaks, rest)
-    doubt = story_values(building, np.maximum(space.peaks[rows.PEAK_ROWS :], peaks), changed)
-    return StoryErrors(**{name: doubt[name] - values for name, values in told.items()})
+    changed = late * np.abs(rate) + 0.5 * late**2 * np.abs(acceleration)
+    reported = story_values(building, peaks, rest)
+    bound = story_values(building, np.maximum(space.peaks[rows.PEAK_ROWS :], peaks), changed)
+    return StoryErrors(**{name: bound[name] - values for name, values in reported.items()})
 
 
 def energy_errors(totals: Array) -> Array:
-    """`Energy.error` at the end of each run, from rows of `Workspace.totals`; shape (runs,)."""
+    """Return `Energy.error` of each run, shape (runs,), from rows of `Workspace.totals`."""
     terms = dict(zip(ENERGY_TERMS, totals.T[: rows.ENERGY_TERMS], strict=True))
     spent = reduce(add, [term for name, term in terms.items() if name != "input"])
     largest = totals[:, rows.ENERGY_REFERENCE]
@@ -123,7 +147,7 @@ def energy_errors(totals: Array) -> Array:
 
 
 def energy_of(numbers: Array) -> Energy:
-    """The energies that stand at the beginning of some numbers."""
+    """Return the energies at the start of an array in the order of `Workspace.totals`."""
     terms = dict(zip(ENERGY_TERMS, numbers[: rows.ENERGY_TERMS].tolist(), strict=True))
     start, largest = float(numbers[rows.ENERGY_INITIAL]), float(numbers[rows.ENERGY_REFERENCE])
     return Energy(**terms, initial=start, reference=largest)
@@ -132,12 +156,27 @@ def energy_of(numbers: Array) -> Energy:
 def history_of(
     building: Building, forces: Array, space: Workspace, h: float, largest: float | None = None
 ) -> History:
-    """The history of a march with steps h (s) under forces on floors (`force_table`); of a piece of
-    it the largest energy of the whole must be told."""
+    """Return the response history of a time integration.
+
+    Parameters
+    ----------
+    building : Building
+        Building.
+    forces : ndarray
+        Forces on floors (`force_table`).
+    space : Workspace
+        Arrays after the time integration.
+    h : float
+        Time step, s.
+    largest : float, optional
+        Maximum input energy, J; required for a chunk of a history, because it applies to the
+        complete run.
+    """
     n = building.stories
     table = space.history
     time = h * (space.every * np.arange(space.before, space.before + len(table), dtype=np.float64))
-    # Energies stand behind the motion: what is put in is somewhere, or missing.
+    # The energies follow the motion in each row. Input energy that is in no other term is the
+    # imbalance.
     behind = 1 + rows.HISTORY_FIELDS * n
     terms = list(table[:, behind : behind + rows.ENERGY_TERMS].T)
     start, largest = (
@@ -155,14 +194,16 @@ def history_of(
 
 
 def _field(place: int) -> Telling:
-    """What rows of a history hold themselves."""
+    """Return the function that reads a field directly from the rows of the history."""
     return lambda building, forces, time, table: table[
         :, 1 + place * building.stories : 1 + (place + 1) * building.stories
     ]
 
 
 def _over_story(place: int) -> Telling:
-    """What of such a field lies between the floors above and below a story."""
+    """Return the function that computes the difference of a field between the floors above and
+    below.
+    """
 
     def told(building: Building, forces: Array, time: Array, table: Array) -> Array:
         floors = _field(place)(building, forces, time, table)
@@ -174,8 +215,9 @@ def _over_story(place: int) -> Telling:
 
 
 def _total_shear(building: Building, forces: Array, time: Array, table: Array) -> Array:
-    """What moves the floors above each story: forces on them less masses times absolute
-    accelerations."""
+    """Return the sum over the floors above each story: forces on floors minus mass times
+    acceleration.
+    """
     moved = -building.linear_terms[rows.MASS, :-1] * _ACCELERATION(building, forces, time, table)
     for force in forces:
         angle = force[rows.OMEGA] * time
@@ -197,60 +239,67 @@ HISTORIES: dict[str, Telling] = {
     "damper_force": lambda building, *told: building.device_force(_DRIFT_RATE(building, *told)),
     "total_shear": _total_shear,
 }
-"""What gives each field of `History` that stories and floors have, shape (rows, n)."""
+"""Functions that compute the fields of `History` for stories and floors, shape (rows, n)."""
 
 
 # ---- Case
 
 _LARGE_IMBALANCE = 0.01
-"""Energy error above which a run says so."""
+"""Dimensionless. Energy error above which a run prints a warning."""
 
 _MADE = 1.0
-"""Energy made by the method, over the input energy, from which a drift beyond the collapse drift is
-its doing."""
+"""Dimensionless. Energy produced by the method divided by the input energy. From this value,
+exceeding the collapse drift is attributed to the method.
+"""
 
 RUNAWAY = 100.0
-"""Energy made by the method, over the input energy, from which a run has diverged: ten times the
-amplitude."""
+"""Dimensionless. Energy produced by the method divided by the input energy, from which a run has
+diverged. 100 corresponds to ten times the amplitude.
+"""
 
 _UNRESOLVED = 0.05
-"""Part of a peak that may be hidden between the steps without a note."""
+"""Dimensionless. Possible excess between time steps divided by the peak, above which a note is
+added.
+"""
 
 _MOVING = 0.01
-"""Part of the largest drift by which one still moves at the end without a note."""
+"""Dimensionless. Amplitude of a drift at the end divided by the maximum drift, above which a note
+is added.
+"""
 
-_UNTIL_REST = "--until-rest goes on until it is at rest"
+_UNTIL_REST = "--until-rest continues until free vibration has decayed"
 
 _OVERFLOW = 1e300
-"""Residual from which a step that did not converge is one whose numbers ran away."""
+"""Dimensionless. Relative residual from which a step that did not converge is treated as
+divergence.
+"""
 
 _CURE = "use a smaller step or another method"
 
 
 @dataclass(frozen=True)
 class Case:
-    """A building, the ground motion that it is under, and the method that integrates it: a run but
-    for its steps.
+    """Building, ground motion and method of a run, without its time steps.
 
-    The building is prepared once: cases that differ in the motion, its scale or the method share
+    The building is prepared one time. Cases with different ground motions, scales or methods share
     it.
 
     Attributes
     ----------
     model : Model
-        The building and its collapse drift; what it says of a record is not asked.
+        Building and its collapse drift; the record of its excitation section is not used.
     prepared : PreparedBuilding
-        The model's building, put together.
+        Assembled building of the model.
     record : Record or None
-        The ground motion; None is ground at rest.
+        Ground motion; None means that the ground is at rest.
     method : Integrator
-        The method with its parameters.
+        Method with its parameters.
     allow_unstable : bool
-        Run a method beyond its limit, and take a motion on energy that the method made for a
-        result.
+        Run a method above its stability limit, and accept a response whose energy was produced by
+        the method.
     remarks : tuple of str
-        What is to be said of how the case came about, one sentence each; they stand among the notes
-        of its runs.
+        Notes on the preparation of the case, one sentence each; they are included in the notes of
+        its runs.
     """
 
     model: Model
@@ -262,26 +311,28 @@ class Case:
 
     @property
     def building(self) -> Building:
-        """The building as arrays."""
+        """Building as arrays."""
         return self.prepared.building
 
     @cached_property
     def ground(self) -> Array:
-        """Ground acceleration at the samples, m/s^2; a zero for ground at rest."""
+        """Ground acceleration at the samples, m/s^2; a single zero if the ground is at rest."""
         return np.zeros(1) if self.record is None else self.record.acceleration.copy()
 
     @cached_property
     def plausibility_warnings(self) -> tuple[str, ...]:
         """Warnings on unusual values of the building and the ground motion, as `check` shows."""
-        # A warning of the record itself is not repeated.
+        # Warnings of the record are not repeated.
         told = self.record.warnings if self.record else ()
         pga = self.record.pga if self.record else math.nan
         unusual = doubts(self.model, self.building, pga)
         return tuple(text for text in unusual if text not in told)
 
     def _long_step(self, steps: Steps) -> list[str]:
-        """Return the warning on the step that the model or its record implies; a step that is
-        requested, or found for a tolerance, is the choice of its user."""
+        """Return the warning on the time step of the model or its record.
+
+        There is no warning on a time step that is requested or chosen for a tolerance.
+        """
         interval = self.record.dt if self.record else None
         implied = self.model.analysis.dt or interval
         if implied is None or not math.isclose(steps.h, implied, rel_tol=1e-9):
@@ -289,12 +340,13 @@ class Case:
         return long_step(self.building, steps.h, interval)
 
     def under(self, record: Record | None) -> Case:
-        """The same building and method under another ground motion."""
+        """Return the same building and method under another ground motion."""
         return replace(self, record=record)
 
     def scaled(self, factor: float) -> Case:
-        """The same case with its ground motion times a factor, not zero; forces on floors stay as
-        they are.
+        """Return the same case with the ground motion multiplied by a factor other than zero.
+
+        Forces on floors are not changed.
 
         Raises
         ------
@@ -302,17 +354,18 @@ class Case:
             There is no ground motion.
         """
         if self.record is None:
-            raise UsageError("no ground motion to scale: give a record")
+            raise UsageError("no ground motion to scale: specify a record")
         return self.under(self.record.scaled(factor))
 
     def steps(self, dt: float | None = None, duration: float | None = None) -> Steps:
-        """Time steps for a wished dt and duration (s); by default those of the model's analysis,
-        else the record's.
+        """Return the time steps for a requested dt and duration (s).
+
+        The defaults are those of the model's analysis section, otherwise those of the record.
 
         Raises
         ------
         UsageError
-            A step that does not fit, or none where there is no record to take it from.
+            The time step is invalid, or it is missing and there is no record.
         """
         dt = self.model.analysis.dt if dt is None else dt
         duration = self.model.analysis.duration if duration is None else duration
@@ -324,15 +377,24 @@ class Case:
             dt, duration, record.dt if record else None, record.duration if record else 0.0
         )
 
-    def march(self, steps: Steps, history: bool = False) -> Response:
-        """Integrate over the steps.
+    def integrate(self, steps: Steps, history: bool = False) -> Response:
+        """Integrate over the time steps.
+
+        Parameters
+        ----------
+        steps : Steps
+            Time steps.
+        history : bool, default False
+            Keep the response history.
 
         Raises
         ------
         FailedRun
-            The step is beyond the method's limit; the run diverged or did not converge.
+            The time step is above the stability limit of the method, the run diverged or did not
+            converge.
         """
-        # A step beyond the method's limit for the building's modes in its initial state is refused.
+        # Reject a time step above the stability limit of the method for the modes of the initial
+        # state.
         instability = (
             None if self.allow_unstable else self.prepared.instability(self.method, steps.h)
         )
@@ -353,7 +415,7 @@ class Case:
                 "--allow-unstable"
             )
             raise FailedRun(message, UNSTABLE, self.method.label, h, largest_stable_dt=stable)
-        # A run that fails after a collapse is made again up to that.
+        # A run that fails after a collapse is repeated up to the collapse.
         marched = self._integrate(steps, history)
         collapse = self.judge(steps, marched.code, marched.space.totals)
         if marched.code < 0:
@@ -363,47 +425,60 @@ class Case:
             marched = self._integrate(steps, history)
         error = energy_of(marched.space.totals).error
         if not -error < RUNAWAY and not self.allow_unstable:
-            reason = f"the motion ends with {1.0 - error:.3g} times the input energy"
+            reason = f"the final energy is {1.0 - error:.3g} times the input energy"
             raise self._ran_away(steps, marched.space, reason)
         return self._response(steps, marched, collapse)
 
     def history_chunks(self, steps: Steps, largest: float, every: int = 1) -> Iterator[History]:
-        """The history of a run that came to its end, made again in pieces: of every so many steps,
-        from the first one.
+        """Yield the history of a completed run in chunks, by repeating the time integration.
 
-        `largest` is the run's largest energy. Together the pieces are what `march` keeps, bit for
-        bit.
+        The chunks together equal the history that `integrate` keeps, bit for bit.
+
+        Parameters
+        ----------
+        steps : Steps
+            Time steps of the run.
+        largest : float
+            Maximum input energy of the run, J.
+        every : int, default 1
+            Keep every N-th step, from the first.
         """
-        for space in self.prepared.march_pieces(self.method, steps, self.ground, every=every):
+        for space in self.prepared.integrate_in_chunks(
+            self.method, steps, self.ground, every=every
+        ):
             yield history_of(self.building, self.prepared.forces, space, steps.h, largest)
 
-    def _integrate(self, steps: Steps, history: bool = False) -> Marched:
-        return self.prepared.march(
+    def _integrate(self, steps: Steps, history: bool = False) -> IntegrationResult:
+        """Integrate over the time steps and return the arrays."""
+        return self.prepared.integrate(
             self.method, steps, self.ground, history_rows=steps.count if history else 0
         )
 
     def _failure(self, steps: Steps, space: Workspace, code: int) -> FailedRun:
+        """Return the exception for the failed step: divergence or missing convergence."""
         residual = float(space.step_status[rows.RESIDUAL])
         if code == rows.NOT_FINITE or not residual < _OVERFLOW:
             return self._ran_away(steps, space)
         reached = float(space.totals[rows.STEPS_REACHED]) * steps.h
         story = int(space.step_status[rows.WORST_STORY]) + 1
         event = (
-            f"did not converge after {reached:.6g} s, with the step halved {HALVINGS} times: story "
-            f"{story} is out of balance by {residual:.1e} of its forces"
+            f"did not converge after {reached:.6g} s, with the step halved {HALVINGS} times: the "
+            f"residual of story {story} is {residual:.1e} of its forces"
         )
         return self._failed(
             steps, NOT_CONVERGED, event, time=reached, story=story, residual=residual
         )
 
     def _ran_away(self, steps: Steps, space: Workspace, reason: str = "") -> FailedRun:
-        """That a run diverged up to where it came; by default for the story whose drift is the
-        largest."""
+        """Return the exception for a run that diverged after the last time reached.
+
+        By default, the reason is the drift of the story with the maximum drift.
+        """
         # The kinetic energy of the motion relative to the ground, if it is a finite number
         with np.errstate(over="ignore", invalid="ignore"):
             energy = float(0.5 * np.sum(self.building.mass * space.state[rows.VELOCITY, :-1] ** 2))
         reached, story = float(space.totals[rows.STEPS_REACHED]) * steps.h, _runaway_story(space)
-        reason = reason or f"the drift of story {story} ran away"
+        reason = reason or f"the drift of story {story} grew without bound"
         return self._diverged(
             steps, reached, energy if math.isfinite(energy) else None, reason, story
         )
@@ -411,12 +486,29 @@ class Case:
     def _diverged(
         self, steps: Steps, reached: float, energy: float | None, reason: str, story: int
     ) -> FailedRun:
+        """Return the exception for divergence.
+
+        Parameters
+        ----------
+        steps : Steps
+            Time steps.
+        reached : float
+            Last time reached, s.
+        energy : float or None
+            Kinetic energy at that time, J, if it is finite.
+        reason : str
+            Cause, as shown in the message.
+        story : int
+            Story, from 1.
+        """
         size = "" if energy is None else f", kinetic energy {energy:.3g} J"
         event = f"diverged after {reached:.6g} s: {reason}{size}"
         return self._failed(steps, DIVERGED, event, time=reached, story=story, energy=energy)
 
     def _failed(self, steps: Steps, status: str, event: str, **told: Any) -> FailedRun:
-        """That a run ended before its time: how, in words and in numbers."""
+        """Return the exception for a run that ended early, with its message and the facts as
+        attributes.
+        """
         label = self.method.label
         notes = (
             *self.remarks,
@@ -427,16 +519,26 @@ class Case:
         return FailedRun(message, status, label, steps.h, notes=notes, **told)
 
     def judge(self, steps: Steps, code: int, numbers: Array) -> Collapse | None:
-        """When the drift first exceeded the collapse drift or a story failed, as a march noted it
-        that ended with a code and left these `numbers` (`Workspace.totals`).
+        """Return the collapse that a time integration recorded, or None.
 
-        It is the building's own if the method has made less energy by then than the input energy.
-        Else a run that came to its end has diverged, and of one that failed it is not said.
+        A collapse is the time at which a drift first exceeded the collapse drift or a story failed.
+        It is a property of the building if the energy produced by the method up to this time is
+        less than the input energy. Otherwise, a run that reached its end has diverged, and the
+        result for a failed run is None.
+
+        Parameters
+        ----------
+        steps : Steps
+            Time steps.
+        code : int
+            0, or the code of the failed step.
+        numbers : ndarray
+            `Workspace.totals`.
 
         Raises
         ------
         FailedRun
-            The run came to its end, but on energy that the method made.
+            The run reached its end, but with energy produced by the method.
         """
         if numbers[rows.COLLAPSE_STEP] == rows.NO_COLLAPSE:
             return None
@@ -454,24 +556,35 @@ class Case:
         event = (
             f"story {story} failed"
             if failed
-            else f"the drift ratio of story {story} passed the collapse drift"
+            else f"the drift ratio of story {story} exceeded the collapse drift"
         )
-        reason = f"{event} on {made:.3g} times the input energy"
+        reason = f"{event} with {made:.3g} times the input energy produced by the method"
         raise self._diverged(steps, time, energy.kinetic, reason, story)
 
     def settle(
-        self, steps: Steps, marched: MarchedRuns, i: int, history: bool = False
+        self, steps: Steps, marched: BatchResult, i: int, history: bool = False
     ) -> Collapse | Response:
-        """This run, which is the i-th of many that were marched together, where its end is in doubt
-        (`doubtful`).
+        """Return the result of run `i` of a batch that did not simply reach its end
+        (`needs_review`).
 
-        A collapse is judged from what the many left. Else the run is made again by itself: as far
-        as the many came, and through the step in which it failed.
+        A collapse is evaluated from the results of the batch. Any other run is repeated
+        individually, as far as the batch integrated it and through the step in which it failed.
+
+        Parameters
+        ----------
+        steps : Steps
+            Time steps of the run.
+        marched : BatchResult
+            Results of the batch.
+        i : int
+            Index of the run in the batch.
+        history : bool, default False
+            Keep the response history of a repeated run.
 
         Raises
         ------
         FailedRun
-            It failed.
+            The run failed.
         """
         code, taken, _ = marched.ends[i].astype(int).tolist()
         totals = marched.totals[i]
@@ -479,22 +592,25 @@ class Case:
         if at_its_end and (collapse := self.judge(steps, code, totals)):
             return collapse
         reached = max(taken, int(totals[rows.STEPS_REACHED]) + 1)
-        return self.march(replace(steps, count=max(reached, steps.count)), history)
+        return self.integrate(replace(steps, count=max(reached, steps.count)), history)
 
-    def _response(self, steps: Steps, marched: Marched, collapse: Collapse | None) -> Response:
+    def _response(
+        self, steps: Steps, marched: IntegrationResult, collapse: Collapse | None
+    ) -> Response:
+        """Return the result of a completed run with its warnings and notes."""
         space = marched.space
         energy, stories = energy_of(space.totals), story_peaks(self.building, space)
-        # Isolators are made for it, and what has no height is no story of a frame.
+        # Isolators are designed for large ductility. A story without height is not part of a frame.
         usual = np.isfinite(self.building.heights) & (not self.model.plausibility_off)
         ductility = np.where(usual, stories.ductility, math.nan)
-        # First the warnings of `check`: all other numbers follow from the building.
+        # The warnings of `check` are first, because all results depend on the building.
         unusual = [*self.plausibility_warnings, *self._long_step(steps)]
         warnings = unusual_stories(DUCTILITY, ductility)
         if not abs(energy.error) <= _LARGE_IMBALANCE:
-            change = "lost to" if energy.error > 0.0 else "made by"
+            change = "dissipated by" if energy.error > 0.0 else "produced by"
             warnings.insert(
                 0,
-                f"the energy balance is off by {100.0 * abs(energy.error):.2g} % of the input "
+                f"the energy imbalance is {100.0 * abs(energy.error):.2g} % of the input "
                 f"energy, {change} the method: use a smaller step or another method",
             )
         kept = space.history.size
@@ -523,7 +639,7 @@ class Case:
         return replace(response, notes=self._notes(response))
 
     def _notes(self, response: Response) -> tuple[str, ...]:
-        """What there is to say of a run, which a collapse may have ended before its time."""
+        """Return the notes on a run, which a collapse may have ended early."""
         record, end, moving = (
             self.record,
             response.steps * response.dt,
@@ -538,14 +654,14 @@ class Case:
         elif record and not ended:
             notes += cut_off([record], end)
         if self.method.family.linear_only and self.model.excitation.forces:
-            notes.append("exact takes harmonic forces as linear between the steps")
+            notes.append("exact interpolates harmonic forces linearly between time steps")
         notes += self._stiffening_note()
         if response.substeps:
             notes.append(
-                f"steps that did not converge were halved, {how_many(response.substeps, 'time')} "
-                "in all"
+                "time steps that did not converge were halved "
+                f"({how_many(response.substeps, 'time')} in total)"
             )
-        # Peaks that the step is too long to tell.
+        # Peaks that the time step does not resolve
         kinds = {
             "drifts": "peak_drift",
             "displacements": "peak_displacement",
@@ -553,8 +669,8 @@ class Case:
         }
         kinds["accelerations"] = "peak_absolute_acceleration"
         hidden = [
-            words
-            for words, name in kinds.items()
+            label
+            for label, name in kinds.items()
             if np.any(
                 getattr(response.interstep_bound, name)
                 > _UNRESOLVED * getattr(response.stories, name)
@@ -562,10 +678,11 @@ class Case:
         ]
         if hidden:
             notes.append(
-                "the step is too long for the fastest modes: between the steps, peak "
-                f"{', '.join(hidden)} may be larger than those given; use a smaller step"
+                "the time step does not resolve the highest modes: between time steps, peak "
+                f"{', '.join(hidden)} may be larger than reported; use a smaller step"
             )
-        # Drifts at the end that are not residual ones; under forces on floors there is no rest.
+        # Drifts at the end that are not yet residual drifts. Forces on floors prevent a state of
+        # rest.
         i = int(np.argmax(moving))
         still = moving[i] <= _MOVING * np.max(response.stories.peak_drift)
         if record and not (ended or self.model.excitation.forces or still):
@@ -573,18 +690,22 @@ class Case:
             by = (
                 f"{1e3 * moving[i]:.2g} mm" if length == "m" else f"{moving[i] / size:.2g} {length}"
             )
-            beyond = end - record.duration  # the period is looked for where it is asked for alone
-            waited = beyond > 0.0 and beyond >= REST_PERIODS * self.prepared.period
+            # The period is computed only if the run continues after the record.
+            extra = end - record.duration
+            waited = extra > 0.0 and extra >= REST_PERIODS * self.prepared.period
             until = (
-                f"--until-rest waits for {REST_PERIODS:g} first periods" if waited else _UNTIL_REST
+                f"--until-rest stops after {REST_PERIODS:g} first periods"
+                if waited
+                else _UNTIL_REST
             )
             notes.append(
-                f"the building still moves at the end, the drift of story {i + 1} by about {by} to "
-                f"either side: residual drifts are those of the last moment; {until}"
+                f"the building still vibrates at the end (drift of story {i + 1} by about +-{by}): "
+                f"residual drifts are instantaneous values; {until}"
             )
         return tuple(notes)
 
     def _stiffening_note(self) -> tuple[str, ...]:
+        """Return a note if the method is unstable for a story that stiffens."""
         if not self.method.family.limited_by_stiffening:
             return ()
         laws = [story.law for story in self.model.stories]
@@ -594,23 +715,26 @@ class Case:
         if not stories:
             return ()
         return (
-            f"{self.method.method.name} is stable only for small steps where a story becomes "
-            f"stiffer than at rest, as story {stories[0]} can: check with a smaller step",
+            f"{self.method.method.name} is stable only for small time steps if a story becomes "
+            f"stiffer than initially, which is possible for story {stories[0]}: check with a "
+            "smaller step",
         )
 
 
 def case_of(given: Case) -> Case:
-    """A case; UsageError for what is none."""
+    """Return the argument, or raise UsageError if it is not a Case."""
     if not isinstance(given, Case):
         raise UsageError(
-            f"a case is what prepare(model, record) gives, got a {type(given).__name__}"
+            f"case must be a result of prepare(model, record), got {type(given).__name__}"
         )
     return given
 
 
-def doubtful(marched: MarchedRuns) -> NDArray[np.bool_]:
-    """Runs that did not come to their end, collapsed, or went on with energy that the method made;
-    shape (runs,)."""
+def needs_review(marched: BatchResult) -> NDArray[np.bool_]:
+    """Return True for runs that failed, collapsed, or ended with energy produced by the method.
+
+    The result has the shape (runs,).
+    """
     numbers = marched.totals
     made = ~(-energy_errors(numbers) < RUNAWAY)
     collapsed = numbers[:, rows.COLLAPSE_STEP] != rows.NO_COLLAPSE
@@ -618,8 +742,7 @@ def doubtful(marched: MarchedRuns) -> NDArray[np.bool_]:
 
 
 def _runaway_story(space: Workspace) -> int:
-    """The story with the largest drift, from 1; the first one that is no number before all
-    others."""
+    """Return the story (from 1) with the maximum drift, or the first without a finite drift."""
     u = space.state[rows.DISPLACEMENT, :-1]
     finite = np.isfinite(u)
     if not finite.all():
@@ -628,28 +751,34 @@ def _runaway_story(space: Workspace) -> int:
 
 
 REST_PERIODS = 100.0
-"""How long a run goes on with the ground at rest, in first periods of the building."""
+"""Maximum duration with the ground at rest, in first periods of the building."""
 
 AT_REST = 1e-3
-"""Amplitude of what is left of the motion, over the largest displacement, from which a building is
-at rest."""
+"""Dimensionless. Amplitude of the remaining motion divided by the maximum displacement, below which
+a building is at rest.
+"""
 
 
-def windows(prepared: PreparedBuilding, h: float) -> Rest:
-    """The first periods by which a run of steps h (s) goes on until the velocities in one of them
-    are those of an amplitude below `AT_REST` times the largest displacement; `REST_PERIODS` of them
-    at most."""
+def windows(prepared: PreparedBuilding, h: float) -> RestCriterion:
+    """Return the criterion for the end of free vibration with time steps of h (s).
+
+    A window is one first period. The run ends after a window with velocities below those of an
+    amplitude of `AT_REST` times the maximum displacement, at the latest after `REST_PERIODS`
+    windows.
+    """
     period = prepared.period
-    return Rest(math.ceil(period / h), round(REST_PERIODS), AT_REST * 2.0 * math.pi / period)
+    return RestCriterion(
+        math.ceil(period / h), round(REST_PERIODS), AT_REST * 2.0 * math.pi / period
+    )
 
 
 def until_rest(case: Case, steps: Steps) -> tuple[Steps, bool]:
-    """The steps of a run that goes on until the building is at rest, and whether it comes to that.
+    """Return the time steps of a run until rest, and True if the building comes to rest.
 
-    Where the run fails on the way, the steps are those with which it does.
+    If the run fails, the steps include the step of the failure.
     """
-    rest, lane = windows(case.prepared, steps.h), Lane(0, case.ground.size, 1.0, steps)
-    marched = case.prepared.march_many(case.method, steps.h, case.ground, [lane], rest)
+    rest, lane = windows(case.prepared, steps.h), RunSpec(0, case.ground.size, 1.0, steps)
+    marched = case.prepared.integrate_batch(case.method, steps.h, case.ground, [lane], rest)
     code, count, at_rest = marched.ends[0].tolist()
     if code < 0:
         count += rest.window

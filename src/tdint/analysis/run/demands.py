@@ -1,5 +1,7 @@
-"""Engineering demand parameters of runs, demands for short: the largest of each kind, and the story
-or floor of it; and the values of many runs, of which columns are made."""
+"""Engineering demand parameters of runs (demands), and the columns of many runs.
+
+A demand is the maximum over the stories or floors, with the story or floor of the maximum.
+"""
 
 from __future__ import annotations
 
@@ -17,15 +19,16 @@ from tdint.units import Quantity, quantities
 
 
 class Largest(NamedTuple):
-    """A largest value, and its story or floor from 1; nan and None where no story has one."""
+    """Maximum and its story or floor, from 1; nan and None if no story has a value."""
 
     value: float
     place: int | None
 
 
 class LargestOfRuns(NamedTuple):
-    """Largest values of many runs and their stories or floors from 1, shape (runs,); nan and 0
-    where there is none."""
+    """Maxima of many runs and their stories or floors, from 1, shape (runs,); nan and 0 without
+    value.
+    """
 
     value: Array
     place: NDArray[np.int64]
@@ -33,18 +36,17 @@ class LargestOfRuns(NamedTuple):
 
 @dataclass(frozen=True)
 class Demand(Quantity):
-    """A demand, as the annotation of its field; `value` gives the numbers of the stories from their
-    values and heights.
+    """Annotation of a demand field; `value` computes the story values from the peaks and the
+    heights.
 
     Attributes
     ----------
     story : int or None
-        The one whose number is meant, as an index; None for the largest of all.
+        Index of the story of the demand; None for the maximum of all stories.
     place : str
-        What a place is: story or floor.
+        Type of location: story or floor.
     of_stories : str
-        In place of a `value`: the quantity of the stories that it is the largest of; its own name
-        by default.
+        Quantity of the stories, if there is no `value`; by default the name of the demand.
     """
 
     story: int | None = None
@@ -53,11 +55,11 @@ class Demand(Quantity):
 
     @property
     def of_place(self) -> str:
-        """The name of its place: that of the number, without its unit."""
+        """Name of the column of the location, without unit."""
         return f"{self.called or self.name}_{self.place}"
 
     def of(self, stories: StoryPeaks) -> LargestOfRuns:
-        """The largest of each run, from peaks of shape (runs, n) or (n,); nan is passed over."""
+        """Return the maximum of each run from peaks of shape (runs, n) or (n,); nan is ignored."""
         values = np.atleast_2d(self._of(stories, stories.height))
         if self.story is not None:
             value = values[:, self.story]
@@ -69,10 +71,10 @@ class Demand(Quantity):
         return LargestOfRuns(value, np.where(np.isnan(value), 0, place + 1))
 
     def error(self, stories: StoryPeaks, errors: StoryErrors) -> float:
-        """Its estimated error in a run; nan where there is none.
+        """Return the estimated error of the demand in a run; nan if it is unknown.
 
-        Any story may have the largest value that could with its error: the largest error among
-        those.
+        Every story with a possible maximum within its error is considered; the result is the
+        largest error of these stories.
         """
         values, off = (self._of(given, stories.height) for given in (stories, errors))
         if self.story is not None:
@@ -84,7 +86,7 @@ class Demand(Quantity):
         return float(np.max(off[values + off >= np.max(values)]))
 
     def _of(self, given: StoryValues, height: Array) -> Array:
-        """The numbers of the stories, shape (..., n)."""
+        """Return the values of the stories, shape (..., n)."""
         return np.asarray(
             self.value(given, height)
             if self.value
@@ -97,13 +99,13 @@ Found = TypeVar("Found")
 
 @dataclass(frozen=True)
 class Demands(Generic[Found]):
-    """The largest demands of a run (`Largest`), or of many (`LargestOfRuns`), SI units."""
+    """Demands of a run (`Largest`) or of many runs (`LargestOfRuns`), SI units."""
 
     roof_displacement: Annotated[
         Found,
         Demand(
             "m",
-            "largest displacement of the roof, relative to the ground",
+            "maximum absolute displacement of the roof, relative to the ground",
             of_stories="peak_displacement",
             story=-1,
         ),
@@ -112,7 +114,7 @@ class Demands(Generic[Found]):
         Found,
         Demand(
             "N",
-            "largest restoring force of the first story, without viscous forces",
+            "maximum absolute restoring force of the first story, without viscous forces",
             of_stories="peak_shear",
             story=0,
         ),
@@ -121,7 +123,8 @@ class Demands(Generic[Found]):
         Found,
         Demand(
             "N",
-            "largest force between building and ground: restoring, P-delta and all viscous forces",
+            "maximum absolute force between building and ground: restoring, P-delta and all "
+            "viscous forces",
             of_stories="peak_total_shear",
             story=0,
         ),
@@ -169,9 +172,9 @@ class Demands(Generic[Found]):
 DECLARED: tuple[Demand, ...] = tuple(
     demand for demand in quantities(Demands) if isinstance(demand, Demand)
 )
-"""The demands of `Demands`."""
+"""Demands that are fields of `Demands`."""
 
-_SAID = frozenset(
+_COVERED = frozenset(
     (
         "peak_drift",
         "peak_drift_ratio",
@@ -184,49 +187,50 @@ _SAID = frozenset(
         "peak_absolute_acceleration",
     )
 )
-"""Quantities of a story that the demands above are made of, or say better."""
+"""Story quantities that are included in the demands above."""
 
 DEMANDS: tuple[Demand, ...] = (
     *DECLARED,
     *(
         Demand(quantity.unit, f"{quantity.meaning}; of all stories", name=quantity.name)
         for quantity in STORY
-        if quantity.name not in _SAID
+        if quantity.name not in _COVERED
     ),
 )
-"""What a summary tells of a run, in its order: the demands above, and the largest of what they are
-not made of."""
+"""Demands of a summary in its order: the demands above, and the maxima of the other story
+quantities.
+"""
 
 
 def demands(stories: StoryPeaks) -> Demands[Largest]:
-    """The largest demands in the building."""
+    """Return the demands of the building."""
     return Demands(**{demand.name: only(demand.of(stories)) for demand in DECLARED})
 
 
 def demands_of_runs(stories: StoryPeaks) -> Demands[LargestOfRuns]:
-    """The largest demands of many runs of a building, peaks of shape (runs, n)."""
+    """Return the demands of many runs of a building from peaks of shape (runs, n)."""
     return Demands(**{demand.name: demand.of(stories) for demand in DECLARED})
 
 
 def only(demand: Any) -> Largest:
-    """The one run's."""
+    """Return the demand of a single run."""
     return Largest(float(demand.value[0]), int(demand.place[0]) or None)
 
 
-# ---- Values of runs, as `Runs.to_dict`, runs.csv and the store of a campaign have them
+# ---- Values of runs for `Runs.to_dict`, runs.csv and the store of a campaign
 
 HIDDEN: tuple[str, ...] = ()
-"""Where a quantity of a run appears that only the store has."""
+"""Value of `shown` for a quantity that only the store contains."""
 
 Counts = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class RunValues:
-    """What runs come to, arrays of shape (runs,), SI units: the columns of which a result of many
-    runs, a row of a store and its tables have theirs.
+    """Columns of many runs, arrays of shape (runs,), SI units.
 
-    A field is all there is to a column. Its `value` follows from the `Demands` of the runs.
+    The results of many runs, the rows of a store and its tables use these columns. A field defines
+    a column completely. Its `value` is computed from the `Demands` of the runs.
     """
 
     dt: Annotated[Array, Quantity("s", "time step, after repetitions with finer ones")]
@@ -289,33 +293,34 @@ class RunValues:
     ]
     at_rest: Annotated[
         Counts,
-        Quantity("1", "whether it came to rest, where that was waited for", shown=HIDDEN, kind=int),
+        Quantity("1", "1 if the run came to rest, if this was requested", shown=HIDDEN, kind=int),
     ]
     repeats: Annotated[
         Counts,
-        Quantity("1", "how often it was repeated with half of the step", shown=HIDDEN, kind=int),
+        Quantity("1", "number of repetitions with half the time step", shown=HIDDEN, kind=int),
     ]
 
 
 RUN = quantities(RunValues)
-"""The quantities of a run, in the order of their columns."""
+"""Quantities of a run, in the order of their columns."""
 
 DEMANDED = tuple(quantity for quantity in RUN if quantity.value)
-"""Those of them that follow from its demands."""
+"""Quantities that are computed from the demands."""
 
 RUN_WITH_ERROR = tuple(quantity for quantity in DEMANDED if quantity.kind is float)
-"""Those of them whose errors can be estimated."""
+"""Quantities with error estimates."""
 
 
 def demand_columns(stories: StoryPeaks) -> dict[str, Array]:
-    """The fields of `RunValues` that follow from the demands of runs with these peaks, shape (runs,
-    n)."""
+    """Return the fields of `RunValues` that follow from the demands, from peaks of shape
+    (runs, n).
+    """
     largest = demands_of_runs(stories)
     return {quantity.name: quantity.value(largest) for quantity in DEMANDED if quantity.value}
 
 
 def demand_errors(stories: StoryPeaks, errors: StoryErrors) -> tuple[float, ...]:
-    """The estimated errors of the demands of a run, in the order of `RUN_WITH_ERROR`."""
+    """Return the estimated errors of the demands of a run, in the order of `RUN_WITH_ERROR`."""
     largest = Demands(
         **{demand.name: Largest(demand.error(stories, errors), None) for demand in DECLARED}
     )

@@ -1,21 +1,26 @@
-"""How far off the peaks of a run are: by one more run, of `impulse4` with half of the step,
-whatever the method.
+"""Error estimates of the peaks of a run.
 
-With the peaks P of a run and P1 of the other one the error of P is told as
+By default, the errors of any method are estimated by one additional run of `impulse4` with half the
+time step. With the peaks P of the run and the peaks P1 of the additional run, the estimated error
+of each P is the maximum of
 
-    max(4/3 |P - P1|, a fifth of the stories' root mean square of that over the peaks, times P, 1e-5
-    P)
+    4/3 |P - P1|
+    0.2 P times the root mean square over the stories of 4/3 |P - P1| / P
+    1e-5 P
 
-The factor is that of Richardson's extrapolation for order 2: what the other run errs by itself is
-less than a third of the difference, for it locates yielding inside its steps and keeps order 4
-there. It is no bound: how often it is too small stands in tests/README.md, "How honest told errors
-are". Where P1 agrees with P by accident the stories beside tell; and no error is told to be less
-than what a peak may be larger by between steps that do not resolve the motion. `exact` is told by
-itself, under a record without floor forces, where it errs by what its peaks have between steps.
+The factor 4/3 is that of Richardson extrapolation at second order. The error of the additional run
+is less than one third of the difference, because `impulse4` locates yielding within the time step
+and remains of fourth order. The estimate is not a bound: the section "How honest told errors are"
+of tests/README.md reports how often it is too small. The second term covers a story in which P and
+P1 agree by accident. If the time step does not resolve the motion, the estimate is also at least
+the possible excess of the peak between time steps.
 
-A run that goes on until rest ends while a little of its motion is left: that is added to the errors
-of residual drifts. A run of long steps ends after the time that was asked for, the record's end as
-a rule: what the drifts have changed by since then is added to the errors of residual drifts.
+`exact` is its own reference, except under forces on floors. Its errors are those of the peaks
+between time steps.
+
+The errors of residual drifts have two additional terms. A run until rest ends while a small part of
+the motion remains; the amplitude of this motion is added. A run with long time steps ends after the
+requested time, usually the end of the record; the change of the drifts since that time is added.
 """
 
 from __future__ import annotations
@@ -41,53 +46,86 @@ from tdint.arrays import Array
 from tdint.methods.catalogue import DEFAULT_METHOD, parse
 
 REFERENCE, _EXACT = parse(DEFAULT_METHOD), parse("exact")
-"""The method of the run that tells the errors, and the one that tells its own."""
+"""Method of the additional run that estimates the errors, and the method that is its own reference.
+"""
 
 _OF_DIFFERENCE = 4.0 / 3.0
-"""Error over the difference from a run with half of the step, for order 2: 1 / (1 - 2^-2)."""
+"""Dimensionless. Error divided by the difference from a run with half the time step, at second
+order: 1 / (1 - 2^-2).
+"""
 
 _COMMON = 0.2
-"""Part of the stories' root mean square error, over the peaks, below which none is told. Of 100
-random buildings with eight methods .1 % of told drifts and .3 % of damper forces are then less than
-a half of the true error, and 2 to 6 % of a column more than ten times as large; with all of it .03
-and .05 %, and 7 to 20 %; with nothing .26 and .35 %."""
+"""Dimensionless. Minimum relative error of a story divided by the root mean square of the relative
+errors of all stories. In 100 random buildings with eight methods, 0.1 % of the estimated errors of
+drifts and 0.3 % of those of damper forces are less than half the true error, and 2 to 6 % per
+column are more than ten times the true error. With a factor of 1 these shares are 0.03 %, 0.05 %
+and 7 to 20 %; with a factor of 0, the first two are 0.26 % and 0.35 %.
+"""
 
 _FLOOR = 1e-5
-"""Error over the peak that is told at least: below it iterations' tolerances, and what both runs
-miss alike between steps, are part of it."""
+"""Dimensionless. Minimum error estimate divided by the peak. Smaller errors include the tolerances
+of iterations and the errors between time steps that both runs have in common.
+"""
 
 _LONG = 2.0
-"""Processor time of time loops, s, from which a run says what its errors take."""
+"""Processor time of the time loops, s, above which a note states the time for error estimation."""
 
 
-def told_run(
+def run_with_error_estimate(
     case: Case, steps: Steps, history: bool = False, *, of_history: bool = False
 ) -> Response:
-    """The response to `steps` with its errors; `of_history`: with those of its history, too.
+    """Integrate a case over `steps` and estimate the errors of its peaks.
+
+    Parameters
+    ----------
+    case : Case
+        Building, ground motion and method.
+    steps : Steps
+        Time steps.
+    history : bool, default False
+        Keep the response history.
+    of_history : bool, default False
+        Estimate the errors of the history also.
 
     Raises
     ------
     FailedRun
-        As from `Case.march`.
+        As by `Case.integrate`.
     """
     case.prepared.compile(
         [case.method, reference(case).method]
-    )  # both side by side, where they are not yet
-    return told(case, steps, case.march(steps, history), of_history=of_history)
+    )  # missing kernels of both methods are compiled in parallel
+    return with_error_estimate(case, steps, case.integrate(steps, history), of_history=of_history)
 
 
 def reference(case: Case) -> Case:
-    """The case whose run tells the errors of another one's: the same with `impulse4`; of `exact`
-    itself."""
+    """Return the case whose run estimates the errors of `case`.
+
+    Its method is `impulse4`, or `exact` if the method of the case is `exact` and there are no
+    forces on floors.
+    """
     itself = case.method.label == _EXACT.label and not case.model.excitation.forces
     return replace(case, method=_EXACT if itself else REFERENCE, remarks=())
 
 
-def told(case: Case, steps: Steps, response: Response, *, of_history: bool = False) -> Response:
-    """A response to `steps` with the errors that one more run tells, unknown ones and a note where
-    that fails or ends at another time.
+def with_error_estimate(
+    case: Case, steps: Steps, response: Response, *, of_history: bool = False
+) -> Response:
+    """Return a response to `steps` with error estimates from one additional run.
 
-    A run that ended with a collapse is compared up to there.
+    If the additional run fails or ends at another time, the errors are nan and a note states the
+    reason. For a run that ended with a collapse, the comparison covers the time up to the collapse.
+
+    Parameters
+    ----------
+    case : Case
+        Building, ground motion and method of the response.
+    steps : Steps
+        Time steps of the response.
+    response : Response
+        Result of the run.
+    of_history : bool, default False
+        Estimate the errors of the history also, if the response has a history.
     """
     other = attempt(reference(case), finer(replace(steps, count=response.steps)))
     if isinstance(other, FailedRun):
@@ -101,12 +139,12 @@ def told(case: Case, steps: Steps, response: Response, *, of_history: bool = Fal
         method=other.method,
         corrected=other.stories,
     )
-    # What goes on to grow when a run ends is not corrected: the other one may have ended a step
-    # before.
+    # If a collapse ends the run, peaks still grow at its end. They are not corrected, because the
+    # additional run may have ended one time step earlier.
     if response.collapse is not None and response.collapse.ended:
         note = (
-            f"the run ends with the step to {response.collapse.time:.6g} s, in which it collapses: "
-            "what that adds to peaks that grow until then is no part of their errors"
+            f"the run ends at {response.collapse.time:.6g} s with the step in which it collapses: "
+            "error estimates exclude the growth of the peaks in this step"
         )
         response, check = (
             replace(response, notes=(*response.notes, note)),
@@ -114,8 +152,8 @@ def told(case: Case, steps: Steps, response: Response, *, of_history: bool = Fal
         )
     if (spent := response.solver_time + other.solver_time) > _LONG:
         note = (
-            f"{other.solver_time:.2g} of {spent:.2g} s of the time loops tell the errors; "
-            "--no-check leaves them out"
+            f"error estimation took {other.solver_time:.2g} of {spent:.2g} s of solver time; "
+            "--no-check omits it"
         )
         response = replace(response, notes=(*response.notes, note))
     if of_history and response.history_chunks is not None and other.history_chunks is not None:
@@ -130,14 +168,25 @@ def told(case: Case, steps: Steps, response: Response, *, of_history: bool = Fal
 def story_errors(
     response: Response | Shock, other: Response | Shock, of_difference: float = _OF_DIFFERENCE
 ) -> StoryErrors:
-    """The errors of the peaks of a run, or of a shock in it, that another one tells: so much of
-    their difference, and no less than the module says."""
+    """Estimate the errors of the peaks of a run, or of an event of a sequence, from another run.
+
+    Parameters
+    ----------
+    response : Response or Shock
+        Result with the peaks.
+    other : Response or Shock
+        The same of the additional run.
+    of_difference : float
+        Error divided by the difference of the peaks. The other terms are described in the module
+        docstring.
+    """
 
     def errors(name: str) -> Array:
         size = getattr(response.stories, "peak_drift" if name == "residual_drift" else name)
         off = of_difference * np.abs(getattr(response.stories, name) - getattr(other.stories, name))
         error: Array = np.maximum(off, np.maximum(_COMMON * common(off, size), _FLOOR * size))
-        # What the steps do not resolve of a peak, or leave to a drift that is told later
+        # Possible excess of a peak between time steps, or change of a drift after the requested
+        # time
         bound: Array = getattr(response.interstep_bound, name)
         return error + bound if name == "residual_drift" else np.maximum(error, bound)
 
@@ -145,15 +194,19 @@ def story_errors(
 
 
 def common(errors: Array, size: Array) -> Array:
-    """The root mean square over the stories of errors relative to a size, times that size."""
+    """Return the root mean square over the stories of `errors` relative to `size`, times `size`."""
     moved = size > 0.0
     relative = np.divide(errors, size, out=np.zeros_like(errors), where=moved)
     return np.asarray(np.sqrt(np.sum(relative**2) / max(np.count_nonzero(moved), 1)) * size)
 
 
 def ended_at_rest(response: Response) -> Response:
-    """The response of a run that has gone on until rest: its residual drifts are those at rest,
-    from which what is left of the motion keeps them."""
+    """Return the response of a run until rest with the remaining motion in the errors of its
+    residual drifts.
+
+    The residual drifts of this run are the drifts at rest, from which the drifts at its end differ
+    by the amplitude of the remaining motion.
+    """
     if response.check is None:
         return response
     moving = np.maximum(
@@ -166,17 +219,18 @@ def ended_at_rest(response: Response) -> Response:
 
 
 def attempt(case: Case, steps: Steps, history: bool = False) -> Response | FailedRun:
-    """The response to `steps`, or why there is none."""
+    """Return the response to `steps`, or the failure of the run."""
     try:
-        return case.march(steps, history)
+        return case.integrate(steps, history)
     except FailedRun as failure:
         return failure
 
 
 def _unknown(response: Response, reason: str) -> Response:
-    nothing = np.full_like(response.stories.peak_drift, np.nan)
-    errors = StoryErrors(*(nothing for _ in fields(StoryErrors)))
-    notes = (*response.notes, f"no error is told: {reason}")
+    """Return the response with unknown errors (nan) and a note with the reason."""
+    unknown = np.full_like(response.stories.peak_drift, np.nan)
+    errors = StoryErrors(*(unknown for _ in fields(StoryErrors)))
+    notes = (*response.notes, f"no error estimate: {reason}")
     return replace(response, check=ErrorEstimate(errors, (), None, None), notes=notes)
 
 
@@ -185,12 +239,15 @@ def _chunks_with_error(
     others: Callable[[int], Iterator[History]],
     every: int = 1,
 ) -> Iterator[History]:
+    """Yield the chunks of a history with errors; `others` has half the time step."""
     return map(_with_error, pieces(every), others(2 * every))
 
 
 def _with_error(history: History, other: History) -> History:
-    """A history with its error, true less computed, where another run's at the same times is
-    true."""
+    """Return a history with its error, the true minus the computed value.
+
+    The history `other` at the same times is used as the true value.
+    """
     errors = {
         one.name: getattr(other, one.name) - getattr(history, one.name)
         for one in fields(ErrorHistory)

@@ -1,9 +1,9 @@
-"""Derivatives of a run's peaks by numbers of its building and by the scale of its record:
-differences of neighbors.
+"""Derivatives of the peaks of a run with respect to parameters of the building and the record
+scale.
 
-Every method and law has them. They are derivatives of what is computed: where a peak passes from
-one time or side to another, or a story just yields, that has a kink, and the one-sided differences
-part.
+Derivatives are differences between neighboring runs, for every method and hysteresis model. They
+are derivatives of the computed peaks. If the time or the side of a peak changes, or a story just
+reaches yield, the peak has a kink and the one-sided differences are different.
 """
 
 from __future__ import annotations
@@ -24,17 +24,20 @@ from tdint.model.definition import (
 )
 
 SCALE = "record.scale"
-"""What of `vary` is not the building's: a factor on the ground motion."""
+"""Name in `vary` that is not a parameter of the building: factor on the ground motion."""
 
 SIZE = 1e-4
-"""Of a neighbor's distance, over the number. Of 13 771 pairs in 75 random buildings 95 % are within
-4e-6 of differences ten times smaller, .2 % beyond 1 % of the story's largest derivative; ten times
-larger ones 4e-4 and .7 %."""
+"""Dimensionless. Distance of a neighbor divided by the value of the parameter. For 13 771 pairs in
+75 random buildings, 95 % of the derivatives agree within 4e-6 of the largest derivative of the
+story with differences ten times smaller, and 0.2 % differ by more than 1 %. With a ten times larger
+distance these values are 4e-4 and 0.7 %.
+"""
 
 
 def slopes(base: Array, near: Array, offsets: Array) -> tuple[Array, Array]:
-    """Derivatives at 0 of the parabolas through values there and at two offsets, and half of what
-    the two one-sided differences part by.
+    """Return derivatives at 0 of parabolas, and half the difference of the one-sided derivatives.
+
+    Each parabola interpolates the value at 0 and the values at two offsets.
 
     Parameters
     ----------
@@ -43,22 +46,24 @@ def slopes(base: Array, near: Array, offsets: Array) -> tuple[Array, Array]:
     near : ndarray, shape (runs, parameters, 2, ...)
         Values at the offsets.
     offsets : ndarray, shape (runs, parameters, 2)
+        Offsets of the parameters from their values.
     """
-    one, other = np.moveaxis(offsets.reshape(offsets.shape + (1,) * (near.ndim - 3)), 2, 0)
-    to_one, to_other = (
-        (near[:, :, side] - base[:, None]) / at for side, at in ((0, one), (1, other))
+    first, second = np.moveaxis(offsets.reshape(offsets.shape + (1,) * (near.ndim - 3)), 2, 0)
+    slope_1, slope_2 = (
+        (near[:, :, side] - base[:, None]) / offset for side, offset in ((0, first), (1, second))
     )
-    return (to_one * other - to_other * one) / (other - one), 0.5 * np.abs(to_other - to_one)
+    derivative = (slope_1 * second - slope_2 * first) / (second - first)
+    return derivative, 0.5 * np.abs(slope_2 - slope_1)
 
 
 def number_at(model: Model, name: str) -> float:
-    """The number of a model that a parameter sets; 1 of factors.
+    """Return the value of a parameter in a model; 1 for factors.
 
     Raises
     ------
     UsageError
-        There is none, or several stories or modes have others: no number is the one at which to
-        differentiate.
+        The parameter has no value, or different values in several stories or modes, so that the
+        point of the derivative is not defined.
     """
     if name == SCALE:
         return 1.0
@@ -67,7 +72,8 @@ def number_at(model: Model, name: str) -> float:
         numbers = set(getattr(model.damping, "ratios", ()))
         if not numbers:
             raise UsageError(
-                f"gradient: damping has no ratio to vary: {model.name} has none, or coefficients"
+                f"gradient: damping needs damping ratios, but {model.name} has no damping or "
+                "specifies coefficients"
             )
     else:
         numbers = {
@@ -75,26 +81,28 @@ def number_at(model: Model, name: str) -> float:
             for change in changes_of(model, name)
         }
     if len(numbers) > 1:
-        told = ", ".join(f"{number:.6g}" for number in sorted(numbers))
-        hint = "" if name == "damping" else "; take one story, stories[1]..., or a factor"
+        values = ", ".join(f"{number:.6g}" for number in sorted(numbers))
+        hint = "" if name == "damping" else "; use one story, stories[1]..., or a factor"
         raise UsageError(
-            f"gradient: {name} is {told} in {model.name}: no one number to change{hint}"
+            f"gradient: {name} must have a single value in {model.name}, got {values}{hint}"
         )
     return float(numbers.pop())
 
 
 def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
-    """Two numbers near one: on both sides, or on one where the other is out of range.
+    """Return two values near the value of a parameter.
+
+    They are on both sides, or on one side if the other side is out of range.
 
     Raises
     ------
     UsageError
-        It is 0, and nothing tells what is near.
+        The value is 0 and the parameter has no natural scale.
     """
     size = SIZE * abs(value)
     changes = [] if name == SCALE else changes_of(model, name)
     if not size:
-        # Of a ratio 1 is the measure, of a dashpot that of the story's own motion.
+        # The scale is 1 for a ratio, and sqrt(stiffness * mass) of the story for a dashpot.
         bounds, story = (
             changes[0].bounds if changes else None,
             model.stories[changes[0].story if changes else 0],
@@ -105,7 +113,8 @@ def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
             size = SIZE
         else:
             raise UsageError(
-                f"gradient: {name} is 0, and nothing tells what is near it; take another number"
+                f"gradient: {name} is 0, so the size of a small change is not known; use a value "
+                "other than 0"
             )
 
     def allowed(number: float) -> bool:
@@ -117,7 +126,9 @@ def neighbors(model: Model, name: str, value: float) -> tuple[float, float]:
             return False
         return True
 
-    for one, other in ((-size, size), (size, 2.0 * size), (-size, -2.0 * size)):
-        if allowed(value + one) and allowed(value + other):
-            return value + one, value + other
-    raise UsageError(f"gradient: {name} {value:.6g} has no room on either side")
+    for first, second in ((-size, size), (size, 2.0 * size), (-size, -2.0 * size)):
+        if allowed(value + first) and allowed(value + second):
+            return value + first, value + second
+    raise UsageError(
+        f"gradient: {name} {value:.6g} cannot be changed to either side within its range"
+    )

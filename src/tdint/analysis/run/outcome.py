@@ -1,5 +1,4 @@
-"""What comes out of a run: peaks, energies, a history, error estimates; or the failure that ended
-it."""
+"""Results of a run: peaks, energies, history, error estimates, or the failure that ended it."""
 
 from __future__ import annotations
 
@@ -26,25 +25,25 @@ if TYPE_CHECKING:
 
 
 def _peak(row: int) -> Callable[[Building, Array, Array], Array]:
-    """What a row of peaks holds itself."""
+    """Return the function that reads a row of peaks."""
     return lambda building, peaks, end: peaks[..., row, :]
 
 
 @dataclass(frozen=True)
 class StoryValues:
-    """A number of each kind for each story, or for the floor above it; arrays of shape (n,), of
-    several runs (runs, n).
+    """One value of each quantity for each story, or for the floor above it.
 
-    A field is all there is to a quantity: it has its column in tables, stores and units, its error,
-    its meaning. Its value follows from the building, the rows of peaks, shape (..., PEAK_ROWS, n),
-    and the drifts at the end, (..., n).
+    The arrays have the shape (n,), or (runs, n) for several runs. A field defines a quantity
+    completely: its column in tables, stores and units, its error and its description. Its value is
+    computed from the building, the rows of peaks, shape (..., PEAK_ROWS, n), and the drifts at the
+    end, (..., n).
     """
 
     peak_drift: Annotated[
         Array,
         Quantity(
             "m",
-            "largest drift to either side: displacement relative to the floor below",
+            "maximum absolute story drift: displacement relative to the floor below",
             _peak(rows.PEAK_DRIFT),
         ),
     ]
@@ -52,7 +51,7 @@ class StoryValues:
         Array,
         Quantity(
             "1",
-            "peak drift over story height; empty without one, as of isolators: awk takes it for 0",
+            "peak drift divided by story height; empty without height (isolators): awk reads 0",
             lambda building, peaks, end: peaks[..., rows.PEAK_DRIFT, :] / building.heights,
         ),
     ]
@@ -63,7 +62,7 @@ class StoryValues:
         Array,
         Quantity(
             "N",
-            "largest restoring force of the story to either side, without viscous forces",
+            "maximum absolute restoring force of the story, without viscous forces",
             _peak(rows.PEAK_SHEAR),
         ),
     ]
@@ -71,7 +70,7 @@ class StoryValues:
         Array,
         Quantity(
             "N",
-            "largest force of the story's dashpots to either side; 0 without",
+            "maximum absolute force of the dashpots of the story; 0 without dashpots",
             lambda building, peaks, end: building.device_force(peaks[..., rows.PEAK_DRIFT_RATE, :]),
         ),
     ]
@@ -79,8 +78,7 @@ class StoryValues:
         Array,
         Quantity(
             "N",
-            "largest force that moves all floors above, to either side: restoring, P-delta and all "
-            "viscous forces",
+            "maximum absolute force on all floors above: restoring, P-delta and all viscous forces",
             _peak(rows.PEAK_TOTAL_SHEAR),
         ),
     ]
@@ -88,7 +86,7 @@ class StoryValues:
         Array,
         Quantity(
             "1",
-            "peak drift over drift at first yield",
+            "peak drift divided by drift at first yield",
             lambda building, peaks, end: peaks[..., rows.PEAK_DRIFT, :] / building.yield_drift,
         ),
     ]
@@ -96,7 +94,7 @@ class StoryValues:
         Array,
         Quantity(
             "m",
-            "largest displacement of the floor, relative to the ground",
+            "maximum absolute displacement of the floor, relative to the ground",
             _peak(rows.PEAK_DISPLACEMENT),
         ),
     ]
@@ -104,7 +102,7 @@ class StoryValues:
         Array,
         Quantity(
             "m/s",
-            "largest velocity of the floor, relative to the ground",
+            "maximum absolute velocity of the floor, relative to the ground",
             _peak(rows.PEAK_VELOCITY),
         ),
     ]
@@ -112,18 +110,18 @@ class StoryValues:
         Array,
         Quantity(
             "m/s^2",
-            "largest absolute acceleration of the floor",
+            "maximum absolute acceleration of the floor",
             _peak(rows.PEAK_ACCELERATION),
         ),
     ]
 
 
 STORY = quantities(StoryValues)
-"""The quantities of a story, in the order of their columns."""
+"""Quantities of a story, in the order of their columns."""
 
 
 def story_values(building: Building, peaks: Array, end: Array) -> dict[str, Array]:
-    """The quantities of all stories by their names."""
+    """Return the quantities of all stories by their names."""
     return {
         quantity.name: quantity.value(building, peaks, end) for quantity in STORY if quantity.value
     }
@@ -133,15 +131,15 @@ def story_values(building: Building, peaks: Array, end: Array) -> dict[str, Arra
 class StoryPeaks(Tabular, StoryValues):
     """Peaks of a run.
 
-    All are looked for between the steps too, on the quintic through displacement, velocity and
-    acceleration at both ends of a step, or of each piece of it between two changes of branch that
-    the method locates (`tdint.kernels.peaks_between_steps`), or at those that its paths tell
-    (`tdint.kernels.equations.corners`).
+    Peaks between time steps are included. They are computed from the quintic through displacement,
+    velocity and acceleration at both endpoints of a time step, or of each substep between two
+    located branch changes (`tdint.kernels.peaks_between_steps`). Some methods compute them from
+    their own paths (`tdint.kernels.equations.corners`).
 
     Attributes
     ----------
     height : ndarray, shape (n,)
-        Story height, m; nan where the model gives none.
+        Story height, m; nan if the model does not specify it.
     """
 
     height: Array
@@ -153,29 +151,30 @@ class StoryPeaks(Tabular, StoryValues):
 
 @dataclass(frozen=True)
 class StoryErrors(StoryValues):
-    """Estimated absolute errors of the peaks of the same names, in their units; nan where
-    unknown."""
+    """Estimated absolute errors of the peaks of the same names, in their units; nan if unknown."""
 
 
 @dataclass(frozen=True, repr=False)
 class Gradient(StoryValues):
-    """Derivatives of the peaks of the same names, in their units over those of the parameters;
-    arrays have the parameters first, shape (parameters, n), of many runs (runs, parameters, n); nan
-    where a neighbor has no result.
+    """Derivatives of the peaks of the same names, in their units divided by those of the
+    parameters.
+
+    The first axis of the arrays is the parameter: shape (parameters, n), or (runs, parameters, n)
+    for many runs. Values are nan if a neighboring run has no result.
 
     Attributes
     ----------
     parameters : tuple of str
-        What they are by, as asked for.
+        Names of the parameters as requested.
     values : ndarray, shape (parameters,) or (runs, parameters)
-        The numbers at which they are taken, SI units; of factors 1.
+        Parameter values at which the derivatives are computed, SI units; 1 for factors.
     kink : StoryErrors
-        Half of what the differences to either side part by: rounding and curvature where the peak
-        is smooth, the jump at a kink. An indication, no bound.
+        Half the difference of the one-sided derivatives: rounding and curvature if the peak is
+        smooth, the jump at a kink. An indication, not a bound.
     history : mapping of str to ndarray, shape (parameters, rows, n) or (runs, parameters, rows, n)
         Derivatives of the histories that were kept.
     by : str
-        How they were found.
+        Method of differentiation.
     """
 
     parameters: tuple[str, ...]
@@ -188,11 +187,11 @@ class Gradient(StoryValues):
         return f"<Gradient by {how_many(len(self.parameters), 'parameter')}: {self.by}>"
 
     def of_run(self, number: int) -> Gradient:
-        """Those of one of many runs."""
+        """Return the derivatives of one of many runs."""
         kept = {name: array[number] for name, array in self.history.items()}
         peaks, kink = (
-            {one.name: getattr(of, one.name)[number] for one in fields(StoryErrors)}
-            for of in (self, self.kink)
+            {field.name: getattr(source, field.name)[number] for field in fields(StoryErrors)}
+            for source in (self, self.kink)
         )
         both: dict[str, Any] = {**peaks, "kink": StoryErrors(**kink)}
         return replace(self, **both, values=self.values[number], history=kept)
@@ -200,18 +199,18 @@ class Gradient(StoryValues):
 
 @dataclass(frozen=True)
 class StepChoice:
-    """A step that was chosen for a tolerance.
+    """Choice of a time step for a tolerance.
 
     Attributes
     ----------
     tolerance : float
-        Largest estimated error of a peak drift, over it, that was allowed.
+        Maximum allowed ratio of the estimated error of a peak drift to that drift.
     runs : int
-        Runs with other steps, or this one, that were made for it.
+        Number of runs for the choice, including this run.
     samples : float or None
-        Sampling intervals of the record in the step; None without a record.
+        Time step in sampling intervals of the record; None without a record.
     solves_at_record : int or None
-        Solves of a run with the record's own step, where there was one.
+        Number of solves of a run with the sampling interval as time step, if such a run was made.
     """
 
     tolerance: float
@@ -222,25 +221,26 @@ class StepChoice:
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """How far off a run is, by one more run (`tdint.analysis.run.error_estimate`).
+    """Error estimate of a run from one additional run (`tdint.analysis.run.error_estimate`).
 
     Attributes
     ----------
     errors : StoryErrors
-        Estimated errors of the run's peaks.
+        Estimated errors of the peaks of the run.
     time_steps : tuple of float
-        The step of the run that tells them, s; none where that failed. Of a run that was chosen for
-        a tolerance, the steps of the pair.
+        Time step of the additional run, s; empty if it failed. For a run chosen for a tolerance,
+        the time steps of the pair.
     drift_error : float or None
-        Largest estimated error of a peak drift over that drift; None where there is no estimate.
+        Maximum ratio of the estimated error of a peak drift to that drift; None without an
+        estimate.
     drift_story : int or None
-        The story that has it, counted from 1.
+        Story with this maximum, from 1.
     method : str
-        The method of that run.
+        Method of the additional run.
     step_choice : StepChoice or None
-        How the step was chosen, if it was for a tolerance.
+        Choice of the time step, if it was chosen for a tolerance.
     corrected : StoryPeaks or None
-        The peaks of that run, nearer to the truth; None where a collapse ended the run.
+        Peaks of the additional run, which are more accurate; None if a collapse ended the run.
     """
 
     errors: StoryErrors
@@ -253,8 +253,7 @@ class ErrorEstimate:
 
     @classmethod
     def of(cls, stories: StoryPeaks, errors: StoryErrors, **more: Any) -> ErrorEstimate:
-        """The estimate of a run with these peaks, the story with the largest error of a drift
-        found."""
+        """Return the estimate for a run with the story of the maximum relative drift error."""
         drift = stories.peak_drift
         relative = np.divide(errors.peak_drift, drift, out=np.zeros_like(drift), where=drift > 0.0)
         worst = int(np.argmax(relative))
@@ -266,8 +265,7 @@ Amount = TypeVar("Amount")
 
 @dataclass(frozen=True)
 class EnergyTerms(Generic[Amount]):
-    """Where energy comes from and goes to, J: a field for each row of
-    `tdint.kernels.time_loop.observer`, in its order."""
+    """Energy terms, J: one field per row of `tdint.kernels.time_loop.observer`, in its order."""
 
     input: Annotated[Amount, "work of the load on the motion relative to the ground"]
     kinetic: Annotated[Amount, "kinetic energy of the motion relative to the ground"]
@@ -281,7 +279,7 @@ ENERGY_TERMS: dict[str, str] = {
     name: hint.__metadata__[0]
     for name, hint in get_type_hints(EnergyTerms, include_extras=True).items()
 }
-"""What each term is, by its name: that of columns and keys, too."""
+"""Description of each term by its name, which is also the name of columns and keys."""
 
 
 @dataclass(frozen=True)
@@ -296,7 +294,7 @@ class Energy(EnergyTerms[float]):
     initial : float
         Kinetic and stored energy at the start.
     reference : float
-        Maximum of initial + input on the way.
+        Maximum of initial + input during the run.
     """
 
     initial: float
@@ -304,7 +302,7 @@ class Energy(EnergyTerms[float]):
 
     @property
     def error(self) -> float:
-        """Imbalance over the largest input energy; 0 for a run without energy."""
+        """Imbalance divided by the maximum input energy; 0 for a run without energy."""
         spent = reduce(add, [getattr(self, name) for name in ENERGY_TERMS if name != "input"])
         return (
             float((self.initial + self.input - spent) / self.reference)
@@ -315,16 +313,20 @@ class Energy(EnergyTerms[float]):
 
 @dataclass(frozen=True)
 class EnergyHistory(EnergyTerms[Array]):
-    """The terms at all steps, J, and the imbalance over the run's largest input energy; shape
-    (steps + 1,)."""
+    """Energy terms at all time steps, J, and the imbalance divided by the maximum input energy.
+
+    The arrays have the shape (steps + 1,).
+    """
 
     error: Array
 
 
 @dataclass(frozen=True)
 class ErrorHistory:
-    """The error at all steps, true less computed, by the run that tells a run's errors; shape
-    (steps + 1, n)."""
+    """Estimated error at all time steps, true minus computed value, shape (steps + 1, n).
+
+    The true value is estimated by the additional run for the error estimate.
+    """
 
     displacement: Annotated[
         Array, Quantity("m", "estimated error, true less computed", shown=("floor",))
@@ -338,10 +340,11 @@ class ErrorHistory:
 
 @dataclass(frozen=True, repr=False)
 class History(Tabular):
-    """Response at all steps: `time` and `ground_acceleration` of shape (steps + 1,), the rest
-    (steps + 1, n).
+    """Response history at all time steps.
 
-    `error` is what all but the accelerations are off by, where that was asked for; else None.
+    `time` and `ground_acceleration` have the shape (steps + 1,), the other fields (steps + 1, n).
+    `error` contains the estimated errors of all quantities except accelerations if they were
+    requested, otherwise None.
     """
 
     time: Annotated[Array, Quantity("s", "time from the first sample", shown=("ground",))]
@@ -381,19 +384,18 @@ class History(Tabular):
 
     @staticmethod
     def joined(pieces: Iterable[History]) -> History:
-        """Pieces of a history as one."""
+        """Return the chunks of a history as one history."""
         parts = list(pieces)
         return parts[0] if len(parts) == 1 else _joined(parts)
 
     def every(self, steps: int) -> History:
-        """Every so many steps, from the first one; nothing is copied."""
+        """Return every N-th step, from the first, as views of the arrays."""
         thinned: History = _joined([self], lambda arrays: arrays[0][::steps])
         return thinned
 
 
 def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.concatenate) -> Any:
-    """Records of arrays, which may hold records of arrays: one after the other, or joined in
-    another way."""
+    """Concatenate nested records of arrays, or combine them with another function `join`."""
     if parts[0] is None:
         return None
     if isinstance(parts[0], np.ndarray):
@@ -406,20 +408,19 @@ def _joined(parts: Sequence[Any], join: Callable[[Sequence[Array]], Array] = np.
 
 @dataclass(frozen=True)
 class Collapse:
-    """When a drift ratio first exceeded the model's collapse drift, or a story failed for good:
-    what came first.
+    """First time at which a drift ratio exceeded the collapse drift or a story failed.
 
     Attributes
     ----------
     time : float
-        End of the step in which it did, s.
+        End of the time step in which the collapse occurred, s.
     story : int
-        The story, counted from 1.
+        Story, from 1.
     ended : bool
-        Whether the run ends there, because the motion ran away after it.
+        True if the run ends at this time because the motion then grew without bound.
     failed : bool
-        Whether the story carries nothing from then on, by its law; else its drift ratio exceeded
-        the limit.
+        True if the story lost its resistance according to its law; False if its drift ratio
+        exceeded the limit.
     """
 
     time: float
@@ -429,28 +430,27 @@ class Collapse:
 
     @property
     def status(self) -> str:
-        """As of `Response`."""
+        """Status as in `Response`."""
         return "failed-story" if self.failed else "collapsed"
 
 
 @dataclass(frozen=True)
 class Shock:
-    """What a building did in one shock of a sequence: until the ground moves in the next one, or to
-    the end.
+    """Response to one event of a sequence, until the ground motion of the next event or to the end.
 
     Attributes
     ----------
     record : Record
-        The ground motion, scaled.
+        Scaled ground motion.
     start : float
         Time of its first sample in the sequence, s.
     stories : StoryPeaks
-        Peaks in this time, of displacements from where the building stood at first: what the shocks
-        before have left is in them.
+        Peaks in this time. Displacements are relative to the initial position, so they include
+        residual displacements of earlier events.
     interstep_bound : StoryErrors
-        As of `Response`.
+        As in `Response`.
     errors : StoryErrors or None
-        Estimated errors of the peaks, if they were asked for.
+        Estimated errors of the peaks, if requested.
     """
 
     record: Record
@@ -467,19 +467,18 @@ class Response(Tabular):
     Attributes
     ----------
     status : str
-        `done`; `collapsed` where a drift ratio exceeded the model's collapse drift, `failed-story`
-        where a story had lost all its force before.
+        `done`; `collapsed` if a drift ratio exceeded the model's collapse drift; `failed-story` if
+        a story lost its resistance before.
     model, record : Model, Record or None
-        The building and its ground motion, scaled.
+        Building and its scaled ground motion.
     method : str
-        The method's specification as given: its name, and the parameters that were specified.
+        Method specification as given: name and specified parameters.
     dt, steps : float, int
         Time step (s) and number of steps.
     iterations, substeps, branch_changes : int
-        Solves; steps that were halved to converge; changes of branch that were located.
+        Number of solves, of steps that were halved to converge, and of located branch changes.
     solver_time : float
-        Time that the compiled time loop alone took, s, by `tdint.system.clock`: of the processor,
-        where that is told.
+        Time of the compiled time loop, s, by `tdint.system.clock`: processor time if available.
     stories : StoryPeaks
         Peak responses of each story and floor, SI units, arrays of shape (n,).
     energy : Energy
@@ -487,31 +486,31 @@ class Response(Tabular):
     history : History or None
         Response history, if it was requested.
     collapse : Collapse or None
-        When and where, if the status is `collapsed` or `failed-story`.
+        Time and story, if the status is `collapsed` or `failed-story`.
     interstep_bound : StoryErrors
-        How much larger peaks may be between steps that do not resolve the motion, in their units; 0
-        where the step does. Of residual drifts: by how much they have changed since the time that
-        was asked for, after which a long step ends.
+        Possible excess of the peaks between time steps that do not resolve the motion, in their
+        units; 0 if the time step resolves it. For residual drifts: their change between the
+        requested time and the end of the last step.
     residual_oscillation : ndarray, shape (n,)
-        Amplitudes with which the drifts still move about their rest at the end, about, m; without
+        Approximate amplitudes of the drifts about their positions of rest at the end, m, without
         forces on floors.
     check : ErrorEstimate or None
-        Estimated errors, unless they were left out.
+        Estimated errors, unless they were omitted.
     history_chunks : callable or None
-        Called with a number of steps, the history of every so many in pieces, made again: all
-        memory need not hold.
+        Returns the history in chunks when called with a number N: every N-th step. The time
+        integration is repeated, so that the complete history does not need to be in memory.
     time_at_rest : float or None
-        Time by which the building was at rest, s, if the run was to go on until then and came to
-        that.
+        Time at which the building was at rest, s, if the run was continued until rest and reached
+        it.
     notes : tuple of str
-        What a person should know of the run.
+        Information on the run for the user.
     warnings : tuple of str
-        What changes what its numbers mean: a person must see it.
+        Warnings that affect the meaning of the results.
     events : tuple of Shock
-        Of a sequence what each shock did, up to the one in which the run ended; `record` and
-        `stories` are those of the whole sequence.
+        For a sequence: the response to each event up to the event in which the run ended. `record`
+        and `stories` are those of the complete sequence.
     gradient : Gradient or None
-        Derivatives of the peaks, if they were asked for (`tdint.analysis.run.gradient`).
+        Derivatives of the peaks, if requested (`tdint.analysis.run.gradient`).
     """
 
     model: Model
@@ -550,34 +549,34 @@ class Response(Tabular):
 DIVERGED, NOT_CONVERGED = "diverged", "not-converged"
 UNSTABLE, NO_STEP = "unstable-step", "not-within-tolerance"
 FAILED = (DIVERGED, NOT_CONVERGED, UNSTABLE, NO_STEP)
-"""How runs end that have no result."""
+"""Status values of runs without a result."""
 
 
 @dataclass(eq=False, repr=False)
 class FailedRun(AnalysisError):
-    """A run without a result: it ended before its time, or was refused.
+    """Exception for a run without a result: it ended early or was rejected.
 
     Attributes
     ----------
     message : str
-        What happened, for people.
+        Description for the user.
     status : str
         `diverged`, `not-converged`, `unstable-step` or `not-within-tolerance`.
     method, dt : str, float
-        The method's specification as given, and the time step, s.
+        Method specification as given, and time step, s.
     time : float
         Last time reached, s.
     story : int or None
-        The story, counted from 1, that did not converge, whose drift ran away, or is least within a
+        Story, from 1, that did not converge, had unbounded drift, or was least accurate for a
         tolerance.
     residual : float or None
-        Where a step did not converge: what is out of balance over the story's forces.
+        If a step did not converge: residual divided by the force of the story.
     energy : float or None
-        Where the motion ran away: its kinetic energy at the last time, J, if it is a finite number.
+        If the motion grew without bound: kinetic energy at the last time, J, if it is finite.
     largest_stable_dt : float or None
-        Where the step was refused: the largest stable one, s; 0 if there is none.
+        If the time step was rejected: largest stable time step, s; 0 if there is none.
     notes : tuple of str
-        What a person should know of the run.
+        Information on the run for the user.
     """
 
     message: str
@@ -596,5 +595,5 @@ class FailedRun(AnalysisError):
 
     @property
     def finer_may_help(self) -> bool:
-        """Whether the same run with a finer step may come to its end."""
+        """True if the same run may reach its end with a smaller time step."""
         return self.status in (DIVERGED, NOT_CONVERGED)

@@ -1,5 +1,4 @@
-"""What a model is, without running it: for a look before the first run, and to find what is wrong
-with it."""
+"""Summary of a model without running it, and validation of its file."""
 
 from __future__ import annotations
 
@@ -23,18 +22,18 @@ from tdint.written_numbers import how_many
 
 @dataclass(frozen=True, repr=False)
 class Overview(Tabular):
-    """A model in a line.
+    """Summary of a model.
 
     Attributes
     ----------
     model : Model
-        The model.
+        Model.
     warnings : tuple of str
-        What a run of it warns of before it begins.
+        Warnings that a run prints before it starts.
     mass, height : float
-        Of the whole building, kg, m; nan where a story has no height.
+        Total mass (kg) and height (m) of the building; the height is nan if a story has no height.
     period, damping : float
-        Of the first mode: s, viscous damping ratio without power-law dashpots.
+        Period (s) and viscous damping ratio of the first mode; power-law dashpots are not included.
     """
 
     model: Model
@@ -58,8 +57,9 @@ class Overview(Tabular):
 
     @property
     def laws(self) -> str:
-        """The drift laws from the ground up, with the number of stories that have each where there
-        are several."""
+        """Hysteresis models from the ground up, with the number of stories of each if there are
+        several.
+        """
         counted = Counter(story.law.name for story in self.model.stories)
         return ", ".join(
             counted if len(counted) == 1 else (f"{count} {name}" for name, count in counted.items())
@@ -67,37 +67,37 @@ class Overview(Tabular):
 
     @property
     def method(self) -> str:
-        """The method that runs it where the command line names none."""
+        """Method that a run uses if the command line specifies no method."""
         return parse(self.model.analysis.method or DEFAULT_METHOD).label
 
     @property
     def record(self) -> str | None:
-        """The file of its ground motion."""
+        """File of the ground motion."""
         record = self.model.excitation.record
         return record.file if record else None
 
 
 def overview(source: str | Path) -> Overview:
-    """Read a model and look at it.
+    """Read a model file and summarize the model.
 
     Parameters
     ----------
     source : str or Path
-        The model file.
+        Model file.
 
     Returns
     -------
     Overview
-        Mass (kg), height (m), first period (s) and its damping ratio; `to_dict` has the row of
-        `tdint check`.
+        Mass (kg), height (m), first period (s) and its damping ratio; `to_dict` contains the row
+        that `tdint check` prints.
 
     Raises
     ------
     ModelError
-        All that is wrong with the file: what `load_model` refuses, an unknown method, a record that
-        is not there, a building that cannot stand.
+        All errors in the file: entries that `load_model` rejects, an unknown method, a missing
+        record file, or a building that is unstable under gravity.
     RecordError
-        The record that it names cannot be read.
+        The record that the model specifies cannot be read.
     """
     model = load_judged(
         source, {"analysis.method": lambda text, _: parse(text), **dict.fromkeys(_RECORD, _there)}
@@ -107,7 +107,7 @@ def overview(source: str | Path) -> Overview:
         omega, damping = building.first_mode()
     except ModelError as error:
         raise ModelError(f"{model.source}: {error}") from None
-    # The ground motion that it names, processed and scaled; standard input is not read for a look.
+    # Ground motion of the model, processed and scaled. Standard input is not read for a summary.
     pga, interval, source_of_record = math.nan, None, model.excitation.record
     if (
         source_of_record is not None
@@ -126,22 +126,22 @@ def overview(source: str | Path) -> Overview:
 
 
 def modes(model: AnyModel) -> Modes:
-    """The undamped modes of a model's initial stiffness, with their damping ratios.
+    """Return the undamped modes of the initial stiffness of a model, with their damping ratios.
 
     Parameters
     ----------
     model : Model, str, Path or mapping
-        What `run` takes.
+        Argument that `run` accepts.
 
     Returns
     -------
     Modes
-        Circular frequencies (rad/s), shapes, damping ratios and effective masses.
+        Circular frequencies (rad/s), mode shapes, damping ratios and effective masses.
 
     Raises
     ------
     ModelError
-        The model is none; P-delta larger than a story's stiffness.
+        The model is invalid, or P-delta exceeds the stiffness of a story.
     """
     building = assemble(model_of(model))
     result = building.modes()
@@ -152,5 +152,6 @@ _RECORD = ("excitation.record", "excitation.record.file", "excitation.record.inv
 
 
 def _there(text: str, folder: Path) -> None:
+    """Raise UsageError if the file does not exist; "-" is standard input."""
     if text != "-" and not is_file(folder / text):
-        raise UsageError(f"there is no file {folder / text}")
+        raise UsageError(f"file {folder / text} not found")

@@ -1,5 +1,7 @@
-"""A building put together once, under its forces and from its initial state, to be integrated any
-number of times: the one place that calls the compiled time loop."""
+"""Prepared building: assembled one time and integrated any number of times.
+
+This is the only module that calls the compiled time loop.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,7 @@ from tdint.analysis.run.workspace import (
     history_width,
     kernels,
     shifts,
-    unsuited,
+    unsupported_reason,
     workspace,
 )
 from tdint.arrays import Array, cached_property
@@ -52,7 +54,8 @@ from tdint.model.building import Building, DrawnBuildings, assemble, force_table
 from tdint.model.definition import Model
 from tdint.model.law_checks import verify_laws
 
-# omega dt of the fastest mode, bounded from above, up to which a step is taken to follow all modes
+# Dimensionless. Upper bound of omega dt of the highest mode, up to which the time step is
+# considered to resolve all modes.
 _RESOLVED = 2.5
 _PIECE = 0.1  # s
 _FIRST_PIECE = 100_000  # steps times stories, and as much for each modally damped mode
@@ -61,14 +64,16 @@ _KEPT = 4  # sets of coefficients that are kept: a run, the one that tells its e
 
 
 Loop = Callable[[Steps, int, int], int]
-"""Takes all steps, and from which of them on to go on until which; gives 0 or the code of the step
-that failed."""
+"""Function that receives all time steps and the first and last step to integrate, and returns 0 or
+the code of the failed step.
+"""
 
 
 @dataclass(frozen=True)
-class Marched:
-    """What a march left: its arrays, 0 or the code of the step that failed, and the time that the
-    time loop took, s, by `tdint.system.clock` and on the wall."""
+class IntegrationResult:
+    """Result of a time integration: arrays, 0 or the code of the failed step, and the duration of
+    the time loop, s, by `tdint.system.clock` and by the wall clock.
+    """
 
     space: Workspace
     code: int
@@ -76,9 +81,10 @@ class Marched:
     wall: float
 
 
-class Lane(NamedTuple):
-    """One of many runs: where in all samples its ground motion begins, how many those are, the
-    factor on them, and its steps."""
+class RunSpec(NamedTuple):
+    """One run of a batch: first sample and number of samples of its ground motion, scale factor,
+    and time steps.
+    """
 
     start: int
     size: int
@@ -88,42 +94,42 @@ class Lane(NamedTuple):
 
 @dataclass(frozen=True)
 class Motions:
-    """Ground motions by their numbers, and as compiled runs take them: one after the other."""
+    """Ground motions by their numbers, concatenated for compiled runs."""
 
     records: Mapping[int, Record]
 
     @cached_property
     def samples(self) -> Array:
-        """The accelerations of all, m/s^2."""
+        """Accelerations of all ground motions, m/s^2."""
         return np.concatenate([record.acceleration for record in self.records.values()])
 
     @cached_property
     def starts(self) -> Mapping[int, int]:
-        """Where each begins in `samples`."""
+        """First sample of each ground motion in `samples`."""
         sizes = [record.acceleration.size for record in self.records.values()]
         return dict(
             zip(self.records, accumulate(sizes, initial=0), strict=False)
         )  # the last is where all end
 
-    def lane(self, number: int, scale: float, steps: Steps) -> Lane:
-        """A run under one of them, times a factor."""
-        return Lane(self.starts[number], self.records[number].acceleration.size, scale, steps)
+    def lane(self, number: int, scale: float, steps: Steps) -> RunSpec:
+        """Return the specification of a run under a ground motion times a factor."""
+        return RunSpec(self.starts[number], self.records[number].acceleration.size, scale, steps)
 
 
 @dataclass(frozen=True)
-class MarchedRuns:
-    """What many marches left; arrays over the runs first.
+class BatchResult:
+    """Results of many runs. The first axis of each array is the run.
 
     Attributes
     ----------
     peaks : ndarray, shape (runs, 2 PEAK_ROWS, n)
         As `Workspace.peaks`.
     drifts : ndarray, shape (runs, n)
-        At the end, m.
+        Drifts at the end, m.
     totals : ndarray, shape (runs, TOTALS_SIZE)
         As `Workspace.totals`.
     ends : ndarray, shape (runs, END_COLUMNS)
-        The columns of `tdint.kernels.time_loop.loop`: code, steps taken, whether at rest.
+        Columns of `tdint.kernels.time_loop.loop`: code, completed steps, 1 if at rest.
     """
 
     peaks: Array
@@ -131,30 +137,30 @@ class MarchedRuns:
     totals: Array
     ends: Array
 
-    def part(self, first: int, last: int) -> MarchedRuns:
-        """Some of the runs: the arrays are parts of these."""
-        return MarchedRuns(
+    def part(self, first: int, last: int) -> BatchResult:
+        """Return the results of some runs as views of the arrays."""
+        return BatchResult(
             *(array[first:last] for array in (self.peaks, self.drifts, self.totals, self.ends))
         )
 
     @classmethod
-    def empty(cls, runs: int, stories: int) -> MarchedRuns:
-        """Room for so many runs."""
+    def empty(cls, runs: int, stories: int) -> BatchResult:
+        """Allocate results for a number of runs."""
         shapes = (2 * rows.PEAK_ROWS, stories), (stories,), (rows.TOTALS_SIZE,), (END_COLUMNS,)
         return cls(*(np.zeros((runs, *shape)) for shape in shapes))
 
 
 @dataclass(frozen=True)
-class Rest:
-    """How long many marches go on after their steps with the ground at rest; not at all by default.
+class RestCriterion:
+    """Criterion for continuing runs with the ground at rest; by default, runs are not continued.
 
     Attributes
     ----------
     window, windows : int
-        Steps of a window, and the most windows.
+        Number of steps of a window, and maximum number of windows.
     quiet : float
-        Largest velocity of a floor in a window, over the largest displacement of the run, at which
-        it ends, 1/s.
+        Maximum velocity of a floor in a window divided by the maximum displacement of the run, at
+        which the run ends, 1/s.
     """
 
     window: int = 1
@@ -162,28 +168,28 @@ class Rest:
     quiet: float = 0.0
 
 
-NO_REST = Rest()
+NO_FREE_VIBRATION = RestCriterion()
 
 
 @dataclass(frozen=True)
 class PreparedBuilding:
-    """A building as arrays, the forces on its floors and its state at t = 0; each march is given
-    the ground's motion.
+    """A building as arrays, the forces on its floors and its state at t = 0.
 
-    What follows from these alone is found once and kept: the modes, the method's coefficients for a
-    step, whether a step is stable. One of these serves any number of ground motions, of scales of
-    them, and of threads.
+    Properties that depend only on these data are computed one time and cached: the modes, the
+    coefficients of a method for a time step, and the stability of a time step. One instance serves
+    any number of ground motions, scale factors and threads.
 
     Attributes
     ----------
     building : Building
-        The building.
+        Building.
     forces : ndarray, shape (forces, FORCE_COLUMNS)
-        Forces on floors, as `force_table` makes them; none by default.
+        Forces on floors from `force_table`; no forces by default.
     displacement, velocity : ndarray, shape (n,)
-        At t = 0 relative to the ground, m and m/s; at rest by default.
+        Initial values relative to the ground, m and m/s; 0 by default.
     collapse_drift : float
-        Drift ratio beyond which a story has collapsed: when one first is, marches note.
+        Drift ratio above which a story has collapsed. Time integrations record the first such
+        story.
     """
 
     building: Building
@@ -200,12 +206,12 @@ class PreparedBuilding:
 
     @classmethod
     def of(cls, model: Model) -> PreparedBuilding:
-        """The building of a model, its forces and its initial state.
+        """Return the building of a model with its forces and initial state.
 
         Raises
         ------
         ModelError
-            P-delta larger than a story's stiffness.
+            P-delta exceeds the stiffness of a story.
         """
         return cls(
             assemble(model),
@@ -217,7 +223,7 @@ class PreparedBuilding:
 
     @cached_property
     def variant(self) -> Variant:
-        """What the kernels need for the building."""
+        """Variant of the kernels for the building."""
         return variant(self.building, self.forces)
 
     @cached_property
@@ -231,21 +237,22 @@ class PreparedBuilding:
         progress: Callable[[float], None] = lambda part: None,
         own_loops: bool = False,
     ) -> None:
-        """Load what marches with these methods call, compiled if it is not yet: before a clock
-        starts.
+        """Load or compile the kernels for some methods before a timer starts.
 
         Parameters
         ----------
+        integrators : iterable of Integrator
+            Methods.
         progress : callable
-            Told how much is done, from 0 to 1.
-        own_loops : bool
-            True if loops that are compiled for all laws must not serve: times of methods are
+            Called with the completed fraction, from 0 to 1.
+        own_loops : bool, default False
+            True if loops compiled for all laws must not be used, because the times of methods are
             compared.
 
         Raises
         ------
         AnalysisError
-            A law of a plug-in is not what it declares.
+            A law of a plug-in contradicts its declaration.
         """
         verify_laws(self.building.law_parameters)
         load_or_compile(
@@ -255,23 +262,24 @@ class PreparedBuilding:
         )
 
     def coefficients(self, integrator: Integrator, h: float) -> Array:
-        """Coefficients of the method's step for this building and the step h (s)."""
+        """Return the coefficients of the method for this building and the time step h (s)."""
         key = (integrator.label, h)
         kept = self._coefficients.get(key)
         if kept is None:
             kept = integrator.coefficients(self.building, self.forces, h)
-            # The oldest goes first: a search for a step asks for few of them again.
+            # The oldest coefficients are removed first, because a search for a time step rarely
+            # needs them again.
             while len(self._coefficients) >= _KEPT:
                 self._coefficients.pop(next(iter(self._coefficients)), None)
             self._coefficients[key] = kept
         return kept
 
     def instability(self, integrator: Integrator, h: float) -> Instability | None:
-        """The stiffest of the modes in the initial state that a step h (s) is too long for, None if
-        it is stable.
+        """Return the stiffest mode of the initial state for which the time step h (s) is too long,
+        or None.
 
-        Modes are solved for a method that has a limit, and once. That a method of ours has none is
-        tested; of a plug-in's it is measured.
+        Modes are computed one time, and only for a method with a stability limit. The unconditional
+        stability of built-in methods is covered by tests; the stability of a plug-in is measured.
         """
         if (
             integrator.stability_limit == math.inf
@@ -287,57 +295,74 @@ class PreparedBuilding:
             self._instability[key] = find_instability(integrator, modes.omega, damping, h)
         return self._instability[key]
 
-    def march(
+    def integrate(
         self,
         integrator: Integrator,
         steps: Steps,
         ground: Array | None = None,
         *,
         history_rows: int = 0,
-    ) -> Marched:
-        """Integrate from the initial state over the steps.
+    ) -> IntegrationResult:
+        """Integrate from the initial state over the time steps.
 
         Parameters
         ----------
+        integrator : Integrator
+            Method.
+        steps : Steps
+            Time steps.
         ground : ndarray, shape (samples,), optional
-            Ground acceleration at the samples, m/s^2; linear between them and zero after the last
-            one. None is ground at rest.
-        history_rows : int
-            Steps of the history that is kept, of which `steps` are a whole multiple; 0 for none.
+            Ground acceleration at the samples, m/s^2; linear between samples and zero after the
+            last sample. None means that the ground is at rest.
+        history_rows : int, default 0
+            Number of steps of the history that is kept. `steps` must be a multiple of it.
 
         Raises
         ------
         AnalysisError
-            The method does not integrate this building; the memory does not hold the history.
+            The method does not support this building, or the memory is too small for the history.
         ValueError
-            The steps are no whole multiple of those of the history.
+            The number of steps is not a multiple of `history_rows`.
         """
         if history_rows and steps.count % history_rows:
-            raise ValueError(f"{steps.count} steps do not fit into a history of {history_rows}")
+            raise ValueError(
+                f"{steps.count} steps are not a multiple of {history_rows} rows of history"
+            )
         space = self._ready(integrator, steps.h, history_rows + 1 if history_rows else 0)
         space.every = steps.count // history_rows if history_rows else 1
         go = self.loop(integrator, steps.h, np.zeros(1) if ground is None else ground, space)
         began, wall = system.seconds(), time.perf_counter()
         code = self._in_pieces(go, steps)
-        return Marched(space, code, system.seconds() - began, time.perf_counter() - wall)
+        return IntegrationResult(space, code, system.seconds() - began, time.perf_counter() - wall)
 
-    def march_pieces(
+    def integrate_in_chunks(
         self, integrator: Integrator, steps: Steps, ground: Array, *, every: int
     ) -> Iterator[Workspace]:
-        """Integrate as `march` does, and see the history in pieces, a row every so many steps.
+        """Integrate like `integrate` and yield the history in chunks.
+
+        Parameters
+        ----------
+        integrator : Integrator
+            Method.
+        steps : Steps
+            Time steps.
+        ground : ndarray
+            Ground acceleration at the samples, m/s^2.
+        every : int
+            Number of steps between two rows of the history.
 
         Yields
         ------
         Workspace
-            With a history of its own, of which `before` rows stand before; no piece of a run that
-            failed in it.
+            Arrays with a new history. `before` is the number of rows of the previous chunks. A
+            chunk in which the run fails is not yielded.
 
         Raises
         ------
         AnalysisError
-            The method does not integrate this building.
+            The method does not support this building.
         """
-        # A piece has as many rows as a bounded memory holds, and begins where the last one ended.
+        # A chunk has a bounded size in memory and starts at the end of the previous chunk.
         width = history_width(self.building)
         row_count = max(2, _PIECE_BYTES // (8 * width))
         space = self._ready(integrator, steps.h)
@@ -354,26 +379,32 @@ class PreparedBuilding:
                 yield space
             done = last
 
-    def march_parts(
+    def integrate_in_parts(
         self, integrator: Integrator, steps: Steps, ground: Array, firsts: Sequence[int]
     ) -> Iterator[Workspace]:
-        """Integrate as `march` does, and see the motion in parts, each with its own peaks.
+        """Integrate like `integrate` and yield parts of the run, each with separate peaks.
 
         Parameters
         ----------
+        integrator : Integrator
+            Method.
+        steps : Steps
+            Time steps.
+        ground : ndarray
+            Ground acceleration at the samples, m/s^2.
         firsts : sequence of int
-            After how many steps each part begins; the first one at 0.
+            Number of steps before each part; 0 for the first part.
 
         Yields
         ------
         Workspace
-            At the end of each part, to be looked at before the next one is asked for; none of a
-            part that failed.
+            Arrays at the end of each part, to be read before the next part is requested. A part
+            that fails is not yielded.
 
         Raises
         ------
         AnalysisError
-            The method does not integrate this building.
+            The method does not support this building.
         """
         space = self._ready(integrator, steps.h)
         go = self.loop(integrator, steps.h, ground, space)
@@ -383,67 +414,77 @@ class PreparedBuilding:
             if self._in_pieces(go, replace(steps, count=last, done=done)) < 0:
                 return
             yield space
-            # Peaks are looked for anew, also where the method keeps some of its own.
+            # Reset the peaks, including those that some methods store in their scratch array.
             space.peaks[:] = 0.0
             if own := int(space.step_status[rows.RUN_PEAKS]):
                 space.scratch[own : own + 2 * rows.PEAK_ROWS] = 0.0
 
-    def march_many(
+    def integrate_batch(
         self,
         integrator: Integrator,
         h: float,
         samples: Array,
-        runs: Sequence[Lane],
-        rest: Rest = NO_REST,
-    ) -> MarchedRuns:
-        """Integrate many runs of one step h (s) in one compiled call; each is the one that `march`
-        makes.
+        runs: Sequence[RunSpec],
+        rest: RestCriterion = NO_FREE_VIBRATION,
+    ) -> BatchResult:
+        """Integrate many runs with one time step in one compiled call. Each run equals that of
+        `integrate`.
 
         Parameters
         ----------
+        integrator : Integrator
+            Method.
+        h : float
+            Time step, s.
         samples : ndarray
-            Ground accelerations of all runs, one after the other, m/s^2.
-        runs : sequence of Lane
-            Where in `samples` a run's motion is, its factor, its steps.
+            Concatenated ground accelerations of all runs, m/s^2.
+        runs : sequence of RunSpec
+            Location of the ground motion in `samples`, scale factor and time steps of each run.
+        rest : RestCriterion
+            Criterion for continuing with the ground at rest; by default, runs are not continued.
 
         Raises
         ------
         AnalysisError
-            The method does not integrate this building.
+            The method does not support this building.
         """
         space = self._ready(integrator, h)
-        marched = MarchedRuns.empty(len(runs), self.building.stories)
+        marched = BatchResult.empty(len(runs), self.building.stories)
         self._many(integrator, h, samples, runs, space)(runs, marched, rest)
         return marched
 
-    def march_drawn(
+    def integrate_sampled(
         self,
         integrator: Integrator,
         h: float,
         samples: Array,
-        runs: Sequence[tuple[int, Lane]],
+        runs: Sequence[tuple[int, RunSpec]],
         drawn: DrawnBuildings,
-    ) -> MarchedRuns:
-        """Integrate runs of buildings that differ from this one in numbers: each is the one that
-        `march` makes of it.
+    ) -> BatchResult:
+        """Integrate runs of buildings that differ from this building in parameter values.
 
-        All of them share one set of arrays, in which the numbers are changed from run to run.
+        Each run equals that of `integrate` for its building. All runs share one set of arrays, in
+        which the values are changed from run to run.
 
         Parameters
         ----------
+        integrator : Integrator
+            Method.
+        h : float
+            Time step, s.
         samples : ndarray
-            Ground accelerations of all runs, one after the other, m/s^2.
-        runs : sequence of (int, Lane)
-            The number of each one's building, and its motion, factor and steps.
+            Concatenated ground accelerations of all runs, m/s^2.
+        runs : sequence of (int, RunSpec)
+            Number of the building, and ground motion, scale factor and time steps, of each run.
         drawn : DrawnBuildings
-            The buildings; the method's coefficients do not hang on them.
+            Sampled buildings. The coefficients of the method must not depend on their values.
 
         Raises
         ------
         AnalysisError
-            The method does not integrate this building.
+            The method does not support this building.
         """
-        marched = MarchedRuns.empty(len(runs), self.building.stories)
+        marched = BatchResult.empty(len(runs), self.building.stories)
         lanes, drawn_arrays = (
             [lane for _, lane in runs],
             ("linear_terms", "law_parameters", "modal"),
@@ -452,8 +493,8 @@ class PreparedBuilding:
         fast, devices = drawn.fastest * h > _RESOLVED, drawn.with_devices.tolist()
         shared: dict[tuple[bool, int], tuple[PreparedBuilding, Workspace, Callable[..., None]]] = {}
         for r, (d, lane) in enumerate(runs):
-            # What is compiled hangs on whether there are dashpots, and arrays on the rows of modal
-            # damping.
+            # The kernels depend on the presence of dashpots; the shapes of the arrays depend on the
+            # number of rows of modal damping.
             kind = devices[d], len(drawn.modal[d])
             if kind not in shared:
                 building = replace(
@@ -475,11 +516,13 @@ class PreparedBuilding:
         integrator: Integrator,
         h: float,
         samples: Array,
-        runs: Sequence[Lane],
+        runs: Sequence[RunSpec],
         space: Workspace,
     ) -> Callable[..., None]:
-        """The compiled loop over some of the runs with all its arrays: takes those, where to leave
-        what, and a rest."""
+        """Return a function that integrates runs in the compiled loop with the arrays of `space`.
+
+        The function receives the runs, the `BatchResult` to fill and a `RestCriterion`.
+        """
         called = (
             integrate,
             integrator.family.step,
@@ -487,7 +530,7 @@ class PreparedBuilding:
             sum_law_energies,
             update_shear_peaks,
         )
-        # A run begins in the arrays as they are now: copies of state and springs are its start.
+        # Each run starts from copies of the present state of the method and of the springs.
         before = (
             *(kernel.variant(self.variant) for kernel in called),
             HALVINGS if integrator.family.halvable else 0,
@@ -517,8 +560,11 @@ class PreparedBuilding:
             space.history,
         )
 
-        # The loop over the runs is compiled, too: its arguments are put together once for all.
-        def go(lanes: Sequence[Lane], marched: MarchedRuns, rest: Rest = NO_REST) -> None:
+        # The loop over the runs is compiled also, and its arguments are assembled one time for all
+        # runs.
+        def go(
+            lanes: Sequence[RunSpec], marched: BatchResult, rest: RestCriterion = NO_FREE_VIBRATION
+        ) -> None:
             table = [
                 (*lane[:3], lane.steps.count, lane.steps.per_sample, lane.steps.stride)
                 for lane in lanes
@@ -531,7 +577,7 @@ class PreparedBuilding:
 
         return go
 
-    def march_each(
+    def integrate_with_histories(
         self,
         integrator: Integrator,
         h: float,
@@ -539,31 +585,35 @@ class PreparedBuilding:
         *,
         every: int,
         see: Callable[[int, Array], None],
-    ) -> MarchedRuns:
-        """Integrate many runs of one step h (s), each of which is the one that `march` makes, and
-        see their histories.
+    ) -> BatchResult:
+        """Integrate many runs with one time step and pass their histories to a function.
 
-        All of them share one set of arrays and one row of arguments: what is done beside a run's
-        compiled call is a sixth of a run of a thousand steps of one story.
+        Each run equals that of `integrate`. All runs share one set of arrays and one list of
+        arguments, because the preparation of a compiled call takes one sixth of the time of a run
+        of one story with 1000 steps.
 
         Parameters
         ----------
+        integrator : Integrator
+            Method.
+        h : float
+            Time step, s.
         motions : sequence of (ndarray, float, Steps)
-            Ground acceleration of each run, m/s^2, the factor on it, and the steps.
+            Ground acceleration (m/s^2), scale factor and time steps of each run.
         every : int
-            Steps from one row of a history to the next.
+            Number of steps between two rows of a history.
         see : callable
-            Called with the number of a run and the rows of its history as far as it came; they are
-            written over by the next run.
+            Called with the index of a run and the completed rows of its history. The next run
+            overwrites these rows.
 
         Raises
         ------
         AnalysisError
-            The method does not integrate this building; the memory does not hold the history.
+            The method does not support this building, or the memory is too small for the history.
         """
         row_count = max(steps.count for _, _, steps in motions) // every + 1
         space = self._ready(integrator, h, row_count)
-        # What a run changes is put back before the next one.
+        # Arrays that a run changes are restored before the next run.
         begun = [
             (array, array.copy())
             for array in (*space.memory, space.observer_state, space.peaks, space.totals)
@@ -571,13 +621,13 @@ class PreparedBuilding:
         ground = np.zeros(max(len(acceleration) for acceleration, _, _ in motions))
         space.every = every
         go = self.loop(integrator, h, ground, space)
-        marched = MarchedRuns.empty(len(motions), self.building.stories)
+        marched = BatchResult.empty(len(motions), self.building.stories)
         for r, (acceleration, scale, steps) in enumerate(motions):
             for array, first in begun:
                 array[...] = first
             np.multiply(acceleration, scale, out=ground[: len(acceleration)])
             ground[len(acceleration) :] = 0.0
-            # In one piece: a run of many is short, and no other thread waits for Python meanwhile.
+            # Each run is integrated in one call: it is short, and no other thread waits for Python.
             code = go(steps, 0, steps.count)
             marched.peaks[r], marched.totals[r] = space.peaks, space.totals
             marched.drifts[r] = space.law_state[rows.DRIFT, : self.building.stories]
@@ -587,15 +637,16 @@ class PreparedBuilding:
         return marched
 
     def _ready(self, integrator: Integrator, h: float, row_count: int = 0) -> Workspace:
-        """The arrays of a march with steps h (s) in the initial state, and what it calls loaded."""
-        if reason := unsuited(integrator, self.building):
+        """Load the kernels and return the arrays in the initial state for time steps of h (s)."""
+        if reason := unsupported_reason(integrator, self.building):
             raise AnalysisError(reason)
         self.compile([integrator])
         return self.arrays(integrator, h, row_count)
 
     def arrays(self, integrator: Integrator, h: float, row_count: int) -> Workspace:
-        """The arrays of a march with steps h (s) in the initial state, with so many rows of its
-        history."""
+        """Return the arrays in the initial state for time steps of h (s) and a number of rows of
+        the history.
+        """
         verify_laws(self.building.law_parameters)
         space = workspace(self.building, integrator, row_count, self.collapse_drift)
         space.state[rows.DISPLACEMENT, :-1] = self.displacement
@@ -604,8 +655,9 @@ class PreparedBuilding:
         return space
 
     def loop(self, integrator: Integrator, h: float, ground: Array, space: Workspace) -> Loop:
-        """The compiled time loop with all its arrays, which it finds as they are when it is
-        called."""
+        """Return the compiled time loop with its arrays, which it uses in their state at the time
+        of the call.
+        """
         building = self.building
         arrays = (
             *(ground, self.coefficients(integrator, h), shifts(integrator, h)),
@@ -653,14 +705,17 @@ class PreparedBuilding:
         return go
 
     def _in_pieces(self, go: Loop, steps: Steps) -> int:
-        """March over the steps that are left in pieces that take about `_PIECE`, between which
-        Python can be interrupted. 0, or the code of the step that failed."""
+        """Integrate the remaining steps in pieces of about `_PIECE` seconds.
+
+        Python can be interrupted between two pieces. The result is 0 or the code of the failed
+        step.
+        """
         done, size = (
             steps.done,
             max(_FIRST_PIECE // (self.building.stories * (1 + len(self.building.modal))), 1),
         )
-        # The first piece is a guess; each next one is as long as the last one's pace allows, at
-        # most doubled.
+        # The length of the first piece is a guess. Each following piece is adapted to the measured
+        # speed and is at most twice as long as the previous piece.
         while True:
             last = min(done + size, steps.count)
             began = time.perf_counter()
@@ -671,11 +726,13 @@ class PreparedBuilding:
             done, size = last, max(1, min(2 * size, int(size * _PIECE / max(seconds, 1e-6))))
 
 
-# ---- Which kernels analyses call, to compile them ahead
+# ---- Kernels of analyses, for compilation ahead of time
 
 
 def of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel, Variant]]:
-    """What a run of a model calls with all its tables, and a cyclic test of its stories."""
+    """Return the kernels of a run of a model with all its tables, and of a cyclic test of its
+    stories.
+    """
     return [
         item for group in _of_building(PreparedBuilding.of(model), integrator) for item in group
     ]
@@ -684,33 +741,44 @@ def of_model(model: Model, integrator: Integrator) -> list[tuple[Kernel, Variant
 def _of_building(
     prepared: PreparedBuilding, integrator: Integrator
 ) -> tuple[list[tuple[Kernel, Variant]], ...]:
-    """What a march calls, and what else a run does."""
+    """Return the kernels of the time integration, and the other kernels of a run."""
     others = (peaks, *separate_kernels(prepared.building.law_parameters))
     of_scene = [(follow, prepared.variant), *((kernel, EVERYTHING) for kernel in others)]
-    # Of a method that has a limit, what finds whether a step is beyond it
+    # For a method with a stability limit: kernels that measure the stability of a time step
     if integrator.stability_limit != math.inf:
         of_scene.append((integrator.family.step, LINEAR_OSCILLATORS))
     return kernels(integrator, prepared.variant), of_scene
 
 
 _SHORT = 180_000
-"""Steps times floors, the ground among them, of a run that is sooner done as its loops are written
-than these are compiled, which takes 7 to 24 s: 5 s with impulse4 (26 to 28 us each), 10 with the
-slowest method (rk5, 55 us)."""
+"""Maximum number of time steps times floors (including the ground) for which a run without
+compilation is faster. Compilation takes 7 to 24 s. This number takes 5 s with impulse4 (26 to 28 us
+per step and floor) and 10 s with the slowest method (rk5, 55 us).
+"""
 
 
-def begin_at_once(prepared: PreparedBuilding, methods: Sequence[Integrator], steps: int) -> bool:
-    """Whether a run of so many steps in all, with a method and the one that tells its errors, goes
-    as its loops are written, since nobody has compiled them yet; they are compiled beside it
-    (`tdint.kernels.building.load_or_compile.begin_as_written`).
+def run_interpreted(prepared: PreparedBuilding, methods: Sequence[Integrator], steps: int) -> bool:
+    """Return True if a run executes its time loops in plain Python because they are not compiled
+    yet.
 
-    Never with power-law dashpots, whose iterations take fifteen times as long.
+    Another process compiles the loops at the same time
+    (`tdint.kernels.building.load_or_compile.interpret_while_compiling`). The result is always False
+    with power-law dashpots, because their iterations take fifteen times as long.
+
+    Parameters
+    ----------
+    prepared : PreparedBuilding
+        Building.
+    methods : sequence of Integrator
+        Method of the run and method of its error estimate.
+    steps : int
+        Total number of time steps.
     """
     building = prepared.building
     if (
         steps * (building.stories + 1) > _SHORT
         or building.power_damped
-        or unsuited(methods[0], building)
+        or unsupported_reason(methods[0], building)
     ):
         return False
     called, others = zip(*(_of_building(prepared, method) for method in methods), strict=True)
@@ -720,8 +788,8 @@ def begin_at_once(prepared: PreparedBuilding, methods: Sequence[Integrator], ste
 
 
 def of_everything() -> list[tuple[Kernel, Variant]]:
-    """All kernels, each for all scenes."""
-    # What a run does without
+    """Return all kernels, each in the variant for all buildings."""
+    # Kernels that a run does not need
     from tdint.kernels.oscillators.bilinear import bilinear_response
     from tdint.kernels.oscillators.extremes import extremes, radii
     from tdint.kernels.oscillators.modal_sums import largest_drifts
@@ -743,24 +811,24 @@ def of_everything() -> list[tuple[Kernel, Variant]]:
 
 
 def compile_model(model: AnyModel, method: str | None = None) -> list[Path]:
-    """Compile the time loops that a run of a model calls, which its first run else does.
+    """Compile the time loops for runs of a model, which its first run would compile otherwise.
 
     Parameters
     ----------
     model : Model, str, Path or mapping
-        What `run` takes.
+        Argument that `run` accepts.
     method : str, optional
-        In place of the model's.
+        Method specification; by default that of the model.
 
     Returns
     -------
     list of Path
-        The files that were written; none where all of it was compiled already.
+        Written files; empty if everything was compiled before.
 
     Raises
     ------
     ModelError, UsageError
-        The model is none; an unknown method.
+        The model is invalid, or the method is unknown.
     OutputError
         The files cannot be written.
     """

@@ -1,4 +1,4 @@
-"""Response history of a building: the work behind `tdint run`."""
+"""Response history analysis of a building: `tdint.run`, `tdint.prepare` and `tdint.run_case`."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from tdint.analysis.given import (
     record_of,
 )
 from tdint.analysis.run.case import Case, case_of
-from tdint.analysis.run.case import until_rest as go_on
-from tdint.analysis.run.error_estimate import ended_at_rest, told_run
+from tdint.analysis.run.case import until_rest as extend_to_rest
+from tdint.analysis.run.error_estimate import ended_at_rest, run_with_error_estimate
 from tdint.analysis.run.outcome import FailedRun as FailedRun
 from tdint.analysis.run.outcome import Response
 from tdint.analysis.run.prepared import PreparedBuilding
@@ -44,35 +44,39 @@ def run(
     Parameters
     ----------
     model : Model, str, Path or mapping
-        From `load_model`, or what that takes.
+        Result of `load_model`, or an argument that `load_model` accepts.
     record : Record, str, Path or ObsPy trace, optional
-        Ground motion in place of the one that the model names; a file's needs to tell its units and
-        one component.
+        Ground motion; by default the record specified in the model. A file must specify its units
+        and contain one component.
     method, dt, duration : optional
-        In place of what the model's analysis says: a specification such as `hht:alpha=-0.1`, s, s.
-        Without either the method is `tdint.methods.catalogue.DEFAULT_METHOD` (a note says so), step
-        and duration those of the record. Of lists of methods or steps there are `ResultList`
-        responses, each method with each step.
-    history : bool
-        Keep the whole response, not the peaks alone.
-    allow_unstable : bool
-        Run a conditionally stable method beyond its limit, and take a motion on energy that the
-        method made for a result.
-    check : bool or None
-        Tell the errors of the peaks (`Response.check`), by one more run of impulse4 with half of
-        the step; a failure of that leaves them unknown. True: those of the history, too. False:
-        none, in a third of the time.
+        Method specification such as `hht:alpha=-0.1`, time step (s) and duration (s). By default
+        those of the model's analysis section; otherwise the method is
+        `tdint.methods.catalogue.DEFAULT_METHOD` (reported in a note), and time step and duration
+        are those of the record. A list of methods or time steps returns a `ResultList` with the
+        responses of each method with each time step.
+    history : bool, default False
+        Keep the response history in addition to the peaks.
+    allow_unstable : bool, default False
+        Run a conditionally stable method above its stability limit, and accept a response whose
+        energy was produced by the method.
+    check : bool or None, default None
+        Estimate the errors of the peaks (`Response.check`) by one additional run of impulse4 with
+        half the time step. If this run fails, the errors are unknown. True estimates the errors of
+        the history also. False omits the estimates; the run then takes about one third of the time.
     tolerance : float or str, optional
-        Take the largest step with which the told error of every peak drift is within this part of
-        it: from four sampling intervals of the record, or from dt where one is given, down to a
-        256th of the record's step or of dt (`tdint.analysis.run.step_choice`).
-    until_rest : bool
-        Go on after that with the ground at rest until the building is (`tdint.analysis.run.case`):
-        residual drifts are at rest then.
+        Use the largest time step for which the estimated error of every peak drift, divided by that
+        drift, does not exceed this value. The search starts with four sampling intervals of the
+        record, or with `dt` if it is specified, and ends at 1/256 of the sampling interval or of
+        `dt` (`tdint.analysis.run.step_choice`).
+    until_rest : bool, default False
+        Continue with the ground at rest until free vibration has decayed
+        (`tdint.analysis.run.case`), so that residual drifts are those at rest.
     gradient : str or sequence of str
-        Names as those of `vary` of `run_many`: `stories[1].stiffness`, `damping`, `record.scale`.
-        The derivatives of the peaks, and of a history that is kept, by these numbers, of factors at
-        1, in `Response.gradient`: by differences of two neighbors each, in one call of all.
+        Names of parameters as in `vary` of `run_many`: `stories[1].stiffness`, `damping`,
+        `record.scale`. `Response.gradient` contains the derivatives of the peaks, and of the
+        history if it is kept, with respect to these parameters; factors have the value 1. Each
+        derivative is the difference between two neighboring runs. All neighboring runs are
+        integrated in one batch.
 
     Returns
     -------
@@ -81,21 +85,23 @@ def run(
     Raises
     ------
     UsageError
-        An unknown method, a step that does not fit, or a tolerance that is none; no number of that
-        name.
+        The method is unknown, the time step or the tolerance is invalid, or a parameter of
+        `gradient` does not exist.
     ModelError
-        The model is none.
+        The model is invalid.
     RecordError
-        The record is none, or cannot be read.
+        The record is invalid or cannot be read.
     AnalysisError
-        The step is beyond the method's limit; the run diverged or did not converge; no step is
-        within the tolerance (`FailedRun`).
+        The time step is above the stability limit of the method, the run diverged or did not
+        converge, or no time step meets the tolerance (`FailedRun`).
     """
     if isinstance(method, list | tuple) or isinstance(dt, list | tuple):
-        # As other functions of methods and steps one or several: each method with each step.
+        # Lists: each method is run with each time step.
         options = locals()
-        every = [options.pop(name) for name in ("method", "dt")]
-        methods, steps = (one if isinstance(one, list | tuple) else (one,) for one in every)
+        choices = [options.pop(name) for name in ("method", "dt")]
+        methods, steps = (
+            choice if isinstance(choice, list | tuple) else (choice,) for choice in choices
+        )
         return ResultList(run(**options, method=name, dt=h) for name in methods for h in steps)
     case = prepare(model, record, method=method, allow_unstable=allow_unstable)
     names = [gradient] if isinstance(gradient, str) else list(dict.fromkeys(gradient))
@@ -122,16 +128,15 @@ def prepare(
     method: str | None = None,
     allow_unstable: bool = False,
 ) -> Case:
-    """Put a model together for any number of runs: `run_case(case)`, `run_case(case.scaled(2.0))`,
-    ...
+    """Assemble a model for any number of runs: `run_case(case)`, `run_case(case.scaled(2.0))`, ...
 
-    The building is assembled, and what a method needs of it found, once for all cases that are made
-    of this one by `Case.scaled` and `Case.under`.
+    The building and the coefficients of the method are computed one time and shared by all cases
+    that `Case.scaled` and `Case.under` derive from the result.
 
     Parameters
     ----------
     model, record, method, allow_unstable
-        As of `run`.
+        As for `run`.
 
     Returns
     -------
@@ -140,15 +145,15 @@ def prepare(
     Raises
     ------
     UsageError
-        An unknown method.
+        The method is unknown.
     ModelError, RecordError
-        The model or the record is none.
+        The model or the record is invalid.
     """
     model = model_of(model)
     if not isinstance(method, str | None):
-        raise UsageError(f"a method is a text such as 'hht:alpha=-0.1', got {method!r:.60}")
+        raise UsageError(f"method must be a string such as 'hht:alpha=-0.1', got {method!r:.60}")
     specification = method or model.analysis.method
-    remarks = () if specification else (f"no method is named: it is {DEFAULT_METHOD}",)
+    remarks = () if specification else (f"no method specified; using {DEFAULT_METHOD}",)
     integrator = parse(specification or DEFAULT_METHOD)
     ground = model_record(model) if record is None else record_of(record)
     return Case(model, PreparedBuilding.of(model), ground, integrator, allow_unstable, remarks)
@@ -169,9 +174,9 @@ def run_case(
     Parameters
     ----------
     case : Case
-        From `prepare`.
+        Result of `prepare`.
     dt, duration, history, check, tolerance, until_rest
-        As of `run`.
+        As for `run`.
 
     Returns
     -------
@@ -180,7 +185,7 @@ def run_case(
     Raises
     ------
     UsageError
-        No case; a step that does not fit, or a tolerance that is none.
+        `case` is not a Case, or the time step or the tolerance is invalid.
     AnalysisError
         As by `run` (`FailedRun`).
     """
@@ -190,10 +195,10 @@ def run_case(
         number_of(duration, "duration"),
         ratio_of(tolerance, "tolerance"),
     )
-    # How long that takes a run without history tells; the steps of a tolerance are chosen over the
-    # whole of it.
+    # A run without history determines the time at rest. The time step for a tolerance is then
+    # chosen over the complete duration.
     if until_rest:
-        steps, at_rest = go_on(case, case.steps(dt, duration))
+        steps, at_rest = extend_to_rest(case, case.steps(dt, duration))
         end = steps.count * steps.h
         response = run_case(
             case, dt=dt, duration=end, history=history, check=check, tolerance=tolerance
@@ -206,7 +211,7 @@ def run_case(
         return choose_step(case, tolerance, dt=dt, duration=duration, history=history)
     steps = case.steps(dt, duration)
     return (
-        case.march(steps, history)
+        case.integrate(steps, history)
         if check is False
-        else told_run(case, steps, history, of_history=bool(check))
+        else run_with_error_estimate(case, steps, history, of_history=bool(check))
     )

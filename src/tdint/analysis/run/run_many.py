@@ -1,5 +1,4 @@
-"""Many runs at once, their peaks and histories as arrays over the runs: the work behind
-`tdint.run_many`."""
+"""Many runs with peaks and histories as arrays over the runs: `tdint.run_many`."""
 
 from __future__ import annotations
 
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from tdint.analysis.given import AnyModel, AnyRecord, model_of, number_of, numbers_of, record_of
 from tdint.analysis.run import case as run_totals
+from tdint.analysis.run.batch import Subject, run_batch, run_sampled
 from tdint.analysis.run.case import Case
 from tdint.analysis.run.gradient import SCALE, neighbors, number_at, slopes
 from tdint.analysis.run.outcome import (
@@ -30,8 +30,7 @@ from tdint.analysis.run.outcome import (
     StoryPeaks,
     StoryValues,
 )
-from tdint.analysis.run.prepared import MarchedRuns, Motions
-from tdint.analysis.run.together import Subject, run_drawn, run_together
+from tdint.analysis.run.prepared import BatchResult, Motions
 from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array, cached_property
 from tdint.errors import AnalysisError, ModelError, UsageError, did_you_mean
@@ -54,52 +53,55 @@ KEPT = {
     for one in quantities(History)
     if one.name in run_totals.HISTORIES
 }
-"""What may be kept of a history: its fields by the names of their columns, without the unit."""
+"""Quantities of a history that can be kept: field of `History` by the name of its column without
+the unit.
+"""
 
 _AT_ONCE = 64
-"""Runs that a thread takes at a time."""
+"""Number of runs that a thread integrates in one batch."""
 
 
 @dataclass(frozen=True, repr=False)
 class Runs(Tabular):
-    """Many runs; arrays have the runs first. Where a building has fewer stories than another one,
-    what lies above it is nan.
+    """Results of many runs. The first axis of the arrays is the run.
+
+    If a building has fewer stories than the tallest building, the values above its roof are nan.
 
     Attributes
     ----------
     models, records : tuple
-        The buildings and ground motions, each once.
+        Buildings and ground motions, each one time.
     methods : tuple of str
-        The method's specification for each building, as given.
+        Method specification of each building, as given.
     model, record : ndarray of int, shape (runs,)
-        Which of them each run has.
+        Index of the building and of the ground motion of each run.
     scale, dt : ndarray, shape (runs,)
         Factor on the ground motion; time step, s.
     steps : ndarray of int, shape (runs,)
-        Steps that were taken.
+        Number of completed time steps.
     status : ndarray of str, shape (runs,)
-        As of `Response`, or of `FailedRun` where there is no result; the run's numbers are nan
-        then.
+        As in `Response`, or as in `FailedRun` if there is no result; the values of the run are then
+        nan.
     energy_error : ndarray, shape (runs,)
-        Imbalance of the energies over the largest input energy.
+        Energy imbalance divided by the maximum input energy.
     stories : StoryPeaks
         Peaks of shape (runs, stories), SI units.
     history : mapping of str to ndarray, shape (runs, rows, stories)
-        What was kept of the histories, SI units; nan after the end of a run.
+        Kept quantities of the histories, SI units; nan after the end of a run.
     every : int
-        Steps from one row to the next.
+        Number of time steps between two rows.
     failures : mapping of int to str
-        What there is to say of the runs without a result, by their numbers.
+        Messages of the runs without a result, by their index.
     errors, corrected : StoryErrors and StoryPeaks, or None
-        Estimated errors of the peaks, and the peaks of the additional runs that they are estimated
-        with, if errors were requested; as in `ErrorEstimate`, of shape (runs, stories), nan where
-        there is no estimate.
+        Estimated errors of the peaks, and the peaks of the additional runs from which they are
+        estimated, if errors were requested; as in `ErrorEstimate`, of shape (runs, stories), nan
+        without an estimate.
     varied : mapping of str to ndarray, shape (runs,)
-        What was varied, by name; `models` has the buildings as they were given.
+        Values of the varied parameters by name; `models` contains the buildings as given.
     gradient : Gradient or None
-        Derivatives of the peaks, if they were asked for.
+        Derivatives of the peaks, if requested.
     warnings : tuple of str
-        Unusual values of the buildings, each with its model file, as `check` shows them.
+        Unusual values of the buildings, each with its model file, as shown by `check`.
     """
 
     models: tuple[Model, ...]
@@ -124,13 +126,15 @@ class Runs(Tabular):
 
     @property
     def time(self) -> Array:
-        """Times of the rows, s, shape (1, rows) where all runs have one step, else (runs, rows)."""
+        """Times of the rows, s, shape (1, rows) if all runs have one time step, otherwise (runs,
+        rows).
+        """
         rows = max((kept.shape[1] for kept in self.history.values()), default=0)
         steps = self.dt[:1] if np.all(self.dt == self.dt[0]) else self.dt
         return np.asarray(np.multiply.outer(self.every * steps, np.arange(rows)))
 
     def to_xarray(self) -> Dataset:
-        """Peaks over runs and stories, errors and histories, with units and what each run is as
+        """Return peaks, errors and histories with units, and the properties of the runs as
         coordinates.
 
         Returns
@@ -147,8 +151,7 @@ class Runs(Tabular):
         return dataset
 
     def of_building(self, number: int) -> tuple[NDArray[np.int64], StoryPeaks]:
-        """The runs of a building by its number, and their peaks, shape (runs of it, its
-        stories)."""
+        """Return the runs of a building by its index, and their peaks, shape (runs, stories)."""
         runs = np.flatnonzero(self.model == number)
         n = len(self.models[number].stories)
         values = {
@@ -188,64 +191,68 @@ def run_many(
     gradient: str | Sequence[str] = (),
     errors: str = "raise",
 ) -> Runs:
-    """Integrate every building, in every draw of its numbers, under every ground motion at every
-    scale; in that order, the scales fastest.
+    """Integrate every building, in every sample of its parameters, under every ground motion at
+    every scale.
 
-    Each run is the one that `run` makes, to the last bit. The time loops run on threads without
-    Python's lock; runs without a history go some dozens to a compiled call. A run that fails keeps
-    no other from being done and is not repeated with a smaller step.
+    The runs are in this order, and the scale varies fastest. Each run equals that of `run`, bit for
+    bit. The time loops run on threads without the Python lock; runs without a history are
+    integrated in batches of some dozens per compiled call. A failed run does not stop the other
+    runs and is not repeated with a smaller time step.
 
     Parameters
     ----------
     models, records : one or a sequence
-        What `run` takes.
-    scales : float or sequence of float
+        Arguments that `run` accepts.
+    scales : float or sequence of float, default 1
         Factors on the ground accelerations, not zero.
-    zip_records : bool
-        The first building under the first record at the first scale, the second under the second,
-        ...: sequences of one length, or of one member that stands for all.
+    zip_records : bool, default False
+        Combine the first building with the first record and the first scale, the second with the
+        second, and so on. The sequences must have the same length or a single item, which applies
+        to all runs.
     method, dt, duration : optional
-        In place of what each model says, as of `run`; dt and duration in s.
+        Values that replace those of each model, as in `run`; dt and duration in s.
     history : str or sequence of str
-        What to keep of each step: of `displacement`, `velocity` (relative to the ground),
-        `absolute_acceleration` of the floors, `drift`, `shear`, `damper_force`, `total_shear` of
-        the stories.
-    every : int
-        Keep every so many steps, from the start on.
+        Quantities to keep at each time step: `displacement`, `velocity` (relative to the ground)
+        and `absolute_acceleration` of the floors; `drift`, `shear`, `damper_force` and
+        `total_shear` of the stories.
+    every : int, default 1
+        Keep every N-th step, from the start.
     out : ndarray or mapping of str to ndarray, or str or Path, optional
-        Where to put the histories, shape (runs, rows, stories) each: arrays of any floating-point
-        type, or maps of files (`numpy.lib.format.open_memmap`); the rows are those of the longest
-        run, the stories those of the tallest building. An array alone is for a single quantity.
-        Without, arrays of float64 are made. Of a path NAME.parquet, where to write the table of the
-        runs (`Runs.to_parquet`).
+        Arrays for the histories, shape (runs, rows, stories), of any floating-point type, or
+        memory-mapped files (`numpy.lib.format.open_memmap`). The number of rows is that of the
+        longest run, the number of stories that of the tallest building. A single array is for a
+        single quantity. By default, arrays of float64 are allocated. A path NAME.parquet is the
+        file for the table of the runs (`Runs.to_parquet`).
     jobs : int, optional
-        Threads; one for each processor by default. The result does not depend on it.
-    check : bool
+        Number of threads; by default the number of processors. The result does not depend on it.
+    check : bool, default False
         Estimate the errors of the peaks as `run` does: by one additional run of `impulse4` with
-        half the time step for each run (of `exact` itself where the method is `exact`).
+        half the time step for each run (of `exact` if the method is `exact`).
     vary : mapping of str to array, optional
-        Numbers of the buildings that are changed, in SI units, a value for each draw, arrays of one
-        length: `damping`, `mass_factor`, `stiffness_factor`, `strength_factor`; of story 3
-        (counting starts at 1, and without a number all stories are meant) `stories[3].mass`,
-        `.height`, `.stiffness`, `.dashpot` (or `.dashpot.coefficient`, `.dashpot.exponent`,
-        `.dashpot.linear_below`), `.law.KEY` with a key of its law, and the three factors; and
-        `record.scale`, a factor on the scales. Each building is put together once and its arrays
-        are changed from run to run. `Runs.varied` has the values of each run.
-    product : bool
-        All combinations of the values of `vary`, the last name fastest, in place of draws.
+        Parameters of the buildings to change, in SI units, with one value per sample; all arrays
+        have the same length. Names: `damping`, `mass_factor`, `stiffness_factor`,
+        `strength_factor`; for story 3 (counted from 1; without a number, for all stories)
+        `stories[3].mass`, `.height`, `.stiffness`, `.dashpot` (or `.dashpot.coefficient`,
+        `.dashpot.exponent`, `.dashpot.linear_below`), `.law.KEY` with a key of its law, and the
+        three factors; and `record.scale`, a factor on the scales. Each building is assembled one
+        time and its arrays are changed from run to run. `Runs.varied` contains the values of each
+        run.
+    product : bool, default False
+        Use all combinations of the values of `vary`, with the last name varying fastest, instead of
+        samples.
     progress : bool or callable
-        A bar on a terminal or in a notebook, by tqdm, or what is told how many runs are done, of
-        how many.
-    partial : bool
-        Of an interrupt (Ctrl-C) give the runs that are done; the status of the others is
+        True shows a progress bar by tqdm on a terminal or in a notebook. A callable receives the
+        number of completed runs and the total number.
+    partial : bool, default False
+        After an interrupt (Ctrl-C), return the completed runs; the status of the others is
         `interrupted`.
     gradient : str or sequence of str
-        Names as those of `vary`: the derivatives by these numbers of the peaks, and of the
-        histories that are kept, of each run at its own draw (`Runs.gradient`); of factors at 1. Two
-        more runs for each name and run.
-    errors : str
-        `raise`, or `keep`: a draw out of range keeps its row, without numbers, with the status
-        `out-of-range`.
+        Names as in `vary`: parameters for derivatives of the peaks, and of the histories that are
+        kept, of each run at its own sample (`Runs.gradient`); factors have the value 1. Each name
+        needs two additional runs per run.
+    errors : str, default "raise"
+        `raise`, or `keep`: a sample that is out of range keeps its row without values, with the
+        status `out-of-range`.
 
     Returns
     -------
@@ -254,18 +261,18 @@ def run_many(
     Raises
     ------
     UsageError
-        An unknown method or quantity, a step that does not fit a record, an array of another shape;
-        a name that cannot be varied, or a value out of range.
+        A method, quantity or parameter name is unknown, a time step is not compatible with a
+        record, an array has another shape, or a value is out of range.
     ModelError, RecordError
-        A model or a record is none.
+        A model or a record is invalid.
     AnalysisError
-        A method does not integrate a building; the memory does not hold the histories.
+        A method does not support a building, or the memory is too small for the histories.
     """
     drawn = _drawn(vary or {}, product)
     buildings = [model_of(model) for model in _several(models, "models")]
     motions = tuple(map(record_of, _several(records, "records")))
     if any(isinstance(record, JoinedRecord) for record in motions):
-        raise UsageError("a sequence of shocks is run by run_sequence, one at a time")
+        raise UsageError("run_many does not support sequences: use run_sequence")
     subjects = tuple(
         Subject(model, method or model.analysis.method or DEFAULT_METHOD) for model in buildings
     )
@@ -280,18 +287,18 @@ def run_many(
         drawn,
     )
     if errors not in ("raise", "keep"):
-        raise UsageError(f"errors is 'raise' or 'keep', got {errors!r:.60}")
+        raise UsageError(f"errors must be 'raise' or 'keep', got {errors!r:.60}")
     lost = work.out_of_range() if errors == "keep" else {}
     plan = _planned(work, scales, zip_records, {draw for _, draw in lost})
     kept = _kept(history)
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
-        raise UsageError(f"every must be a whole number of steps, 1 at least, got {every!r:.60}")
+        raise UsageError(f"every must be a positive integer number of steps, got {every!r:.60}")
     threads = processors() if jobs is None else jobs
     if threads < 1:
         raise UsageError(f"the number of jobs must be at least 1, got {jobs}")
     file = Path(out) if isinstance(out, str | Path) else None
     if file and file.suffix != ".parquet":
-        raise UsageError(f"out: the table of runs is written as NAME.parquet, got {str(out)!r:.60}")
+        raise UsageError(f"out: the file name must end with .parquet, got {str(out)!r:.60}")
     if file:
         optional("pyarrow", "a Parquet file", "parquet")
     result = _unfilled(work, plan, every, _room(work, plan, kept, every, None if file else out))
@@ -302,7 +309,7 @@ def run_many(
                 lost[run.model, run.draw],
             )
     plan = [run for run in plan if (run.model, run.draw) not in lost]
-    # The threads share the runs in small parts, so that they end together.
+    # The threads share the runs in small parts, so that they finish at about the same time.
     parts = [plan[first : first + _AT_ONCE] for first in range(0, len(plan), _AT_ONCE)]
     stop, marching = Event(), Semaphore(threads)
     done = 0
@@ -321,7 +328,7 @@ def run_many(
         if not partial:
             raise
         stop.set()
-        for _ in range(threads):  # the parts that are under way come to their end
+        for _ in range(threads):  # wait until the running parts are completed
             marching.acquire()
         result.failures.update(
             dict.fromkeys(np.flatnonzero(result.status == INTERRUPTED).tolist(), _NOT_RUN)
@@ -338,16 +345,18 @@ def run_many(
 
 
 INTERRUPTED = "interrupted"
-"""The status of a run that was not made."""
+"""Status of a run that was not made."""
 
 OUT_OF_RANGE = "out-of-range"
-"""The status of a run whose draw is none."""
+"""Status of a run with an invalid sample."""
 
 _NOT_RUN = "interrupted before it was run"
 
 
 def _drawn(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
-    """The values of each draw by name; of a product all combinations, the last name fastest."""
+    """Return the values of each sample by name; for `product` all combinations, the last name
+    fastest.
+    """
     given = {str(name): numbers_of(values, str(name)) for name, values in vary.items()}
     if product:
         grids = np.meshgrid(*given.values(), indexing="ij")
@@ -355,15 +364,15 @@ def _drawn(vary: Mapping[str, Any], product: bool) -> dict[str, Array]:
     sizes = {len(values) for values in given.values()}
     count = max(sizes, default=1)
     if not count or sizes - {1, count}:
-        told = ", ".join(f"{len(values)} of {name}" for name, values in given.items())
-        raise UsageError(
-            f"vary: as many values of each name as there are draws, or one for all; got {told}"
-        )
+        counts = ", ".join(f"{len(values)} of {name}" for name, values in given.items())
+        raise UsageError(f"vary: each name needs one value, or one value per sample; got {counts}")
     return {name: np.broadcast_to(values, count).copy() for name, values in given.items()}
 
 
 class _Run(NamedTuple):
-    """A run by its number: its building, draw and record by theirs, the factor, the steps."""
+    """A run: its number, the indices of its building, sample and record, scale factor and time
+    steps.
+    """
 
     number: int
     model: int
@@ -375,7 +384,7 @@ class _Run(NamedTuple):
 
 @dataclass(frozen=True)
 class _RunsRequest:
-    """Buildings with their methods, ground motions, and what is asked of the steps."""
+    """Buildings with their methods, ground motions, requested time step and varied parameters."""
 
     subjects: tuple[Subject, ...]
     methods: tuple[str, ...]
@@ -387,20 +396,20 @@ class _RunsRequest:
 
     @cached_property
     def draws(self) -> int:
-        """How many there are; 1 where nothing is varied."""
+        """Number of samples; 1 if no parameter is varied."""
         return len(next(iter(self.vary.values()))) if self.vary else 1
 
     @cached_property
     def of_buildings(self) -> dict[str, Array]:
-        """What is varied of buildings."""
+        """Varied parameters of buildings, without the record scale."""
         return {name: values for name, values in self.vary.items() if name != SCALE}
 
     def varied(self, model: int, draw: int) -> Subject:
-        """A building in one of the draws, by itself."""
+        """Return a building with the parameter values of one sample."""
         subject = self.subjects[model]
         numbers = {name: float(values[draw]) for name, values in self.of_buildings.items()}
-        # What is nan stays as it is: neighbors of a run (`_differentiated`) differ in one number
-        # each.
+        # A value of nan leaves the parameter unchanged: neighbors of a run (`_differentiated`)
+        # differ in one parameter each.
         return Subject(
             subject.model.changed(
                 {name: number for name, number in numbers.items() if not math.isnan(number)}
@@ -409,21 +418,26 @@ class _RunsRequest:
         )
 
     def alone(self, run: _Run, history: bool) -> int:
-        """The draw of a run whose building is put together by itself, -1 where arrays are changed:
-        errors, histories, a method whose coefficients or limit hang on the building."""
+        """Return the sample of a run with an individually assembled building, or -1 if arrays are
+        changed.
+
+        Buildings are assembled individually for error estimates, histories, and methods with
+        coefficients or a stability limit that depend on the building.
+        """
         method = self.subjects[run.model].integrator
         if not self.of_buildings:
             return -1
-        hangs = method.family.prepare is not None or method.stability_limit != math.inf
-        return (
-            run.draw
-            if self.check or history or hangs or f"method {method.method.name}" in CODE
-            else -1
+        depends_on_building = (
+            method.family.prepare is not None or method.stability_limit != math.inf
         )
+        is_plugin = f"method {method.method.name}" in CODE
+        return run.draw if self.check or history or depends_on_building or is_plugin else -1
 
     def check_draws(self, but: Set[int]) -> None:
-        """Raise UsageError for a name or a value that some building does not have, but for the
-        values of some draws."""
+        """Raise UsageError for a parameter name or value that is invalid for a building.
+
+        The values of the samples `but` are not checked.
+        """
         taken = [draw for draw in range(self.draws) if draw not in but]
         for name, of_draws in self.of_buildings.items():
             check_parameter(name)
@@ -439,7 +453,7 @@ class _RunsRequest:
                     damped_by(subject.model, 0.0)
 
     def out_of_range(self) -> dict[tuple[int, int], str]:
-        """The draws, each with its building, that give none, and why."""
+        """Return the invalid samples, each with its building, and the reason."""
         lost = dict[tuple[int, int], str]()
         for model, draw in combined(range(len(self.subjects)), range(self.draws)):
             try:
@@ -455,20 +469,22 @@ class _RunsRequest:
 
     @cached_property
     def stories(self) -> int:
-        """Of the tallest building."""
+        """Number of stories of the tallest building."""
         return max(len(subject.model.stories) for subject in self.subjects)
 
 
 def _several(given: Any, name: str) -> Sequence[Any]:
+    """Return the argument as a sequence, or raise UsageError if it is empty."""
     items = list(given) if isinstance(given, list | tuple) else [given]
     if not items:
-        raise UsageError(f"no {name} are given")
+        raise UsageError(f"{name} must contain at least one item, got an empty sequence")
     return items
 
 
 def _planned(
     work: _RunsRequest, scales: float | Iterable[float], zip_records: bool, lost: Set[int]
 ) -> list[_Run]:
+    """Return the runs with their time steps, after validation of scales and samples."""
     factors = numbers_of(scales, "scales").tolist()
     if not factors or not all(math.isfinite(factor) and factor for factor in factors):
         raise UsageError(f"scales must be numbers other than zero, got {scales!r:.60}")
@@ -479,15 +495,13 @@ def _planned(
     ):
         raise UsageError(f"{SCALE} must be numbers other than zero")
     if zip_records:
-        # Each list has the common length, or one member that stands for all.
+        # Each list has the common length, or a single item that applies to all runs.
         sizes = {"models": len(work.subjects), "draws": work.draws}
         sizes |= {"records": len(work.records), "scales": len(factors)}
         count = max(sizes.values())
         for name, size in sizes.items():
             if size not in (1, count):
-                raise UsageError(
-                    f"zip_records: {size} {name} beside {count} of the others; give one, or as many"
-                )
+                raise UsageError(f"zip_records: {name} must have 1 or {count} items, got {size}")
         places: Iterable[tuple[int, ...]] = zip(
             *((np.arange(count) % size).tolist() for size in sizes.values()), strict=True
         )
@@ -495,7 +509,7 @@ def _planned(
         places = combined(
             *map(range, (len(work.subjects), work.draws, len(work.records), len(factors)))
         )
-    # Steps hang on few numbers of model and record: each combination is worked out once.
+    # Time steps depend on few values of model and record: each combination is computed one time.
     steps: dict[tuple[Any, ...], Steps] = {}
     plan = []
     for number, (model, draw, record, scale) in enumerate(places):
@@ -508,6 +522,7 @@ def _planned(
 
 
 def _kept(history: str | Sequence[str]) -> tuple[str, ...]:
+    """Return the requested quantities of the history without duplicates."""
     names = (history,) if isinstance(history, str) else tuple(history)
     for name in names:
         if name not in KEPT:
@@ -521,23 +536,24 @@ def _kept(history: str | Sequence[str]) -> tuple[str, ...]:
 def _room(
     work: _RunsRequest, plan: Sequence[_Run], kept: tuple[str, ...], every: int, out: Any
 ) -> dict[str, NDArray[np.floating[Any]]]:
-    """Where the histories go: arrays of the caller, or new ones."""
-    # The rows are those of the longest run, the stories those of the tallest building.
+    """Return the arrays for the histories: those of the caller, or new arrays."""
+    # The longest run determines the rows, the tallest building the stories.
     rows = max(run.steps.count for run in plan) // every + 1
     shape = (len(plan), rows, work.stories)
     if out is None:
         needed, free = 8.0 * len(kept) * math.prod(shape), available_memory()
         if needed > free:
             raise AnalysisError(
-                f"the histories of {len(plan)} runs take {needed / 1e9:.3g} GB of memory, "
-                f"{free / 1e9:.3g} GB are free; keep fewer steps by every=, or give arrays by out= "
-                "(float32, or maps of files)"
+                f"the histories of {len(plan)} runs need {needed / 1e9:.3g} GB of memory, "
+                f"{free / 1e9:.3g} GB are free; keep fewer steps by every=, or pass arrays by out= "
+                "(float32 or memory-mapped files)"
             )
         return {name: np.full(shape, math.nan) for name in kept}
     given = dict(out) if isinstance(out, Mapping) else dict.fromkeys(kept[:1], out)
     if tuple(sorted(given)) != tuple(sorted(kept)) or not kept:
         raise UsageError(
-            f"out must have an array for each quantity of the history: {', '.join(kept) or 'none'}"
+            "out must contain one array for each quantity of the history: "
+            f"{', '.join(kept) or 'no history is requested'}"
         )
     for name, array in given.items():
         if not isinstance(array, np.ndarray) or array.shape != shape or array.dtype.kind != "f":
@@ -559,7 +575,7 @@ def _unfilled(
     every: int,
     history: dict[str, NDArray[np.floating[Any]]],
 ) -> Runs:
-    """The result, whose arrays each thread fills for the runs that it has."""
+    """Return the result with arrays that each thread fills for its runs."""
     peaks, errors, corrected = (
         {peak.name: np.full((len(plan), work.stories), math.nan) for peak in fields(kind)}
         for kind in (StoryPeaks, StoryErrors, StoryErrors)
@@ -589,17 +605,19 @@ def _unfilled(
 
 
 def _march(work: _RunsRequest, result: Runs, part: Sequence[_Run]) -> None:
-    """Some runs, those of one building and one step together, into the arrays of all."""
-    for (model, _, alone), group in groupby(
+    """Integrate some runs in batches of one building and one time step, and write them to the
+    result.
+    """
+    for (model, _, individual), group in groupby(
         part, key=lambda run: (run.model, run.steps.h, work.alone(run, bool(result.history)))
     ):
-        # Where numbers vary, arrays of one building are changed from run to run; `alone` says where
-        # that cannot be.
+        # If parameters vary, the arrays of one building are changed from run to run, except for
+        # runs that need an individually assembled building (`alone`).
         runs, subject = list(group), work.subjects[model]
         places = [run.number for run in runs]
         motions = Motions({run.record: work.records[run.record] for run in runs})
         lanes = [(run.record, run.scale, run.steps) for run in runs]
-        if work.of_buildings and alone < 0:
+        if work.of_buildings and individual < 0:
             draws = {
                 draw: place for place, draw in enumerate(dict.fromkeys(run.draw for run in runs))
             }
@@ -607,10 +625,10 @@ def _march(work: _RunsRequest, result: Runs, part: Sequence[_Run]) -> None:
             drawn = draw_buildings(subject.model, subject.prepared.building, values)
             numbered = [(draws[run.draw], lane) for run, lane in zip(runs, lanes, strict=True)]
             by_themselves = [partial(work.varied, model, draw) for draw in draws]
-            outcomes = run_drawn(subject, motions, numbered, drawn, by_themselves)
+            outcomes = run_sampled(subject, motions, numbered, drawn, by_themselves)
         else:
             subject = work.varied(model, runs[0].draw) if work.of_buildings else subject
-            outcomes = run_together(
+            outcomes = run_batch(
                 subject,
                 motions,
                 lanes,
@@ -620,7 +638,7 @@ def _march(work: _RunsRequest, result: Runs, part: Sequence[_Run]) -> None:
                 if result.history
                 else None,
             )
-        # Into the places of these runs: first all as done, then those that ended otherwise.
+        # Write the results: first all runs as done, then the runs with another status.
         result.status[places] = "done"
         _put(result.stories, places, outcomes.stories)
         result.energy_error[places] = outcomes.energy_error
@@ -640,7 +658,7 @@ def _march(work: _RunsRequest, result: Runs, part: Sequence[_Run]) -> None:
 def _put(
     arrays: StoryValues | None, places: int | Sequence[int], values: StoryValues | None
 ) -> None:
-    """Write the values of runs where theirs are."""
+    """Write the values of runs to their rows."""
     if arrays and values:
         for quantity in fields(arrays):
             of_runs = getattr(values, quantity.name)
@@ -648,8 +666,7 @@ def _put(
 
 
 def _put_history(result: Runs, place: int, history: History | None) -> None:
-    """Write what is kept of a run that was made by itself; nan behind its end, and where it has no
-    result."""
+    """Write the history of an individual run; nan after its end, and if it has no result."""
     for name, kept in result.history.items():
         kept[place] = math.nan
         if history:
@@ -659,13 +676,13 @@ def _put_history(result: Runs, place: int, history: History | None) -> None:
 
 def _march_and_keep(
     subject: Subject, work: _RunsRequest, result: Runs, runs: Sequence[_Run]
-) -> MarchedRuns:
-    """Runs of one building and one step with what is kept of their histories."""
+) -> BatchResult:
+    """Integrate runs of one building with one time step and keep the requested histories."""
     prepared, h = subject.prepared, runs[0].steps.h
     time = (
         result.every * h * np.arange(next(iter(result.history.values())).shape[1], dtype=np.float64)
     )
-    # Each history is taken over before the next run writes over it.
+    # Each history is copied before the next run overwrites it.
     telling = [(kept, run_totals.HISTORIES[KEPT[name]]) for name, kept in result.history.items()]
     building, forces, n = prepared.building, prepared.forces, prepared.building.stories
 
@@ -675,7 +692,7 @@ def _march_and_keep(
             if len(rows) < kept.shape[1] or n < kept.shape[2]:
                 kept[runs[r].number, len(rows) :] = kept[runs[r].number, :, n:] = math.nan
 
-    return prepared.march_each(
+    return prepared.integrate_with_histories(
         subject.integrator,
         h,
         [(work.records[run.record].acceleration, run.scale, run.steps) for run in runs],
@@ -684,14 +701,14 @@ def _march_and_keep(
     )
 
 
-# ---- Derivatives: runs of neighbors, two for each number, as draws of their own
+# ---- Derivatives: two neighboring runs for each parameter, as additional samples
 
 
 def gradient_of(case: Case, response: Response, names: Sequence[str]) -> Gradient:
-    """Derivatives of a run that was made by itself, and of its history, if that was kept."""
+    """Return the derivatives of an individual run, and of its history if it was kept."""
     if case.allow_unstable:
         raise UsageError(
-            "gradient: not with allow_unstable: what a step beyond its limit gives has no "
+            "gradient cannot be used with allow_unstable: results of an unstable time step have no "
             "derivative"
         )
     label, dt = case.method.label, response.dt
@@ -719,9 +736,26 @@ def _differentiated(
     names: Sequence[str],
     threads: int,
 ) -> Gradient:
-    """Derivatives of the runs of a plan, whose peaks and histories are known, by numbers of
-    buildings and scales."""
-    # Each building in each of its draws has numbers of its own, and two neighbors of each.
+    """Return the derivatives of completed runs with respect to parameters of buildings and scales.
+
+    Parameters
+    ----------
+    work : _RunsRequest
+        Buildings, ground motions and samples.
+    plan : sequence of _Run
+        Completed runs.
+    peaks : StoryPeaks
+        Peaks of these runs.
+    history : mapping of str to ndarray
+        Kept histories of these runs.
+    every : int
+        Number of time steps between two rows of the histories.
+    names : sequence of str
+        Parameters.
+    threads : int
+        Number of threads.
+    """
+    # Each building has its own parameter values in each sample, and two neighbors for each value.
     numbers, near = (
         dict[tuple[int, int], list[float]](),
         dict[tuple[int, int], list[tuple[float, float]]](),
@@ -736,8 +770,7 @@ def _differentiated(
             neighbors(model, name, number)
             for name, number in zip(names, numbers[site], strict=True)
         ]
-    # A draw for each neighbor: what it leaves as it is has the value of its site's own draw, or
-    # nan.
+    # One sample per neighbor: unchanged parameters have the value of the original sample, or nan.
     draws = {key: draw for draw, key in enumerate(combined(near, range(len(names)), range(2)))}
     origin = [draw for (_, draw), _, _ in draws]
     columns = {name: column[origin] for name, column in work.of_buildings.items()}
@@ -762,7 +795,7 @@ def _differentiated(
     for _ in on_threads(partial(_march, of_near, result), parts, threads):
         pass
 
-    # Rows of runs that were not made stay empty.
+    # Rows of runs that were not made remain nan.
     rows = [run.number for run in plan]
     values = np.array([numbers[run.model, run.draw] for run in plan])
     offsets = np.array([near[run.model, run.draw] for run in plan]) - values[:, :, None]

@@ -1,8 +1,8 @@
-"""Shocks one after the other on one building, which keeps what each has left: the work behind
-`tdint run --sequence`.
+"""Sequences of earthquakes on one building that keeps its damage, for `tdint run --sequence`.
 
-The shocks are joined to one record, and its run is that of any record: peaks over all, energies,
-history, errors. Peaks of each shock come from the same steps once more, in parts.
+The events of a sequence (main shock and aftershocks) are joined to one record and integrated as one
+run, with its peaks, energies, history and errors. The peaks of each event are computed by repeating
+the same time steps in parts.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from tdint.ground_motion.record import Record, at_one_interval, one_after_anothe
 
 @dataclass(frozen=True)
 class ShockSequence:
-    """Ground motions one after the other.
+    """Ground motions of a sequence with their start times.
 
     Attributes
     ----------
     records : tuple of Record
-        The shocks, of one sampling interval.
+        Ground motions of the events, with one sampling interval.
     starts : tuple of int
-        The sample of the whole at which each begins.
+        Sample of the joined record at which each event starts.
     restless : tuple of int
-        The shocks, from 1, after which the building did not come to rest.
+        Numbers, from 1, of the events after which the building did not come to rest.
     """
 
     records: tuple[Record, ...]
@@ -42,15 +42,15 @@ class ShockSequence:
 
     @property
     def whole(self) -> Record:
-        """All of them as one record."""
+        """All events as one record."""
         return one_after_another(self.records, self.starts)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a person should know of the rests."""
+        """Notes on the events after which the building did not come to rest."""
         return tuple(
-            f"after shock {number} the building still moved after {REST_PERIODS:g} first periods "
-            "with the ground at rest: the next one begins there"
+            f"the building still vibrated {REST_PERIODS:g} first periods after the end of shock "
+            f"{number}: the next shock starts at this time"
             for number in self.restless
         )
 
@@ -58,27 +58,29 @@ class ShockSequence:
 def sequence_of(
     case: Case, records: Sequence[Record], *, rest: float | None = None, dt: float | None = None
 ) -> ShockSequence:
-    """Put shocks on a building one after the other.
+    """Join ground motions to a sequence with times of rest in between.
 
     Parameters
     ----------
     case : Case
-        The building and its method; its own record is not asked.
+        Building and method; its ground motion is not used.
     records : sequence of Record
-        The shocks, scaled.
+        Scaled ground motions of the events.
     rest : float, optional
-        Time from the last sample of one to the first of the next, s, rounded up to whole samples
-        and steps; by default until the building is at rest (`tdint.analysis.run.case`).
+        Time from the last sample of an event to the first sample of the next event, s, rounded up
+        to whole samples and time steps. By default, until the building is at rest
+        (`tdint.analysis.run.case`).
     dt : float, optional
-        Step of the runs that find that, s; by default the model's, else that of the records.
+        Time step of the runs that determine the time of rest, s; by default that of the model,
+        otherwise the sampling interval.
 
     Raises
     ------
     UsageError
-        No record; sampling intervals that do not fit each other; a rest or a step that is none.
+        There is no record, the sampling intervals are not compatible, or `rest` or `dt` is invalid.
     """
     if not records:
-        raise UsageError("a sequence needs a record at least")
+        raise UsageError("a sequence must contain at least one record")
     shocks, starts, restless = at_one_interval(records), [0], []
     steps = _steps(case, shocks[0], dt)
     for number, shock in enumerate(shocks[:-1], start=1):
@@ -90,9 +92,9 @@ def sequence_of(
             quiet, at_rest = until_rest(case.under(before), _steps(case, before, dt))
             begin = (
                 max(math.ceil(quiet.count * quiet.stride / quiet.per_sample), last) + 1
-            )  # a sample leads to it
+            )  # the ground acceleration rises linearly to the first sample
             restless += [] if at_rest else [number]
-        starts.append(math.ceil(begin / steps.stride) * steps.stride)  # a shock begins with a step
+        starts.append(math.ceil(begin / steps.stride) * steps.stride)  # start of a time step
     return ShockSequence(tuple(shocks), tuple(starts), tuple(restless))
 
 
@@ -107,24 +109,24 @@ def run_sequence(
     tolerance: float | str | None = None,
     until_rest: bool = False,
 ) -> Response:
-    """Integrate a building under shocks one after the other.
+    """Integrate a building under a sequence of earthquakes.
 
     Parameters
     ----------
     case : Case
-        From `tdint.prepare`; its own record is not asked.
+        From `tdint.prepare`; its ground motion is not used.
     records : sequence of Record
-        The shocks, scaled.
+        Scaled ground motions of the events.
     rest : float, optional
-        Time from the last sample of one to the first of the next, s; by default until the building
-        is at rest.
+        Time from the last sample of an event to the first sample of the next event, s. By default,
+        until the building is at rest.
     dt, history, check, tolerance, until_rest : optional
-        As for `tdint.run`, of the whole sequence.
+        As for `tdint.run`, for the complete sequence.
 
     Returns
     -------
     Response
-        That of all shocks as one record, and what each did in `Response.events`.
+        Response to all events as one record; `Response.events` contains the response to each event.
 
     Raises
     ------
@@ -150,33 +152,45 @@ def run_sequence(
         tolerance=tolerance,
         until_rest=until_rest,
     )
-    # Each shock's peaks come from one more march, with the steps that were taken.
+    # The peaks of each event are computed by one more time integration with the same time steps.
     steps = replace(joined.steps(response.dt, duration), count=response.steps)
     return replace(
-        response, events=shocks_of(joined, sequence, steps, check=response.check is not None)
+        response, events=event_responses(joined, sequence, steps, check=response.check is not None)
     )
 
 
-def shocks_of(
+def event_responses(
     joined: Case, sequence: ShockSequence, steps: Steps, *, check: bool = False
 ) -> tuple[Shock, ...]:
-    """What each shock of a sequence did, as far as the steps of the `joined` case go; with errors
-    by one more run."""
+    """Return the peaks of each event of a sequence up to the end of `steps`.
+
+    Parameters
+    ----------
+    joined : Case
+        Case under the joined record.
+    sequence : ShockSequence
+        Events.
+    steps : Steps
+        Time steps of the completed run.
+    check : bool, default False
+        Estimate the errors by one additional run.
+    """
     shocks = _parts(joined, sequence, steps)
     if not check:
         return shocks
     others = _parts(reference(joined), sequence, finer(steps))
     return tuple(
         replace(shock, errors=story_errors(shock, other))
-        for shock, other in zip(shocks, others, strict=False)  # the finer run may end earlier
+        for shock, other in zip(shocks, others, strict=False)  # the second run may end earlier
     )
 
 
 def _parts(joined: Case, sequence: ShockSequence, steps: Steps) -> tuple[Shock, ...]:
-    # The ground moves from the sample before on.
+    """Integrate the joined case and return the peaks of each part between two starts of events."""
+    # The ground acceleration of an event starts to change at the sample before its first sample.
     firsts = [max(start - 1, 0) * steps.per_sample // steps.stride for start in sequence.starts]
     building, dt = joined.building, sequence.records[0].dt
-    parts = joined.prepared.march_parts(joined.method, steps, joined.ground, firsts)
+    parts = joined.prepared.integrate_in_parts(joined.method, steps, joined.ground, firsts)
     return tuple(
         Shock(
             record,
@@ -189,8 +203,11 @@ def _parts(joined: Case, sequence: ShockSequence, steps: Steps) -> tuple[Shock, 
 
 
 def _steps(case: Case, record: Record, dt: float | None) -> Steps:
-    """Steps over a whole record: the duration of the model's own analysis is not that of a
-    sequence."""
+    """Return the time steps over a complete record.
+
+    The duration in the model's analysis section is not used, because it does not apply to a
+    sequence.
+    """
     return choose_steps(
         case.model.analysis.dt if dt is None else dt, None, record.dt, record.duration
     )

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from tdint.analysis.run.case import Case
-from tdint.analysis.run.error_estimate import attempt, reference, story_errors, told
+from tdint.analysis.run.error_estimate import attempt, reference, story_errors, with_error_estimate
 from tdint.analysis.run.outcome import NO_STEP, ErrorEstimate, FailedRun, Response, StepChoice
 from tdint.analysis.run.workspace import Steps, finer
 from tdint.errors import UsageError
@@ -92,7 +92,9 @@ def choose_step(
         else None,
     )
     check = replace(response.check, step_choice=choice)
-    return replace(case.march(search.steps(level), history) if history else response, check=check)
+    return replace(
+        case.integrate(search.steps(level), history) if history else response, check=check
+    )
 
 
 def step_within(
@@ -221,7 +223,7 @@ class _Search:
         if isinstance(response, FailedRun):
             return response
         self.count += 1
-        return told(self.case, self.steps(level), response)
+        return with_error_estimate(self.case, self.steps(level), response)
 
 
 def _difference(response: Response, other: Response) -> float:

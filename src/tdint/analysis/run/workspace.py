@@ -1,4 +1,4 @@
-"""The arrays that a march works on, and the kernels that it calls."""
+"""Arrays of a time integration, kernels that it calls, stability of methods, and time steps."""
 
 from __future__ import annotations
 
@@ -29,17 +29,20 @@ from tdint.model.definition import CODES, LAWS
 from tdint.system import available_memory, cache_subfolder
 
 HALVINGS = 8
-"""How often a step that does not converge is halved before the run ends."""
+"""Maximum number of times that a step without convergence is halved before the run fails."""
 
 _WITH_RESULTS = 2.5
-"""Memory of a history as results, with drifts and forces, over that of its rows."""
+"""Dimensionless. Memory of a history including its results (drifts and forces), divided by the
+memory of its rows.
+"""
 
 
 @dataclass
 class Workspace:
-    """What a march reads and writes; all tables have one column per story and one that stays zero.
+    """Arrays that a time integration reads and writes.
 
-    Of the history every so many steps have a row, and some rows stand before those that are there.
+    Each table has one column per story and an additional column of zeros. The history contains
+    every `every`-th step; `before` is the number of rows before its first row.
     """
 
     state: Array
@@ -57,32 +60,43 @@ class Workspace:
 
     @property
     def memory(self) -> Memory:
-        """What method and drift laws remember."""
+        """Arrays with the state of the method and of the hysteretic laws."""
         return Memory(self.state, self.law_state, self.scratch, self.step_status)
 
     @property
     def seen(self) -> Seen:
-        """What is seen of the motion."""
+        """Arrays with the observed results."""
         return Seen(self.observer_state, self.peaks, self.limits, self.totals, self.history)
 
 
 def workspace(
     building: Building, integrator: Integrator, row_count: int = 0, collapse_drift: float = math.inf
 ) -> Workspace:
-    """Fresh arrays for one run, with so many rows of its history.
+    """Return new arrays for one run.
+
+    Parameters
+    ----------
+    building : Building
+        Building.
+    integrator : Integrator
+        Method.
+    row_count : int, default 0
+        Number of rows of the history.
+    collapse_drift : float, default infinity
+        Drift ratio above which a story has collapsed.
 
     Raises
     ------
     AnalysisError
-        The memory that is free does not hold them; a plug-in's method that is found to be wrong.
+        The free memory is too small, or the method of a plug-in is invalid.
     """
-    look_at_once(integrator)
+    validate_plugin_step(integrator)
     n = building.stories
     modes = building.modal.shape[0]
     family = integrator.family
     flags = np.zeros(rows.FLAGS_SIZE)
     flags[rows.LINEAR] = building.linear
-    # With dashpots of powers no step is linear branch by branch.
+    # With power-law dashpots, a step is not linear on the branches.
     flags[rows.BRANCHES] = rows.SOME_BRANCHES if building.kinked else rows.NO_BRANCHES
     if building.piecewise_linear and not building.power_damped:
         flags[rows.BRANCHES] = rows.ALL_BRANCHES
@@ -92,15 +106,15 @@ def workspace(
     flags[rows.HAS_DASHPOTS] = building.damped_by_devices
     width = history_width(building)
     if row_count:
-        # All of it is held in memory, and its results beside it.
+        # The complete history and its results are in memory simultaneously.
         needed, free = _WITH_RESULTS * 8.0 * row_count * width, available_memory()
         if needed > free:
             raise AnalysisError(
-                f"a history of {row_count} rows takes {needed / 1e9:.3g} GB of memory, "
-                f"{free / 1e9:.3g} GB are free; take fewer steps, or write the history to a "
-                "file, which takes it in pieces"
+                f"a history of {row_count} rows needs {needed / 1e9:.3g} GB of memory, "
+                f"{free / 1e9:.3g} GB are free; use fewer steps, or write the history to a "
+                "file, which is done in chunks"
             )
-    # What a story's row INTERNAL is once it has failed: nan of laws that do not fail.
+    # Value of row INTERNAL of a story that has failed; nan for laws that do not fail.
     failed = np.full(max(CODES.values()) + 1, math.nan)
     for name, code in CODES.items():
         failed[code] = LAWS[name].failed
@@ -122,56 +136,59 @@ def workspace(
 
 
 def history_width(building: Building) -> int:
-    """Numbers in a row of the history."""
+    """Return the number of values in a row of the history."""
     return 1 + rows.HISTORY_FIELDS * building.stories + rows.ENERGY_TERMS
 
 
-LOOKED_AT: set[Kernel] = set()
-"""Steps of plug-ins that this process has executed in plain Python, or need not, for somebody does
-it now."""
+VALIDATED_STEPS: set[Kernel] = set()
+"""Steps of plug-ins that this process has executed in plain Python, or that are being executed."""
 
 _ONE_AT_A_TIME = threading.RLock()
-if hasattr(os, "register_at_fork"):  # a child would wait for a thread that it has not
+if hasattr(os, "register_at_fork"):  # the thread that holds the lock does not exist in the child
     os.register_at_fork(after_in_child=_ONE_AT_A_TIME._at_fork_reinit)  # type: ignore[attr-defined]
 
 
-def look_at_once(integrator: Integrator) -> None:
-    """Execute the step of a plug-in in plain Python before its first compiled run, which would
-    write beyond the ends of arrays or forget a story's state in silence: once for each state of its
-    sources, which the cache of kernels keeps.
+def validate_plugin_step(integrator: Integrator) -> None:
+    """Execute the step of a plug-in in plain Python before its first compiled run.
+
+    An invalid compiled step could write outside its arrays or lose the state of a story without an
+    error. The check is done one time for each version of its sources; the kernel cache records it.
 
     Raises
     ------
     AnalysisError
-        What is wrong with it.
+        The step is invalid.
     """
     step = integrator.family.step
     if step.function.__module__.startswith("tdint.") or os.environ.get("TDINT_KERNELS") == "python":
         return
     with _ONE_AT_A_TIME:
-        if step in LOOKED_AT:
+        if step in VALIDATED_STEPS:
             return
         folder = cache_subfolder("plugins")
         file = folder and folder / f"{digest(step.name)}-{integrator.method.name}"
         if file is None or not file.exists():
-            # Found by name when it is needed: it marches with what is declared here.
+            # Imported at this point, because the assessment integrates with the declarations of
+            # this module.
             faults_of_step = import_module("tdint.analysis.assessment.order").faults_of_step
-            LOOKED_AT.add(step)
+            VALIDATED_STEPS.add(step)
             if faults := faults_of_step(integrator):
-                LOOKED_AT.remove(step)
+                VALIDATED_STEPS.remove(step)
                 raise AnalysisError(
-                    f"{'; '.join(faults)} (`tdint check --plugin` looks at all that it declares)"
+                    f"{'; '.join(faults)} (`tdint check --plugin` checks all declarations)"
                 )
             if file is not None:
                 with suppress(OSError):
                     file.touch()
-        LOOKED_AT.add(step)
+        VALIDATED_STEPS.add(step)
 
 
 def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Variant]]:
-    """The kernels that a march calls, those first that take the longest to compile. Errors are
-    `look_at_once`'s."""
-    look_at_once(integrator)
+    """Return the kernels of a time integration, those with the longest compilation first.
+
+    Errors are those of `validate_plugin_step`.
+    """
+    validate_plugin_step(integrator)
     return [
         (kernel, variant)
         for kernel in (
@@ -185,21 +202,29 @@ def kernels(integrator: Integrator, variant: Variant) -> list[tuple[Kernel, Vari
 
 
 def shifts(integrator: Integrator, h: float) -> Array:
-    """What each row of the state takes of a jump of the ground acceleration between two steps h
-    (s)."""
+    """Return the change of each row of the state at a jump of the ground acceleration between two
+    time steps of h (s).
+    """
     family = integrator.family
     return np.array(family.shifts) * h ** (2.0 - np.array(family.derivatives))
 
 
-def unsuited(integrator: Integrator, building: Building) -> str:
-    """Why a method does not integrate a building: nonlinear stories, power-law dashpots; empty if
-    it does."""
+def unsupported_reason(integrator: Integrator, building: Building) -> str:
+    """Return the reason why a method does not support a building: nonlinear stories or power-law
+    dashpots.
+
+    The result is empty if the method supports the building.
+    """
     if integrator.family.linear_only and not building.linear:
         return (
-            f"{integrator.label} integrates linear buildings only; this one has nonlinear stories"
+            f"{integrator.label} supports only linear buildings; this building has nonlinear "
+            "stories"
         )
     if building.power_damped and not integrator.family.power_dampers:
-        return f"{integrator.label} takes no power-law dashpots; impulse4 and newmark-average do"
+        return (
+            f"{integrator.label} does not support power-law dashpots; use impulse4 or "
+            "newmark-average"
+        )
     return ""
 
 
@@ -207,31 +232,37 @@ def unsuited(integrator: Integrator, building: Building) -> str:
 # them
 
 LINEAR_OSCILLATORS = Variant(laws=("linear",), modal=False, forces=False, dashpots=False)
-"""What the kernels need for them."""
+"""Variant of the kernels for linear oscillators."""
 
 STABLE = 1e-9
-"""A spectral radius above 1 by less than this counts as 1: rounding."""
+"""Dimensionless. Excess of a spectral radius above 1 that is attributed to rounding."""
 
-_SETTLED = 100.0  # steps done as a multi-step method sees it: past its start
+_SETTLED = 100.0  # completed steps for a multi-step method: its start procedure has ended
 
-# Oscillators in one building where the step's coefficients belong to the whole building: their
-# matrix is dense, and LAPACK mixes the modes of uncoupled oscillators from 26 on.
+# Maximum number of oscillators in one building if the coefficients of the step belong to the
+# complete building. Its matrix is dense, and LAPACK mixes the modes of uncoupled oscillators from
+# 26 oscillators.
 _TOGETHER = 16
 
 
 def amplification(integrator: Integrator, omega: Array, damping: Array, h: float) -> Array:
-    """Amplification matrices of undriven oscillators over one step h (s), by stepping each row of
-    the method's memory.
+    """Return amplification matrices of free oscillators over one time step.
+
+    Each matrix is measured by one step from a unit value in each row of the memory of the method.
 
     Parameters
     ----------
+    integrator : Integrator
+        Method.
     omega, damping : ndarray, shape (k,)
         Circular frequencies (rad/s) and damping ratios.
+    h : float
+        Time step, s.
 
     Returns
     -------
     ndarray, shape (k, m, m)
-        m is the number of memory rows of the family; units as in the state.
+        Matrices; m is the number of memory rows of the method family. Units are those of the state.
     """
     omega, damping = np.broadcast_arrays(np.asarray(omega, float), np.asarray(damping, float))
     if integrator.family.prepare is not None:
@@ -242,6 +273,7 @@ def amplification(integrator: Integrator, omega: Array, damping: Array, h: float
 
 
 def _amplification(integrator: Integrator, building: Building, h: float) -> Array:
+    """Return the amplification matrices of the uncoupled oscillators of one building."""
     memory = integrator.family.memory
     k = building.stories
     forces = np.zeros((0, 4))
@@ -256,8 +288,8 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
     for column, row in enumerate(memory):
         state[:], law_state[:] = 0.0, 0.0
         state[row, :k] = 1.0
-        # Committed springs, and the acceleration of equilibrium where the method does not carry its
-        # own.
+        # Committed states of the springs. The acceleration follows from equilibrium if the method
+        # does not store its own acceleration.
         u, v = state[rows.DISPLACEMENT, :-1], state[rows.VELOCITY, :-1]
         law_state[rows.DRIFT, :-1], law_state[rows.FORCE, :-1], law_state[rows.SLOPE, :-1] = (
             u,
@@ -278,7 +310,7 @@ def _amplification(integrator: Integrator, building: Building, h: float) -> Arra
 
 
 def spectral_radius(integrator: Integrator, omega: Array, damping: Array, h: float) -> Array:
-    """Spectral radii of the measured amplification matrices, shape (k,)."""
+    """Return the spectral radii of the measured amplification matrices, shape (k,)."""
     matrices = amplification(integrator, omega, damping, h)
     # Balance the rows: the state mixes m, m/s and m/s^2.
     family = integrator.family
@@ -289,8 +321,17 @@ def spectral_radius(integrator: Integrator, omega: Array, damping: Array, h: flo
 
 @dataclass(frozen=True)
 class Instability:
-    """An oscillator that grows with a step h (s): its index, and whether all are stable with
-    another step."""
+    """Unstable oscillator for a time step h (s).
+
+    Attributes
+    ----------
+    index : int
+        Index of the oscillator.
+    h : float
+        Time step, s.
+    stable : callable
+        Returns True if all oscillators are stable with another time step.
+    """
 
     index: int
     h: float
@@ -298,18 +339,28 @@ class Instability:
 
     @cached_property
     def largest_stable(self) -> float:
-        """The largest stable step below h (0: none), s: some 150 measurements, made for who
-        asks."""
+        """Largest stable time step below h, s; 0 if there is none.
+
+        It is computed on first access with about 150 measurements.
+        """
         return largest_stable(self.stable, self.h)
 
 
 def find_instability(
     integrator: Integrator, omega: Array, damping: Array, h: float
 ) -> Instability | None:
-    """Whether a step h (s) is beyond the method's limit for one of some oscillators; the stiffest
-    such one.
+    """Return the stiffest oscillator for which a time step is above the stability limit, or None.
 
-    A method that is unconditionally stable is not measured.
+    An unconditionally stable method is not measured.
+
+    Parameters
+    ----------
+    integrator : Integrator
+        Method.
+    omega, damping : ndarray, shape (k,)
+        Circular frequencies (rad/s) and damping ratios.
+    h : float
+        Time step, s.
     """
     if integrator.stability_limit == math.inf:
         return None
@@ -325,33 +376,45 @@ def find_instability(
 
 
 def largest_stable(stable: Callable[[float], bool], h: float) -> float:
-    """End of the first range of stable steps, searched upward in (0, h] and bisected, rounded down;
-    0 for none, s."""
+    """Return the end of the first interval of stable time steps in (0, h], rounded down, s.
+
+    The interval is searched upward from 0 and bisected. The result is 0 if no step is stable.
+    """
     low, high = 0.0, h
-    # By 200ths: of a method that is unstable in between and stable beyond, the first range is
-    # found.
+    # Steps of h / 200 find the first interval if a method is unstable at intermediate steps and
+    # stable above them.
     for part in range(1, 201):
         candidate = h * part / 200
         if not stable(candidate):
             high = candidate
             break
         low = candidate
-    # 2^-40 of a 200th of h: beyond what a step is ever written with.
+    # 2^-40 of h / 200 is more precise than any written time step.
     low, _ = halved(stable, low, high, 40)
     return low if low > 1e-9 * h else 0.0
 
 
 # ---- Which time steps an analysis may take
 
-_SAME = 1e-9  # steps that differ by less than this part are the same
+_SAME = 1e-9  # dimensionless; relative difference below which time steps are considered equal
 
 
 @dataclass(frozen=True)
 class Steps:
-    """Time steps on a ground motion: `per_sample` of them take `stride` sampling intervals.
+    """Time steps under a ground motion.
 
-    They end at the time that was asked for, `end` (s), or less than a step after it. Of all `count`
-    so many may be `done`.
+    Attributes
+    ----------
+    h : float
+        Time step, s.
+    count : int
+        Number of time steps.
+    per_sample, stride : int
+        `per_sample` time steps cover `stride` sampling intervals.
+    end : float
+        Requested end, s. The last step ends at this time or less than one step after it.
+    done : int
+        Number of steps that are already completed.
     """
 
     h: float
@@ -363,51 +426,60 @@ class Steps:
 
     @property
     def late(self) -> float:
-        """How long after the time that was asked for the last step ends, s."""
+        """Time from the requested end to the end of the last step, s."""
         return max(self.count * self.h - self.end, 0.0)
 
 
 MOST_STEPS = 1_000_000_000
-"""Steps that a run may have, some quarter of an hour for a few stories: a slip in dt does not run
-for years."""
+"""Maximum number of time steps of a run, about 15 minutes for a few stories. A mistake in dt does
+not cause a run of years.
+"""
 
 
 def choose_steps(
     dt: float | None, duration: float | None, record_dt: float | None, record_duration: float
 ) -> Steps:
-    """Time steps for a wished dt (s) and duration (s) under a record, or without one (`record_dt`
-    None).
+    """Return the time steps for a requested dt and duration.
 
-    A step divides the record's sampling interval or is a whole multiple of it. The last step ends
-    at the duration or after.
+    A time step divides the sampling interval of the record or is an integer multiple of it. The
+    last step ends at the duration or after it.
+
+    Parameters
+    ----------
+    dt, duration : float or None
+        Requested time step and duration, s; by default those of the record.
+    record_dt : float or None
+        Sampling interval of the record, s; None without a record.
+    record_duration : float
+        Duration of the record, s.
 
     Raises
     ------
     UsageError
-        No dt or duration where there is no record to take it from; a dt that does not fit the
-        record; too many steps.
+        dt or duration is missing and there is no record, dt is not compatible with the record, or
+        there are too many steps.
     """
     if record_dt is None:
         if dt is None:
             raise UsageError(
-                "no time step: without a record, give --dt or analysis.dt in the model file"
+                "no time step: without a record, specify --dt or analysis.dt in the model file"
             )
         if duration is None:
             raise UsageError(
-                "no duration: without a record, give --duration or analysis.duration in the model "
-                "file"
+                "no duration: without a record, specify --duration or analysis.duration in the "
+                "model file"
             )
         return Steps(dt, _count(duration, dt), end=duration)
     if dt is not None and not record_dt / MOST_STEPS <= dt <= record_dt * MOST_STEPS:
         raise UsageError(
-            f"dt {dt:.6g} s is out of all proportion to the record's sampling interval "
-            f"{record_dt:.6g} s"
+            f"dt must be comparable to the sampling interval of the record, {record_dt:.6g} s; "
+            f"got {dt:.6g} s"
         )
     duration = record_duration if duration is None else duration
     if dt is None:
         return Steps(record_dt, _count(duration, record_dt), end=duration)
-    # A part of the sampling interval, or a multiple of it, but for rounding: the record's own
-    # number is taken.
+    # The time step divides the sampling interval or is a multiple of it, except for rounding: the
+    # result is computed from the sampling interval.
     for ratio, per_sample in ((record_dt / dt, True), (dt / record_dt, False)):
         whole = round(ratio)
         if whole >= 1 and abs(ratio - whole) <= _SAME * whole:
@@ -415,7 +487,7 @@ def choose_steps(
             return Steps(
                 h, _count(duration, h), *((whole, 1) if per_sample else (1, whole)), end=duration
             )
-    # The next larger and the next smaller step that would fit.
+    # Next larger and next smaller compatible time step
     whole = math.floor(dt / record_dt if dt > record_dt else record_dt / dt)
     if dt > record_dt:
         below, above = record_dt * whole, record_dt * (whole + 1)
@@ -428,17 +500,18 @@ def choose_steps(
 
 
 def _count(duration: float, h: float) -> int:
+    """Return the number of steps for a duration; UsageError if there are too many."""
     count = duration / h * (1.0 - _SAME)
     if not count <= MOST_STEPS:
         raise UsageError(
             f"{count:.3g} steps of {h:.6g} s for a duration of {duration:.6g} s: at most "
-            f"{MOST_STEPS:.0e} are taken; use a longer dt or a shorter duration"
+            f"{MOST_STEPS:.0e} are allowed; use a longer dt or a shorter duration"
         )
     return max(1, math.ceil(count))
 
 
 def finer(steps: Steps) -> Steps:
-    """Half the step over the same time."""
+    """Return half the time step over the same duration."""
     if steps.per_sample == 1 and steps.stride % 2 == 0:
         return replace(steps, h=steps.h / 2, count=2 * steps.count, stride=steps.stride // 2)
     return replace(steps, h=steps.h / 2, count=2 * steps.count, per_sample=2 * steps.per_sample)

@@ -478,7 +478,7 @@ def _integrated(record: Record, omega: Array, damping: float, method: str) -> tu
             "another method"
         )
     steps = Steps(record.dt, record.acceleration.size - 1)
-    marched = PreparedBuilding(oscillators(omega, ratios)).march(
+    marched = PreparedBuilding(oscillators(omega, ratios)).integrate(
         integrator, steps, record.acceleration.copy()
     )
     if marched.code < 0:

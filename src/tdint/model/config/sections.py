@@ -1,4 +1,4 @@
-"""Read the sections `units`, `damping` and `damage` of model and campaign files."""
+"""Sections of model and campaign files: `units`, `damping`, `damage`."""
 
 from __future__ import annotations
 
@@ -32,28 +32,29 @@ from tdint.model.keys.fields import (
 )
 from tdint.units import parse_with_unit
 
-# ---- The section `units` of a model file, and the units of the samples of a record
+# ---- The `units` of a model file, and those of the samples of a record that a file names
 
 _WEIGHT = (
-    "give the `weight` of the stories instead of the mass, or divide by the acceleration of "
-    "gravity, mass = W/g, in kip*s^2/in or kip*s^2/ft"
+    "give the stories `weight` in place of mass, or divide by the acceleration of gravity, mass = "
+    "W/g, in kip*s^2/in or kip*s^2/ft"
 )
 
 _OPEN = tuple(unit for unit in (*units.LENGTH, *units.FORCE) if unit not in ("m", "N"))
-"""Units of length and force that do not determine the unit of mass: with kN it is usually t, with
-mm it can be any unit."""
+"""Units of length and force that leave open what a mass is in: beside kN it is mostly t, beside mm
+anything."""
 
 _MASSES = {"kN": "t", "MN": "t", "lbf": "lb", "kip": "kip*s^2/ft"}
-"""Unit of mass in reports for a unit of force, if the file does not specify it. Default: kg."""
+"""The unit in which a mass is told beside a force where the file says none; beside others kg."""
 
 UNITS = Keys(
     (
-        Key("length", Choice(tuple(units.LENGTH)), "unit of length; default: m"),
-        Key("force", Choice(tuple(units.FORCE)), "unit of force; default: N"),
+        Key("length", Choice(tuple(units.LENGTH)), "unit of length; m where it is left out"),
+        Key("force", Choice(tuple(units.FORCE)), "unit of force; N where it is left out"),
         Key(
             "mass",
             Choice(tuple(units.MASS)),
-            "unit of mass; default: kg; required for masses if length is not m or force is not N",
+            "unit of mass; kg where it is left out, but needed for masses where length is not m or "
+            "force not N",
         ),
     )
 )
@@ -61,27 +62,19 @@ UNITS = Keys(
 
 @dataclass(frozen=True)
 class ModelUnits:
-    """Factors from the units of the file to SI units, and the units of reports.
-
-    Attributes
-    ----------
-    length, force, mass : float
-        Factors to m, N and kg.
-    named : OutputUnits
-        Units of reports.
-    mass_is_open : bool
-        True if lengths are not in m or forces are not in N, and the unit of mass is not specified:
-        kg would be a guess.
-    """
+    """Factors from the file's units to SI, and how results are told in them."""
 
     length: float
     force: float
     mass: float
     named: units.OutputUnits
     mass_is_open: bool = False
+    """Lengths are not in m or forces not in N, and the unit of mass is not said: kg would be a
+    guess."""
 
     def factor(self, force: int = 0, length: float = 0) -> float:
-        """Return the factor of the dimension force^`force` length^`length`; inf on overflow."""
+        """The factor of the dimension force^`force` length^`length`, inf beyond double
+        precision."""
         try:
             return float(self.force**force * self.length**length)
         except OverflowError:
@@ -89,9 +82,9 @@ class ModelUnits:
 
 
 def read_units(section: Section) -> ModelUnits:
-    """Return the units of the file. Default: SI units."""
+    """The units of the file, SI where it names none."""
 
-    # A unit of force for a mass gets its own message, which explains the conversion.
+    # A unit of force for a mass is told as such: that it is unknown would not help.
     def named(name: str, factors: Mapping[str, float], usual: str) -> str:
         entry = section.get(name)
         if name == "mass" and entry and any(map(entry.is_word, units.FORCE)):
@@ -102,9 +95,9 @@ def read_units(section: Section) -> ModelUnits:
     length, force = named("length", units.LENGTH, "m"), named("force", units.FORCE, "N")
     mass, mass_is_said = named("mass", units.MASS, "kg"), section.mentions("mass")
     beside = "kip*s^2/in" if (force, length) == ("kip", "in") else _MASSES.get(force, "kg")
-    # With other units than m and N a mass is rarely in kg, so its unit is required.
-    entries = [entry for name in ("length", "force") if (entry := section.get(name))]
-    foreign = any(entry.is_word(unit) for entry in entries for unit in _OPEN)
+    # Beside such units a mass is hardly in kg: its unit is asked for where one is used.
+    words = [entry for name in ("length", "force") if (entry := section.get(name))]
+    foreign = any(word.is_word(unit) for word in words for unit in _OPEN)
     return ModelUnits(
         units.LENGTH[length],
         units.FORCE[force],
@@ -115,50 +108,46 @@ def read_units(section: Section) -> ModelUnits:
 
 
 def read_sample_units(value: Value | None, quantity: str | None = None) -> str | None:
-    """Return the units of samples as text, or None after reporting an error with its line.
+    """Units as the reader of records understands them, judged here so that the fault has its line.
 
-    `quantity` is the required quantity if the file specifies it elsewhere.
+    `quantity` is what they must be units of, where the file says that elsewhere.
     """
     parsed = value.parsed(units.parse_units) if value else None
     if value is None or parsed is None:
         return None
     if quantity and parsed.quantity != quantity:
         fitting = ", ".join(units.GROUND_MOTION[quantity])
-        value.fault(
-            f"units of {parsed.quantity} do not fit the quantity {quantity}; give one of {fitting}"
-        )
+        value.fault(f"say {parsed.quantity}, the quantity says {quantity}; give one of {fitting}")
     return value.word
 
 
 def read_file_units(value: Value | None) -> SampleUnits | None:
-    """Return the units of several records: one unit, units by file, or a table of units.
-
-    An error is reported with the line of the value.
-    """
+    """Units of several records: of all, by file, or a table of them; the fault of any has its line
+    here."""
     if value is None:
         return None
 
     def checked(text: str) -> SampleUnits:
-        sample_units = units_of_text(text, Path(value.faults.folder))
-        file_units(sample_units)
-        return sample_units
+        said = units_of_text(text, Path(value.faults.folder))
+        file_units(said)
+        return said
 
     return value.parsed(checked)
 
 
-# ---- The section `damping` of a model file. The declaration also reads the values.
+# ---- The `damping` of a model file: its declaration is its reader
 
 _ONE_STORY = (
-    "a one-story model has one mode, and the form with ratio and modes requires two; write "
-    "damping: 5%, {rayleigh: {mass: a0, stiffness: a1}} or {modal: ratio}"
+    "a one-story model has one mode, and the ratio form needs two; write the ratio alone (damping: "
+    "5%), {rayleigh: {mass: a0, stiffness: a1}} or {modal: ratio}"
 )
-_SHORT = "a list must contain at least two damping ratios; write a single ratio without brackets"
+_SHORT = "a list must hold at least two damping ratios; write a single one without brackets"
 _LAST_MODE = 3
-"""Second mode with the damping ratio of `damping: 5%`, if the building has three modes."""
+"""Of the two modes with the ratio of `damping: 5%`, the higher one, as far as there are so many."""
 
 
 def _declared(count: int | None) -> Either:
-    """Return the declaration of `damping` for a building with `count` stories."""
+    """What may stand under `damping` of a building with so many stories."""
     mode = numbered(count)
     two = EntriesOf(RATIO, 2, 2, "one damping ratio or a list of two", _SHORT)
     modes = EntriesOf(
@@ -183,15 +172,14 @@ def _declared(count: int | None) -> Either:
         ),
         ways=(("ratio", "modes"), ("mass", "stiffness")),
         what="{ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",
-        make=lambda value, **entries: _rayleigh(value, count, **entries),
+        make=lambda value, **given: _rayleigh(value, count, **given),
     )
     first = Keys(
         (
             Key("ratio", RATIO, "damping ratio", True),
-            Key("modes", mode, "number of modes", True, "give the number of damped modes"),
+            Key("modes", mode, "how many modes have it", True, "give the number of modes to damp"),
         ),
-        # A tuple with one ratio means all modes. If only the first mode is damped, the tuple also
-        # contains the zero ratio of the second mode.
+        # A single ratio would mean all modes, so a lone first mode is followed by an undamped one.
         make=lambda _, ratio, modes: (
             (ratio, 0.0) if modes == 1 and count != 1 else (ratio,) * modes
         ),
@@ -231,7 +219,7 @@ DAMPING = _declared(None)
 
 
 def read_damping(value: Value | None, count: int | None) -> Damping:
-    """Return the damping. `count` is the number of stories, None if unknown after an error."""
+    """The damping; `count` is the number of stories, None where a fault leaves it open."""
     damping = replace(value, kind=_declared(count)).read() if value else None
     if isinstance(damping, float):
         return RayleighRatio((damping, damping), (1, min(count or 1, _LAST_MODE)))
@@ -248,7 +236,7 @@ _UNITS = {"m/s^2": ("acceleration", "0.3 g"), "m": ("displacement", "12 mm")}
 
 @dataclass(frozen=True)
 class ByState:
-    """Mapping from the names of damage states, from the lightest, to values."""
+    """A value for each damage state, by its name, from the lightest."""
 
     kind: ValueKind
 
@@ -264,14 +252,14 @@ THRESHOLDS = ByState(Either((POSITIVE_RATIO, Words())))
 DEMAND = Key(
     "demand",
     Choice(tuple(DEMANDS), "demand"),
-    "response quantity that determines the state; default: drift_ratio",
+    "what the states are told by; drift_ratio by default",
 )
 DISPERSION = Key(
     "dispersion",
     Bounds(0.0, 3.0),
     "standard deviation of the logarithms of the thresholds; 0: exact",
 )
-_LOSSES_MEANING = "loss ratio in each state; `collapsed` if it differs from the last state"
+_OF_LOSSES = "loss ratio in each state, and if it is another one than in the last, `collapsed`"
 DAMAGE = Keys(
     (
         DEMAND,
@@ -279,14 +267,14 @@ DAMAGE = Keys(
             "thresholds", THRESHOLDS, "median demand of each state, from the lightest", needed=True
         ),
         DISPERSION,
-        Key("losses", ByState(LOSS), _LOSSES_MEANING),
+        Key("losses", ByState(LOSS), _OF_LOSSES),
     )
 )
-"""Keys of the section `damage` of a model file."""
+"""Of a model file."""
 
 
 def read_damage(value: Value | None) -> DamageStates | None:
-    """Return the damage states of a model; None without damage states or after an error."""
+    """The damage states of a model; None without any, or after a fault."""
     section = value.section(DAMAGE) if value else None
     thresholds = section.need("thresholds", "give the demand of each state") if section else None
     if section is None or thresholds is None:
@@ -295,22 +283,12 @@ def read_damage(value: Value | None) -> DamageStates | None:
 
 
 def states_of(section: Section, demand: str, thresholds: Value) -> DamageStates | None:
-    """Return the damage states of a file, or None after reporting an error.
-
-    Parameters
-    ----------
-    section : Section
-        Section with the keys `dispersion` and `losses`.
-    demand : str
-        Response quantity, a key of `DEMANDS`.
-    thresholds : Value
-        Median demand of each state.
-    """
+    """The states that a file names, with their thresholds and losses; None after a fault."""
     values = _by_state(thresholds, "the demand of each state, such as {slight: 0.5%}")
     if values is None or demand not in DEMANDS:
         return None
     medians = tuple(threshold_of(entry, demand) for entry in values.values())
-    dispersion = section.need("dispersion", "give 0 for exact thresholds")
+    dispersion = section.need("dispersion", "give 0 for thresholds that are exact")
     losses = read_losses(section.get("losses"), tuple(values))
     beta = dispersion.number(DISPERSION.kind) if dispersion else math.nan  # type: ignore[arg-type]
     if losses is None or any(map(math.isnan, (*medians, beta))):
@@ -323,7 +301,7 @@ def states_of(section: Section, demand: str, thresholds: Value) -> DamageStates 
 
 
 def threshold_of(value: Value, demand: str) -> float:
-    """Return a threshold in SI units, or nan after reporting an error."""
+    """A threshold in SI units; nan after a fault."""
     unit = DEMANDS[demand].unit
     if unit == "1":
         return value.number(POSITIVE_RATIO)
@@ -331,10 +309,7 @@ def threshold_of(value: Value, demand: str) -> float:
 
 
 def read_losses(value: Value | None, states: Sequence[str]) -> tuple[float, ...] | None:
-    """Return the loss ratios of all states and of collapse.
-
-    The result is empty without losses, and None after reporting an error.
-    """
+    """The loss ratio of each state and of a collapse; nothing without any, None after a fault."""
     if value is None:
         return ()
     values = _by_state(value, "the loss ratio of each state, such as {slight: 5%}")
@@ -345,35 +320,33 @@ def read_losses(value: Value | None, states: Sequence[str]) -> tuple[float, ...]
         set(values) - {*states, COLLAPSE},
     )
     if missing or unknown:
-        problem = (
+        said = (
             f"no loss ratio of {', '.join(missing)}"
             if missing
-            else f"unknown state {', '.join(sorted(unknown))}"
+            else f"unknown {', '.join(sorted(unknown))}"
         )
-        value.fault(f"{problem}; the states are {', '.join(states)}, and optionally {COLLAPSE}")
+        value.fault(f"{said}; the states are {', '.join(states)}, and there may be {COLLAPSE}")
         return None
     losses = {name: entry.number(LOSS) for name, entry in values.items()}
     return None if any(map(math.isnan, losses.values())) else losses_of(losses, states)
 
 
 def losses_of(losses: Mapping[str, float], states: Sequence[str]) -> tuple[float, ...]:
-    """Return the loss ratios in the order of the states, followed by the ratio of collapse.
-
-    The default for collapse is the loss ratio of the last state.
-    """
+    """In the order of the states, that of a collapse behind them: that of the last state where it
+    is not told."""
     return (*(losses[state] for state in states), losses.get(COLLAPSE, losses[states[-1]]))
 
 
 def _by_state(value: Value, expected: str) -> dict[str, Value] | None:
-    """Return the entries by the names of states, or None after reporting an error."""
+    """The entries by the names of states; None after a fault."""
     entries = value.named(expected, f"is empty; give {expected}")
     for name, entry in (entries or {}).items():
         if not is_state(name):
-            entry.fault("the name of a state must consist of letters, digits, _ and -")
+            entry.fault("the name of a state is a word of letters, digits, _ and -")
             return None
     return entries
 
 
 def is_state(name: str) -> bool:
-    """Return True if a text is a valid name of a damage state."""
+    """Whether a text may be the name of a damage state."""
     return name.isascii() and name.replace("_", "").replace("-", "").isalnum() and name[0].isalpha()

@@ -1,10 +1,12 @@
-"""Runs of one building and one step, taken together: the one place where many runs are integrated
-and settled.
+"""Runs of one building with one time step in a batch.
 
-What comes to its end without a collapse is taken as the compiled call left it. All else is judged
-by `tdint.analysis.run.case.Case`, as a single run is. Runs whose errors are asked for are made one
-by one. Who asks decides what is kept: `tdint.run_many` fills its arrays, a campaign makes rows and
-repeats what failed with half of the step.
+This is the only module in which many runs are integrated and evaluated. The result of a run that
+reaches its end without collapse is that of the compiled call. All other runs are evaluated by
+`tdint.analysis.run.case.Case`, like a single run. Runs with error estimates are integrated
+individually.
+
+The caller decides which results are kept: `tdint.run_many` fills its arrays; a campaign writes rows
+and repeats failed runs with half the time step.
 """
 
 from __future__ import annotations
@@ -16,10 +18,10 @@ from functools import lru_cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from tdint.analysis.run.case import Case, doubtful, energy_errors, peaks_of, until_rest, windows
-from tdint.analysis.run.error_estimate import ended_at_rest, told_run
+from tdint.analysis.run.case import Case, energy_errors, needs_review, peaks_of, until_rest, windows
+from tdint.analysis.run.error_estimate import ended_at_rest, run_with_error_estimate
 from tdint.analysis.run.outcome import STORY, Collapse, FailedRun, Response, StoryPeaks
-from tdint.analysis.run.prepared import NO_REST, MarchedRuns, Motions, PreparedBuilding
+from tdint.analysis.run.prepared import NO_FREE_VIBRATION, BatchResult, Motions, PreparedBuilding
 from tdint.analysis.run.workspace import Steps
 from tdint.arrays import Array, cached_property
 from tdint.ground_motion.record import Record
@@ -30,19 +32,19 @@ from tdint.model.building import Building, DrawnBuildings
 from tdint.model.definition import Model
 
 _parsed = lru_cache(maxsize=64)(parse)
-"""The method of a specification, read once for all buildings that share it."""
+"""Method of a specification, parsed one time for all buildings that use it."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A building and the method that integrates it; what follows from both is found once and kept.
+    """Building with the method that integrates it, and cached properties of both.
 
     Attributes
     ----------
     model : Model
-        The building; what it says of a record is not asked.
+        Building; its ground motion is not used.
     method : str
-        The method with its parameters.
+        Method specification: name and parameters.
     """
 
     model: Model
@@ -50,16 +52,18 @@ class Subject:
 
     @cached_property
     def prepared(self) -> PreparedBuilding:
-        """The building as arrays."""
+        """Building as arrays."""
         return PreparedBuilding.of(self.model)
 
     @cached_property
     def integrator(self) -> Integrator:
-        """The method."""
+        """Method."""
         return _parsed(self.method)
 
     def case(self, record: Record | None, scale: float = 1.0) -> Case:
-        """The building under a ground motion times a factor, or at rest."""
+        """Return the case of the building under a ground motion times a factor, or with the ground
+        at rest.
+        """
         scaled = record if record is None or scale == 1.0 else record.scaled(scale)
         return Case(self.model, self.prepared, scaled, self.integrator)
 
@@ -69,35 +73,36 @@ class Subject:
         return self.prepared.period
 
     def __reduce__(self) -> tuple[type[Subject], tuple[Model, str]]:
-        return Subject, (self.model, self.method)  # what was kept is found again where it goes
+        return Subject, (self.model, self.method)  # the receiving process computes the rest again
 
 
 RunOfMotion = tuple[int, float, Steps]
-"""The number of a ground motion, the factor on it, and the steps."""
+"""Number of a ground motion, its scale factor, and the time steps."""
 
-Settled = tuple[Response | Collapse, int | None]
-"""What came of a run by itself, and whether it came to rest; None where nobody waited for that."""
+RunResult = tuple[Response | Collapse, int | None]
+"""Result of an individual run, and True or False (1, 0) if it came to rest; None if this was not
+requested.
+"""
 
 
 @dataclass(frozen=True)
 class Outcomes:
-    """What came of runs, columns over them; nan and 0 where a run has no result.
+    """Results of runs as columns; nan and 0 for runs without a result.
 
     Attributes
     ----------
     stories : StoryPeaks
         Peaks of shape (runs, n), SI units.
     energy_error, steps : ndarray, shape (runs,)
-        Imbalance of the energies over the largest input energy; steps that were taken.
+        Energy imbalance divided by the maximum input energy; number of completed time steps.
     at_rest : list of int or None
-        Whether each came to rest, 1 or 0; None where nobody waited for that and where a run did not
-        come to its end.
+        1 if the run came to rest, 0 if not; None if rest was not requested or the run did not reach
+        its end.
     responses : mapping of int to Response
-        The runs that were made by themselves, by their places: with errors and history, if these
-        were asked for.
+        Individual runs by their index, with errors and history if requested.
     collapses, failures : mapping of int to Collapse and to FailedRun
-        How runs ended that are not `done`; one that went on after its collapse is among the
-        responses, too.
+        Runs by their index whose status is not `done`. A run that continued after its collapse is
+        also in `responses`.
     """
 
     stories: StoryPeaks
@@ -109,34 +114,36 @@ class Outcomes:
     failures: dict[int, FailedRun] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, building: Building, marched: MarchedRuns, to_rest: bool) -> Outcomes:
-        """As a compiled call left them; where each run has its own building, its arrays have the
-        runs first."""
-        waited = (
+    def of(cls, building: Building, marched: BatchResult, to_rest: bool) -> Outcomes:
+        """Return the results of a compiled call.
+
+        If each run has its own building, the first axis of the arrays of `building` is the run.
+        """
+        at_rest = (
             marched.ends[:, AT_REST].astype(int).tolist() if to_rest else [None] * len(marched.ends)
         )
         return cls(
             peaks_of(building, marched.peaks, marched.drifts),
             energy_errors(marched.totals),
             marched.ends[:, STEPS_COMPLETED].astype(int),
-            waited,
+            at_rest,
         )
 
     @property
     def status(self) -> dict[int, str]:
-        """How those ended that are not simply done, by their places."""
+        """Status of the runs that are not simply done, by their index."""
         return {
             i: ended.status
             for i, ended in (self.collapses | self.responses | self.failures).items()
         }
 
     def stories_of(self, i: int) -> StoryPeaks:
-        """The peaks of a run."""
+        """Return the peaks of run `i`."""
         values = {quantity.name: getattr(self.stories, quantity.name)[i] for quantity in STORY}
         return StoryPeaks(height=self.stories.height, **values)
 
-    def replace(self, i: int, attempt: Callable[[], Settled]) -> None:
-        """Replace what is known of a run by what comes of it by itself."""
+    def replace(self, i: int, attempt: Callable[[], RunResult]) -> None:
+        """Replace the results of run `i` by those of an individual run."""
         try:
             settled, at_rest = attempt()
         except FailedRun as failure:
@@ -153,6 +160,7 @@ class Outcomes:
         self._put(i, settled.stories, settled.energy.error, settled.steps)
 
     def _put(self, i: int, stories: StoryPeaks | None, energy_error: float, steps: int) -> None:
+        """Write the results of run `i`; nan if `stories` is None."""
         for quantity in STORY:
             getattr(self.stories, quantity.name)[i] = (
                 getattr(stories, quantity.name) if stories else np.nan
@@ -160,7 +168,7 @@ class Outcomes:
         self.energy_error[i], self.steps[i] = energy_error, steps
 
 
-def run_together(
+def run_batch(
     subject: Subject,
     motions: Motions,
     runs: Sequence[RunOfMotion],
@@ -168,26 +176,33 @@ def run_together(
     check: bool = False,
     to_rest: bool = False,
     history: bool = False,
-    march: Callable[[], MarchedRuns] | None = None,
+    march: Callable[[], BatchResult] | None = None,
 ) -> Outcomes:
-    """Integrate runs of one building and one step; each is the one that `run` makes, to the last
+    """Integrate runs of one building with one time step. Each run equals that of `run`, bit for
     bit.
 
     Parameters
     ----------
-    check : bool
+    subject : Subject
+        Building and method.
+    motions : Motions
+        Ground motions by their numbers.
+    runs : sequence of (int, float, Steps)
+        Number of the ground motion, scale factor and time steps of each run.
+    check : bool, default False
         Estimate the errors of the peaks.
-    to_rest : bool
-        Go on with the ground at rest until the building is.
-    history : bool
-        Keep the histories of runs that are made by themselves.
+    to_rest : bool, default False
+        Continue with the ground at rest until free vibration has decayed.
+    history : bool, default False
+        Keep the histories of runs that are integrated individually.
     march : callable, optional
-        In place of one compiled call without histories: what leaves the same.
+        Function that integrates the runs and returns a `BatchResult`; by default one compiled call
+        without histories.
 
     Raises
     ------
     AnalysisError
-        The method does not integrate this building.
+        The method does not support this building.
     """
     prepared, h = subject.prepared, runs[0][2].h
 
@@ -196,7 +211,7 @@ def run_together(
 
     if check or prepared.instability(subject.integrator, h):
         outcomes = Outcomes.of(
-            prepared.building, MarchedRuns.empty(len(runs), prepared.building.stories), to_rest
+            prepared.building, BatchResult.empty(len(runs), prepared.building.stories), to_rest
         )
         for i, (_, _, steps) in enumerate(runs):
             outcomes.replace(
@@ -208,42 +223,52 @@ def run_together(
     else:
         lanes, rest = (
             [motions.lane(*run) for run in runs],
-            windows(prepared, h) if to_rest else NO_REST,
+            windows(prepared, h) if to_rest else NO_FREE_VIBRATION,
         )
-        marched = prepared.march_many(subject.integrator, h, motions.samples, lanes, rest)
+        marched = prepared.integrate_batch(subject.integrator, h, motions.samples, lanes, rest)
     outcomes = Outcomes.of(prepared.building, marched, to_rest)
-    for i in np.flatnonzero(doubtful(marched)).tolist():
+    for i in np.flatnonzero(needs_review(marched)).tolist():
         outcomes.replace(
             i, partial(_judged, case(i), runs[i][2], marched, i, to_rest=to_rest, history=history)
         )
     return outcomes
 
 
-def run_drawn(
+def run_sampled(
     subject: Subject,
     motions: Motions,
     runs: Sequence[tuple[int, RunOfMotion]],
     drawn: DrawnBuildings,
     subjects: Sequence[Callable[[], Subject]],
 ) -> Outcomes:
-    """Integrate runs of buildings that differ in numbers, and of one step; the draw of each comes
-    before its motion.
+    """Integrate runs of buildings that differ in parameter values, with one time step.
 
     Parameters
     ----------
+    subject : Subject
+        Nominal building and method.
+    motions : Motions
+        Ground motions by their numbers.
+    runs : sequence of (int, (int, float, Steps))
+        Number of the sample (building), and ground motion, scale factor and time steps, of each
+        run.
+    drawn : DrawnBuildings
+        Arrays of the sampled buildings.
     subjects : sequence of callable
-        Gives the building of a draw by itself, for runs that do not come to their end.
+        Return the building of a sample, for runs that do not reach their end.
 
     Raises
     ------
     AnalysisError
-        The method does not integrate these buildings.
+        The method does not support these buildings.
     """
     h, places = runs[0][1][2].h, [d for d, _ in runs]
     lanes = [(d, motions.lane(*run)) for d, run in runs]
-    marched = subject.prepared.march_drawn(subject.integrator, h, motions.samples, lanes, drawn)
+    marched = subject.prepared.integrate_sampled(
+        subject.integrator, h, motions.samples, lanes, drawn
+    )
     outcomes = Outcomes.of(drawn.of_runs(places), marched, False)
-    for i in np.flatnonzero(doubtful(marched)).tolist():
+    for i in np.flatnonzero(needs_review(marched)).tolist():
         d, (number, scale, steps) = runs[i]
         case = subjects[d]().case(motions.records[number], scale)
         outcomes.replace(i, partial(_judged, case, steps, marched, i, to_rest=False, history=False))
@@ -251,20 +276,20 @@ def run_drawn(
 
 
 def _judged(
-    case: Case, steps: Steps, marched: MarchedRuns, i: int, *, to_rest: bool, history: bool
-) -> Settled:
-    """A run that the compiled call of all has left for its own case to judge."""
+    case: Case, steps: Steps, marched: BatchResult, i: int, *, to_rest: bool, history: bool
+) -> RunResult:
+    """Return the result of run `i` of a batch as evaluated by its own case."""
     return case.settle(steps, marched, i, history), int(
         marched.ends[i, AT_REST]
     ) if to_rest else None
 
 
-def _alone(case: Case, steps: Steps, *, check: bool, to_rest: bool, history: bool) -> Settled:
-    """A run that is made by itself from the start."""
+def _alone(case: Case, steps: Steps, *, check: bool, to_rest: bool, history: bool) -> RunResult:
+    """Integrate a run individually."""
     at_rest = None
     if to_rest:
-        steps, came = until_rest(case, steps)
-        at_rest = int(came)
-        steps = case.steps(steps.h, steps.count * steps.h)  # all of them are asked for now
-    response = (told_run if check else Case.march)(case, steps, history)
+        steps, reached_rest = until_rest(case, steps)
+        at_rest = int(reached_rest)
+        steps = case.steps(steps.h, steps.count * steps.h)  # the end is now the requested time
+    response = (run_with_error_estimate if check else Case.integrate)(case, steps, history)
     return (ended_at_rest(response) if to_rest else response), at_rest
