@@ -1,5 +1,5 @@
-"""A campaign on the command line: its folder, its progress, what is written at its end and said of
-it."""
+"""Campaigns on the command line: the directory, the progress, the files at the end, and the
+messages."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ if TYPE_CHECKING:
     from tdint.output.tables.table import Table
 
 
-# ---- What commands of many runs tell of a suite: profiles.csv, its picture, a limit of drifts,
-# buildings side by side
+# ---- This part contains results over a suite: profiles.csv and its figure, the drift limit, and
+# the comparison of buildings.
 
-_NOT_KEPT = "the peaks of stories are not kept; give the campaign `outputs: {profiles: true}`"
+_NOT_KEPT = "peaks of stories are not stored; set `outputs: {profiles: true}` in the campaign file"
 
 PROFILES, PICTURE, RATIOS = "profiles.csv", "profiles.png", "ratios.csv"
-"""In the folder of -o."""
+"""Names of files in the directory of -o."""
 
 
 class _DriftLimit(Ratio):
-    """A drift ratio below 1; scripts from the time when `--limit` of a campaign counted runs are
-    told."""
+    """A drift ratio below 1. An integer is refused with a message for old scripts in which
+    `--limit` of a campaign was the number of runs."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if isinstance(value, str) and value.isdecimal() and ctx and ctx.command.name == "campaign":
@@ -59,8 +59,8 @@ class _DriftLimit(Ratio):
 LIMIT = options.analysis.option(
     type=_DriftLimit(0.0, 1.0, min_open=True, max_open=True),
     metavar="2%",
-    help="Say whether the mean of the motions' largest drift ratios stays within this in every "
-    "story; a line of the picture, too.",
+    help="Drift limit: check that the mean over the ground motions of the maximum drift ratio does "
+    "not exceed it in any story; the figure shows it as a line.",
 )
 """The option --limit."""
 
@@ -69,8 +69,8 @@ PAIR_DEMAND = options.record.option(
     "--pair-demand",
     rare=True,
     type=click.Choice(("larger", "mean", "separate")),
-    help="How the two horizontal components of a recording count: as one motion with their larger "
-    "demand (by default) or their mean demand, or separately, as two motions.",
+    help="Treatment of the two horizontal components of a recording: one ground motion with the "
+    "larger (default) or the mean demand of both, or two separate ground motions.",
 )
 """The option --pair-demand."""
 
@@ -78,15 +78,15 @@ PAIR_DEMAND = options.record.option(
 REQUIRE = options.analysis.option(
     is_flag=True,
     needs="--limit",
-    help="End with exit code 5 unless it does, all runs are done, and none collapsed.",
+    help="Exit with code 5 if the drift limit is exceeded, a run is missing, or a run collapsed.",
 )
-"""The option --require, behind it."""
+"""The option --require, which requires --limit."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SuiteRequest:
-    """What the command lines of many runs have in common: where and how they are written, in how
-    many threads, a limit of drifts, a baseline, intensities of the motions."""
+    """Common options of the commands with many runs: outputs, number of threads, drift limit,
+    baseline, intensity measures of the ground motions."""
 
     output: str | None
     overwrite: bool
@@ -104,12 +104,12 @@ class SuiteRequest:
     pair_demand: str | None = None
 
     def picture(self, folder: Path | None) -> Path | None:
-        """The file of the picture, if one is asked for.
+        """Return the file of the figure, or None if no figure is requested.
 
         Raises
         ------
         UsageError
-            It has no name, and there is no folder.
+            The figure has no file name, and no directory is specified.
         """
         if self.plot is None:
             return None
@@ -125,25 +125,25 @@ class SuiteRequest:
 
 
 def set_looks(style: tuple[str, str], source: str, *, drawn: bool) -> None:
-    """Let the looks that a campaign names hold for what the command line leaves open.
+    """Apply the figure style of a campaign; settings of the command line have priority.
 
     Parameters
     ----------
     style : tuple of (str, str)
-        As they are written, and the folder that a style sheet in them is relative to.
+        The text of the style, and the directory for relative paths of a style sheet.
     source : str
-        Of the campaign, for errors.
+        The campaign file, for error messages.
     drawn : bool
-        Whether a picture is asked for; only then its font and its style sheet are looked at.
+        Whether a figure is requested; the font and the style sheet are checked only in this case.
 
     Raises
     ------
     ModelError
-        They are no looks, or this machine lacks what they name.
+        The style is invalid, or its font or style sheet is missing on this machine.
     """
     from tdint.output.printed import PRINTED, parse_style
 
-    # Of a campaign without looks those of the command line hold alone.
+    # Without a style of the campaign, only the style of the command line applies.
     text, folder = style
     if not text:
         return
@@ -156,43 +156,42 @@ def set_looks(style: tuple[str, str], source: str, *, drawn: bool) -> None:
             figures.style.check_print(looks)
     except UsageError as error:
         raise ModelError(f"{source}: {error}") from None
-    # A style sheet is read, and so never replaced by what the command writes.
+    # A style sheet is an input, which the command must not replace.
     if drawn and looks.style:
         keep_input(looks.style)
     PRINTED.set(looks)
 
 
-_MOST_TOLD = 10  # buildings of a suite whose means lack motions, a line each
+_MOST_TOLD = 10  # maximum number of lines about buildings with collapsed or failed runs
 
 
 @dataclass(frozen=True)
 class Profiles:
-    """Demands over the height of the buildings of a store, found once for all that is drawn,
-    written and judged."""
+    """Demands over the height of the buildings of a store, computed one time for the figures, the
+    tables and the drift limit."""
 
     store: Store
     request: SuiteRequest
 
     @cached_property
     def units(self) -> OutputUnits:
-        """Of all files, runs.csv among them: what the command line names, or what the models agree
-        on."""
+        """Units of all files: the units of the command line, or the common units of the models."""
         return self.request.output_units or self.store.output_units()
 
     @cached_property
     def found(self) -> list[Profile]:
-        """Of each building and level."""
+        """Profiles of each building and intensity level."""
         from tdint.campaign.profiles import profiles
 
         return list(profiles(self.store))
 
     def ratios(self, *, stories: bool) -> Table:
-        """The buildings over the baseline.
+        """Return the table of ratios of the buildings to the baseline.
 
         Raises
         ------
         UsageError
-            There is no such building.
+            The baseline is not a building of the campaign.
         """
         from tdint.campaign.profiles import ratios
 
@@ -202,12 +201,12 @@ class Profiles:
         )
 
     def draw(self, file: Path) -> Content:
-        """The picture.
+        """Return the figure of the profiles.
 
         Raises
         ------
         AnalysisError
-            No stories were kept.
+            The peaks of stories are not stored.
         """
         self._need("--plot")
         limit, title = self.request.limit, self.store.meta("name")
@@ -221,8 +220,8 @@ class Profiles:
             raise AnalysisError(f"{option}: {_NOT_KEPT}")
 
     def report(self, plan: Plan, floors: Sequence[FloorSuite] = ()) -> bytes:
-        """The page of the suite, with the spectra of floors that were asked for; in the units and
-        under the head of the models, if they agree."""
+        """Return the report of the suite with the requested floor spectra. Units and head are
+        those of the models if all models agree."""
         from tdint.output.page import Told
         from tdint.output.report import suite_page
         from tdint.output.summary import files_read
@@ -233,11 +232,11 @@ class Profiles:
             if limit is None
             else [(profile, *_verdict(profile, limit)) for profile in self.found]
         )
-        # A building that collapsed is the headline; failed runs are a warning.
+        # A collapse is part of the verdict; failed runs are warnings.
         lost = [
             (profile.collapsed, text) for profile in self.found if (text := self._lost(profile))
         ]
-        # Units and head of the page: the models', as far as they agree.
+        # Use the units and the head of the models if they agree.
         models = {profile.source: profile for profile in plan.models}.values()
         units, heads = (
             {profile.page_units for profile in models},
@@ -312,12 +311,11 @@ class Profiles:
             return []
         lost = [text for profile in self.found if (text := self._lost(profile))]
         if (more := len(lost) - _MOST_TOLD) > 0:
-            rest = (
-                f"{how_many(more, 'building')} or levels more: the columns collapsed and failed of "
-                f"{PROFILES}"
-            )
-            lost[_MOST_TOLD:] = [f"the same of {rest}"]
-        # In a region some buildings collapse under some motion: this is a result, not a warning.
+            lost[_MOST_TOLD:] = [
+                f"collapsed or failed runs of {how_many(more, 'more building')} or levels: see the "
+                f"columns collapsed and failed of {PROFILES}"
+            ]
+        # In a region, collapses of some buildings are a result, not a warning.
         (warn if more <= 0 else note)(*lost)
         if limit is None:
             return []
@@ -327,7 +325,7 @@ class Profiles:
             text, within = _verdict(profile, limit)
             say(self._told(profile, text))
             beyond += [] if within else [_name(profile, self.found) or profile.building]
-        # A record that could not be read is a motion that was not withstood.
+        # An unreadable record counts against the limit, because its motion was not run.
         for kind, reasons in self.store.unused().items():
             beyond += [f"{how_many(len(reasons), kind)} could not be used"] if reasons else []
         if beyond and self.request.require:
@@ -345,7 +343,7 @@ def kept_words(kept: bool) -> str:
 
 
 def _name(profile: Profile, among: list[Profile]) -> str:
-    """Building and level, as far as they tell it from others."""
+    """Return the building and the level, if they are needed to identify the profile."""
     parts = [profile.building] if len({other.building for other in among}) > 1 else []
     levels = {(repr(other.scale), repr(other.level)) for other in among}
     if len(levels) > 1:
@@ -354,7 +352,8 @@ def _name(profile: Profile, among: list[Profile]) -> str:
 
 
 def _verdict(profile: Profile, limit: float) -> tuple[str, bool]:
-    """What the drifts of a building are beside a limit, and whether they are within."""
+    """Return a sentence that compares the drifts of a building with a limit, and True if the limit
+    is met."""
     from tdint.campaign.profiles import check_drift
 
     check = check_drift(profile, limit)

@@ -257,8 +257,8 @@ def test_of_many_buildings_ten_are_named_and_the_others_counted(
         len(told) == 1 and "and 9 more: of 3 motions 3 collapsed" in told[0] and len(lost) == 14
     )  # 7 names at two levels; one is run twice
     assert (
-        "the same of 6 buildings or levels more: the columns collapsed and failed of profiles.csv"
-        in result.stderr
+        "collapsed or failed runs of 6 more buildings or levels: see the columns collapsed and "
+        "failed of profiles.csv" in result.stderr
     )
 
 
