@@ -333,7 +333,7 @@ def test_refusals_of_functions_by_type(
         ),
         (
             "{thresholds: {slight: 1%}}",
-            "damage.dispersion: is missing; give 0 for thresholds that are exact",
+            "damage.dispersion: is missing; give 0 for exact thresholds",
         ),
         (
             "{thresholds: {slight: 1%, worse: 0.5%}, dispersion: 0}",

@@ -153,8 +153,8 @@ def test_a_model_with_a_capacity_curve(curve):
 @pytest.mark.parametrize(
     ("more", "text"),
     [
-        ("type: C1", "building.type: has no part in a building with a `capacity` curve"),
-        ("rules: mdof-lu", "building.rules: has no part"),
+        ("type: C1", "building.type: cannot be used with a `capacity` curve"),
+        ("rules: mdof-lu", "building.rules: cannot be used"),
         ("damping_ratio: 2", "building.damping_ratio"),
     ],
 )
@@ -172,9 +172,7 @@ def test_a_curve_that_cannot_be_read(curve):
     (curve / "other.yaml").write_text(
         "building: {rules: mdof-lu, type: C1, stories: 2, year: 1990, area: 9, mass: 1}\n"
     )
-    with pytest.raises(
-        ModelError, match=r"building\.mass: belongs to a building with a `capacity` curve"
-    ):
+    with pytest.raises(ModelError, match=r"building\.mass: requires a `capacity` curve"):
         load_model(curve / "other.yaml")
 
 

@@ -45,9 +45,7 @@ def test_a_weight_is_a_mass_times_standard_gravity() -> None:
 @pytest.mark.parametrize("unit", ["kip", "lbf", "kN"])
 def test_a_unit_of_force_for_the_mass_tells_of_weights(unit: str) -> None:
     (fault,) = faults(io.StringIO(f"{THREE}units: {{mass: {unit}}}"))
-    assert fault.startswith(
-        f"2:15: units.mass: {unit} is a unit of force; give the stories `weight`"
-    )
+    assert fault.startswith(f"2:15: units.mass: {unit} is a unit of force; give the `weight`")
     assert "mass = W/g, in kip*s^2/in" in fault
 
 

@@ -101,8 +101,8 @@ units: {mass: t}¶stories: [{mass: 1e308, stiffness: 1e999}, {mass: 1e-999, stif
 p_delta: true¶stories: [{mass: 1, stiffness: 1, height: 3}, {mass: 1, stiffness: 1}]
     2:47: stories[2].height: is missing; p_delta needs the height of every story
 stories: [{mass: 1, stiffness: 1}]¶damping: {rayleigh: {ratio: 0.05, modes: [1, 1]}}
-    2:21: damping.rayleigh: a one-story model has one mode, and the ratio form needs two; write the ratio alone
-        (damping: 5%), {rayleigh: {mass: a0, stiffness: a1}} or {modal: ratio}
+    2:21: damping.rayleigh: a one-story model has one mode, and the form with ratio and modes requires two;
+        write damping: 5%, {rayleigh: {mass: a0, stiffness: a1}} or {modal: ratio}
 stories: [{repeat: x, mass: 1, stiffness: 1}]¶initial: {velocity: [1, 2]}¶damping: {modal: [0.05, 0.1]}
     1:20: stories[1].repeat: must be a whole number from 1 to 100000, got 'x'
 stories: [{repeat: x, mass: 1, stiffness: 1}]¶excitation: {forces: [{floor: 9, amplitude: 1, omega: 1}]}
@@ -145,8 +145,8 @@ damping: {rayleigh: {ratio: [0.1, 0.2, 0.3], modes: [0, 4]}}
     2:54: damping.rayleigh.modes[1]: must be a whole number from 1 to 3 (the number of stories), got '0'
     2:57: damping.rayleigh.modes[2]: must be a whole number from 1 to 3 (the number of stories), got '4'
 damping: {rayleigh: {ratio: [0.1], modes: 3}}
-    2:29: damping.rayleigh.ratio: a list must hold at least two damping ratios; write a single one without
-        brackets
+    2:29: damping.rayleigh.ratio: a list must contain at least two damping ratios; write a single ratio
+        without brackets
     2:43: damping.rayleigh.modes: must be a list of two modes, got '3'
 damping: {rayleigh: {ratio: 0.1, modes: [1, 2, 3]}}
     2:41: damping.rayleigh.modes: must be a list of two modes, got 3
@@ -161,7 +161,7 @@ damping: {modal: [0.05, 1, 0.2, 0.3]}
     2:18: damping.modal: must be a list of at most 3 damping ratios (one per mode), got 4
     2:25: damping.modal[2]: must be <ratio>, got '1'
 damping: {modal: {ratio: 0.05}}
-    2:18: damping.modal.modes: is missing; give the number of modes to damp
+    2:18: damping.modal.modes: is missing; give the number of damped modes
 excitation: {record: []}
     2:22: excitation.record: must be a file or a mapping with the key file, got a list
 excitation: {record: {}}
@@ -237,7 +237,7 @@ bilinear
     stories[1].law: the initial stiffness of the polynomial law must be a positive number, got 0
 {type: polynomial, coefficients: [3, 1]}, stiffness: 3.1
     stories[1].stiffness: must agree with the initial stiffness 3 of its polynomial law, got 3.1; correct it or
-        leave it out
+        omit it
 """  # noqa: E501
 
 

@@ -273,9 +273,9 @@ def warn_of(model: Model) -> None:
     """Warn about unusual values of a building, mostly results of wrong units; this includes its
     periods and forces."""
     from tdint.model.building import assemble
-    from tdint.model.plausibility import mistakable
+    from tdint.model.plausibility import unusual_values
 
-    warn(*mistakable(model, assemble(model)))
+    warn(*unusual_values(model, assemble(model)))
 
 
 def check_motion(request: BuildingRequest) -> None:

@@ -1,5 +1,7 @@
-"""What is unusual for a building, told before it misleads: mostly a unit that was mistaken. It is
-never refused."""
+"""Plausibility warnings for buildings and ground motions, most of which are caused by wrong units.
+
+Unusual buildings are never refused.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +18,25 @@ from tdint.model.definition import Model
 from tdint.units import STANDARD_GRAVITY
 from tdint.written_numbers import first_few
 
-_FEW = 3  # stories or motions that a line names
-_MANY = 10  # lines on the buildings of a study
+_FEW = 3  # maximum number of stories or ground motions that one warning lists
+_MANY = 10  # maximum number of warnings on the buildings of a study
 
 
 @dataclass(frozen=True)
 class Usual:
-    """What is usual of a number: its name, from where to where, how it is written, and why."""
+    """Usual range of a number.
+
+    Attributes
+    ----------
+    name : str
+        Name of the number in warnings.
+    low, high : float
+        Usual range.
+    form : str
+        Format with the unit.
+    reason : str
+        Examples and a question that help to find the error.
+    """
 
     name: str
     low: float
@@ -31,17 +45,17 @@ class Usual:
     reason: str
 
     def text(self, value: float) -> str:
-        """The number as people read it."""
+        """Return a number with its unit."""
         return self.form.format(value)
 
     def holds(self, value: float) -> bool:
-        """Whether a number is usual; one that is not known is."""
+        """Return True if a number is usual or nan."""
         return math.isnan(value) or self.low <= value <= self.high
 
-    def told(self, values: str) -> str:
-        """The line on what is not usual: the number and its place in words."""
-        ends = f"{self.text(self.low)} to {self.text(self.high)}"
-        usual = f"at most {self.text(self.high)}" if self.low <= 0.0 else f"{ends}"
+    def warning(self, values: str) -> str:
+        """Return the warning for unusual numbers; `values` lists them with their stories."""
+        limits = f"{self.text(self.low)} to {self.text(self.high)}"
+        usual = f"at most {self.text(self.high)}" if self.low <= 0.0 else limits
         return f"{self.name} {values}, usual: {usual} ({self.reason})"
 
 
@@ -71,29 +85,29 @@ HEIGHT = Usual(
 )
 FLOOR = Usual(
     "mass of a floor", 1e3, 1e8, "{:.3g} kg",
-    "that of a garden house has 2000 kg, one of 100 m by 100 m 1e7 kg: is the unit of mass right?",
+    "a garden house has 2000 kg, a floor of 100 m by 100 m has 1e7 kg: is the unit of mass right?",
 )  # fmt: skip
 STRENGTH = Usual(
     "yield force over the weight above:",
     0.005,
     3.0,
     "{:.3g}",
-    "less would yield in wind, codes ask for 0.03 to 0.3, low walls have 2: are the units of force "
-    "and mass right?",
+    "smaller values would yield in wind, codes require 0.03 to 0.3, low walls have 2: are the "
+    "units of force and mass right?",
 )
 BASE_STRENGTH = Usual(
     "base shear at yield over the weight",
     0.03,
     3.0,
     "{:.3g}",
-    "codes ask for 0.03 to 0.3: do the stiffness and the yield force belong to so many stories?",
+    "codes require 0.03 to 0.3: do the stiffness and the yield force fit this number of stories?",
 )
 STEP = Usual(
     "steps in a fundamental period",
     10.0,
     math.inf,
     "{:.3g}",
-    "a tenth of the period leaves peaks several percent off: name a smaller analysis.dt",
+    "with a tenth of the period, peaks have errors of several percent: use a smaller analysis.dt",
 )
 COLLAPSE = Usual(
     "collapse_drift",
@@ -106,39 +120,44 @@ DUCTILITY = Usual(
     "ductility", 0.0, 50.0, "{:.3g}",
     "tests end below 20: is the yield force, or the unit of the record, right?",
 )  # fmt: skip
-"""All bounds: wide enough that a usual building or record is never told of, narrow enough for a
-unit of 1000."""
+"""The ranges are wide enough for usual buildings and records, and narrow enough to detect a unit
+that is wrong by a factor of 1000."""
 
 
 def doubts(model: Model, building: Building, pga: float = math.nan) -> tuple[str, ...]:
-    """What is unusual of a building, and of the ground motion's peak (m/s^2), a line each; and what
-    can be said of its stories before it is run: P-delta beyond the stiffness after yield, isolators
-    that nothing brings back."""
-    told = mistakable(model, building, pga)
-    # Such a building may end anywhere: no error of the method.
+    """Return all warnings on a building, and on the peak ground acceleration `pga`, m/s^2.
+
+    In addition to unusual values, these are stories with P-delta larger than the stiffness after
+    yield, and isolators without restoring stiffness.
+    """
+    warnings = unusual_values(model, building, pga)
+    # The residual drift of an isolator without restoring stiffness is arbitrary.
     loose = [i + 1 for i in building.isolators if stiffness_after_yield(model.stories[i]) <= 0.0]
     if loose:
-        told.append(
-            f"isolator of story {', '.join(map(str, loose))} has no stiffness after yield: nothing "
-            "brings it back to its place, residual drifts are the motion's chance; give it "
-            "hardening"
+        warnings.append(
+            f"isolator of story {', '.join(map(str, loose))} has no stiffness after yield: no "
+            "force moves it back, so residual drifts are arbitrary; add hardening"
         )
-    return (*told, *falling_stories(model))
+    return (*warnings, *falling_stories(model))
 
 
-def mistakable(model: Model, building: Building, pga: float = math.nan) -> list[str]:
-    """Return a warning for each unusual value of a building and for an unusual peak ground
-    acceleration (m/s^2): most of them are mistaken units."""
+def unusual_values(model: Model, building: Building, pga: float = math.nan) -> list[str]:
+    """Return a warning for each unusual value of a building.
+
+    `pga` is the peak ground acceleration, m/s^2; nan if unknown.
+    """
     if model.plausibility_off:
         return [*doubt_of_peak(pga)]
     omega, damping = building.first_mode()
     judged = ((PERIOD, 2.0 * math.pi / omega), (DAMPING, damping), (COLLAPSE, model.collapse_drift))
-    told = [bound.told(bound.text(value)) for bound, value in judged if not bound.holds(value)]
-    told += doubt_of_peak(pga)
-    # Strengths over the weight above them, as codes give base shears.
+    warnings = [
+        bound.warning(bound.text(value)) for bound, value in judged if not bound.holds(value)
+    ]
+    warnings += doubt_of_peak(pga)
+    # Strength divided by the weight of the floors above, as codes specify base shears.
     weight = STANDARD_GRAVITY * np.cumsum(building.mass[::-1])[::-1]
     strength = building.yield_drift * np.array([story.stiffness for story in model.stories])
-    told += [
+    warnings += [
         *unusual_stories(HEIGHT, building.heights),
         *unusual_stories(STRENGTH, strength / weight),
         *_unusual_floors(building),
@@ -148,23 +167,26 @@ def mistakable(model: Model, building: Building, pga: float = math.nan) -> list[
     at_base = float(strength[0] / weight[0])
     judged_at_base = math.isfinite(building.heights[0]) and STRENGTH.holds(at_base)
     if judged_at_base and not BASE_STRENGTH.holds(at_base):
-        told.append(BASE_STRENGTH.told(BASE_STRENGTH.text(at_base)))
-    return told
+        warnings.append(BASE_STRENGTH.warning(BASE_STRENGTH.text(at_base)))
+    return warnings
 
 
 def _unusual_floors(building: Building) -> list[str]:
-    """Return a warning on floors that are too light or too heavy: with 200 kg instead of 200 t and
-    a stiffness in kN/m, the period is usual. Models without story heights may be of a laboratory
-    or a textbook."""
+    """Return a warning on floors that are unusually light or heavy.
+
+    With 200 kg instead of 200 t and a stiffness in kN/m, the period is usual, so the period does
+    not reveal this error. Models without story heights are skipped, because they may represent a
+    laboratory test or a textbook example.
+    """
     usual = (building.heights >= HEIGHT.low) & PERIOD.holds(
         2.0 * math.pi / building.first_mode()[0]
     )
     return unusual_stories(FLOOR, np.where(usual, building.mass, math.nan))
 
 
-# Of a record's own interval, on which the motion is straight: the default errs by .05 to .3 % with
-# 8 of them in the period of low buildings, by up to 3 % with 6; several samples to a step leave 10
-# % and more with 10.
+# Minimum number of time steps in the fundamental period if the time step is the sampling interval
+# of the record. The default method has errors of 0.05 to 0.3 % with 8 steps and of up to 3 % with
+# 6. With several samples per step, errors are 10 % or more with 10 steps, so `STEP` applies.
 _SAMPLES = 7.0
 
 
@@ -218,7 +240,7 @@ def on_plausibility(models: Iterable[tuple[Model, Building]]) -> tuple[str, ...]
 
 
 def suppression_reason(model: Model) -> list[str]:
-    """A note, where a model says that what is unusual of it is meant so."""
+    """Return a note if the model suppresses plausibility warnings, with the reason."""
     return (
         [f"plausibility warnings are not shown: {model.plausibility_off}"]
         if model.plausibility_off
@@ -227,17 +249,18 @@ def suppression_reason(model: Model) -> list[str]:
 
 
 def unusual_stories(bound: Usual, values: Array | Sequence[float]) -> list[str]:
-    """A line on the stories whose values are not usual; none if all are."""
+    """Return a warning on the stories with unusual values; empty if all values are usual."""
     return unusual(
         bound, {f"story {number}": value for number, value in enumerate(values, start=1)}
     )
 
 
 def unusual(bound: Usual, values: Mapping[str, float]) -> list[str]:
-    """A line on the places whose values are not usual, the first few by name; none if all are."""
-    places = [
-        f"{bound.text(value)} in {place}"
-        for place, value in values.items()
-        if not bound.holds(value)
+    """Return a warning that lists the first unusual values; empty if all values are usual.
+
+    `values` contains the values by the name of the story or ground motion.
+    """
+    listed = [
+        f"{bound.text(value)} in {name}" for name, value in values.items() if not bound.holds(value)
     ]
-    return [bound.told(first_few(places, _FEW))] if places else []
+    return [bound.warning(first_few(listed, _FEW))] if listed else []

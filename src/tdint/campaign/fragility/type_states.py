@@ -144,7 +144,7 @@ def _by_class(section: Section, thresholds: Value, rules: str | None) -> DamageW
     # Hazus has a dispersion of its own; beside capacity curves the user gives it.
     beta = section.read("dispersion")
     if source == CAPACITY and not section.has("dispersion"):
-        section.need("dispersion", "give 0 for thresholds that are exact")
+        section.need("dispersion", "give 0 for exact thresholds")
     # Losses are the same for all classes in the file itself, or by class in a table.
     given = section.get("losses")
     of_all = given if given and given.is_mapping else None

@@ -1,5 +1,4 @@
-"""The `building` of a model file: a few facts in place of `stories`, from which rules derive
-them."""
+"""Read the section `building` of a model file: properties from which rules derive the stories."""
 
 from __future__ import annotations
 
@@ -43,38 +42,40 @@ _DAMPING = ("full", "mass-only")
 _RULES = Choice(tuple(rules for rules in RULES if rules != CAPACITY), "set of rules")
 BUILDING = Keys(
     (
-        Key("rules", _RULES, "the rules that derive the stories"),
+        Key("rules", _RULES, "rules that derive the stories"),
         Key(
             "capacity",
             Words(),
-            "capacity curve, a CSV file (sd_m, sa_g) relative to this one, in place of rules",
+            "capacity curve instead of rules: a CSV file (sd_m, sa_g), relative to this file",
         ),
         Key("type", Choice(STRUCTURES, "structure type"), "structure type of Hazus"),
         Key("stories", Whole(1, MOST_STORIES), "number of stories", needed=True),
         Key("year", Whole(*YEARS), "year of construction"),
         Key("area", POSITIVE, "area of one floor, in the square of the unit of length"),
-        Key("height", POSITIVE, "height of the whole building"),
-        Key("zone", Choice(ZONES, "seismic zone"), "seismic zone; Z4 where it is left out"),
+        Key("height", POSITIVE, "total height of the building"),
+        Key("zone", Choice(ZONES, "seismic zone"), "seismic zone; default: Z4"),
         Key(
-            "design_level", Choice(LEVELS, "design level"), "design level; else from zone and year"
+            "design_level",
+            Choice(LEVELS, "design level"),
+            "design level; default: from zone and year",
         ),
-        Key("damping_ratio", RATIO, "viscous damping ratio; else that of the type"),
+        Key("damping_ratio", RATIO, "viscous damping ratio; default: from the structure type"),
         Key(
             "damping",
-            Choice(_DAMPING, "kind of damping"),
-            "without the stiffness-proportional part, or full",
+            Choice(_DAMPING, "type of damping"),
+            "full, or mass-only without the stiffness-proportional part",
         ),
         Key(
             "mass",
             POSITIVE,
-            "of all floors of a building with a capacity curve; 1 t where it is left out",
+            "total mass of a building with a capacity curve; default: 1 t",
         ),
-        Key("soft_story", Flag(), "whether its ground story is soft"),
-        Key("degradation", Flag(), "whether its stories lose stiffness and strength"),
+        Key("soft_story", Flag(), "true if the ground story is soft"),
+        Key("degradation", Flag(), "true if the stories lose stiffness and strength"),
         Key(
             "as_published",
             Flag(),
-            "multiply its forces by the factor of oq-vmtk 1.1, which shortens the period",
+            "multiply the forces by the factor of oq-vmtk 1.1, which shortens the period",
         ),
     ),
     one_of=(("rules", "capacity"),),
@@ -84,15 +85,15 @@ _OF_CAPACITY = ("mass", "soft_story", "degradation", "as_published")
 
 
 def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityBuilding | None:
-    """The building that the rules derive; None after a fault."""
+    """Return the building that the rules derive, or None after reporting an error."""
     section = value.section(BUILDING)
     if section is None:
         return None
     if section.has("capacity"):
-        section.refuse(_OF_RULES, "has no part in a building with a `capacity` curve")
-        return _of_curve(section, unit)
-    section.refuse(_OF_CAPACITY, "belongs to a building with a `capacity` curve")
-    # All are read before the first fault ends it, so that all of them are told.
+        section.refuse(_OF_RULES, "cannot be used with a `capacity` curve")
+        return _building_of_curve(section, unit)
+    section.refuse(_OF_CAPACITY, "requires a `capacity` curve")
+    # All entries are read before the function returns, so that all errors are reported.
     needed = [
         _needed(section, "rules"),
         _needed(section, "type"),
@@ -101,9 +102,9 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityB
     ]
     area = section.number("area", scale=unit.factor(length=2))
     height = section.number("height", scale=unit.length, default=0.0)
-    words = {"zone": "Z4", "design_level": "", "damping": "full"}
-    zone, level, damping = (section.read(name, default) for name, default in words.items())
-    # A number that no file can have stands for a ratio that is not said.
+    defaults = {"zone": "Z4", "design_level": "", "damping": "full"}
+    zone, level, damping = (section.read(name, default) for name, default in defaults.items())
+    # A negative ratio, which no file can contain, represents a missing ratio.
     ratio = section.number("damping_ratio", default=-1.0)
     if None in (*needed, zone, level, damping) or any(map(math.isnan, (area, height, ratio))):
         return None
@@ -123,7 +124,7 @@ def read_building(value: Value, unit: ModelUnits) -> DerivedBuilding | CapacityB
 
 
 def _needed(section: Section, name: str, advice: str = "") -> Any:
-    """What must be there, as its key declares it; None after a fault."""
+    """Return the converted value of a required entry, or None after reporting an error."""
     kind = BUILDING.kinds()[name]
     value = section.need(
         name,
@@ -132,13 +133,13 @@ def _needed(section: Section, name: str, advice: str = "") -> Any:
     return value.read() if value else None
 
 
-def _of_curve(section: Section, unit: ModelUnits) -> CapacityBuilding | None:
-    """The building of a capacity curve; None after a fault."""
+def _building_of_curve(section: Section, unit: ModelUnits) -> CapacityBuilding | None:
+    """Return the building of a capacity curve, or None after reporting an error."""
     file = section.get("capacity")
     path = file.file() if file else None
     curve = None
     if file and path:
-        # Faults of the curve's file are told at the key that names it.
+        # Errors in the file of the curve are reported at the key that names the file.
         try:
             curve = read_curve(path)
         except ModelError as error:

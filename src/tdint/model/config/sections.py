@@ -1,4 +1,4 @@
-"""Sections of model and campaign files: `units`, `damping`, `damage`."""
+"""Read the sections `units`, `damping` and `damage` of model and campaign files."""
 
 from __future__ import annotations
 
@@ -32,29 +32,28 @@ from tdint.model.keys.fields import (
 )
 from tdint.units import parse_with_unit
 
-# ---- The `units` of a model file, and those of the samples of a record that a file names
+# ---- The section `units` of a model file, and the units of the samples of a record
 
 _WEIGHT = (
-    "give the stories `weight` in place of mass, or divide by the acceleration of gravity, mass = "
-    "W/g, in kip*s^2/in or kip*s^2/ft"
+    "give the `weight` of the stories instead of the mass, or divide by the acceleration of "
+    "gravity, mass = W/g, in kip*s^2/in or kip*s^2/ft"
 )
 
 _OPEN = tuple(unit for unit in (*units.LENGTH, *units.FORCE) if unit not in ("m", "N"))
-"""Units of length and force that leave open what a mass is in: beside kN it is mostly t, beside mm
-anything."""
+"""Units of length and force that do not determine the unit of mass: with kN it is usually t, with
+mm it can be any unit."""
 
 _MASSES = {"kN": "t", "MN": "t", "lbf": "lb", "kip": "kip*s^2/ft"}
-"""The unit in which a mass is told beside a force where the file says none; beside others kg."""
+"""Unit of mass in reports for a unit of force, if the file does not specify it. Default: kg."""
 
 UNITS = Keys(
     (
-        Key("length", Choice(tuple(units.LENGTH)), "unit of length; m where it is left out"),
-        Key("force", Choice(tuple(units.FORCE)), "unit of force; N where it is left out"),
+        Key("length", Choice(tuple(units.LENGTH)), "unit of length; default: m"),
+        Key("force", Choice(tuple(units.FORCE)), "unit of force; default: N"),
         Key(
             "mass",
             Choice(tuple(units.MASS)),
-            "unit of mass; kg where it is left out, but needed for masses where length is not m or "
-            "force not N",
+            "unit of mass; default: kg; required for masses if length is not m or force is not N",
         ),
     )
 )
@@ -62,19 +61,27 @@ UNITS = Keys(
 
 @dataclass(frozen=True)
 class ModelUnits:
-    """Factors from the file's units to SI, and how results are told in them."""
+    """Factors from the units of the file to SI units, and the units of reports.
+
+    Attributes
+    ----------
+    length, force, mass : float
+        Factors to m, N and kg.
+    named : OutputUnits
+        Units of reports.
+    mass_is_open : bool
+        True if lengths are not in m or forces are not in N, and the unit of mass is not specified:
+        kg would be a guess.
+    """
 
     length: float
     force: float
     mass: float
     named: units.OutputUnits
     mass_is_open: bool = False
-    """Lengths are not in m or forces not in N, and the unit of mass is not said: kg would be a
-    guess."""
 
     def factor(self, force: int = 0, length: float = 0) -> float:
-        """The factor of the dimension force^`force` length^`length`, inf beyond double
-        precision."""
+        """Return the factor of the dimension force^`force` length^`length`; inf on overflow."""
         try:
             return float(self.force**force * self.length**length)
         except OverflowError:
@@ -82,9 +89,9 @@ class ModelUnits:
 
 
 def read_units(section: Section) -> ModelUnits:
-    """The units of the file, SI where it names none."""
+    """Return the units of the file. Default: SI units."""
 
-    # A unit of force for a mass is told as such: that it is unknown would not help.
+    # A unit of force for a mass gets its own message, which explains the conversion.
     def named(name: str, factors: Mapping[str, float], usual: str) -> str:
         entry = section.get(name)
         if name == "mass" and entry and any(map(entry.is_word, units.FORCE)):
@@ -95,9 +102,9 @@ def read_units(section: Section) -> ModelUnits:
     length, force = named("length", units.LENGTH, "m"), named("force", units.FORCE, "N")
     mass, mass_is_said = named("mass", units.MASS, "kg"), section.mentions("mass")
     beside = "kip*s^2/in" if (force, length) == ("kip", "in") else _MASSES.get(force, "kg")
-    # Beside such units a mass is hardly in kg: its unit is asked for where one is used.
-    words = [entry for name in ("length", "force") if (entry := section.get(name))]
-    foreign = any(word.is_word(unit) for word in words for unit in _OPEN)
+    # With other units than m and N a mass is rarely in kg, so its unit is required.
+    entries = [entry for name in ("length", "force") if (entry := section.get(name))]
+    foreign = any(entry.is_word(unit) for entry in entries for unit in _OPEN)
     return ModelUnits(
         units.LENGTH[length],
         units.FORCE[force],
@@ -108,46 +115,50 @@ def read_units(section: Section) -> ModelUnits:
 
 
 def read_sample_units(value: Value | None, quantity: str | None = None) -> str | None:
-    """Units as the reader of records understands them, judged here so that the fault has its line.
+    """Return the units of samples as text, or None after reporting an error with its line.
 
-    `quantity` is what they must be units of, where the file says that elsewhere.
+    `quantity` is the required quantity if the file specifies it elsewhere.
     """
     parsed = value.parsed(units.parse_units) if value else None
     if value is None or parsed is None:
         return None
     if quantity and parsed.quantity != quantity:
         fitting = ", ".join(units.GROUND_MOTION[quantity])
-        value.fault(f"say {parsed.quantity}, the quantity says {quantity}; give one of {fitting}")
+        value.fault(
+            f"units of {parsed.quantity} do not fit the quantity {quantity}; give one of {fitting}"
+        )
     return value.word
 
 
 def read_file_units(value: Value | None) -> SampleUnits | None:
-    """Units of several records: of all, by file, or a table of them; the fault of any has its line
-    here."""
+    """Return the units of several records: one unit, units by file, or a table of units.
+
+    An error is reported with the line of the value.
+    """
     if value is None:
         return None
 
     def checked(text: str) -> SampleUnits:
-        said = units_of_text(text, Path(value.faults.folder))
-        file_units(said)
-        return said
+        sample_units = units_of_text(text, Path(value.faults.folder))
+        file_units(sample_units)
+        return sample_units
 
     return value.parsed(checked)
 
 
-# ---- The `damping` of a model file: its declaration is its reader
+# ---- The section `damping` of a model file. The declaration also reads the values.
 
 _ONE_STORY = (
-    "a one-story model has one mode, and the ratio form needs two; write the ratio alone (damping: "
-    "5%), {rayleigh: {mass: a0, stiffness: a1}} or {modal: ratio}"
+    "a one-story model has one mode, and the form with ratio and modes requires two; write "
+    "damping: 5%, {rayleigh: {mass: a0, stiffness: a1}} or {modal: ratio}"
 )
-_SHORT = "a list must hold at least two damping ratios; write a single one without brackets"
+_SHORT = "a list must contain at least two damping ratios; write a single ratio without brackets"
 _LAST_MODE = 3
-"""Of the two modes with the ratio of `damping: 5%`, the higher one, as far as there are so many."""
+"""Second mode with the damping ratio of `damping: 5%`, if the building has three modes."""
 
 
 def _declared(count: int | None) -> Either:
-    """What may stand under `damping` of a building with so many stories."""
+    """Return the declaration of `damping` for a building with `count` stories."""
     mode = numbered(count)
     two = EntriesOf(RATIO, 2, 2, "one damping ratio or a list of two", _SHORT)
     modes = EntriesOf(
@@ -172,14 +183,15 @@ def _declared(count: int | None) -> Either:
         ),
         ways=(("ratio", "modes"), ("mass", "stiffness")),
         what="{ratio: ..., modes: ...} or {mass: ..., stiffness: ...}",
-        make=lambda value, **given: _rayleigh(value, count, **given),
+        make=lambda value, **entries: _rayleigh(value, count, **entries),
     )
     first = Keys(
         (
             Key("ratio", RATIO, "damping ratio", True),
-            Key("modes", mode, "how many modes have it", True, "give the number of modes to damp"),
+            Key("modes", mode, "number of modes", True, "give the number of damped modes"),
         ),
-        # A single ratio would mean all modes, so a lone first mode is followed by an undamped one.
+        # A tuple with one ratio means all modes. If only the first mode is damped, the tuple also
+        # contains the zero ratio of the second mode.
         make=lambda _, ratio, modes: (
             (ratio, 0.0) if modes == 1 and count != 1 else (ratio,) * modes
         ),
@@ -219,7 +231,7 @@ DAMPING = _declared(None)
 
 
 def read_damping(value: Value | None, count: int | None) -> Damping:
-    """The damping; `count` is the number of stories, None where a fault leaves it open."""
+    """Return the damping. `count` is the number of stories, None if unknown after an error."""
     damping = replace(value, kind=_declared(count)).read() if value else None
     if isinstance(damping, float):
         return RayleighRatio((damping, damping), (1, min(count or 1, _LAST_MODE)))
@@ -236,7 +248,7 @@ _UNITS = {"m/s^2": ("acceleration", "0.3 g"), "m": ("displacement", "12 mm")}
 
 @dataclass(frozen=True)
 class ByState:
-    """A value for each damage state, by its name, from the lightest."""
+    """Mapping from the names of damage states, from the lightest, to values."""
 
     kind: ValueKind
 
@@ -252,14 +264,14 @@ THRESHOLDS = ByState(Either((POSITIVE_RATIO, Words())))
 DEMAND = Key(
     "demand",
     Choice(tuple(DEMANDS), "demand"),
-    "what the states are told by; drift_ratio by default",
+    "response quantity that determines the state; default: drift_ratio",
 )
 DISPERSION = Key(
     "dispersion",
     Bounds(0.0, 3.0),
     "standard deviation of the logarithms of the thresholds; 0: exact",
 )
-_OF_LOSSES = "loss ratio in each state, and if it is another one than in the last, `collapsed`"
+_LOSSES_MEANING = "loss ratio in each state; `collapsed` if it differs from the last state"
 DAMAGE = Keys(
     (
         DEMAND,
@@ -267,14 +279,14 @@ DAMAGE = Keys(
             "thresholds", THRESHOLDS, "median demand of each state, from the lightest", needed=True
         ),
         DISPERSION,
-        Key("losses", ByState(LOSS), _OF_LOSSES),
+        Key("losses", ByState(LOSS), _LOSSES_MEANING),
     )
 )
-"""Of a model file."""
+"""Keys of the section `damage` of a model file."""
 
 
 def read_damage(value: Value | None) -> DamageStates | None:
-    """The damage states of a model; None without any, or after a fault."""
+    """Return the damage states of a model; None without damage states or after an error."""
     section = value.section(DAMAGE) if value else None
     thresholds = section.need("thresholds", "give the demand of each state") if section else None
     if section is None or thresholds is None:
@@ -283,12 +295,22 @@ def read_damage(value: Value | None) -> DamageStates | None:
 
 
 def states_of(section: Section, demand: str, thresholds: Value) -> DamageStates | None:
-    """The states that a file names, with their thresholds and losses; None after a fault."""
+    """Return the damage states of a file, or None after reporting an error.
+
+    Parameters
+    ----------
+    section : Section
+        Section with the keys `dispersion` and `losses`.
+    demand : str
+        Response quantity, a key of `DEMANDS`.
+    thresholds : Value
+        Median demand of each state.
+    """
     values = _by_state(thresholds, "the demand of each state, such as {slight: 0.5%}")
     if values is None or demand not in DEMANDS:
         return None
     medians = tuple(threshold_of(entry, demand) for entry in values.values())
-    dispersion = section.need("dispersion", "give 0 for thresholds that are exact")
+    dispersion = section.need("dispersion", "give 0 for exact thresholds")
     losses = read_losses(section.get("losses"), tuple(values))
     beta = dispersion.number(DISPERSION.kind) if dispersion else math.nan  # type: ignore[arg-type]
     if losses is None or any(map(math.isnan, (*medians, beta))):
@@ -301,7 +323,7 @@ def states_of(section: Section, demand: str, thresholds: Value) -> DamageStates 
 
 
 def threshold_of(value: Value, demand: str) -> float:
-    """A threshold in SI units; nan after a fault."""
+    """Return a threshold in SI units, or nan after reporting an error."""
     unit = DEMANDS[demand].unit
     if unit == "1":
         return value.number(POSITIVE_RATIO)
@@ -309,7 +331,10 @@ def threshold_of(value: Value, demand: str) -> float:
 
 
 def read_losses(value: Value | None, states: Sequence[str]) -> tuple[float, ...] | None:
-    """The loss ratio of each state and of a collapse; nothing without any, None after a fault."""
+    """Return the loss ratios of all states and of collapse.
+
+    The result is empty without losses, and None after reporting an error.
+    """
     if value is None:
         return ()
     values = _by_state(value, "the loss ratio of each state, such as {slight: 5%}")
@@ -320,33 +345,35 @@ def read_losses(value: Value | None, states: Sequence[str]) -> tuple[float, ...]
         set(values) - {*states, COLLAPSE},
     )
     if missing or unknown:
-        said = (
+        problem = (
             f"no loss ratio of {', '.join(missing)}"
             if missing
-            else f"unknown {', '.join(sorted(unknown))}"
+            else f"unknown state {', '.join(sorted(unknown))}"
         )
-        value.fault(f"{said}; the states are {', '.join(states)}, and there may be {COLLAPSE}")
+        value.fault(f"{problem}; the states are {', '.join(states)}, and optionally {COLLAPSE}")
         return None
     losses = {name: entry.number(LOSS) for name, entry in values.items()}
     return None if any(map(math.isnan, losses.values())) else losses_of(losses, states)
 
 
 def losses_of(losses: Mapping[str, float], states: Sequence[str]) -> tuple[float, ...]:
-    """In the order of the states, that of a collapse behind them: that of the last state where it
-    is not told."""
+    """Return the loss ratios in the order of the states, followed by the ratio of collapse.
+
+    The default for collapse is the loss ratio of the last state.
+    """
     return (*(losses[state] for state in states), losses.get(COLLAPSE, losses[states[-1]]))
 
 
 def _by_state(value: Value, expected: str) -> dict[str, Value] | None:
-    """The entries by the names of states; None after a fault."""
+    """Return the entries by the names of states, or None after reporting an error."""
     entries = value.named(expected, f"is empty; give {expected}")
     for name, entry in (entries or {}).items():
         if not is_state(name):
-            entry.fault("the name of a state is a word of letters, digits, _ and -")
+            entry.fault("the name of a state must consist of letters, digits, _ and -")
             return None
     return entries
 
 
 def is_state(name: str) -> bool:
-    """Whether a text may be the name of a damage state."""
+    """Return True if a text is a valid name of a damage state."""
     return name.isascii() and name.replace("_", "").replace("-", "").isalnum() and name[0].isalpha()
