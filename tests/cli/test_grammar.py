@@ -178,7 +178,7 @@ def test_a_picture_lies_beside_the_output_or_where_it_is_named(folder, tdint):
         (
             ["spectrum", "other.mseed", "--plot=x.png", "-o", "out/"],
             2,
-            "--plot=FILE is one picture of all records",
+            "--plot=FILE is one figure of all records",
         ),
         (
             ["spectrum", "other.mseed", "--plot", "x.jpg"],
@@ -238,7 +238,7 @@ def test_model_or_record_stand_in_their_places_or_come_by_standard_input(folder,
 
 def test_quiet_silences_words_and_neither_data_nor_errors(folder, tdint):
     loud = tdint("run", "forced.yaml")
-    assert "Largest" in loud.stderr
+    assert "Maximum" in loud.stderr
     for words in (("-q", "run", "forced.yaml"), ("run", "forced.yaml", "--quiet")):
         quiet = tdint(*words, code=0)
         (warning,) = quiet.stderr.splitlines()  # a plausibility warning; it is not silenced
@@ -415,11 +415,14 @@ ASKED = {
     ("init", "with --from-pushover"): "--weights 1,1 --from-pushover x",
     ("init", "with --type"): "--type C1",
     ("law", "without --path"): "x --drift 1%",
-    ("law", "with --path, which has every drift"): "x --path y",
+    ("law", "with --path, which defines all drifts"): "x --path y",
     ("modes", "without --target"): "x",
     ("modes", "with --target"): "x --target y",
     ("sensitivity", "with a model"): "x",
-    ("sensitivity", "with the folder of a campaign, which has its records and its sweep"): "folder",
+    (
+        "sensitivity",
+        "with a campaign directory, which defines the records and the parameters",
+    ): "folder",
 }
 """The words that ask for a mode."""
 

@@ -110,7 +110,7 @@ def test_pictures_of_any_size(folder, tdint, model, drift, drawn):
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["shaken.yaml"], 2, "no drift: give --drift, or a path of drifts by --path"),
+        (["shaken.yaml"], 2, "no drifts are given; add --drift or --path"),
         (["shaken.yaml", "--path", "path.csv"], 2, "path.csv:3: drift_m must be a number, got 'x'"),
         (
             ["shaken.yaml", "--path", "forced.yaml"],
@@ -118,7 +118,7 @@ def test_pictures_of_any_size(folder, tdint, model, drift, drawn):
             "forced.yaml: the first line names no column drift_m",
         ),
         (["shaken.yaml", "--path", "missing.csv"], 2, "missing.csv: no such file"),
-        (["-", "--path", "-"], 2, "standard input is used for the model"),
+        (["-", "--path", "-"], 2, "cannot both be standard input"),
         (
             ["forced.yaml", "--path", "good.csv", "--units", "dy"],
             2,

@@ -74,11 +74,11 @@ def test_version(tdint):
         (["modes", "x.yaml", "y.yaml"], "unexpected extra argument"),
         (
             ["run", "x.yaml", "a.mseed", "b.mseed", "--history"],
-            "--history has no effect with several runs; it is for one record and one scale: call",
+            "--history has no effect with several runs; it requires one record and one scale",
         ),
         (
             ["run", "x.yaml", "a.mseed", "--record", "b.mseed"],
-            "--record b.mseed and a.mseed are given",
+            "--record b.mseed and a.mseed cannot be used together",
         ),
     ],
 )

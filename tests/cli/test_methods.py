@@ -203,7 +203,7 @@ def test_names_are_told_apart_in_a_picture(here, tdint):
 def test_overshoot_words(tdint):
     methods = ("newmark-average", "generalized-alpha", "wilson", "cr", "rk5")
     lines = tdint("overshoot", "--method", ",".join(methods)).stderr.splitlines()
-    assert lines[0] == "Powers of omega dt in the first step, as omega dt goes to infinity:"
+    assert lines[0] == "Powers of omega dt in the first time step, for omega dt to infinity:"
     assert [line.split(maxsplit=5) for line in lines[3:]] == [
         ["newmark-average", "0.0", "0.0", "-2.0", "0.0", "none"],
         ["generalized-alpha", "0.0", "2.0", "-2.0", "0.0", "velocity"],
@@ -212,7 +212,7 @@ def test_overshoot_words(tdint):
         ["rk5", "6.0", "6.0", "4.0", "6.0", "unstable"],
     ]
     assert lines[2].split() == ["exact", "motion", "0.0", "1.0", "-1.0", "0.0"]
-    assert "nothing" in tdint("overshoot", "--method", "exact", "--damping", "0.05").stderr
+    assert "zero" in tdint("overshoot", "--method", "exact", "--damping", "0.05").stderr
 
 
 def test_a_motion_that_ran_away_leaves_empty_cells(here, tdint, drawn):
@@ -309,7 +309,7 @@ def test_errors_that_are_rounding_are_told(here, tdint, drawn):
     result = tdint(
         "order", "--method", "exact", "--method", "newmark", "--load", "record", "--plot", "x.svg"
     )
-    assert result.stderr == "note: exact has no order here: its errors are rounding\n"
+    assert result.stderr == "note: exact: no order, because its errors are rounding errors\n"
     assert column(result, "displacement_order")[0] == ""
     assert "errors are rounding" in (here / "x.svg").read_text(encoding="utf-8")
 

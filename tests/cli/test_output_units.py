@@ -197,10 +197,13 @@ def test_a_history_under_any_name_packed_and_thinned(folder: Path, tdint: Comman
     [
         (
             ("--history",),
-            "--history alone writes into the folder of -o: add -o DIR, or name it: "
+            "--history without a file writes to the directory of -o: add -o DIR, or use "
             "--history=FILE.csv",
         ),
-        (("--history=h.txt",), "--history h.txt: a history is a table; name it .csv or .csv.gz"),
+        (
+            ("--history=h.txt",),
+            "--history h.txt: the file of a response history must end in .csv or .csv.gz",
+        ),
         (("--history=",), "--history is empty; specify a name"),
         (("--history=h.csv", "--history-every", 0), "--history-every"),
         (("--output-units", "kips,in"), "unknown unit 'kips'; did you mean 'kip'?"),

@@ -181,8 +181,9 @@ def test_the_verdict_of_a_run_comes_first(folder: Path, tdint: Command) -> None:
             f"{kept}.html",
         )
         result = tdint(*asked, code=0 if kept else 5)
-        said = f"Largest drift {100.0 * largest:.3g} % (story {place}), limit {100.0 * limit:g} %: "
-        assert said + ("within" if kept else "beyond") in result.stderr
+        drift = f"{100.0 * largest:.3g} % (story {place})"
+        said = f"Maximum drift ratio {drift}, limit {100.0 * limit:g} %: "
+        assert said + ("met" if kept else "exceeded") in result.stderr
         body = Path(f"{kept}.html").read_text().partition("<body>")[2]
         verdict = body[body.index('<p class="v ') : body.index("<h2")]
         assert ("Limit kept." if kept else "Limit NOT kept.") in verdict

@@ -93,7 +93,7 @@ def test_cells_that_differ_are_a_table(folder, tdint, rerun):
     assert line == f"stories.csv,2,peak_drift_m,{cells[2][2]},{float(cells[2][2]) / 2.0!r},0.5"
     assert "stories.csv: 1 difference, at most 50 % (peak_drift_m, row 2)" in result.stderr
     file.unlink()
-    assert "not there where it was" in rerun("out", code=5).stderr
+    assert "the original file is missing" in rerun("out", code=5).stderr
 
 
 def test_what_is_written_now_stays_where_it_is_asked_for(folder, tdint, rerun):
@@ -102,7 +102,9 @@ def test_what_is_written_now_stays_where_it_is_asked_for(folder, tdint, rerun):
     assert (folder / "again/new/modes.csv.gz").read_bytes() == (
         folder / "modes.csv.gz"
     ).read_bytes()
-    assert "not an empty folder" in rerun("modes.json", "-o", "again", code=6).stderr
+    assert (
+        "must be a new or an empty directory" in rerun("modes.json", "-o", "again", code=6).stderr
+    )
 
 
 @pytest.mark.parametrize("changed", ["motion.mseed", "shaken.yaml", "of_a_run.py"])
@@ -119,10 +121,10 @@ def test_other_inputs_are_refused_unless_asked_for(folder, tdint, rerun, changed
     else:
         (folder / changed).write_text((folder / changed).read_text() + "# another one\n")
     refused = rerun("out", code=2).stderr
-    assert f"{changed}: is not what was read then" in refused and "--changed" in refused
+    assert f"{changed}: has changed (SHA-256 recorded " in refused and "--changed" in refused
     if not plugin:
         taken = rerun("out", "--changed", code=5 if changed == "motion.mseed" else 0)
-        assert f"Warning: {changed}: is not what was read then" in taken.stderr
+        assert f"Warning: {changed}: has changed (SHA-256 recorded " in taken.stderr
         assert bool(taken.stdout) == (changed == "motion.mseed")
 
 
@@ -131,7 +133,7 @@ def test_standard_input_is_asked_for_again(folder, tdint):
     tdint("modes", "-", "-o", "modes.csv", stdin=model, code=0)
     tdint("rerun", "modes.json", stdin=model, code=0)
     other = model.replace(b"800", b"900")
-    tdint.refused("-: is not what was read then", "rerun", "modes.json", stdin=other)
+    tdint.refused("-: has changed (SHA-256 recorded ", "rerun", "modes.json", stdin=other)
     tdint("rerun", "modes.json", "--changed", stdin=other, code=5)
 
 
@@ -140,7 +142,7 @@ def test_an_input_that_is_not_there(folder, tdint, rerun):
     (folder / "out").rename(folder / "elsewhere")
     rerun("elsewhere/modes.json", code=0)  # seen from the working directory
     os.chdir(folder / "elsewhere")
-    assert "forced.yaml: an input of modes.json, is not there" in rerun("modes.json", code=2).stderr
+    assert "forced.yaml: input of modes.json not found" in rerun("modes.json", code=2).stderr
 
 
 def test_versions_that_are_others_are_named(folder, tdint, rerun):
@@ -148,16 +150,16 @@ def test_versions_that_are_others_are_named(folder, tdint, rerun):
     told = json.loads((folder / "modes.json").read_text())
     told["versions"]["numpy"] = "1.0"
     (folder / "modes.json").write_text(json.dumps(told))
-    assert "note: numpy 1.0 then, " in rerun("modes.json", code=0).stderr
+    assert "note: version of numpy: recorded 1.0, now " in rerun("modes.json", code=0).stderr
 
 
 @pytest.mark.parametrize(
     ("schema", "arguments", "more", "message"),
     [
-        ("another", None, {}, "is no JSON file that tdint wrote"),
-        ("tdint modes", None, {}, "says no command line"),
-        ("tdint modes", "modes", {}, "says no command line"),
-        ("tdint modes", [1], {}, "says no command line"),
+        ("another", None, {}, "must be a JSON file that tdint wrote"),
+        ("tdint modes", None, {}, "contains no command line"),
+        ("tdint modes", "modes", {}, "contains no command line"),
+        ("tdint modes", [1], {}, "contains no command line"),
         ("tdint modes", ["-q"], {}, "name no command"),
         ("tdint modes", ["rerun", "a.json", "-o", "b"], {}, "name no command"),
         ("tdint modes", ["methods"], {}, "name no command"),
@@ -167,18 +169,18 @@ def test_versions_that_are_others_are_named(folder, tdint, rerun):
             "tdint x",
             ["modes", "-o", "a.csv"],
             {"export": ["campaign", "other.yaml"]},
-            "is no command line of",
+            "must be a command line of",
         ),
         (
             "tdint x",
             ["campaign", "-o", "a"],
             {"export": ["campaign", "merge", "b"]},
-            "is no command line of",
+            "must be a command line of",
         ),
         ("tdint modes", ["modes", "forced.yaml"], {}, "have no -o"),
         ("tdint modes", ["modes", "forced.yaml", "-o", "-"], {}, "have no -o"),
-        ("tdint x", ["modes", "-o", "a.csv"], {"inputs": [1]}, "is no JSON file"),
-        ("tdint x", ["modes", "-o", "a.csv"], {"versions": 1}, "is no JSON file"),
+        ("tdint x", ["modes", "-o", "a.csv"], {"inputs": [1]}, "must be a JSON file"),
+        ("tdint x", ["modes", "-o", "a.csv"], {"versions": 1}, "must be a JSON file"),
     ],
 )
 def test_files_that_say_no_command_line(folder, tdint, schema, arguments, more, message):
@@ -189,7 +191,7 @@ def test_files_that_say_no_command_line(folder, tdint, schema, arguments, more, 
 
 def test_files_that_are_none(folder, tdint):
     (folder / "a.json").write_text("")
-    tdint.refused("is no JSON file that tdint wrote", "rerun", "a.json")
+    tdint.refused("must be a JSON file that tdint wrote", "rerun", "a.json")
     tdint.refused("none.json", "rerun", "none.json")
 
 
@@ -225,7 +227,7 @@ def test_a_campaign_that_was_done_in_parts(folder, tdint, rerun):
 def test_a_run_that_fails_fails_again(tdint, rerun):
     """Without a table: its summary says how it ended."""
     tdint("run", "forced.yaml", "--method", "central-difference", "--dt", "1", "-o", "out", code=5)
-    assert "the run was unstable-step then, and is so now" in rerun("out", code=0).stderr
+    assert "status of the run: recorded unstable-step, now the same" in rerun("out", code=0).stderr
 
 
 def test_parquet_is_compared(folder, tdint, rerun):
@@ -242,7 +244,7 @@ def test_parquet_is_compared(folder, tdint, rerun):
     file.write_bytes(whole[:-9])
     assert "cannot be read as Parquet" in rerun("a.json", code=6).stderr
     file.unlink()
-    assert "not there where it was" in rerun("a.json", code=5).stderr
+    assert "the original file is missing" in rerun("a.json", code=5).stderr
 
 
 def test_measured_times_are_not_compared(folder, tdint, rerun):
@@ -279,7 +281,10 @@ def test_code_of_others_is_executed_on_request_alone(folder, tdint, rerun):
         (folder / "out/summary.json").write_text(
             json.dumps(told | {"arguments": [*ONE_RUN, *word]})
         )
-        assert "evil.py: was not read then" in rerun("out", "--trust", code=2).stderr
+        assert (
+            "evil.py: was not read by the recorded command"
+            in rerun("out", "--trust", code=2).stderr
+        )
         assert "--trust" in rerun("out", "--changed", code=2).stderr
     assert not (folder / "executed").exists()
 
@@ -513,7 +518,7 @@ def test_a_command_that_fails_is_a_failure(folder, tdint, rerun):
     file.write_text(json.dumps(told | {"export": ["campaign", "export", "study", "--geojson"]}))
     said = rerun("study", code=2).stderr
     assert "the command failed, with exit code 2" in said
-    assert "simcenter.csv: not comparable: it was written then" in said
+    assert "simcenter.csv: not comparable: it was written originally" in said
 
 
 def test_a_plugin_that_is_missing(folder, tdint, rerun):
@@ -523,8 +528,8 @@ def test_a_plugin_that_is_missing(folder, tdint, rerun):
     told["inputs"] = [one for one in told["inputs"] if one["file"] != "absent.py"]
     (folder / "out/summary.json").write_text(json.dumps(told))
     (folder / "absent.py").unlink()
-    assert "absent.py: a plug-in of" in rerun("out", "--trust", code=2).stderr
-    assert "absent.py: a plug-in of" in rerun("out", code=2).stderr
+    assert "absent.py: plug-in of" in rerun("out", "--trust", code=2).stderr
+    assert "absent.py: plug-in of" in rerun("out", code=2).stderr
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,7 @@ def test_the_table_is_on_stdout_and_the_words_on_stderr(folder, tdint):
         "motion.mseed HNE (PGA 2.",
         "newmark-average: 299 steps of 0.01 s",
         "energy error",
-        "Largest drift ratio",
+        "Maximum drift ratio",
         "roof displacement",
         "base shear",
         "Warning: motion.mseed: m/s^2 is assumed",
@@ -204,7 +204,7 @@ def test_units_on_the_command_line_take_the_place_of_the_models_inventory(folder
         (
             ["shaken.yaml", "--tolerance", "1%", "--no-check"],
             2,
-            "estimates the errors that --no-check leaves out",
+            "--tolerance and --no-check cannot be used together",
         ),
         *(
             (
@@ -290,7 +290,7 @@ def test_a_run_tells_its_errors(folder, tdint, method):
         table[1]["peak_displacement_m_error"]
     )
     told = (
-        f"Largest estimated error of a peak drift: {100 * max(relative):.2g} % (story "
+        f"Maximum estimated error of a peak drift: {100 * max(relative):.2g} % (story "
         f"{check['drift_error_story']})"
     )
     assert f"{told}, from a run of impulse4 with dt 0.005 s." in result.stderr
@@ -302,7 +302,7 @@ def test_a_run_tells_its_errors(folder, tdint, method):
     assert f"{check['corrected_peaks']['drift_m']:.12g}" in {
         row["peak_drift_m"] for row in rows(finer)
     }
-    assert ("In that run: largest drift " in result.stderr) == (method == "newmark-average")
+    assert ("In that run: maximum drift " in result.stderr) == (method == "newmark-average")
 
 
 def test_a_history_holds_the_errors_that_are_asked_for(folder, tdint):
@@ -343,7 +343,7 @@ def test_until_rest(folder, tdint):
         ends[0]["time_at_rest_s"] is None
         and ends[1]["time_at_rest_s"] == summaries[1]["duration_s"] > 2.99
     )
-    assert f"The building is at rest at {ends[1]['time_at_rest_s']:.6g} s." in rest.stderr
+    assert f"Free vibration has decayed at {ends[1]['time_at_rest_s']:.6g} s." in rest.stderr
     assert "still moves" not in rest.stderr
     assert ends[1]["residual_oscillation_m"] < 0.1 * ends[0]["residual_oscillation_m"]
     row = rows(tdint("run", "shaken.yaml", "--scale", "1,2", "--until-rest").stdout)[0]
@@ -373,9 +373,9 @@ def test_a_tolerance_chooses_the_step(folder, tdint, tolerance):
     chosen = (
         f"from {check['runs_for_the_step']} runs: {summary['dt_s']:.6g} s, {samples:g} sampling"
     )
-    assert f"Step chosen for peak drifts within 0.1 %, {chosen}" in result.stderr
+    assert f"Time step selected for peak drift errors below 0.1 %, {chosen}" in result.stderr
     if samples != 1.0 and check["solves_at_record_step"]:
-        assert f"the record's own step {check['solves_at_record_step']}." in result.stderr
+        assert f"the sampling interval requires {check['solves_at_record_step']}." in result.stderr
     assert summary["dt_s"] == pytest.approx(0.01 * samples) and summary["dt_s"] < 0.04
     assert tdint("run", "shaken.yaml", "--dt", summary["dt_s"]).stdout == result.stdout
 
@@ -469,7 +469,7 @@ def test_a_picture_of_a_long_run_is_thinned(folder, tdint, monkeypatch):
     monkeypatch.setattr(
         runs, "run_picture", lambda response, *rest: shown.append(response) or draw(response, *rest)
     )
-    monkeypatch.setattr("tdint_cli.commands.run._STEPS_OF_A_PICTURE", 30)
+    monkeypatch.setattr("tdint_cli.commands.run._FIGURE_STEPS", 30)
     assert tdint("run", "forced.yaml", "--plot=r.svg").exit_code == 0
     (response,) = shown
     assert response.steps == 100

@@ -25,7 +25,7 @@ def test_the_stories_stand_once_for_each_shock_and_once_for_all(folder, tdint):
     # between.
     assert {key for key in alone[0] if alone[0][key] != first[key]} <= {"residual_drift_m_error"}
     assert "motion.mseed + other.mseed HNE" in result.stderr
-    assert "Shock 2, from " in result.stderr
+    assert "Event 2, from " in result.stderr
 
 
 def test_the_files_of_a_sequence(folder, tdint):
@@ -68,9 +68,12 @@ def test_one_factor_is_for_all_shocks(folder, tdint):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("run", "shaken.yaml", "motion.mseed", "--sequence"), "takes two records or more"),
+        (
+            ("run", "shaken.yaml", "motion.mseed", "--sequence"),
+            "requires two or more records, got 1",
+        ),
         ((*SHOCKS, "--rest", -1), "-1"),
-        ((*SHOCKS, "--scale", "1,2,3"), "3 factors for 2 shocks"),
+        ((*SHOCKS, "--scale", "1,2,3"), "3 factors for 2 events"),
         (("run", "shaken.yaml", "motion.mseed", "-", "--sequence"), "not standard input"),
     ],
 )

@@ -83,9 +83,12 @@ def test_a_choice_that_is_made_has_a_column(folder, tdint):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ([], "taken as straight lines, maxima between them, too"),
-        (["--maxima", "peer"], "taken as straight lines, maxima at 10 or more steps per period"),
-        (["--method", "newmark-average"], "maxima between them, too, on the method's own motion"),
+        ([], "taken as straight lines, maxima also between the samples"),
+        (
+            ["--maxima", "peer"],
+            "taken as straight lines, maxima at 10 or more time steps per period",
+        ),
+        (["--method", "newmark-average"], "maxima also between the samples, on the interpolant"),
         (
             ["--interpolation", "band-limited"],
             "taken as free of frequencies above half its sampling rate, maxima",
@@ -171,8 +174,8 @@ def test_output_to_a_file_or_a_folder(folder, tdint, into):
 
 def test_a_clash_of_names_is_found_before_any_work(folder, tdint):
     message = (
-        "Error: out/x.EW.csv: both a/x.EW and b/x.EW would be written to it; use -o FILE for all "
-        "in one file, or one folder each\n"
+        "Error: out/x.EW.csv: both a/x.EW and b/x.EW would be written to this file; use -o FILE "
+        "for one table of all records, or separate calls with separate directories\n"
     )
     tdint.refused(message, "spectrum", "a/x.EW", "b/x.EW", "-o", "out/", code=6)
 
@@ -196,7 +199,10 @@ def test_a_clash_of_names_is_found_before_any_work(folder, tdint):
         (["--ductility", "nan"], "--ductility"),
         (["--strength", "0"], "--strength"),
         (["--strength", "inf"], "--strength"),
-        (["--ductility", "2", "--strength", "0.1"], "--ductility and --strength are given"),
+        (
+            ["--ductility", "2", "--strength", "0.1"],
+            "--ductility and --strength cannot be used together",
+        ),
         (["--ductility", "2", "--hardening", "1"], "--hardening"),
         (["--strength", "1", "--period", "0"], "periods of inelastic spectra must be positive"),
     ],
@@ -221,7 +227,7 @@ def test_an_unstable_method_is_an_error_of_the_analysis(folder, tdint):
 def test_peaks_between_the_periods_that_nobody_chose(folder, tdint, options, told):
     """The default periods are 3.5 % apart, more than half the width of resonance with 2 %
     damping."""
-    said = "the periods are 3.5 % apart: with 2 % damping the spectrum may be higher between them"
+    said = "the spacing of the periods is 3.5 %: with 2 % damping the spectrum may be higher"
     assert (said in tdint("spectrum", "other.mseed", *options, code=0).stderr) == told
 
 
@@ -255,13 +261,13 @@ def test_a_design_spectrum_is_written_and_read_again_as_a_target(folder, tdint):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("other.mseed", "--target", EC8), "--target beside records is drawn: add --plot"),
-        (("other.mseed", "--target", EC8, "--plot=p.png", "--axes", "adrs"), "leave --axes out"),
+        (("other.mseed", "--target", EC8), "--target with records requires --plot"),
+        (("other.mseed", "--target", EC8, "--plot=p.png", "--axes", "adrs"), "omit --axes"),
         (
             ("other.mseed", "--target", EC8, "--plot=p.png", "--ductility", "2"),
             "--target has no effect",
         ),
-        (("--target", EC8, "--damping", "2%"), "a design spectrum takes it by name"),
+        (("--target", EC8, "--damping", "2%"), "give the damping of a design spectrum by name"),
         (("--target", EC8, "--period", "12"), "asked for are 12 to 12 s"),
         (("--target", "ec8:type=1"), "ec8 needs soil, ag"),
     ],

@@ -27,7 +27,9 @@ def test_a_case_that_does_not_hold(tdint, tmp_path, monkeypatch):
     monkeypatch.setattr(cases, "textbook_cases", lambda: (wrong, right[1]))
     out = tmp_path / "validation.csv"
     result = tdint("validate", "-o", out, code=5)
-    assert "chopra-E5.1: the largest difference, 0.968, is beyond 0.0001" in result.stderr
+    assert (
+        "chopra-E5.1: the maximum difference, 0.968, exceeds the tolerance 0.0001" in result.stderr
+    )
     rows = list(csv.DictReader(io.StringIO(out.read_text())))
     assert [row["within"] for row in rows[-2:]] == ["false", "true"]
 

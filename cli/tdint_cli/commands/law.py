@@ -1,4 +1,4 @@
-"""`tdint law`: the drift law of one story under imposed cycles of drift."""
+"""`tdint law`: the hysteretic law of one story under imposed drift cycles."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from tdint.units import DriftSize, OutputUnits
 
 _CYCLES = Mode("without --path", frozenset(("drifts", "cycles", "points")))
-_PATH = Mode("with --path, which has every drift")
+_PATH = Mode("with --path, which defines all drifts")
 MODES = (_CYCLES, _PATH)
-_POINTS = 200  # of an excursion: loops are smooth in print
+_POINTS = 200  # points per quarter cycle, so that loops are smooth in print
 
 
 @options.request
@@ -37,29 +37,29 @@ class Request:
         type=click.IntRange(min=1),
         default=1,
         metavar="NUMBER",
-        help="The story to test, counted from the ground; 1 by default.",
+        help="Number of the story to test, counted from the ground; 1 by default.",
     )
     drifts: tuple[DriftSize, ...] | None = options.option(
         "--drift",
         type=ListOf(drift_size, once=False),
-        help="Amplitudes, one after the other: drift ratios (0.02 or 2%), lengths with their unit "
-        "(20mm; m, cm, mm, in, ft), or multiples of the yield drift (4dy).",
+        help="Sequence of amplitudes: drift ratios (0.02 or 2%), lengths with a unit (20mm; m, cm, "
+        "mm, in, ft), or multiples of the yield drift (4dy).",
     )
     cycles: int | None = options.option(
-        type=Count(min=1), help="Cycles of each amplitude; 1 by default."
+        type=Count(min=1), help="Number of cycles per amplitude; 1 by default."
     )
     points: int | None = options.option(
-        type=Count(min=1), help="Points of each quarter of a cycle; 200 by default."
+        type=Count(min=1), help="Number of points per quarter cycle; 200 by default."
     )
     path: str | None = options.option(
         type=FileName(),
-        help="Any path of drifts in place of --drift, --cycles and --points: a CSV file with a "
-        "column drift_m, - is standard input.",
+        help="Impose the drifts in a CSV file with the column drift_m (- is standard input) "
+        "instead of --drift, --cycles and --points.",
     )
     units: str | None = options.option(
         needs="--path",
         type=click.Choice(["m", "dy"]),
-        help="What the numbers of --path are: m by default, or multiples of the yield drift (dy).",
+        help="Unit of the drifts of --path: m (default) or multiples of the yield drift (dy).",
     )
 
 
@@ -74,24 +74,23 @@ class Request:
 def command(request: Request) -> None:
     """Test one story under imposed drift cycles and write its hysteresis loop.
 
-    The story starts at rest; each cycle goes to the amplitude, to the same drift on the other side,
-    and back to zero, as in a slow test in a laboratory. Nothing else of the building and no time
-    takes part. MODEL.yaml is a model file,
-    - is standard input. With --path it goes straight to each drift of a file, one row for each.
-      CSV, one row per point: drift; the story's shear as `tdint run` reports it, without dashpots,
-      damping and P-delta; the same with the model's P-delta (without p_delta in the model, equal);
-      the law's tangent stiffness on the way to the point; the energy that it stores and has
-      dissipated. drift_ratio is empty without a height.
+    The story starts at zero drift. Each cycle imposes the amplitude, the same drift with opposite
+    sign, and zero, as in a quasi-static laboratory test. The remaining stories and rate effects are
+    not included. MODEL.yaml is a model file; - is standard input. With --path the drifts of a file
+    are imposed directly, one row per drift. CSV, one row per point: drift; story shear as in `tdint
+    run`, without dashpots, damping and P-delta; story shear with the P-delta of the model (equal
+    without p_delta in the model); tangent stiffness of the law on the branch that leads to the
+    point; strain energy and dissipated energy. drift_ratio is empty without a story height.
 
-    For the last cycle of each amplitude standard error tells the forces at its ends, the slope
-    between these (secant stiffness), the energy dissipated, and the equivalent viscous damping
-    ratio, energy / (4 pi secant stiffness drift^2 / 2).
+    For the last cycle of each amplitude, standard error reports the forces at the two amplitudes,
+    the slope between them (secant stiffness), the dissipated energy, and the equivalent viscous
+    damping ratio, energy / (4 pi secant stiffness drift^2 / 2).
     """
     if request.path is None and not request.drifts:
-        raise UsageError("no drift: give --drift, or a path of drifts by --path")
+        raise UsageError("no drifts are given; add --drift or --path")
     refuse_idle(_CYCLES if request.path is None else _PATH, MODES)
     if request.path == request.model == "-":
-        raise UsageError("standard input is used for the model; specify the path as a file")
+        raise UsageError("MODEL.yaml and --path cannot both be standard input; use a file for one")
     from tdint.analysis.static import cyclic_test, path_test, read_drift_path
     from tdint.model.config.model_file import load_model
 
@@ -117,10 +116,20 @@ def command(request: Request) -> None:
 
 
 def _report(test: CyclicTest, cycles: Sequence[Cycle], units: OutputUnits) -> None:
-    """Say what was tested, and what came of these cycles, or without any of the path."""
+    """Print the tested law and a table of cycles, or without cycles the extremes of the path.
+
+    Parameters
+    ----------
+    test : CyclicTest
+        The result of the test.
+    cycles : sequence of Cycle
+        The last cycle of each amplitude; empty with --path.
+    units : OutputUnits
+        The units of the values.
+    """
     from tdint.model.definition import LAWS
 
-    # The law and what the model says of it
+    # Describe the law, with the stiffness and yield drift of the model.
     text = f"{test.model.name}, story {test.story}, {test.law} law: {LAWS[test.law].formula}\n"
     text += f"Initial stiffness {units.text(test.initial_stiffness, 'N/m')}"
     if not math.isnan(test.yield_drift):
@@ -130,7 +139,7 @@ def _report(test: CyclicTest, cycles: Sequence[Cycle], units: OutputUnits) -> No
     if test.geometric_stiffness:
         text += f", geometric stiffness of P-delta {units.text(test.geometric_stiffness, 'N/m')}"
     say(f"{text}.")
-    # A path has no cycles: its extremes
+    # A path has no cycles: report its extremes.
     if not cycles:
         path = test.path
         say(

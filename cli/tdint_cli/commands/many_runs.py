@@ -1,4 +1,4 @@
-"""`tdint run` with several records or scales: a small campaign, a row for each run."""
+"""`tdint run` with several records or scales: a small campaign with a row for each run."""
 
 from __future__ import annotations
 
@@ -32,21 +32,31 @@ if TYPE_CHECKING:
 
 
 def run_many(request: Request, records: tuple[str, ...]) -> None:
-    """Do the runs of a building under some records (those of the model without any) at some scales,
-    or with the factors of a file; the table goes to standard output, and with -o everything is kept
-    in that folder as `tdint campaign` keeps it."""
+    """Run a building under several records at several scales, or with the factors of a file.
+
+    The table is written to standard output. With -o the results are stored in a directory in the
+    format of `tdint campaign`.
+
+    Parameters
+    ----------
+    request : Request
+        The options of the command line.
+    records : tuple of str
+        The record files; if empty, the record of the model is used.
+    """
     from tdint.campaign.execute import threads
     from tdint.campaign.store import open_store
     from tdint.model.config.model_file import load_model
 
     if "-" in (request.model, *records):
-        raise UsageError("several records or scales take files, not standard input")
+        raise UsageError("with several records or scales, inputs must be files, not standard input")
     # Outputs are checked before the model is read, and before the runs.
     check_names(Path(request.output) if request.output else None, request)
     model = load_model(request.model)
     plan = _plan(request, records, model)
     engine = threads(request.jobs or processors())
-    # With a folder it is a campaign, which goes on where a call was ended; else a store in memory.
+    # With a directory the runs are a campaign that can be resumed; otherwise the store is in
+    # memory.
     if request.output is not None:
         carry_out(plan, engine, request, show=True)
         return
@@ -71,6 +81,7 @@ def run_many(request: Request, records: tuple[str, ...]) -> None:
 
 
 def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
+    """Return the plan of the runs of a building under several records."""
     from tdint.campaign.batch import RunSettings
     from tdint.campaign.definition import (
         AnalysisWishes,
@@ -109,9 +120,9 @@ def _plan(request: Request, records: tuple[str, ...], model: Model) -> Plan:
         from tdint.analysis.given import model_record
         from tdint.ground_motion.reading.suites import suite_motions
 
-        # The model's own record, unscaled: the levels are those of --scale.
+        # Use the unscaled record of the model: --scale defines the levels.
         record = model_record(with_motion(model, replace(request, scale=(1.0,))))
         if record is None:
-            raise UsageError("--scale needs a record, the model has none: add a RECORD")
+            raise UsageError("--scale requires a record, and the model has no record: add RECORD")
         motions = FoundMotions(suite_motions([record]))
     return make_plan(campaign, Inputs((model,), motions=motions, factors=table))

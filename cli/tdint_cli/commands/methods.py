@@ -1,4 +1,4 @@
-"""`tdint methods`: the catalogue as CSV."""
+"""`tdint methods`: the catalogue of time-integration methods as CSV."""
 
 from __future__ import annotations
 
@@ -16,18 +16,20 @@ from tdint_cli import options
 @click.argument("names", nargs=-1, type=options.analysis.method_name, metavar="[SPEC]...")
 @options.analysis.plugin
 @options.option(
-    "--references", is_flag=True, help="A row for each publication of each method, in full."
+    "--references", is_flag=True, help="Write a row with the full reference of each publication."
 )
-@options.option("--bibtex", is_flag=True, help="The publications as BibTeX, in place of the table.")
+@options.option(
+    "--bibtex", is_flag=True, help="Write the publications as BibTeX instead of the table."
+)
 def command(names: tuple[str, ...], references: bool, bibtex: bool) -> None:
     """List the time-integration methods: parameters, order, stability, source.
 
-    If in doubt: impulse4, which is taken where none is named.
+    If in doubt: impulse4, which is the default.
 
-    CSV on standard output: name, family, parameters with their values (the defaults, or those of
-    SPEC) and ranges. Then, at these values, the order for a smooth load, whether the method is
-    implicit, the largest stable omega dt without damping (none: stable at any step) and the
-    spectral radius for omega dt to infinity.
+    CSV on standard output: name, family, parameters with values (defaults, or the values of SPEC)
+    and ranges. For these values also the order for a smooth load, implicit or explicit, the maximum
+    stable omega dt without damping (none: unconditionally stable) and the spectral radius for omega
+    dt to infinity.
     """
     from tdint.methods.catalogue import chosen
     from tdint.output.tables.methods import method_table, reference_table
@@ -35,7 +37,7 @@ def command(names: tuple[str, ...], references: bool, bibtex: bool) -> None:
     from tdint_cli.terminal import emit
 
     if references and bibtex:
-        raise UsageError("--references and --bibtex are given; leave one of the two out")
+        raise UsageError("--references and --bibtex cannot be used together; omit one of them")
     listed = chosen(names or None)
     methods = list(dict.fromkeys(integrator.method for integrator in listed))
     if bibtex:

@@ -1,4 +1,4 @@
-"""`tdint modes`: the modes of a building as CSV, and their shapes."""
+"""`tdint modes`: natural modes of a building, and response spectrum analysis."""
 
 from __future__ import annotations
 
@@ -35,30 +35,31 @@ MODES = (
 @options.option(
     "--shapes",
     type=click.Choice(["roof", "participation"]),
-    help="Also a column for each floor with its ordinate: 1 at the roof, or such that the "
-    "participation factor is 1 (the sum over all modes is 1 at each floor then).",
+    help="Also write the mode shapes, one column per floor, normalized to 1 at the roof (roof) or "
+    "to a participation factor of 1 (participation; the sum over all modes is 1 at each floor).",
 )
 @options.studies.target(
-    "The peaks of the stories under a design spectrum, by modes, in place of the modes"
+    "Run a response spectrum analysis and write the peak responses of the stories instead of the "
+    "modes"
 )
 @options.output.to_files(
     picture="Also draw the shapes of the first modes, or the peaks of the stories, to this file "
-    "(.png, .pdf, .svg) or beside -o.",
+    "(.png, .pdf, .svg), or next to -o.",
     page=True,
 )
 def command(model: str, shapes: str | None, target: str | None, outputs: Outputs) -> None:
     """Compute natural periods, damping ratios, modal masses and shapes of a building.
 
-    CSV, one row per undamped mode of the initial stiffness: period, frequency, damping ratio,
-    participation factor of the shape with unit roof displacement, effective modal mass over the
-    total mass, and its sum so far. MODEL.yaml is a model file, - is standard input. With --target
-    one row per story: drifts, shears and displacements of the linear building under a design
-    spectrum, modal peaks combined by SRSS and CQC; accelerations of and forces on the floors,
-    overturning moments; the JSON beside -o has the share of each mode.
+    CSV, one row per undamped mode with initial stiffness: period, frequency, damping ratio,
+    participation factor of the shape with unit roof displacement, effective modal mass divided by
+    the total mass, and cumulative effective modal mass. MODEL.yaml is a model file, - is standard
+    input. With --target, one row per story: drifts, shears and displacements of the linear building
+    under a design spectrum, with modal peaks combined by SRSS and CQC; floor accelerations, floor
+    forces and overturning moments. The JSON file next to -o contains the contribution of each mode.
     """
     refuse_idle(_OF_BUILDING if target is None else _PEAKS, MODES)
     if outputs.report and target is None:
-        raise UsageError("--report is the page of the peaks under a design spectrum: add --target")
+        raise UsageError("--report is the page of a response spectrum analysis: add --target")
     from tdint.model.building import assemble
     from tdint.model.config.model_file import load_model
 
@@ -76,16 +77,16 @@ def command(model: str, shapes: str | None, target: str | None, outputs: Outputs
         lambda: figures.comparison.mode_picture(modes, name=loaded.name, norm=shapes or "roof"),
     )
     if modes.damping_ratios(matrix) is None:
-        note("the damping couples the modes; each ratio is that of the mode moving alone")
+        note("damping couples the modes; each damping ratio is for the uncoupled mode")
     if building.isolators:
         note(
-            "these are before the isolators yield; `tdint run --report` has the period at their "
-            "peak drift"
+            "the modes are for the initial stiffness of the isolators; `tdint run --report` states "
+            "the period at their peak drift"
         )
 
 
 def _peaks(model: Model, target: str, outputs: Outputs) -> None:
-    """The peaks of the stories under a design spectrum."""
+    """Run a response spectrum analysis, write its outputs and print its summary."""
     from tdint.analysis.spectra.modal import response_spectrum_analysis
     from tdint.model.building import assemble
 
@@ -93,23 +94,25 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
     result, units = response_spectrum_analysis(model, target), outputs.shown_units
     warnings = []
     for count, text in (
-        (result.rigid, "move with the ground: the target's value at 0 s is taken"),
-        (result.left_out, "are left out: the target has no value at 0 s"),
+        (result.rigid, "are rigid: the value of the target at 0 s is used"),
+        (result.left_out, "are ignored: the target has no value at 0 s"),
     ):
         if count:
             mass = 100.0 * float(result.mass_ratio[-count:].sum())
             warnings.append(
-                f"{count} modes shorter than the target, {mass:.3g} % of the mass, {text}"
+                f"{count} modes with periods below the range of the target, {mass:.3g} % of the "
+                f"mass, {text}"
             )
-    # Which damping stands in the numbers, and which of the model does not.
+    # State the damping of the spectrum, and that the damping of the model is not used.
     damping, ratio = result.target.damping, assemble(model).first_mode()[1]
     noted = (
-        "the target spectrum stands for every "
-        f"mode{f', at {100.0 * damping:g} % damping' if damping else ''}; "
+        "the target spectrum is used for all "
+        f"modes{f', with {100.0 * damping:g} % damping' if damping else ''}; "
     )
-    noted += f"the model's own damping, {100.0 * ratio:.3g} % in the first mode, is ignored"
+    noted += f"the damping of the model, {100.0 * ratio:.3g} % in the first mode, is ignored"
 
     def page() -> bytes:
+        """Return the page of --report."""
         from tdint.output.page import Told, page_units
         from tdint.output.report import modal_page
         from tdint.output.summary import files_read
@@ -133,8 +136,8 @@ def _peaks(model: Model, target: str, outputs: Outputs) -> None:
 
 
 def _peak_words(result: ModalResponse, units: OutputUnits) -> str:
-    """The base shear and the roof in a sentence."""
-    # Both sums are told: modes that lie close to each other differ by them.
+    """Return a sentence on the base shear and the roof displacement."""
+    # Report both combinations, because they differ for closely spaced modes.
     cqc, srss = (
         units.text(float(shear[0]), "N") for shear in (result.shear_cqc, result.shear_srss)
     )
@@ -143,7 +146,7 @@ def _peak_words(result: ModalResponse, units: OutputUnits) -> str:
     return (
         f"{result.model.name}, linear with its initial stiffness, under "
         f"{spectrum_text(result.target.source)}: "
-        f"base shear {cqc} by CQC, {srss} by SRSS, {share:.3g} % of its square from the first "
-        f"mode; roof {roof}."
-        + (" All modes are in it: no mass is missing." if not result.left_out else "")
+        f"base shear {cqc} by CQC, {srss} by SRSS; mode 1 contributes {share:.3g} % of the SRSS "
+        f"sum of squares; roof displacement {roof}."
+        + (" All modes are included (100 % of the mass)." if not result.left_out else "")
     )

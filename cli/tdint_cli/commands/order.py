@@ -1,4 +1,4 @@
-"""`tdint order`: the order of a method as its errors show it."""
+"""`tdint order`: observed order of convergence of methods."""
 
 from __future__ import annotations
 
@@ -32,30 +32,30 @@ _RATIOS = Grid(0.2, 5.0, 15)
     "--load",
     type=click.Choice(["free", "harmonic", "record"]),
     default="harmonic",
-    help="Free vibration, a harmonic force (default), or a ground motion that is linear between "
-    "its samples.",
+    help="Free vibration (free), a harmonic force (harmonic, default), or a ground motion that is "
+    "linear between its samples (record).",
 )
 @options.option(
     "--law",
     type=click.Choice(["linear", "polynomial"]),
     default="linear",
-    help="Restoring force over stiffness: u (default), or u + u^3 / 2.",
+    help="Restoring force divided by stiffness: u (linear, default), or u + u^3 / 2 (polynomial).",
 )
 @options.option(
     "--frequency-ratio",
     needs="--load harmonic",
-    type=grid(0.01, 10.0),  # with 10 there are five coarsest steps to a period of the load
+    type=grid(0.01, 10.0),  # at 10, a period of the load has five of the coarsest time steps
     metavar="FIRST:LAST:COUNT",
-    help="Frequency of the harmonic force over the natural frequency in equal ratios, both ends "
-    f"included, or a single ratio; {_RATIOS} by default.",
+    help="Frequency of the harmonic force divided by the natural frequency: logarithmically spaced "
+    f"from FIRST to LAST, or a single ratio; {_RATIOS} by default.",
 )
 @options.option(
     "--stride",
     needs="--load record",
     type=Count(1, 1024),
     default=1,
-    help="Samples of the record in the coarsest step, a power of 2: 1 by default, so that no step "
-    "is longer than a sampling interval.",
+    help="Number of samples of the record per coarsest time step, a power of 2. The default is 1, "
+    "so that no time step is longer than a sampling interval.",
 )
 @options.output.to_files(picture=options.output.PICTURE, in_units=False)
 def command(
@@ -68,18 +68,18 @@ def command(
 ) -> None:
     """Measure the order of convergence of methods from errors at halved time steps.
 
-    An oscillator of period T = 1 s and damping ratio 0.02 starts from a displacement and a velocity
-    and is integrated over 4 s with the steps 0.02, 0.01, 0.005, 0.0025 and 0.00125 s. The samples
-    of the record are 0.02 s apart, or with
-    --stride so many times closer: noise up to 10 Hz, of which a step takes the impulse and the
-    first moment. The errors are the largest ones at every 0.02 s over the largest value, against
-    the exact motion or SciPy's DOP853 at a tolerance of 1e-13. CSV: the slopes of the errors over
-    the step, by regression over the finest three that are not rounding (empty if there are not
-    two), and the displacement's error with the finest step, 0.00125 s.
+    An oscillator with period T = 1 s and damping ratio 0.02 has an initial displacement and
+    velocity and is integrated over 4 s with the time steps 0.02, 0.01, 0.005, 0.0025 and 0.00125 s.
+    The record is noise up to 10 Hz with a sampling interval of 0.02 s, divided by --stride; a time
+    step uses its impulse and first moment. An error is the maximum at multiples of 0.02 s, divided
+    by the maximum value; the reference is the exact solution or DOP853 of SciPy with a tolerance of
+    1e-13. CSV: the order, which is the slope of log error over log time step by regression over the
+    three finest time steps with errors above rounding (empty if there are fewer than two); and the
+    displacement error at the finest time step, 0.00125 s.
 
-    The acceleration is that of equilibrium, as `tdint run` reports it. The own acceleration is what
-    a method carries from step to step, empty for one that carries none and with --stride. Without a
-    frequency of the load there is one row per method.
+    The acceleration follows from equilibrium, as in `tdint run`. The algorithmic acceleration is
+    the state variable of the method; it is empty if the method has none, and with --stride. There
+    is one row per method and frequency ratio, or one row per method if --load is not harmonic.
     """
     from tdint.analysis.assessment.order import observed_order, order_problem
 
@@ -92,7 +92,7 @@ def command(
     problems = [order_problem(load, law, ratio, stride) for ratio in ratios]
     if not problems[0].building.linear:
         integrators = options.analysis.for_nonlinear(integrators, law)
-    # A method that fails does not keep the others from being measured.
+    # If a method fails, the remaining methods are still measured.
     measured: list[ObservedOrder] = []
     failures: list[TdintError] = []
     for integrator in integrators:
@@ -107,6 +107,6 @@ def command(
         exact = dict.fromkeys(
             order.method for order in measured if math.isnan(order.order("displacement"))
         )
-        note(*(f"{method} has no order here: its errors are rounding" for method in exact))
+        note(*(f"{method}: no order, because its errors are rounding errors" for method in exact))
     if failures:
         raise Failures(failures)

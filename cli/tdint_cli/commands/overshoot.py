@@ -1,4 +1,4 @@
-"""`tdint overshoot`: the first steps of a method under a large step."""
+"""`tdint overshoot`: overshoot of methods at large time steps."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _MOST_STEPS = 100_000  # rows of a history that can still be opened
 _DRAWN = tuple(name for name in options.analysis.DRAWN if name != "central-difference")
-"""A large step is far beyond that one's limit."""
+"""Methods in the figure. A large time step exceeds the stability limit of central-difference."""
 
 
 @options.request
@@ -28,16 +28,16 @@ class Request(options.analysis.OscillatorRequest):
         type=Number(*options.analysis.DT_OVER_T),
         default=10.0,
         metavar="RATIO",
-        help="Step over the undamped period; 10 by default.",
+        help="Time step divided by the undamped period; 10 by default.",
     )
     steps: int = options.analysis.option(
-        type=Count(1, _MOST_STEPS), default=10, help="Steps to take; 10 by default."
+        type=Count(1, _MOST_STEPS), default=10, help="Number of time steps; 10 by default."
     )
     law: str = options.analysis.option(
         type=click.Choice(["linear", "hardening", "softening"]),
         default="linear",
-        help="Restoring force: linear (default), or that of the problem of this name in `tdint "
-        "failures`.",
+        help="Restoring force: linear (default), or the restoring force of the problem with this "
+        "name in `tdint failures`.",
     )
 
 
@@ -51,20 +51,21 @@ class Request(options.analysis.OscillatorRequest):
 def command(request: Request) -> None:
     """Measure the overshoot of methods at large time steps.
 
-    An oscillator without load starts from a displacement (u, v) = (1, 0), then from a velocity (0,
-    1). CSV: u / U and v / (omega U) at the steps, with the amplitude U of the exact undamped
-    motion: 1 for the first start, 1 / omega for the second. The exact motion stays within -1 and 1;
-    what lies outside is overshoot. The cells are empty after a motion that ran away.
+    An oscillator without load is integrated from an initial displacement (u, v) = (1, 0), and from
+    an initial velocity (0, 1). CSV: u / U and v / (omega U) at the time steps, with the amplitude U
+    of the exact undamped motion: 1 for the initial displacement, 1 / omega for the initial
+    velocity. The exact motion is between -1 and 1; values outside this range are overshoot. The
+    cells are empty after the motion has grown without bound.
 
-    The powers p tell how the first step grows, u ~ (omega dt)^p and dt v ~ (omega dt)^p as omega dt
-    goes to infinity, from u = 1 and from dt v = 1. They go to standard error, too, with those of
-    the exact motion: a method overshoots where its power is larger. houbolt and park start with
-    average acceleration; theirs are the powers of that start.
+    The powers p describe the growth of the first time step, u ~ (omega dt)^p and dt v ~ (omega
+    dt)^p for omega dt to infinity, from u = 1 and from dt v = 1. They are also written to standard
+    error, with the powers of the exact motion: a method overshoots if its power is larger. houbolt
+    and park start with average acceleration; their powers are the powers of this starting method.
 
-    With --law hardening or softening the oscillator starts with the energy of the problem of that
-    name, all of it in the spring, then all of it in the mass. The columns are over the largest
-    displacement and velocity of the exact motion, T is the period of small vibrations. There are no
-    powers; what the steps pass goes to standard error.
+    With --law hardening or softening the initial energy is the energy of the problem with this name
+    in `tdint failures`, first as strain energy, then as kinetic energy. The columns are divided by
+    the maximum displacement and velocity of the exact motion; T is the period of small vibrations.
+    There are no powers; the maximum ratios are written to standard error.
     """
     from tdint.analysis.assessment.stability import STARTS, overshoot, verdict
 
@@ -96,6 +97,7 @@ def command(request: Request) -> None:
 
 
 def _say_powers(pairs: dict[str, list[Overshoot]], verdicts: list[str]) -> None:
+    """Print the powers of omega dt in the first time step for each method."""
     from tdint.analysis.assessment.stability import EXACT_POWERS
 
     rows = [
@@ -106,18 +108,19 @@ def _say_powers(pairs: dict[str, list[Overshoot]], verdicts: list[str]) -> None:
             "",
         ),
     ]
-    for (name, pair), words in zip(pairs.items(), verdicts, strict=True):
+    for (name, pair), verdict in zip(pairs.items(), verdicts, strict=True):
         powers = (
             _power(power)
             for motion in pair
             for power in (motion.displacement_power, motion.velocity_power)
         )
-        rows.append((name, *powers, words))
-    say("Powers of omega dt in the first step, as omega dt goes to infinity:")
+        rows.append((name, *powers, verdict))
+    say("Powers of omega dt in the first time step, for omega dt to infinity:")
     say_table(rows)
 
 
 def _say_largest(pairs: dict[str, list[Overshoot]]) -> None:
+    """Print the maximum ratios of displacement and velocity to the exact motion."""
     from tdint.analysis.assessment.stability import BEYOND
 
     rows: list[tuple[str, ...]] = [
@@ -131,15 +134,18 @@ def _say_largest(pairs: dict[str, list[Overshoot]]) -> None:
                 ("displacement", "velocity"), zip(*largest, strict=True), strict=True
             )
         }
-        words = " and ".join(quantity for quantity, passes in beyond.items() if passes) or "none"
+        overshoots = (
+            " and ".join(quantity for quantity, exceeds in beyond.items() if exceeds) or "none"
+        )
         first, second = (
-            ["runs away" if math.isinf(value) else f"{value:.3g}" for value in both]
+            ["unbounded" if math.isinf(value) else f"{value:.3g}" for value in both]
             for both in largest
         )
-        rows.append((name, *first, *second, words))
-    say("Largest displacement and velocity of the steps, over those of the exact motion:")
+        rows.append((name, *first, *second, overshoots))
+    say("Maximum displacement and velocity, divided by the maxima of the exact motion:")
     say_table(rows)
 
 
 def _power(value: float) -> str:
-    return "nothing" if value == -math.inf else f"{value + 0.0:.1f}".replace("-0.0", "0.0")
+    """Return the text of a power; 'zero' if the quantity itself is zero."""
+    return "zero" if value == -math.inf else f"{value + 0.0:.1f}".replace("-0.0", "0.0")

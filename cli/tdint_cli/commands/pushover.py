@@ -1,4 +1,4 @@
-"""`tdint pushover`: the base shear of a building over its roof displacement."""
+"""`tdint pushover`: static pushover curve and target displacement of a building."""
 
 from __future__ import annotations
 
@@ -32,24 +32,24 @@ PATTERNS = ("first-mode", "uniform", "triangular")
     "--pattern",
     type=click.Choice(PATTERNS),
     default=PATTERNS[0],
-    help="Forces on the floors: the masses times the first mode (by default), times 1, or times "
-    "the height.",
+    help="Pattern of the floor forces: masses times the first mode shape (first-mode, default), "
+    "times 1 (uniform), or times the height (triangular).",
 )
 @options.option(
     "--drift",
     type=drift_size,
     default="4%",
-    help="How far the roof is pushed: a ratio of the building's height (0.04 or 4%, by default) "
-    "or a length (200mm).",
+    help="Maximum roof displacement: a ratio of the building height (0.04 or 4%; 4% is the "
+    "default) or a length (200mm).",
 )
 @options.option(
     "--points",
     type=Count(1, 100_000),
     default=200,
-    help="Steps of the roof displacement; 200 by default.",
+    help="Number of steps of the roof displacement; 200 by default.",
 )
 @options.studies.target(
-    "The displacement to which a design spectrum pushes the building, in place of the curve"
+    "Write the target displacement for a design spectrum instead of the pushover curve"
 )
 @options.output.to_files(picture=options.output.PICTURE, page=True)
 def command(
@@ -57,14 +57,14 @@ def command(
 ) -> None:
     """Run a static pushover analysis: base shear over roof displacement.
 
-    Forces of one pattern on the floors grow until the first story gives way, and fall as it does,
-    to zero at the most. The roof's displacement is led, through peaks and down falling branches,
-    with the model's P-delta, without dashpots and damping. MODEL.yaml is a model file, - is
-    standard input. CSV, one row per step: displacement of the roof and its ratio to the height,
-    base shear, drifts of the stories. With --target one row per method and story: its drift where a
-    design spectrum pushes the building to, by the N2 method (EN 1998-1, annex B) and by the
-    coefficient method (ASCE 41-17, site class D, C_m 1); roof, base shear and oscillator stand on
-    stderr and in the JSON beside -o.
+    The analysis is displacement-controlled: the roof displacement increases to --drift under floor
+    forces with a fixed pattern, past the maximum base shear and along descending branches; it stops
+    if the base shear falls to zero. P-delta of the model is included; dashpots and damping are not.
+    MODEL.yaml is a model file, - is standard input. CSV, one row per step: roof displacement and
+    its ratio to the height, base shear, story drifts. With --target, one row per method and story:
+    the drift at the target displacement, by the N2 method (EN 1998-1, annex B) and by the
+    coefficient method (ASCE 41-17, site class D, C_m 1). Roof displacement, base shear and
+    equivalent oscillator are reported on standard error and in the JSON file next to -o.
     """
     from tdint.analysis.static import pushover
     from tdint.model.config.model_file import load_model
@@ -75,7 +75,7 @@ def command(
     outputs = outputs.else_in(loaded.output_units)
     options.analysis.warn_of(loaded)
     units = outputs.shown_units
-    # With a target the table is that of its displacements; the curve goes into the picture alone.
+    # With a target the table lists target displacements; the curve is only in the figure.
     if target is None:
         outputs.deliver(
             tables.buildings.pushover_table(result),
@@ -101,7 +101,19 @@ def command(
 
 
 def _page(result: Pushover, reached: Sequence[TargetDisplacement], units: OutputUnits) -> bytes:
-    """The page of --report: what is refused of a target displacement is its verdict."""
+    """Return the page of --report.
+
+    The verdict lists the target displacements and the reasons for which one is not valid.
+
+    Parameters
+    ----------
+    result : Pushover
+        The pushover curve.
+    reached : sequence of TargetDisplacement
+        The target displacements; empty without --target.
+    units : OutputUnits
+        The units of the values.
+    """
     from tdint.output.page import Told, page_units
     from tdint.output.report import pushover_page
     from tdint.output.summary import files_read
@@ -110,8 +122,8 @@ def _page(result: Pushover, reached: Sequence[TargetDisplacement], units: Output
     verdict: list[tuple[bool | None, str]] = []
     for made in reached:
         roof = (
-            f"{made.method}: target displacement {shown.text(made.roof_displacement, 'm')} of the "
-            "roof"
+            f"{made.method}: target displacement of the roof "
+            f"{shown.text(made.roof_displacement, 'm')}"
         )
         verdict.append(
             (
@@ -125,38 +137,38 @@ def _page(result: Pushover, reached: Sequence[TargetDisplacement], units: Output
 
 
 def _reached(made: TargetDisplacement, units: OutputUnits) -> str:
-    """Where a method pushes the building to, and by which oscillator, in a sentence."""
+    """Return a sentence on the target displacement of a method and the equivalent oscillator."""
     factors = "C0 {:.4g}, C1 {:.4g}, C2 {:.4g}".format(made.participation, *made.factors)
     if made.method == "n2":
         factors = (
-            f"participation factor {made.participation:.4g}, over the elastic displacement "
+            f"participation factor {made.participation:.4g}, displacement amplification "
             f"{made.factors[0]:.4g}"
         )
     return (
-        f"{made.method}: the roof at {units.text(made.roof_displacement, 'm')}, base shear "
+        f"{made.method}: roof displacement {units.text(made.roof_displacement, 'm')}, base shear "
         f"{units.text(made.base_shear, 'N')}; T {made.period:.4g} s, Sa "
         f"{units.text(made.spectral_acceleration, 'm/s^2')}, mass {units.text(made.mass, 'kg')}, "
         f"idealized yield {units.text(made.yield_force, 'N')} at "
         f"{units.text(made.yield_displacement, 'm')}, strength ratio {made.strength_ratio:.3g}, "
-        f"{factors}; largest drift in story {int(made.drift.argmax()) + 1}, "
-        f"{units.text(float(made.drift.max()), 'm')}."
+        f"{factors}; maximum drift {units.text(float(made.drift.max()), 'm')} in story "
+        f"{int(made.drift.argmax()) + 1}."
     )
 
 
 def _words(result: Pushover, units: OutputUnits) -> str:
-    """Peak and end in a sentence each."""
+    """Return a sentence on the maximum base shear and a sentence on the last step."""
     last = -1
-    text = f"{result.model.name}, {result.pattern} pattern: largest base shear "
+    text = f"{result.model.name}, {result.pattern} pattern: maximum base shear "
     text += f"{units.text(result.largest_base_shear, 'N')} at a roof displacement of "
     text += units.text(result.roof_at_largest, "m")
     if not math.isnan(result.height):
         text += f" ({100.0 * result.roof_at_largest / result.height:.3g} % of the height)"
     most = int(result.drift[last].argmax())
     held = (
-        f"At the end {units.text(result.base_shear[last], 'N')}"
+        f"At the last step: base shear {units.text(result.base_shear[last], 'N')}"
         if result.base_shear[last]
-        else "At the end nothing"
+        else "At the last step: base shear 0"
     )
-    text += f".\n{held}; story {most + 1} has the largest drift, "
-    text += f"{units.text(result.drift[last, most], 'm')}."
-    return text + (f" It ends there: {result.ended}." if result.ended else "")
+    text += f".\n{held}; maximum drift {units.text(result.drift[last, most], 'm')} in story "
+    text += f"{most + 1}."
+    return text + (f" Stopped: {result.ended}." if result.ended else "")

@@ -1,5 +1,7 @@
-"""`tdint rerun`: the command line in the JSON file beside a table, carried out again elsewhere;
-tables compared."""
+"""`tdint rerun`: repeat the command line in the JSON file of a table and compare the results.
+
+The outputs of the repeated command are written to another directory.
+"""
 
 from __future__ import annotations
 
@@ -35,23 +37,23 @@ if TYPE_CHECKING:
     from tdint.output.tables.differences import Difference
 
 SUMMARY = "summary.json"
-"""Of a folder that is given in place of its file."""
+"""Name of the JSON file in a directory that is given instead of the file."""
 
 TABLES = (".csv", ".csv.gz", ".parquet")
-"""Ends of the names of files that are compared cell by cell."""
+"""Suffixes of files that are compared cell by cell."""
 
 JSON = (".json", ".geojson")
-"""Ends of the names of files that are compared value by value."""
+"""Suffixes of files that are compared value by value."""
 
 OF_STORE = ("-wal", "-shm", "-journal", ".lock")
-"""Ends of the names of files that a campaign's store has while it is open; they have no results."""
+"""Suffixes of the files that exist while the store of a campaign is open; they have no results."""
 
 STORE = Path("campaign.sqlite")
-"""Name of the store of a campaign, which lists the files that were made of it. The runs in it are
-compared, as are those of other stores of this suffix."""
+"""Name of the store of a campaign, which lists the files that were exported from it. Stores with
+this suffix are compared run by run."""
 
 SHOWN = 1000
-"""Cells that the table of differences has at most: of a history of millions nobody reads more."""
+"""Maximum number of rows of the table of differences; a response history can have millions."""
 
 
 @options.request
@@ -60,16 +62,16 @@ class Request:
 
     file: str = options.argument("FILE.json|DIR", type=FileName())
     changed: bool = options.option(
-        help="Also with inputs that are not those of then; they are named."
+        help="Also run if the inputs have changed; changed inputs are listed."
     )
     trust: bool = options.option(
-        help="Also run code from files: plug-ins and style sheets, which may start programs. Read "
-        "them first."
+        help="Allow code from files: plug-ins, and style sheets, which can start programs. Read "
+        "these files first."
     )
     output: str | None = options.output.output(
         "DIR",
-        "Keep what the command writes now, in this folder: a new or an empty one. Without it "
-        "nothing is kept.",
+        "Keep the files that the command writes in this directory, which must be new or empty. By "
+        "default they are deleted.",
         tables=False,
     )
 
@@ -79,36 +81,36 @@ class Request:
     "tdint rerun loop.json",
     "tdint rerun loop.json --changed -o again",
     exits={
-        2: "other inputs, something needs --trust, or no command line in the file",
-        5: "a file differs, or cannot be compared",
+        2: "changed inputs, --trust is required, or no command line in the file",
+        5: "a file differs or cannot be compared",
     },
 )
 @options.of(Request)
 def command(request: Request) -> None:
     """Repeat a recorded command and compare its results.
 
-    The file's `arguments` are carried out in the folder that they were typed in, with the installed
-    version; whatever they write goes to another place, so that no file is replaced. DIR stands for
-    DIR/summary.json. Every file that the command writes is compared: tables cell by cell, but for
-    measured times, JSON files value by value, the store of a campaign run by run, motions, pictures
-    and pages byte by byte. The exit code is 0 if all files are the same or equal within rounding
-    (1e-9 of a number; of the peak for errors, residuals and histories). It is 5 if a file differs
-    or cannot be compared, and a table of the cells that differ is written to standard output, with
-    at most 1000 rows. Standard error reports each file, versions that differ, and whether the time
-    loops were interpreted or compiled. What a campaign has exported is exported again.
+    The `arguments` in the file are run in the original working directory with the installed
+    version. All outputs are written to another directory, so that no file is replaced. DIR is the
+    same as DIR/summary.json. Every file that the command writes is compared: tables cell by cell
+    (except measured times), JSON files value by value, the store of a campaign run by run, and
+    ground motions, figures and pages byte by byte. Exports of a campaign are repeated. The exit
+    code is 0 if all files are identical or equal within rounding (1e-9 of a number; of the peak for
+    errors, residuals and histories). It is 5 if a file differs or cannot be compared; a table of
+    the cells that differ, at most 1000 rows, is written to standard output. Standard error reports
+    each file, versions that differ, and whether the time loops were interpreted or compiled.
 
-    The inputs must be those of then, by SHA-256: models, records, tables, plug-ins. They are looked
-    for from the folder in which the command was typed, if the file still lies where it was written,
-    and then from this one. With --changed other inputs are named, and taken. A command that fails
-    ends with its own exit code. Only commands that write tables are carried out, and every file
-    that the command line names is looked at first; plug-ins, which are Python code, and style
-    sheets, which may start programs, need --trust. Only options that tdint records are accepted:
-    not --dask, --jobs and others that specify where or how a command runs.
+    The SHA-256 of all inputs (models, records, tables, plug-ins) must be unchanged. Inputs are
+    searched from the original working directory, if the file has not been moved, and then from the
+    current directory. With --changed, changed inputs are listed and used. If the command fails, the
+    exit code is the exit code of the command. Only commands that write tables are run, and all
+    files on the command line are checked first. Plug-ins (Python code) and style sheets, which can
+    start programs, require --trust. Only recorded options are accepted: --dask, --jobs and other
+    options that specify where or how a command runs are refused.
     """
     told = _Told.read(request.file)
     folder = told.folder()
-    # Files that are not what they were are known before the work; what lies in an archive, and
-    # standard input, after.
+    # Compare the SHA-256 of input files before the run. Members of archives and standard input are
+    # compared after the run.
     digests = {
         name: digest_of(folder / name)
         for name in told.inputs
@@ -119,8 +121,8 @@ def command(request: Request) -> None:
         for name, now in digests.items()
         if now != told.inputs[name]
     }
-    # Nothing that the command line names is opened by it, nor executed, that was not read then; but
-    # a table of one record of several knows this one alone.
+    # The command line must not open or execute a file that the recorded run did not read. The JSON
+    # file of one record of several lists only this record, so that only code is checked.
     read = [os.path.realpath(folder / name) for name in told.inputs]
     for name in told.code if told.is_folder and told.file.name != SUMMARY else told.files:
         file = os.path.realpath(folder / name)
@@ -132,24 +134,23 @@ def command(request: Request) -> None:
     missing = [name for name in told.code if not is_file(folder / name)]
     if missing:
         raise UsageError(
-            f"{', '.join(missing)}: a plug-in of {told.file}, not found from {folder}; call `tdint "
-            "rerun` in the folder that has it"
+            f"{', '.join(missing)}: plug-in of {told.file} not found in {folder}; run `tdint "
+            "rerun` in the directory that contains it"
         )
     if told.code and not request.trust:
         named = ", ".join(f"{name} (SHA-256 {digest_of(folder / name)})" for name in told.code)
         raise UsageError(
-            f"{told.file}: executes the Python code of {named}; read it, then give --trust"
+            f"{told.file}: the command executes the Python code of {named}; read the code, then "
+            "add --trust"
         )
     with ExitStack() as stack:
-        # What the command writes now goes into the folder of -o, or into one that goes in the end.
+        # Outputs are written to the directory of -o, or to a temporary directory.
         if request.output is None:
             place = Path(stack.enter_context(TemporaryDirectory(prefix="tdint-rerun-")))
         else:
             place = Path(request.output).absolute()
             if is_there(place) and (not is_folder(place) or any(place.iterdir())):
-                raise OutputError(
-                    f"{request.output}: is there and not an empty folder; name a new one"
-                )
+                raise OutputError(f"-o {request.output}: must be a new or an empty directory")
         moved = _Elsewhere(place, told, folder)
         stack.callback(TRUSTED.reset, TRUSTED.set(request.trust))
         code = _carry_out(told.arguments, folder, moved)
@@ -160,11 +161,11 @@ def command(request: Request) -> None:
         if not is_file(moved.summary):
             if not code:
                 raise UsageError(
-                    f"{told.file}: the command writes no file of this name; give it back the one "
-                    "that it had"
+                    f"{told.file}: the command writes no file with this name; restore the original "
+                    "file name"
                 )
             raise click.exceptions.Exit(code)
-        # Inputs and plug-ins that are others, or that one of both runs alone has read
+        # Find inputs and plug-ins that have changed, or that only one of the two runs has read.
         again = _Told.read(str(moved.summary))
         then, today = ({**run.inputs, **run.plugins} for run in (told, again))
         names = sorted(
@@ -174,13 +175,13 @@ def command(request: Request) -> None:
             {name: _otherwise(name, then.get(name), today.get(name)) for name in names},
             request.changed,
         )
-        # The version of tdint tells of its sources, too.
+        # The version of tdint also identifies its sources.
         for name in dict.fromkeys((*told.versions, *again.versions)):
             before, now = told.versions.get(name), again.versions.get(name)
             if name != "sources" and before != now:
-                note(f"{name} {before or 'none'} then, {now or 'none'} now")
+                note(f"version of {name}: recorded {before or 'none'}, now {now or 'none'}")
         same = _compare(told, again, moved)
-        # A run that fails is recorded with its status, and fails again; no other failure is.
+        # Only the failure of a run is recorded, with its status: this run must fail again.
         failed_then = told.content.get("status") not in (None, "done")
     if code and not (failed_then and same):
         complain(f"Error: {told.file}: the command failed, with exit code {code}")
@@ -191,34 +192,34 @@ def command(request: Request) -> None:
 
 @dataclass(frozen=True)
 class _Told:
-    """What a JSON file beside a table says of how it came about.
+    """The recorded command in the JSON file of a table.
 
     Attributes
     ----------
     file : Path
-        The file.
+        The JSON file.
     content : mapping
-        All that it holds.
+        The content of the file.
     arguments : sequence of str
-        The command line behind `tdint`.
+        The command line after `tdint`.
     command : Command
-        The command, which has -o.
+        The command, which has the option -o.
     output : str
-        What was typed behind -o.
+        The value of -o.
     is_folder : bool
-        Whether that is a folder.
+        True if the value of -o is a directory.
     inputs : dict
         SHA-256 of the files that were read, by name.
     versions : dict
-        Of tdint and of what it computes with.
+        Versions of tdint and of the packages that it computes with.
     plugins : dict
-        SHA-256 of the plug-ins' files, by what is in them.
+        SHA-256 of the files of plug-ins, by what they define.
     export : sequence of str
-        The command line of a campaign's export, which wrote the file last; empty if none did.
+        The command line of the export of a campaign that wrote the file last; empty without export.
     files : sequence of str
-        What is typed in both in the place of a file that is read, whether there is one or not.
+        Values of both command lines for files that are read; the files need not exist.
     code : sequence of str
-        Those among them that are executed.
+        Those files that are executed.
     """
 
     file: Path
@@ -236,21 +237,21 @@ class _Told:
 
     @classmethod
     def read(cls, name: str) -> _Told:
-        """Read the file, or that of a folder.
+        """Read a JSON file, or the summary in a directory.
 
         Raises
         ------
         UsageError
-            It is none of tdint, or says no command line that writes a table.
+            The file is not from tdint, or contains no command line that writes a table.
         """
         from tdint.output.summary import told_of
 
         file = Path(name) / SUMMARY if is_folder(name) else Path(name)
         if not is_file(file):
-            raise UsageError(f"{file}: no such file; give the JSON file beside a table")
+            raise UsageError(f"{file}: file not found; specify the JSON file of a table")
         content = told_of(file)
         if not content:
-            raise UsageError(f"{file}: is no JSON file that tdint wrote beside a table")
+            raise UsageError(f"{file}: must be a JSON file that tdint wrote with a table")
         command, given = _parsed(file, content.get("arguments"))
         arguments = content["arguments"]
         named = next(
@@ -268,7 +269,7 @@ class _Told:
         output = given.get("output")
         if not isinstance(output, str) or output == STDIN:
             raise UsageError(f"{file}: `arguments` have no -o: {' '.join(arguments)}")
-        # The export of a campaign has no command line but that.
+        # The export of a campaign is a second command line.
         export, both = content.get("export", ()), [(command, given)]
         if export:
             both.append(_parsed(file, export))
@@ -277,9 +278,11 @@ class _Told:
                 or export[0] != "campaign"
                 or _words(both[1][1], "words")[:1] != ["export"]
             ):
-                raise UsageError(f"{file}: `export` is no command line of `tdint campaign export`")
-        # A table's file has a suffix; a folder that was there may have been named without a / at
-        # its end.
+                raise UsageError(
+                    f"{file}: `export` must be a command line of `tdint campaign export`"
+                )
+        # The file of a table has a suffix. A directory may have been given without a / at its end
+        # if it existed.
         whole = Path(output).parts
         within = file.absolute().parent.parts[-len(whole) :] == whole if whole else False
         only = isinstance(named.type, FileName) and named.type.kind == "dir"
@@ -291,7 +294,7 @@ class _Told:
             versions = dict(content.get("versions", {}))
             plugins = dict(versions.pop("plugins", {}))
         except (LookupError, TypeError, ValueError):
-            raise UsageError(f"{file}: is no JSON file that tdint wrote beside a table") from None
+            raise UsageError(f"{file}: must be a JSON file that tdint wrote with a table") from None
         files = [name for line in both for name in _files(*line)]
         code = list(dict.fromkeys(name for _, line in both for name in _words(line, "plugins")))
         return cls(
@@ -311,22 +314,24 @@ class _Told:
 
     @property
     def output_name(self) -> str:
-        """The name of the table that -o names, which may end in any way; empty for a folder."""
+        """Name of the table of -o, with any suffix; empty for a directory."""
         return "" if self.is_folder else Path(self.output).name
 
     def folder(self) -> Path:
-        """The folder that the command line was typed in: the one that its -o leads from, if the
-        file still lies there, or else the working directory; the one that has the inputs.
+        """Return the directory in which the command is repeated.
+
+        The candidates are the original working directory, which follows from -o if the file has not
+        been moved, and the current directory. The first one that contains all inputs is returned.
 
         Raises
         ------
         UsageError
-            An input is in neither.
+            An input is not found in either directory.
         """
         typed = Path(self.output) if self.is_folder else Path(self.output).parent
         here = self.file.absolute().parent
         above = Path(*here.parts[: len(here.parts) - len(typed.parts)])
-        # A file that was moved says nothing of where the command was typed.
+        # The original working directory cannot be found from a file that was moved.
         from_there = not typed.is_absolute() and ".." not in typed.parts and above / typed == here
         places = [above, Path.cwd()] if from_there else [Path.cwd()]
         missing = [name for name in self.inputs if not _is_there(places[0], name)]
@@ -335,19 +340,32 @@ class _Told:
                 return place
         looked = " and ".join(dict.fromkeys(str(place) for place in places))
         raise UsageError(
-            f"{missing[0]}: an input of {self.file}, is not there, seen from {looked}; call `tdint "
-            "rerun` in the folder in which the command was typed"
+            f"{missing[0]}: input of {self.file} not found in {looked}; run `tdint rerun` in the "
+            "original working directory"
         )
 
 
 def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
-    """The command of a command line and what it is given, as words, found as click finds them;
-    nothing is carried out.
+    """Parse a recorded command line with click, without running it.
+
+    Parameters
+    ----------
+    file : Path
+        The JSON file, for messages.
+    arguments : Any
+        The command line after `tdint`.
+
+    Returns
+    -------
+    command : Command
+        The command.
+    given : dict
+        The text of each parameter that is specified.
 
     Raises
     ------
     UsageError
-        It is no command line of tdint.
+        The arguments are not a command line of tdint.
     """
     if (
         not isinstance(arguments, list)
@@ -355,8 +373,8 @@ def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
         or not all(isinstance(word, str) for word in arguments)
     ):
         raise UsageError(
-            f"{file}: says no command line (`arguments`): an earlier version wrote it; call the "
-            "command once more"
+            f"{file}: contains no command line (`arguments`), because an earlier version wrote it; "
+            "run the original command again"
         )
     context = click.get_current_context().find_root()
     group = context.command
@@ -371,7 +389,7 @@ def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
         click.Context(command, info_name=arguments[0], resilient_parsing=True)
     )
     given, _, typed = parser.parse_args(with_named_files(arguments[1:], flags))
-    # The author of the file must not choose where or how a command runs on this machine.
+    # The author of the file must not control where or how a command runs on this machine.
     refused = [
         "/".join(option.opts)
         for option in typed
@@ -387,7 +405,7 @@ def _parsed(file: Path, arguments: Any) -> tuple[click.Command, dict[str, Any]]:
 
 
 def _files(command: click.Command, given: Mapping[str, Any]) -> Iterator[str]:
-    """What stands on a command line in the place of files that are read."""
+    """Yield the values on a command line for files that are read."""
     for item in command.params:
         if isinstance(item.type, SampleUnitsType) or (
             isinstance(item.type, FileName) and not item.type.written
@@ -396,31 +414,47 @@ def _files(command: click.Command, given: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _words(given: Mapping[str, Any], name: str) -> list[str]:
-    """What a parameter is given, once or several times; click has a sign of its own for what is not
-    given."""
+    """Return the texts of a parameter, which may be repeated; empty if it is not specified.
+
+    click represents a missing value by a special object, which is not text.
+    """
     value = given.get(name)
     values = value if isinstance(value, list | tuple) else [value]
     return [word for word in values if isinstance(word, str)]
 
 
 def _is_there(folder: Path, name: str) -> bool:
-    """Whether a file, or the archive that it lies in, is there; of standard input nobody knows."""
+    """Return True if a file or the archive that contains it exists, or for standard input."""
     return name == STDIN or any(map(is_file, (folder / name, *(folder / name).parents)))
 
 
 @dataclass
 class _Elsewhere:
-    """Where what a command line writes goes instead, and what it is compared with there."""
+    """Replacement paths of the outputs of a command line, and the files to compare."""
 
     place: Path
     told: _Told
     folder: Path
     others: list[tuple[str, str]] = field(default_factory=list)
-    """What it writes beside -o: the name that was typed and the one instead."""
+    """Outputs other than -o: the original name and the replacement."""
 
     def __call__(self, parameter: str, name: str, folder: bool) -> str:
-        """The name for one that was typed: that of -o in the new place, others in folders of their
-        own there."""
+        """Return the replacement for the name of an output.
+
+        Parameters
+        ----------
+        parameter : str
+            Name of the option.
+        name : str
+            The original name.
+        folder : bool
+            True if the name is a directory.
+
+        Returns
+        -------
+        str
+            The value of -o in the new directory; other outputs are in separate subdirectories.
+        """
         end = os.sep if folder else ""
         if parameter == "output":
             instead = self.place / _last(name)
@@ -431,7 +465,7 @@ class _Elsewhere:
             )
         if name not in [
             moved for _, moved in self.others
-        ]:  # a value may come twice, as typed and moved
+        ]:  # a value can occur twice, as the original and as the replacement
             self.others.append((name, f"{self._apart / str(len(self.others)) / _last(name)}{end}"))
             return self.others[-1][1]
         return name
@@ -442,16 +476,16 @@ class _Elsewhere:
 
     @property
     def now(self) -> Path:
-        """The folder that now has what lay beside the JSON file."""
+        """The directory that now contains the files that were next to the JSON file."""
         return self.place / _last(self.told.output) if self.told.is_folder else self.place
 
     @property
     def summary(self) -> Path:
-        """The JSON file there."""
+        """The JSON file of the repeated command."""
         return self.now / self.told.file.name
 
     def files(self) -> Iterator[tuple[str, Path, Path]]:
-        """Each file that was written: its name, where it was before, and where it is now."""
+        """Yield each file that was written: name, original path and new path."""
         places = [(self.now, self.told.file.absolute().parent)]
         places += [
             (Path(moved).parent, (self.folder / typed).parent) for typed, moved in self.others
@@ -465,23 +499,27 @@ class _Elsewhere:
 
 
 def _last(name: str) -> str:
-    """The last part of a path, which . and .. have none of."""
+    """Return the last part of a path; 'output' for . and .., which have no name."""
     last = Path(name).name
     return "output" if last in ("", "..") else last
 
 
 def _place_of_folder(told: _Told) -> int:
-    """Return the place of the campaign's folder in the words of its export, of which others may be
-    the same: `export export`."""
+    """Return the index of the campaign directory in the command line of its export.
+
+    Other arguments may be equal to it, for example in `export export`.
+    """
     for place in range(1, len(told.export)):
         marked = [*told.export[:place], "\0", *told.export[place + 1 :]]
         if _words(_parsed(told.file, marked)[1], "words")[1:] == ["\0"]:
             return place
-    raise UsageError(f"{told.file}: `export` names no single folder: {' '.join(told.export)}")
+    raise UsageError(
+        f"{told.file}: `export` must contain exactly one directory: {' '.join(told.export)}"
+    )
 
 
 def _carry_out(arguments: Sequence[str], folder: Path, moved: _Elsewhere) -> int:
-    """Run the command line in its folder, its data and outputs elsewhere; its exit code."""
+    """Run a command line in its directory with replaced outputs and return its exit code."""
     settings = current()
     before = ELSEWHERE.set(moved)
     say(f"tdint {' '.join(arguments)}")
@@ -500,20 +538,20 @@ def _carry_out(arguments: Sequence[str], folder: Path, moved: _Elsewhere) -> int
 
 
 def _judge_inputs(others: Mapping[str, str], changed: bool) -> None:
-    """Refuse other inputs, or name them."""
+    """Raise UsageError for changed inputs, or print a warning for each with --changed."""
     if others and not changed:
-        raise UsageError("\n".join([*others.values(), "--changed runs with the inputs of now"]))
+        raise UsageError("\n".join([*others.values(), "add --changed to use the changed inputs"]))
     warn(*others.values())
 
 
 def _otherwise(name: str, then: str | None, now: str | None) -> str:
-    """What is to be said of an input that is another one."""
+    """Return a message about a changed input."""
     if then is None or now is None:
         return (
-            f"{name}: was {'not read' if then is None else 'read'} then, and is "
+            f"{name}: was {'not ' if then is None else ''}read by the recorded command, and is "
             f"{'' if now else 'not '}read now"
         )
-    return f"{name}: is not what was read then (SHA-256 {then[:12]}..., now {now[:12]}...)"
+    return f"{name}: has changed (SHA-256 recorded {then[:12]}..., now {now[:12]}...)"
 
 
 def _compare(told: _Told, now: _Told, moved: _Elsewhere) -> bool:
@@ -538,7 +576,7 @@ def _compare(told: _Told, now: _Told, moved: _Elsewhere) -> bool:
     results = [before for _, before, _ in written if before != told.file.absolute()]
     for name, before, file in written:
         if not is_file(before):
-            say(f"{name}: is written now, and not there where it was then ({before})")
+            say(f"{name}: is written now, but the original file is missing ({before})")
             same = False
             continue
         is_table = name.lower().endswith(TABLES) or name == told.output_name
@@ -549,21 +587,21 @@ def _compare(told: _Told, now: _Told, moved: _Elsewhere) -> bool:
     # Files that were written then and are not written now cannot be compared.
     for file in _recorded_files(told) if told.is_folder else ():
         if file not in {before for _, before, _ in written}:
-            say(f"{file.name}: not comparable: it was written then, and is not written now")
+            say(f"{file.name}: not comparable: it was written originally, but is not written now")
             same = False
-    # A run may end otherwise with the same peaks up to there.
+    # The status of a run can differ even if the peaks up to its end are equal.
     ends = [run.content.get("status") for run in (told, now)]
     if ends[0] != ends[1]:
-        say(f"the run was {ends[0]} then, and is {ends[1]} now")
+        say(f"status of the run: recorded {ends[0]}, now {ends[1]}")
     elif ends[0] not in (None, "done"):
-        say(f"the run was {ends[0]} then, and is so now")
+        say(f"status of the run: recorded {ends[0]}, now the same")
     loops = [run.content.get("time_loops") for run in (told, now)]
     if loops[0] != loops[1] and all(loops):
-        note(f"the time loops were {loops[0]} then, and are {loops[1]} now")
+        note(f"time loops: recorded {loops[0]}, now {loops[1]}")
     if shown:
         emit_table(tables.table.Table.of_results(tables.differences.DIFFERENCE, shown))
     if same and not results and ends[0] in (None, "done"):
-        raise AnalysisError(f"{told.file}: nothing of what the command writes can be compared")
+        raise AnalysisError(f"{told.file}: the command writes no file that can be compared")
     return same and ends[0] == ends[1]
 
 
@@ -579,7 +617,7 @@ def _compare_file(
     name : str
         Name of the file, for messages.
     is_table : bool
-        True for a table, whatever its name ends in.
+        True for a table; its name can have any suffix.
     measured : sequence of str
         Columns with measured times, which are not compared.
 
@@ -607,13 +645,13 @@ def _compare_file(
     if is_table:
         differences = tables.differences.differences(before, now, but=measured)
         return _judge(name, differences, f"cell by cell{but}")
-    return f"{name}: not comparable: its bytes differ, and it is no table", False, []
+    return f"{name}: not comparable: its bytes differ, and it is not a table", False, []
 
 
 def _judge(
     name: str, differences: Iterable[Difference], how: str
 ) -> tuple[str, bool, list[Difference]]:
-    """Count the differences of two files and name the largest; see `_compare_file`."""
+    """Count the differences of two files and report the maximum; see `_compare_file`."""
     shown: list[Difference] = []
     rounded = count = 0
     largest: Difference | None = None
@@ -625,7 +663,7 @@ def _judge(
         largest = max(largest or difference, difference, key=_size)
         shown += [difference] if len(shown) < SHOWN else []
     if not count:
-        digits = f": {how_many(rounded, 'number')} with other last digits" if rounded else ""
+        digits = f": {how_many(rounded, 'number')} with different last digits" if rounded else ""
         text = f"equal within rounding{digits}" if rounded else f"the same, {how}"
         return f"{name}: {text}", True, []
     text = f"{name}: {how_many(count, 'difference')}"
@@ -666,8 +704,8 @@ def _store_differences(before: Path, now: Path) -> Iterator[Difference]:
 
 
 def _recorded_files(told: _Told) -> Iterator[Path]:
-    """Yield the files that the command is known to have written into its folder, if they are there:
-    its JSON file and the store of a campaign list them."""
+    """Yield the existing files in the directory that the JSON file or the store of a campaign lists
+    as outputs of the command."""
     here = told.file.absolute().parent
     files, motions = (
         value if isinstance(value := told.content.get(key), list) else []
@@ -681,11 +719,11 @@ def _recorded_files(told: _Told) -> Iterator[Path]:
         with open_existing(here) as store:
             names += sorted({name for name, _ in store.written()})
     for name in dict.fromkeys(name for name in names if isinstance(name, str)):
-        # Pictures and pages may be written to other folders; names there are those of files here.
+        # Figures and pages may be in other directories: only names without a directory are used.
         if name == Path(name).name and is_file(here / name):
             yield here / name
 
 
 def _size(difference: Difference) -> float:
-    """Return the number by which differences are ranked; words come last."""
+    """Return the value by which differences are ranked; differences of text are ranked last."""
     return -1.0 if math.isnan(difference.relative) else difference.relative

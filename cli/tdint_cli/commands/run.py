@@ -1,4 +1,4 @@
-"""`tdint run`: the response of a building in time."""
+"""`tdint run`: the response history of a building."""
 
 from __future__ import annotations
 
@@ -39,19 +39,19 @@ if TYPE_CHECKING:
     from tdint.model.definition import Model
     from tdint.output.tables.table import Table
 
-_STEPS_OF_A_PICTURE = 20_000
-_LEAST_BYTES = (6.0, 2.0)
-"""Of a number in a history, and in a packed one; 18 and 8 as a rule."""
+_FIGURE_STEPS = 20_000  # maximum number of time steps in a figure
+_MIN_BYTES = (6.0, 2.0)
+"""Minimum bytes of a number in a response history, and in a compressed one; typically 18 and 8."""
 
-_TOLD = 5e-4
-"""Probability below which what may become of a building is not said."""
+_MIN_PROBABILITY = 5e-4
+"""Probability below which a damage state is omitted from the summary."""
 
 
 @options.command(
     "run",
     "tdint run office.yaml",
     "tdint run office.yaml --tolerance 1% -o out --history --plot",
-    exits={5: "the run failed, or with --require the limit is not kept"},
+    exits={5: "the run failed, or with --require the drift limit is exceeded"},
 )
 @options.analysis.model
 @options.record.of_record
@@ -60,46 +60,48 @@ _TOLD = 5e-4
 def command(request: Request) -> None:
     """Compute the response history of a building and the peaks of each story.
 
-    MODEL.yaml is a model file and RECORD a ground motion; one of them may be -, standard input. The
-    table of stories goes to standard output, as CSV; with -o it is written to a folder, too. The
-    options under Record belong to the record if one is given, and otherwise replace what the model
-    says of its record;
-    --method, --dt and --duration replace what it says of the analysis. --overwrite replaces all
-    files of an earlier run: those the new one does not write are removed.
+    MODEL.yaml is a model file and RECORD a ground motion; one of them may be - (standard input).
+    The table of stories is written to standard output as CSV, and with -o also to a directory. The
+    options under Record apply to RECORD; without RECORD they replace the settings of the record in
+    the model. --method, --dt and --duration replace the settings of the analysis in the model.
+    --overwrite replaces all files of an earlier run; files that the new run does not write are
+    removed.
 
-    With --sequence the records are shocks one after the other; the table has the stories once for
-    each shock and once for all.
+    With --sequence the records are successive events (main shock, aftershocks); the table lists the
+    stories for each event and for the complete sequence.
 
-    With several records, a folder of records, several scales (--scale 0.5,1,2) or --factors the
-    table has a row for each run instead, of all horizontal components without --component. With -o
-    it is a small campaign: runs.csv, profiles.csv (mean, fractiles and largest over the motions, in
-    each story) and campaign.sqlite, which `tdint campaign status`, `export` and `merge` take; a
-    call that was ended goes on.
+    With several records, a directory of records, several scales (--scale 0.5,1,2) or --factors the
+    table has one row per run instead; all horizontal components are used unless --component selects
+    one. With -o the runs are a small campaign: runs.csv, profiles.csv (mean, fractiles and maximum
+    over the ground motions for each story) and campaign.sqlite, which `tdint campaign status`,
+    `export` and `merge` read. An interrupted call can be resumed with the same command line.
     """
     if request.record is not None and request.records:
         raise UsageError(
-            f"--record {request.record} and {request.records[0]} are given; leave one of them out"
+            f"--record {request.record} and {request.records[0]} cannot be used together; omit one "
+            "of them"
         )
     named = (request.record,) if request.record is not None else request.records
     models = [file for file in named if file.lower().endswith((".yaml", ".yml"))]
     if models:
         raise UsageError(
-            f"{models[0]} is a model, and `tdint run` takes one: several buildings under the same "
-            "records are a campaign, `buildings: {models: "
+            f"{models[0]} is a model, but `tdint run` accepts one model: to run several buildings "
+            "under the same records, use a campaign with `buildings: {models: "
             f"[{', '.join([request.model, *models])}]}}` (tdint campaign FILE -o DIR)"
         )
     method = request.method
     if method and "," in method and ":" not in method:
         raise UsageError(
-            f"--method {method}: `tdint run` takes one; `tdint chart {request.model} --method "
-            f"{method}` compares methods, and --history of a call for each gives their histories"
+            f"--method {method}: `tdint run` accepts one method; use `tdint chart {request.model} "
+            f"--method {method}` to compare methods, or a separate call per method with --history"
         )
     shocks = named if request.sequence else ()
     scale = request.scale if shocks else tuple(dict.fromkeys(request.scale or ())) or None
     request = replace(request, record=named[0] if named else None, scale=scale, shocks=shocks)
     if request.check is False and request.tolerance is not None:
         raise UsageError(
-            "--tolerance estimates the errors that --no-check leaves out; leave one of the two out"
+            "--tolerance and --no-check cannot be used together, because --tolerance requires "
+            "error estimates; omit one of them"
         )
     if request.sequence:
         refuse_idle(SEQUENCE, MODES)
@@ -125,6 +127,7 @@ def command(request: Request) -> None:
 
 
 def _run(request: Request) -> None:
+    """Run one analysis or one sequence, write its files and print its summary."""
     began = time.perf_counter()
     from tdint.analysis.given import model_record, number_of
     from tdint.analysis.run.error_estimate import reference
@@ -149,9 +152,9 @@ def _run(request: Request) -> None:
     if model.damage:
         from tdint.campaign.fragility.type_states import own_type
 
-        own_type(model)  # refused now, not after the run
-    # The records of a sequence, each with its factor or all with one; else that of the model, if
-    # there is one
+        own_type(model)  # invalid damage states are refused before the run
+    # Read the records of a sequence, with one factor each or a common factor. Otherwise read the
+    # record of the model, if there is one.
     factors = request.scale or (1.0,)
     shocks = []
     for number, file in enumerate(request.shocks):
@@ -176,9 +179,9 @@ def _run(request: Request) -> None:
         if request.history:
             _check_room(request, len(model.stories), steps)
         methods, count = [case.method], steps
-        if request.check is not False:  # a second run, of half the step
+        if request.check is not False:  # a second run with half the time step
             methods, count = [case.method, reference(case).method], 3 * steps
-        # Before the integration and all notes on it: a mistaken unit explains a failure, too.
+        # Print these warnings before the integration: an incorrect unit can explain a failure.
         warn(*case.plausibility_warnings)
         run_interpreted(case.prepared, methods, count)
     else:
@@ -190,7 +193,7 @@ def _run(request: Request) -> None:
         from tdint.analysis.spectra.elastic import first_mode
         from tdint.output.run_summary import failure_summary
 
-        # The summary says how far it came; nothing else is written.
+        # Write only the summary, which states how far the run came.
         _remark(record, failure.notes)
         wall_time, first = time.perf_counter() - began, first_mode(case.building, case.record)
         content = failure_summary(
@@ -213,16 +216,27 @@ def _run(request: Request) -> None:
         say(judged[1])
     if response.collapse:
         whose = f"{response.model.name}: " * is_quiet()
-        complain(whose + _collapsed(response, response.collapse))  # It changes what the peaks mean.
+        complain(whose + _collapsed(response, response.collapse))  # It affects the peaks.
     warn(*(text for text in response.warnings if text not in case.plausibility_warnings))
     _remark(record, response.notes)
     if judged and request.require and not judged[0]:
-        raise AnalysisError(f"the drift limit is not met: {judged[1]}")
+        raise AnalysisError(f"the drift limit is exceeded: {judged[1]}")
 
 
 def _judged(response: Response, limit: float | None) -> tuple[bool, str] | None:
-    """Whether the largest drift ratio of a run keeps a limit, and the sentence on it; None where
-    there is none.
+    """Compare the maximum drift ratio of a run with a limit.
+
+    Parameters
+    ----------
+    response : Response
+        The response of the run.
+    limit : float or None
+        The limit of the drift ratio; None for no limit.
+
+    Returns
+    -------
+    (bool, str) or None
+        True if the limit is met, and a sentence on the result; None without a limit.
 
     Raises
     ------
@@ -236,16 +250,18 @@ def _judged(response: Response, limit: float | None) -> tuple[bool, str] | None:
     largest = demands(response.stories).drift_ratio
     if largest.place is None:
         raise UsageError(
-            "--limit: a limit of drift ratios needs story heights, and the model gives none"
+            "--limit: a limit of drift ratios requires story heights; add `height` to the stories "
+            "of the model"
         )
     kept = bool(largest.value <= limit) and not response.collapse
-    words = "within" if kept else "beyond"
-    words += f", status {response.status}" if response.collapse else ""
+    verdict = "met" if kept else "exceeded"
+    verdict += f", status {response.status}" if response.collapse else ""
     drift = f"{100.0 * largest.value:.3g} % (story {largest.place})"
-    return kept, f"Largest drift {drift}, limit {100.0 * limit:g} %: {words}."
+    return kept, f"Maximum drift ratio {drift}, limit {100.0 * limit:g} %: {verdict}."
 
 
 def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
+    """Integrate one analysis, or a sequence if there are records of a sequence."""
     from tdint.analysis.run.run import run_case
 
     settings: dict[str, Any] = {
@@ -263,18 +279,19 @@ def _respond(case: Case, shocks: list[Record], request: Request) -> Response:
 
 
 def _remark(record: Record | None, notes: Sequence[str]) -> None:
+    """Print the warnings of a record and the notes of a run."""
     if record:
         warn(*(f"{record.source}: {text}" for text in record.warnings))
     note(*notes)
 
 
 def _check_room(request: Request, stories: int, steps: int) -> None:
-    """Raise OutputError for a history that the disk cannot hold."""
+    """Raise OutputError if the disk has not enough space for the response history."""
     if file := request.history_file:
         columns = len(tables.responses.history_columns(stories, bool(request.check)))
         check_room(
             file,
-            (steps // request.history_every + 1) * columns * _LEAST_BYTES[file.suffix == ".gz"],
+            (steps // request.history_every + 1) * columns * _MIN_BYTES[file.suffix == ".gz"],
         )
 
 
@@ -286,7 +303,30 @@ def _files(
     inputs: list[Input],
     began: float,
 ) -> tuple[dict[Path, Content], dict[str, Any]]:
-    """The files of a run but its summary and what writes them, and what the summary tells."""
+    """Return the files of a run except the summary, and the content of the summary.
+
+    Parameters
+    ----------
+    request : Request
+        The options of the command line.
+    response : Response
+        The response of the run.
+    stories : Table
+        The table of stories.
+    case : Case
+        The analysis.
+    inputs : list of Input
+        The files that were read.
+    began : float
+        Time at which the run started, s (`time.perf_counter`).
+
+    Returns
+    -------
+    files : dict of Path to Content
+        The content of each file, or the function that writes it.
+    content : dict
+        The content of the summary; empty if neither -o nor --report is given.
+    """
     from tdint.analysis.spectra.elastic import first_mode
     from tdint.output.run_summary import run_summary
     from tdint.output.summary import files_read, merged_inputs
@@ -297,7 +337,7 @@ def _files(
         files[Path(request.output) / STORIES] = stories.csv()
     _check_room(request, len(response.model.stories), response.steps)
     if (file := request.history_file) and (pieces := response.history_chunks):
-        # The error makes it half as large again: of one who asked for it.
+        # Error columns enlarge the file by half: they are written only with --check.
         kept = (
             piece if request.check else replace(piece, error=None)
             for piece in pieces(request.history_every)
@@ -328,10 +368,10 @@ def _files(
 
         model = response.model
         page = page_units(model.page_units)
-        # What was judged; without a limit the largest demands.
+        # The verdict on the limit; without a limit the maximum demands.
         verdict: tuple[bool | None, str] = (
             None,
-            f"Largest {_largest(model, response.stories, page, page=True)}.",
+            f"Maximum {_largest(model, response.stories, page, page=True)}.",
         )
         if judged := _judged(response, request.limit):
             verdict = (judged[0], kept_words(judged[0]) + judged[1])
@@ -356,29 +396,33 @@ def _files(
 
 
 def _thinned(response: Response) -> Response:
-    """With a history of as many steps as a picture shows."""
+    """Return the response with a history of at most the number of time steps of a figure."""
     from tdint.analysis.run.outcome import History
 
     assert response.history_chunks is not None
     if response.history is not None:
         return response
-    pieces = response.history_chunks(-(-response.steps // _STEPS_OF_A_PICTURE))
-    return replace(response, history=History.joined(pieces))
+    chunks = response.history_chunks(-(-response.steps // _FIGURE_STEPS))
+    return replace(response, history=History.joined(chunks))
 
 
 def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]) -> None:
-    """Write the files of this run, and in its folder last the summary, which lists those beside it:
-    with --overwrite what an earlier one lists is removed."""
+    """Write the files of this run, and the summary last.
+
+    The summary lists the files in its directory. With --overwrite, files that the summary of an
+    earlier run lists are removed.
+    """
     from tdint.output.run_summary import UNITS
     from tdint.output.summary import listed_files
 
-    # Without a folder there is no summary to say what an earlier run has written.
+    # Without a directory there is no summary that lists the files of an earlier run.
     if request.output is None:
         write_files(files, overwrite=request.overwrite)
         return
     folder = Path(request.output)
 
     def summary(digests: Mapping[Path, str]) -> bytes:
+        """Return the summary with the SHA-256 of the files in its directory."""
         beside = [
             {"file": file.name, "sha256": sha} for file, sha in digests.items() if file in every
         ]
@@ -394,14 +438,24 @@ def _write(request: Request, files: dict[Path, Content], content: dict[str, Any]
     if left := [
         file.name for file in every if file not in files and file.name != SUMMARY and is_there(file)
     ]:
-        note(f"{folder}: {', '.join(left)}: not as an earlier run wrote it; left as it is")
+        note(f"{folder}: {', '.join(left)}: changed since an earlier run wrote it; not removed")
 
 
 def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) -> str:
-    """The run in a few sentences; on a page in percent, and without what it took."""
+    """Return the summary of a run; on a report page in percent, and without the computing time.
+
+    Parameters
+    ----------
+    response : Response
+        The response of the run.
+    units : OutputUnits
+        The units of the values.
+    page : bool
+        True for the text of a report page.
+    """
     from tdint.analysis.run.demands import demands
 
-    # Who, under what, how, and the largest demands
+    # Building, ground motion, method, time step, and maximum demands
     record = response.record
     motion = "no ground motion"
     if record is not None:
@@ -415,22 +469,22 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         f"{response.model.name}: {how_many(len(response.model.stories), 'story')}, {motion}.",
         f"{response.method}: {how_many(response.steps, 'step')} of {response.dt:.6g} s, "
         f"{cost}energy error {response.energy.error:.1e}.",
-        f"Largest {_largest(response.model, response.stories, units, page)}.",
+        f"Maximum {_largest(response.model, response.stories, units, page)}.",
     ]
-    # Each shock of a sequence, and what it has left; drifts as ratios where a story has a height
+    # Each event of a sequence with its residual drift; drift ratios if stories have heights
     for number, shock in enumerate(response.events, start=1):
         largest = demands(shock.stories)
         drift, left = largest.drift, largest.residual_drift_ratio
         worst, after = f"{units.text(drift.value, 'm')} in story {drift.place}", ""
         if left.place is not None:
             worst = f"ratio {largest.drift_ratio.value:.4g} in story {largest.drift_ratio.place}"
-            after = f", {left.value:.3g} left"
-        lines.append(f"Shock {number}, from {shock.start:.6g} s: largest drift {worst}{after}.")
+            after = f", residual {left.value:.3g}"
+        lines.append(f"Event {number}, from {shock.start:.6g} s: maximum drift {worst}{after}.")
     if response.model.damage:
         lines.append(_damage(response, units))
     if response.time_at_rest is not None:
-        lines.append(f"The building is at rest at {response.time_at_rest:.6g} s.")
-    # How far the peaks are off, as it is estimated
+        lines.append(f"Free vibration has decayed at {response.time_at_rest:.6g} s.")
+    # Estimated errors of the peaks
     if (check := response.check) and check.drift_error is not None:
         if check.step_choice is not None:
             lines.append(_chosen(response, check.step_choice))
@@ -438,19 +492,31 @@ def _paragraph(response: Response, units: OutputUnits, *, page: bool = False) ->
         dts = " and ".join(f"{dt:.6g}" for dt in check.time_steps)
         source = f"from {'runs' if several else 'a run'} of {method} with dt {dts} s"
         lines.append(
-            f"Largest estimated error of a peak drift: {100.0 * check.drift_error:.2g} % (story "
+            f"Maximum estimated error of a peak drift: {100.0 * check.drift_error:.2g} % (story "
             f"{check.drift_story}), {source}."
         )
-        # Only where it differs in the digits that are told
+        # Report the more accurate peaks only if they differ in the printed digits.
         nearer = check.corrected and _largest(response.model, check.corrected, units, page)
         if nearer and nearer != _largest(response.model, response.stories, units, page):
-            lines.append(f"In that run: largest {nearer}.")
+            lines.append(f"In that run: maximum {nearer}.")
     return "\n".join(lines)
 
 
 def _largest(model: Model, stories: StoryPeaks, units: OutputUnits, page: bool = False) -> str:
-    """The largest demands of a run; on a page the base shear with and without viscous forces,
-    whatever damps."""
+    """Return the maximum demands of a run.
+
+    Parameters
+    ----------
+    model : Model
+        The building.
+    stories : StoryPeaks
+        The peaks of the stories.
+    units : OutputUnits
+        The units of the values.
+    page : bool
+        True for a report page: drift ratios in percent, and always the base shear with viscous
+        forces. Otherwise this base shear is reported only if a story has dashpots.
+    """
     from tdint.analysis.run.demands import demands
 
     largest = demands(stories)
@@ -462,7 +528,7 @@ def _largest(model: Model, stories: StoryPeaks, units: OutputUnits, page: bool =
             else f"{largest.drift_ratio.value:.4g}"
         )
         ratio = f"drift ratio {value} in story {largest.drift_ratio.place}"
-        # Where a story has no height, its drift is not among the ratios.
+        # A story without a height has no drift ratio: report its drift in addition.
         worst = ratio if all(story.drift_height for story in model.stories) else f"{ratio}, {worst}"
     viscous = ""
     if page or any(story.dashpot or story.power_dashpot for story in model.stories):
@@ -475,7 +541,7 @@ def _largest(model: Model, stories: StoryPeaks, units: OutputUnits, page: bool =
 
 
 def _damage(response: Response, units: OutputUnits) -> str:
-    """The damage that the model's states tell."""
+    """Return a sentence on the damage according to the damage states of the model."""
     from tdint.campaign.fragility.runs import damage_of_run
     from tdint.model.damage_states import DEMANDS
 
@@ -487,13 +553,13 @@ def _damage(response: Response, units: OutputUnits) -> str:
         if demand.unit == "1"
         else units.text(float(damage.demand[0]), demand.unit)
     )
-    # Outcomes that are all but impossible would hide the others.
+    # Omit outcomes with negligible probability.
     shares = (
         f"{outcome} {100.0 * probability:.3g} %"
         for outcome, probability in zip(
             states.outcomes, damage.probability[0].tolist(), strict=True
         )
-        if probability >= _TOLD
+        if probability >= _MIN_PROBABILITY
     )
     loss = f"; mean loss ratio {damage.loss[0]:.3g}" if states.losses else ""
     return (
@@ -503,9 +569,9 @@ def _damage(response: Response, units: OutputUnits) -> str:
 
 
 def _chosen(response: Response, choice: StepChoice) -> str:
-    """The step that was chosen, and what it costs."""
+    """Return sentences on the selected time step and its number of solutions."""
     line = (
-        f"Step chosen for peak drifts within {100.0 * choice.tolerance:g} %, from "
+        f"Time step selected for peak drift errors below {100.0 * choice.tolerance:g} %, from "
         f"{how_many(choice.runs, 'run')}: "
     )
     line += f"{response.dt:.6g} s"
@@ -514,18 +580,18 @@ def _chosen(response: Response, choice: StepChoice) -> str:
             f", {choice.samples:g} sampling {'interval' if choice.samples == 1.0 else 'intervals'} "
             "of the record"
         )
-    line += f".\nIt takes {response.iterations} solves"
+    line += f".\nIt requires {response.iterations} equation solutions"
     if choice.solves_at_record is not None and choice.samples != 1.0:
-        line += f", the record's own step {choice.solves_at_record}"
+        line += f"; the sampling interval requires {choice.solves_at_record}"
     return line + "."
 
 
 def _collapsed(response: Response, collapse: Collapse) -> str:
-    """When and where the building collapsed."""
-    end = "; the run ends there, for the drift ran away" if collapse.ended else ""
+    """Return a sentence on time, story and cause of the collapse."""
+    end = "; analysis stopped: drift grew without bound" if collapse.ended else ""
     cause = (
         f"the drift ratio of story {collapse.story} exceeds {response.model.collapse_drift:g} at"
     )
     if collapse.failed:
-        cause = f"story {collapse.story} carries nothing any more from"
+        cause = f"story {collapse.story} has no remaining resistance from"
     return f"Status {response.status}: {cause} {collapse.time:.6g} s{end}."

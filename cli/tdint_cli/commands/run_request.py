@@ -1,4 +1,4 @@
-"""The command line of `tdint run`, of one record and of several."""
+"""The command line of `tdint run`, for one record and for several records."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from tdint_cli.options.spectra import MOTIONS, SPECTRA, SPECTRA_PICTURE
 
 STORIES, HISTORY, PICTURE, SUMMARY = "stories.csv", "history.csv", "response.png", "summary.json"
 ALL_FILES = (STORIES, HISTORY, SPECTRA, SPECTRA_PICTURE, MOTIONS, PICTURE, SUMMARY)
-"""The files of a run. The summary is written last: where it says `done`, all is there."""
+"""The files of a run. The summary is written last: if its status is `done`, all files are
+complete."""
 
 _OF_ONE = ("history", "history_every", "tolerance", "allow_unstable", "export_floors")
 SINGLE = Mode("with a single run", frozenset((*_OF_ONE, "duration", "limit")))
@@ -27,14 +28,16 @@ SEQUENCE = Mode(
     "with --sequence",
     frozenset(_OF_ONE),
     {
-        "duration": "it has all of each record, and --rest is the time between",
-        "factors": "give them by --scale",
+        "duration": "all records are used completely; --rest is the time between them",
+        "factors": "specify the factors with --scale",
     },
 )
 SEVERAL = Mode(
     "with several runs",
     frozenset(("duration", "limit", "factors", "pair_demand")),
-    dict.fromkeys(_OF_ONE, "it is for one record and one scale: call it once for each"),
+    dict.fromkeys(
+        _OF_ONE, "it requires one record and one scale: use a separate call for each run"
+    ),
 )
 MODES = (SINGLE, SEQUENCE, SEVERAL)
 
@@ -44,56 +47,56 @@ class Request(BuildingRequest, SuiteRequest):
     """The command line of `tdint run`."""
 
     shocks: tuple[str, ...] = ()
-    """The records of a sequence; none for a run of one."""
+    """The record files of a sequence; empty for a run under one record."""
 
     records: tuple[str, ...] = options.argument("[RECORD]...", nargs=-1, type=FileName())
     factors: str | None = options.record.option(
         type=FileName(),
         rare=True,
-        help="Run the records with the factors that `tdint scale -o` wrote, in place of --scale. "
-        "If no RECORD is named, the records are those of the table.",
+        help="Scale the records with the factors in a table of `tdint scale -o` instead of "
+        "--scale. If no RECORD is given, the records of the table are used.",
     )
     sequence: bool = options.record.option(
         rare=True,
-        help="Run the records one after the other on one building, which keeps what each has "
-        "left: peaks of each shock and over all. --scale takes one factor for all, or one for "
-        "each.",
+        help="Run the records sequentially on one building, which keeps its residual drifts and "
+        "damage: peaks of each event and of the complete sequence. --scale is one factor for all "
+        "events, or one per event.",
     )
     rest: float | None = options.record.option(
         needs="--sequence",
         type=Number(0.0),
         metavar="SECONDS",
         rare=True,
-        help="Time from the end of a record to the begin of the next; until the building is at "
-        "rest by default.",
+        help="Time from the end of a record to the start of the next record; by default until "
+        "free vibration has decayed.",
     )
     method: str | None = options.analysis.method
     dt: float | None = options.analysis.dt
     duration: float | None = options.analysis.duration
     until_rest: bool = options.analysis.until_rest
     output: str | None = options.output.output(
-        "DIR", f"Write {STORIES} and {SUMMARY} into this folder, which is made if it is missing."
+        "DIR", f"Write {STORIES} and {SUMMARY} to this directory, which is created if necessary."
     )
     history: str | None = options.output.option(
         type=FileName(written=True),
         metavar="[FILE]",
         callback=options.output.refuse_empty,
-        help="Also write every floor and story and the energies at every step: to this file "
-        f"(.csv, .csv.gz), or alone as {HISTORY} into the folder of -o.",
+        help="Also write response histories of floors, stories and energies to this file (.csv, "
+        f".csv.gz), or without a file to {HISTORY} in the directory of -o.",
     )
     history_every: int = options.output.option(
         needs="--history",
         type=Count(1),
         default=1,
         rare=True,
-        help="Every so many steps of --history, from the first one; every step by default.",
+        help="Write every N-th time step to --history, starting with the first; 1 by default.",
     )
     export_floors: str | None = options.spectra.export_floors
     plot: str | None = options.output.plot(
-        "Also draw roof displacement, energies, drifts, the hysteresis of the worst story (drifts "
-        "and shears of the others are columns of --history); of several records the profiles of "
-        f"all and their mean: to this file (.png, .pdf, .svg), or alone as {PICTURE} or "
-        "profiles.png into the folder of -o."
+        "Also draw roof displacement, energies, drifts and the hysteresis loop of the story with "
+        "the largest drift (--history has drifts and shears of all stories); for several records "
+        "the profiles of all records and their mean: to this file (.png, .pdf, .svg), or without a "
+        f"file to {PICTURE} or profiles.png in the directory of -o."
     )
     report: str | None = options.output.report
     output_units: OutputUnits | None = options.output.units
@@ -101,44 +104,43 @@ class Request(BuildingRequest, SuiteRequest):
     check: bool | None = options.analysis.option(
         "--check/--no-check",
         default=None,
-        help="Columns <name>_error with estimated errors, by one more run of impulse4 with half "
-        "of the step. One run has them unless --no-check leaves them out; --check also in "
-        "--history, and of several runs.",
+        help="Write estimated errors (columns <name>_error) from a second run: impulse4 with half "
+        "the time step. This is the default for a single run; --no-check "
+        "omits it. --check also writes errors to --history, and for several runs.",
     )
     tolerance: float | None = options.analysis.option(
         type=Ratio(0.0, 1.0, min_open=True, max_open=True),
         metavar="1%",
-        help="Take the largest step with which the estimated error of every peak drift is within "
-        "this part of it: from four sampling intervals of the record, or from --dt, down to a "
-        "256th.",
+        help="Use the largest time step for which the estimated error of every peak drift is at "
+        "most this fraction of the peak. The search starts at four sampling intervals of the "
+        "record, or at --dt, and ends at 1/256 of it.",
     )
     limit: float | None = LIMIT
     require: bool = REQUIRE
     pair_demand: str | None = PAIR_DEMAND
     allow_unstable: bool = options.analysis.option(
-        rare=True, help="Run a method beyond its largest stable step."
+        rare=True, help="Allow a time step larger than the stability limit of the method."
     )
     jobs: int | None = options.output.threads(
-        "Threads for several records or scales; one for each processor"
+        "Number of threads for several records or scales; one per processor"
     )
 
     def check_sequence(self) -> None:
-        """Refuse what a sequence cannot have."""
+        """Raise UsageError for options that a sequence cannot use."""
         count, factors = len(self.shocks), len(self.scale or (1.0,))
         if count < 2:
             raise UsageError(
-                "--sequence takes two records or more, one after the other: name them behind the "
-                "model"
+                f"--sequence requires two or more records, got {count}: list them after the model"
             )
         if "-" in self.shocks:
-            raise UsageError("the records of a sequence are files, not standard input")
+            raise UsageError("the records of a sequence must be files, not standard input")
         if factors not in (1, count):
             raise UsageError(
-                f"--scale: {factors} factors for {count} shocks: give one, or one for each"
+                f"--scale: {factors} factors for {count} events: give one factor, or one per event"
             )
 
     def check_files(self) -> None:
-        """Refuse, before any work, what can be seen to fail."""
+        """Check options and output files before any computation."""
         history = self.history_file
         self.of_floors.check(self.output, self.export_floors)
         check_motion(replace(self, scale=None) if self.sequence else self)
@@ -150,45 +152,47 @@ class Request(BuildingRequest, SuiteRequest):
         check_outputs(dict.fromkeys(outputs), overwrite=self.overwrite)
 
     def in_folder(self, names: Sequence[str]) -> list[Path]:
-        """Files in the folder of -o, none without one."""
+        """Return the paths of files in the directory of -o; an empty list without -o."""
         return [Path(self.output) / name for name in names] if self.output else []
 
     @property
     def picture_file(self) -> Path | None:
-        """The file of the picture, if one is asked for."""
+        """The file of the figure; None if it is not requested."""
         return picture_file(self.plot, Path(self.output) / PICTURE if self.output else None)
 
     @property
     def history_file(self) -> Path | None:
-        """The file of the history, if one is asked for.
+        """The file of the response history; None if it is not requested.
 
         Raises
         ------
         UsageError
-            It has no name and there is no folder, or its name says another format.
+            Neither a file nor a directory is given, or the suffix is not .csv or .csv.gz.
         """
         if self.history is None:
             return None
         if self.history != BESIDE:
             file = Path(self.history)
             if not file.name.lower().endswith((".csv", ".csv.gz")):
-                raise UsageError(f"--history {file}: a history is a table; name it .csv or .csv.gz")
+                raise UsageError(
+                    f"--history {file}: the file of a response history must end in .csv or .csv.gz"
+                )
             return file
         if self.output is None:
             raise UsageError(
-                "--history alone writes into the folder of -o: add -o DIR, or name it: "
+                "--history without a file writes to the directory of -o: add -o DIR, or use "
                 "--history=FILE.csv"
             )
         return Path(self.output) / HISTORY
 
     @property
     def units_shown(self) -> OutputUnits:
-        """The units of all that is written."""
+        """The units of all outputs."""
         return self.output_units or SI
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What the command line asked of the analysis; None, or nothing, where it did not ask."""
+        """Settings of the analysis on the command line; None or absent if not specified."""
         return {
             "method": self.method,
             "dt_s": self.dt,

@@ -1,4 +1,4 @@
-"""`tdint scale`: factors on ground motions, to a value of a measure or to a target spectrum."""
+"""`tdint scale`: factors that scale ground motions to an intensity or to a target spectrum."""
 
 from __future__ import annotations
 
@@ -53,72 +53,75 @@ class ScaleRequest(RecordsRequest):
     range: Grid | None = options.option(
         needs="--target",
         type=span_at(100),
-        help="Periods over which the target is met, s, at 100 in equal ratios (or "
-        "FIRST:LAST:COUNT); by default all of the target; with --building, or --at T and a rule of "
-        "a code, 0.2 T to 2 T.",
+        help="Period range in which the spectra are fitted to the target, s. FIRST:LAST (100 "
+        "periods, logarithmically spaced) or FIRST:LAST:COUNT. Default: all periods of the target; "
+        "with --building, or with --at T and --rule asce7 or ec8, 0.2 T to 2 T.",
     )
     rule: str | None = options.option(
         needs="--target",
         type=click.Choice(_RULES),
-        help="mean (by default): least squares of ln Sa, each motion for itself. asce7: 11 pairs "
-        "at least; the average of the maximum-direction spectra is nowhere below 90 % of the "
-        "target (ASCE 7-16, 16.2.3.2). ec8: the mean spectrum is nowhere below 90 % of it, the "
-        "mean PGA not below its value at the period 0 (EN 1998-1:2004, 3.2.3.1.2).",
+        help="mean (default): least squares of ln Sa of each ground motion. asce7: at "
+        "least 11 pairs; the average of the maximum-direction spectra is at least 90 % of the "
+        "target at all periods (ASCE 7-16, 16.2.3.2). ec8: the mean spectrum is at least 90 % of "
+        "the target at all periods, and the mean PGA is at least the target at the period 0 (EN "
+        "1998-1:2004, 3.2.3.1.2).",
     )
     building: tuple[str, ...] | None = options.option(
         needs="--target",
         type=ListOf(FileName()),
         metavar="MODEL.yaml,...",
-        help="The target is met from 0.2 times the first period of this building to 2 times it; "
-        "of several, from the shortest to the longest.",
+        help="Fit the target from 0.2 to 2 times the first natural period of this building; for "
+        "several buildings, from 0.2 times the shortest to 2 times the longest period.",
     )
     max_factor: float | None = options.option(
         rare=True,
         type=Number(0.0, min_open=True),
         metavar="FACTOR",
-        help="Refuse (exit code 5) a suite of which a motion needs a larger factor, and name it.",
+        help="Fail with exit code 5 if a factor exceeds this value; the ground motions are named.",
     )
     select: int | None = options.option(
         needs="--target",
         type=Count(1),
-        help="Choose so many, whose scaled spectra fit the target together; --rule acts on them.",
+        help="Select this number of ground motions, so that the mean of their scaled spectra fits "
+        "the target; --rule is applied to the selection.",
     )
     factor_range: tuple[float, float] | None = options.option(
         needs="--select",
         type=span,
         rare=True,
-        help="Smallest and largest factor of the selected motions (default 0.25:4). A motion that "
-        "needs a factor outside of these limits is considered with the limit. The limits include "
-        "the common factor of --rule asce7 and ec8; if no selection meets the rule, the nearest "
-        "one is reported (exit code 5).",
+        help="Minimum and maximum factor of the selected ground motions (default 0.25:4). Factors "
+        "are clipped to this range, including the common factor of --rule asce7 and ec8. If no "
+        "selection satisfies the rule, the nearest selection is reported (exit code 5).",
     )
     per_event: int | None = options.option(
         needs="--select",
         type=Count(1),
         rare=True,
-        help="Maximum number of selected motions of one event. The event is that of --events, or "
-        "of the header of the file (name, date, origin time), or identified by the start of the "
-        "record (within ten minutes). Motions of an unknown event are refused.",
+        help="Maximum number of selected ground motions per event. The event is taken from "
+        "--events, from the header of the file (name, date, origin time), or from the start time "
+        "of the record (within ten minutes). Ground motions of an unknown event are refused.",
     )
     events: str | None = options.option(
         needs="--per-event",
         type=FileName(),
         rare=True,
-        help="The event of each record: a CSV file with the columns record (the file's name) "
-        "and event; one row is enough for both components of a recording.",
+        help="CSV file with the event of each record, columns record (file name) and event. One "
+        "row is sufficient for both components of a recording.",
     )
     target_std: str | None = options.option(
         needs="--select",
         metavar="0.35|FILE",
         rare=True,
-        help="Standard deviation of ln Sa that the chosen are to have, or a CSV file with the "
+        help="Target standard deviation of ln Sa of the selected set, or a CSV file with the "
         "columns period_s and scatter.",
     )
     sa: Units | None = options.option(
-        type=_ACCELERATION, help="Scale to this Sa at the period --at: 0.6g."
+        type=_ACCELERATION, help="Scale to this Sa at the period --at, such as 0.6g."
     )
     sa_avg: Units | None = options.option(
-        type=_ACCELERATION, rare=True, help="Scale to this Sa_avg about the period --at."
+        type=_ACCELERATION,
+        rare=True,
+        help="Scale to this Sa_avg (average of Sa around the period --at).",
     )
     at: float | None = options.option(
         type=Number(0.0, min_open=True), metavar="SECONDS", help="Period of --sa and --sa-avg."
@@ -127,90 +130,93 @@ class ScaleRequest(RecordsRequest):
         type=_ACCELERATION, help="Scale to this peak ground acceleration: 0.4g."
     )
     pgv: Units | None = options.option(
-        type=intensity("velocity"), rare=True, help="Scale to this peak velocity: 40cm/s."
+        type=intensity("velocity"),
+        rare=True,
+        help="Scale to this peak ground velocity, such as 40cm/s.",
     )
     arias: Units | None = options.option(
-        type=intensity("velocity"), rare=True, help="Scale to this Arias intensity: 2m/s."
+        type=intensity("velocity"), rare=True, help="Scale to this Arias intensity, such as 2m/s."
     )
     cav: Units | None = options.option(
         type=intensity("velocity"),
         rare=True,
-        help="Scale to this cumulative absolute velocity: 9m/s.",
+        help="Scale to this cumulative absolute velocity, such as 9m/s.",
     )
     p695: bool = options.option(
         rare=True,
-        help="Normalize pairs by their peak velocities (FEMA P-695, A.8); with --sa and --at "
-        "scale the set on, to this median Sa of all components.",
+        help="Normalize pairs by their peak ground velocities (FEMA P-695, A.8). With --sa and "
+        "--at, then scale the set to this median Sa of all components.",
     )
     pairs: PairWish | None = options.studies.pairs(
-        "Take the two horizontal components of a motion together, with one factor, by this measure "
-        "of both."
+        "Scale both horizontal components of a ground motion with one factor, based on this "
+        "measure."
     )
     damping: float = options.studies.damping("--target or --sa or --sa-avg or --plot")
 
     @property
     def value(self) -> tuple[str, float] | None:
-        """The measure that a value is given of, and the value in SI units."""
+        """Name and value (SI units) of the intensity measure to scale to; None without one."""
         values = {name: getattr(self, name.replace("-", "_")) for name in _VALUES}
         given = [(name, value.scale) for name, value in values.items() if value is not None]
         if len(given) > 1:
             names = " and ".join(f"--{name}" for name, _ in given)
-            raise UsageError(f"{names} are given; a motion is scaled to one value")
+            raise UsageError(
+                f"{names} cannot be used together, because a ground motion is scaled to one "
+                "value; omit all but one"
+            )
         return given[0] if given else None
 
     def check(self) -> None:
-        """Refuse what makes no sense together.
+        """Check that the options can be used together.
 
         Raises
         ------
         UsageError
-            What to scale to is not said, or said twice; an option that has no part in it.
+            No target value is given or several are given, or an option has no effect.
         """
         measure = self.value[0] if self.value else ""
         aims = [name for name, given in (("--target", self.target), ("--p695", self.p695)) if given]
         if measure and not self.p695:
             aims.append(f"--{measure}")
         if len(aims) != 1:
-            aim = f"{' and '.join(aims)} are given" if aims else "nothing to scale to"
+            aim = f"{' and '.join(aims)} cannot be used together" if aims else "no target is given"
             raise UsageError(
                 f"{aim}: give one of --target, --sa with --at, --sa-avg with --at, --pga, --pgv, "
                 "--arias, --cav, --p695"
             )
         if self.p695 and measure not in ("", "sa"):
-            raise UsageError("--p695 is scaled on by --sa with --at")
+            raise UsageError(f"--p695 cannot be used with --{measure}; use --sa with --at")
         by_period = self.rule in _BY_PERIOD and self.range is None
         if measure.startswith("sa") and self.at is None:
             raise UsageError(f"--{measure} needs a period: add --at SECONDS")
         if self.at is not None and not (measure.startswith("sa") or by_period):
-            raise UsageError(
-                "--at is for --sa, --sa-avg, and for --rule asce7 and ec8 without --range"
-            )
+            raise UsageError("--at requires --sa, --sa-avg, or --rule asce7 or ec8 without --range")
         if self.building and (self.at is not None or self.range is not None):
             raise UsageError(
-                f"--building and --{'range' if self.at is None else 'at'} are given; leave one of "
-                "them out"
+                f"--building and --{'range' if self.at is None else 'at'} cannot be used together; "
+                "omit one of them"
             )
         if by_period and self.at is None and not self.building:
             raise UsageError(
-                f"--rule {self.rule} compares over 0.2 T to 2 T: give the period T by --at, or "
-                "--building, or --range"
+                f"--rule {self.rule} compares spectra from 0.2 T to 2 T: the period T is required; "
+                "add --at, --building or --range"
             )
         if (self.p695 or self.rule == "asce7") and self.pairs is not None and self.pairs.measure:
             raise UsageError(
-                f"--pairs: {'--p695' if self.p695 else '--rule asce7'} says itself what stands for "
-                "a pair"
+                f"--pairs {self.pairs.measure} cannot be used with "
+                f"{'--p695' if self.p695 else '--rule asce7'}, which defines the measure of a pair"
             )
 
     @property
     def pair_wish(self) -> PairWish | None:
-        """What is asked of pairs; None for single components."""
+        """Settings for pairs of components; None for single components."""
         from tdint.ground_motion.horizontals import USUAL
 
         return self.pairs or (PairWish(None, USUAL) if self.p695 or self.rule == "asce7" else None)
 
     @property
     def pair(self) -> str:
-        """What stands for a pair."""
+        """Name of the measure of a pair of components."""
         return pair_measure(self.pairs)
 
 
@@ -227,28 +233,27 @@ _SPECTRA = options.output.option(
     "scale",
     "tdint scale office-motion.txt --sa 0.6g --at 0.8",
     "tdint scale office-motion.txt --target ec8:type=1,soil=B,ag=0.25g -o factors.csv --plot",
-    exits={5: "factors beyond --max-factor; no selection within --factors"},
+    exits={5: "a factor exceeds --max-factor; no selection within --factor-range"},
 )
 @options.analysis.plugin
 @options.record.of_records
 @options.output.to_files(
-    picture="Also draw the scaled spectra with median, fractiles and target, to this file (.png, "
-    ".pdf, .svg) or beside -o under its name.",
+    picture="Also draw the scaled spectra with median, fractiles and target. Written to this file "
+    "(.png, .pdf, .svg), or next to -o with its name.",
     more=[_SPECTRA],
 )
 @options.of(ScaleRequest)
 def command(request: ScaleRequest) -> None:
     """Select and scale ground motions to an intensity or to a target spectrum.
 
-    CSV: one factor for each component, the same for both of a pair. RECORD is a file, or a folder
-    for all records in it; horizontal components are taken one by one unless --component names one,
-    or together with --pairs: those of a file, or of files that are named alike. A campaign takes
-    the table as `factors`. With -o a JSON file beside the table says what the records are and how
-    the factors came about.
+    CSV: one factor per component; both components of a pair have the same factor. RECORD is a file
+    or a directory (all records in it). Horizontal components are scaled separately, unless
+    --component selects one; with --pairs the two components of a ground motion, in one file or in
+    files with matching names, are scaled together. A campaign reads the table as `factors`. With
+    -o, a JSON file next to the table describes the records and the computation of the factors.
 
-    A record that fails does not keep the others from being done, unless the factors depend on the
-    whole set (--p695,
-    --rule asce7 and ec8).
+    If a record fails, the remaining records are processed, unless the factors depend on the
+    complete set (--p695, --rule asce7 and ec8).
     """
     from hashlib import sha256
 
@@ -258,21 +263,23 @@ def command(request: ScaleRequest) -> None:
     outputs, units = request.outputs, request.outputs.shown_units
     spectra = [Path(request.spectra)] if request.spectra else []
     check_outputs([*outputs.files, *spectra], overwrite=outputs.overwrite)
-    # The target is read before the records: what is wrong with it is told at once.
+    # Read the target before the records, so that its errors are reported immediately.
     aim = _aim(request)
     suite = read_suite(request.records, request.choice, request.pair_wish)
-    # Factors that depend on the whole set are none of a part of it.
+    # Factors that depend on the complete set are invalid if a record is missing.
     if suite.failures and (request.p695 or request.rule in _BY_PERIOD):
         raise Failures(suite.failures)
     scaling = aim(suite.motions)
     if request.max_factor is not None and (larger := scaling.beyond(0.0, request.max_factor)):
         named = ", ".join(f"{name} {factor:.4g}" for name, factor in larger)
         raise AnalysisError(
-            f"larger than --max-factor {request.max_factor:g}: {named}; leave them out of the suite"
+            f"larger than --max-factor {request.max_factor:g}: {named}; remove these ground "
+            "motions from the suite"
         )
     table = tables.studies.factor_table(scaling)
 
     def summarize() -> dict[str, Any]:
+        """Return the content of the JSON file."""
         records = [record_summary(record) for record in suite.records]
         content = table_summary("scale", _settings(request, scaling), records, table.meanings)
         return content | {
@@ -291,8 +298,10 @@ def command(request: ScaleRequest) -> None:
 
 
 def _aim(request: ScaleRequest) -> Any:
-    """What scales a suite as the command line asks; the target is read and compared with the
-    periods before."""
+    """Return the function that scales a suite as the command line requests.
+
+    The target is read here, and it is checked that it covers the periods.
+    """
     from tdint.campaign import scaling
     from tdint.campaign.intensity import measure_at
 
@@ -310,7 +319,7 @@ def _aim(request: ScaleRequest) -> Any:
     from tdint.written_numbers import Grid
 
     target = read_target(request.target)
-    # The periods over which the target is met
+    # Select the periods at which the spectra are compared with the target.
     if request.range is not None:
         grid = request.range
     elif request.at is not None:
@@ -328,7 +337,7 @@ def _aim(request: ScaleRequest) -> Any:
         target.at(periods)
     except UsageError as error:
         raise UsageError(
-            f"{error}; name the periods to compare at: --range FIRST:LAST:COUNT"
+            f"{error}; specify the periods for the comparison: --range FIRST:LAST:COUNT"
         ) from None
     target.check_damping(request.damping, "of the records")
     if request.select is not None:
@@ -345,14 +354,26 @@ def _aim(request: ScaleRequest) -> Any:
 def _selecting(
     request: ScaleRequest, target: TargetSpectrum, periods: Array
 ) -> Callable[[Any], Scaling]:
-    """What chooses from the motions; tables of events and of the scatter are read before."""
+    """Return the function that selects ground motions.
+
+    The tables of events and of the standard deviation are read here.
+
+    Parameters
+    ----------
+    request : ScaleRequest
+        The options of the command line.
+    target : TargetSpectrum
+        The target spectrum.
+    periods : ndarray
+        Periods at which the spectra are compared with the target, s.
+    """
     import numpy as np
 
     from tdint.campaign.scaling import BOUNDS
     from tdint.campaign.selection import named_events, select
     from tdint.csv_table import read_table
 
-    # The scatter asked for: a number, or a table over the periods
+    # Read the target standard deviation: a number, or a table over the periods.
     scatter: Any = None
     if request.target_std is not None:
         try:
@@ -360,7 +381,8 @@ def _selecting(
         except ValueError:
             table = read_table(
                 request.target_std,
-                "--target-std takes a number, or a CSV file of period_s and scatter",
+                "--target-std must be a number, or a CSV file with the columns period_s and "
+                "scatter",
             )
             table.need("period_s", "scatter")
             of_periods = np.array(
@@ -378,7 +400,7 @@ def _selecting(
         )
 
     def choose(motions: Any) -> Scaling:
-        """Select motions; the events are those of the table, or of the files."""
+        """Select ground motions; the events are from the table or from the record files."""
         events: Sequence[object] | None = None
         if of_record is not None:
             events = named_events(motions, of_record)
@@ -400,23 +422,25 @@ def _selecting(
 
 
 def _doubts(scaling: Scaling) -> list[str]:
-    """What a reviewer would ask about a suite."""
+    """Return warnings about a suite: too few ground motions, or unusual factors."""
     from tdint.campaign.scaling import BOUNDS, FEW, POSSIBLE
 
     doubts = []
     if scaling.rule == "ec8" and len(scaling.motions) < FEW:
-        doubts.append(f"{len(scaling.motions)} of the {FEW} motions that a mean needs at least")
-    bounds, why = POSSIBLE, "outside which units are mistaken more often than factors meant"
+        doubts.append(
+            f"{len(scaling.motions)} ground motions: a mean requires at least {FEW} ground motions"
+        )
+    bounds, why = POSSIBLE, "which often indicates incorrect units"
     if scaling.target is not None:
-        bounds, why = BOUNDS, "the bounds of common practice"
+        bounds, why = BOUNDS, "the range of common practice"
     if beyond := scaling.beyond(*bounds):
         named = first_few([f"{name} {factor:.4g}" for name, factor in beyond], 5)
-        doubts.append(f"factors beyond {bounds[0]:g} to {bounds[1]:g}, {why}: {named}")
+        doubts.append(f"factors outside {bounds[0]:g} to {bounds[1]:g}, {why}: {named}")
     return doubts
 
 
 def _settings(request: ScaleRequest, scaling: Scaling) -> dict[str, Any]:
-    """What the factors depend on beside the records."""
+    """Return the settings that affect the factors, for the JSON file."""
     periods = scaling.periods
     return {
         "rule": scaling.rule,
@@ -463,7 +487,7 @@ def _at_limits(scaling: Scaling) -> str:
 
 
 def _words(scaling: Scaling, units: OutputUnits) -> str:
-    """What was scaled to what, and the factors."""
+    """Return the summary on standard error: number of records, target and factors."""
     import numpy as np
 
     from tdint.ground_motion.record import Record
@@ -500,8 +524,8 @@ def _words(scaling: Scaling, units: OutputUnits) -> str:
             f"{count} {reason}" for reason, count in scaling.left_out.items() if count
         )
         text += (
-            f"\nSelected from {len(scaling.chosen) + len(scaling.rest)}: the mean of ln Sa is off "
-            f"the target by {100.0 * np.sqrt(np.mean(off**2)):.2g} % (root mean square). "
+            f"\nSelected from {len(scaling.chosen) + len(scaling.rest)}: the mean of ln Sa differs "
+            f"from the target by {100.0 * np.sqrt(np.mean(off**2)):.2g} % (root mean square). "
             + (f"Not considered: {reasons}." if reasons else "No motion was omitted.")
         )
         text += _at_limits(scaling)
@@ -509,7 +533,7 @@ def _words(scaling: Scaling, units: OutputUnits) -> str:
         part, period = scaling.least
         spectra = "maximum-direction spectra" if scaling.rule == "asce7" else "spectra"
         text += (
-            f"\nThe average of the {spectra} is {100.0 * part:.3g} % of the target at the least, "
-            f"at {period:.4g} s."
+            f"\nThe minimum ratio of the average of the {spectra} to the target is "
+            f"{100.0 * part:.3g} %, at {period:.4g} s."
         )
     return text

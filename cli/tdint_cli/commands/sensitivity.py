@@ -1,4 +1,4 @@
-"""`tdint sensitivity`: how much the parameters of a building move its peaks."""
+"""`tdint sensitivity`: the sensitivity of peak responses to building parameters."""
 
 from __future__ import annotations
 
@@ -21,7 +21,25 @@ from tdint_cli.terminal import Failures, note, say
 def _ranges(
     ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
 ) -> dict[str, tuple[float, float]]:
-    """NAME=LOW:HIGH, several with commas between them."""
+    """Parse the values of --vary: NAME=LOW:HIGH, separated by commas.
+
+    Parameters
+    ----------
+    ctx, parameter : click.Context, click.Parameter
+        Arguments of a click callback; not used.
+    texts : tuple of str
+        The value of each --vary option.
+
+    Returns
+    -------
+    dict of str to (float, float)
+        Low and high value of each parameter.
+
+    Raises
+    ------
+    UsageError
+        A value is not NAME=LOW:HIGH with LOW less than HIGH.
+    """
     ranges: dict[str, tuple[float, float]] = {}
     for text in (part for text_given in texts for part in text_given.split(",")):
         name, ends = (part.strip() for part in text.partition("=")[::2])
@@ -51,14 +69,14 @@ class Request(RecordsRequest):
         callback=_ranges,
         metavar="NAME=LOW:HIGH,...",
         help="Parameters with a low and a high value: damping, stiffness_factor, strength_factor, "
-        "mass_factor, or a factor of one story, 'story 3.stiffness_factor'.",
+        "mass_factor, or a factor of one story, such as 'story 3.stiffness_factor'.",
     )
     method: str | None = options.analysis.method
     dt: float | None = options.analysis.dt
 
 
 _MODEL = Mode("with a model", NAMES | {"records", "ranges", "method", "dt", "plot", "output_units"})
-_CAMPAIGN = Mode("with the folder of a campaign, which has its records and its sweep")
+_CAMPAIGN = Mode("with a campaign directory, which defines the records and the parameters")
 MODES = (_MODEL, _CAMPAIGN)
 
 
@@ -75,15 +93,16 @@ MODES = (_MODEL, _CAMPAIGN)
 def command(request: Request) -> None:
     """Compute the sensitivity of peak responses to building parameters.
 
-    MODEL.yaml is run under the RECORDs as it is, and with one parameter of --vary at a time at its
-    low and its high value. CSV, for each peak the parameters in the order of what they do: the
-    medians over the records, and the effect between both ends over the peak of the building as it
-    is. With --plot a tornado for each peak.
+    MODEL.yaml is run under the RECORDs with its own parameters, and with one parameter of --vary at
+    a time at its low and its high value. CSV: for each peak response the parameters, sorted by
+    effect; medians over the records; and the effect, which is the difference between the high and
+    the low value, divided by the peak of the unchanged building. --plot draws a tornado diagram for
+    each peak response.
 
-    With the folder of a campaign that has `vary` in place of the model, the rank correlations
-    (Spearman) of what was varied with the medians of the peaks.
+    If a campaign directory with `vary` is given instead of a model, the table contains the
+    (Spearman) rank correlations of the varied parameters with the medians of the peak responses.
     """
-    # A campaign has done its runs: their ranks are looked at, and nothing is run.
+    # A campaign contains its results: compute their rank correlations, without new runs.
     if is_folder(request.building):
         refuse_idle(_CAMPAIGN, MODES)
         from tdint.campaign.sensitivity import rank_correlations
@@ -101,12 +120,13 @@ def command(request: Request) -> None:
         return
     if not request.records or not request.ranges:
         raise UsageError(
-            "give RECORDs and --vary NAME=LOW:HIGH, or the folder of a campaign with `vary`"
+            "RECORDs and --vary NAME=LOW:HIGH are required, or a campaign directory with `vary`"
         )
     _one_at_a_time(request)
 
 
 def _one_at_a_time(request: Request) -> None:
+    """Vary one parameter at a time, write the table of effects and report the largest effect."""
     from tdint.campaign.definition import RecordFiles
     from tdint.campaign.execute import threads
     from tdint.campaign.inputs import read_motions
@@ -119,7 +139,7 @@ def _one_at_a_time(request: Request) -> None:
 
     model = load_model(request.building)
     motions = read_motions(RecordFiles(request.records, request.choice))
-    # The building as it is and with each end of each parameter: a small campaign in memory.
+    # A small campaign in memory: the unchanged building, and each parameter at its two values.
     plan = plan_of(model, request.ranges, motions, method=request.method, dt=request.dt)
     store, _ = open_store(None, plan)
     warn_of_plan(plan)
@@ -136,8 +156,8 @@ def _one_at_a_time(request: Request) -> None:
     )
     first = of_parameters[0]
     say(
-        f"{how_many(advance.done, 'run')}. {first.parameter} moves the peak drift ratio most, by "
-        f"{100.0 * first.effect:.3g} % of it."
+        f"{how_many(advance.done, 'run')}. {first.parameter} has the largest effect on the peak "
+        f"drift ratio: {100.0 * first.effect:.3g} %."
     )
     if plan.failures:
         raise Failures([*plan.failures])

@@ -1,4 +1,4 @@
-"""`tdint spectrum`: response spectra of records, or a target spectrum alone."""
+"""`tdint spectrum`: response spectra of records, or the table of a target spectrum."""
 
 from __future__ import annotations
 
@@ -25,32 +25,31 @@ from tdint_cli.options.record import notes_of_components
 from tdint_cli.processes import Task, outcomes
 from tdint_cli.terminal import Failures, emit, note, warn
 
-# ---- A table over the period of each record: the work, the outputs, and what is said of it
+# ---- A table over the period for each record: computation, outputs and messages
 
 
 @dataclass(frozen=True)
 class RecordTable:
-    """What becomes of one record.
+    """The results of one record.
 
     Attributes
     ----------
     text : bytes
-        The rows of all its components and damping ratios, after a header: CSV, or drawn for a
-        terminal.
+        Header and rows of all components and damping ratios: CSV, or formatted for a terminal.
     meanings : dict
-        What its columns mean, for the JSON file.
+        Descriptions of the columns, for the JSON file.
     records : tuple of dict
-        What each component is, for the JSON file.
+        Description of each component, for the JSON file.
     notes : tuple of str
-        What there is to say of it.
+        Notes on the record.
     interval : float
-        Sampling interval, s.
+        Maximum sampling interval of the components, s.
     warnings : tuple of str
-        What changes what its numbers mean.
+        Warnings that affect the meaning of the results.
     results : tuple
-        Kept only for a picture of several records.
+        Result objects; kept only for a figure of several records.
     picture : bytes or None
-        The picture of this record, if it has one of its own.
+        The figure of this record, if each record has its own figure.
     """
 
     text: bytes
@@ -64,24 +63,34 @@ class RecordTable:
 
 
 def make_tables(request: TablesRequest, kind: Kind) -> None:
-    """Make the tables of a command line, and say what there is to say; one bad record does not keep
-    the others back.
+    """Compute and write the tables that a command line requests, and print notes and warnings.
+
+    A record that fails does not prevent the processing of the remaining records.
+
+    Parameters
+    ----------
+    request : TablesRequest
+        The options of the command line.
+    kind : Kind
+        The type of table, such as elastic spectra.
 
     Raises
     ------
     TdintError
-        Wrong arguments or outputs, before any work; Failures of records, after the others are done.
+        The arguments or outputs are invalid; raised before any computation.
+    Failures
+        Some records failed; raised after the remaining records are written.
     """
     from tdint.ground_motion.reading.suites import records_of
 
     kind.check(request)
     if request.is_folder and request.plot not in (None, BESIDE):
         raise UsageError(
-            "--plot=FILE is one picture of all records; give -o a file, or --plot alone for one "
-            "each"
+            "--plot=FILE is one figure of all records and cannot be used with -o DIR; use -o FILE, "
+            "or --plot without a file for one figure per record"
         )
     sources = records_of(request.records, request.choice)
-    # What to do for the files of each record, after it is clear that its outputs can be written
+    # List the files of each record, and check that all outputs can be written.
     files_of = kind.gather(request, sources.files)
     output = Path(request.output) if request.output else None
     if output and request.is_folder:
@@ -134,7 +143,7 @@ def make_tables(request: TablesRequest, kind: Kind) -> None:
 
 
 def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
-    """The files that are written with a table, or without one."""
+    """Return the output files that belong to a table, or those of a call without -o."""
     picture = picture_file(request.plot, table) if table or not request.is_folder else None
     if picture:
         check_picture(picture)
@@ -142,7 +151,19 @@ def _outputs(request: TablesRequest, table: Path | None) -> Outputs:
 
 
 def _work(request: TablesRequest, kind: Kind, width: int | None, task: Task) -> RecordTable:
-    """All that becomes of one record; it may run in another process."""
+    """Compute the results of one record; this may run in a worker process.
+
+    Parameters
+    ----------
+    request : TablesRequest
+        The options of the command line.
+    kind : Kind
+        The type of table.
+    width : int or None
+        Width of the terminal in characters; None for CSV.
+    task : Task
+        The files of the record and its table.
+    """
     from tdint.output.summary import record_summary
 
     records = [record for file in (task.source, *task.others) for record in request.read(file)]
@@ -162,6 +183,19 @@ def _work(request: TablesRequest, kind: Kind, width: int | None, task: Task) -> 
 
 
 def _picture(request: TablesRequest, kind: Kind, results: Sequence[Any], suffix: str) -> bytes:
+    """Return the figure of some results as bytes, in the format of a file name suffix.
+
+    Parameters
+    ----------
+    request : TablesRequest
+        The options of the command line.
+    kind : Kind
+        The type of table.
+    results : sequence
+        The results, one line of the figure each.
+    suffix : str
+        Suffix of the file name, such as '.png'.
+    """
     stream = BytesIO()
     figures.style.picture(suffix, lambda: kind.picture(request, results))(stream)
     return stream.getvalue()
@@ -170,8 +204,19 @@ def _picture(request: TablesRequest, kind: Kind, results: Sequence[Any], suffix:
 def _write(
     request: TablesRequest, kind: Kind, table: Path | None, products: Sequence[RecordTable]
 ) -> None:
-    """Write a table of the records of several files, or of one, with what goes beside it; or a
-    picture alone."""
+    """Write one table of all given records with its JSON file and its figure; or only a figure.
+
+    Parameters
+    ----------
+    request : TablesRequest
+        The options of the command line.
+    kind : Kind
+        The type of table.
+    table : Path or None
+        The file of the table; None to write only the figure.
+    products : sequence of RecordTable
+        The results of the records, in the order of their rows.
+    """
     from tdint.output.summary import table_summary
 
     outputs = _outputs(request, table)
@@ -186,7 +231,7 @@ def _write(
         )
         rows = [_without_header(product.text) for product in products[1:]]
         contents[outputs.table] = b"".join([products[0].text, *rows])
-        # The columns of the table are those of the products, in the units asked for already.
+        # The columns of the products are already in the requested units.
         of_table = {"columns": summary["columns"]}
         contents[outputs.summary] = options.output.summary_bytes(
             summary, request.shown_units, converted=of_table
@@ -200,17 +245,27 @@ def _write(
 
 
 def _without_header(csv: bytes) -> bytes:
+    """Return CSV text without its first line."""
     return csv.partition(b"\n")[2]
 
 
 def tables_of(files: Sequence[str], folder: Path) -> list[Path]:
-    """The CSV file in `folder` for each record: its name without suffix, or with it where several
-    have the same stem.
+    """Return the CSV file in a directory for each record.
+
+    The name of the table is the name of the record without its suffix, or with its suffix if
+    several records have the same stem.
+
+    Parameters
+    ----------
+    files : sequence of str
+        The record files.
+    folder : Path
+        The directory of the tables.
 
     Raises
     ------
     OutputError
-        Two records would still have the same one.
+        Two records would be written to the same table.
     """
     stems = ["stdin" if file == STDIN else Path(file).stem for file in files]
     count = Counter(stems)
@@ -220,8 +275,8 @@ def tables_of(files: Sequence[str], folder: Path) -> list[Path]:
         table = folder / f"{name}.csv"
         if table in tables:
             raise OutputError(
-                f"{table}: both {tables[table]} and {file} would be written to it; use -o FILE for "
-                "all in one file, or one folder each"
+                f"{table}: both {tables[table]} and {file} would be written to this file; use -o "
+                "FILE for one table of all records, or separate calls with separate directories"
             )
         tables[table] = file
     return list(tables)
@@ -234,7 +289,7 @@ def tables_of(files: Sequence[str], folder: Path) -> list[Path]:
     "spectrum",
     "tdint spectrum office-motion.txt --damping 2%,5% -o spectrum.csv --plot",
     "tdint spectrum office-motion.txt --period 0.5,1 --ductility 2,4",
-    exits={4: "a record cannot be read; the others are done"},
+    exits={4: "a record cannot be read; the remaining records are processed"},
 )
 @options.record.of_records_if_any
 @options.record.one_scale
@@ -243,41 +298,40 @@ def tables_of(files: Sequence[str], folder: Path) -> list[Path]:
 def command(request: SpectrumRequest) -> None:
     """Compute elastic, inelastic or Fourier spectra of ground-motion records.
 
-    RECORD is a file, or a folder for all records in it, - is standard input; all components are
-    taken unless
-    --component names one. CSV: relative displacement, pseudo-velocity, pseudo-acceleration,
-    relative velocity and absolute acceleration, the largest from the first sample to the last,
-    between the samples, too. They are exact for a ground motion that is linear between its samples,
-    or come from --method with the record's sampling interval as its step. A record that fails does
-    not keep the others from being done.
+    RECORD is a file, a directory (all records in it), or - for standard input. All components are
+    used unless --component selects one. CSV: relative displacement, pseudo-velocity,
+    pseudo-acceleration, relative velocity and absolute acceleration: maxima from the first to the
+    last sample, also between the samples. The values are exact for a ground motion that is linear
+    between its samples; with --method they are integrated with the sampling interval as time step.
+    If a record fails, the remaining records are processed.
 
-    --ductility and --strength make another table, of oscillators with bilinear hysteresis: yield
-    force over weight, ductility, displacement at rest after the record, largest and yield
-    displacement, yield force over mass, and largest elastic force over yield force.
+    --ductility and --strength write a different table, for oscillators with bilinear hysteresis:
+    yield force divided by weight, ductility, residual displacement, maximum and yield displacement,
+    yield force divided by mass, and maximum elastic force divided by yield force.
 
-    --rotd makes another table, of two horizontal components together: percentiles of the
-    pseudo-acceleration over all directions, 180 of them, the geometric mean of both components, and
-    the direction of the largest, in degrees from the first named component towards the second. They
-    stand in one file, or in two that are named alike (K-NET, PEER, channel codes) or given as the
-    only ones.
+    --rotd writes a different table, for two horizontal components: percentiles of the
+    pseudo-acceleration over 180 directions, the geometric mean of both components, and the
+    direction of the maximum, in degrees from the first named component towards the second. The
+    components are in one file, in two files with matching names (K-NET, PEER, channel codes), or
+    in the only two files given.
 
-    --oscillator with --history makes another table, of the motion of oscillators at the record's
-    samples: relative displacement and velocity, absolute acceleration.
+    --oscillator with --history writes a different table: relative displacement, relative velocity
+    and absolute acceleration of oscillators at the samples of the record.
 
-    --fourier makes another table, of the amplitude of the acceleration's Fourier transform
+    --fourier writes a different table: the amplitude of the Fourier transform of the acceleration
     (sampling interval times the sum), smoothed over the frequency (Konno and Ohmachi 1998) unless
     --smoothing is none.
 
-    --target without RECORD writes the design spectrum itself: displacement, pseudo-velocity,
+    --target without RECORD writes a table of the design spectrum: displacement, pseudo-velocity,
     pseudo-acceleration.
 
-    --against makes another table, of one column of a published spectrum and what is computed at its
-    periods.
+    --against writes a different table: one column of a published spectrum, and the computed values
+    at its periods.
     """
     if not request.records:
         _write_target(request)
         return
-    # The first that is asked for; options of the others are refused.
+    # Use the first type of table that is requested; the options of the other types are refused.
     choices: tuple[tuple[Any, type[Kind]], ...] = (
         (request.fourier, kinds.Fourier),
         (request.against, kinds.Against),
@@ -291,29 +345,34 @@ def command(request: SpectrumRequest) -> None:
 
 
 def _write_target(request: SpectrumRequest) -> None:
-    """Write the table of a target spectrum, and its picture if asked for.
+    """Write the table of a target spectrum, and its figure if requested.
 
     Raises
     ------
     UsageError
-        There is no target either; an option that is for records.
+        Neither RECORD nor --target is given, or an option requires records.
     TdintError
-        The target cannot be read, or has no such periods; an output that cannot be written.
+        The target cannot be read or does not cover the periods, or an output cannot be written.
     """
     target = request.aim
     if target is None:
         raise UsageError("Missing argument 'RECORD...'. Without one, --target makes a table.")
     refuse_idle(kinds.TARGET, MODES)
     if request.is_folder:
-        raise UsageError("-o is the file of one table here, not a folder")
+        raise UsageError(
+            f"-o {request.output}: must be a file, because --target without RECORD writes one table"
+        )
     outputs = Outputs.checked(
         request.output, request.plot, request.overwrite, units=request.output_units
     )
-    # Periods that were asked for, else the target's own; a formula has a value at 0, too.
+    # Use the requested periods, or else the periods of the target. A formula also has a value at
+    # the period 0.
     if request.periods is not None:
         periods = request.chosen_periods()
         if min(periods) <= 0.0 and target.curve is None:
-            raise UsageError("--period 0: a target given as a table has positive periods")
+            raise UsageError(
+                "--period 0: the periods of a target given as a table must be positive; remove 0"
+            )
         target = replace(target, periods=periods, psa=target.at(periods))
     elif target.curve:
         import numpy as np
@@ -323,7 +382,7 @@ def _write_target(request: SpectrumRequest) -> None:
             periods=np.append(0.0, target.periods),
             psa=np.append(target.at([0.0]), target.psa),
         )
-    # A logarithmic axis has no place for the period 0.
+    # A logarithmic axis cannot show the period 0.
     drawn = replace(
         target, periods=target.periods[target.periods > 0.0], psa=target.psa[target.periods > 0.0]
     )

@@ -1,5 +1,5 @@
-"""What `tdint spectrum` makes of each record: elastic, inelastic and rotated spectra, or one beside
-a published one."""
+"""Types of tables of `tdint spectrum`: elastic, inelastic, rotated and Fourier spectra, oscillator
+histories, and comparisons with a published spectrum."""
 
 from __future__ import annotations
 
@@ -36,16 +36,16 @@ if TYPE_CHECKING:
     from tdint.units import OutputUnits
 
 
-# ---- The command lines of `spectrum` and `drift-spectrum`, and what a kind of table over the
-# period must do with them
+# ---- The command lines of `spectrum` and `drift-spectrum`, and the interface of a type of table
+# over the period
 
 AXES = options.output.option(
     "--axes",
     needs="--plot",
     type=click.Choice(["periods", "tripartite", "adrs"]),
     rare=True,
-    help="Axes of the picture of elastic spectra: PSA and SD over the period (periods, the "
-    "default), PSV over it with scales of the other two (tripartite), or PSA over SD (adrs).",
+    help="Axes of the figure of elastic spectra: PSA and SD over the period (periods, the "
+    "default), PSV over the period with scales for PSA and SD (tripartite), or PSA over SD (adrs).",
 )
 
 _NOT_SETTINGS = (
@@ -62,16 +62,16 @@ _NOT_SETTINGS = (
 
 @dataclass(frozen=True)
 class Results:
-    """What a command makes of one record.
+    """The results that a command computes from one record.
 
     Attributes
     ----------
     lines : sequence
-        Its results, one per line of a picture.
+        The results, one per line of a figure.
     records : sequence of Record
-        The components that they are of.
+        The components from which the results are computed.
     notes : sequence of str
-        What there is to say beside the notes of the components.
+        Notes in addition to the notes of the components.
     """
 
     lines: Sequence[Any]
@@ -80,40 +80,48 @@ class Results:
 
 
 class Kind(Protocol):
-    """A kind of table over the period."""
+    """A type of table over the period."""
 
     mode: Mode = Mode("")
 
     def check(self, request: Any) -> None:
-        """Refuse, before any work, a request that makes no sense (UsageError)."""
+        """Raise UsageError for options that cannot be used together, before any computation."""
 
     def gather(self, request: Any, files: Sequence[str]) -> list[tuple[str, ...]]:
-        """From the request and all files the files of each record; here each is a record by
-        itself."""
+        """Group the files by record; by default each file is a separate record."""
         return [(file,) for file in files]
 
     def compute(self, request: Any, records: Sequence[Record]) -> Results:
-        """The results of the components of one record."""
+        """Compute the results of the components of one record."""
 
     def table(self, request: Any, lines: Sequence[Any]) -> Table:
-        """The table of results; by default what their class declares, a row for each period, sample
-        or frequency."""
+        """Return the table of results; by default the columns that their class declares, with a row
+        for each period, sample or frequency."""
         return tables.spectra.result_table(lines)
 
     def picture(self, request: Any, lines: Sequence[Any]) -> Figure:
-        """The figure of results."""
-        raise AssertionError("a kind without a picture takes no --plot")
+        """Return the figure of results."""
+        raise AssertionError("a type of table without a figure has no --plot")
 
     def remark(self, request: Any, interval: float) -> str:
-        """What is to be said at the end for the longest sampling interval of all records (s); empty
-        for nothing."""
+        """Return the note that is printed at the end; empty for no note.
+
+        Parameters
+        ----------
+        request : Any
+            The options of the command line.
+        interval : float
+            Maximum sampling interval of all records, s.
+        """
         return ""
 
 
 @dataclass(frozen=True)
 class TablesRequest(RecordsRequest):
-    """What the command lines have in common that make a table over the period of each record, at
-    `DEFAULT_PERIODS` where none are asked for."""
+    """Common part of the command lines that write a table over the period for each record.
+
+    `DEFAULT_PERIODS` is used if no periods are requested.
+    """
 
     DEFAULT_PERIODS: ClassVar[str] = PERIODS
 
@@ -134,11 +142,12 @@ class TablesRequest(RecordsRequest):
 
     @property
     def is_folder(self) -> bool:
-        """Whether -o names a folder."""
+        """True if -o names a directory."""
         return self.output is not None and options.output.is_folder_name(self.output)
 
     def settings(self) -> dict[str, Any]:
-        """All that the numbers depend on beside the records, for the JSON file."""
+        """Return all settings that affect the results, for the JSON file; records are not
+        included."""
         settings = {
             name: value for name, value in asdict(self).items() if name not in _NOT_SETTINGS
         }
@@ -147,12 +156,12 @@ class TablesRequest(RecordsRequest):
         }
 
     def chosen_periods(self) -> NDArray[np.float64]:
-        """The periods, s."""
+        """Return the periods, s."""
         return options.spectra.chosen_periods(self.periods, self.DEFAULT_PERIODS)
 
 
 def _bandwidth(text: str) -> float:
-    """A bandwidth of a smoothing; 0 for none."""
+    """Parse the bandwidth of a smoothing window; return 0 for 'none'."""
     return (
         0.0
         if text.strip().lower() == "none"
@@ -161,7 +170,7 @@ def _bandwidth(text: str) -> float:
 
 
 _OF_RECORDS = ("units", "component", "inventory", "layout", "processing", "scale")
-"""Settings that Fourier spectra have, too."""
+"""Settings that Fourier spectra also use."""
 
 
 @options.request
@@ -176,120 +185,119 @@ class SpectrumRequest(TablesRequest):
     maxima: str | None = options.spectra.option(
         type=click.Choice(["exact", "peer", "samples"]),
         rare=True,
-        help="Where the largest values are looked for: between the samples, too (exact, the "
-        "default), at ten or more steps per period (peer, as PEER's own spectra), or at the "
-        "record's samples (samples, as those of USGS). Not with --method, whose steps have their "
-        "own. Adds a column.",
+        help="Times at which maxima are evaluated: at and between the samples (exact, the "
+        "default), at ten or more time steps per period (peer, as in the spectra of PEER), or only "
+        "at the samples of the record (samples, as in the spectra of USGS). Cannot be used with "
+        "--method. Adds a column.",
     )
     interpolation: str | None = options.spectra.option(
         type=click.Choice(["linear", "band-limited"]),
         rare=True,
-        help="The ground motion between its samples: straight lines (linear, the default), or the "
-        "motion without frequencies above half the sampling rate (band-limited). Adds a column.",
+        help="Interpolation of the ground motion between its samples: linear (default), or "
+        "band-limited (no frequencies above half the sampling rate). Adds a column.",
     )
     rotd: tuple[int, ...] | None = options.spectra.option(
         type=ListOf(click.IntRange(0, 100)),
         metavar="P,...",
-        help="Spectra of two horizontal components instead: these percentiles of the "
+        help="Write spectra of two horizontal components instead: percentiles of the "
         "pseudo-acceleration over all directions, such as 0,50,100 (RotD00, RotD50, RotD100).",
     )
     pairs: PairNames | None = options.spectra.option(
         needs="--rotd",
         type=pair_names,
         rare=True,
-        help="How the two files of a motion are named, {} for what they share: "
+        help="Names of the two files of a ground motion, with {} for the common part: "
         "'{}_N.AT2,{}_E.AT2'.",
     )
     ductility: tuple[float, ...] | None = options.spectra.option(
         type=ListOf(Number(1.0, MOST_DUCTILE)),
         metavar="MU,...",
-        help="Inelastic spectra instead: the yield strength for each of these ratios of largest "
-        "to yield displacement (the largest strength if there are several).",
+        help="Write inelastic spectra instead: the yield strength for each of these ratios of "
+        "maximum to yield displacement (the maximum strength if several strengths give the ratio).",
     )
     strength: tuple[float, ...] | None = options.spectra.option(
         rare=True,
         type=ListOf(Ratio(0.0, min_open=True)),
-        help="Inelastic spectra instead: the response for each of these ratios of yield force to "
-        "weight.",
+        help="Write inelastic spectra instead: the response for each of these ratios of yield "
+        "force to weight.",
     )
     hardening: float | None = options.spectra.option(
         needs="--ductility or --strength",
         type=Ratio(0.0, 1.0, max_open=True),
         rare=True,
-        help="With --ductility or --strength: stiffness after yielding over the initial one; 0 by "
-        "default (elastoplastic).",
+        help="With --ductility or --strength: post-yield stiffness divided by initial stiffness; 0 "
+        "by default (elastoplastic).",
     )
     oscillator: tuple[float, ...] | None = options.spectra.option(
         needs="--history",
         type=ListOf(Number(0.0, min_open=True)),
         metavar="SECONDS,...",
         rare=True,
-        help="With --history: the motion of elastic oscillators of these periods instead.",
+        help="With --history: write response histories of elastic oscillators of these periods "
+        "instead.",
     )
     history: str | None = options.spectra.option(
         needs="--oscillator",
         metavar="",
         rare=True,
-        help="With --oscillator: a row for each sample.",
+        help="With --oscillator: write a row for each sample.",
     )
     target: str | None = options.studies.target(
-        "Draw this spectrum over those of the records (--plot) or, without RECORD, write it as a "
-        "table",
+        "Draw this spectrum with the spectra of the records (--plot) or, without RECORD, write it "
+        "as a table",
         grammar.SPECTRUM,
     )
     against: str | None = options.spectra.option(
         type=FileName(),
         rare=True,
-        help="Difference to a published spectrum instead: CSV with names in its first line that "
-        "say quantity and units (period_s, psa_g; T (s), SD (cm)); at its periods, unless others "
-        "are given.",
+        help="Write the difference to a published spectrum instead: a CSV file with a header that "
+        "states quantities and units (period_s, psa_g; T (s), SD (cm)). Its periods are used "
+        "unless --period is given.",
     )
     against_column: str | None = options.spectra.option(
         needs="--against",
         metavar="NAME",
         rare=True,
-        help="Which column of the published spectrum, if it has several.",
+        help="Column of the published spectrum, if the file has several.",
     )
     against_interpolation: str | None = options.spectra.option(
         needs="--against",
         type=click.Choice(["log-log"]),
         rare=True,
-        help="Take the published spectrum between its periods on straight lines in logarithms.",
+        help="Interpolate the published spectrum between its periods, linearly in logarithms.",
     )
     fourier: bool = options.spectra.option(
-        help="Fourier amplitude spectra of the acceleration instead."
+        help="Write Fourier amplitude spectra of the acceleration instead."
     )
     smoothing: float | None = options.spectra.option(
         needs="--fourier",
         type=grammar.Written("bandwidth", _bandwidth),
         metavar="B|none",
         rare=True,
-        help="With --fourier: bandwidth of the smoothing by Konno and Ohmachi's window; 40 by "
+        help="With --fourier: bandwidth of the smoothing window of Konno and Ohmachi; 40 by "
         "default.",
     )
     axes: str | None
     scale: float | None
 
     def read(self, file: str) -> list[Record]:
-        """The components of a file, times the factor that is asked for."""
-        horizontals = super().read(file)
-        return (
-            horizontals
-            if self.scale is None
-            else [record.scaled(self.scale) for record in horizontals]
-        )
+        """Read the components of a file and multiply them by the factor of --scale."""
+        components = super().read(file)
+        if self.scale is None:
+            return components
+        return [record.scaled(self.scale) for record in components]
 
     def settings(self) -> dict[str, Any]:
-        """As those of all tables, with what is chosen where nothing is given."""
+        """Return the settings of all tables, with the defaults that were used."""
         if self.fourier:
-            told = super().settings()
+            settings = super().settings()
             smoothing = "none" if self.bandwidth is None else self.bandwidth
-            return {name: told[name] for name in _OF_RECORDS if name in told} | {
+            return {name: settings[name] for name in _OF_RECORDS if name in settings} | {
                 "fourier": True,
                 "smoothing": smoothing,
             }
         manner = self.manner
-        # What has no part in this table is told as null, not as its default.
+        # A setting that this table does not use is stored as null, not as its default.
         yields = self.ductility or self.strength
         return super().settings() | {
             "method": self.method or "exact",
@@ -303,13 +311,13 @@ class SpectrumRequest(TablesRequest):
 
     @property
     def bandwidth(self) -> float | None:
-        """Of the smoothing of Fourier spectra; None for none."""
+        """Bandwidth of the smoothing of Fourier spectra; None for no smoothing."""
         from tdint.analysis.spectra.fourier import BANDWIDTH
 
         return BANDWIDTH if self.smoothing is None else (self.smoothing or None)
 
     def published(self, damping: float) -> PublishedSpectrum:
-        """The published spectrum for a damping ratio."""
+        """Read the published spectrum for a damping ratio."""
         from tdint.analysis.spectra.target import read_published
 
         assert self.against is not None
@@ -317,21 +325,21 @@ class SpectrumRequest(TablesRequest):
 
     @property
     def aim(self) -> TargetSpectrum | None:
-        """The target spectrum, if one is asked for."""
+        """The target spectrum; None if it is not requested."""
         from tdint.analysis.spectra.target import read_target
 
         return read_target(self.target) if self.target is not None else None
 
     @property
     def manner(self) -> SpectrumSettings:
-        """How elastic spectra are made."""
+        """Settings of the computation of elastic spectra."""
         from tdint.analysis.spectra.elastic import choose_settings
 
         return choose_settings(self.method, self.maxima, self.interpolation)
 
     @property
     def stated(self) -> dict[str, Any]:
-        """What was chosen by name and therefore has a column."""
+        """Settings given on the command line, which therefore have a column."""
         return {
             name: value
             for name in ("maxima", "interpolation")
@@ -342,50 +350,55 @@ class SpectrumRequest(TablesRequest):
 # ---- Spectrum kinds
 
 _PERIODS = NAMES | {"damping", "periods", "plot"}
-"""What all spectra of records over the period take."""
+"""Options of all spectra of records over the period."""
 
 TARGET = Mode(
     "without RECORD",
     frozenset(("target", "periods", "plot")),
-    {"damping": "a design spectrum takes it by name: ec8:...,damping=2%"},
+    {"damping": "give the damping of a design spectrum by name: ec8:...,damping=2%"},
 )
-"""A target spectrum alone."""
+"""The table of a target spectrum, without records."""
 
 
 class _OfOscillators(Kind):
-    """Spectra over the periods that a command line asks for, with a remark on these."""
+    """Spectra over the requested periods, with a note on these periods."""
 
     def check(self, request: SpectrumRequest) -> None:
-        """Refuse, before any work, what makes no sense together."""
+        """Raise UsageError for options that cannot be used together, before any computation."""
         _ = request.manner
         if request.aim and not request.plot:
             raise UsageError(
-                "--target beside records is drawn: add --plot; without records its table is written"
+                "--target with records requires --plot, because the target is only drawn; without "
+                "records its table is written"
             )
         if request.aim and request.axes not in (None, "periods"):
-            raise UsageError("--target is drawn over the period; leave --axes out")
+            raise UsageError(
+                f"--target cannot be used with --axes {request.axes}, because it is drawn over the "
+                "period; omit --axes"
+            )
 
     def remark(self, request: SpectrumRequest, interval: float) -> str:
-        """What a person should know of the periods."""
+        """Return a note on periods that are short for the sampling interval, or too coarse."""
         periods = request.chosen_periods()
         remarks: list[str] = []
-        # Periods at which the ground motion between the samples matters
+        # At short periods the results depend on the ground motion between the samples.
         limit = STEPS_PER_PERIOD * interval
         if any((periods > 0.0) & (periods < limit * (1.0 - 1e-9))):
             manner = request.manner
             remarks.append(
-                f"below a period of {limit:.6g} s ({STEPS_PER_PERIOD} sampling intervals) the "
-                "ground motion between its samples matters: taken as "
+                f"below a period of {limit:.6g} s ({STEPS_PER_PERIOD} sampling intervals) values "
+                "depend on the ground motion between the samples: taken as "
                 f"{manner.interpolation.words}, maxima {manner.maxima.words}"
             )
-        # A grid that nobody chose and that is coarser than half the width of resonance, which is
-        # the damping ratio
+        # The default grid is coarse if its spacing exceeds half the width of a resonance, which is
+        # the damping ratio.
         if request.periods is None:
             apart, damping = float(periods[1] / periods[0]) - 1.0, min(request.damping)
             if apart > damping * (1.0 + 1e-9):
                 remarks.append(
-                    f"the periods are {100.0 * apart:.2g} % apart: with {100.0 * damping:.3g} % "
-                    "damping the spectrum may be higher between them; --periods takes more"
+                    f"the spacing of the periods is {100.0 * apart:.2g} %: with "
+                    f"{100.0 * damping:.3g} % damping the spectrum may be higher between them; "
+                    "give more periods with --period"
                 )
         return "; ".join(remarks)
 
@@ -398,7 +411,7 @@ class Elastic(_OfOscillators):
     )
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
-        """The spectra of each component with each damping ratio."""
+        """Compute the spectrum of each component for each damping ratio."""
         from tdint.analysis.spectra.elastic import spectrum
 
         periods = request.chosen_periods()
@@ -410,11 +423,11 @@ class Elastic(_OfOscillators):
         return Results(lines, records)
 
     def table(self, request: SpectrumRequest, lines: Sequence[Spectrum]) -> Table:
-        """A row for each spectrum and period."""
+        """Return a table with a row for each spectrum and period."""
         return tables.spectra.result_table(lines, tuple(request.stated))
 
     def picture(self, request: SpectrumRequest, lines: Sequence[Spectrum]) -> Figure:
-        """A line for each spectrum."""
+        """Return a figure with a line for each spectrum."""
         axes = request.axes or "periods"
         return figures.spectrum_curves.spectrum_picture(
             lines, axes, request.shown_units, request.aim
@@ -422,18 +435,19 @@ class Elastic(_OfOscillators):
 
 
 class Inelastic(_OfOscillators):
-    """Inelastic spectra: oscillators with bilinear hysteresis, of given ductility or of given
+    """Inelastic spectra of oscillators with bilinear hysteresis, for constant ductility or constant
     strength."""
 
     mode = Mode("with --ductility or --strength", _PERIODS | {"ductility", "strength"})
 
     def check(self, request: SpectrumRequest) -> None:
-        """Refuse, before any work, what makes no sense together."""
+        """Raise UsageError for options that cannot be used together, before any computation."""
         if request.ductility and request.strength:
-            raise UsageError("--ductility and --strength are given; leave one of them out")
+            raise UsageError("--ductility and --strength cannot be used together; omit one of them")
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
-        """The spectra of each component with each damping ratio, and ductility or strength."""
+        """Compute the spectrum of each component for each damping ratio and each ductility or
+        strength."""
         from tdint.analysis.spectra.inelastic import constant_ductility, constant_strength
 
         periods = request.chosen_periods()
@@ -452,7 +466,7 @@ class Inelastic(_OfOscillators):
         return Results(lines, records)
 
     def picture(self, request: SpectrumRequest, lines: Sequence[InelasticSpectrum]) -> Figure:
-        """A line for each spectrum."""
+        """Return a figure with a line for each spectrum."""
         return figures.spectrum_curves.inelastic_picture(lines, request.shown_units)
 
 
@@ -462,31 +476,31 @@ class Fourier(Kind):
     mode = Mode("with --fourier", NAMES | {"fourier", "plot"})
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
-        """The spectrum of each component."""
+        """Compute the spectrum of each component."""
         from tdint.analysis.spectra.fourier import fourier_spectrum
 
         return Results([fourier_spectrum(record, request.bandwidth) for record in records], records)
 
     def picture(self, request: SpectrumRequest, lines: Sequence[FourierSpectrum]) -> Figure:
-        """A line for each component."""
+        """Return a figure with a line for each component."""
         return figures.comparison.fourier_picture(lines, request.shown_units)
 
 
 class Histories(Kind):
-    """The motion of oscillators at the samples of single components."""
+    """Response histories of oscillators at the samples of single components."""
 
     mode = Mode("with --oscillator", NAMES | {"damping", "oscillator"})
 
     def check(self, request: SpectrumRequest) -> None:
-        """Refuse, before any work, what makes no sense together."""
+        """Raise UsageError for options that cannot be used together, before any computation."""
         if request.history != BESIDE:
             raise UsageError(
-                f"--history {request.history}: the table goes to -o; write -o {request.history} "
-                "--history"
+                f"--history {request.history}: --history must be given without a file, because the "
+                f"table is written to -o; use -o {request.history} --history"
             )
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
-        """The motion of each oscillator with each damping ratio under each component."""
+        """Compute the response of each oscillator for each damping ratio and each component."""
         from tdint.analysis.spectra.elastic import oscillator_motion
 
         lines = [
@@ -499,24 +513,24 @@ class Histories(Kind):
 
 
 class Rotated(_OfOscillators):
-    """Spectra of two horizontal components together, over all directions."""
+    """Spectra of two horizontal components over all directions."""
 
     mode = Mode(
         "with --rotd", (_PERIODS - {"component"}) | {"rotd", "maxima", "interpolation", "target"}
     )
 
     def gather(self, request: SpectrumRequest, files: Sequence[str]) -> list[tuple[str, ...]]:
-        """The files of each motion: those that are named alike but for the component, in the order
-        of the first ones.
+        """Group the files by ground motion: files with equal names except for the component.
 
-        Two files of a single horizontal component each are one motion, too, whatever their names
-        are.
+        The order is the order of the first file of each ground motion. If only two files are given
+        and each has a single horizontal component, they are one ground motion, whatever their
+        names.
         """
         from tdint.ground_motion.horizontals import USUAL, files_of_motions
 
         result, others = files_of_motions(files, request.pairs or USUAL)
         if others:
-            note(f"left out, named otherwise than --pairs says: {', '.join(others)}")
+            note(f"skipped, because the names do not match --pairs: {', '.join(others)}")
         if (
             len(files) == len(result) == 2
             and STDIN not in files
@@ -526,7 +540,7 @@ class Rotated(_OfOscillators):
         return result
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
-        """The spectra of the two horizontals among the components of a motion, for each damping
+        """Compute the spectra of the two horizontal components of a ground motion for each damping
         ratio."""
         from tdint.analysis.spectra.rotated import rotated_spectrum
         from tdint.ground_motion.horizontals import find_horizontals, with_component
@@ -544,33 +558,34 @@ class Rotated(_OfOscillators):
         )
 
     def table(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Table:
-        """A row for each damping ratio and period."""
+        """Return a table with a row for each damping ratio and period."""
         return tables.spectra.rotated_table(lines, tuple(request.stated))
 
     def picture(self, request: SpectrumRequest, lines: Sequence[RotatedSpectrum]) -> Figure:
-        """A line for each percentile."""
+        """Return a figure with a line for each percentile."""
         return figures.spectrum_curves.rotated_picture(lines, request.shown_units, request.aim)
 
 
 class Against(Kind):
-    """Elastic spectra beside a published one."""
+    """Elastic spectra compared with a published spectrum."""
 
     mode = Mode("with --against", _PERIODS | {"against", "method", "maxima", "interpolation"})
 
     def check(self, request: SpectrumRequest) -> None:
-        """Refuse, before any work, what makes no sense together."""
+        """Raise UsageError for options that cannot be used together, before any computation."""
         Elastic().check(request)
         for ratio in request.damping:
             request.published(ratio)
 
     def compute(self, request: SpectrumRequest, records: Sequence[Record]) -> Results:
-        """The spectra of each component with each damping ratio, and the published values."""
+        """Compute the spectra of each component for each damping ratio, with the published
+        values."""
         from tdint.analysis.spectra.target import differences
 
         log_log = request.against_interpolation is not None
         lines: list[SpectrumDifference] = []
         for ratio in request.damping:
-            # A published spectrum is of one damping ratio: each is held beside its own.
+            # A published spectrum is for one damping ratio: compare spectra of equal damping.
             published = request.published(ratio)
             of_ratio = replace(request, damping=(ratio,))
             if request.periods is None:
@@ -583,18 +598,18 @@ class Against(Kind):
                 continue
             difference, period = line.largest
             notes.append(
-                f"{line.record.name}, damping {line.damping:g}: largest difference of "
+                f"{line.record.name}, damping {line.damping:g}: maximum difference of "
                 f"{line.published.quantity} to {line.published.source} {100.0 * difference:+.3g} % "
                 f"at {period:.4g} s"
             )
         return Results(lines, records, notes)
 
     def table(self, request: SpectrumRequest, lines: Sequence[SpectrumDifference]) -> Table:
-        """A row for each spectrum and period."""
+        """Return a table with a row for each spectrum and period."""
         return tables.spectra.difference_table(lines)
 
     def picture(self, request: SpectrumRequest, lines: Sequence[SpectrumDifference]) -> Figure:
-        """Both spectra, and their difference."""
+        """Return a figure of both spectra and their difference."""
         return figures.spectrum_curves.difference_picture(lines, request.shown_units)
 
 
@@ -605,6 +620,7 @@ MODES = (
 
 
 def _is_single(request: SpectrumRequest, file: str) -> bool:
+    """Return True if a file has exactly one horizontal component."""
     from tdint.ground_motion.horizontals import is_vertical
     from tdint.ground_motion.reading.read import read_records
 
@@ -613,5 +629,5 @@ def _is_single(request: SpectrumRequest, file: str) -> bool:
             file, units=request.units, inventory=request.inventory, layout=request.layout
         )
     except RecordError:
-        return False  # It will be told when its turn comes.
+        return False  # The error is reported when the file is processed.
     return sum(not is_vertical(record.component) for record in records) == 1

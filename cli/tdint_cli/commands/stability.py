@@ -1,4 +1,4 @@
-"""`tdint stability`: what one step of a method does to an oscillator."""
+"""`tdint stability`: stability and accuracy of one time step of a method for an oscillator."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tdint_cli.options.grammar import ListOf, grid
 from tdint_cli.terminal import say_table, warn
 
 _STEPS = Grid(0.001, 1000.0, 400)
-_BAND = (3.1, 3.7, 301)  # omega dt: the unstable bands lie beside sqrt(12)
+_BAND = (3.1, 3.7, 301)  # omega dt: the unstable bands are next to sqrt(12)
 _DRAWN = options.analysis.DRAWN
 
 
@@ -22,12 +22,13 @@ class Request(options.analysis.OscillatorRequest):
         type=ListOf(grid(*options.analysis.DT_OVER_T)),
         default=(_STEPS,),
         metavar="RATIO,...|FIRST:LAST:COUNT",
-        help="Steps over the undamped period: numbers, or a grid in equal ratios, both ends "
-        f"included; {_STEPS} by default.",
+        help="Time steps divided by the undamped period: values, or a logarithmically spaced grid "
+        f"FIRST:LAST:COUNT (default {_STEPS}).",
     )
     beta_scan: bool = options.option(
-        help=f"Add (without --method: take) impulse with beta {', '.join(BETAS)}, and {_BAND[2]} "
-        f"steps with omega dt in {_BAND[0]:g}..{_BAND[1]:g}: off 1/144 it is unstable there."
+        help=f"Add (without --method: use) impulse with beta {', '.join(BETAS)}, and {_BAND[2]} "
+        f"time steps with omega dt from {_BAND[0]:g} to {_BAND[1]:g}, where it is unstable unless "
+        "beta is 1/144."
     )
 
 
@@ -41,14 +42,16 @@ class Request(options.analysis.OscillatorRequest):
 def command(request: Request) -> None:
     """Compute spectral radius, period error and numerical damping over dt/T.
 
-    Measured on the compiled steps that integrate buildings, for an oscillator without load. CSV:
-    spectral radius of the amplification matrix; period error (numerical over exact period, minus
-    1), numerical damping (damping ratio of the numerical oscillation minus that of the oscillator;
-    eq. 40 of the paper of 2022 prints half of it) and amplitude decay (the part of the amplitude
-    that the method takes in one cycle; eq. 41), empty where the method does not oscillate and
-    beyond half a period; spurious radius (of the roots beside the principal pair, 0 without any;
-    eq. 35), empty where that pair is real. The largest stable omega dt of each method goes to
-    standard error.
+    The values are measured with the same compiled time loops that integrate buildings, for an
+    oscillator without load. CSV: spectral radius of the amplification matrix; period error
+    (numerical period divided by exact period, minus 1); numerical damping (damping ratio of the
+    numerical oscillation minus the damping ratio of the oscillator; eq. 40 of the paper of 2022
+    states half of this value); amplitude decay (fraction of the amplitude that the method removes
+    per cycle; eq. 41); spurious radius (largest modulus of the roots other than the principal
+    pair, 0 if there are no other roots; eq. 35). Period error, numerical damping and amplitude
+    decay are empty if the method does not oscillate, or if the time step exceeds half a period.
+    The spurious radius is empty if the principal pair is real. The maximum stable omega dt of each
+    method is written to standard error.
     """
     import numpy as np
 
@@ -69,7 +72,7 @@ def command(request: Request) -> None:
         tables.methods.stability_table(curves),
         lambda: figures.assessment.stability_picture(shown, band=request.beta_scan),
     )
-    # The largest stable steps; what a method declares is without damping.
+    # Report the maximum stable time steps. The limit that a method declares is for zero damping.
     rows = [("method", "damping", "critical omega dt")]
     none = f"none up to omega dt {LARGEST:.0e}".replace("e+0", "e")
     for integrator in integrators:

@@ -1,4 +1,4 @@
-"""`tdint validate`: a user's own check of an installation."""
+"""`tdint validate`: check an installation against published and exact results."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from tdint_cli.terminal import progress_bar, say
     "validate",
     "tdint validate",
     "tdint validate -o validation.csv",
-    exits={5: "a case is beyond what it allows"},
+    exits={5: "the difference of a case exceeds its tolerance"},
 )
 @options.output.to_files(in_units=False)
 def command(outputs: Outputs) -> None:
     """Compare results of this installation with published and exact results.
 
-    Closed forms, tables of textbooks and printed results of other programs that need no file,
-    computed on this machine with its compiled time loops. CSV: for each case its largest difference
-    and what the case allows; exit code 5 if one is beyond that. With all numbers, other programs
-    and recordings the cases stand in tests/validation of the source.
+    The references are closed-form solutions, textbook tables and printed results of other programs
+    that need no input file. The cases are computed on this machine with its compiled time loops.
+    CSV: maximum difference and tolerance of each case; the exit code is 5 if a difference exceeds
+    its tolerance. tests/validation in the source tree has all cases with their values, including
+    comparisons with other programs and with recordings.
     """
     from tdint.output.tables.methods import validation_table
     from tdint.validation import carry_out, closed_form_cases, textbook_cases
@@ -32,7 +33,7 @@ def command(outputs: Outputs) -> None:
         for done, case in enumerate(cases):
             progress("validating", done / len(cases))
             results.append(carry_out(case))
-    # The table comes before the error: it shows which case is beyond, and by how much.
+    # Write the table before raising the error: it shows which cases fail and their differences.
     outputs.deliver(validation_table(results))
     outside = [result for result in results if not result.within]
     say(f"{len(results) - len(outside)} of {len(results)} cases are within their tolerances.")
@@ -40,7 +41,7 @@ def command(outputs: Outputs) -> None:
         worst = outside[0]
         more = f", and {len(outside) - 1} more" if len(outside) > 1 else ""
         raise AnalysisError(
-            f"{worst.case.name}: the largest difference, {worst.largest:.3g}, is beyond "
-            f"{worst.case.tolerance:.3g}{more}: this installation computes something else than the "
-            "one that was released"
+            f"{worst.case.name}: the maximum difference, {worst.largest:.3g}, exceeds the "
+            f"tolerance {worst.case.tolerance:.3g}{more}: this installation does not reproduce the "
+            "results of the released version"
         )

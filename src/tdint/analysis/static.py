@@ -527,9 +527,9 @@ def pushover(
             shears.append(chain.factor)
         reached = max(reached, math.floor(chain.drift.sum() / target * points + 1e-6))
         if not ended and len(drifts) > _MOST_ROWS * points:
-            ended = "the roof comes back, and does not get there"
+            ended = "the roof displacement decreases and does not reach the target"
     if len(drifts) == 1:
-        raise AnalysisError(f"the pushover does not leave the start: {ended}")
+        raise AnalysisError(f"the pushover stops at the first step: {ended}")
     return Pushover(
         model,
         pattern,
@@ -605,7 +605,7 @@ class _Chain:
                 if (state := self._trial(lead, size)) is not None:
                     break
             else:
-                return "no equilibrium was found further on"
+                return "no further equilibrium state was found"
             drift, factor = state
             # Half of it, where the way bends within it: at a yield point the area below the curve
             # would be cut. How much a straight line leaves out or adds follows from how far the
@@ -627,7 +627,7 @@ class _Chain:
                     lambda _, factor: -factor / self.largest[0], lead, size, drift, factor
                 )
                 self._keep(lead, drift, 0.0)
-                return "the building carries nothing any more"
+                return "no remaining lateral resistance"
             # The next row of a roof that goes on.
             if drift.sum() >= displacement:
                 self._keep(
@@ -645,8 +645,8 @@ class _Chain:
             if way >= step and drift.sum() < self.furthest * (1.0 - _BACK):
                 return ""
         return (
-            f"the other stories come back as fast as story {lead + 1} goes on; more points may "
-            "lead on"
+            f"the remaining stories unload as fast as story {lead + 1} deforms; more points may "
+            "continue the curve"
         )
 
     def _meet(

@@ -111,9 +111,9 @@ class Maxima:
         Parts into which the sampling interval is divided, shape (k,), from omega (rad/s, shape
         (k,)) and the interval (s).
     between : bool
-        Whether also between the ends of these parts.
+        True if maxima between the endpoints of these parts are also found.
     words : str
-        Where that is, for a sentence.
+        Description of the times at which maxima are evaluated, for messages.
     """
 
     name: str
@@ -137,13 +137,19 @@ def _whole(omega: Array, dt: float) -> Parts:
     return np.ones(omega.shape, dtype=np.int64)
 
 
-EXACT = Maxima("exact", _resolving, between=True, words="between them, too")
+EXACT = Maxima("exact", _resolving, between=True, words="also between the samples")
 PEER = Maxima(
-    "peer", _ten_per_period, between=False, words=f"at {STEPS_PER_PERIOD} or more steps per period"
+    "peer",
+    _ten_per_period,
+    between=False,
+    words=f"at {STEPS_PER_PERIOD} or more time steps per period",
 )
-SAMPLES = Maxima("samples", _whole, between=False, words="at the samples only")
+SAMPLES = Maxima("samples", _whole, between=False, words="only at the samples")
 INTERPOLATED = Maxima(
-    "interpolated", _whole, between=True, words="between them, too, on the method's own motion"
+    "interpolated",
+    _whole,
+    between=True,
+    words="also between the samples, on the interpolant of the method",
 )
 MAXIMA = {maxima.name: maxima for maxima in (EXACT, PEER, SAMPLES)}
 
