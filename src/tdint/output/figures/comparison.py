@@ -1,5 +1,5 @@
-"""Figures of a building beside its recordings, of one at rest (modes, cyclic tests, pushovers), of
-records, and of methods over many problems."""
+"""Figures of comparisons with recordings, of buildings without ground motion (modes, cyclic tests,
+pushovers), of records, and of performance profiles of methods."""
 
 from __future__ import annotations
 
@@ -57,29 +57,32 @@ if TYPE_CHECKING:
     from tdint.model.modes import Modes
 
 _RECORDED, _COMPUTED = LIGHT, MARK
-_MOST_ROWS, _WORST = 6, 4  # floors that are drawn; of more, those that agree least, and an overview
-_ENERGY = (0.0005, 0.9995)  # parts of the recorded energy between which the histories are shown
-_CYCLES = 8  # of the recording, that the close-up shows
+_MOST_ROWS, _WORST = 6, 4  # maximum number of floors; with more, the floors with least agreement
+_ENERGY = (0.0005, 0.9995)  # fractions of the recorded energy at the ends of the time histories
+_CYCLES = 8  # number of recorded cycles in the close-up
 _UNITS = {"acceleration": "m/s^2", "displacement": "m"}
-"""By quantity its SI unit."""
+"""SI unit of each quantity."""
 
 
 def comparison_picture(
     comparisons: Sequence[Comparison], periods: Array, damping: float, units: OutputUnits = SI
 ) -> Figure:
-    """Picture of results beside recordings, a row for each floor of each event, the roof on top.
+    """Draw comparisons with recordings, with a row for each floor of each event, roof on top.
 
     Parameters
     ----------
     comparisons : sequence of Comparison
-        One at least.
+        Comparisons; at least one.
     periods : ndarray, shape (k,)
-        Of the spectra, s, and their damping ratio.
+        Periods of the spectra, s.
+    damping : float
+        Damping ratio of the spectra.
     units : OutputUnits
-        Of lengths and accelerations.
+        Units of lengths and accelerations; SI by default.
     """
     units = units.in_pictures
-    # Of many floors those that agree least have a row, and all a point in the overview below.
+    # Of many floors, those with the least agreement have a row; the overview below shows all
+    # floors.
     rows = [
         (comparison, floor, spectra)
         for comparison in comparisons
@@ -131,7 +134,7 @@ def comparison_picture(
     figure.legend(
         lines[:2], ["recorded", "computed"], loc="outside lower center", ncols=2, handlelength=3.0
     )
-    # What was run, and how the recordings were brought to it.
+    # The method, and the processing of the recordings.
     first = comparisons[0]
     response, recording = first.response, first.event.recording
     how = [f"{response.method}, dt {response.dt:.4g} s"]
@@ -140,15 +143,15 @@ def comparison_picture(
     if first.shift:
         how.append(f"recordings shifted by {first.shift:.4g} s")
     if left_out:
-        how.append(f"the {_WORST} floors that agree least; below all {left_out + _WORST}")
+        how.append(f"the {_WORST} floors with least agreement; below all {left_out + _WORST}")
     return titled(
-        figure, f"{response.model.name} beside {record_name(recording.source)}\n{', '.join(how)}"
+        figure,
+        f"{response.model.name} and {record_name(recording.source)}\n{', '.join(how)}",
     )
 
 
 def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
-    """Correlation and ratio of the peaks of every floor: over the events, or over the floors of a
-    single one."""
+    """Draw correlation and peak ratio of every floor over the events, or over the floors."""
     above, below = panels
     for place, comparison in enumerate(comparisons, start=1):
         for floor in comparison.floors:
@@ -158,7 +161,7 @@ def _draw_overview(panels: Any, comparisons: Sequence[Comparison]) -> None:
             below.plot([x], [floor.peak_ratio], "o", color=dark, markersize=3.0)
     above.set_ylabel("correlation")
     above.set_title("all floors, the highest dark", loc="left", fontsize=8.5)
-    below.set_ylabel("peaks, computed\nover recorded")
+    below.set_ylabel("peaks, computed\ndivided by recorded")
     below.axhline(1.0, color=LIGHT, linewidth=0.8)
     below.xaxis.set_major_locator(MaxNLocator(12, integer=True))
     below.set_xlabel("event, in the order of the command line" if len(comparisons) > 1 else "floor")
@@ -173,7 +176,7 @@ def _draw_histories(axes: Any, floor: FloorComparison, units: OutputUnits) -> No
 
 
 def _shaken(comparison: Comparison) -> tuple[float, float]:
-    """The times between which the floors were shaken, s."""
+    """Return start and end of the strong motion of the floors, s."""
     ends = []
     for floor in comparison.floors:
         energy = np.cumsum(floor.recorded**2)
@@ -184,7 +187,7 @@ def _shaken(comparison: Comparison) -> tuple[float, float]:
 
 
 def _strongest(comparison: Comparison) -> tuple[float, float]:
-    """Some cycles around the largest recorded value of the highest floor, s."""
+    """Return the interval of some cycles around the recorded maximum of the highest floor, s."""
     floor = comparison.floors[-1]
     crossings = np.flatnonzero(np.diff(np.signbit(floor.recorded)))
     middle = int(np.searchsorted(crossings, int(np.argmax(np.abs(floor.recorded)))))
@@ -192,23 +195,21 @@ def _strongest(comparison: Comparison) -> tuple[float, float]:
     return (floor.time[near[0]], floor.time[near[-1]]) if near.size >= 2 else _shaken(comparison)
 
 
-# ---- Figures of a building at rest: its modes, the loops of a cyclic test and their energy, and a
-# pushover
+# ---- Figures of buildings without ground motion: modes, cyclic tests and pushovers
 
-_MOST = 4  # modes that are marked: higher ones crowd
-_MARKED = 20  # floors that have markers
+_MOST = 4  # maximum number of modes, because higher modes make the figure crowded
+_MARKED = 20  # maximum number of floors with markers
 
 
 def mode_picture(modes: Modes, *, name: str, norm: str = "roof") -> Figure:
-    """Picture of the first modes over the floors, normalized as
-    `tdint.model.modes.Modes.normalized` says."""
+    """Draw the first modes over the floors, normalized by `tdint.model.modes.Modes.normalized`."""
     figure = Figure(figsize=(5.4, 5.6), layout="constrained")
     draw_modes(figure.subplots(), modes, norm)
     return titled(figure, name)
 
 
 def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
-    """The shapes of the first modes over the floors."""
+    """Draw the shapes of the first modes over the floors."""
     shapes = modes.normalized(norm)
     floors = np.arange(len(shapes) + 1)
     axes.axvline(0.0, color=LIGHT, linewidth=0.8)
@@ -224,7 +225,7 @@ def draw_modes(axes: Any, modes: Modes, norm: str = "roof") -> None:
 
 
 def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Figure:
-    """Picture of a response spectrum analysis: drifts, shears and displacements over the height."""
+    """Draw a response spectrum analysis: drifts, shears and displacements over the height."""
     figure = Figure(figsize=(8.8, 4.6), layout="constrained")
     drift, shear, displacement = figure.subplots(1, 3)
     draw_modal_drifts(drift, result, units)
@@ -248,7 +249,7 @@ def modal_response_picture(result: ModalResponse, units: OutputUnits = SI) -> Fi
 
 
 def draw_modal_drifts(axes: Any, result: ModalResponse, units: OutputUnits) -> None:
-    """Drifts of the stories by both rules: ratios, where all stories have heights."""
+    """Draw story drifts by both combination rules; drift ratios if all stories have heights."""
     ratio = not np.isnan(result.height).any()
     scale = 100.0 / result.height if ratio else 1.0 / units.unit("m")[1]
     label = "drift ratio (%)" if ratio else f"drift ({units.label('m')})"
@@ -257,7 +258,7 @@ def draw_modal_drifts(axes: Any, result: ModalResponse, units: OutputUnits) -> N
 
 
 def _over_height(axes: Any, rows: dict[str, Array], label: str) -> None:
-    """Values of the stories, a stair each."""
+    """Draw values of the stories as steps."""
     for number, (rule, values) in enumerate(rows.items()):
         over_stories(
             axes, values, baseline=None, label=rule, linestyle=DASHES[number], color=COLORS[number]
@@ -267,7 +268,7 @@ def _over_height(axes: Any, rows: dict[str, Array], label: str) -> None:
 
 
 def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
-    """Picture of a cyclic test: shear over drift, and the energies over the cycles.
+    """Draw a cyclic test: shear over drift, and energies over the cycles.
 
     Parameters
     ----------
@@ -300,17 +301,17 @@ def cyclic_picture(test: CyclicTest, units: OutputUnits = SI) -> Figure:
 
 
 def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
-    """The shear of the story over its drift."""
+    """Draw the shear of the story over its drift."""
     factor, unit = scaled_unit(float(np.max(np.abs(test.path.shear))), "N", units)
     drift = units.of(test.path.drift, "m")
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
     axes.axvline(0.0, color=LIGHT, linewidth=0.6)
     axes.plot(drift, test.path.shear * factor, color=COLORS[0], label="restoring force of the law")
     if test.geometric_stiffness:
-        # Not dashed: the dashes of one cycle would fill the gaps of another.
+        # Solid, because the dashes of one cycle would fill the gaps of another cycle.
         force = test.shear_with_p_delta * factor
         axes.plot(drift, force, color=LIGHT, linewidth=0.9, zorder=1.9, label="with P-delta")
-    # First yield, where the test goes beyond it.
+    # First yield, if the test exceeds it.
     if test.yield_drift < float(np.max(test.path.drift)):
         yielding = units.of(test.yield_drift, "m")
         label = f"yield drift {yielding:.3g} {units.label('m')}"
@@ -324,8 +325,7 @@ def draw_loop(axes: Any, test: CyclicTest, units: OutputUnits) -> None:
 
 
 def pushover_picture(result: Pushover, units: OutputUnits = SI) -> Figure:
-    """Picture of a pushover; return value and errors are those of
-    `tdint.output.figures.style.picture`."""
+    """Draw a pushover curve and the drifts of the stories."""
     narrow = is_narrow()
     figure = Figure(figsize=(8.4, 9.2 if narrow else 4.6), layout="constrained")
     curve, profile = (
@@ -337,13 +337,13 @@ def pushover_picture(result: Pushover, units: OutputUnits = SI) -> Figure:
 
 
 def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
-    """The base shear over the roof displacement."""
+    """Draw the base shear over the roof displacement."""
     factor, unit = scaled_unit(float(np.max(np.abs(result.base_shear))), "N", units)
     roof, shear = units.of(result.roof_displacement, "m"), result.base_shear * factor
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
     axes.plot(roof, shear, color=COLORS[0])
     at, most = units.of(result.roof_at_largest, "m"), result.largest_base_shear * factor
-    axes.plot(at, most, "o", color=COLORS[0], label=f"largest base shear {most:.4g} {unit}")
+    axes.plot(at, most, "o", color=COLORS[0], label=f"maximum base shear {most:.4g} {unit}")
     axes.legend(loc="best")
     axes.set(
         xlim=(0.0, np.max(roof)),
@@ -354,8 +354,11 @@ def draw_curve(axes: Any, result: Pushover, units: OutputUnits) -> None:
 
 
 def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = SI) -> Figure:
-    """Picture of target displacements: the curve with what the methods make of it; the equivalent
-    oscillator beside the elastic demand, acceleration over displacement; drifts of the stories."""
+    """Draw target displacements.
+
+    The panels show the pushover curve with its idealizations, the equivalent oscillator with the
+    elastic demand (acceleration over displacement), and story drifts.
+    """
     pushed = results[0].pushed
     narrow = is_narrow()
     figure = Figure(figsize=(11.0, 14.0 if narrow else 4.6), layout="constrained")
@@ -369,7 +372,7 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
         corners = [0.0, made.yield_displacement, made.roof_displacement]
         end = made.yield_force if made.method == "n2" else made.base_shear
         shears = np.array([0.0, made.yield_force, end]) * factor
-        # An idealized curve that has not yielded at the target is one line.
+        # An idealized curve without yielding before the target is a single line.
         reached = 3 if made.roof_displacement > made.yield_displacement else 2
         curve.plot(units.of(np.array(corners[:reached]), "m"), shears[:reached], **look)
         curve.plot(
@@ -392,8 +395,7 @@ def target_picture(results: Sequence[TargetDisplacement], units: OutputUnits = S
 
 
 def _draw_oscillator(axes: Any, made: TargetDisplacement, units: OutputUnits) -> None:
-    """The equivalent oscillator and the elastic demand: force over mass and displacement, both as
-    of one oscillator."""
+    """Draw the equivalent oscillator and the elastic demand as acceleration over displacement."""
     target, pushed = made.target, made.pushed
     roof, shear = (
         pushed.roof_displacement / made.participation,
@@ -432,7 +434,7 @@ def _draw_oscillator(axes: Any, made: TargetDisplacement, units: OutputUnits) ->
         label="target displacement",
     )
     axes.legend(loc="best")
-    # The long periods of a demand lie far to the right of everything else.
+    # Long periods of the demand are far to the right of all other parts.
     most = 1.6 * max(reached, elastic)
     axes.set(xlim=(0.0, units.of(most, "m")), ylim=(0.0, None))
     axes.set(
@@ -446,8 +448,10 @@ def _draw_profile(
     units: OutputUnits,
     drifts: Sequence[tuple[Array, int, str]] | None = None,
 ) -> None:
-    """Drifts of the stories, each with the number of its look: by default at the largest base shear
-    and at the end."""
+    """Draw story drifts with the numbers of their line styles.
+
+    The default is the drifts at the maximum base shear and at the end.
+    """
     heights = [story.drift_height for story in result.model.stories]
     ratio = all(height is not None for height in heights)
     scale = (
@@ -456,7 +460,7 @@ def _draw_profile(
         else np.full(len(heights), 1.0 / units.unit("m")[1])
     )
     at_largest, at_end = (
-        (result.drift_at_largest, 0, "at the largest base shear"),
+        (result.drift_at_largest, 0, "at the maximum base shear"),
         (result.drift[-1], 0, "at the end"),
     )
     for place, (drift, number, text) in enumerate(drifts or (at_largest, at_end)):
@@ -471,28 +475,29 @@ def _draw_profile(
     axes.set(ylim=(0.5, len(heights) + 0.5), ylabel="story", xlabel=label)
 
 
-# ---- Figure of records: acceleration, velocity and displacement over time, and how their Arias
-# intensity builds up
+# ---- Figure of records: acceleration, velocity, displacement and cumulative Arias intensity
 
 _LEAST_AMPLITUDE = 1e-4
-"""Part of the largest Fourier amplitude down to which a picture shows them: below lies what filters
-have left."""
+"""Minimum Fourier amplitude divided by the maximum in figures; smaller amplitudes are residues of
+filters."""
 
 MOST_RECORDS = 3
-"""As many are drawn, side by side; what comes after them is left out."""
+"""Maximum number of records in a figure; further records are omitted."""
 
 _SHARES = (0.05, 0.75, 0.95)
 _MOTION = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
-"""What is drawn over time, from the top, and its SI unit."""
+"""Quantities over time from top to bottom, with their SI units."""
 
 
 def info_picture(infos: Sequence[RecordInfo], units: OutputUnits = SI) -> Figure:
-    """Picture of the first records, at most MOST_RECORDS: a column each.
+    """Draw the first records, at most MOST_RECORDS, with a column each.
 
     Parameters
     ----------
     infos : sequence of RecordInfo
-        One at least.
+        Records; at least one.
+    units : OutputUnits
+        Units of the axes; SI by default.
     """
     infos = infos[:MOST_RECORDS]
     units = units.in_pictures
@@ -509,14 +514,17 @@ def info_picture(infos: Sequence[RecordInfo], units: OutputUnits = SI) -> Figure
 
 
 def match_picture(matched: Match, units: OutputUnits = SI) -> Figure:
-    """Picture of a matched motion beside its scaled seed: spectra with the target, and of each
-    component histories and growth of energy."""
+    """Draw a matched ground motion and its scaled seed.
+
+    The figure has the spectra with the target, and time histories and cumulative energy of each
+    component.
+    """
     units = units.in_pictures
     parts = matched.parts
     figure = Figure(figsize=(7.5 if len(parts) == 1 else 10.0, 9.5), layout="constrained")
     grid = figure.add_gridspec(5, len(parts), height_ratios=(2.2, 1, 1, 1, 1))
     draw_match(figure.add_subplot(grid[0, :]), matched, units)
-    # Histories, the seed behind the match
+    # Time histories, with the seed behind the matched ground motion.
     for column, part in enumerate(parts):
         below = [figure.add_subplot(grid[row, column]) for row in range(1, 5)]
         for record, motion, look in zip(
@@ -553,14 +561,16 @@ _MATCHED: dict[str, dict[str, Any]] = {
 
 
 def draw_match(axes: Any, matched: Match, units: OutputUnits) -> None:
-    """Draw the spectra of a matched motion, of its components and of its scaled seed, and the
-    target. The periods outside of the matched range have a gray background."""
+    """Draw the spectra of a matched ground motion, its components, its scaled seed, and the target.
+
+    Periods outside of the matched range have a gray background.
+    """
     shortest, longest = float(matched.periods[0]), float(matched.periods[-1])
     periods = matched.shown_periods
     inside = (periods >= matched.target.periods[0]) & (periods <= matched.target.periods[-1])
     target = units.of(matched.target.at(periods[inside]), "m/s^2")
     axes.plot(periods[inside], target, color=COLORS[1], linewidth=2.2, label="target")
-    # The motion of which the spectrum is matched; of a pair also each component
+    # The matched spectrum; for a pair also the spectrum of each component.
     spectra = matched.spectra_at(periods)
     for psa, (name, look) in zip(spectra[0][::-1], _MATCHED.items(), strict=True):
         axes.plot(periods, units.of(psa, "m/s^2"), label=name, **look)
@@ -568,7 +578,7 @@ def draw_match(axes: Any, matched: Match, units: OutputUnits) -> None:
         name = f"matched, {part.after.component or 'component'}"
         look = _MATCHED["matched"] | {"linestyle": style}
         axes.plot(periods, units.of(after, "m/s^2"), label=name, **look)
-    # Outside of the matched range nothing is held
+    # Periods outside of the matched range.
     for first, last in ((periods[0], shortest), (longest, periods[-1])):
         if first < last:
             axes.axvspan(first, last, color="0.92", zorder=0)
@@ -579,7 +589,7 @@ def draw_match(axes: Any, matched: Match, units: OutputUnits) -> None:
 
 
 def fourier_picture(spectra: Sequence[FourierSpectrum], units: OutputUnits = SI) -> Figure:
-    """Picture of Fourier amplitude spectra on logarithmic axes, a line per component."""
+    """Draw Fourier amplitude spectra on logarithmic axes, with a line per component."""
     figure = Figure(figsize=(7.5, 5.0), layout="constrained")
     axes = figure.subplots()
     draw_fourier(axes, spectra, units)
@@ -594,8 +604,7 @@ def fourier_picture(spectra: Sequence[FourierSpectrum], units: OutputUnits = SI)
 
 
 def draw_fourier(axes: Any, spectra: Sequence[FourierSpectrum], units: OutputUnits) -> None:
-    """Amplitudes over the frequency, a line each; a picture has room for four decades below the
-    largest."""
+    """Draw amplitudes over the frequency, down to four decades below the maximum."""
     files = record_names(spectrum.record.source for spectrum in spectra)
     names = component_names([spectrum.record for spectrum in spectra])
     for number, (spectrum, name) in enumerate(zip(spectra, names, strict=True)):
@@ -616,7 +625,7 @@ def draw_fourier(axes: Any, spectra: Sequence[FourierSpectrum], units: OutputUni
 
 
 def draw_acceleration(axes: Any, record: Record, units: OutputUnits) -> None:
-    """The acceleration over time with its peak."""
+    """Draw the acceleration over time with its peak."""
     time = np.arange(record.acceleration.size) * record.dt
     axes.plot(time, units.of(record.acceleration, "m/s^2"), color=COLORS[0], linewidth=0.8)
     axes.axhline(0.0, color=LIGHT, linewidth=0.6)
@@ -639,7 +648,7 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
         write_note(axes, f"peak {units.of(peak, si):.3g} {units.label(si)}")
     title = f"{record_name(record.source)} {record.component}".rstrip() + changed([record])
     column[0].set_title(title, parse_math=False)
-    # The integral of the squared acceleration over its final value (Husid 1969), with the
+    # The integral of the squared acceleration divided by its final value (Husid 1969), with
     # significant durations.
     energy = cumulative_energy(record)
     total = float(energy[-1])
@@ -657,23 +666,26 @@ def _draw_record(column: Any, info: RecordInfo, units: OutputUnits) -> None:
 
 # ---- Performance profiles: methods compared over many problems
 
-_LARGEST_RATIO = 30.0  # ratio of costs at which a panel ends
+_LARGEST_RATIO = 30.0  # maximum cost ratio of a panel
 _BOLD = {"impulse4": 2.4, "moment4": 2.4, "newmark-average": 2.0}
-"""Widths of the lines that readers look for: ours, and what most programs do."""
+"""Line widths of emphasized methods: the default of tdint, and the method of most programs."""
 
-_PROFILE_FOOT, _NARROW_FOOT = 110, 64  # characters in a line of the foot; in one column of a page
+_PROFILE_FOOT, _NARROW_FOOT = 110, 64  # characters per line of the footnote; in one column
 
 
 def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> Figure:
-    """Performance profiles (Dolan and More 2002): the share of problems that a method solves at a
-    factor of the least cost, a panel for each tolerance.
+    """Draw performance profiles (Dolan and More 2002), with a panel for each tolerance.
+
+    A profile is the fraction of problems that a method solves within a factor of the minimum cost.
 
     Parameters
     ----------
+    chart : FieldChart
+        Measurements of all problems.
     target : str
-        What the errors are of: a key of `PEAKS`.
+        Quantity of the error, a key of `PEAKS`.
     highlight : str
-        The method to draw in front, thick; as in `method_looks`.
+        Method to draw as a thick line in front, as in `method_looks`; empty by default.
     """
     quantity = target.replace("-", "_")
     profiles = [profile for profile in chart.profiles if profile.quantity == quantity]
@@ -682,7 +694,7 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
     figure = Figure(figsize=(7.5, 9.0 if narrow else 5.4), layout="constrained")
     panels = figure.subplots(*(3, 2) if narrow else (2, 3), sharex=True, sharey=True)
     looks = method_looks(chart.lines, highlight)
-    # In front, thick: what is highlighted, otherwise those that readers look for.
+    # Thick lines in front: the highlighted method, or the emphasized methods.
     front = {
         line: look["linewidth"] for line, look in looks.items() if "linewidth" in look
     } or _BOLD
@@ -690,8 +702,8 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
     for axes, tolerance in zip(panels.flat, tolerances, strict=False):
         shown = [profile for profile in profiles if profile.tolerance == tolerance]
         for profile in sorted(shown, key=lambda profile: front.get(profile.method, 0.0)):
-            # A stair: up at each ratio; on to the panel's end, where it stands for what is solved
-            # at all.
+            # The profile rises at each ratio. It continues to the end of the panel at the fraction
+            # of problems that the method solves at all.
             steps = [ratio for ratio in profile.ratios if ratio <= _LARGEST_RATIO]
             share = np.arange(len(steps) + 1) / max(profile.problems, 1)
             x, y = [1.0, *steps, _LARGEST_RATIO], [*share, share[-1]]
@@ -709,9 +721,9 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
     for axes in panels.flat[len(tolerances) :]:
         axes.set_axis_off()
     for axes in panels[:, 0]:
-        axes.set_ylabel("share of problems solved")
+        axes.set_ylabel("fraction of problems solved")
     for axes in panels[-1]:
-        axes.set_xlabel("time over the least of all methods")
+        axes.set_xlabel("time divided by the minimum over all methods")
     order = [line for line in chart.lines if line in handles]
     add_legend(
         figure,
@@ -719,20 +731,21 @@ def profile_picture(chart: FieldChart, *, target: str, highlight: str = "") -> F
         [handles[line] for line in order],
         [
             chart.named(line)
-            + ", not run in part" * any(p.not_run for p in profiles if p.method == line)
+            + ", partly not run" * any(p.not_run for p in profiles if p.method == line)
             for line in order
         ],
         NARROW,
     )
-    # The legend, which one method does not have, says below what was compared, and on what machine.
+    # The title of the legend states conditions and machine; a single method has no legend.
     timing = chart.timing
     programs = [
         f"tdint {version_of_sources()[0]}",
         *(f"{peer.name} {peer.version}" for peer in chart.peers),
     ]
     conditions = (
-        "Of each method the step that costs least and is within the tolerance, as are all smaller "
-        f"ones; lines end at what is solved at {_LARGEST_RATIO:g} times the least cost. Times: "
+        "Each method has the cheapest time step that is within the tolerance together with all "
+        "smaller time steps; lines end at the fraction solved within "
+        f"{_LARGEST_RATIO:g} times the minimum cost. Times: "
         f"{CLOCKS[timing.clock]}, {timing.told}, {timing.processor}; {', '.join(programs)}"
     )
     for legend in figure.legends:

@@ -1,5 +1,5 @@
-"""Figures of the paper of 2022: its examples' motions and errors, and what the buildings of
-examples 2 and 3 are."""
+"""Figures of the paper of 2022: responses and errors of its examples, and the buildings of examples
+2 and 3."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ if TYPE_CHECKING:
     from tdint.analysis.assessment.paper_examples import ExampleFigure, ExampleRun
     from tdint.model.definition import Model
 
-_NEAR = 3  # steps on both sides of the peak that a close-up shows
-_SHOWN = 2  # masses at each end of a row too long to draw
-_SIDE = 0.5  # of a mass, of the distance between two
+_NEAR = 3  # number of time steps on both sides of the peak in a close-up
+_SHOWN = 2  # number of masses at each end of a row that is too long to draw
+_SIDE = 0.5  # side of a mass divided by the distance between masses
 
 
 def example_picture(
     about: str, runs: Sequence[ExampleRun], shown: ExampleFigure, exact: str, reference: str
 ) -> Figure:
-    """One figure of the paper: displacement or error of a floor by several methods, with a close-up
-    at the peak.
+    """Draw one figure of the paper: displacement or error of a floor, with a close-up at the peak.
 
     Parameters
     ----------
     about : str
-        What the example is, in a line.
+        Description of the example in one line.
     runs : sequence of ExampleRun
-        Of one example and one step; at least one of them ended. Variants are left out.
+        Runs of one example and one time step, of which at least one is completed. Variants are
+        omitted.
     shown : ExampleFigure
-        Which one.
+        Figure of the paper.
     exact : str
-        What is called exact: its name in the legend.
+        Label of the exact solution in the legend.
     reference : str
-        Which one of `tdint.analysis.assessment.paper_examples.REFERENCES` that is.
+        Key of the exact solution in `tdint.analysis.assessment.paper_examples.REFERENCES`.
     """
     runs = [run for run in runs if run.outcome == "done" and not run.variant]
     figure = Figure(figsize=(7.5, 3.8), layout="constrained")
@@ -59,7 +59,8 @@ def example_picture(
     for axes, part in ((wide, slice(None)), (close, near)):
         if not shown.is_error:
             (lines[exact],) = axes.plot(time[part], true[part], color="0.78", linewidth=4.0)
-        # A line for each method; with markers at some steps, in the close-up at every one.
+        # Each method has a line with markers at some time steps; in the close-up at every time
+        # step.
         for motion, label, style in zip(values, labels, styles, strict=True):
             look = style | {"linewidth": 0.8} | ({"markevery": 1} if axes is close else {})
             (lines[label],) = axes.plot(time[part], motion[part], **look)
@@ -81,13 +82,11 @@ def example_picture(
     )
 
 
-# ---- What a building of an example is: masses in a row between springs and dashpots, the first one
-# at a wall
+# ---- Drawing of a building: masses in a row between springs and dashpots, the first at a wall
 
 
 def row_picture(title: str, model: Model) -> Figure:
-    """Drawing of a building as a row of masses, the left end fixed; of many the first and last
-    two."""
+    """Draw a building as a row of masses with a fixed left end; of many masses only the ends."""
     count = len(model.stories)
     is_cut = count > 2 * _SHOWN
     shown = [*range(_SHOWN), *range(count - _SHOWN, count)] if is_cut else list(range(count))

@@ -1,5 +1,5 @@
-"""Spectra: elastic (over the period, tripartite, ADRS), inelastic, rotated, drift; beside a
-published one; targets."""
+"""Figures of spectra: elastic (over the period, tripartite, ADRS), inelastic, rotated and drift
+spectra, comparisons with published spectra, and target spectra."""
 
 from __future__ import annotations
 
@@ -42,26 +42,25 @@ if TYPE_CHECKING:
     from tdint.analysis.spectra.target import SpectrumDifference, TargetSpectrum
 
 
-# ---- What the figures over the period share: lines of components or the fractiles of a suite,
-# panel by panel
+# ---- Parts that figures over the period share: lines of components, or fractiles of a suite
 #
 # Also elastic spectra on other axes: tripartite, and acceleration over displacement (ADRS).
 
-_FEW = 8  # periods: with fewer every one is marked
-_SUITE = 7  # motions from which they are a suite: single ones in gray, median and fractiles
+_FEW = 8  # minimum number of periods without markers
+_SUITE = 7  # number of ground motions from which median and fractiles are drawn
 GRAY = "0.75"
-"""Of what is one among many."""
+"""Style of a single ground motion in a suite."""
 
 _MINOR_GRID = "0.94"
 
 _SCALE = "0.82"
-_PERIODS = (0.2, 0.5, 1.0, 2.0, 4.0)  # s, of the rays of an ADRS
-_ROOM = 0.85  # of the axes that labels of scales stay within
-_NEAR = 0.09  # of the axes: labels that are nearer to each other would overlap
+_PERIODS = (0.2, 0.5, 1.0, 2.0, 4.0)  # s; periods of the rays of an ADRS figure
+_ROOM = 0.85  # fraction of the axes that contains the labels of scales
+_NEAR = 0.09  # minimum distance of labels as a fraction of the axes
 
 
 class OverPeriods(Protocol):
-    """What a line over the period needs; `periods` (s) of shape (k,)."""
+    """Attributes of a line over the period; `periods` (s) has the shape (k,)."""
 
     @property
     def record(self) -> Record: ...
@@ -73,7 +72,7 @@ class OverPeriods(Protocol):
 
 Line = TypeVar("Line", bound=OverPeriods)
 Panel = tuple[str, Callable[[Line], Array]]
-"""Label of the values, and the values of a line, shape (k,)."""
+"""Label of the values, and function that returns the values of a line, shape (k,)."""
 
 
 def draw_over_periods(
@@ -84,16 +83,22 @@ def draw_over_periods(
     *,
     columns: Sequence[str] | None = None,
 ) -> Figure:
-    """Panels one above the other, with a line for each result over its periods; no title yet.
+    """Draw panels above each other, with a line for each result over its periods, without title.
 
-    Many motions are a suite: all in gray, and the median and fractiles of each variant.
+    Many ground motions are drawn as a suite: gray lines, with median and fractiles of each variant.
 
     Parameters
     ----------
+    results : sequence
+        Results over the period.
+    panels : sequence
+        Label and values of each panel.
+    labels : sequence of str
+        Labels of the results.
     variants : sequence, optional
-        What tells lines of one component apart, by default their damping ratios.
+        Values that distinguish lines of one component; damping ratios by default.
     columns : sequence of str, optional
-        The column of panels that each result stands in, by its title; all in one without.
+        Title of the column of panels of each result; one column by default.
     """
     variants = [result.damping for result in results] if variants is None else variants
     suite = is_suite(results)
@@ -111,8 +116,8 @@ def draw_over_periods(
     if suite:
         lines = _draw_suite(rows[:, 0], results, panels, variants)
     else:
-        # Lines are told apart without color: dashes by component, or by variant where there are
-        # several.
+        # Lines are distinguishable without color: dashes differ by component, or by variant if
+        # there are several variants.
         motions = _motions(results)
         number = {motion: i for i, motion in enumerate(dict.fromkeys(motions))}
         kinds = {variant: i for i, variant in enumerate(dict.fromkeys(variants))}
@@ -148,21 +153,23 @@ def draw_over_periods(
 
 
 def _motions(results: Sequence[OverPeriods]) -> list[tuple[str, str]]:
-    """File and component of each result."""
+    """Return file and component of each result."""
     names = component_names([result.record for result in results])
     return [(result.record.source, name) for result, name in zip(results, names, strict=True)]
 
 
 def is_suite(results: Sequence[OverPeriods]) -> bool:
-    """Whether these are so many motions that their fractiles say more than each of them."""
+    """Return True if there are enough ground motions to draw fractiles."""
     if len(set(_motions(results))) < _SUITE:
         return False
     return all(np.array_equal(result.periods, results[0].periods) for result in results)
 
 
 def in_median(results: Sequence[OverPeriods]) -> list[bool]:
-    """Whether the median of a suite counts each: verticals have no part in that of motions with
-    horizontals."""
+    """Return, for each result, True if the median of a suite includes it.
+
+    Vertical components are excluded if there are horizontal components.
+    """
     level = [not is_vertical(result.record.component) for result in results]
     return level if any(level) else [True] * len(level)
 
@@ -173,8 +180,7 @@ def _draw_suite(
     panels: Sequence[Panel[Line]],
     variants: Sequence[Hashable],
 ) -> dict[str, Any]:
-    """All lines in gray, the median and fractiles of each variant; by their names, for the
-    legend."""
+    """Draw all lines in gray, with median and fractiles of each variant; return lines by label."""
     order = _shown(results[0].periods)
     period = results[0].periods[order]
     kinds = list(dict.fromkeys(variants))
@@ -209,15 +215,14 @@ def _draw_suite(
 
 
 def _shown(periods: Array) -> NDArray[np.intp]:
-    """Places of the periods that are drawn, in rising order: period 0 has none on a logarithmic
-    axis."""
+    """Return the indices of the positive periods in increasing order, for a logarithmic axis."""
     order = np.argsort(periods, kind="stable")
     positive = order[periods[order] > 0.0]
     return positive if positive.size else order
 
 
 def log_periods(axes: Any, periods: Array) -> None:
-    """A logarithmic axis over the positive ones of these periods (s)."""
+    """Set a logarithmic axis for the positive periods (s)."""
     shown = periods[_shown(periods)]
     low, high = float(np.min(shown)), float(np.max(shown))
     if not low > 0.0:
@@ -230,8 +235,7 @@ def log_periods(axes: Any, periods: Array) -> None:
 
 
 def line_labels(results: Sequence[OverPeriods]) -> list[str]:
-    """What tells the lines apart: the record if there are several, the component, the damping if
-    there are several."""
+    """Return labels that distinguish lines: record, component and damping ratio, if they differ."""
     names = component_names([result.record for result in results])
     files = record_names(result.record.source for result in results)
     several_files = len(files) > 1
@@ -245,8 +249,7 @@ def line_labels(results: Sequence[OverPeriods]) -> list[str]:
 
 
 def over_periods_title(of_one: str, several: str, results: Sequence[OverPeriods], more: str) -> str:
-    """`ONE of FILE COMPONENT`, or `SEVERAL of ...`; below it the damping and what more there is to
-    say."""
+    """Return the title `ONE of FILE COMPONENT` or `SEVERAL of ...`, then damping and `more`."""
     sources = list(dict.fromkeys(result.record.source for result in results))
     ratios = list(dict.fromkeys(result.damping for result in results))
     subject = record_name(sources[0]) if len(sources) == 1 else f"{len(sources)} records"
@@ -258,11 +261,11 @@ def over_periods_title(of_one: str, several: str, results: Sequence[OverPeriods]
 
 
 _Curve = tuple["Spectrum", str, dict[str, Any]]
-"""A line of the figure in its units, its name in the legend (empty for none) and its style."""
+"""Line in the units of the figure, with its label (empty for none) and its style."""
 
 
 def _curves(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> list[_Curve]:
-    """A line for each spectrum; of a suite all in gray, and the median for each damping ratio."""
+    """Return a line per spectrum; a suite has gray lines and a median for each damping ratio."""
     shown = [
         replace(
             of, sd=units.of(of.sd, "m"), psv=units.of(of.psv, "m/s"), psa=units.of(of.psa, "m/s^2")
@@ -301,7 +304,7 @@ def _name_curves(figure: Figure, axes: Any, curves: Sequence[_Curve]) -> None:
 
 
 def _positive(spectrum: Spectrum) -> NDArray[np.intp]:
-    """Places of the periods that can be drawn, in rising order."""
+    """Return the indices of the periods that can be drawn, in increasing order."""
     order = np.argsort(spectrum.periods, kind="stable")
     return order[(spectrum.periods[order] > 0.0) & (spectrum.sd[order] > 0.0)]
 
@@ -309,8 +312,10 @@ def _positive(spectrum: Spectrum) -> NDArray[np.intp]:
 def draw_tripartite(
     spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits
 ) -> Figure:
-    """Pseudo-velocity over the period, both logarithmic: displacement and pseudo-acceleration are
-    straight scales."""
+    """Draw pseudo-velocity over period on logarithmic axes.
+
+    Displacement and pseudo-acceleration are scales along diagonal lines.
+    """
     figure = Figure(figsize=(7.5, 6.2), layout="constrained")
     axes = figure.subplots()
     curves = _curves(spectra, labels, units)
@@ -326,8 +331,8 @@ def draw_tripartite(
         axes.set_ylim(max(low / 1.5, high / 3e3), 1.8 * high)
         plain_numbers(axes.yaxis)
         axes.yaxis.set_minor_formatter(NullFormatter())
-        # Lines of equal displacement, rising to the left, and of equal pseudo-acceleration, rising
-        # to the right.
+        # Lines of constant displacement rise to the left, lines of constant pseudo-acceleration to
+        # the right.
         (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
         ends = np.array([left, right])
         omega = 2.0 * math.pi / ends
@@ -344,8 +349,8 @@ def draw_tripartite(
         axes.set(xlim=(left, right), ylim=(bottom, top))
     axes.grid(which="minor", color="0.95", linewidth=0.5)
     _name_curves(figure, axes, curves)
-    # The names of scales lie along their lines, which have one slope on the paper; the layout
-    # decides it.
+    # The names of scales are parallel to their lines, which have one slope on paper; the layout
+    # determines the slope.
     if axes.get_yscale() == "log" and axes.get_xscale() == "log":
         figure.draw_without_rendering()
         extent = axes.get_window_extent()
@@ -360,10 +365,9 @@ def draw_tripartite(
 def _name_scale(
     axes: Any, ends: Array, speeds: Array, text: str, limits: tuple[float, float]
 ) -> None:
-    """The value of a scale's line, along it, near where it leaves the axes at the top or at the
-    side.
+    """Write the value of a line of a scale along the line, near the end at the top or at the side.
 
-    It makes way for the names that are there: in units in which 1 and 10 of two scales meet near
+    The position avoids existing names, for units in which values 1 and 10 of two scales meet near
     the top.
     """
     x, y = np.log(ends), np.log(speeds)
@@ -399,7 +403,7 @@ def _name_scale(
 
 
 def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputUnits) -> Figure:
-    """Pseudo-acceleration over displacement; periods are rays from the origin."""
+    """Draw pseudo-acceleration over displacement; periods are rays from the origin."""
     figure = Figure(figsize=(7.0, 6.4), layout="constrained")
     axes = figure.subplots()
     curves = _curves(spectra, labels, units)
@@ -430,7 +434,7 @@ def draw_adrs(spectra: Sequence[Spectrum], labels: Sequence[str], units: OutputU
 
 # ---- Spectrum curves
 
-_MOST = 4  # components that have panels of their own
+_MOST = 4  # maximum number of components with separate panels
 _NAMES = {
     "sd": ("displacement SD", "m"),
     "psv": ("pseudo-velocity PSV", "m/s"),
@@ -438,7 +442,7 @@ _NAMES = {
     "sv": ("velocity SV", "m/s"),
     "sa": ("absolute acceleration SA", "m/s^2"),
 }
-"""By quantity its name and SI unit."""
+"""Name and SI unit of each quantity."""
 
 _TARGET: dict[str, Any] = {"color": "0.1", "linewidth": 2.2, "zorder": 6}
 _POINTS: dict[str, Any] = {"color": "0.25", "markersize": 3.0, "markerfacecolor": "none"}
@@ -450,22 +454,26 @@ def spectrum_picture(
     units: OutputUnits = SI,
     target: TargetSpectrum | None = None,
 ) -> Figure:
-    """Picture of spectra, a line per component and damping ratio, or the fractiles of a suite.
+    """Draw spectra: a line per component and damping ratio, or the fractiles of a suite.
 
     Parameters
     ----------
+    spectra : sequence of Spectrum
+        Spectra; at least one.
     axes : str
         A key of `DRAWN`: pseudo-acceleration and displacement over the `periods`, `tripartite`
         (pseudo-velocity over the period, with scales of the other two), or `adrs`
         (pseudo-acceleration over displacement).
+    units : OutputUnits
+        Units of the axes; SI by default.
     target : TargetSpectrum, optional
-        Drawn over them on the axes `periods`.
+        Target spectrum, drawn if `axes` is `periods`.
     """
     units = units.in_pictures
     figure = DRAWN[axes](spectra, line_labels(spectra), units)
     if target is not None:
         _add_target(figure, target, units)
-    # A method leaves nothing to choose beside it.
+    # Only the exact solution has further settings.
     first = spectra[0]
     how = (
         ", ".join(["exact solution", *_choices(first)]) if first.method == "exact" else first.method
@@ -477,8 +485,7 @@ def spectrum_picture(
 
 
 def low_picture(spectra: Sequence[Spectrum], units: OutputUnits = SI) -> Figure:
-    """The pseudo-accelerations alone, for a page: low, so that letters can be read where there is
-    little room."""
+    """Draw only pseudo-accelerations, in a low figure for reports that keeps text legible."""
     figure = Figure(figsize=(8.0, 3.4), layout="constrained")
     draw_accelerations(figure.subplots(), spectra, units.in_pictures)
     return figure
@@ -489,7 +496,7 @@ def _draw_periods(spectra: Sequence[Spectrum], labels: Sequence[str], units: Out
 
 
 def _elastic_panels(units: OutputUnits) -> list[Panel[Any]]:
-    """Pseudo-accelerations above displacements."""
+    """Return the panels: pseudo-accelerations above displacements."""
     return [
         (
             f"pseudo-acceleration PSA ({units.label('m/s^2')})",
@@ -500,7 +507,7 @@ def _elastic_panels(units: OutputUnits) -> list[Panel[Any]]:
 
 
 def draw_accelerations(axes: Any, spectra: Sequence[Spectrum], units: OutputUnits) -> None:
-    """Pseudo-accelerations over the periods, a line each."""
+    """Draw pseudo-accelerations over the periods, with a line per spectrum."""
     for number, (spectrum, label) in enumerate(
         zip(spectra, line_labels(spectra), strict=True), len(axes.get_lines())
     ):
@@ -518,11 +525,11 @@ def draw_accelerations(axes: Any, spectra: Sequence[Spectrum], units: OutputUnit
 
 
 DRAWN = {"periods": _draw_periods, "tripartite": draw_tripartite, "adrs": draw_adrs}
-"""What draws spectra, by the name of its axes."""
+"""Functions that draw spectra, by the name of the axes."""
 
 
 def _choices(spectrum: Spectrum | RotatedSpectrum) -> list[str]:
-    """What was chosen of an exact solution that is not usual."""
+    """Return the settings of an exact solution that differ from the defaults."""
     maxima = [f"maxima: {spectrum.maxima}"] if spectrum.maxima != "exact" else []
     return maxima + (
         [f"{spectrum.interpolation} motion"] if spectrum.interpolation != "linear" else []
@@ -530,20 +537,22 @@ def _choices(spectrum: Spectrum | RotatedSpectrum) -> list[str]:
 
 
 def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits = SI) -> Figure:
-    """Picture of inelastic spectra: a line per component, damping ratio, and ductility or strength.
+    """Draw inelastic spectra: a line per component, damping ratio, and ductility or strength.
 
     Parameters
     ----------
     spectra : sequence of InelasticSpectrum
-        One at least; all for ductilities or all for strengths.
+        Spectra; at least one; all for ductilities or all for strengths.
+    units : OutputUnits
+        Units of the axes; SI by default.
     """
     panels: list[Panel[InelasticSpectrum]] = [
         ("yield strength over weight", lambda spectrum: spectrum.yield_strength_ratio)
         if spectra[0].target is not None
         else ("ductility", lambda spectrum: spectrum.ductility),
-        (f"largest displacement ({units.label('m')})", lambda spectrum: units.of(spectrum.sd, "m")),
+        (f"maximum displacement ({units.label('m')})", lambda spectrum: units.of(spectrum.sd, "m")),
     ]
-    # What was asked for: a ductility, or a strength, which is the same at all periods.
+    # The prescribed value: a ductility, or a strength, which is the same at all periods.
     given = [
         f"strength {spectrum.yield_strength_ratio[0]:.4g}"
         if spectrum.target is None
@@ -551,8 +560,7 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
         for spectrum in spectra
     ]
     several = len(set(given)) > 1
-    # A few components have a column of panels each; the file stands with them where there are
-    # several.
+    # A few components have separate columns of panels; titles have the file if there are several.
     files = record_names(spectrum.record.source for spectrum in spectra)
     names = component_names([spectrum.record for spectrum in spectra])
     components = [
@@ -577,7 +585,7 @@ def inelastic_picture(spectra: Sequence[InelasticSpectrum], units: OutputUnits =
     figure = draw_over_periods(
         spectra, panels, labels, variants, columns=components if apart else None
     )
-    # Ductilities on a logarithmic axis, with a line at first yielding.
+    # Ductilities on a logarithmic axis, with a line at first yield.
     if spectra[0].target is None and any(np.any(spectrum.ductility > 0.0) for spectrum in spectra):
         upper = figure.axes[0]
         upper.set_yscale("log")
@@ -595,18 +603,21 @@ def rotated_picture(
     units: OutputUnits = SI,
     target: TargetSpectrum | None = None,
 ) -> Figure:
-    """Picture of spectra over all directions: a line per motion, damping ratio, percentile, and the
-    geometric mean.
+    """Draw spectra over all directions.
+
+    There is a line per ground motion, damping ratio and percentile, and for the geometric mean.
 
     Parameters
     ----------
     spectra : sequence of RotatedSpectrum
-        One at least; all of the same percentiles.
+        Spectra with the same percentiles; at least one.
+    units : OutputUnits
+        Units of the axes; SI by default.
     target : TargetSpectrum, optional
-        Drawn over them.
+        Target spectrum.
     """
     units = units.in_pictures
-    # A percentile or the geometric mean of a motion and damping ratio each.
+    # A line is a percentile or the geometric mean of a ground motion at a damping ratio.
     lines: list[Any] = []
     for spectrum in spectra:
         motion = spectrum.motion
@@ -641,20 +652,22 @@ def rotated_picture(
 
 
 def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], units: OutputUnits = SI) -> Figure:
-    """Picture of drift spectra: a line per component and damping ratio.
+    """Draw drift spectra: a line per component and damping ratio.
 
     Parameters
     ----------
     spectra : sequence of DriftSpectrum
-        One at least; all of the same kind of building.
+        Spectra of the same type of building; at least one.
+    units : OutputUnits
+        Units of the axes; SI by default.
     """
     beam = spectra[0].stories[0] == 0
     panels: list[Panel[DriftSpectrum]] = [
         (
-            "drift ratio at the base (%)" if beam else "largest story drift ratio (%)",
+            "drift ratio at the base (%)" if beam else "maximum story drift ratio (%)",
             lambda spectrum: 100.0 * spectrum.peak_drift_ratio,
         ),
-        ("roof displacement over height (%)", lambda spectrum: 100.0 * spectrum.roof_drift_ratio),
+        ("roof displacement / height (%)", lambda spectrum: 100.0 * spectrum.roof_drift_ratio),
     ]
     figure = draw_over_periods(spectra, panels, line_labels(spectra))
     _add_heights(figure.axes[0], spectra[0], units)
@@ -666,7 +679,7 @@ def drift_spectrum_picture(spectra: Sequence[DriftSpectrum], units: OutputUnits 
 
 
 def _add_heights(axes: Any, spectrum: DriftSpectrum, units: OutputUnits) -> None:
-    """A scale of the heights on top; they are a power of the period."""
+    """Add a scale of building heights at the top; heights are a power of the period."""
     first, last = spectrum.periods.argmin(), spectrum.periods.argmax()
     if spectrum.periods[first] == spectrum.periods[last]:
         return
@@ -687,12 +700,12 @@ def _add_heights(axes: Any, spectrum: DriftSpectrum, units: OutputUnits) -> None
 
 
 def difference_picture(lines: Sequence[SpectrumDifference], units: OutputUnits = SI) -> Figure:
-    """Picture of spectra, the published values as points, and of the differences below."""
+    """Draw spectra with published values as points, and the differences below."""
     units = units.in_pictures
     name, si = _NAMES[lines[0].published.quantity]
     panels: list[Panel[SpectrumDifference]] = [
         (f"{name} ({units.label(si)})", lambda line: units.of(line.computed, si)),
-        ("computed over published, less 1 (%)", lambda line: 100.0 * line.relative_difference),
+        ("computed / published - 1 (%)", lambda line: 100.0 * line.relative_difference),
     ]
     figure = draw_over_periods(lines, panels, line_labels(lines))
     upper, lower = figure.axes
@@ -703,13 +716,16 @@ def difference_picture(lines: Sequence[SpectrumDifference], units: OutputUnits =
     lower.autoscale(axis="y")
     lower.axhline(0.0, color=LIGHT, linewidth=0.8, zorder=1.5)
     title = over_periods_title(
-        "Spectrum", "Spectra", lines, f"beside {record_name(lines[0].published.source)} (points)"
+        "Spectrum",
+        "Spectra",
+        lines,
+        f"compared with {record_name(lines[0].published.source)} (points)",
     )
     return titled(figure, title)
 
 
 def target_picture(target: TargetSpectrum, units: OutputUnits = SI) -> Figure:
-    """Picture of a target spectrum: pseudo-acceleration and displacement over the period."""
+    """Draw a target spectrum: pseudo-acceleration and displacement over the period."""
     units = units.in_pictures
     figure = Figure(figsize=(7.5, 7.2), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.25, 1.0))
@@ -724,15 +740,14 @@ def target_picture(target: TargetSpectrum, units: OutputUnits = SI) -> Figure:
 
 
 def _target_name(target: TargetSpectrum) -> str:
-    """A design spectrum as it was named, or the name of the file without its folder."""
+    """Return the printed form of a design spectrum, or the file name without directory."""
     return spectrum_text(target.source) if target.curve else record_name(target.source)
 
 
 def _add_target(
     figure: Figure, target: TargetSpectrum, units: OutputUnits, *, legend: bool = True
 ) -> None:
-    """Draw a target into the panels of pseudo-acceleration and of displacement of a figure over the
-    period."""
+    """Draw a target into the panels of pseudo-acceleration and displacement over the period."""
     upper, lower = figure.axes[:2]
     low, high = upper.get_xlim()
     psa, sd = units.of(target.psa, "m/s^2"), units.of(target.sd, "m")
