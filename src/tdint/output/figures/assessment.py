@@ -409,12 +409,12 @@ _EXPLANATION = (
 
 
 def failure_picture(trials: Sequence[Trial]) -> Figure:
-    """Picture of who fails where: a row per method, a column per problem and step.
+    """Draw a matrix of failures: a row per method, a column per problem and time step.
 
     Parameters
     ----------
     trials : sequence of Trial
-        A cell each.
+        Trials, one cell each.
     """
     methods = list(dict.fromkeys(trial.method for trial in trials))
     columns = list(dict.fromkeys((trial.problem, trial.dt) for trial in trials))
@@ -424,7 +424,7 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
     high = sum(_LINE + _LETTER_UP * max(map(len, part)) + tall * len(methods) for part in parts)
     figure = Figure(figsize=(width, high + (1.7 if narrow else 1.13)), layout="constrained")
     panels = figure.subplots(len(parts), 1, squeeze=False)[:, 0]
-    # A cell for each trial; what is hatched has its words on a plain ground.
+    # Each trial has a cell; text in a hatched cell has a plain background.
     look: dict[str, Any] = {
         "fontsize": 6.0 if PRINTED.get().width else 6.8,
         "rotation": 90.0 if upright else 0.0,
@@ -437,7 +437,7 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
         panels[panel].text(
             x, y, _words(trial), ha="center", va="center", color=mark.ink, bbox=behind, **look
         )
-    # Problems above, methods at the side; a line between one problem and the next.
+    # Problems are at the top, methods at the side; lines separate problems.
     for panel, (axes, part) in enumerate(zip(panels, parts, strict=True)):
         first = panel * across
         axes.set(xlim=(-0.5, across - 0.5), ylim=(len(methods) - 0.5, -0.5))
@@ -450,7 +450,7 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
         for x in range(1, len(part)):
             if columns[first + x][0] != columns[first + x - 1][0]:
                 axes.axvline(x - 0.5, color="black", linewidth=1.2)
-    # The legend has the looks, and above them what the numbers are.
+    # The legend explains the styles of cells; its title explains the numbers.
     handles = [_patch(0.0, 0.0, _MARKS[name]) for name in _LEGEND.values()]
     size = {
         "ncols": 2 if narrow else 3,
@@ -467,9 +467,11 @@ def failure_picture(trials: Sequence[Trial]) -> Figure:
 
 
 def _rooms(methods: Sequence[str], count: int) -> tuple[float, int, float, bool]:
-    """What some columns take: on a screen as much as they need, in print as few panels as have room
-    for the numbers. Width of the figure, columns of a panel, height of a row, inches; whether words
-    stand up."""
+    """Return the space that columns need: as much as necessary on a screen; few panels in print.
+
+    The result is the width of the figure, the number of columns of a panel, the height of a row
+    (inches), and True if the text is vertical.
+    """
     side = _LINE + _LETTER_UP * max(map(len, methods))
     printed = PRINTED.get().width
     if not printed:
@@ -483,7 +485,7 @@ def _rooms(methods: Sequence[str], count: int) -> tuple[float, int, float, bool]
             return width, columns, _TALL if upright else _CELL[1], upright
     least = math.ceil(1e3 * INCH * (side + _UPRIGHT * columns))
     raise UsageError(
-        f"the names of these methods and their numbers take a width of {least} mm at least"
+        f"the names of these methods and their numbers require a width of at least {least} mm"
     )
 
 
@@ -500,8 +502,10 @@ def _patch(x: float, y: float, mark: _Mark) -> Rectangle:
 
 
 def _words(trial: Trial) -> str:
-    """Three digits of what is judged, the steps done before a failure, or a dash; five characters
-    in print."""
+    """Return the text of a cell, in print at most five characters.
+
+    It is the measure with three digits, the number of time steps before a failure, or a dash.
+    """
     if math.isnan(trial.measure):
         return "-" if trial.outcome == "refused" else str(trial.steps)
     texts = []
@@ -516,42 +520,43 @@ def _words(trial: Trial) -> str:
     return texts[PRINTED.get().width is not None and len(texts[0]) > _MOST_LETTERS]
 
 
-# ---- Figures of work against precision: time over error, error over step, cost over size; readable
-# in black and white
+# ---- Work-precision diagrams: time over error, error over time step, cost over number of stories;
+# readable in black and white
 
 _FRONT = "0.85"
-_SMALLEST_GAP = 1e-14  # so that it has a place on a logarithmic axis
-_LARGEST_ERROR = 10.0  # what is further off is cut
+_SMALLEST_GAP = 1e-14  # replaces a gap of 0, which has no position on a logarithmic axis
+_LARGEST_ERROR = 10.0  # larger errors are not shown
 _COSTS = {
     "time": "{clock} in the compiled loop (s)",
     "steps": "time steps",
-    "solves": "solves of the equations (of scipy evaluations of the rate)",
+    "solves": "solutions of the equations (for scipy: evaluations of the derivatives)",
 }
-_FOOT = 100  # characters in a line of a picture's foot
+_FOOT = 100  # characters per line of the footnote
 
 
 def chart_picture(
     chart: Chart, *, name: str, target: str, versus: str = "time", highlight: str = ""
 ) -> Figure:
-    """Picture of a chart: time over error, a line per method; or error over step.
+    """Draw a work-precision diagram: time over error with a line per method, or error over time
+    step.
 
-    A point whose error is below the gap of the reference is not drawn. Of those of a line that has
-    some, a triangle at the gap stands for the cheapest. The grey band joins the points that no
-    other one beats in both time and error.
+    A point with an error below the gap of the reference is not drawn. If a line has such points, a
+    triangle at the gap represents the cheapest. The gray band connects the points for which no
+    other point has both less time and less error.
 
     Parameters
     ----------
     chart : Chart
-        What was measured.
+        Measurements.
     name : str
-        Of the building, for the title.
+        Name of the building, for the title.
     target : str
-        The error to show, a key of `QUANTITIES`.
+        Error that is shown, a key of `QUANTITIES`.
     versus : str
-        `time`, `steps`, `solves`: a cost over the error; `dt`: the error over the step. Programs
-        that do not count their steps have no points over these.
+        `time` (the default), `steps` or `solves`: cost over error; `dt`: error over time step.
+        Programs that do not count their time steps or solutions have no points for these costs.
     highlight : str
-        The line to draw in front, thick; as in `method_looks`.
+        Line that is drawn thick and in front, as in `method_looks`; empty by default.
     """
     if versus == "dt":
         return _draw_steps(_Drawing(chart, target), name, highlight)
@@ -561,15 +566,17 @@ def chart_picture(
 def sizes_picture(
     charts: Sequence[Chart], *, name: str, target: str, highlight: str = ""
 ) -> Figure:
-    """Picture of time per step and of error over the number of stories, at the step closest to the
-    record's."""
+    """Draw time per time step, and error, over the number of stories.
+
+    The time step is the one closest to the sampling interval of the record.
+    """
     figure = Figure(figsize=(7.5, 4.6), layout="constrained")
     cost, accuracy = figure.subplots(1, 2)
     lines = list(dict.fromkeys(point.line for chart in charts for point in chart.points))
     drawings = [_Drawing(chart, target) for chart in charts]
     handles = []
     for line, style in _styles(lines, highlight).items():
-        # Of each size the point whose step is closest to the record's.
+        # For each number of stories, the point with the time step closest to the sampling interval.
         closest: list[tuple[_Drawing, Point]] = []
         for drawing in drawings:
             points = [point for point in drawing.lines.get(line, []) if not math.isnan(point.dt)]
@@ -589,7 +596,7 @@ def sizes_picture(
             xlabel="stories (dotted: in proportion to them)" if axes is cost else "stories",
             ylabel=label,
         )
-    # Cost in proportion to size, under the lines, within the limits that they have.
+    # Dotted lines proportional to the number of stories, within the limits of the axes.
     limits = cost.get_ylim()
     ends = np.array(
         [min(chart.stories for chart in charts), max(chart.stories for chart in charts)],
@@ -609,7 +616,7 @@ def sizes_picture(
 
 
 class _Drawing:
-    """What of a chart is drawn for one of the errors."""
+    """Points of a chart that are drawn for one type of error."""
 
     def __init__(self, chart: Chart, target: str, versus: str = "time") -> None:
         self.chart = chart
@@ -618,32 +625,33 @@ class _Drawing:
         self.gap = max(chart.reference.gap.of(target), _SMALLEST_GAP)
         lines: dict[str, list[Point]] = {point.line: [] for point in chart.points}
         for point in chart.points:
-            if point.error(target) >= 0.0 and self.cost(point) > 0.0:  # not where it is nan
+            # Comparisons with nan are false, so points with unknown values are excluded.
+            if point.error(target) >= 0.0 and self.cost(point) > 0.0:
                 lines[point.line].append(point)
         self.lines = {line: points for line, points in lines.items() if points}
         self.points = [point for points in self.lines.values() for point in points]
 
     def cost(self, point: Point) -> float:
-        """What the march costs; nan where it was not counted."""
+        """Return the cost of the time integration; nan if it was not counted."""
         cost = {"time": point.fastest, "steps": point.steps, "solves": point.iterations}[
             self.versus
         ]
         return math.nan if cost is None else float(cost)
 
     def error(self, point: Point) -> float:
-        """The error, or the gap where it is less."""
+        """Return the error, or the gap if the error is smaller."""
         return max(point.error(self.target), self.gap)
 
     def known(self, points: Sequence[Point]) -> list[Point]:
-        """Points whose error is above the gap."""
+        """Return the points with an error above the gap."""
         return [point for point in points if point.error(self.target) > self.gap]
 
     def place(self, point: Point) -> tuple[float, float]:
-        """Error and cost."""
+        """Return error and cost."""
         return self.error(point), self.cost(point)
 
     def front(self) -> list[Point]:
-        """The points that no other one beats in both cost and error, the cheapest first."""
+        """Return the points without another point of less cost and less error, the cheapest first."""
         front: list[Point] = []
         for point in sorted(self.points, key=lambda point: (self.cost(point), self.error(point))):
             if not front or self.error(point) < self.error(front[-1]):
@@ -651,13 +659,13 @@ class _Drawing:
         return front
 
     def below(self, points: Sequence[Point]) -> list[Point]:
-        """The cheapest point below the gap, if there is one."""
+        """Return the cheapest point below the gap, if there are points below the gap."""
         below = [point for point in points if point.error(self.target) <= self.gap]
         return [min(below, key=self.cost)] if below else []
 
 
 def _styles(lines: Sequence[str], highlight: str) -> dict[str, dict[str, Any]]:
-    """Dashes and markers that tell lines apart without color; open markers for other programs."""
+    """Return dashes and markers of lines; markers of other programs are open."""
     looks = method_looks(lines, highlight)
     faces = {line: "white" if PEER in line else looks[line]["color"] for line in lines}
     return {
@@ -668,14 +676,14 @@ def _styles(lines: Sequence[str], highlight: str) -> dict[str, dict[str, Any]]:
 def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
     figure = Figure(figsize=(7.5, 5.6), layout="constrained")
     axes = figure.subplots()
-    # The front lies under all lines, as a band; a line has marks at its points, and a triangle
-    # below the gap.
+    # The front is a band below all lines. Lines have markers at their points, and a triangle below
+    # the gap.
     front = drawing.front()
     (band,) = axes.plot(
         *_columns(drawing, front), color=_FRONT, linewidth=9.0, solid_capstyle="round", zorder=1
     )
     handles = []
-    shown: list[Point] = []  # with a mark
+    shown: list[Point] = []  # points with a marker
     styles = _styles(list(drawing.lines), highlight)
     for line, points in drawing.lines.items():
         style = styles[line]
@@ -701,12 +709,12 @@ def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
     own = [point for point in shown if abs(point.dt - interval) <= 1e-9 * interval]
     axes.plot(*_columns(drawing, own), linestyle="none", **rings, markeredgewidth=0.8)
     _chart_frame(axes)
-    if drawing.versus != "time":  # within a decade, often
+    if drawing.versus != "time":  # these costs often differ by less than a decade
         plain_numbers(axes.yaxis)
         plain_minor_numbers(axes.yaxis)
     axes.set_xlim(right=min(axes.get_xlim()[1], _LARGEST_ERROR))
     axes.set_xlabel(f"{QUANTITIES[drawing.target]}\n{_footnote(drawing)}")
-    # Of times what is timed, of other programs, too.
+    # For times, the label states what is timed, also for other programs.
     chart = drawing.chart
     label = _COSTS[drawing.versus].format(clock=CLOCKS[chart.timing.clock])
     if drawing.versus == "time" and chart.peers:
@@ -716,15 +724,15 @@ def _draw_costs(drawing: _Drawing, name: str, highlight: str) -> Figure:
         figure,
         axes,
         [*handles, band],
-        [*drawing.lines, "band: no other point is cheaper and closer"],
+        [*drawing.lines, "band: no other point is cheaper and more accurate"],
         NARROW,
     )
     titled(
         figure,
         _title(drawing, name, f"{drawing.versus} against accuracy, time steps (s) at the points"),
     )
-    # Steps at the points of the front and at the finest of each line, where there is room when all
-    # else is in place.
+    # Time steps at the points of the front and at the smallest time step of each line, if there is
+    # space after the layout.
     finest = [points[-1] for points in drawing.lines.values() if points[-1] in shown]
     labelled = list(dict.fromkeys(point for point in (*front, *finest) if not math.isnan(point.dt)))
     labels = [(*drawing.place(point), f"{point.dt:.4g}") for point in labelled]
@@ -737,7 +745,7 @@ def _columns(drawing: _Drawing, points: Sequence[Point]) -> tuple[list[float], l
 
 
 def _chart_frame(axes: Any) -> None:
-    """Logarithmic axes with every decade."""
+    """Set logarithmic axes with ticks at every decade."""
     for axis, scale in ((axes.xaxis, axes.set_xscale), (axes.yaxis, axes.set_yscale)):
         scale("log")
         axis.set_major_locator(LogLocator(numticks=20))
@@ -745,10 +753,10 @@ def _chart_frame(axes: Any) -> None:
 
 
 def _footnote(drawing: _Drawing) -> str:
-    """What the ring marks, and what the errors are relative to."""
+    """Return the footnote: the meaning of the circle, and the reference of the errors."""
     chart, reference = drawing.chart, drawing.chart.reference
     gap = reference.gap.of(drawing.target)
-    whose = "record" if chart.recorded else "model"
+    interval = "sampling interval of the record" if chart.recorded else "time step of the model"
     chosen = "; by tolerance: of the whole run" * any(
         math.isnan(p.dt) and PEER not in p.line for p in drawing.points
     )
@@ -758,9 +766,9 @@ def _footnote(drawing: _Drawing) -> str:
     ]
     return "\n".join(
         wrap(
-            f"circle: the {whose}'s own step, {chart.interval:.4g} s; reference: "
-            f"{reference.method}, dt {reference.dt:.3g} s, from which {reference.confirmed_by} "
-            f"differs by {gap:.1e}; times: {CLOCKS[chart.timing.clock]}, {chart.timing.told}, "
+            f"circle: {interval}, {chart.interval:.4g} s; reference: "
+            f"{reference.method}, dt {reference.dt:.3g} s; difference from {reference.confirmed_by}: "
+            f"{gap:.1e}; times: {CLOCKS[chart.timing.clock]}, {chart.timing.told}, "
             f"{chart.timing.processor}{chosen}; {', '.join(programs)}",
             _FOOT,
         )
