@@ -651,7 +651,7 @@ class _Drawing:
         return self.error(point), self.cost(point)
 
     def front(self) -> list[Point]:
-        """Return the points without another point of less cost and less error, the cheapest first."""
+        """Return the points that no other point beats in cost and error, the cheapest first."""
         front: list[Point] = []
         for point in sorted(self.points, key=lambda point: (self.cost(point), self.error(point))):
             if not front or self.error(point) < self.error(front[-1]):
@@ -767,8 +767,8 @@ def _footnote(drawing: _Drawing) -> str:
     return "\n".join(
         wrap(
             f"circle: {interval}, {chart.interval:.4g} s; reference: "
-            f"{reference.method}, dt {reference.dt:.3g} s; difference from {reference.confirmed_by}: "
-            f"{gap:.1e}; times: {CLOCKS[chart.timing.clock]}, {chart.timing.told}, "
+            f"{reference.method}, dt {reference.dt:.3g} s; difference from "
+            f"{reference.confirmed_by}: {gap:.1e}; times: {CLOCKS[chart.timing.clock]}, {chart.timing.told}, "
             f"{chart.timing.processor}{chosen}; {', '.join(programs)}",
             _FOOT,
         )
