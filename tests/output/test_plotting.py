@@ -264,7 +264,7 @@ def test_what_has_no_picture_is_refused(results, tmp_path):
         tdint.plot([results["record"], results["spectrum"]])
     with pytest.raises(UsageError, match="several of Response"):
         tdint.plot([results["run"], results["run"]])
-    with pytest.raises(UsageError, match="there is no picture"):
+    with pytest.raises(UsageError, match="no figure is available"):
         tdint.methods().plot()
     with pytest.raises(UsageError, match="those of their figure"):
         tdint.plot(results["run"], ax=Figure().subplots(), width=0.09)

@@ -768,7 +768,8 @@ def _footnote(drawing: _Drawing) -> str:
         wrap(
             f"circle: {interval}, {chart.interval:.4g} s; reference: "
             f"{reference.method}, dt {reference.dt:.3g} s; difference from "
-            f"{reference.confirmed_by}: {gap:.1e}; times: {CLOCKS[chart.timing.clock]}, {chart.timing.told}, "
+            f"{reference.confirmed_by}: {gap:.1e}; times: {CLOCKS[chart.timing.clock]}, "
+            f"{chart.timing.told}, "
             f"{chart.timing.processor}{chosen}; {', '.join(programs)}",
             _FOOT,
         )
