@@ -182,7 +182,7 @@ def test_no_word_of_the_matrix_touches_another_one(names, width, panels):
 
 
 def test_a_matrix_without_room_says_what_it_takes():
-    with pytest.raises(UsageError, match=r"take a width of (\d+) mm at least") as caught:
+    with pytest.raises(UsageError, match=r"require a width of at least (\d+) mm") as caught:
         matrix(["impulse4", *LONG], 50)
     least = int(str(caught.value).split(" mm")[0].split()[-1])
     assert len(matrix(["impulse4", *LONG], least).axes) == 3
