@@ -186,5 +186,5 @@ def test_a_matrix_without_room_says_what_it_takes():
         matrix(["impulse4", *LONG], 50)
     least = int(str(caught.value).split(" mm")[0].split()[-1])
     assert len(matrix(["impulse4", *LONG], least).axes) == 3
-    with pytest.raises(UsageError, match=f"take a width of {least} mm"):
+    with pytest.raises(UsageError, match=f"require a width of at least {least} mm"):
         matrix(["impulse4", *LONG], least - 1)
